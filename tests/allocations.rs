@@ -16,8 +16,8 @@ use meissner_engine::representations::{
     TactileForm, TactileWindow, TimeSurface, VoxelGrid, VoxelTime,
 };
 use meissner_engine::{
-    Engine, EngineError, Event, Network, Normalisation, Options, Outcome, Prediction, Sensor, StaleReadout,
-    Staleness,
+    Engine, EngineError, Event, EventCounters, Network, Normalisation, Options, Outcome, Prediction, Sensor,
+    StaleReadout, Staleness,
 };
 use meissner_kernels::WinogradTile;
 use meissner_live::{Live, Overload, Predictor, QueueOptions};
@@ -343,6 +343,10 @@ impl Predictor for Watched {
 
     fn reset(&mut self) {
         self.0.reset();
+    }
+
+    fn event_counters(&self) -> EventCounters {
+        *self.0.event_counters()
     }
 }
 

@@ -359,7 +359,7 @@ fn a_snapshot_of_another_version_or_kind_is_refused_before_anything_else() {
     let (mut engine, bytes) = after_events(Candidates::All, 0.0);
     for (at, expected) in [
         (0, "first bytes at byte 0: expected MEISSNER, found \\x02EISSNER"),
-        (8, "expected format version 1, found 2"),
+        (8, "expected format version 2, found 3"),
         (12, "expected state of an engine over events, found a frame engine"),
     ] {
         let mut bytes = bytes.clone();

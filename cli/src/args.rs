@@ -7,7 +7,7 @@ use std::path::PathBuf;
 use clap::ValueEnum;
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use meissner_engine::filters::RateLimit;
-use meissner_engine::{LatePolicy, Network, Sensor};
+use meissner_engine::{LatePolicy, Network, RestartPolicy, Sensor};
 use meissner_io::{ColumnOrder, ReadOptions, TextOptions, TimeUnit};
 use meissner_pipeline::approximations::Approximations;
 use meissner_pipeline::bench::Part;
@@ -167,6 +167,13 @@ pub(crate) struct Input {
     /// Policy for an event that is earlier than an event before it.
     #[arg(long, value_parser = choice(LATE_POLICIES), default_value = "drop", help_heading = INPUT)]
     pub(crate) late: LatePolicy,
+    /// Policy for a clock that restarts: events in a row that are earlier by more than the window.
+    ///
+    /// A sensor that was connected again, or whose counter began anew, starts a new clock. Restarts are counted
+    /// ("restarts"). A single event more than 10 s ahead is dropped as an outlier unless the one after it confirms its
+    /// time.
+    #[arg(long, value_parser = choice(RESTART_POLICIES), default_value = "reset", help_heading = INPUT)]
+    pub(crate) restart: RestartPolicy,
     #[command(flatten)]
     pub(crate) read: ReadArgs,
     /// Name of a shipped network, or a description file (.toml).
@@ -313,6 +320,12 @@ pub(crate) const MODES: &[(&str, &str, Mode)] = &[
 const LATE_POLICIES: &[(&str, &str, LatePolicy)] = &[
     ("drop", "Drop the event, and count it", LatePolicy::Drop),
     ("clamp", "Accept the event at the newest time, and count it", LatePolicy::Clamp),
+];
+
+/// The names of policies for restarts, with their help.
+const RESTART_POLICIES: &[(&str, &str, RestartPolicy)] = &[
+    ("reset", "Forget the events before, and go on with the new clock", RestartPolicy::Reset),
+    ("keep", "Keep the clock: the events are late until the old time comes again", RestartPolicy::Keep),
 ];
 
 /// Reads the name of one of `choices`: (name, help, value).

@@ -102,6 +102,7 @@ pub(crate) fn advice(reason: LossReason) -> Option<&'static str> {
     match reason {
         LossReason::OutsideSensor => Some("--sensor sets it"),
         LossReason::Late => Some("--late clamp lets such events in"),
+        LossReason::Restart => Some("--restart keep goes on with the old clock"),
         LossReason::OutsideCrop => Some("`meissner inspect` shows it"),
         LossReason::LinesRefused => Some("--strict makes the first an error"),
         _ => None,

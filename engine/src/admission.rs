@@ -3,6 +3,7 @@
 use std::fmt;
 
 use crate::metric::Node;
+use crate::restart::Decision;
 use crate::{DropReason, Event, EventCounters, Sensor};
 
 /// How an event earlier than the newest time is handled.
@@ -38,6 +39,8 @@ pub enum Outcome {
     Accepted,
     /// It did not enter.
     Dropped(DropReason),
+    /// Its time does not agree with the clock; the events after it decide ([`RestartPolicy`](crate::RestartPolicy)).
+    Held,
 }
 
 /// Admission check before the window. It keeps the clock: `now` never goes back.
@@ -59,6 +62,13 @@ impl Admission {
     /// Counts so far.
     pub fn counters(&self) -> &EventCounters {
         &self.counters
+    }
+
+    /// Counts what `decision` drops, and a restart.
+    pub fn count(&mut self, decision: &Decision) {
+        self.counters.restarts += u64::from(decision.restarts);
+        self.counters.outliers += decision.outliers;
+        self.counters.pushed += decision.outliers;
     }
 
     pub(crate) fn counters_mut(&mut self) -> &mut EventCounters {

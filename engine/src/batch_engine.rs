@@ -14,9 +14,10 @@ use meissner_kernels::Isa;
 
 use crate::admission::{Admission, LatePolicy, Outcome};
 use crate::batch::{Batch, Search, Stream, Trace};
-use crate::counters::{Counters, LayerCounters};
+use crate::counters::{Counters, EventCounters, LayerCounters};
 use crate::engine::Prediction;
 use crate::network::Network;
+use crate::restart::{ClockWatch, Held, RestartPolicy};
 use crate::{EngineError, Event, Sensor};
 
 /// Computes every prediction from scratch; otherwise behaves as an exact [`Engine`](crate::Engine). Their predictions
@@ -35,6 +36,7 @@ use crate::{EngineError, Event, Sensor};
 #[derive(Clone)]
 pub struct BatchEngine {
     batch: Batch,
+    watch: ClockWatch,
     admission: Admission,
     /// Accepted events, of which at least the last [`Self::most_events`] are kept.
     events: Vec<Event>,
@@ -58,6 +60,7 @@ impl BatchEngine {
         let (parts, layers) = (network.parts(), network.layers().len());
         Ok(Self {
             most_events: if parts.graph.is_frozen() { usize::MAX } else { parts.capacity },
+            watch: ClockWatch::new(RestartPolicy::default(), parts.span_us),
             batch: Batch::new(network, sensor)?,
             admission: Admission::new(sensor, LatePolicy::default()),
             events: Vec::new(),
@@ -73,6 +76,12 @@ impl BatchEngine {
     #[must_use]
     pub fn with_late(self, late: LatePolicy) -> Self {
         Self { admission: Admission::new(self.batch.sensor(), late), ..self }
+    }
+
+    /// The same with a different policy for restarts. Only for an engine that has not seen an event.
+    #[must_use]
+    pub fn with_restart(self, restart: RestartPolicy) -> Self {
+        Self { watch: ClockWatch::new(restart, self.network().parts().span_us), ..self }
     }
 
     /// The same with a different search, as [`Batch::with_search`].
@@ -108,6 +117,27 @@ impl BatchEngine {
 
     /// Inserts an event, as [`Engine::push`](crate::Engine::push).
     pub fn push(&mut self, event: Event) -> Outcome {
+        let now_us = self.now_us();
+        if self.watch.agrees(event.t_us, now_us) || !self.batch.sensor().contains(event.x, event.y) {
+            return self.enter(event);
+        }
+        let decision = self.watch.decide(event, now_us);
+        self.admission.count(&decision);
+        if decision.restarts {
+            self.forget();
+        }
+        self.enter_all(&decision.taken);
+        if decision.passes { self.enter(event) } else { Outcome::Held }
+    }
+
+    /// Inserts events that were held.
+    fn enter_all(&mut self, held: &Held) {
+        for &event in held.events() {
+            self.enter(event);
+        }
+    }
+
+    fn enter(&mut self, event: Event) -> Outcome {
         let event = match self.admission.admit(event) {
             Ok(event) => event,
             Err(reason) => return Outcome::Dropped(reason),
@@ -128,11 +158,17 @@ impl BatchEngine {
 
     /// Inserts events in order; returns the number of accepted events.
     pub fn push_slice(&mut self, events: &[Event]) -> usize {
-        events.iter().filter(|&&event| self.push(event) == Outcome::Accepted).count()
+        let before = self.event_counters().accepted;
+        for &event in events {
+            self.push(event);
+        }
+        (self.event_counters().accepted - before) as usize
     }
 
     /// Advances the clock to `t_us`, as [`Engine::advance`](crate::Engine::advance).
     pub fn advance(&mut self, t_us: i64) {
+        let confirmed = self.watch.confirmed_by(t_us, self.now_us());
+        self.enter_all(&confirmed);
         self.admission.advance(t_us);
         self.expire();
     }
@@ -188,6 +224,13 @@ impl BatchEngine {
 
     /// Removes all events, as [`Engine::reset`](crate::Engine::reset). Counters are kept.
     pub fn reset(&mut self) {
+        let decision = self.watch.end(self.now_us());
+        self.admission.count(&decision);
+        self.enter_all(&decision.taken);
+        self.forget();
+    }
+
+    fn forget(&mut self) {
         self.admission.reset();
         self.events.clear();
         (self.nodes, self.newest_us) = (0, None);
@@ -211,6 +254,11 @@ impl BatchEngine {
     /// Current time: that of the newest event, or of a later `advance`. `None` before the first event.
     pub fn now_us(&self) -> Option<i64> {
         self.admission.now_us()
+    }
+
+    /// Counts of events.
+    pub fn event_counters(&self) -> &EventCounters {
+        self.admission.counters()
     }
 
     /// Counts of the work done. Every row counts as recomputed.

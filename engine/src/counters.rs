@@ -12,6 +12,8 @@ pub enum DropReason {
     Late,
     /// The difference between its time and the epoch cannot be represented.
     TimeOutOfRange,
+    /// Its time is far ahead of the events before and after it.
+    Outlier,
     /// It is a frame that the engine refuses; the next prediction returns the error.
     Refused,
 }
@@ -23,6 +25,7 @@ impl DropReason {
             Self::OutsideSensor => "outside_sensor",
             Self::Late => "late",
             Self::TimeOutOfRange => "time_out_of_range",
+            Self::Outlier => "outlier",
             Self::Refused => "refused",
         }
     }
@@ -37,7 +40,7 @@ impl fmt::Display for DropReason {
 /// Counts of events since the engine was made.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct EventCounters {
-    /// Events pushed.
+    /// Events pushed, without those that are still [held](crate::Outcome::Held).
     pub pushed: u64,
     /// Events that entered the window.
     pub accepted: u64,
@@ -47,21 +50,29 @@ pub struct EventCounters {
     pub late: u64,
     /// Dropped: time out of range.
     pub time_out_of_range: u64,
+    /// Dropped: a single time far ahead.
+    pub outliers: u64,
     /// Late events that were accepted with the newest time, under the clamping policy.
     pub clamped: u64,
     /// Events that left because they were older than the span.
     pub expired: u64,
     /// Events that left earlier because the window was full.
     pub evicted: u64,
+    /// Times that the sensor's clock restarted, each of which reset the engine.
+    pub restarts: u64,
 }
 
 impl EventCounters {
+    /// Number of reasons in [`Self::dropped`].
+    pub const DROP_REASONS: usize = 4;
+
     /// Dropped events by reason.
-    pub fn dropped(&self) -> [(DropReason, u64); 3] {
+    pub fn dropped(&self) -> [(DropReason, u64); Self::DROP_REASONS] {
         [
             (DropReason::OutsideSensor, self.outside_sensor),
             (DropReason::Late, self.late),
             (DropReason::TimeOutOfRange, self.time_out_of_range),
+            (DropReason::Outlier, self.outliers),
         ]
     }
 }
@@ -195,7 +206,9 @@ macro_rules! counts {
                 Self { $($field),* }
             }
 
-            fn since(self, earlier: Self) -> Self {
+            /// Counts since `earlier`, an earlier state of the same counters.
+            #[must_use]
+            pub fn since(self, earlier: Self) -> Self {
                 Self { $($field: self.$field.saturating_sub(earlier.$field)),* }
             }
         }
@@ -208,9 +221,11 @@ counts!(EventCounters {
     outside_sensor,
     late,
     time_out_of_range,
+    outliers,
     clamped,
     expired,
-    evicted
+    evicted,
+    restarts
 });
 counts!(LayerCounters { recomputed, unchanged, within_tolerance, kept });
 counts!(PredictionCounters {

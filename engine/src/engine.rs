@@ -9,11 +9,12 @@ use std::time::Duration;
 use meissner_kernels::Neighbour;
 
 use crate::admission::{Admission, Outcome};
-use crate::counters::{Counters, LayerLog, Log};
+use crate::counters::{Counters, EventCounters, LayerLog, Log};
 use crate::error::option;
 use crate::memory::Memory;
 use crate::network::{Network, Normalisation};
 use crate::options::Options;
+use crate::restart::{ClockWatch, Held};
 use crate::snapshot::SnapshotOf;
 use crate::stages::Stage;
 use crate::step::Step;
@@ -53,6 +54,7 @@ pub struct Engine {
     network: Arc<Network>,
     sensor: Sensor,
     options: Options,
+    watch: ClockWatch,
     admission: Admission,
     step: Step,
     /// Bytes of the state.
@@ -114,6 +116,7 @@ impl Engine {
         Ok(Self {
             step: Step::new(Arc::clone(&network), sensor, &options, &mut Memory::default()),
             bytes,
+            watch: ClockWatch::new(options.restart, network.parts().span_us),
             admission: Admission::new(sensor, options.late),
             log: Log { layers: vec![log; layers], ..Log::default() },
             newest_us: None,
@@ -146,6 +149,10 @@ impl Engine {
     /// times are accepted; arrival decides their order. Before the insertion, events older than the span expire; if the
     /// window is still full, the oldest event is evicted.
     ///
+    /// An event that is far ahead of the clock, or behind it by more than the span, is [held](Outcome::Held): the events
+    /// after it decide whether the sensor's clock has restarted, which resets the engine
+    /// ([`RestartPolicy`](crate::RestartPolicy)).
+    ///
     /// Cost: with k neighbours, O(k) rows for `frozen`; otherwise the graph alone, and rows when a prediction is read.
     pub fn push(&mut self, event: Event) -> Outcome {
         let outcome = self.take(event);
@@ -163,13 +170,43 @@ impl Engine {
 
     /// As [`Self::push_slice`], for events that are not in one slice.
     pub fn push_all(&mut self, events: impl IntoIterator<Item = Event>) -> usize {
-        let accepted = events.into_iter().filter(|&event| self.take(event) == Outcome::Accepted).count();
+        let before = self.admission.counters().accepted;
+        for event in events {
+            self.take(event);
+        }
         self.step.compute_arrivals(&mut self.log);
-        accepted
+        (self.admission.counters().accepted - before) as usize
+    }
+
+    /// Inserts an event, unless its time does not agree with the clock.
+    #[inline]
+    fn take(&mut self, event: Event) -> Outcome {
+        if self.watch.agrees(event.t_us, self.admission.now_us()) || !self.sensor.contains(event.x, event.y) {
+            return self.enter(event);
+        }
+        self.decide(event)
+    }
+
+    /// Inserts the events that `event` decides about.
+    fn decide(&mut self, event: Event) -> Outcome {
+        let decision = self.watch.decide(event, self.admission.now_us());
+        self.admission.count(&decision);
+        if decision.restarts {
+            self.forget();
+        }
+        self.enter_all(&decision.taken);
+        if decision.passes { self.enter(event) } else { Outcome::Held }
+    }
+
+    /// Inserts events that were held.
+    fn enter_all(&mut self, held: &Held) {
+        for &event in held.events() {
+            self.enter(event);
+        }
     }
 
     /// Inserts an event, whose row may wait.
-    fn take(&mut self, event: Event) -> Outcome {
+    fn enter(&mut self, event: Event) -> Outcome {
         let node = match self.admission.admit_node(event) {
             Ok(node) => node,
             Err(reason) => return Outcome::Dropped(reason),
@@ -189,6 +226,11 @@ impl Engine {
     /// times, any time before the first event, and times whose distance from the epoch does not fit 64 bits change
     /// nothing.
     pub fn advance(&mut self, t_us: i64) {
+        let confirmed = self.watch.confirmed_by(t_us, self.admission.now_us());
+        if !confirmed.events().is_empty() {
+            self.enter_all(&confirmed);
+            self.step.compute_arrivals(&mut self.log);
+        }
         self.admission.advance(t_us);
         self.expire();
     }
@@ -240,9 +282,27 @@ impl Engine {
 
     /// Removes all events; the next event sets a new epoch. Counters are kept.
     pub fn reset(&mut self) {
+        let decision = self.watch.end(self.admission.now_us());
+        self.admission.count(&decision);
+        self.enter_all(&decision.taken);
+        self.forget();
+    }
+
+    /// Removes all events but those that are held.
+    fn forget(&mut self) {
         self.step.clear();
         self.admission.reset();
         self.newest_us = None;
+    }
+
+    /// Counts of events; as in [`Self::counters`], without copying the others.
+    pub fn event_counters(&self) -> &EventCounters {
+        self.admission.counters()
+    }
+
+    /// Events that are held because their times do not agree with the clock.
+    pub fn held(&self) -> &[Event] {
+        self.watch.held()
     }
 
     /// Counts of computed, kept and dropped work.

@@ -25,4 +25,4 @@ pub use network::{Convolution, FrameLayer, FrameLayerKind, FrameNetworkParts, Fr
 pub use options::{FrameOptions, Skip};
 pub use shapes::output_shape;
 pub(crate) use step::Cell;
-pub use timed::{Frame, TimedFrames};
+pub use timed::{CONFIRMING_FRAMES, Frame, TimedFrames};

@@ -92,6 +92,7 @@ mod queues;
 mod readers;
 mod readout;
 pub mod representations;
+mod restart;
 mod rows;
 mod snapshot;
 mod stages;
@@ -115,6 +116,7 @@ pub use network::{
 };
 pub use options::Options;
 pub use predictor::Predictor;
+pub use restart::{CONFIRMING, ClockWatch, Decision, Held, MAX_SILENCE_US, RestartPolicy};
 pub use snapshot::{SnapshotOf, snapshot_note};
 pub use stages::Stage;
 pub use stale::{StaleReadout, Staleness};

@@ -2,7 +2,7 @@
 
 use meissner_kernels::Isa;
 
-use crate::LatePolicy;
+use crate::{LatePolicy, RestartPolicy};
 
 /// Options of an [`Engine`](crate::Engine).
 ///
@@ -18,6 +18,8 @@ use crate::LatePolicy;
 pub struct Options {
     /// How late events are handled. By default they are dropped.
     pub late: LatePolicy,
+    /// What is done when the sensor's clock restarts. By default the engine resets.
+    pub restart: RestartPolicy,
     /// Instruction set of the kernels. Default: the best one of this processor. Results do not depend on it.
     pub isa: Isa,
     /// Whether to measure the time of each stage, for [`Engine::stage_times`](crate::Engine::stage_times). Costs some
@@ -55,6 +57,7 @@ impl Default for Options {
     fn default() -> Self {
         Self {
             late: LatePolicy::default(),
+            restart: RestartPolicy::default(),
             isa: Isa::best(),
             stage_times: false,
             memory_limit: 1 << 32,
@@ -74,6 +77,11 @@ impl Options {
     /// Sets [`Self::late`].
     pub fn with_late(self, late: LatePolicy) -> Self {
         Self { late, ..self }
+    }
+
+    /// Sets [`Self::restart`].
+    pub fn with_restart(self, restart: RestartPolicy) -> Self {
+        Self { restart, ..self }
     }
 
     /// Sets [`Self::isa`].

@@ -1,6 +1,6 @@
 //! The trait that all engines implement.
 
-use crate::{BatchEngine, Engine, EngineError, Event, Outcome, Prediction, StaleReadout};
+use crate::{BatchEngine, Engine, EngineError, Event, EventCounters, Outcome, Prediction, StaleReadout};
 
 /// Common methods of all engines, for code that runs on any of them.
 pub trait Predictor {
@@ -23,6 +23,8 @@ pub trait Predictor {
     fn predict(&mut self) -> Result<Prediction<'_>, EngineError>;
     /// Removes all inputs, as [`Engine::reset`].
     fn reset(&mut self);
+    /// Counts of the inputs so far, as [`Engine::event_counters`].
+    fn event_counters(&self) -> EventCounters;
 }
 
 /// Implements [`Predictor`] through inherent methods of the same names.
@@ -50,6 +52,10 @@ macro_rules! predictor {
 
             fn reset(&mut self) {
                 self.reset();
+            }
+
+            fn event_counters(&self) -> EventCounters {
+                *self.event_counters()
             }
         }
     )*};

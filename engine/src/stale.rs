@@ -6,7 +6,7 @@
 //! graph at once; their changes propagate together when a prediction is computed.
 
 use crate::error::in_range;
-use crate::{Engine, EngineError, Event, Network, Outcome, Prediction};
+use crate::{Engine, EngineError, Event, EventCounters, Network, Outcome, Prediction};
 
 /// Largest age of a reused prediction. A prediction is reused while it is younger than every given bound. Without a
 /// bound, every prediction is computed.
@@ -91,6 +91,11 @@ impl StaleReadout {
         self.engine
     }
 
+    /// As [`Engine::event_counters`].
+    pub fn event_counters(&self) -> &EventCounters {
+        self.engine.event_counters()
+    }
+
     /// Number of predictions that were reused.
     pub fn stale(&self) -> u64 {
         self.stale
@@ -98,8 +103,9 @@ impl StaleReadout {
 
     /// As [`Engine::push`].
     pub fn push(&mut self, event: Event) -> Outcome {
+        let before = *self.engine.event_counters();
         let outcome = self.engine.push(event);
-        self.accepted += u64::from(outcome == Outcome::Accepted);
+        self.pushed(&before);
         outcome
     }
 
@@ -110,14 +116,26 @@ impl StaleReadout {
 
     /// As [`Engine::push_all`].
     pub fn push_all(&mut self, events: impl IntoIterator<Item = Event>) -> usize {
+        let before = *self.engine.event_counters();
         let accepted = self.engine.push_all(events);
-        self.accepted += accepted as u64;
+        self.pushed(&before);
         accepted
+    }
+
+    /// Events were pushed since the engine had these counts. What was computed before a restart is no prediction of the new clock.
+    fn pushed(&mut self, before: &EventCounters) {
+        let now = self.engine.event_counters();
+        self.accepted += now.accepted - before.accepted;
+        if now.restarts > before.restarts {
+            self.computed = None;
+        }
     }
 
     /// As [`Engine::advance`].
     pub fn advance(&mut self, t_us: i64) {
+        let before = *self.engine.event_counters();
         self.engine.advance(t_us);
+        self.pushed(&before);
     }
 
     /// As [`Engine::reset`]; the last prediction is forgotten.

@@ -5,8 +5,10 @@ use std::sync::{Arc, mpsc};
 use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
 
+use meissner_engine::EventCounters;
+
 use crate::intake::{Intake, Item};
-use crate::shared::{Answer, Request, Shared};
+use crate::shared::{Answer, Losses, Request, Shared};
 use crate::{Input, LiveError, Overload, Predictor, QueueCounters, QueueOptions, cores, worker};
 
 /// An engine that runs in its own thread, and its newest prediction.
@@ -22,6 +24,8 @@ pub struct Live<P: Predictor<Input: Item>> {
     values: Vec<f32>,
     /// When the first event that no fresh prediction covers was offered, as far as predictions were asked for.
     uncovered: Option<Instant>,
+    /// What earlier predictions have told of losses: those of the engine, and events that the queue dropped.
+    told: (Losses, u64),
 }
 
 /// A prediction that is available by the deadline, with its age.
@@ -33,12 +37,20 @@ pub struct Timely<'a> {
     pub t_us: Option<i64>,
     /// Events in the window; for a frame engine, frames since the last reset.
     pub nodes: usize,
-    /// Whether it covers every event that had entered the queue before the call, except those dropped to make room.
+    /// Whether every event that had entered the queue before the call is in it, except those dropped to make room: none waits
+    /// ([`Self::behind_events`]), and the engine has taken all since the prediction before ([`Self::lost_events`]).
     pub fresh: bool,
     /// Whether it was computed for this call; otherwise it is the newest prediction that was finished by the deadline.
     pub own: bool,
     /// Events or frames that had entered the queue at the time of the call and are not covered.
     pub behind_events: u64,
+    /// Events or frames since the prediction before that were given to the engine and are not in this one: late, outside the sensor, far
+    /// ahead, or held until it is clear whether the sensor's clock has restarted.
+    pub lost_events: u64,
+    /// Events or frames that the rule of the queue dropped since the prediction before.
+    pub dropped_events: u64,
+    /// Restarts of the sensor's clock since the prediction before; each reset the engine.
+    pub restarts: u64,
     /// Stream time in microseconds from the last covered event (or the first event of all, if none is covered) to the
     /// last event that had entered the queue at the time of the call.
     pub behind_us: u64,
@@ -95,8 +107,9 @@ impl<P: Predictor<Input: Item> + Send + 'static> Live<P> {
             let _ = pinned.send(core.is_none_or(cores::pin));
             worker::run(predictor, &theirs, batch, gives_way)
         };
+        let told = (Losses::default(), 0);
         let worker = Some(thread.spawn(work).map_err(LiveError::Thread)?);
-        let live = Self { shared, worker, panic: String::new(), values, uncovered: None };
+        let live = Self { shared, worker, panic: String::new(), values, uncovered: None, told };
         if let Some(core) = core.filter(|_| is_pinned.recv() != Ok(true)) {
             return Err(LiveError::Core { core, cores: cores::cores() });
         }
@@ -167,9 +180,13 @@ impl<P: Predictor<Input: Item>> Live<P> {
         let behind_us = stamps_us
             .map_or(0, |(first, newest)| newest.saturating_sub(answer.covered_us.unwrap_or(first)).max(0));
         let own = answer.request == request.number;
-        let fresh = own && behind_events == 0;
+        let (losses, dropped) = (answer.losses, state.intake.counters().dropped());
+        let (told, dropped_before) = std::mem::replace(&mut self.told, (losses, dropped));
+        // Held events that have entered since are not lost any more.
+        let lost_events = losses.lost.saturating_sub(told.lost);
+        let fresh = own && behind_events == 0 && lost_events == 0;
         if !fresh {
-            tracing::debug!(request.number, own, behind_events, behind_us, "not fresh");
+            tracing::debug!(request.number, own, behind_events, behind_us, lost_events, "not fresh");
         }
         Ok(Timely {
             t_us: answer.t_us,
@@ -177,12 +194,20 @@ impl<P: Predictor<Input: Item>> Live<P> {
             fresh,
             own,
             behind_events,
+            lost_events,
+            dropped_events: dropped - dropped_before,
+            restarts: losses.restarts - told.restarts,
             behind_us: behind_us.unsigned_abs(),
             age: answer.begun.elapsed(),
             waited: at.elapsed(),
             latency: self.uncovered.take_if(|_| fresh).map(|offered| offered.elapsed()),
             values: &self.values,
         })
+    }
+
+    /// The engine's counts of events, as of the newest prediction or of a later batch.
+    pub fn event_counters(&self) -> EventCounters {
+        self.shared.lock().events
     }
 
     /// Counts of offered events.

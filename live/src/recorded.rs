@@ -3,7 +3,7 @@
 //! Input: events and clock advances. Output: the engine's predictions, and on request the batch's. Invariant: engine
 //! and batch receive the same input.
 
-use meissner_engine::{BatchEngine, EngineError, Event, Outcome, Prediction, Predictor};
+use meissner_engine::{BatchEngine, EngineError, Event, EventCounters, Outcome, Prediction, Predictor};
 
 /// An engine and a [`BatchEngine`] that receive the same events, to compare their predictions.
 #[derive(Clone, Debug)]
@@ -63,5 +63,9 @@ impl<P: Predictor<Input = Event>> Predictor for Recorded<P> {
     fn reset(&mut self) {
         self.batch.reset();
         self.predictor.reset();
+    }
+
+    fn event_counters(&self) -> EventCounters {
+        self.predictor.event_counters()
     }
 }

@@ -12,7 +12,7 @@
 use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
-use meissner_engine::{EngineError, Prediction};
+use meissner_engine::{EngineError, EventCounters, Prediction};
 
 use crate::intake::{Intake, Item};
 
@@ -45,15 +45,37 @@ pub(crate) struct Answer {
     pub(crate) covered: u64,
     /// Time of the last event that it covers.
     pub(crate) covered_us: Option<i64>,
+    /// What the engine has lost and how often it has restarted, up to this prediction.
+    pub(crate) losses: Losses,
     /// Start of the computation.
     pub(crate) begun: Instant,
+}
+
+/// What a prediction does not hold although it was given to the engine; since the worker started.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Losses {
+    /// Events or frames that the engine dropped or holds.
+    pub(crate) lost: u64,
+    /// Restarts of the sensor's clock.
+    pub(crate) restarts: u64,
 }
 
 impl Answer {
     /// No answer.
     pub(crate) fn new(begun: Instant) -> Self {
         let values = Vec::new();
-        Self { request: 0, error: None, values, t_us: None, nodes: 0, covered: 0, covered_us: None, begun }
+        let losses = Losses::default();
+        Self {
+            request: 0,
+            error: None,
+            values,
+            t_us: None,
+            nodes: 0,
+            covered: 0,
+            covered_us: None,
+            losses,
+            begun,
+        }
     }
 
     /// Copies values, time and size of `prediction`.
@@ -111,6 +133,8 @@ pub(crate) struct State<T> {
     /// When the first event since the newest request was offered.
     offered: Option<Instant>,
     pub(crate) answer: Answer,
+    /// The engine's counts of events, as of the worker's last task.
+    pub(crate) events: EventCounters,
     /// What the worker last computed ahead.
     computed: Ahead,
     /// Whether the worker is waiting.
@@ -161,6 +185,7 @@ impl<T: Item> Shared<T> {
             request: None,
             offered: None,
             answer,
+            events: EventCounters::default(),
             computed: Ahead { covered: 0, advance_us: None },
             idle: false,
             blocked: false,
@@ -214,8 +239,10 @@ impl<T: Item> Shared<T> {
     /// Promises that no event before `t_us` will be offered any more.
     pub(crate) fn advance(&self, t_us: i64) {
         let mut state = self.lock();
-        let newest = state.moved.map_or(t_us, |(_, before)| before.max(t_us));
-        state.moved = Some((state.intake.entered(), newest));
+        let entered = state.intake.entered();
+        // After newer events, the clock may have restarted; an advance that is too early has no effect.
+        let before = state.moved.filter(|&(position, _)| position == entered);
+        state.moved = Some((entered, before.map_or(t_us, |(_, before)| before.max(t_us))));
         if self.ahead {
             self.wake_worker(&mut state);
         }
@@ -252,10 +279,11 @@ impl<T: Item> Shared<T> {
     }
 
     /// Waits for a task, of which computing ahead is the last choice, and appends at most `most` events to `batch`; `None`
-    /// if the worker must end. While a prediction is requested, takes no event beyond its target, except that it takes one
+    /// if the worker must end. `events` is what the engine has counted so far. While a prediction is requested, takes no event beyond its target, except that it takes one
     /// if the target was dropped.
-    pub(crate) fn next(&self, most: usize, batch: &mut Vec<T>) -> Option<Task> {
+    pub(crate) fn next(&self, most: usize, batch: &mut Vec<T>, events: EventCounters) -> Option<Task> {
         let mut state = self.lock();
+        state.events = events;
         while !state.is_closed() && state.intake.waiting() == 0 && state.request.is_none() {
             let ahead = Ahead { covered: state.covered, advance_us: state.advance_us() };
             if self.ahead && state.computed != ahead {
@@ -292,9 +320,10 @@ impl<T: Item> Shared<T> {
         Some(Task { covered: state.covered, request: state.request, ahead: None, congested: state.congested })
     }
 
-    /// Publishes the outcome of `request` through `write`.
-    pub(crate) fn publish(&self, request: u64, write: impl FnOnce(&mut Answer)) {
+    /// Publishes the outcome of `request` through `write`, with what the engine has counted.
+    pub(crate) fn publish(&self, request: u64, events: EventCounters, write: impl FnOnce(&mut Answer)) {
         let mut state = self.lock();
+        state.events = events;
         state.answer.request = request;
         write(&mut state.answer);
         state.request.take_if(|waiting| waiting.number == request);

@@ -9,7 +9,7 @@ use crate::Predictor;
 use crate::intake::Item;
 use crate::pace::Pace;
 use crate::priority;
-use crate::shared::Shared;
+use crate::shared::{Losses, Shared};
 
 /// Records the end of the worker when dropped, however it ends.
 struct End<'a, T: Item>(&'a Shared<T>);
@@ -33,7 +33,9 @@ pub(crate) fn run<P: Predictor<Input: Item>>(
     let mut batch = Vec::with_capacity(most);
     let mut covered_us = None;
     let mut lowered = None;
-    while let Some(task) = shared.next(most, &mut batch) {
+    let before = predictor.event_counters();
+    let mut given = 0;
+    while let Some(task) = shared.next(most, &mut batch, predictor.event_counters()) {
         if gives_way && task.congested != lowered.is_some() {
             lowered = if task.congested {
                 priority::lower()
@@ -45,6 +47,7 @@ pub(crate) fn run<P: Predictor<Input: Item>>(
         covered_us = batch.last().map(Item::t_us).or(covered_us);
         let mut now = begun;
         if !batch.is_empty() {
+            given += batch.len() as u64;
             predictor.push_from(&mut batch);
             now = Instant::now();
             pace.pushed(now - begun);
@@ -67,14 +70,19 @@ pub(crate) fn run<P: Predictor<Input: Item>>(
         if let Some(t_us) = request.advance_us.filter(|_| complete) {
             predictor.advance(t_us);
         }
+        let events = predictor.event_counters();
         let outcome = predictor.predict();
         pace.predicted(now.elapsed());
         tracing::trace!(request.number, complete, spent = ?now.elapsed(), "predicted");
-        shared.publish(request.number, |answer| match outcome {
+        shared.publish(request.number, events, |answer| match outcome {
             Ok(prediction) => {
                 answer.copy(prediction);
                 answer.error = None;
                 (answer.covered, answer.covered_us) = (task.covered, covered_us);
+                answer.losses = Losses {
+                    lost: given.saturating_sub(events.accepted - before.accepted),
+                    restarts: events.restarts - before.restarts,
+                };
                 answer.begun = now;
             }
             Err(error) => answer.error = Some(error),

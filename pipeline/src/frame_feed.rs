@@ -19,7 +19,9 @@ use meissner_engine::frames::FrameShape;
 use meissner_engine::representations::{
     Completed, Consecutive, ConsecutiveFrames, EventFrame, RepresentationError, SlidingSigned,
 };
-use meissner_engine::{Admission, Event, EventCounters, LatePolicy, Outcome, Sensor};
+use meissner_engine::{
+    Admission, ClockWatch, Decision, Event, EventCounters, LatePolicy, Outcome, RestartPolicy, Sensor,
+};
 use meissner_models::description::frames::SignedTiming;
 use meissner_models::{FrameDescription, FrameSource};
 
@@ -31,6 +33,9 @@ pub(crate) struct FrameFeed {
     /// Admits events before they reach the frames. The gates of the frames only drop late events, so they accept every
     /// event that this gate accepts.
     gate: Admission,
+    sensor: Sensor,
+    /// Decides about restarts of the clock.
+    watch: ClockWatch,
     frames: Frames,
     /// Events that later frames will cover, if the state will be needed.
     kept: Option<VecDeque<Event>>,
@@ -66,7 +71,12 @@ pub(crate) enum FeedOutput<'a> {
         /// Time from one to the next, in microseconds.
         period_us: i64,
     },
+    /// The clock of the sensor has restarted: what came before is forgotten.
+    Restart,
 }
+
+/// A step back of the clock that is no restart, at least: frames may be shorter than a packet of events is late.
+const MIN_RESTART_US: i64 = 100_000;
 
 impl FrameFeed {
     /// A feed for the network of `description` on `sensor`; `None` if its frames are not made of events. `every` says
@@ -75,7 +85,7 @@ impl FrameFeed {
     pub(crate) fn new(
         description: &FrameDescription,
         sensor: Sensor,
-        late: LatePolicy,
+        (late, restart): (LatePolicy, RestartPolicy),
         every: Every,
         state: Option<&FeedState>,
     ) -> Result<Option<Self>, RepresentationError> {
@@ -105,7 +115,10 @@ impl FrameFeed {
             _ => return Ok(None),
         };
         let gate = Admission::new(sensor, late);
-        let mut feed = Self { gate, frames, kept: None, before: 0, shown_before: [0; 2] };
+        let (Frames::Consecutive { period_us: window_us, .. }
+        | Frames::Sliding(Sliding { span_us: window_us, .. })) = frames;
+        let watch = ClockWatch::new(restart, window_us.max(MIN_RESTART_US));
+        let mut feed = Self { gate, sensor, watch, frames, kept: None, before: 0, shown_before: [0; 2] };
         if let Some(state) = state {
             feed.resume(state);
         }
@@ -126,6 +139,8 @@ impl FrameFeed {
             sliding.schedule.resume(state.epoch_us, state.now_us, state.accepted);
         }
         self.gate.resume(state.epoch_us, state.now_us);
+        let held = state.held.iter().map(|&(t_us, x, y, on)| Event::new(t_us, x, y, on));
+        self.watch.hold(&held.collect::<Vec<_>>(), Some(state.now_us));
         self.before = state.accepted;
         self.shown_before = [self.outside_crop(), self.evicted()];
     }
@@ -144,6 +159,52 @@ impl FrameFeed {
         &mut self,
         event: Event,
         mut sink: impl FnMut(FeedOutput<'_>) -> Result<(), E>,
+    ) -> Result<Outcome, E> {
+        let now_us = self.gate.now_us();
+        if self.watch.agrees(event.t_us, now_us) || !self.sensor.contains(event.x, event.y) {
+            return self.enter(event, &mut sink);
+        }
+        let decision = self.watch.decide(event, now_us);
+        self.decided(&decision, &mut sink)?;
+        if decision.passes { self.enter(event, &mut sink) } else { Ok(Outcome::Held) }
+    }
+
+    /// Decides about events that wait for others: there will be none.
+    pub(crate) fn settle<E>(
+        &mut self,
+        mut sink: impl FnMut(FeedOutput<'_>) -> Result<(), E>,
+    ) -> Result<(), E> {
+        let decision = self.watch.end(self.gate.now_us());
+        self.decided(&decision, &mut sink)
+    }
+
+    /// Carries out `decision`, but for the newest event.
+    fn decided<E>(
+        &mut self,
+        decision: &Decision,
+        sink: &mut impl FnMut(FeedOutput<'_>) -> Result<(), E>,
+    ) -> Result<(), E> {
+        self.gate.count(decision);
+        if decision.restarts {
+            self.gate.reset();
+            match &mut self.frames {
+                Frames::Consecutive { windows, .. } => windows.reset(),
+                Frames::Sliding(sliding) => {
+                    sliding.window.reset();
+                    sliding.schedule.restart();
+                }
+            }
+            self.kept.iter_mut().for_each(VecDeque::clear);
+            sink(FeedOutput::Restart)?;
+        }
+        decision.taken.events().iter().try_for_each(|&event| self.enter(event, sink).map(drop))
+    }
+
+    /// Takes an event whose time is that of the clock.
+    fn enter<E>(
+        &mut self,
+        event: Event,
+        sink: &mut impl FnMut(FeedOutput<'_>) -> Result<(), E>,
     ) -> Result<Outcome, E> {
         let event = match self.gate.admit(event) {
             Ok(event) => event,
@@ -183,6 +244,8 @@ impl FrameFeed {
         t_us: i64,
         mut sink: impl FnMut(FeedOutput<'_>) -> Result<(), E>,
     ) -> Result<(), E> {
+        let confirmed = self.watch.confirmed_by(t_us, self.gate.now_us());
+        confirmed.events().iter().try_for_each(|&event| self.enter(event, &mut sink).map(drop))?;
         self.gate.advance(t_us);
         let Some(now_us) = self.gate.now_us() else { return Ok(()) };
         let mut done = Ok(());
@@ -235,6 +298,7 @@ impl FrameFeed {
             accepted: self.before.saturating_add(self.gate.counters().accepted),
             open_us,
             events,
+            held: self.watch.held().iter().map(|e| (e.t_us, e.x, e.y, e.on)).collect(),
         })
     }
 

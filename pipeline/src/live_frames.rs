@@ -8,7 +8,8 @@ use std::sync::Arc;
 
 use meissner_engine::frames::{FrameEngine, FrameOptions};
 use meissner_engine::{
-    DropReason, EngineError, Event, LatePolicy, Outcome, Prediction, Predictor, Sensor, snapshot_note,
+    DropReason, EngineError, Event, EventCounters, LatePolicy, Outcome, Prediction, Predictor, RestartPolicy,
+    Sensor, snapshot_note,
 };
 use serde::{Deserialize, Serialize};
 
@@ -32,7 +33,7 @@ pub struct LiveFrames {
 }
 
 /// Dropped events by reason.
-type Dropped = [(DropReason, u64); 3];
+pub type Dropped = [(DropReason, u64); EventCounters::DROP_REASONS];
 
 /// The engine and what it was given.
 struct Frames {
@@ -54,7 +55,7 @@ struct Note {
     feed: Option<FeedState>,
     silence: u64,
     newest_us: Option<i64>,
-    dropped: [u64; 3],
+    dropped: [u64; EventCounters::DROP_REASONS],
     /// The caller's note.
     caller: Vec<u8>,
 }
@@ -78,7 +79,7 @@ impl LiveFrames {
     }
 
     /// Dropped events by reason, since the first event or that of the restored state.
-    pub fn dropped(&self) -> [(DropReason, u64); 3] {
+    pub fn dropped(&self) -> Dropped {
         let mut dropped = self.dropped;
         for ((_, count), (_, new)) in dropped.iter_mut().zip(self.feed.counters().dropped()) {
             *count += new;
@@ -144,7 +145,8 @@ impl LiveFrames {
 
 /// A feed for the frames of `model` that keeps the events of its state.
 fn feed(model: &FrameModel, sensor: Sensor, state: Option<&FeedState>) -> Result<FrameFeed, PipelineError> {
-    let feed = FrameFeed::new(&model.description, sensor, LatePolicy::Drop, EVERY, state);
+    let feed =
+        FrameFeed::new(&model.description, sensor, (LatePolicy::Drop, RestartPolicy::Reset), EVERY, state);
     let network = &model.name;
     let feed = feed.map_err(|source| PipelineError::Frames { network: network.clone(), source })?;
     let mut feed = feed.ok_or_else(|| {
@@ -190,6 +192,11 @@ impl Frames {
                     self.engine.reset();
                 }
             }
+            FeedOutput::Restart => {
+                self.silence.end();
+                self.engine.reset();
+                self.newest_us = None;
+            }
         }
         Ok(())
     }
@@ -230,6 +237,10 @@ impl Predictor for LiveFrames {
         self.frames.engine.reset();
         self.frames.silence.end();
         (self.frames.newest_us, self.frames.refused) = (None, None);
+    }
+
+    fn event_counters(&self) -> EventCounters {
+        *self.feed.counters()
     }
 }
 

@@ -2,9 +2,10 @@
 //!
 //! Enters: counts. Leaves: a warning for each reason that lost more than one percent of the input, with the likely
 //! cause. Events that a filter or a queue drops are not counted, because that loss was requested. A live stream can run
-//! for days, so its losses are reported after a thousand events, ten thousand and so on.
+//! for days, so its losses are reported every second: those of that second, with the likely cause the first time.
 
 use std::fmt;
+use std::time::{Duration, Instant};
 
 use meissner_engine::{EventCounters, Sensor};
 use meissner_io::Recording;
@@ -28,10 +29,29 @@ pub enum LossReason {
     Late,
     /// Events that are too far in time from the first event.
     TimeOutOfRange,
+    /// Events that are far ahead of those before and after them.
+    Outlier,
+    /// Everything before a restart of the sensor's clock: the network began anew.
+    Restart,
     /// Accepted events outside the part of the sensor that frames cover.
     OutsideCrop,
     /// Lines of a text that could not be read.
     LinesRefused,
+}
+
+impl LossReason {
+    /// Short words for messages.
+    fn word(self) -> &'static str {
+        match self {
+            Self::OutsideSensor => "outside the sensor",
+            Self::Late => "late",
+            Self::TimeOutOfRange => "too far from the first event",
+            Self::Outlier => "far ahead of the others",
+            Self::Restart => "before a restart of the clock",
+            Self::OutsideCrop => "outside the frames",
+            Self::LinesRefused => "lines that cannot be read",
+        }
+    }
 }
 
 /// Advice to the user of a program about a loss, such as an option of that program.
@@ -54,22 +74,45 @@ pub struct LossWarning {
 /// Logs the losses of a stream, once for each reason.
 #[derive(Debug)]
 pub struct LossWatch {
-    /// Number of events at which the losses are checked next, while the stream continues.
-    next: u64,
+    /// When the losses were checked last, and what they were; `None` for a recording, whose end is near.
+    last: Option<(Instant, Option<InputLosses>)>,
     told: Vec<LossReason>,
 }
+
+/// Time between two checks of a live stream.
+const PERIOD: Duration = Duration::from_secs(1);
 
 impl LossWatch {
     /// A watch over a stream. It checks a `live` stream from time to time while the stream continues.
     pub fn new(live: bool) -> Self {
-        Self { next: if live { 1000 } else { u64::MAX }, told: Vec::new() }
+        Self { last: live.then(|| (Instant::now(), None)), told: Vec::new() }
     }
 
-    /// Checks the losses if a check is due after `taken` events of the input called `name`.
-    pub fn look(&mut self, taken: u64, name: &str, losses: impl FnOnce() -> InputLosses) {
-        if taken >= self.next {
-            self.next = self.next.saturating_mul(10);
-            self.end(name, &losses());
+    /// Checks the losses of the input called `name` if a check is due `now`.
+    pub fn look(&mut self, now: impl FnOnce() -> Instant, name: &str, losses: impl FnOnce() -> InputLosses) {
+        let Some((last, before)) = &mut self.last else { return };
+        let now = now();
+        if now.saturating_duration_since(*last) < PERIOD {
+            return;
+        }
+        let losses = losses();
+        let since = before.map_or(losses, |before| losses.since(&before));
+        (*last, *before) = (now, Some(losses));
+        self.tell(name, &since.warnings());
+    }
+
+    /// Logs `warnings`: the likely cause of each loss once, and then its extent.
+    fn tell(&mut self, name: &str, warnings: &[LossWarning]) {
+        for LossWarning { reason, count, of, message } in warnings {
+            if !self.told.contains(reason) {
+                tracing::warn!("{name}: {message}");
+                self.told.push(*reason);
+            } else if let LossReason::Restart = reason {
+                tracing::warn!("{name}: the clock has restarted again");
+            } else {
+                let (count, of) = (grouped(*count), grouped(*of));
+                tracing::warn!("{name}: {count} more of {of} are lost: {}", reason.word());
+            }
         }
     }
 
@@ -77,14 +120,13 @@ impl LossWatch {
     /// warnings.
     pub fn end(&mut self, name: &str, losses: &InputLosses) -> Vec<LossWarning> {
         let warnings = losses.warnings();
-        for LossWarning { reason, count, message, .. } in &warnings {
-            // A few refused lines have each been logged already.
-            let is_known = *reason == LossReason::LinesRefused && *count <= LINES_TOLD;
-            if !is_known && !self.told.contains(reason) {
-                tracing::warn!("{name}: {message}");
-                self.told.push(*reason);
-            }
-        }
+        // A few refused lines have each been logged already.
+        let is_known = |warning: &&LossWarning| {
+            warning.reason == LossReason::LinesRefused && warning.count <= LINES_TOLD
+                || self.told.contains(&warning.reason)
+        };
+        let new: Vec<_> = warnings.iter().filter(|warning| !is_known(warning)).cloned().collect();
+        self.tell(name, &new);
         warnings
     }
 }
@@ -112,6 +154,12 @@ impl InputLosses {
         Self { events, sensor: None, outside_crop: 0, lines_refused: 0, advice: |_| None }
     }
 
+    /// The same losses with other counts of events.
+    #[must_use]
+    pub fn with_events(self, events: EventCounters) -> Self {
+        Self { events, ..self }
+    }
+
     /// Adds the number of accepted events that no frame covers.
     #[must_use]
     pub fn with_outside_crop(self, outside_crop: u64) -> Self {
@@ -130,6 +178,16 @@ impl InputLosses {
         Self { advice, ..self }
     }
 
+    /// The losses since `earlier`, of the same input.
+    fn since(&self, earlier: &Self) -> Self {
+        Self {
+            events: self.events.since(earlier.events),
+            outside_crop: self.outside_crop.saturating_sub(earlier.outside_crop),
+            lines_refused: self.lines_refused.saturating_sub(earlier.lines_refused),
+            ..*self
+        }
+    }
+
     /// Logs the warnings about the input called `name`, and returns them.
     pub fn warn(&self, name: &str) -> Vec<LossWarning> {
         LossWatch::new(false).end(name, self)
@@ -143,7 +201,9 @@ impl InputLosses {
             "events are outside the sensor{sensor} and are dropped: the size of the sensor may not be that of the recording"
         );
         let late = "events are earlier than one before them and are dropped: the columns of a text may be in another \
-                    order than t,x,y,p (a header names them), or the recording is not sorted by time";
+                    order than t,x,y,p (a header names them), the recording is not sorted by time, or the clock has been set \
+                    back";
+        let outlier = "events are far ahead of those before and after them and are dropped: their times are probably damaged";
         let range = "events are too far in time from the first one and are dropped: times may not be in microseconds, or \
                      the first one is wrong";
         let crop = "events are outside the part of the sensor that the network's frames show: the network may be made for \
@@ -153,20 +213,28 @@ impl InputLosses {
             (LossReason::OutsideSensor, events.outside_sensor, events.pushed, outside.as_str()),
             (LossReason::Late, events.late, events.pushed, late),
             (LossReason::TimeOutOfRange, events.time_out_of_range, events.pushed, range),
+            (LossReason::Outlier, events.outliers, events.pushed, outlier),
             (LossReason::OutsideCrop, outside_crop, events.accepted, crop),
             (LossReason::LinesRefused, lines_refused, events.pushed + lines_refused, lines),
         ];
         let is_large = |count, of| u128::from(count) * 100 > u128::from(of) * u128::from(PERCENT);
         let counts = counts.into_iter().filter(|&(_, count, of, _)| is_large(count, of));
-        counts
-            .map(|(reason, count, of, why)| {
-                let percent = count as f64 / of as f64 * 100.0;
-                let advice = (self.advice)(reason).map_or_else(String::new, |advice| format!(" ({advice})"));
-                let (lost, all) = (grouped(count), grouped(of));
-                let message = format!("{lost} of {all} ({percent:.1} %) {why}{advice}");
-                LossWarning { reason, count, of, message }
-            })
-            .collect()
+        let restart = (events.restarts > 0).then(|| {
+            let times = if events.restarts == 1 { String::new() } else { format!(" {} times", grouped(events.restarts)) };
+            let advice = (self.advice)(LossReason::Restart).map_or_else(String::new, |advice| format!(" ({advice})"));
+            let message = format!(
+                "the clock of the sensor has restarted{times}: the network began anew, without the events before{advice}"
+            );
+            LossWarning { reason: LossReason::Restart, count: events.restarts, of: events.pushed, message }
+        });
+        let lost = counts.map(|(reason, count, of, why)| {
+            let percent = count as f64 / of as f64 * 100.0;
+            let advice = (self.advice)(reason).map_or_else(String::new, |advice| format!(" ({advice})"));
+            let (lost, all) = (grouped(count), grouped(of));
+            let message = format!("{lost} of {all} ({percent:.1} %) {why}{advice}");
+            LossWarning { reason, count, of, message }
+        });
+        restart.into_iter().chain(lost).collect()
     }
 }
 
@@ -202,6 +270,8 @@ impl fmt::Display for Salvaged {
 
 #[cfg(test)]
 mod tests {
+    use std::time::{Duration, Instant};
+
     use super::{InputLosses, LossReason, LossWatch};
     use meissner_engine::{EventCounters, Sensor};
 
@@ -212,18 +282,41 @@ mod tests {
     }
 
     #[test]
-    fn a_live_stream_is_looked_at_after_a_thousand_events_and_then_ever_less_often() {
+    fn a_live_stream_is_looked_at_every_second_and_a_recording_at_its_end() {
         let looks = |live| {
             let (mut watch, mut looks) = (LossWatch::new(live), Vec::new());
-            for taken in 1..=200_000 {
-                watch.look(taken, "stream", || {
-                    looks.push(taken);
-                    InputLosses::of_events(EventCounters::default(), Sensor::new(4, 4))
-                });
+            let start = Instant::now();
+            for ms in (0..5000).step_by(300) {
+                watch.look(
+                    || start + Duration::from_millis(ms),
+                    "stream",
+                    || {
+                        looks.push(ms);
+                        InputLosses::of_events(EventCounters::default(), Sensor::new(4, 4))
+                    },
+                );
             }
             looks
         };
-        assert_eq!((looks(true), looks(false)), (vec![1000, 10_000, 100_000], vec![]));
+        assert_eq!((looks(true), looks(false)), (vec![1200, 2400, 3600, 4800], vec![]));
+    }
+
+    #[test]
+    fn the_losses_of_a_second_are_those_since_the_second_before() {
+        let losses = |pushed, late| {
+            let events = EventCounters { pushed, late, ..EventCounters::default() };
+            InputLosses::of_events(events, Sensor::new(4, 4))
+        };
+        assert!(losses(2000, 20).since(&losses(1000, 20)).warnings().is_empty());
+        let warning = losses(2000, 520).since(&losses(1000, 20)).warnings().remove(0);
+        assert_eq!((warning.reason, warning.count, warning.of), (LossReason::Late, 500, 1000));
+    }
+
+    #[test]
+    fn every_restart_is_told() {
+        let events =
+            EventCounters { pushed: 1_000_000, accepted: 1_000_000, restarts: 1, ..EventCounters::default() };
+        assert_eq!(reasons(events, 0, 0), [LossReason::Restart]);
     }
 
     #[test]

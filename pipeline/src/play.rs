@@ -15,7 +15,8 @@ use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
 
 use meissner_engine::{
-    BatchEngine, Event, LatePolicy, Network, Options, Propose, Search, Sensor, StaleReadout,
+    BatchEngine, Event, EventCounters, LatePolicy, Network, Options, Propose, RestartPolicy, Search, Sensor,
+    StaleReadout,
 };
 use meissner_live::{Fleet, Input, Live, Overload, Predictor, QueueOptions, Recorded, Timely};
 
@@ -25,6 +26,7 @@ use crate::clock::Clock;
 use crate::error::PipelineError;
 use crate::interrupt;
 use crate::latency::microseconds;
+use crate::losses::LossWatch;
 use crate::memory::peak_resident_bytes;
 use crate::model::Model;
 use crate::run::{Observer, Prediction, ReportPrediction};
@@ -56,6 +58,8 @@ pub struct PlayOptions {
     pub deadline: Duration,
     /// Policy for events that are earlier than an event before them.
     pub late: LatePolicy,
+    /// What is done when the clock of a sensor restarts.
+    pub restart: RestartPolicy,
     /// Approximations. Filters act before the queue.
     pub approximations: Approximations,
     /// Largest number of events to take of an input.
@@ -187,7 +191,7 @@ impl Play {
         let options = self.options.clone();
         let sensors: Vec<_> = self.tracks.iter().map(|track| track.input.sensor).collect();
         let readout = |&sensor: &Sensor| {
-            let exact = Options::new().with_late(options.late);
+            let exact = Options::new().with_late(options.late).with_restart(options.restart);
             options.approximations.readout(Arc::clone(&self.network), sensor, exact)
         };
         interrupt::listen();
@@ -199,6 +203,7 @@ impl Play {
         };
         let recorded = |sensor: &Sensor| {
             let batch = BatchEngine::new(Arc::clone(&self.network), *sensor)?.with_late(options.late);
+            let batch = batch.with_restart(options.restart);
             let batch = batch.with_search(Search::Proposed(propose)).with_bounded_memory();
             Ok::<_, PipelineError>(Recorded::new(readout(sensor)?, batch))
         };
@@ -225,6 +230,13 @@ impl Play {
                 QueueOptions::new().with_capacity(options.queue).with_core(core).with_ahead(options.ahead);
             (predictor, queue.with_overload(tracks[index].input.overload.clone()))
         };
+        let mut watches: Vec<_> = tracks
+            .iter()
+            .map(|Track { input: PlayInput { source, sensor, .. }, .. }| {
+                let losses = source.losses(EventCounters::default(), *sensor);
+                (LossWatch::new(source.is_live()), source.name.clone(), losses)
+            })
+            .collect();
         let (queues, mut fleet) = Fleet::spawn(predictors.into_iter().enumerate().map(queue))?;
         let start = started.unwrap_or_else(Instant::now);
         let offering =
@@ -262,6 +274,10 @@ impl Play {
                 }
                 Err(error) => failed[input] = Some(PipelineError::from(error)),
             });
+            for (input, (watch, name, losses)) in watches.iter_mut().enumerate() {
+                watch
+                    .look(Instant::now, name, || losses.with_events(fleet.sensors()[input].event_counters()));
+            }
             if shown.is_err() || failed.iter().all(Option::is_some) {
                 break;
             }
@@ -341,6 +357,9 @@ fn report<'a>(
         state: state(timely),
         behind_events: timely.behind_events,
         behind_us: timely.behind_us,
+        lost_events: timely.lost_events,
+        dropped_events: timely.dropped_events,
+        restarts: timely.restarts,
         age_us: microseconds(timely.age),
         waited_us: microseconds(timely.waited),
         number,
@@ -373,6 +392,7 @@ impl Played {
             delivered: offered.delivered,
             accepted: counters.events.accepted,
             dropped: offered.dropped_by_reason().into_iter().chain(dropped(&counters.events)).collect(),
+            restarts: counters.events.restarts,
             queue: QueueReport {
                 capacity: options.queue as u64,
                 overload: overload.name(),

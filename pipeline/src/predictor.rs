@@ -6,8 +6,8 @@ use std::time::{Duration, Instant};
 
 use meissner_engine::filters::{Chain, EventFilter};
 use meissner_engine::{
-    BatchEngine, Counters, Engine, EngineError, Event, EventCounters, Network, Options, Outcome, Prediction,
-    Predictor, Search, Sensor, StaleReadout, Staleness,
+    BatchEngine, Counters, Decision, Engine, EngineError, Event, EventCounters, Network, Options, Outcome,
+    Prediction, Predictor, Search, Sensor, StaleReadout, Staleness,
 };
 
 use crate::approximations::{ApproximationReport, Approximations};
@@ -19,6 +19,8 @@ pub struct EventPredictor {
     backend: Backend,
     /// Counts before this run.
     before: Counters,
+    /// What was counted in front of the engine.
+    decided: EventCounters,
 }
 
 /// How predictions are computed.
@@ -67,7 +69,7 @@ impl Backend {
 impl EventPredictor {
     /// A predictor over an empty window, with the filters, the tolerance and the staleness of `approximations`. The
     /// number of neighbours is that of `network`, see [`Approximations::adapt`]. [`Mode::Batch`] uses only the filters,
-    /// and only the policy for late events of `options`.
+    /// and only the policies of `options`.
     ///
     /// # Errors
     /// The engine refuses the sensor, an option or an approximation.
@@ -83,12 +85,14 @@ impl EventPredictor {
                 Backend::Incremental(Box::new(approximations.readout(network, sensor, options)?))
             }
             Mode::Batch => {
-                let batch = BatchEngine::new(network, sensor)?.with_late(options.late);
+                let batch =
+                    BatchEngine::new(network, sensor)?.with_late(options.late).with_restart(options.restart);
                 Backend::Batch(Box::new(batch.with_search(Search::Grid)))
             }
         };
         let before = Counters { layers: backend.counters().layers, ..Counters::default() };
-        Ok(Self { chain: approximations.chain(sensor)?, backend, before })
+        let decided = EventCounters::default();
+        Ok(Self { chain: approximations.chain(sensor)?, backend, before, decided })
     }
 
     /// Continues from the state in `bytes`. Requires [`Mode::Incremental`] and a readout that is never stale.
@@ -109,6 +113,24 @@ impl EventPredictor {
         match &self.backend {
             Backend::Incremental(readout) => Some(readout.engine()),
             Backend::Batch(_) => None,
+        }
+    }
+
+    /// Current time, as [`Engine::now_us`].
+    pub fn now_us(&self) -> Option<i64> {
+        match &self.backend {
+            Backend::Incremental(readout) => readout.engine().now_us(),
+            Backend::Batch(batch) => batch.now_us(),
+        }
+    }
+
+    /// Counts what a watch in front of this predictor has decided. A restart resets it.
+    pub fn decided(&mut self, decision: &Decision) {
+        self.decided.outliers += decision.outliers;
+        self.decided.pushed += decision.outliers;
+        if decision.restarts {
+            self.decided.restarts += 1;
+            self.reset();
         }
     }
 
@@ -165,12 +187,21 @@ impl EventPredictor {
 
     /// Counts of the events that passed the filters in this run.
     pub fn events(&self) -> EventCounters {
-        self.backend.counters().since(&self.before).events
+        self.counted().events
+    }
+
+    fn counted(&self) -> Counters {
+        let mut counters = self.backend.counters().since(&self.before);
+        let EventCounters { pushed, outliers, restarts, .. } = &mut counters.events;
+        *pushed += self.decided.pushed;
+        *outliers += self.decided.outliers;
+        *restarts += self.decided.restarts;
+        counters
     }
 
     /// Counts of this run. Events that a filter dropped count as pushed, and repeated predictions count as read.
     pub fn counters(&self) -> Counters {
-        let mut counters = self.backend.counters().since(&self.before);
+        let mut counters = self.counted();
         counters.events.pushed += self.chain.counters().dropped;
         counters.predictions.read += self.stale();
         counters

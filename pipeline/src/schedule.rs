@@ -78,6 +78,11 @@ impl Schedule {
         }
     }
 
+    /// Forgets the clock; the next event starts another. Events count on.
+    pub(crate) fn restart(&mut self) {
+        (self.has_begun, self.due_us) = (false, None);
+    }
+
     /// Starts at the first event, accepted at `t_us`. Later calls have no effect.
     pub(crate) fn begin(&mut self, t_us: i64) {
         if let (Every::StreamUs(period), false) = (self.every, self.has_begun) {

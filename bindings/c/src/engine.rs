@@ -332,6 +332,7 @@ pub unsafe extern "C" fn meissner_engine_counters(
             clamped,
             expired,
             evicted,
+            ..
         } = found.events;
         let counts = meissner_counters {
             size: 0,

@@ -107,6 +107,7 @@ impl BenchArgs {
             part: self.input.part.part(),
             limit: self.input.limit,
             late: self.input.late,
+            restart: self.input.restart,
             every: self.every,
             approximations: self.input.approximations.values(),
             two_threads: self.threads == Some(2),

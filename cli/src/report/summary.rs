@@ -21,6 +21,7 @@ pub(super) fn events(out: &mut impl Write, summary: &EventSummary) -> io::Result
     let (events, accepted) = (grouped(summary.events), grouped(summary.accepted));
     writeln!(out, "\nevents       {events} taken, {accepted} accepted")?;
     dropped(out, &summary.dropped)?;
+    restarts(out, summary.restarts)?;
     refused(out, summary.lines_refused)?;
     let skips = &summary.skips;
     if skips.events_clamped > 0 {
@@ -49,6 +50,14 @@ pub(crate) fn dropped(out: &mut impl Write, dropped: &BTreeMap<&'static str, u64
         writeln!(out, "dropped      {} {}", grouped(count), reason.replace('_', " "))?;
     }
     Ok(())
+}
+
+/// Writes restarts of the sensor's clock, if there were any.
+fn restarts(out: &mut impl Write, restarts: u64) -> io::Result<()> {
+    if restarts == 0 {
+        return Ok(());
+    }
+    writeln!(out, "restarts     {} of the sensor's clock; each reset the network", grouped(restarts))
 }
 
 /// Writes refused lines, if there were any.
@@ -165,6 +174,7 @@ fn event_counts(out: &mut impl Write, counts: &EventCounts) -> io::Result<()> {
         (counts.empty_frames, "frames without events"),
         (counts.empty_frames_left_out, "frames without events left out, beyond the longest silence"),
         (counts.resets, "resets of the state in a silence"),
+        (counts.restarts, "restarts of the sensor's clock; each reset the network"),
     ];
     write_counts(out, "", &notes)
 }
@@ -218,6 +228,7 @@ pub(super) fn plays(out: &mut impl Write, ended: &[Result<PlaySummary, PipelineE
             Ok(summary) => {
                 refused(out, summary.lines_refused)?;
                 play_dropped(out, summary, &format!("from input {input} "))?;
+                restarts(out, summary.restarts)?;
                 if summary.verified.is_some_and(|verified| !verified.equal) {
                     writeln!(out, "verified     input {input} DIFFERS from the batch")?;
                 }
@@ -265,6 +276,7 @@ pub(super) fn play(out: &mut impl Write, summary: &PlaySummary) -> io::Result<()
     )?;
     refused(out, summary.lines_refused)?;
     play_dropped(out, summary, "")?;
+    restarts(out, summary.restarts)?;
     writeln!(
         out,
         "queue        {}: at most {} of {} events waited; the reader waited {:.1} ms, and was {:.1} ms behind at most",

@@ -3,9 +3,9 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use meissner_engine::LatePolicy;
 use meissner_engine::frames::{Convolution, FrameOptions, Skip};
 use meissner_engine::representations::Sampling;
+use meissner_engine::{LatePolicy, RestartPolicy};
 use meissner_kernels::WinogradTile;
 use meissner_pipeline::PipelineError;
 use meissner_pipeline::model::FrameModel;
@@ -40,7 +40,7 @@ Examples:
 const JSON: &str = "\
 JSON (--json): one object per line: a header with network and input, predictions, then a summary (docs/json.md).
   A prediction: {\"t_us\": time of the newest event that it covers (null before the first), \"value\": [outputs, with the digits that restore each f32], \"class\" and \"probabilities\" if the outputs are classes, \"nodes\": events in the window, \"rows\": [rows computed for each layer since the last prediction], \"update_us\": microseconds spent in pushes and predictions since the last prediction}.
-  The last line: {\"summary\": {\"events\": taken, \"accepted\", \"dropped\": {reason: count}, \"predictions\", \"nodes_max\": most events in the window, \"latency_us\": {\"push\", \"predict\": {\"p50\", \"p90\", \"p99\", \"p999\", \"max\"} (null if there was none)}, \"events_per_s\": events divided by the time spent in pushes and predictions, \"skips\": {counts of computed, unchanged and skipped values; \"layers\": [the same for each layer]}, \"approximations\": {the requested ones, \"filters\": [{\"name\", \"passed\", \"dropped\"}]} (missing if there were none), \"salvaged\": {\"events\": kept, \"what\": the incomplete part, \"place\": its start, \"bytes_not_read\"} (missing if the recording is complete)}}.
+  The last line: {\"summary\": {\"events\": taken, \"accepted\", \"dropped\": {reason: count}, \"restarts\": of the sensor's clock, \"predictions\", \"nodes_max\": most events in the window, \"latency_us\": {\"push\", \"predict\": {\"p50\", \"p90\", \"p99\", \"p999\", \"max\"} (null if there was none)}, \"events_per_s\": events divided by the time spent in pushes and predictions, \"skips\": {counts of computed, unchanged and skipped values; \"layers\": [the same for each layer]}, \"approximations\": {the requested ones, \"filters\": [{\"name\", \"passed\", \"dropped\"}]} (missing if there were none), \"salvaged\": {\"events\": kept, \"what\": the incomplete part, \"place\": its start, \"bytes_not_read\"} (missing if the recording is complete)}}.
   Frame networks: a prediction over events: {\"t_us\": end of the newest frame's window, \"value\", \"frames\": frames that the state has seen, \"events\": events in the newest frame, \"update_us\": microseconds spent since the last prediction in making frames and in the network}. Over electrodes: {\"line\" and \"time_s\" (null without a column of time) of the newest reading, \"value\", \"probabilities\": softmax of the values, \"class\": name of the largest, \"decision\": name of the decided class and \"held\": number of windows for which it has been held, from 1 (null before the first decision, see --hold), \"update_us\"}; if the unit is not \"logit\", probabilities, class, decision and held are null. Over pictures: {\"image\": path, \"area_mm2\", \"force_n\", \"median_force_n\", \"centroid\": {\"x_px\", \"y_px\", \"x_mm\", \"y_mm\"} (null without a contact), \"baseline\": {\"area_mm2\", \"centroid\"} (null without --reference), \"overlay\": path (null without --overlay), \"update_us\"}.
   Their last line: {\"summary\": {counts of events, electrodes or pictures, \"frames\": pushed, \"predictions\", \"latency_us\": {\"prepare\": time to make a frame, for each event, reading or picture, \"push\" and \"predict\": as above, for each frame and prediction, \"decision\" (over electrodes, if there was a prediction): from the parsed line of a reading to the decision after it}, \"frames_per_s\": frames divided by the total of these times, \"pixels\": {\"computed\", \"skipped\", \"absorbed\"}, \"layers\": [the same for each layer]}}.";
 
@@ -213,6 +213,7 @@ impl RunArgs {
             mode: self.mode,
             every: self.every,
             late: self.input.late,
+            restart: self.input.restart,
             approximations: self.input.approximations.values(),
             two_threads: self.threads == Some(2),
             limit: self.input.limit,
@@ -320,11 +321,12 @@ impl RunArgs {
         let Self { input, frames, electrodes, .. } = self;
         let all_frames: &'static [NetworkKind] = &[EventFrames, Electrodes, Pictures];
         let events: &'static [NetworkKind] = &[EventGraph, EventFrames];
-        let options: [(&'static str, bool, &'static [NetworkKind]); 20] = [
+        let options: [(&'static str, bool, &'static [NetworkKind]); 21] = [
             ("--sensor", input.sensor.is_some(), events),
             ("--from", input.part.from_us.is_some(), events),
             ("--for", input.part.for_us.is_some(), events),
             ("--late clamp", input.late == LatePolicy::Clamp, events),
+            ("--restart keep", input.restart == RestartPolicy::Keep, events),
             ("--strict", input.strict, &[EventGraph, EventFrames, Electrodes]),
             ("--every", self.every.is_some(), events),
             ("--save-state", self.state.save_state.is_some(), events),

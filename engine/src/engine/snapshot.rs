@@ -17,8 +17,9 @@ use super::Engine;
 use crate::admission::LatePolicy;
 use crate::counters::{EventCounters, LayerCounters, PredictionCounters};
 use crate::metric::Node;
+use crate::restart::CONFIRMING;
 use crate::snapshot::{Content, Kind, Reader, SnapshotOf, Stored, Writer, check_network, differs};
-use crate::{EngineError, Sensor};
+use crate::{EngineError, Event, Sensor};
 
 /// The properties besides events that a state depends on: an engine only restores a state with equal properties.
 struct Origin<'a> {
@@ -64,7 +65,7 @@ impl Engine {
     ///
     /// # Errors
     /// [`EngineError::Snapshot`] if it was taken with an unequal network ([`crate::Network::fingerprint`]), another
-    /// sensor, tolerance or late policy; for a snapshot made from bytes, the errors of [`Self::restore_bytes`]. The
+    /// sensor, tolerance or late policy, or if it holds events that the restart policy of this engine would not; for a snapshot made from bytes, the errors of [`Self::restore_bytes`]. The
     /// engine's state is then unchanged.
     pub fn restore(&mut self, snapshot: &SnapshotOf<Self>) -> Result<(), EngineError> {
         let other = match &snapshot.0 {
@@ -72,7 +73,12 @@ impl Engine {
             Content::Bytes(bytes) => return self.restore_bytes(bytes),
         };
         self.check_origin(&other.origin())?;
+        let mut watch = self.watch;
+        if !watch.hold(other.held(), other.now_us()) {
+            return Err(differs("restart policy", self.options.restart, other.options.restart));
+        }
         let mut restored = Self::clone(other);
+        restored.watch = watch;
         restored.step.run_as(&self.step);
         for log in &mut restored.log.layers {
             log.rows = self.options.hooks.record_rows.then(|| log.rows.take().unwrap_or_default());
@@ -106,16 +112,15 @@ impl Engine {
         let window = &self.step.window;
         to.size(window.len());
         for Node { t, x, y, on } in window.slots().map(|slot| window.node(slot)) {
-            to.i64(t);
-            to.u16(x);
-            to.u16(y);
-            to.flag(on);
+            write_event(&mut to, t, x, y, on);
         }
         if self.network.parts().graph.is_frozen() {
             // A node has at most 255 in-edges.
             window.slots().for_each(|slot| to.u8(self.step.graph.present(window, slot).count() as u8));
         }
         (0..self.network.levels()).for_each(|level| self.write_rows(level, &mut to));
+        to.size(self.held().len());
+        self.held().iter().for_each(|event| write_event(&mut to, event.t_us, event.x, event.y, event.on));
         to.finish(note)
     }
 
@@ -128,7 +133,7 @@ impl Engine {
     /// more ([`Self::state_bytes`]).
     ///
     /// # Errors
-    /// [`EngineError::Snapshot`] if the bytes belong to another version, network, sensor, tolerance or late policy;
+    /// [`EngineError::Snapshot`] if the bytes belong to another version, network, sensor, tolerance or policy;
     /// [`EngineError::SnapshotBytes`] if they are truncated, changed or do not fit, or if a stored row is not finite:
     /// such a state gives no prediction. The engine's state is then unchanged.
     pub fn restore_bytes(&mut self, bytes: &[u8]) -> Result<(), EngineError> {
@@ -139,6 +144,7 @@ impl Engine {
         let now = restored.read_clock(&mut from, events)?;
         restored.read_window(&mut from, now)?;
         (0..self.network.levels()).try_for_each(|level| restored.read_rows(level, &mut from))?;
+        restored.read_held(&mut from)?;
         from.end()?;
         restored.step.stopwatch = self.step.stopwatch.clone();
         *self = restored;
@@ -237,13 +243,7 @@ impl Engine {
                 return Err(from.refuse(format_args!("time of event {i}"), 8, expected, t));
             }
             earliest = t;
-            let x = from.u16(format_args!("column of event {i}"))?;
-            let y = from.u16(format_args!("row of event {i}"))?;
-            if !self.sensor.contains(x, y) {
-                let expected = format!("a pixel of {}", self.sensor);
-                return Err(from.refuse(format_args!("event {i}"), 4, expected, format_args!("({x}, {y})")));
-            }
-            let on = from.flag(format_args!("polarity of event {i}"))?;
+            let (x, y, on) = self.read_pixel(from, format_args!("event {i}"))?;
             nodes.push(Node { t, x, y, on });
         }
         for (i, node) in nodes.into_iter().enumerate() {
@@ -257,6 +257,39 @@ impl Engine {
             } else {
                 self.step.enter_known(node, usize::MAX);
             }
+        }
+        Ok(())
+    }
+
+    /// Reads the pixel and the polarity of the event called `what`.
+    fn read_pixel(
+        &self,
+        from: &mut Reader<'_>,
+        what: std::fmt::Arguments<'_>,
+    ) -> Result<(u16, u16, bool), EngineError> {
+        let x = from.u16(format_args!("column of {what}"))?;
+        let y = from.u16(format_args!("row of {what}"))?;
+        if !self.sensor.contains(x, y) {
+            let expected = format!("a pixel of {}", self.sensor);
+            return Err(from.refuse(what, 4, expected, format_args!("({x}, {y})")));
+        }
+        Ok((x, y, from.flag(format_args!("polarity of {what}"))?))
+    }
+
+    /// Reads the events that are held.
+    fn read_held(&mut self, from: &mut Reader<'_>) -> Result<(), EngineError> {
+        let most = if self.newest_us.is_some() { CONFIRMING - 1 } else { 0 };
+        let count = from.length("number of held events", most, EVENT)?;
+        let mut held = Vec::with_capacity(count);
+        for i in 0..count {
+            let t_us = from.i64(format_args!("time of held event {i}"))?;
+            let (x, y, on) = self.read_pixel(from, format_args!("held event {i}"))?;
+            held.push(Event { t_us, x, y, on });
+        }
+        let now_us = self.admission.now_us();
+        if !self.watch.hold(&held, now_us) {
+            let expected = "times that the clock does not agree with, of one run";
+            return Err(from.refuse("held events", count * EVENT, expected, format_args!("{count} others")));
         }
         Ok(())
     }
@@ -301,6 +334,14 @@ impl Engine {
         }
         Ok(())
     }
+}
+
+/// Writes an event in [`EVENT`] bytes.
+fn write_event(to: &mut Writer, t: i64, x: u16, y: u16, on: bool) {
+    to.i64(t);
+    to.u16(x);
+    to.u16(y);
+    to.flag(on);
 }
 
 /// Encoding of a late policy.

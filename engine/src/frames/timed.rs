@@ -1,7 +1,7 @@
 //! A frame engine whose frames have times, as live predictions need.
 
 use super::engine::FrameEngine;
-use crate::{DropReason, EngineError, Outcome, Prediction, Predictor};
+use crate::{DropReason, EngineError, EventCounters, Outcome, Prediction, Predictor, RestartPolicy};
 
 /// A frame and its time.
 #[derive(Clone, Debug, PartialEq)]
@@ -14,7 +14,8 @@ pub struct Frame {
 
 /// A [`FrameEngine`] with the common methods of all engines: it takes frames in order of time.
 ///
-/// A frame earlier than the newest time is dropped. A frame that the engine refuses is dropped too, and the next
+/// A frame earlier than the newest time is late and dropped. If [`CONFIRMING_FRAMES`] frames in a row are late, in order of time among
+/// themselves, the clock has restarted: the engine resets, and takes the last of them ([`RestartPolicy`]). A frame that the engine refuses is dropped too, and the next
 /// prediction returns the error. In a [`Prediction`], `nodes` is the number of frames since the last reset.
 #[derive(Clone, Debug)]
 pub struct TimedFrames {
@@ -24,17 +25,50 @@ pub struct TimedFrames {
     /// Current time: that of the newest frame, or of a later `advance`.
     now_us: Option<i64>,
     refused: Option<EngineError>,
+    restart: RestartPolicy,
+    /// Number of late frames in a row that follow each other in time, and the time of the last one.
+    late: Option<(usize, i64)>,
+    counters: EventCounters,
 }
+
+/// Late frames in a row that confirm a restart of the clock.
+pub const CONFIRMING_FRAMES: usize = 3;
 
 impl TimedFrames {
     /// Adds a clock that has not started to `engine`.
     pub fn new(engine: FrameEngine) -> Self {
-        Self { engine, newest_us: None, now_us: None, refused: None }
+        Self {
+            engine,
+            newest_us: None,
+            now_us: None,
+            refused: None,
+            restart: RestartPolicy::default(),
+            late: None,
+            counters: EventCounters::default(),
+        }
+    }
+
+    /// The same with a different policy for restarts.
+    #[must_use]
+    pub fn with_restart(self, restart: RestartPolicy) -> Self {
+        Self { restart, ..self }
     }
 
     /// The engine.
     pub fn engine(&self) -> &FrameEngine {
         &self.engine
+    }
+
+    /// Whether the late frame at `t_us` confirms a restart of the clock, which resets the engine.
+    fn restarts(&mut self, t_us: i64) -> bool {
+        let run = self.late.filter(|&(_, last)| t_us >= last).map_or(1, |(run, _)| run + 1);
+        self.late = Some((run, t_us));
+        let restarts = self.restart == RestartPolicy::Reset && run >= CONFIRMING_FRAMES;
+        if restarts {
+            self.reset();
+            self.counters.restarts += 1;
+        }
+        restarts
     }
 
     /// The engine, without the clock.
@@ -47,14 +81,18 @@ impl Predictor for TimedFrames {
     type Input = Frame;
 
     fn push(&mut self, Frame { t_us, values }: Frame) -> Outcome {
-        if self.now_us.is_some_and(|now| t_us < now) {
+        self.counters.pushed += 1;
+        if self.now_us.is_some_and(|now| t_us < now) && !self.restarts(t_us) {
+            self.counters.late += 1;
             return Outcome::Dropped(DropReason::Late);
         }
+        self.late = None;
         if let Err(error) = self.engine.push(&values) {
             self.refused = Some(error);
             return Outcome::Dropped(DropReason::Refused);
         }
         (self.newest_us, self.now_us) = (Some(t_us), Some(t_us));
+        self.counters.accepted += 1;
         Outcome::Accepted
     }
 
@@ -74,6 +112,10 @@ impl Predictor for TimedFrames {
 
     fn reset(&mut self) {
         self.engine.reset();
-        (self.newest_us, self.now_us, self.refused) = (None, None, None);
+        (self.newest_us, self.now_us, self.refused, self.late) = (None, None, None, None);
+    }
+
+    fn event_counters(&self) -> EventCounters {
+        self.counters
     }
 }

@@ -2,7 +2,7 @@
 
 pub(super) const MAGIC: [u8; 8] = *b"MEISSNER";
 /// Format version. It increases with every change of the format, or of the order in which an engine computes.
-pub(super) const VERSION: u32 = 1;
+pub(super) const VERSION: u32 = 2;
 /// Bytes before the content.
 pub(super) const HEADER: usize = 24;
 /// Bytes after the content.

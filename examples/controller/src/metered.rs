@@ -8,7 +8,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
 
 use meissner::live::Predictor;
-use meissner::{EngineError, Outcome, Prediction};
+use meissner::{EngineError, EventCounters, Outcome, Prediction};
 
 use crate::realtime::computing_time;
 
@@ -75,5 +75,9 @@ impl<P: Predictor> Predictor for Metered<P> {
 
     fn reset(&mut self) {
         self.engine.reset();
+    }
+
+    fn event_counters(&self) -> EventCounters {
+        self.engine.event_counters()
     }
 }

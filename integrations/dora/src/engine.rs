@@ -6,7 +6,7 @@ use std::sync::Arc;
 use meissner::frames::{Convolution, FrameOptions};
 use meissner::live::Predictor;
 use meissner::models::AnyDescription;
-use meissner::{DropReason, EngineError, Event, Outcome, Prediction, Sensor, snapshot_note};
+use meissner::{DropReason, EngineError, Event, EventCounters, Outcome, Prediction, Sensor, snapshot_note};
 use meissner_pipeline::PipelineError;
 use meissner_pipeline::live_frames::LiveFrames;
 use meissner_pipeline::model::{FrameModel, Model, describe_any};
@@ -126,5 +126,12 @@ impl Predictor for Engine {
 
     fn reset(&mut self) {
         self.predictor().reset();
+    }
+
+    fn event_counters(&self) -> EventCounters {
+        match self {
+            Self::Events(engine) => *engine.event_counters(),
+            Self::Frames(frames) => frames.event_counters(),
+        }
     }
 }

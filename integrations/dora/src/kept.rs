@@ -8,7 +8,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 use meissner::live::Predictor;
-use meissner::{DropReason, EngineError, Event, Outcome, Prediction};
+use meissner::{DropReason, EngineError, Event, EventCounters, Outcome, Prediction};
 use serde::{Deserialize, Serialize};
 
 use crate::coverage::Lost;
@@ -169,6 +169,10 @@ impl Predictor for Kept {
 
     fn reset(&mut self) {
         self.engine.reset();
+    }
+
+    fn event_counters(&self) -> EventCounters {
+        self.engine.event_counters()
     }
 }
 

@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 
 use meissner_live::{Live, Overload};
 
-use crate::fake::{Fake, PATIENCE, Verb, drained, event, events, options, wait_until};
+use crate::fake::{Fake, LATE_COLUMN, PATIENCE, Verb, drained, event, events, options, wait_until};
 
 #[test]
 fn an_idle_engine_answers_with_all_that_has_entered() {
@@ -20,6 +20,36 @@ fn an_idle_engine_answers_with_all_that_has_entered() {
         assert!(timely.fresh && timely.age <= timely.waited, "{timely:?}");
         assert_eq!((timely.t_us, timely.nodes), (Some(t), count));
     }
+}
+
+#[test]
+fn what_the_engine_drops_is_told_with_the_prediction_which_is_not_fresh() {
+    let (mut input, mut live) =
+        Live::spawn(Fake::default(), options(64, Overload::Block)).expect("options are fine");
+    input.push_slice(&[event(1, 0), event(2, LATE_COLUMN), event(3, LATE_COLUMN)]).expect("the worker lives");
+    let timely = live.predict(PATIENCE).expect("the worker lives");
+    assert_eq!((timely.fresh, timely.own, timely.behind_events, timely.lost_events), (false, true, 0, 2));
+    assert_eq!((live.event_counters().late, live.event_counters().pushed), (2, 3));
+    // They are told once.
+    input.push_slice(&[event(4, 0)]).expect("the worker lives");
+    let timely = live.predict(PATIENCE).expect("the worker lives");
+    assert!(timely.fresh && timely.lost_events == 0, "{timely:?}");
+}
+
+#[test]
+fn what_the_queue_drops_is_told_with_the_prediction() {
+    let fake = Fake::default();
+    let gate = Arc::clone(&fake.gate);
+    let (mut input, mut live) =
+        Live::spawn(fake, options(4, Overload::DropNewest)).expect("options are fine");
+    let held = gate.lock().expect("nobody panicked");
+    input.push_slice(&events(0..10)).expect("the worker lives");
+    drop(held);
+    let dropped = live.counters().dropped();
+    let timely = live.predict(PATIENCE).expect("the worker lives");
+    assert_eq!((timely.dropped_events, timely.lost_events, timely.fresh), (dropped, 0, true));
+    assert!(dropped >= 5, "{dropped}");
+    assert_eq!(live.predict(PATIENCE).expect("the worker lives").dropped_events, 0);
 }
 
 #[test]

@@ -4,7 +4,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
-use meissner_engine::{EngineError, Event, Outcome, Prediction};
+use meissner_engine::{DropReason, EngineError, Event, EventCounters, Outcome, Prediction};
 use meissner_live::{Live, LiveError, Overload, Predictor, QueueCounters, QueueOptions, cores};
 
 /// Longest time that a test waits for something that takes no time: the machine may do other things.
@@ -26,6 +26,9 @@ pub(crate) struct Fake {
     pub(crate) nap: Duration,
     pub(crate) verbs: Vec<Verb>,
     pub(crate) taken: usize,
+    /// Events pushed since it was made, and those of them that it dropped as late.
+    pub(crate) pushed: u64,
+    pub(crate) late: u64,
     pub(crate) values: [f32; 1],
     /// How often it was asked for a prediction.
     pub(crate) predicted: Arc<AtomicU64>,
@@ -35,6 +38,8 @@ pub(crate) struct Fake {
 
 /// An event in this column makes the next prediction fail.
 pub(crate) const NAN_COLUMN: u16 = 13;
+/// An event in this column is late.
+pub(crate) const LATE_COLUMN: u16 = 7_777;
 /// An event in this column makes the engine panic.
 pub(crate) const PANIC_COLUMN: u16 = 666;
 
@@ -58,6 +63,11 @@ impl Predictor for Fake {
             std::thread::sleep(self.nap);
         }
         assert!(event.x != PANIC_COLUMN, "asked to panic");
+        self.pushed += 1;
+        if event.x == LATE_COLUMN {
+            self.late += 1;
+            return Outcome::Dropped(DropReason::Late);
+        }
         self.verbs.push(Verb::Push(event.t_us));
         self.taken += 1;
         self.core = match cores()[..] {
@@ -84,6 +94,15 @@ impl Predictor for Fake {
     fn reset(&mut self) {
         self.verbs.clear();
         self.taken = 0;
+    }
+
+    fn event_counters(&self) -> EventCounters {
+        EventCounters {
+            pushed: self.pushed,
+            accepted: self.pushed - self.late,
+            late: self.late,
+            ..EventCounters::default()
+        }
     }
 }
 

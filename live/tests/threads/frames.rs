@@ -7,7 +7,7 @@ use meissner_engine::frames::{
     Convolution, Frame, FrameEngine, FrameLayer, FrameLayerKind, FrameNetwork, FrameNetworkParts, FrameShape,
     TimedFrames,
 };
-use meissner_engine::{EngineError, Outcome, Prediction};
+use meissner_engine::{EngineError, EventCounters, Outcome, Prediction};
 use meissner_kernels::Activation;
 use meissner_live::{Live, LiveError, Overload, Predictor};
 
@@ -63,6 +63,10 @@ impl Predictor for Gated {
 
     fn reset(&mut self) {
         self.frames.reset();
+    }
+
+    fn event_counters(&self) -> EventCounters {
+        self.frames.event_counters()
     }
 }
 

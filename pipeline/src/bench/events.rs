@@ -283,8 +283,8 @@ struct Passes<'a> {
 
 impl Passes<'_> {
     fn engine(&self, stage_times: bool) -> Result<EventPredictor, PipelineError> {
-        let options = Options::new().with_late(self.options.late).with_stage_times(stage_times);
-        let options = options.with_two_threads(self.options.two_threads);
+        let options = Options::new().with_late(self.options.late).with_restart(self.options.restart);
+        let options = options.with_stage_times(stage_times).with_two_threads(self.options.two_threads);
         let network = Arc::clone(&self.network);
         let approximations = &self.options.approximations;
         Ok(EventPredictor::new(Mode::Incremental, network, self.sensor, approximations, options)?)

@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 
 use meissner_engine::frames::{Convolution, FrameEngine, FrameLayerCounters, FrameOptions, FrameShape, Skip};
 use meissner_engine::representations::Crop;
-use meissner_engine::{LatePolicy, Sensor};
+use meissner_engine::{LatePolicy, RestartPolicy, Sensor};
 use meissner_models::FrameSource;
 use meissner_models::description::frames::{CropPlace, SignedTiming};
 use serde::Serialize;
@@ -104,8 +104,14 @@ impl EventFrameModel {
     fn feed(&self, field: Field, period_us: i64) -> Result<FrameFeed, PipelineError> {
         let every = Every::StreamUs(period_us);
         let name = self.model.network.name();
-        let feed = FrameFeed::new(&self.model.description, field.around(), LatePolicy::Drop, every, None)
-            .map_err(|source| PipelineError::Frames { network: name.to_owned(), source })?;
+        let feed = FrameFeed::new(
+            &self.model.description,
+            field.around(),
+            (LatePolicy::Drop, RestartPolicy::Keep),
+            every,
+            None,
+        )
+        .map_err(|source| PipelineError::Frames { network: name.to_owned(), source })?;
         feed.ok_or_else(|| frames_of_other(name, self.model.source))
     }
 
@@ -231,6 +237,7 @@ impl InProgress<'_> {
                     self.frame(None, t_us + number * period_us)?;
                 }
             }
+            FeedOutput::Restart => self.engine.reset(),
         }
         Ok(())
     }
@@ -269,6 +276,7 @@ mod tests {
         let mut times = Vec::new();
         let mut note = |output: FeedOutput<'_>| {
             match output {
+                FeedOutput::Restart => unreachable!("the feed keeps its clock"),
                 FeedOutput::Frame { t_us, .. } => times.push(t_us),
                 FeedOutput::Empty { count, t_us, period_us } => {
                     times.extend((0..count as i64).map(|number| t_us + number * period_us));

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::fmt;
 
-use meissner_engine::{Event, EventCounters, LatePolicy, Options, Sensor};
+use meissner_engine::{Event, EventCounters, LatePolicy, Options, RestartPolicy, Sensor};
 use meissner_io::TimeRange;
 use serde::Serialize;
 
@@ -26,6 +26,8 @@ pub struct BenchOptions {
     pub limit: Option<u64>,
     /// Policy for events that are earlier than an event before them.
     pub late: LatePolicy,
+    /// What is done when the clock of the sensor restarts.
+    pub restart: RestartPolicy,
     /// When predictions are read, or the time from frame to frame. The default is every event; for frames, the length
     /// of their windows, or 10 ms for a sliding window.
     pub every: Option<Every>,

@@ -16,6 +16,9 @@ pub(crate) struct FeedState {
     pub(super) open_us: Option<i64>,
     /// Time, column, row, polarity of the events of the open window or of the span.
     pub(super) events: Vec<(i64, u16, u16, bool)>,
+    /// The same of events that wait until it is clear whether the clock has restarted.
+    #[serde(default)]
+    pub(super) held: Vec<(i64, u16, u16, bool)>,
 }
 
 impl FeedState {
@@ -34,6 +37,9 @@ impl FeedState {
         if accepted < self.events.len() as u64 {
             let expected = format!("at least {}, the events that are kept", self.events.len());
             return Some(("accepted events in the note", expected, accepted.to_string()));
+        }
+        if let Some((_, x, y, _)) = self.held.iter().find(|&&(_, x, y, _)| !sensor.contains(x, y)) {
+            return Some(("held event in the note", format!("a pixel of {sensor}"), format!("({x}, {y})")));
         }
         let mut least_us = open_us.unwrap_or(epoch_us);
         for &(t_us, x, y, _) in &self.events {

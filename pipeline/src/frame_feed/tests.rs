@@ -4,7 +4,7 @@ use proptest::prelude::*;
 
 use super::{FeedOutput, FrameFeed};
 use crate::schedule::Every;
-use meissner_engine::{Event, LatePolicy, Sensor};
+use meissner_engine::{Event, LatePolicy, RestartPolicy, Sensor};
 use meissner_models::FrameDescription;
 
 /// A feed of frames of two columns and one row; `lines` are the lines of its `[input]` table.
@@ -15,7 +15,13 @@ fn feed(channels: usize, lines: &str, every: Every) -> FrameFeed {
         ["a", "b"].get(..channels).expect("at most two")
     );
     let description = FrameDescription::parse(&text).expect("consistent");
-    let feed = FrameFeed::new(&description, Sensor::new(4, 1), LatePolicy::Clamp, every, None);
+    let feed = FrameFeed::new(
+        &description,
+        Sensor::new(4, 1),
+        (LatePolicy::Clamp, RestartPolicy::Reset),
+        every,
+        None,
+    );
     feed.expect("the crop fits").expect("frames of events")
 }
 
@@ -26,6 +32,7 @@ fn told(feed: &mut FrameFeed, events: &[(i64, u16)]) -> Vec<String> {
         out.push(match output {
             FeedOutput::Frame { values, t_us, events } => format!("{t_us}: {values:?} {events}"),
             FeedOutput::Empty { count, t_us, period_us } => format!("{t_us}: {count} of {period_us}"),
+            FeedOutput::Restart => "restart".to_owned(),
         });
         Ok::<_, ()>(())
     };
@@ -72,7 +79,8 @@ fn a_late_event_enters_at_the_newest_time_where_that_is_asked_for() {
 #[test]
 fn silences_of_any_length_are_counted_to_the_clocks_end() {
     let mut feed = feed(1, SLIDING, Every::StreamUs(1));
-    let out = told(&mut feed, &[(0, 1), (i64::MAX, 1)]);
+    // The second event confirms the first.
+    let out = told(&mut feed, &[(0, 1), (i64::MAX, 1), (i64::MAX, 1)]);
     assert_eq!(out[15], format!("16: {} of 1", i64::MAX - 16));
     assert_eq!(out.len(), 17, "{out:?}");
 }
@@ -88,6 +96,7 @@ fn expanded(feed: &mut FrameFeed, events: &[(i64, u16, bool)], values: usize) ->
     let mut out = vec![];
     let mut tell = |output: FeedOutput<'_>| {
         match output {
+            FeedOutput::Restart => unreachable!("time goes on"),
             FeedOutput::Frame { values, t_us, .. } => out.push((t_us, values.to_vec())),
             FeedOutput::Empty { count, t_us, period_us } => {
                 out.extend((0..count as i64).map(|i| (t_us + i * period_us, vec![0.0; values])));
@@ -155,5 +164,19 @@ proptest! {
         let lines = format!("frames = \"event-counts\"\nperiod_us = {period}\nmaximum = 4");
         let found = expanded(&mut feed(2, &lines, Every::End), &events, 4);
         prop_assert_eq!(found, expected);
+    }
+}
+
+#[test]
+fn a_restart_of_the_clock_forgets_the_open_window_and_is_told_before_the_frames_of_the_new_clock() {
+    for (channels, lines) in [(2, COUNTS), (1, SLIDING)] {
+        let mut feed = feed(channels, lines, Every::StreamUs(10));
+        let old = [(5_000_000, 1), (5_000_006, 1)];
+        let new: Vec<_> = (0..20).map(|i| (2 * i, 1)).collect();
+        let out = told(&mut feed, &[&old[..], &new].concat());
+        assert_eq!(out[0], "restart", "{out:?}");
+        let mut fresh = self::feed(channels, lines, Every::StreamUs(10));
+        assert_eq!(out[1..], told(&mut fresh, &new), "{lines}");
+        assert_eq!((feed.counters().restarts, feed.counters().accepted, feed.counters().late), (1, 22, 0));
     }
 }

@@ -27,6 +27,8 @@ pub struct PlaySummary {
     pub accepted: u64,
     /// Events dropped by the queue and by the engine, by reason.
     pub dropped: BTreeMap<&'static str, u64>,
+    /// Restarts of the sensor's clock, each of which reset the engine.
+    pub restarts: u64,
     /// The queue.
     pub queue: QueueReport,
     /// Counts of reports.
@@ -60,9 +62,9 @@ pub struct ReportCounts {
     pub due: u64,
     /// Reports that were made.
     pub made: u64,
-    /// Reports that covered all events that had entered the queue.
+    /// Reports that covered all events that had entered the queue, of which the engine lost none.
     pub fresh: u64,
-    /// Reports that covered only the events that the engine had taken.
+    /// Reports that covered only the events that the engine had taken, or lost some.
     pub behind: u64,
     /// Reports with the prediction of an earlier report.
     pub old: u64,

@@ -3,7 +3,9 @@
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use meissner_engine::{Admission, Engine, Event, Options, Outcome, Sensor};
+use meissner_engine::{
+    Admission, ClockWatch, Decision, Engine, Event, Options, Outcome, RestartPolicy, Sensor,
+};
 
 use super::prediction::{EventPrediction, Observer, Prediction};
 use super::state::{EVERY, RunOptions, Saver};
@@ -29,6 +31,9 @@ pub struct EventSteps {
     approximations: Approximations,
     layers: Vec<String>,
     schedule: Schedule,
+    sensor: Sensor,
+    /// Decides about restarts in front of schedule and engine, so that each event reaches them at its own time.
+    watch: ClockWatch,
     /// Predicts for the schedule which events will be accepted, and at what time.
     gate: Admission,
     classes: Classes,
@@ -55,8 +60,12 @@ impl EventRun {
     ) -> Result<Self, PipelineError> {
         let network = Arc::new(model.network.clone());
         let layers = network.layers().into_iter().map(str::to_owned).collect();
-        let RunOptions { mode, every, late, approximations, two_threads, limit, resume, save, .. } = options;
-        let engine_options = Options::new().with_late(late).with_two_threads(two_threads);
+        let RunOptions {
+            mode, every, late, restart, approximations, two_threads, limit, resume, save, ..
+        } = options;
+        let watch = ClockWatch::new(restart, network.parts().span_us);
+        let engine_options =
+            Options::new().with_late(late).with_restart(RestartPolicy::Keep).with_two_threads(two_threads);
         let mut predictor = EventPredictor::new(mode, network, sensor, &approximations, engine_options)?;
         let mut schedule = Schedule::new(every.unwrap_or(EVERY));
         let mut gate = Admission::new(sensor, late);
@@ -75,6 +84,8 @@ impl EventRun {
             approximations,
             layers,
             schedule,
+            sensor,
+            watch,
             gate,
             classes: Classes::new(model.card.classes.clone()),
             push: Latency::new(),
@@ -89,6 +100,82 @@ impl EventRun {
 
 impl Steps for EventSteps {
     fn take(&mut self, event: Event, observer: &mut dyn Observer) -> Result<(), PipelineError> {
+        let now_us = self.predictor.now_us();
+        if self.watch.agrees(event.t_us, now_us) || !self.sensor.contains(event.x, event.y) {
+            return self.enter(event, observer);
+        }
+        let decision = self.watch.decide(event, now_us);
+        self.decided(&decision, observer)?;
+        if decision.passes { self.enter(event, observer) } else { Ok(()) }
+    }
+
+    fn taken(&self) -> u64 {
+        self.taken
+    }
+
+    fn now_us(&self) -> Option<i64> {
+        self.predictor.engine().and_then(Engine::now_us)
+    }
+
+    fn state(&mut self) -> Option<Vec<u8>> {
+        self.predictor.engine().map(Engine::to_bytes)
+    }
+
+    fn settle(&mut self, observer: &mut dyn Observer) -> Result<(), PipelineError> {
+        let decision = self.watch.end(self.predictor.now_us());
+        self.decided(&decision, observer)
+    }
+
+    fn finish(&mut self, resumes: bool, observer: &mut dyn Observer) -> Result<(), PipelineError> {
+        match self.schedule.last() {
+            Last::Now => self.read(None, observer)?,
+            Last::At(due_us) if !resumes => self.read(Some(due_us), observer)?,
+            Last::Nothing | Last::At(_) => 0,
+        };
+        Ok(())
+    }
+
+    fn losses(&self, source: &Source, sensor: Sensor) -> InputLosses {
+        source.losses(self.predictor.events(), sensor)
+    }
+
+    fn summary(self, source: Source, warnings: Vec<LossWarning>) -> Summary {
+        let counters = self.predictor.counters();
+        let seconds = (self.push.total() + self.predict.total()).as_secs_f64();
+        let events = counters.events.pushed;
+        Summary::Events(Box::new(EventSummary {
+            events,
+            lines_refused: source.lines_refused(),
+            accepted: counters.events.accepted,
+            dropped: dropped(&counters.events),
+            restarts: counters.events.restarts,
+            predictions: counters.predictions.read,
+            nodes_max: self.nodes_max,
+            latency_us: Latencies::of([("push", &self.push), ("predict", &self.predict)]),
+            events_per_s: (events > 0 && seconds > 0.0).then(|| events as f64 / seconds),
+            skips: Skips::new(&counters, &self.layers),
+            warnings,
+            approximations: self.predictor.report(&self.approximations),
+            salvaged: source.salvaged,
+        }))
+    }
+}
+
+impl EventSteps {
+    /// Carries out `decision`, but for the newest event.
+    fn decided(&mut self, decision: &Decision, observer: &mut dyn Observer) -> Result<(), PipelineError> {
+        self.predictor.decided(decision);
+        self.taken += decision.outliers;
+        if decision.restarts {
+            self.gate.reset();
+            self.schedule.restart();
+            self.epoch_us = None;
+        }
+        decision.taken.events().iter().try_for_each(|&event| self.enter(event, observer))
+    }
+
+    /// Takes an event whose time is that of the clock.
+    fn enter(&mut self, event: Event, observer: &mut dyn Observer) -> Result<(), PipelineError> {
         let (passes, filtering) = self.predictor.admit(event);
         if !passes {
             self.pushed(filtering);
@@ -116,53 +203,6 @@ impl Steps for EventSteps {
         Ok(())
     }
 
-    fn taken(&self) -> u64 {
-        self.taken
-    }
-
-    fn now_us(&self) -> Option<i64> {
-        self.predictor.engine().and_then(Engine::now_us)
-    }
-
-    fn state(&mut self) -> Option<Vec<u8>> {
-        self.predictor.engine().map(Engine::to_bytes)
-    }
-
-    fn finish(&mut self, resumes: bool, observer: &mut dyn Observer) -> Result<(), PipelineError> {
-        match self.schedule.last() {
-            Last::Now => self.read(None, observer)?,
-            Last::At(due_us) if !resumes => self.read(Some(due_us), observer)?,
-            Last::Nothing | Last::At(_) => 0,
-        };
-        Ok(())
-    }
-
-    fn losses(&self, source: &Source, sensor: Sensor) -> InputLosses {
-        source.losses(self.predictor.events(), sensor)
-    }
-
-    fn summary(self, source: Source, warnings: Vec<LossWarning>) -> Summary {
-        let counters = self.predictor.counters();
-        let seconds = (self.push.total() + self.predict.total()).as_secs_f64();
-        let events = counters.events.pushed;
-        Summary::Events(Box::new(EventSummary {
-            events,
-            lines_refused: source.lines_refused(),
-            accepted: counters.events.accepted,
-            dropped: dropped(&counters.events),
-            predictions: counters.predictions.read,
-            nodes_max: self.nodes_max,
-            latency_us: Latencies::of([("push", &self.push), ("predict", &self.predict)]),
-            events_per_s: (events > 0 && seconds > 0.0).then(|| events as f64 / seconds),
-            skips: Skips::new(&counters, &self.layers),
-            warnings,
-            approximations: self.predictor.report(&self.approximations),
-            salvaged: source.salvaged,
-        }))
-    }
-}
-
-impl EventSteps {
     /// Notes that an event was taken.
     fn pushed(&mut self, spent: Duration) {
         self.push.record(spent);

@@ -85,7 +85,7 @@ impl FrameRun {
         options: RunOptions,
     ) -> Result<Self, PipelineError> {
         let network = &model.name;
-        let RunOptions { every, late, limit, resume, save, longest_silence, .. } = options;
+        let RunOptions { every, late, restart, limit, resume, save, longest_silence, .. } = options;
         let mut predictor = FramePredictor::new(model.network.clone(), frame_options)?;
         let made = format!("{:?} on {sensor}, late events: {late:?}", model.source);
         let note = match resume {
@@ -96,7 +96,7 @@ impl FrameRun {
             None => None,
         };
         let state = note.as_ref().and_then(|note| note.feed.as_ref());
-        let feed = FrameFeed::new(&model.description, sensor, late, every.unwrap_or(EVERY), state);
+        let feed = FrameFeed::new(&model.description, sensor, (late, restart), every.unwrap_or(EVERY), state);
         let mut feed = feed
             .map_err(|source| PipelineError::Frames { network: network.clone(), source })?
             .ok_or_else(|| PipelineError::is_frame_network(network))?;
@@ -167,6 +167,11 @@ impl Steps for FrameSteps {
         Some(frames.predictor.engine.to_bytes_with(&note))
     }
 
+    fn settle(&mut self, observer: &mut dyn Observer) -> Result<(), PipelineError> {
+        let Self { feed, frames, .. } = self;
+        feed.settle(|output| frames.take(output, observer))
+    }
+
     fn finish(&mut self, resumes: bool, observer: &mut dyn Observer) -> Result<(), PipelineError> {
         let Self { feed, frames, .. } = self;
         let ends_now = frames.schedule.last() == Last::Now;
@@ -200,6 +205,7 @@ impl Steps for FrameSteps {
             empty_frames: frames.empty,
             empty_frames_left_out: frames.left_out,
             resets: frames.resets,
+            restarts: counters.restarts,
         };
         let counts = InputCounts::Events(counts);
         Summary::Frames(FrameSummary::new(&frames.predictor, counts, warnings))
@@ -257,6 +263,12 @@ impl Frames {
             }
             FeedOutput::Empty { count, t_us, period_us } => {
                 self.take_silence(count, t_us, period_us, observer)
+            }
+            FeedOutput::Restart => {
+                self.silence.end();
+                self.predictor.reset();
+                (self.epoch_us, self.newest) = (None, None);
+                Ok(())
             }
         }
     }

@@ -151,6 +151,12 @@ pub struct ReportPrediction<'a> {
     pub behind_events: u64,
     /// Stream time that had entered the queue and is not covered.
     pub behind_us: u64,
+    /// Events since the report before that the engine did not take: late, outside the sensor, far ahead or held.
+    pub lost_events: u64,
+    /// Events since the report before that the queue dropped.
+    pub dropped_events: u64,
+    /// Restarts of the sensor's clock since the report before.
+    pub restarts: u64,
     /// Time since the start of the prediction.
     pub age_us: f64,
     /// Time since the report was requested.
@@ -169,7 +175,7 @@ pub struct ReportPrediction<'a> {
 pub enum ReportState {
     /// It covers all events that had entered the queue.
     Fresh,
-    /// It covers the events that the engine had taken shortly before the deadline.
+    /// It covers the events that the engine had taken shortly before the deadline, or the engine lost some.
     Behind,
     /// It is the prediction of an earlier report.
     Old,

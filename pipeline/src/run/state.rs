@@ -1,12 +1,13 @@
 //! Options of a run over events, and the states that it writes so that a later run can resume.
 //!
 //! Invariant: a state is taken directly after an event, before any result that is due only because the input ends. A
-//! run that resumes from it makes the same predictions as a single run over both inputs.
+//! run that resumes from it makes the same predictions as a single run over both inputs, unless the clock restarts at the
+//! very end of the first: events that wait for a restart to be confirmed are late in the state.
 
 use std::io::Write;
 use std::path::PathBuf;
 
-use meissner_engine::LatePolicy;
+use meissner_engine::{LatePolicy, RestartPolicy};
 
 use crate::approximations::Approximations;
 use crate::error::PipelineError;
@@ -25,6 +26,8 @@ pub struct RunOptions {
     pub every: Option<Every>,
     /// Policy for events that are earlier than an event before them.
     pub late: LatePolicy,
+    /// What is done when the clock of the sensor restarts.
+    pub restart: RestartPolicy,
     /// Approximations of a network over events.
     pub approximations: Approximations,
     /// Whether two threads share the work of a network over events, see [`Options`](meissner_engine::Options::two_threads).
@@ -60,9 +63,11 @@ impl Saver {
         Self { to, last_us: None }
     }
 
-    /// Whether a state is due after an event at `t_us`. `t_us` is not earlier than the event before.
+    /// Whether a state is due after an event at `t_us`.
     pub(super) fn is_due(&mut self, t_us: i64) -> bool {
-        let last = *self.last_us.get_or_insert(t_us);
+        // After a restart of the clock, `t_us` is earlier.
+        let last = self.last_us.map_or(t_us, |last| last.min(t_us));
+        self.last_us = Some(last);
         let due = self.to.every_us.is_some_and(|every| t_us.saturating_sub(last) >= every);
         if due {
             self.last_us = Some(t_us);
@@ -87,5 +92,7 @@ mod tests {
         assert_eq!(due, [false, false, true, false, true, true, false]);
         let mut at_the_end = saver(None);
         assert!(!at_the_end.is_due(0) && !at_the_end.is_due(i64::MAX));
+        let mut restarted = saver(Some(10));
+        assert_eq!([1000, 0, 9, 10].map(|t| restarted.is_due(t)), [false, false, false, true]);
     }
 }

@@ -1,5 +1,7 @@
 //! The loop of all runs over the events of a recording or a live stream.
 
+use std::time::Instant;
+
 use meissner_engine::{Event, Sensor};
 
 use super::prediction::Observer;
@@ -36,6 +38,12 @@ pub trait Steps {
     /// The state after the newest event; `None` if this network cannot be resumed.
     fn state(&mut self) -> Option<Vec<u8>>;
 
+    /// Decides about events that wait for others: there will be none.
+    ///
+    /// # Errors
+    /// As [`Self::take`].
+    fn settle(&mut self, observer: &mut dyn Observer) -> Result<(), PipelineError>;
+
     /// Shows the predictions that are due at the end. With `resumes`, results that are due only because the input ends
     /// are left to the resumed run.
     ///
@@ -70,9 +78,12 @@ impl<S: Steps> StreamRun<S> {
             result = event.and_then(|event| self.take(event, observer));
             let Self { source, sensor, steps, .. } = &self;
             observer.progress(steps.taken());
-            watch.look(steps.taken(), &source.name, || steps.losses(source, *sensor));
+            watch.look(Instant::now, &source.name, || steps.losses(source, *sensor));
         }
         let mut ending = Ending(result);
+        if ending.predicts() {
+            ending.then(self.steps.settle(observer));
+        }
         if ending.saves() {
             ending.then(self.save());
         }

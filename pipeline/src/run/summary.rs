@@ -67,6 +67,8 @@ pub struct EventSummary {
     pub accepted: u64,
     /// The other events, by reason.
     pub dropped: BTreeMap<&'static str, u64>,
+    /// Restarts of the sensor's clock, each of which reset the engine.
+    pub restarts: u64,
     /// Predictions read.
     pub predictions: u64,
     /// Largest number of events in the window after any push.
@@ -154,6 +156,8 @@ pub struct EventCounts {
     pub empty_frames_left_out: u64,
     /// Resets of the state after the longest silence.
     pub resets: u64,
+    /// Restarts of the sensor's clock, each of which reset the network.
+    pub restarts: u64,
 }
 
 /// Counts of readings of electrodes.

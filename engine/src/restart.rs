@@ -1,0 +1,338 @@
+//! Clocks that restart, and single stamps far ahead.
+//!
+//! Enters: each event with the current time. Leaves: which events are taken now, in order of arrival, and whether the
+//! clock restarted before them. An event whose time agrees with the clock passes at once. Other events are held until
+//! those after them decide:
+//!
+//! | a run of events | held until | then |
+//! |---|---|---|
+//! | back by more than the window | [`CONFIRMING`] events in a row run on from it | the clock has restarted |
+//! | | an event agrees with the clock | they are late |
+//! | ahead by more than [`MAX_SILENCE_US`] | a second event, or an advance, confirms it | it ends a silence |
+//! | | an event agrees with the clock | it is an outlier, and dropped |
+//!
+//! Invariants: no event is lost or reordered, except outliers; what is decided depends on the events and advances alone, and
+//! never on how they are split into calls. O(1) for an event; nothing is allocated.
+
+use std::fmt;
+
+use crate::Event;
+
+/// What is done when the clock of the sensor restarts.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum RestartPolicy {
+    /// The engine resets, and takes the events of the new clock. A single stamp far ahead is dropped.
+    #[default]
+    Reset,
+    /// The clock never goes back: events are late until the old time comes again, and every stamp ahead is taken.
+    Keep,
+}
+
+impl RestartPolicy {
+    /// All policies.
+    pub const ALL: [Self; 2] = [Self::Reset, Self::Keep];
+
+    /// Short name, as in the program's reports.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Reset => "reset",
+            Self::Keep => "keep",
+        }
+    }
+}
+
+impl fmt::Display for RestartPolicy {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
+    }
+}
+
+/// Events of one run that confirm a restart: a few late packets of a sensor do not, and a sparse stream has them soon.
+pub const CONFIRMING: usize = 8;
+
+/// Longest silence, in microseconds, after which an event is taken without a second one.
+pub const MAX_SILENCE_US: i64 = 10_000_000;
+
+/// Events that wait for a decision, in order of arrival.
+#[derive(Clone, Copy, Debug)]
+pub struct Held {
+    events: [Event; CONFIRMING],
+    len: usize,
+}
+
+impl Held {
+    const NONE: Self = Self { events: [Event { t_us: 0, x: 0, y: 0, on: false }; CONFIRMING], len: 0 };
+
+    /// The events.
+    pub fn events(&self) -> &[Event] {
+        &self.events[..self.len]
+    }
+
+    fn push(&mut self, event: Event) {
+        self.events[self.len] = event;
+        self.len += 1;
+    }
+}
+
+/// What becomes of the held events and of the newest one.
+#[derive(Clone, Copy, Debug)]
+#[must_use]
+pub struct Decision {
+    /// Whether the clock has restarted: everything before `taken` is forgotten.
+    pub restarts: bool,
+    /// Held events that are taken now.
+    pub taken: Held,
+    /// Held events that are dropped because they were far ahead of the events around them.
+    pub outliers: u64,
+    /// Whether the newest event is taken after them; otherwise it is held.
+    pub passes: bool,
+}
+
+/// Watches the times of events for restarts and outliers.
+#[derive(Clone, Copy, Debug)]
+pub struct ClockWatch {
+    policy: RestartPolicy,
+    window_us: i64,
+    held: Held,
+}
+
+impl ClockWatch {
+    /// A watch over the events of a window of `window_us` microseconds.
+    pub fn new(policy: RestartPolicy, window_us: i64) -> Self {
+        Self { policy, window_us, held: Held::NONE }
+    }
+
+    /// The events that are held.
+    pub fn held(&self) -> &[Event] {
+        self.held.events()
+    }
+
+    /// Holds `events`, which a watch of the same policy and window held at the time `now_us`. Whether they can be: they are too many, or one
+    /// of them would not be held.
+    pub fn hold(&mut self, events: &[Event], now_us: Option<i64>) -> bool {
+        *self = Self::new(self.policy, self.window_us);
+        let can = events.iter().all(|&event| {
+            !self.agrees(event.t_us, now_us) && {
+                let decision = self.decide(event, now_us);
+                !decision.passes && !decision.restarts && decision.taken.len == 0 && decision.outliers == 0
+            }
+        });
+        if !can {
+            self.held = Held::NONE;
+        }
+        can
+    }
+
+    /// Whether an event at `t_us` is taken at once, nothing being held. `now_us` is the current time; `None` before the first event.
+    #[inline]
+    pub fn agrees(&self, t_us: i64, now_us: Option<i64>) -> bool {
+        if self.policy == RestartPolicy::Keep {
+            return true;
+        }
+        self.held.len == 0 && now_us.is_none_or(|now| !self.is_back(t_us, now) && !is_ahead(t_us, now))
+    }
+
+    /// Decides about `event`, for which [`Self::agrees`] is false.
+    pub fn decide(&mut self, event: Event, now_us: Option<i64>) -> Decision {
+        let held = self.held;
+        let mut decision = Decision { restarts: false, taken: Held::NONE, outliers: 0, passes: false };
+        let now = now_us.unwrap_or(event.t_us);
+        let runs_on = held
+            .events()
+            .last()
+            .is_none_or(|last| !self.is_back(event.t_us, last.t_us) && !is_ahead(event.t_us, last.t_us));
+        let (was_back, was_ahead) = held
+            .events()
+            .first()
+            .map_or((false, false), |first| (self.is_back(first.t_us, now), is_ahead(first.t_us, now)));
+        let (back, ahead) = (self.is_back(event.t_us, now), is_ahead(event.t_us, now));
+        if runs_on && was_back && back && held.len + 1 == CONFIRMING {
+            decision = Decision { restarts: true, taken: held, passes: true, ..decision };
+        } else if runs_on && was_ahead && ahead {
+            // A clock that cannot hold both times begins anew.
+            let restarts = event.t_us.checked_sub(now).is_none();
+            decision = Decision { restarts, taken: held, passes: true, ..decision };
+        } else if held.len > 0 && runs_on && was_back && back {
+            self.held.push(event);
+            return decision;
+        } else {
+            // The held run ends here; the event agrees with the clock or begins another run.
+            if was_ahead {
+                decision.outliers = held.len as u64;
+            } else {
+                decision.taken = held;
+            }
+            decision.passes = !back && !ahead;
+        }
+        self.held = Held::NONE;
+        if !decision.passes {
+            self.held.push(event);
+        }
+        decision
+    }
+
+    /// The held events that an advance of the clock to `t_us` confirms, which are taken before it.
+    pub fn confirmed_by(&mut self, t_us: i64, now_us: Option<i64>) -> Held {
+        let is_confirmed = self
+            .held
+            .events()
+            .first()
+            .zip(now_us)
+            .is_some_and(|(first, now)| is_ahead(first.t_us, now) && !is_ahead(first.t_us, t_us));
+        if is_confirmed { std::mem::replace(&mut self.held, Held::NONE) } else { Held::NONE }
+    }
+
+    /// Ends the stream, or forgets it: what is held is not confirmed any more. Returns what becomes of it.
+    pub fn end(&mut self, now_us: Option<i64>) -> Decision {
+        let held = std::mem::replace(&mut self.held, Held::NONE);
+        let ahead = held.events().first().zip(now_us).is_some_and(|(first, now)| is_ahead(first.t_us, now));
+        let (taken, outliers) = if ahead { (Held::NONE, held.len as u64) } else { (held, 0) };
+        Decision { restarts: false, taken, outliers, passes: false }
+    }
+
+    fn is_back(&self, t_us: i64, now_us: i64) -> bool {
+        t_us < now_us.saturating_sub(self.window_us)
+    }
+}
+
+fn is_ahead(t_us: i64, now_us: i64) -> bool {
+    t_us > now_us.saturating_add(MAX_SILENCE_US)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{CONFIRMING, ClockWatch, MAX_SILENCE_US, RestartPolicy};
+    use crate::Event;
+
+    const WINDOW_US: i64 = 100;
+    const FAR_US: i64 = 1_000 * MAX_SILENCE_US;
+
+    /// The clocks that events at `times` have, each with the times that are taken, late ones included; then outliers, and events
+    /// that are still held.
+    fn clocks(policy: RestartPolicy, times: &[i64]) -> (Vec<Vec<i64>>, u64, usize) {
+        let mut watch = ClockWatch::new(policy, WINDOW_US);
+        let (mut clocks, mut outliers) = (vec![Vec::new()], 0);
+        for &t_us in times {
+            let clock: &mut Vec<i64> = clocks.last_mut().expect("there is one");
+            let now_us = clock.iter().copied().max();
+            if watch.agrees(t_us, now_us) {
+                clock.push(t_us);
+                continue;
+            }
+            let decision = watch.decide(Event::new(t_us, 0, 0, true), now_us);
+            outliers += decision.outliers;
+            if decision.restarts {
+                clocks.push(Vec::new());
+            }
+            let clock = clocks.last_mut().expect("there is one");
+            clock.extend(decision.taken.events().iter().map(|event| event.t_us));
+            clock.extend(decision.passes.then_some(t_us));
+        }
+        (clocks, outliers, watch.held().len())
+    }
+
+    fn reset(times: &[i64]) -> (Vec<Vec<i64>>, u64, usize) {
+        clocks(RestartPolicy::Reset, times)
+    }
+
+    #[test]
+    fn a_run_back_by_more_than_the_window_restarts_the_clock_and_loses_no_event() {
+        let old = [FAR_US, FAR_US + 5];
+        let new: Vec<i64> = (0..20).map(|i| 3 * i).collect();
+        let times = [&old[..], &new].concat();
+        assert_eq!(reset(&times), (vec![old.to_vec(), new.clone()], 0, 0));
+        let (clocks, _, held) = reset(&times[..2 + CONFIRMING - 1]);
+        assert_eq!((clocks, held), (vec![old.to_vec()], CONFIRMING - 1));
+    }
+
+    #[test]
+    fn late_events_within_the_window_are_not_a_restart() {
+        let times: Vec<i64> = (0..100).map(|i| 1000 + i - WINDOW_US * (i % 2)).collect();
+        assert_eq!(reset(&times), (vec![times.clone()], 0, 0));
+    }
+
+    #[test]
+    fn a_late_packet_is_late_and_keeps_its_place() {
+        let times = [&[1000][..], &[10; CONFIRMING - 1], &[1001, 1002]].concat();
+        assert_eq!(reset(&times), (vec![times.clone()], 0, 0));
+    }
+
+    #[test]
+    fn events_of_two_clocks_that_alternate_are_no_restart() {
+        let times: Vec<i64> = (0..100).map(|i| i + FAR_US * (i % 2)).collect();
+        let (clocks, outliers, held) = reset(&times);
+        assert_eq!((clocks.len(), outliers, held), (1, 49, 1));
+    }
+
+    #[test]
+    fn a_single_stamp_far_ahead_is_dropped_and_the_clock_goes_on() {
+        assert_eq!(reset(&[0, 1, FAR_US, 2, 3]), (vec![vec![0, 1, 2, 3]], 1, 0));
+        assert_eq!(reset(&[0, i64::MAX, 2, i64::MAX, 3]), (vec![vec![0, 2, 3]], 2, 0));
+        // Two of them far from each other do not confirm each other.
+        assert_eq!(reset(&[0, FAR_US, 3 * FAR_US, 2, 3]), (vec![vec![0, 2, 3]], 2, 0));
+    }
+
+    #[test]
+    fn the_second_event_after_a_long_silence_brings_the_first() {
+        assert_eq!(reset(&[0, FAR_US]), (vec![vec![0]], 0, 1));
+        assert_eq!(reset(&[0, FAR_US, FAR_US + 1]), (vec![vec![0, FAR_US, FAR_US + 1]], 0, 0));
+        assert_eq!(reset(&[0, MAX_SILENCE_US]), (vec![vec![0, MAX_SILENCE_US]], 0, 0));
+    }
+
+    #[test]
+    fn an_advance_of_the_clock_brings_an_event_after_a_long_silence() {
+        let mut watch = ClockWatch::new(RestartPolicy::Reset, WINDOW_US);
+        let event = Event::new(FAR_US, 1, 2, true);
+        assert!(!watch.agrees(event.t_us, Some(0)));
+        assert!(!watch.decide(event, Some(0)).passes);
+        assert!(watch.confirmed_by(10, Some(0)).events().is_empty());
+        assert_eq!(watch.confirmed_by(FAR_US, Some(0)).events(), [event]);
+        assert!(watch.held().is_empty());
+    }
+
+    #[test]
+    fn a_leftover_far_ahead_at_the_start_costs_a_restart_and_no_event() {
+        let new: Vec<i64> = (0..9).collect();
+        let times = [&[FAR_US][..], &new].concat();
+        assert_eq!(reset(&times), (vec![vec![FAR_US], new], 0, 0));
+    }
+
+    #[test]
+    fn a_clock_that_cannot_hold_both_times_begins_anew() {
+        let times = [i64::MIN, i64::MAX - 1, i64::MAX];
+        assert_eq!(reset(&times), (vec![vec![i64::MIN], vec![i64::MAX - 1, i64::MAX]], 0, 0));
+    }
+
+    #[test]
+    fn what_is_not_confirmed_at_the_end_is_late_or_an_outlier() {
+        let mut watch = ClockWatch::new(RestartPolicy::Reset, WINDOW_US);
+        let (back, ahead) = (Event::new(-FAR_US, 0, 0, true), Event::new(FAR_US, 0, 0, true));
+        let _ = watch.decide(back, Some(0));
+        let end = watch.end(Some(0));
+        assert_eq!((end.taken.events(), end.outliers), (&[back][..], 0));
+        let _ = watch.decide(ahead, Some(0));
+        let end = watch.end(Some(0));
+        assert_eq!((end.taken.events().len(), end.outliers, watch.held().len()), (0, 1, 0));
+    }
+
+    #[test]
+    fn what_one_watch_held_another_can_hold_and_nothing_else() {
+        let event = |t_us| Event::new(t_us, 0, 0, true);
+        let mut watch = ClockWatch::new(RestartPolicy::Reset, WINDOW_US);
+        let back = [0, 1, 2].map(event);
+        assert!(watch.hold(&back, Some(1000)) && watch.held() == back);
+        assert!(watch.hold(&[event(FAR_US)], Some(1000)));
+        for refused in [vec![950], vec![FAR_US, FAR_US], vec![0; CONFIRMING], vec![0, FAR_US]] {
+            let events: Vec<Event> = refused.into_iter().map(event).collect();
+            assert!(!watch.hold(&events, Some(1000)) && watch.held().is_empty(), "{events:?}");
+        }
+        assert!(!watch.hold(&back, None));
+        assert!(!ClockWatch::new(RestartPolicy::Keep, WINDOW_US).hold(&back, Some(1000)));
+    }
+
+    #[test]
+    fn with_keep_every_event_passes_at_once() {
+        let times = [FAR_US, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10 * FAR_US];
+        assert_eq!(clocks(RestartPolicy::Keep, &times), (vec![times.to_vec()], 0, 0));
+    }
+}
