@@ -211,7 +211,8 @@ impl Grid {
         metric.x2(gap(query.x)).min(metric.y2(gap(query.y)))
     }
 
-    /// Adds every node whose d2 is at most `found`'s bound to `found`. No node is later than the query.
+    /// Adds every node whose d2 is at most `found`'s bound to `found`, but for those that others of the same d2 precede. No node is later
+    /// than the query.
     #[inline(always)]
     pub(crate) fn find<S: Simd>(
         &self,
@@ -235,7 +236,9 @@ impl Grid {
                     let [d2, t2] = distances2(simd, metric, query, block);
                     let oldest = plane + t2[nodes.start];
                     found.add_all(&d2, &block.slots, nodes, arrival);
-                    next = cell.previous(place).filter(|_| oldest <= found.bound());
+                    next = cell
+                        .previous(place)
+                        .filter(|&before| !found.excludes(oldest, || cell.latest_before(before), arrival));
                 }
             }
         }
@@ -360,4 +363,49 @@ fn scan(
         }
     }
     bound
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::cell::Cell;
+
+    /// The nearest 16 of nodes at `times` on one pixel to a query at the last of these times, and how often arrivals were compared.
+    fn nearest(times: &[i64]) -> (Vec<(f64, u32)>, u32) {
+        let sensor = Sensor::new(40, 30);
+        let memory = &mut Memory::default();
+        let mut grid = Grid::new(sensor, 4, times.len(), memory);
+        let node = |t| Node { t, x: 7, y: 7, on: true };
+        times.iter().zip(0..).for_each(|(&t, slot)| grid.push(slot, node(t)));
+        let (mut found, asked) = (Nearest::new(16, memory), Cell::new(0));
+        let arrival = |slot| {
+            asked.set(asked.get() + 1);
+            slot
+        };
+        found.begin(1.0);
+        let last = *times.last().expect("there is one");
+        grid.find(Portable, &Metric::new(sensor, 100_000, 1.0, memory), node(last), &mut found, arrival);
+        found.select(arrival);
+        (found.iter().collect(), asked.get())
+    }
+
+    #[test]
+    fn the_cost_of_a_search_does_not_grow_with_the_events_of_one_pixel_at_one_time() {
+        let latest = |count: u32| (0..16).map(|i| count - 1 - i).collect::<Vec<_>>();
+        for count in [100, 1_000, 10_000] {
+            let (found, cost) = nearest(&vec![5; count as usize]);
+            assert_eq!(found.iter().map(|&(_, slot)| slot).collect::<Vec<_>>(), latest(count));
+            // Two sorts of a full collection.
+            assert!(cost < 1_000, "{count} events: {cost}");
+        }
+    }
+
+    #[test]
+    fn of_the_events_of_one_pixel_at_an_earlier_time_the_latest_are_the_nearest() {
+        let times = [&[0; 1_000][..], &[500; 1_000], &[1_000; 5]].concat();
+        let (found, cost) = nearest(&times);
+        let expected: Vec<u32> = (1_989..2_005).rev().collect();
+        assert_eq!(found.iter().map(|&(_, slot)| slot).collect::<Vec<_>>(), expected);
+        assert!(cost < 1_000, "{cost}");
+    }
 }

@@ -33,6 +33,8 @@ pub(crate) struct Nearest {
     slots: Vec<u32>,
     len: usize,
     bound: f64,
+    /// The last one of as many candidates as are wanted, at the distance of the bound; [`NONE`] before there are so many.
+    last: u32,
     sorted: Room<(f64, u32)>,
 }
 
@@ -53,6 +55,7 @@ impl Nearest {
             slots: memory.copies(0, room),
             len: 0,
             bound: 0.0,
+            last: NONE,
             sorted: memory.room(room),
         }
     }
@@ -60,13 +63,26 @@ impl Nearest {
     /// Begins anew with candidates at most at distance `bound`.
     #[inline(always)]
     pub(crate) fn begin(&mut self, bound: f64) {
-        (self.len, self.bound) = (0, bound);
+        (self.len, self.bound, self.last) = (0, bound, NONE);
     }
 
     /// No candidate beyond this distance is among the nearest.
     #[inline(always)]
     pub(crate) fn bound(&self) -> f64 {
         self.bound
+    }
+
+    /// Whether none of the candidates at distance `least` or beyond, of which the one that `latest` returns arrived last, can be among the
+    /// nearest: of two at the same distance, the later one is. `arrival` as for [`Self::add_all`].
+    #[inline(always)]
+    pub(crate) fn excludes(
+        &self,
+        least: f64,
+        latest: impl FnOnce() -> u32,
+        arrival: impl Fn(u32) -> u32,
+    ) -> bool {
+        least > self.bound
+            || least == self.bound && self.last != NONE && arrival(latest()) < arrival(self.last)
     }
 
     /// Adds the candidates of a block that are within the bound. `arrival` of a slot is larger for later nodes; it is asked only at
@@ -119,6 +135,7 @@ impl Nearest {
         self.len = self.len.min(self.most);
         if self.len == self.most {
             self.bound = self.bound.min(self.d2[self.most - 1]);
+            self.last = self.slots[self.most - 1];
         }
     }
 

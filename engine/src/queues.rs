@@ -203,6 +203,12 @@ impl<'a> Queue<'a> {
         start..place.at as usize
     }
 
+    /// Slot of the last node before `place` in its block, which has one.
+    #[inline(always)]
+    pub(crate) fn latest_before(self, place: Place) -> u32 {
+        self.block(place).slots[place.at as usize - 1]
+    }
+
     /// The nodes from `place` on in its block.
     #[inline(always)]
     pub(crate) fn nodes_from(self, place: Place) -> Range<usize> {

@@ -2,7 +2,8 @@
 //!
 //! Enters: counts. Leaves: a warning for each reason that lost more than one percent of the input, with the likely
 //! cause. Events that a filter or a queue drops are not counted, because that loss was requested. A live stream can run
-//! for days, so its losses are reported every second: those of that second, with the likely cause the first time.
+//! for days, so its losses are reported after the first thousand events and then every second: those since the last report,
+//! with the likely cause the first time.
 
 use std::fmt;
 use std::time::{Duration, Instant};
@@ -79,6 +80,8 @@ pub struct LossWatch {
     told: Vec<LossReason>,
 }
 
+/// Number of events after which a live stream is checked for the first time, if that is within a second.
+const FIRST: u64 = 1000;
 /// Time between two checks of a live stream.
 const PERIOD: Duration = Duration::from_secs(1);
 
@@ -88,11 +91,18 @@ impl LossWatch {
         Self { last: live.then(|| (Instant::now(), None)), told: Vec::new() }
     }
 
-    /// Checks the losses of the input called `name` if a check is due `now`.
-    pub fn look(&mut self, now: impl FnOnce() -> Instant, name: &str, losses: impl FnOnce() -> InputLosses) {
+    /// Checks the losses of the input called `name` if a check is due `now`, after `taken` events.
+    pub fn look(
+        &mut self,
+        taken: u64,
+        now: impl FnOnce() -> Instant,
+        name: &str,
+        losses: impl FnOnce() -> InputLosses,
+    ) {
         let Some((last, before)) = &mut self.last else { return };
         let now = now();
-        if now.saturating_duration_since(*last) < PERIOD {
+        let is_first = taken >= FIRST && before.is_none();
+        if !is_first && now.saturating_duration_since(*last) < PERIOD {
             return;
         }
         let losses = losses();
@@ -282,12 +292,13 @@ mod tests {
     }
 
     #[test]
-    fn a_live_stream_is_looked_at_every_second_and_a_recording_at_its_end() {
+    fn a_live_stream_is_looked_at_after_a_thousand_events_and_every_second_and_a_recording_at_its_end() {
         let looks = |live| {
             let (mut watch, mut looks) = (LossWatch::new(live), Vec::new());
             let start = Instant::now();
             for ms in (0..5000).step_by(300) {
                 watch.look(
+                    ms,
                     || start + Duration::from_millis(ms),
                     "stream",
                     || {

@@ -275,8 +275,8 @@ impl Play {
                 Err(error) => failed[input] = Some(PipelineError::from(error)),
             });
             for (input, (watch, name, losses)) in watches.iter_mut().enumerate() {
-                watch
-                    .look(Instant::now, name, || losses.with_events(fleet.sensors()[input].event_counters()));
+                let events = fleet.sensors()[input].event_counters();
+                watch.look(events.pushed, Instant::now, name, || losses.with_events(events));
             }
             if shown.is_err() || failed.iter().all(Option::is_some) {
                 break;

@@ -78,7 +78,7 @@ impl<S: Steps> StreamRun<S> {
             result = event.and_then(|event| self.take(event, observer));
             let Self { source, sensor, steps, .. } = &self;
             observer.progress(steps.taken());
-            watch.look(Instant::now, &source.name, || steps.losses(source, *sensor));
+            watch.look(steps.taken(), Instant::now, &source.name, || steps.losses(source, *sensor));
         }
         let mut ending = Ending(result);
         if ending.predicts() {
