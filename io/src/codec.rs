@@ -2,7 +2,7 @@
 
 use std::borrow::Cow;
 use std::fs::File;
-use std::io::{self, BufWriter, Cursor, Read, Seek, Write};
+use std::io::{self, Cursor, Read, Seek, Write};
 use std::path::Path;
 
 use meissner_engine::{Event, Sensor};
@@ -10,11 +10,12 @@ use meissner_engine::{Event, Sensor};
 use crate::csv::{self, TextOptions};
 use crate::detect::format_of;
 use crate::error::{IoError, Place};
+use crate::files::write_file;
 use crate::format::{Format, Kind};
 #[cfg(feature = "hdf5")]
 use crate::hdf5;
 use crate::packed;
-use crate::recording::{Capacity, Recording};
+use crate::recording::{Capacity, Recording, Salvage};
 use crate::seek::{self, TimeRange};
 use crate::text::text_start;
 use crate::{aedat2, aedat3, aedat4, dat, es, evt2, evt3, nmnist, npy};
@@ -172,6 +173,37 @@ pub fn read_content(path: &Path) -> Result<Vec<u8>, IoError> {
     Ok(packed::content_of_file(path, false)?.0.into_owned())
 }
 
+/// The unpacked content of something that can be read only once, such as a pipe: it is held to be decoded more than once.
+#[derive(Debug)]
+pub struct HeldContent {
+    bytes: Vec<u8>,
+    salvaged: Option<Salvage>,
+}
+
+impl HeldContent {
+    /// Reads what is at `path` up to its end; with `salvage`, a gzip file that was cut short as far as it goes.
+    ///
+    /// # Errors
+    /// Those of [`read_content`].
+    pub fn read(path: &Path, salvage: bool) -> Result<Self, IoError> {
+        let (bytes, salvaged) = packed::content_of_file(path, salvage)?;
+        Ok(Self { bytes: bytes.into_owned(), salvaged })
+    }
+
+    /// The bytes.
+    pub fn bytes(&self) -> &[u8] {
+        &self.bytes
+    }
+
+    /// Decodes the content.
+    ///
+    /// # Errors
+    /// Those of [`decode_with`].
+    pub fn decode(&self, options: impl Into<ReadOptions>) -> Result<Recording, IoError> {
+        decode_content((Cow::Borrowed(&self.bytes), self.salvaged), options.into())
+    }
+}
+
 /// Decodes `bytes`, the whole content of a file in any format.
 ///
 /// # Errors
@@ -286,17 +318,15 @@ fn located<R: Read + Seek>(
     Ok(Some((found, input)))
 }
 
-/// Writes `events` to the file at `path`, which is created or replaced.
+/// Writes `events` to the file at `path`, which is created or replaced as a whole ([`write_file`]).
 ///
-/// The events are checked first: if the format cannot hold them, the file is left unchanged.
+/// The events are checked first: if the format cannot hold them, or the disk is full, a former file is left unchanged.
 ///
 /// # Errors
-/// [`IoError::File`] where the file cannot be created or written; otherwise those of [`encode`].
+/// Those of [`write_file`]; otherwise those of [`encode`].
 pub fn write(path: &Path, format: Format, sensor: Option<Sensor>, events: &[Event]) -> Result<(), IoError> {
     check(format, sensor, events)?;
-    let file = File::create(path).map_err(IoError::file("create", path))?;
-    let mut out = BufWriter::with_capacity(1 << 16, file);
-    put(format, sensor, events, &mut out).and_then(|()| out.flush()).map_err(IoError::file("write", path))
+    write_file(path, |out| put(format, sensor, events, out))
 }
 
 /// Writes `events` to `out`, with the sensor in the header (except for `.npy`, which has no place for it).

@@ -85,6 +85,18 @@ impl<R: BufRead> CsvEvents<R> {
         self.layout.sensor
     }
 
+    /// Goes on with `input`, whose lines count from 1 again; the layout stays.
+    pub(crate) fn go_on(&mut self, input: R) {
+        self.lines = Lines::new(input);
+        self.marks.clear();
+        self.ended = false;
+    }
+
+    /// Goes on with the next line after an error that ended the events.
+    pub(crate) fn pass_over(&mut self) {
+        self.ended = false;
+    }
+
     /// The next event; `ended` is false afterwards if the iteration continues.
     fn advance(&mut self) -> Result<Option<Event>, IoError> {
         let Self { lines, layout, marks, begun, ended } = self;

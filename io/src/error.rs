@@ -58,6 +58,13 @@ pub enum IoError {
     /// A file or folder does not fit into its sequence of images or its data set.
     #[error("{}: expected {expected}, found {actual}", path.display())]
     Unfit { path: PathBuf, expected: String, actual: String },
+    /// A datagram, or a part of one, is no event; the next part is read as if it had not come.
+    #[error("datagram {number}")]
+    Datagram {
+        /// The datagram, counted from 1.
+        number: u64,
+        source: Box<IoError>,
+    },
     /// Reading from or writing to a stream failed.
     #[error("{format}: cannot {action} at {place}")]
     Stream {
@@ -71,7 +78,7 @@ pub enum IoError {
     #[error(transparent)]
     UnknownName(#[from] UnknownName),
     /// The content has none of the formats.
-    #[error("unknown {what}: expected {expected}, found {length} bytes starting with {start}")]
+    #[error("unknown {what}: expected {expected}, found {}", length_and_start(*length, start))]
     UnknownFormat {
         /// `format` or `image format`.
         what: &'static str,
@@ -170,6 +177,15 @@ impl IoError {
 
     pub(crate) fn unfit(path: &Path, expected: impl Into<String>, actual: impl Into<String>) -> Self {
         Self::Unfit { path: path.to_owned(), expected: expected.into(), actual: actual.into() }
+    }
+}
+
+/// What a content of `length` bytes is that starts with `start`.
+fn length_and_start(length: u64, start: &str) -> String {
+    match length {
+        0 => "nothing: it is empty".to_owned(),
+        1 => format!("one byte: {start}"),
+        _ => format!("{length} bytes starting with {start}"),
     }
 }
 

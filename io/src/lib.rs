@@ -75,13 +75,14 @@ mod wire;
 mod zip;
 
 pub use codec::{
-    ReadOptions, blocks, decode, decode_with, encode, read, read_content, read_range, read_with, write,
+    HeldContent, ReadOptions, blocks, decode, decode_with, encode, read, read_content, read_range, read_with,
+    write,
 };
 pub use csv::{ColumnOrder, CsvEvents, TextOptions, TimeUnit};
 pub use detect::detect;
 pub use electrodes::{ELECTRODES, ElectrodeSettings, ElectrodeWarnings, Electrodes, Reading};
 pub use error::{IoError, Place};
-pub use files::replace_file;
+pub use files::{check_replaceable, check_writable, read_file, replace_file, write_file};
 pub use format::{Foreign, Format, ImageFormat, Kind, UnknownName};
 pub use images::{Image, ImageSequence, decode_image, encode_png, read_image, write_png};
 pub use recording::{Recording, Salvage, StreamKind, StreamSummary};

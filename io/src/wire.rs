@@ -7,9 +7,13 @@
 //! | 12 | polarity, i8: more than 0 for a rise |
 //! | 13-15 | 0 |
 //!
+//! Over TCP and from a pipe, lines and records follow one another. A datagram of UDP stands alone: it may come after any other or not
+//! at all, and so nothing of it continues in the next.
+//!
 //! All values have their least significant byte first: on most machines, a `meissner_event` of the C interface is a record as it stands in
 //! memory.
 
+use std::collections::VecDeque;
 use std::io::{BufRead, Chain, Cursor, Read};
 
 use meissner_engine::{Event, Sensor};
@@ -17,10 +21,12 @@ use meissner_engine::{Event, Sensor};
 use crate::csv::{CsvEvents, TextOptions};
 use crate::error::{IoError, Place};
 use crate::format::{self, Format};
+use crate::limits::LINE_BYTES;
 
 /// Bytes of a record.
 pub const RECORD_BYTES: usize = 16;
 const NAME: &str = "records";
+const UNDECIDED: &str = "CSV or records";
 /// Bytes that tell records from a text: the last of them is 0 for any time before the year 4253, and 255 for one before the epoch. No
 /// byte of a text has these values. A line with an event is as long.
 const TELLING: usize = 8;
@@ -58,7 +64,8 @@ type Whole<R> = Chain<Cursor<Vec<u8>>, R>;
 
 /// Events as they arrive, each as soon as its last byte is there. The first bytes tell a text from records.
 ///
-/// A record whose last three bytes are not 0 ends the events: what follows would be out of step.
+/// A record whose last three bytes are not 0 ends the events: what follows would be out of step. In [datagrams](Self::of_datagrams)
+/// nothing ends them.
 ///
 /// ```
 /// use meissner_io::{LiveEvents, TextOptions, record};
@@ -78,6 +85,7 @@ enum Kind<R: BufRead> {
     /// Before the first bytes; without an input after these could not be read.
     Undecided(Option<R>, TextOptions),
     Text(CsvEvents<Whole<R>>),
+    Datagrams(Datagrams<R>),
     Records {
         input: Whole<R>,
         /// Records that were read; `None` after the end or an error.
@@ -91,11 +99,21 @@ impl<R: BufRead> LiveEvents<R> {
         Self(Kind::Undecided(Some(input), options))
     }
 
+    /// The events of `input`, of which each read gives a datagram of whole lines or of whole records; an empty one is the end.
+    ///
+    /// What is no event gives an [`IoError::Datagram`], and the next call goes on after it: a line, a record whose last three bytes
+    /// are not 0, and as a whole a datagram of records that has some bytes more or less. The layout of a text, its header and
+    /// its sensor hold for all datagrams from the first event on.
+    pub fn of_datagrams(input: R, options: TextOptions) -> Self {
+        Self(Kind::Datagrams(Datagrams::new(input, options)))
+    }
+
     /// The name of the format, which is known after the first call of `next`.
     pub fn format(&self) -> &'static str {
-        match self.0 {
-            Kind::Undecided(..) => "CSV or records",
+        match &self.0 {
+            Kind::Undecided(..) => UNDECIDED,
             Kind::Text(_) => Format::Csv.name(),
+            Kind::Datagrams(datagrams) => datagrams.format,
             Kind::Records { .. } => NAME,
         }
     }
@@ -104,6 +122,7 @@ impl<R: BufRead> LiveEvents<R> {
     pub fn sensor(&self) -> Option<Sensor> {
         match &self.0 {
             Kind::Text(text) => text.sensor(),
+            Kind::Datagrams(datagrams) => datagrams.text.sensor(),
             Kind::Undecided(..) | Kind::Records { .. } => None,
         }
     }
@@ -114,8 +133,7 @@ impl<R: BufRead> LiveEvents<R> {
         let read = input.by_ref().take(TELLING as u64).read_to_end(&mut first);
         read.map_err(|source| failed(0, source))?;
         // A binary recording is refused by its name, as by a reader of text.
-        let are_records =
-            first.iter().any(|byte| matches!(byte, 0 | 0xff)) && format::Kind::of(&first).is_none();
+        let are_records = tells_records(&first) && format::Kind::of(&first).is_none();
         let input = Cursor::new(first).chain(input);
         Ok(Self(if are_records {
             Kind::Records { input, read: Some(0) }
@@ -138,6 +156,7 @@ impl<R: BufRead> Iterator for LiveEvents<R> {
         match &mut self.0 {
             Kind::Undecided(..) => None,
             Kind::Text(text) => text.next(),
+            Kind::Datagrams(datagrams) => datagrams.next(),
             Kind::Records { input, read } => {
                 let number = read.take()?;
                 let found = next_record(input, number).transpose()?;
@@ -158,15 +177,18 @@ fn next_record(input: &mut impl Read, number: u64) -> Result<Option<Event>, IoEr
     if bytes.is_empty() {
         return Ok(None);
     }
-    let record: [u8; RECORD_BYTES] = bytes.try_into().map_err(|bytes: Vec<u8>| IoError::Truncated {
-        format: NAME,
-        what: "the last record",
-        place: Place::Byte(at),
-        expected: RECORD_BYTES as u64,
-        actual: bytes.len() as u64,
-        at_least: false,
-    })?;
-    let malformed = || {
+    let record: [u8; RECORD_BYTES] = bytes.try_into().map_err(|bytes: Vec<u8>| cut(at, bytes.len()))?;
+    decoded(record, at).map(Some)
+}
+
+/// Whether the first bytes of an input are those of records.
+fn tells_records(bytes: &[u8]) -> bool {
+    bytes.iter().take(TELLING).any(|byte| matches!(byte, 0 | 0xff))
+}
+
+/// The event of the record at byte `at`.
+fn decoded(record: [u8; RECORD_BYTES], at: u64) -> Result<Event, IoError> {
+    event_of(record).ok_or_else(|| {
         let [.., a, b, c] = record;
         IoError::Malformed {
             format: NAME,
@@ -175,8 +197,115 @@ fn next_record(input: &mut impl Read, number: u64) -> Result<Option<Event>, IoEr
             expected: "0, 0, 0".to_owned(),
             actual: format!("{a}, {b}, {c}"),
         }
-    };
-    event_of(record).map(Some).ok_or_else(malformed)
+    })
+}
+
+/// The error of a record of `length` bytes at byte `at`.
+fn cut(at: u64, length: usize) -> IoError {
+    IoError::Truncated {
+        format: NAME,
+        what: "the last record",
+        place: Place::Byte(at),
+        expected: RECORD_BYTES as u64,
+        actual: length as u64,
+        at_least: false,
+    }
+}
+
+/// Events of datagrams.
+#[derive(Debug)]
+struct Datagrams<R> {
+    input: R,
+    options: TextOptions,
+    /// What the text says; its lines are those of the newest datagram.
+    text: CsvEvents<Cursor<Vec<u8>>>,
+    /// Whether an event of a text has come: its layout is not changed by what comes later.
+    begun: bool,
+    format: &'static str,
+    /// Datagrams so far.
+    number: u64,
+    /// What the newest datagrams were.
+    ready: VecDeque<Result<Event, IoError>>,
+}
+
+impl<R: BufRead> Datagrams<R> {
+    fn new(input: R, options: TextOptions) -> Self {
+        let text = CsvEvents::with_options(Cursor::default(), options);
+        let (begun, format, number, ready) = (false, UNDECIDED, 0, VecDeque::new());
+        Self { input, options, text, begun, format, number, ready }
+    }
+
+    fn next(&mut self) -> Option<Result<Event, IoError>> {
+        loop {
+            if let Some(ready) = self.ready.pop_front() {
+                return Some(ready);
+            }
+            let datagram = match self.input.fill_buf() {
+                Ok([]) => return None,
+                Ok(datagram) => datagram.to_vec(),
+                Err(source) => return Some(Err(failed(0, source))),
+            };
+            self.input.consume(datagram.len());
+            self.number += 1;
+            if tells_records(&datagram) {
+                self.take_records(&datagram);
+            } else {
+                self.take_lines(&datagram);
+            }
+        }
+    }
+
+    fn take_records(&mut self, datagram: &[u8]) {
+        let (records, rest) = datagram.as_chunks::<RECORD_BYTES>();
+        if !rest.is_empty() {
+            // Nobody knows where the bytes are that are missing or too many.
+            let at = (datagram.len() - rest.len()) as u64;
+            return self.put(Err(cut(at, rest.len())), NAME);
+        }
+        for (record, i) in records.iter().zip(0..) {
+            self.put(decoded(*record, i * RECORD_BYTES as u64), NAME);
+        }
+    }
+
+    fn take_lines(&mut self, datagram: &[u8]) {
+        let (mut lines, mut refused) = (Vec::with_capacity(datagram.len()), false);
+        for (line, number) in datagram.split_inclusive(|&byte| byte == b'\n').zip(1..) {
+            let (limit, actual) = (LINE_BYTES, line.len() as u64);
+            if actual > limit {
+                let (format, what, place, unit) = (Format::Csv.name(), "line", Place::Line(number), "bytes");
+                let at_least = false;
+                let large = IoError::TooLarge { format, what, place, unit, limit, actual, at_least };
+                self.put(Err(large), format);
+                refused = true;
+                // Its number stays.
+                lines.push(b'\n');
+            } else {
+                lines.extend_from_slice(line);
+            }
+        }
+        self.text.go_on(Cursor::new(lines));
+        while let Some(event) = self.text.next() {
+            self.begun |= event.is_ok();
+            if event.is_err() {
+                refused = true;
+                self.text.pass_over();
+            }
+            self.put(event, Format::Csv.name());
+        }
+        if refused && !self.begun {
+            // It may have been no text of events at all.
+            self.text = CsvEvents::with_options(Cursor::default(), self.options);
+        }
+    }
+
+    /// Adds what the newest datagram has, in `format`.
+    fn put(&mut self, found: Result<Event, IoError>, format: &'static str) {
+        if found.is_ok() && self.format == UNDECIDED {
+            self.format = format;
+        }
+        let number = self.number;
+        self.ready.push_back(found.map_err(|source| IoError::Datagram { number, source: Box::new(source) }));
+    }
 }
 
 fn failed(at: u64, source: std::io::Error) -> IoError {

@@ -3,8 +3,7 @@
 //! The chunks are checked before decoding, so that a missing byte is an error with the position of its chunk, and no image is
 //! allocated that is larger than the compressed bytes can give.
 
-use std::fs;
-use std::io::Cursor;
+use std::io::{Cursor, Write};
 use std::path::Path;
 
 use png::{BitDepth, ColorType, Decoder, Encoder, Transformations};
@@ -12,6 +11,7 @@ use png::{BitDepth, ColorType, Decoder, Encoder, Transformations};
 use super::image::{Image, pixels, sample, to_8_bits};
 use crate::bytes::{Bytes, array};
 use crate::error::IoError;
+use crate::files::write_file;
 
 /// Bytes before the first chunk.
 const SIGNATURE: usize = 8;
@@ -123,7 +123,8 @@ pub fn encode_png(width: usize, height: usize, rgb: &[u8]) -> Result<Vec<u8>, Io
 /// Writes interleaved RGB to the file at `path` as an 8-bit PNG; O(pixels).
 ///
 /// # Errors
-/// Those of [`encode_png`], and [`IoError::File`] where the file cannot be written.
+/// Those of [`encode_png`] and [`write_file`].
 pub fn write_png(path: &Path, width: usize, height: usize, rgb: &[u8]) -> Result<(), IoError> {
-    fs::write(path, encode_png(width, height, rgb)?).map_err(IoError::file("write", path))
+    let bytes = encode_png(width, height, rgb)?;
+    write_file(path, |out| out.write_all(&bytes))
 }
