@@ -1,19 +1,31 @@
-//! The signals that ask the program to end: SIGINT (Ctrl-C) and SIGTERM.
+//! The signals that ask the program to end: SIGINT (Ctrl-C), SIGTERM, and SIGHUP (its terminal is gone) unless that is ignored
+//! from the start, as by `nohup`.
 //!
-//! At first, either signal ends the program at once with exit status [`STATUS`]. A subcommand that works on a stream
+//! At first, each signal ends the program at once with exit status [`STATUS`]. A subcommand that works on a stream
 //! calls [`listen`] as soon as it has results to keep. From then on the first signal is a request: [`requested`]
-//! returns true, and every wait in [`sleep`], for [`input`] or for an [`awaited`] file ends. The second signal ends the
-//! program at once.
+//! returns true, and every wait in [`sleep`], for [`input`], for an [`awaited`] file or for the reader of an [`output`] ends. The
+//! second signal ends the program at once or, where something is to be written that must not be lost ([`hold`]), as soon as it
+//! is. The third ends it at once.
 //!
 //! On platforms other than Unix, nothing is requested, and signals have their default effect.
 
 /// Exit status of a program that was ended by a signal.
 pub const STATUS: u8 = 130;
 
-#[cfg(not(unix))]
-pub use other::{Input, awaited, client, datagrams, input, install, listen, received, requested, sleep};
 #[cfg(unix)]
-pub use unix::{Input, awaited, client, datagrams, input, install, listen, received, requested, sleep};
+mod output;
+
+#[cfg(not(unix))]
+pub use other::{
+    Hold, Input, Output, awaited, client, datagrams, hold, input, install, listen, output, received,
+    requested, sleep,
+};
+#[cfg(unix)]
+pub use output::{Output, output};
+#[cfg(unix)]
+pub use unix::{
+    Hold, Input, awaited, client, datagrams, hold, input, install, listen, received, requested, sleep,
+};
 
 #[cfg(unix)]
 mod unix {
@@ -23,26 +35,39 @@ mod unix {
     use std::os::fd::{AsFd, OwnedFd};
     use std::os::unix::net::UnixStream;
     use std::sync::atomic::{AtomicBool, Ordering};
-    use std::sync::{Arc, OnceLock};
+    use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError, TryLockError};
+    use std::thread;
     use std::time::Duration;
 
     use rustix::event::{PollFd, PollFlags, Timespec, poll};
     use rustix::io::Errno;
-    use signal_hook::consts::{SIGINT, SIGTERM};
+    use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
     use signal_hook::{flag, low_level};
 
     use super::STATUS;
 
     static SIGNALS: OnceLock<Signals> = OnceLock::new();
 
+    /// Locked while something must not be lost.
+    static HELD: Mutex<()> = Mutex::new(());
+
+    /// Time between two looks at what holds the end of the program.
+    const NAP: Timespec = Timespec { tv_sec: 0, tv_nsec: 10_000_000 };
+
     struct Signals {
-        /// Whether a signal ends the program at once: before [`listen`], and again after the first signal that follows
-        /// it.
+        /// Whether a signal ends the program at once: before [`listen`].
         at_once: Arc<AtomicBool>,
-        listens: AtomicBool,
+        /// Whether a signal came.
+        asked: Arc<AtomicBool>,
         /// Readable from the first signal on, because it is never read.
         woken: UnixStream,
+        /// A byte for each signal, for the thread that counts them.
+        counted: Mutex<Option<UnixStream>>,
     }
+
+    /// Something is to be written that must not be lost: see [`hold`].
+    #[derive(Debug)]
+    pub struct Hold(#[expect(dead_code, reason = "it is held")] MutexGuard<'static, ()>);
 
     /// Standard input. A request ends it with an error.
     pub type Input = BufReader<Awaited>;
@@ -54,34 +79,66 @@ mod unix {
     /// Makes signals end the program with [`STATUS`]. If that fails, they keep their default effect.
     pub fn install() {
         let signals = || {
-            let at_once = Arc::new(AtomicBool::new(true));
-            let (woken, wake) = UnixStream::pair()?;
-            for signal in [SIGINT, SIGTERM] {
-                // In this order: the first signal sees the flag before it is set.
+            let (at_once, asked) = (Arc::new(AtomicBool::new(true)), Arc::new(AtomicBool::new(false)));
+            let ((woken, wake), (counted, count)) = (UnixStream::pair()?, UnixStream::pair()?);
+            for signal in [SIGINT, SIGTERM, SIGHUP] {
+                if signal == SIGHUP && is_ignored(SIGHUP) {
+                    continue;
+                }
                 flag::register_conditional_shutdown(signal, STATUS.into(), Arc::clone(&at_once))?;
-                flag::register(signal, Arc::clone(&at_once))?;
+                flag::register(signal, Arc::clone(&asked))?;
                 low_level::pipe::register(signal, wake.try_clone()?)?;
+                low_level::pipe::register(signal, count.try_clone()?)?;
             }
-            Ok::<_, io::Error>(Signals { at_once, listens: AtomicBool::new(false), woken })
+            Ok::<_, io::Error>(Signals { at_once, asked, woken, counted: Mutex::new(Some(counted)) })
         };
         if let Ok(signals) = signals() {
             let _ = SIGNALS.set(signals);
         }
     }
 
-    /// Makes the first signal from now on a request.
+    /// Whether the process was started with `signal` ignored; false where the system does not say.
+    fn is_ignored(signal: i32) -> bool {
+        let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
+        let ignored = status.lines().find_map(|line| line.strip_prefix("SigIgn:"));
+        let ignored = ignored.and_then(|mask| u64::from_str_radix(mask.trim(), 16).ok());
+        ignored.is_some_and(|mask| mask >> (signal - 1) & 1 == 1)
+    }
+
+    /// Makes the first signal from now on a request. If that fails, the first signal still ends the program at once.
     pub fn listen() {
-        if let Some(signals) = SIGNALS.get() {
+        let Some(signals) = SIGNALS.get() else { return };
+        let counted = signals.counted.lock().unwrap_or_else(PoisonError::into_inner).take();
+        if let Some(counted) = counted
+            && thread::Builder::new().name("signals".to_owned()).spawn(|| count(counted)).is_ok()
+        {
             signals.at_once.store(false, Ordering::SeqCst);
-            signals.listens.store(true, Ordering::SeqCst);
         }
+    }
+
+    /// Ends the program at the second signal once nothing is [held](hold), and at the third at once.
+    fn count(mut signals: UnixStream) {
+        let mut two = [0; 2];
+        if signals.read_exact(&mut two).is_err() {
+            return;
+        }
+        while let Err(TryLockError::WouldBlock) = HELD.try_lock() {
+            let third = poll(&mut [PollFd::new(&signals, PollFlags::IN)], Some(&NAP));
+            if third.is_ok_and(|ready| ready > 0) {
+                break;
+            }
+        }
+        low_level::exit(STATUS.into());
+    }
+
+    /// Lets the second signal wait until the result is dropped. A thread that holds does not call this again.
+    pub fn hold() -> Hold {
+        Hold(HELD.lock().unwrap_or_else(PoisonError::into_inner))
     }
 
     /// Whether a signal has asked the program to end.
     pub fn requested() -> bool {
-        SIGNALS.get().is_some_and(|signals| {
-            signals.listens.load(Ordering::Relaxed) && signals.at_once.load(Ordering::Relaxed)
-        })
+        SIGNALS.get().is_some_and(|signals| signals.asked.load(Ordering::Relaxed))
     }
 
     /// Waits for `time`, or until the program is asked to end.
@@ -141,17 +198,31 @@ mod unix {
 
     /// Waits for something to read from `file`, the end or an error.
     fn wait(file: &impl AsFd) -> io::Result<()> {
-        let Some(signals) = SIGNALS.get() else { return Ok(()) };
+        if SIGNALS.get().is_none() || (!requested() && is_ready(file, PollFlags::IN, None)?) {
+            return Ok(());
+        }
+        // Not of the kind `Interrupted`: readers would try again after it.
+        Err(io::Error::other("interrupted"))
+    }
+
+    /// Waits until `file` is ready for `what` or has failed: for `longest`, or until a signal asks the program to end. Whether it
+    /// is ready.
+    pub(super) fn is_ready(file: &impl AsFd, what: PollFlags, longest: Option<Duration>) -> io::Result<bool> {
+        let longest = longest.and_then(|longest| Timespec::try_from(longest).ok());
+        // A wait that has an end goes on after a request.
+        let woken = SIGNALS.get().map(|signals| &signals.woken).filter(|_| longest.is_none());
         loop {
-            if requested() {
-                // Not of the kind `Interrupted`: readers would try again after it.
-                return Err(io::Error::other("interrupted"));
-            }
-            let mut awaited = [PollFd::new(file, PollFlags::IN), PollFd::new(&signals.woken, PollFlags::IN)];
-            match poll(&mut awaited, None) {
+            let file = PollFd::new(file, what);
+            let mut awaited = match woken {
+                Some(woken) => [file, PollFd::new(woken, PollFlags::IN)],
+                None => [file.clone(), file],
+            };
+            let number = if woken.is_some() { 2 } else { 1 };
+            match poll(&mut awaited[..number], longest.as_ref()) {
                 Err(Errno::INTR) => {}
                 Err(error) => return Err(error.into()),
-                Ok(_) if !awaited[0].revents().is_empty() => return Ok(()),
+                Ok(_) if !awaited[0].revents().is_empty() => return Ok(true),
+                Ok(_) if longest.is_some() || requested() => return Ok(false),
                 Ok(_) => {}
             }
         }
@@ -161,12 +232,29 @@ mod unix {
 #[cfg(not(unix))]
 mod other {
     use std::fs::File;
-    use std::io::{self, BufReader, Read, stdin};
+    use std::io::{self, BufReader, Read, Write, stdin};
     use std::net::{TcpListener, TcpStream, UdpSocket};
     use std::time::Duration;
 
     /// Standard input or a socket.
     pub type Input = BufReader<Box<dyn Read + Send>>;
+
+    /// Standard output, standard error or a connection.
+    pub type Output<F> = F;
+
+    /// Nothing is held.
+    #[derive(Debug)]
+    pub struct Hold(());
+
+    /// Does nothing.
+    pub fn hold() -> Hold {
+        Hold(())
+    }
+
+    /// `file`.
+    pub fn output<F: Write>(file: F) -> Output<F> {
+        file
+    }
 
     /// Does nothing.
     pub fn install() {}

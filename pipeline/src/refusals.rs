@@ -3,8 +3,11 @@
 //! Enters: the problem of each line. Leaves: a warning for each of the first [`LINES_TOLD`] lines, the total number,
 //! and an error if a line cannot be skipped: any line of a strict source, or most lines of a text.
 
+use std::path::Path;
+
 use crate::error::PipelineError;
 use crate::losses::LINES_TOLD;
+use crate::streams;
 use crate::text::grouped;
 
 /// Number of first lines of which more than half may not be refused. Otherwise the text probably has a different
@@ -17,6 +20,8 @@ pub(crate) struct Refusals {
     /// Name of the text, for messages.
     name: String,
     strict: bool,
+    /// Whether anybody can send lines: most of them may be refused.
+    of_anybody: bool,
     taken: u64,
     count: u64,
     /// Problems of the first lines until one is taken. Before that, the text may have a different format.
@@ -28,7 +33,14 @@ pub(crate) struct Refusals {
 impl Refusals {
     /// Counts for the text called `name`. With `strict`, the first refused line is an error.
     pub(crate) fn new(name: &str, strict: bool) -> Self {
-        Self { name: name.to_owned(), strict, taken: 0, count: 0, held: Vec::new(), first: String::new() }
+        let (name, held, first) = (name.to_owned(), Vec::new(), String::new());
+        Self { name, strict, of_anybody: false, taken: 0, count: 0, held, first }
+    }
+
+    /// Counts for the file or stream `path`. Datagrams may be from anybody: any number of them may be refused.
+    pub(crate) fn of(path: &Path, strict: bool) -> Self {
+        let of_anybody = streams::is_of_datagrams(path);
+        Self { of_anybody, ..Self::new(&streams::name(path), strict) }
     }
 
     /// The name of the text.
@@ -74,11 +86,11 @@ impl Refusals {
             _ => None,
         };
         match problem {
-            Some(problem) if self.taken == 0 => self.held.push(problem),
+            Some(problem) if self.taken == 0 && !self.of_anybody => self.held.push(problem),
             Some(problem) => self.warn(&problem),
             None => {}
         }
-        if 2 * self.count > FIRST && self.taken + self.count <= FIRST {
+        if !self.of_anybody && 2 * self.count > FIRST && self.taken + self.count <= FIRST {
             Err(self.most(FIRST))
         } else {
             Ok(())
@@ -91,7 +103,11 @@ impl Refusals {
     /// Most lines were refused.
     pub(crate) fn end(&self) -> Result<(), PipelineError> {
         let lines = self.taken + self.count;
-        if self.count > self.taken && lines < FIRST { Err(self.most(lines)) } else { Ok(()) }
+        if !self.of_anybody && self.count > self.taken && lines < FIRST {
+            Err(self.most(lines))
+        } else {
+            Ok(())
+        }
     }
 
     fn warn(&self, problem: &str) {

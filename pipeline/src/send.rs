@@ -67,14 +67,16 @@ pub fn send(
     }
     let started = Instant::now();
     let clock = Clock::new(started, events.first().map_or(0, |event| event.t_us), options.speed);
-    let (mut rest, mut lag) = (events, Duration::ZERO);
+    let (mut rest, mut lag, mut number) = (events, Duration::ZERO, 0);
     while !rest.is_empty() && !interrupt::requested() {
         let now = Instant::now();
         let now_us = clock.stream_us(now);
         let due = rest.iter().take_while(|event| event.t_us <= now_us).count();
         let (sent, later) = rest.split_at(due);
         rest = later;
-        for &event in sent {
+        // A receiver that was slow has many events due.
+        for &event in sent.iter().take_while(|_| !interrupt::requested()) {
+            number += 1;
             let Event { t_us, x, y, on } = event;
             let written = if options.records {
                 out.put_bytes(&record(event))
@@ -91,9 +93,8 @@ pub fn send(
         interrupt::sleep(next.saturating_duration_since(Instant::now()).max(NAP));
     }
     let bytes = out.end().map_err(failed)?;
-    let events = (events.len() - rest.len()) as u64;
     let (lag_us, seconds) = (latency::microseconds(lag), started.elapsed().as_secs_f64());
-    Ok(SendSummary { events, bytes, lag_us, seconds })
+    Ok(SendSummary { events: number, bytes, lag_us, seconds })
 }
 
 /// Bytes on their way, in pieces that end where a line or a record does.

@@ -1,9 +1,15 @@
 //! Sources of events: a file, a stream on which they arrive, or the embedded recording.
+//!
+//! Invariant: what is no regular file, such as a pipe, is opened and read once. What was read is held until the recording is
+//! decoded, and a text with bad lines is gone over again from there.
 
+use std::borrow::Cow;
 use std::path::Path;
 
 use meissner_engine::{Event, EventCounters, Sensor};
-use meissner_io::{CsvEvents, Format, IoError, LiveEvents, Place, ReadOptions, Recording, TimeRange};
+use meissner_io::{
+    CsvEvents, Format, HeldContent, IoError, LiveEvents, Place, ReadOptions, Recording, TimeRange,
+};
 
 use crate::error::{PipelineError, chain};
 use crate::interrupt;
@@ -59,28 +65,79 @@ pub fn read(path: &Path, options: &ReadOptions) -> Result<Recording, PipelineErr
         let events = events.map_err(|e| PipelineError::recording(&streams::name(path), e))?;
         return Ok(text(arriving.sensor(), events, options.range));
     }
-    let recording =
-        meissner_io::read_with(path, *options).map_err(|source| refused(path, options, source))?;
-    if let Some(salvaged) = Salvaged::of(&recording) {
-        tracing::warn!("{}: salvaged: {salvaged}", path.display());
-    }
-    Ok(recording)
+    InFile::open(path, options)?.read(options)
 }
 
-/// The error for the failed read `source` of the file at `path`, with the part that can be salvaged.
-fn refused(path: &Path, options: &ReadOptions, source: IoError) -> PipelineError {
-    use IoError::{Malformed, Truncated};
-    let name = path.display().to_string();
-    let may_be_cut = matches!(source, Truncated { .. } | Malformed { place: Place::Line(_), .. });
-    if may_be_cut
-        && !options.salvage
-        && let Ok(recording) = meissner_io::read_with(path, options.salvage(true))
-        && let Some(salvaged) = Salvaged::of(&recording)
-    {
-        let (source, salvaged) = (Box::new(source), Some(Box::new(salvaged)));
-        return PipelineError::Recording { recording: name.into(), source, salvaged };
+/// What is at a path.
+struct InFile<'a> {
+    path: &'a Path,
+    /// The content of what can be read only once.
+    held: Option<HeldContent>,
+}
+
+impl<'a> InFile<'a> {
+    fn open(path: &'a Path, options: &ReadOptions) -> Result<Self, PipelineError> {
+        let once = !path.is_file() && !path.is_dir();
+        let held = once.then(|| HeldContent::read(path, options.salvage)).transpose();
+        Ok(Self {
+            path,
+            held: held.map_err(|source| PipelineError::recording(&path.display().to_string(), source))?,
+        })
     }
-    PipelineError::recording(&name, source)
+
+    fn decode(&self, options: ReadOptions) -> Result<Recording, IoError> {
+        match &self.held {
+            Some(content) => content.decode(options),
+            None => meissner_io::read_with(self.path, options),
+        }
+    }
+
+    fn content(&self) -> Result<Cow<'_, [u8]>, IoError> {
+        match &self.held {
+            Some(content) => Ok(content.bytes().into()),
+            None => meissner_io::read_content(self.path).map(Cow::Owned),
+        }
+    }
+
+    fn read(&self, options: &ReadOptions) -> Result<Recording, PipelineError> {
+        let recording = self.decode(*options).map_err(|source| self.refused(options, source))?;
+        if let Some(salvaged) = Salvaged::of(&recording) {
+            tracing::warn!("{}: salvaged: {salvaged}", self.path.display());
+        }
+        Ok(recording)
+    }
+
+    /// The error for the failed read `source`, with the part that can be salvaged.
+    fn refused(&self, options: &ReadOptions, source: IoError) -> PipelineError {
+        use IoError::{Malformed, Truncated};
+        let name = self.path.display().to_string();
+        let may_be_cut = matches!(source, Truncated { .. } | Malformed { place: Place::Line(_), .. });
+        if may_be_cut
+            && !options.salvage
+            && let Ok(recording) = self.decode(options.salvage(true))
+            && let Some(salvaged) = Salvaged::of(&recording)
+        {
+            let (source, salvaged) = (Box::new(source), Some(Box::new(salvaged)));
+            return PipelineError::Recording { recording: name.into(), source, salvaged };
+        }
+        PipelineError::recording(&name, source)
+    }
+
+    /// The recording in a text, without the lines that are not events.
+    fn passing_over(
+        &self,
+        options: &ReadOptions,
+        refusals: &mut Refusals,
+    ) -> Result<Recording, PipelineError> {
+        let refused = |error| PipelineError::recording(&self.path.display().to_string(), error);
+        let bytes = self.content().map_err(refused)?;
+        let mut lines = CsvEvents::of_text(&bytes, options.text).map_err(refused)?;
+        let mut events = Vec::new();
+        while let Some(event) = next(&mut lines, refusals) {
+            events.push(event?);
+        }
+        Ok(text(lines.sensor(), events, options.range))
+    }
 }
 
 /// The embedded recording.
@@ -90,7 +147,12 @@ pub(crate) fn embedded() -> Result<Recording, PipelineError> {
 
 /// The events that arrive on the stream `path`.
 fn arriving(path: &Path, options: &ReadOptions) -> Result<LiveEvents<interrupt::Input>, PipelineError> {
-    Ok(LiveEvents::new(streams::open(path)?, options.text))
+    let input = streams::open(path)?;
+    Ok(if streams::is_of_datagrams(path) {
+        LiveEvents::of_datagrams(input, options.text)
+    } else {
+        LiveEvents::new(input, options.text)
+    })
 }
 
 impl Source {
@@ -114,7 +176,7 @@ impl Source {
                 Ok(Self::of(recording, Refusals::new(EMBEDDED_NAME, strict)))
             }
             Some(path) if streams::is_live(path) => {
-                let mut refusals = Refusals::new(&streams::name(path), strict);
+                let mut refusals = Refusals::of(path, strict);
                 let mut arriving = arriving(path, options)?;
                 let first =
                     if sensor_known { None } else { next(&mut arriving, &mut refusals).transpose()? };
@@ -124,10 +186,11 @@ impl Source {
                 Ok(Self { range, ..Self::new(format, sensor, events, refusals) })
             }
             Some(path) => {
-                let mut refusals = Refusals::new(&path.display().to_string(), strict);
-                let recording = match read(path, options) {
+                let mut refusals = Refusals::of(path, strict);
+                let file = InFile::open(path, options)?;
+                let recording = match file.read(options) {
                     Err(error) if !strict && !options.salvage && is_of_a_line(&error) => {
-                        passing_over(path, options, &mut refusals)?
+                        file.passing_over(options, &mut refusals)?
                     }
                     read => read?,
                 };
@@ -278,26 +341,15 @@ fn is_of_a_line(error: &PipelineError) -> bool {
     matches!(error, PipelineError::Recording { source, .. } if is_about_a_line(source))
 }
 
-/// Whether `error` is about one line of a text.
+/// Whether `error` is about one line of a text, or about a part of a datagram.
 fn is_about_a_line(error: &IoError) -> bool {
-    use IoError::{Malformed, OutsideSensor};
-    matches!(error, Malformed { place: Place::Line(_), .. } | OutsideSensor { place: Place::Line(_), .. })
-}
-
-/// The recording in the text at `path`, without the lines that are not events.
-fn passing_over(
-    path: &Path,
-    options: &ReadOptions,
-    refusals: &mut Refusals,
-) -> Result<Recording, PipelineError> {
-    let bytes = meissner_io::read_content(path).map_err(|e| PipelineError::recording(refusals.name(), e))?;
-    let lines = CsvEvents::of_text(&bytes, options.text);
-    let mut lines = lines.map_err(|e| PipelineError::recording(refusals.name(), e))?;
-    let mut events = Vec::new();
-    while let Some(event) = next(&mut lines, refusals) {
-        events.push(event?);
-    }
-    Ok(text(lines.sensor(), events, options.range))
+    use IoError::{Datagram, Malformed, OutsideSensor};
+    matches!(
+        error,
+        Datagram { .. }
+            | Malformed { place: Place::Line(_), .. }
+            | OutsideSensor { place: Place::Line(_), .. }
+    )
 }
 
 /// The recording of these events of a text, without those outside `range`.

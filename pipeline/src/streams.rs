@@ -7,14 +7,16 @@
 //! | `-` | standard input |
 //! | `tcp://HOST:PORT` | a connection to a server |
 //! | `tcp-listen://HOST:PORT` | the first connection of a client |
-//! | `udp://HOST:PORT` | datagrams to this address, each of whole lines or records; an empty one ends the stream |
+//! | `udp://HOST:PORT` | datagrams to this address, each of whole lines or records; an empty one ends the stream. What is not whole is refused and counted, and the stream goes on |
 //!
 //! Back-pressure: what is not read yet waits in the operating system's buffers. A writer to standard input or over TCP then waits; over UDP,
 //! datagrams are lost, and nobody can count them.
 
-use std::io::{self, Write};
+use std::io::{self, BufRead, Read, Write};
 use std::net::{TcpStream, ToSocketAddrs, UdpSocket};
 use std::path::Path;
+
+use meissner_io::limits::LINE_BYTES;
 
 use crate::error::PipelineError;
 use crate::interrupt;
@@ -54,6 +56,11 @@ pub fn is_live(path: &Path) -> bool {
     stream(path).is_some()
 }
 
+/// Whether `path` names a stream of datagrams, each of which stands alone.
+pub(crate) fn is_of_datagrams(path: &Path) -> bool {
+    matches!(stream(path), Some(Stream::Datagrams(_)))
+}
+
 /// The name of the stream or file `path`, for messages.
 pub fn name(path: &Path) -> String {
     if is_stdin(path) { STDIN_NAME.to_owned() } else { path.display().to_string() }
@@ -74,6 +81,60 @@ pub(crate) fn open(path: &Path) -> Result<interrupt::Input, PipelineError> {
     opened.map_err(|source| PipelineError::file("open", name(path), source))
 }
 
+/// The lines of the stream that `path` names. A line ends with its datagram, and one that is too long is shortened, so that it is
+/// refused alone.
+///
+/// # Errors
+/// As [`open`].
+pub(crate) fn lines(path: &Path) -> Result<Box<dyn BufRead>, PipelineError> {
+    let input = open(path)?;
+    Ok(if is_of_datagrams(path) {
+        Box::new(DatagramLines { input, lines: Vec::new(), read: 0 })
+    } else {
+        Box::new(input)
+    })
+}
+
+/// The lines of datagrams.
+struct DatagramLines<R> {
+    input: R,
+    /// The lines of the newest datagram, each with its end.
+    lines: Vec<u8>,
+    /// The number of bytes of them that were read.
+    read: usize,
+}
+
+impl<R: BufRead> BufRead for DatagramLines<R> {
+    fn fill_buf(&mut self) -> io::Result<&[u8]> {
+        if self.read == self.lines.len() {
+            let datagram = self.input.fill_buf()?;
+            self.lines.clear();
+            self.read = 0;
+            for line in datagram.split_inclusive(|&byte| byte == b'\n') {
+                let line = line.strip_suffix(b"\n").unwrap_or(line);
+                let is_long = line.len() as u64 >= LINE_BYTES;
+                self.lines.extend_from_slice(if is_long { b"a line that is too long" } else { line });
+                self.lines.push(b'\n');
+            }
+            let length = datagram.len();
+            self.input.consume(length);
+        }
+        Ok(&self.lines[self.read..])
+    }
+
+    fn consume(&mut self, bytes: usize) {
+        self.read += bytes;
+    }
+}
+
+impl<R: BufRead> Read for DatagramLines<R> {
+    fn read(&mut self, bytes: &mut [u8]) -> io::Result<usize> {
+        let read = self.fill_buf()?.read(bytes)?;
+        self.consume(read);
+        Ok(read)
+    }
+}
+
 /// The other end of a stream, for a program that sends.
 pub(crate) enum Receiver {
     /// Takes bytes in order, and lets the sender wait.
@@ -89,12 +150,12 @@ pub(crate) enum Receiver {
 pub(crate) fn receiver(path: &Path) -> Result<Receiver, PipelineError> {
     let opened = || -> io::Result<Receiver> {
         Ok(match stream(path) {
-            Some(Stream::Stdin) => Receiver::Bytes(Box::new(io::stdout())),
+            Some(Stream::Stdin) => Receiver::Bytes(Box::new(interrupt::output(io::stdout()))),
             Some(Stream::Connect(address)) => {
-                Receiver::Bytes(Box::new(without_delay(TcpStream::connect(address)?)?))
+                Receiver::Bytes(Box::new(interrupt::output(without_delay(TcpStream::connect(address)?)?)))
             }
             Some(Stream::Listen(address)) => {
-                Receiver::Bytes(Box::new(without_delay(interrupt::client(address)?)?))
+                Receiver::Bytes(Box::new(interrupt::output(without_delay(interrupt::client(address)?)?)))
             }
             Some(Stream::Datagrams(address)) => {
                 let to = address.to_socket_addrs()?.next().ok_or(io::ErrorKind::NotFound)?;
@@ -121,9 +182,29 @@ fn without_delay(stream: TcpStream) -> io::Result<TcpStream> {
 
 #[cfg(test)]
 mod tests {
+    use std::io::{BufReader, Read};
     use std::path::Path;
 
-    use super::{Stream, is_live, stream};
+    use super::{DatagramLines, Stream, is_live, stream};
+
+    #[test]
+    fn a_line_ends_with_its_datagram() {
+        /// A datagram at each read.
+        struct Datagrams(Vec<Vec<u8>>);
+
+        impl Read for Datagrams {
+            fn read(&mut self, bytes: &mut [u8]) -> std::io::Result<usize> {
+                if self.0.is_empty() { Ok(0) } else { self.0.remove(0).as_slice().read(bytes) }
+            }
+        }
+
+        let sent = ["1,2\n3", "4,5\n\n", &"6".repeat(5_000), "7"].map(|text| text.as_bytes().to_vec());
+        let input = BufReader::with_capacity(1 << 16, Datagrams(sent.to_vec()));
+        let mut text = String::new();
+        let mut lines = DatagramLines { input, lines: Vec::new(), read: 0 };
+        lines.read_to_string(&mut text).expect("it is text");
+        assert_eq!(text, "1,2\n3\n4,5\n\na line that is too long\n7\n");
+    }
 
     #[test]
     fn a_scheme_names_a_stream_and_anything_else_is_a_file() {

@@ -103,7 +103,7 @@ impl ElectrodeRun {
         let ElectrodeOptions { strict, limit, decisions: filter, advice } = options;
         let windows = Windows { predictor, classes, window, filter, values: Vec::new(), decisions: 0 };
         Ok(Self {
-            refusals: Refusals::new(&name, strict),
+            refusals: Refusals::of(path, strict),
             live,
             rows,
             next,
@@ -243,7 +243,7 @@ impl Windows {
 
 fn open(path: &Path) -> Result<Box<dyn BufRead>, PipelineError> {
     if streams::is_live(path) {
-        return Ok(Box::new(streams::open(path)?));
+        return streams::lines(path);
     }
     // A pipe is not read ahead: data that has been read cannot be read again.
     if (path.is_dir() || path.is_file())

@@ -196,7 +196,6 @@ impl Overlays {
         size: ImageSize,
         full_scale_n: Option<f32>,
     ) -> Result<Self, PipelineError> {
-        fs::create_dir_all(folder).map_err(|source| PipelineError::file("write", folder, source))?;
         let drawn = vec![0; size.pixels()? * 3];
         let overlays = Self { folder: folder.to_owned(), size, full_scale_n, drawn };
         let pictures: Vec<PathBuf> = paths.iter().filter_map(|path| path.canonicalize().ok()).collect();
@@ -232,6 +231,9 @@ impl Overlays {
         let overlay = Overlay::new(self.size, self.full_scale_n.unwrap_or(strongest))?;
         overlay.draw(picture, &mut self.drawn)?;
         let target = self.target(path);
+        // Not before there is something to put into it.
+        let made = fs::create_dir_all(&self.folder);
+        made.map_err(|source| PipelineError::file("write", &self.folder, source))?;
         write_png(&target, image.width, image.height, &self.drawn)?;
         Ok(target.display().to_string())
     }

@@ -71,6 +71,8 @@ impl<S: Steps> StreamRun<S> {
 
     /// Takes all events, or the events up to a [requested](interrupt::requested) end.
     pub fn run(mut self, observer: &mut dyn Observer) -> Ended {
+        // A second signal does not come between the first one and the state.
+        let held = self.saver.is_some().then(interrupt::hold);
         let mut watch = LossWatch::new(self.source.is_live());
         let mut result = Ok(());
         while result.is_ok() && self.steps.taken() < self.limit && !interrupt::requested() {
@@ -87,6 +89,7 @@ impl<S: Steps> StreamRun<S> {
         if ending.saves() {
             ending.then(self.save());
         }
+        drop(held);
         if ending.predicts() {
             ending.then(self.steps.finish(self.saver.is_some(), observer));
         }

@@ -1,0 +1,157 @@
+//! Output that is awaited as input is: a reader who does not read does not keep the program from ending.
+//!
+//! Enters: bytes for standard output, standard error or a connection. Leaves: the same bytes, in order. Until the program is asked
+//! to end, a write waits for the reader. From then on, what the reader does not take at once is kept, so that the stream can end
+//! with its state; it is sent when the output is dropped, as long as the reader takes something within each [`PATIENCE`].
+
+use std::fs::File;
+use std::io::{self, Write};
+use std::os::fd::AsFd;
+use std::os::unix::fs::FileTypeExt;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
+
+use rustix::event::PollFlags;
+use rustix::net::SendFlags;
+use rustix::pipe::PIPE_BUF;
+
+use super::unix::is_ready;
+
+/// Longest wait, after the end, for a reader who takes nothing.
+const PATIENCE: Duration = Duration::from_secs(1);
+
+/// Whether a reader took nothing for [`PATIENCE`]: nobody is waited for again.
+static GIVEN_UP: AtomicBool = AtomicBool::new(false);
+
+/// What an output is.
+#[derive(Clone, Copy, Debug)]
+enum Kind {
+    /// It takes everything at once.
+    File,
+    /// It says itself how much it takes.
+    Socket,
+    /// A pipe or a terminal. A pipe that takes something takes [`PIPE_BUF`] bytes; a longer write could wait.
+    Pipe,
+}
+
+/// Standard output, standard error or a connection. Its reader is waited for together with signals.
+#[derive(Debug)]
+pub struct Output<F: AsFd> {
+    file: F,
+    kind: Kind,
+    /// What was not taken when the program had been asked to end.
+    kept: Vec<u8>,
+}
+
+/// `file` as an output. Nothing else may be buffered in it.
+pub fn output<F: AsFd>(file: F) -> Output<F> {
+    let about = file.as_fd().try_clone_to_owned().and_then(|file| File::from(file).metadata());
+    let kind = match about.map(|about| about.file_type()) {
+        Ok(kind) if kind.is_file() => Kind::File,
+        Ok(kind) if kind.is_socket() => Kind::Socket,
+        _ => Kind::Pipe,
+    };
+    Output { file, kind, kept: Vec::new() }
+}
+
+impl<F: AsFd> Output<F> {
+    /// Writes some of `bytes` without a wait; `None`: nothing is taken now. `longest` is the wait before, see [`is_ready`].
+    fn put(&self, bytes: &[u8], longest: Option<Duration>) -> io::Result<Option<usize>> {
+        loop {
+            if !matches!(self.kind, Kind::File) && !is_ready(&self.file, PollFlags::OUT, longest)? {
+                return Ok(None);
+            }
+            let written = match self.kind {
+                Kind::File => rustix::io::write(&self.file, bytes),
+                Kind::Socket => {
+                    rustix::net::send(&self.file, bytes, SendFlags::DONTWAIT | SendFlags::NOSIGNAL)
+                }
+                Kind::Pipe => rustix::io::write(&self.file, &bytes[..bytes.len().min(PIPE_BUF)]),
+            };
+            match written.map_err(io::Error::from) {
+                Err(error) if error.kind() == io::ErrorKind::WouldBlock => {}
+                Err(error) if error.kind() == io::ErrorKind::Interrupted => {}
+                written => return written.map(Some),
+            }
+        }
+    }
+
+    /// Sends what was kept.
+    fn send_kept(&mut self) -> io::Result<()> {
+        let kept = std::mem::take(&mut self.kept);
+        let mut rest = &kept[..];
+        while !rest.is_empty() {
+            let patience = if GIVEN_UP.load(Ordering::Relaxed) { Duration::ZERO } else { PATIENCE };
+            let Some(sent) = self.put(rest, Some(patience))? else {
+                GIVEN_UP.store(true, Ordering::Relaxed);
+                return Err(io::Error::other(format!("nobody reads: {} bytes are left", rest.len())));
+            };
+            rest = &rest[sent..];
+        }
+        Ok(())
+    }
+}
+
+impl<F: AsFd> Write for Output<F> {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        if self.kept.is_empty()
+            && let Some(written) = self.put(bytes, None)?
+        {
+            return Ok(written);
+        }
+        self.kept.extend_from_slice(bytes);
+        Ok(bytes.len())
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        Ok(())
+    }
+}
+
+impl<F: AsFd> Drop for Output<F> {
+    fn drop(&mut self) {
+        if let Err(error) = self.send_kept() {
+            tracing::warn!("output after the signal: {error}");
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::io::{Read, Write, pipe};
+    use std::os::unix::net::UnixStream;
+    use std::thread;
+
+    use super::output;
+
+    #[test]
+    fn a_slow_reader_gets_every_byte_in_order_from_a_pipe_and_from_a_socket() {
+        let bytes: Vec<u8> = (0..300_000_u32).map(|i| (i % 251) as u8).collect();
+        let slow = |mut from: Box<dyn Read + Send>| {
+            thread::spawn(move || {
+                let (mut all, mut part) = (Vec::new(), [0; 5_000]);
+                while let Ok(read @ 1..) = from.read(&mut part) {
+                    all.extend_from_slice(&part[..read]);
+                    thread::yield_now();
+                }
+                all
+            })
+        };
+        let (reader, writer) = pipe().expect("there are pipes");
+        let read = slow(Box::new(reader));
+        output(writer).write_all(&bytes).expect("it is read");
+        assert!(read.join().expect("it reads") == bytes);
+        let (reader, writer) = UnixStream::pair().expect("there are sockets");
+        let read = slow(Box::new(reader));
+        output(writer).write_all(&bytes).expect("it is read");
+        assert!(read.join().expect("it reads") == bytes);
+    }
+
+    #[test]
+    fn a_reader_who_is_gone_is_an_error_and_a_closed_file_too() {
+        let (reader, writer) = pipe().expect("there are pipes");
+        drop(reader);
+        let error = output(writer).write_all(b"x").expect_err("nobody reads");
+        assert_eq!(error.kind(), std::io::ErrorKind::BrokenPipe);
+    }
+}
