@@ -30,14 +30,24 @@ pub(crate) const ELECTRODES: &str = "Electrodes";
 pub(crate) const APPROXIMATIONS: &str = "Approximations";
 pub(crate) const OUTPUT: &str = "Output";
 
+/// Whether a result may take the place of an existing file.
+#[derive(Clone, Copy, Debug, clap::Args)]
+pub(crate) struct Force {
+    /// Replace the file if it exists.
+    ///
+    /// Results of work are not replaced without this option. Reports, pictures and states are.
+    #[arg(long, short, help_heading = OUTPUT)]
+    pub(crate) force: bool,
+}
+
 /// The end of every help text.
 pub(crate) const STATUS: &str = "\
 Exit status:
   0    success, or the reader of the output closed the pipe
   1    bad input: a file that cannot be read or does not fit, or a broken promise
   2    bad usage: an unknown option, a wrong value, options that do not fit
-  130  a signal (SIGINT from Ctrl-C, or SIGTERM) ended the program
-  run, play, send and soak end their stream at the first signal, and write the summary and the state. The other subcommands end at once, and these four at the second signal. pareto --state keeps finished measurements.
+  130  a signal (SIGINT from Ctrl-C, SIGTERM or SIGHUP) ended the program
+  run, play, send and soak end their stream at the first signal, and write the summary and the state, also if nobody reads the output. The other subcommands end at once, and these four at the second signal, or when the state is written. pareto --state keeps finished measurements.
 
 Environment:
   MEISSNER_LOG  off, error, warn (the default), info, debug or trace: what is told on standard error

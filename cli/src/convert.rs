@@ -6,8 +6,9 @@ use std::path::{Path, PathBuf};
 use meissner_engine::{Event, Sensor};
 use meissner_io::{Format, IoError};
 
-use crate::args::{INPUT, OUTPUT, PartArgs, ReadArgs, STATUS, choice, sensor};
+use crate::args::{Force, INPUT, OUTPUT, PartArgs, ReadArgs, STATUS, choice, sensor};
 use crate::error::CliError;
+use crate::output;
 use crate::progress::Progress;
 use crate::tell::tell;
 use meissner_pipeline::PipelineError;
@@ -25,9 +26,8 @@ pub(crate) struct ConvertArgs {
     /// The file must not exist (see --force). Standard output needs --to.
     #[arg(value_name = "OUT")]
     output: PathBuf,
-    /// Replace OUT if it exists.
-    #[arg(long, short, help_heading = OUTPUT)]
-    force: bool,
+    #[command(flatten)]
+    force: Force,
     #[command(flatten)]
     read: ReadArgs,
     #[command(flatten)]
@@ -61,10 +61,8 @@ pub(crate) fn convert(args: &ConvertArgs) -> Result<(), CliError> {
     if !format.is_writable() {
         return Err(CliError::NotWritable(format!("{format} is read, not written")));
     }
-    // A path that is not a file, such as /dev/null, loses nothing when it is written to.
-    if !to_stdout && !args.force && args.output.is_file() {
-        let path = args.output.display().to_string();
-        return Err(CliError::usage(&path, "no such file", "one: --force replaces it"));
+    if !to_stdout {
+        output::check_result(&args.output, args.force)?;
     }
     let progress = Progress::busy(|| "converting".to_owned());
     let recording = args.read.read(&args.input, args.part.part())?;

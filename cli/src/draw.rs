@@ -1,13 +1,12 @@
 //! `meissner draw`: draws weights from a seed, so that a new description can run before it is trained.
 
-use std::fs::File;
-use std::io::Write;
 use std::path::PathBuf;
 
 use meissner_models::drawn_file;
 
-use crate::args::{MEASUREMENT, OUTPUT, STATUS};
+use crate::args::{Force, MEASUREMENT, OUTPUT, STATUS};
 use crate::error::CliError;
+use crate::output;
 use crate::tell::tell;
 use meissner_pipeline::model::describe_any;
 
@@ -27,21 +26,23 @@ pub(crate) struct DrawArgs {
     /// Seed; equal seeds give equal bytes on every machine.
     #[arg(long, value_name = "N", default_value_t = 1, help_heading = MEASUREMENT)]
     pub(crate) seed: u64,
-    /// File to write (safetensors); an existing file is not replaced.
+    /// File to write (safetensors).
     ///
     /// The metadata says that the weights are drawn. They are useful for measuring latency and testing equality, but
     /// the predictions are meaningless.
     #[arg(long, value_name = "FILE", help_heading = OUTPUT)]
     pub(crate) out: PathBuf,
+    #[command(flatten)]
+    pub(crate) force: Force,
 }
 
 /// Draws the weights and writes them.
 pub(crate) fn draw(args: &DrawArgs) -> Result<(), CliError> {
     let (description, _) = describe_any(&args.network)?;
     let bytes = drawn_file(&description, args.seed);
-    // Training may have taken hours, so an existing file is never overwritten.
-    let written = File::create_new(&args.out).and_then(|mut file| file.write_all(&bytes));
-    written.map_err(|source| CliError::write(&args.out, source))?;
+    // Training may have taken hours.
+    output::check_result(&args.out, args.force)?;
+    output::write(&args.out, bytes)?;
     let (name, out) = (description.name(), args.out.display());
     tell(format_args!("{out}: weights for {name} drawn from seed {}; nothing trained them", args.seed));
     Ok(())

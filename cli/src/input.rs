@@ -15,6 +15,7 @@ use meissner_pipeline::streams;
 
 use crate::args::{Input, ReadArgs, first_given};
 use crate::error::CliError;
+use crate::tell::tell;
 
 impl ReadArgs {
     /// This part of the recording in the file at `path`, or of all of standard input if it is `-`.
@@ -41,6 +42,14 @@ impl ReadArgs {
     ) -> Result<Source, CliError> {
         recording.map_or(Ok(()), |path| self.check(path))?;
         let options = self.options().range(part.range());
+        if let Some(path) =
+            recording.filter(|path| streams::is_live(path) && !streams::is_stdin(path) && !sensor_known)
+        {
+            tell(format_args!(
+                "note: {}: waits for the first event, before which a text may name the sensor; with --sensor WxH it begins at once",
+                streams::name(path)
+            ));
+        }
         let source = Source::open(recording, &options, sensor_known, strict)?;
         recording.map_or(Ok(()), |_| self.fits(&source.name, &source.format))?;
         Ok(source)

@@ -1,21 +1,22 @@
 //! Standard output, and files that the program writes.
 
-use std::fs::{self, OpenOptions};
-use std::io::{self, BufWriter, StdoutLock, Write, stdout};
+use std::io::{self, BufWriter, Stdout, Write, stdout};
 use std::path::{Path, PathBuf};
 
 use meissner_pipeline::streams::is_stdin;
+use meissner_pipeline::{PipelineError, interrupt};
 use serde::Serialize;
 
+use crate::args::Force;
 use crate::error::CliError;
 use crate::text::Folded;
 
-/// Standard output.
-pub(crate) type Out = Folded<BufWriter<StdoutLock<'static>>>;
+/// Standard output. A reader who does not read does not keep a signal from ending the program.
+pub(crate) type Out = Folded<BufWriter<interrupt::Output<Stdout>>>;
 
 /// Standard output, with long lines folded for people.
 pub(crate) fn out(json: bool) -> Out {
-    Folded::new(BufWriter::new(stdout().lock()), !json)
+    Folded::new(BufWriter::new(interrupt::output(stdout())), !json)
 }
 
 /// Writes `report` to standard output: as one line of JSON, or as `text`.
@@ -33,17 +34,19 @@ pub(crate) fn print(
     Ok(out.flush()?)
 }
 
-/// Checks before minutes of work that the file at `path` can be written. An existing file is left as it is, and none is
-/// created.
+/// Checks before minutes of work that the file at `path` can be written or replaced. Nothing is changed.
 pub(crate) fn check_writable(path: &Path) -> Result<(), CliError> {
-    let failed = |source| CliError::write(path, source);
-    match OpenOptions::new().create_new(true).append(true).open(path) {
-        Ok(_) => fs::remove_file(path).map_err(failed),
-        Err(error) if error.kind() == io::ErrorKind::AlreadyExists => {
-            OpenOptions::new().append(true).open(path).map(drop).map_err(failed)
-        }
-        Err(error) => Err(failed(error)),
+    meissner_io::check_writable(path).map_err(|error| PipelineError::File(error).into())
+}
+
+/// [`check_writable`] for the file of a result, which is not replaced unless `force` says so.
+pub(crate) fn check_result(path: &Path, force: Force) -> Result<(), CliError> {
+    // What is no file, such as /dev/null, loses nothing when it is written to.
+    if !force.force && path.is_file() {
+        let path = path.display().to_string();
+        return Err(CliError::usage(&path, "no such file", "one: --force replaces it"));
     }
+    check_writable(path)
 }
 
 /// [`check_writable`] for all of `paths` that are files.
@@ -71,7 +74,8 @@ pub(crate) fn json(report: &impl Serialize) -> Result<Vec<u8>, io::Error> {
     Ok(text)
 }
 
-/// Writes `content` to the file at `path`, which is replaced if it exists.
+/// Writes `content` to the file at `path`, which is replaced as a whole if it exists.
 pub(crate) fn write(path: &Path, content: impl AsRef<[u8]>) -> Result<(), CliError> {
-    fs::write(path, content).map_err(|source| CliError::write(path, source))
+    let written = meissner_io::write_file(path, |out| out.write_all(content.as_ref()));
+    written.map_err(|error| PipelineError::File(error).into())
 }

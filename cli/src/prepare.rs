@@ -1,7 +1,7 @@
 //! `meissner prepare`: inputs of networks with labels, in a file for training.
 
 use std::io::{Write, stdout};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::Subcommand;
 use meissner_evaluate::digits::Digits;
@@ -12,7 +12,7 @@ use meissner_evaluate::touch::{TouchContainers, TouchObjects};
 use meissner_io::datasets::NeutouchSet;
 use meissner_pipeline::model::{describe, describe_frames};
 
-use crate::args::{NETWORK, OUTPUT, STATUS};
+use crate::args::{Force, NETWORK, OUTPUT, STATUS};
 use crate::error::CliError;
 use crate::progress::Progress;
 use crate::tasks::TouchData;
@@ -69,9 +69,11 @@ struct SlipArgs {
     /// Its table `input` has the kind of the frames, the number of readings in a window, and their scaling.
     #[arg(long, value_name = "NETWORK", help_heading = NETWORK)]
     network: String,
-    /// File to write (safetensors); an existing file is replaced.
+    /// File to write (safetensors).
     #[arg(long, value_name = "FILE", help_heading = OUTPUT)]
     out: PathBuf,
+    #[command(flatten)]
+    force: Force,
 }
 
 /// Tensors of the file.
@@ -104,9 +106,11 @@ struct GraphsArgs {
     /// Name of a shipped network over events, or a description file (.toml).
     #[arg(long, value_name = "NETWORK", help_heading = NETWORK)]
     network: String,
-    /// File to write (safetensors); an existing file is replaced.
+    /// File to write (safetensors).
     #[arg(long, value_name = "FILE", help_heading = OUTPUT)]
     out: PathBuf,
+    #[command(flatten)]
+    force: Force,
 }
 
 /// Tensors of the input and of the output.
@@ -188,9 +192,11 @@ struct TouchArgs {
 /// A file of labelled events.
 #[derive(Debug, clap::Args)]
 struct LabelledArgs {
-    /// File to write (safetensors); an existing file is replaced.
+    /// File to write (safetensors).
     #[arg(long, value_name = "FILE", help_heading = OUTPUT)]
     out: PathBuf,
+    #[command(flatten)]
+    force: Force,
     /// Number of folds of the cross-validation.
     ///
     /// Every recording is held out by one fold, and each fold has about the same number of recordings of every class.
@@ -201,17 +207,19 @@ struct LabelledArgs {
 
 /// Writes the file that `args` select.
 pub(crate) fn prepare(args: &PrepareArgs) -> Result<(), CliError> {
+    let (out, force) = args.out();
+    output::check_result(out, force)?;
     let progress = Progress::busy(|| "preparing".to_owned());
-    let (out, notes, prepared) = match &args.input {
+    let (notes, prepared) = match &args.input {
         InputArgs::Graphs(args) => {
             let (description, _) = describe(&args.network)?;
-            (&args.out, Vec::new(), graphs(&args.events, &description, &threads::pool(None)?)?)
+            (Vec::new(), graphs(&args.events, &description, &threads::pool(None)?)?)
         }
         InputArgs::Slip(args) => {
             let (description, _) = describe_frames(&args.network)?;
             let data = SlipData::read(&args.data)?;
             let prepared = slip_windows(&data, &description)?;
-            (&args.out, data.notes, prepared)
+            (data.notes, prepared)
         }
         InputArgs::Digits(args) => args.labelled.prepared(Digits::read(&args.data)?)?,
         InputArgs::Touch(args) => {
@@ -230,10 +238,23 @@ pub(crate) fn prepare(args: &PrepareArgs) -> Result<(), CliError> {
     Ok(standard.flush()?)
 }
 
+impl PrepareArgs {
+    /// The file to write, and whether it may be replaced.
+    fn out(&self) -> (&Path, Force) {
+        match &self.input {
+            InputArgs::Graphs(args) => (&args.out, args.force),
+            InputArgs::Slip(args) => (&args.out, args.force),
+            InputArgs::Digits(DigitsArgs { labelled, .. }) | InputArgs::Touch(TouchArgs { labelled, .. }) => {
+                (&labelled.out, labelled.force)
+            }
+        }
+    }
+}
+
 impl LabelledArgs {
-    /// The events of `data` with labels, splits and folds: the file to write, notes, what it holds.
-    fn prepared(&self, data: EventData) -> Result<(&PathBuf, Vec<String>, Prepared), CliError> {
+    /// The events of `data` with labels, splits and folds: notes, and what the file holds.
+    fn prepared(&self, data: EventData) -> Result<(Vec<String>, Prepared), CliError> {
         let prepared = labelled_events(&data, self.folds as usize)?;
-        Ok((&self.out, data.notes, prepared))
+        Ok((data.notes, prepared))
     }
 }

@@ -100,7 +100,7 @@ impl Report {
             }
             Form::Json { live }
         } else {
-            let columns = Columns::new(table, card, inputs.len());
+            let columns = Columns::new(table, card, inputs.len(), total.is_some());
             header::header(&mut out, &inputs, card, &mode, frames)?;
             writeln!(out, "{}", columns.headings())?;
             out.flush()?;

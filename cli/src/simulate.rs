@@ -17,7 +17,7 @@ use meissner_pipeline::PipelineError;
 use meissner_pipeline::text::{grouped, span_us};
 use meissner_simulator::{CameraSettings, MarkerScene};
 
-use crate::args::{GelSensorArg, INPUT, MEASUREMENT, OUTPUT, STATUS, sensor};
+use crate::args::{Force, GelSensorArg, INPUT, MEASUREMENT, OUTPUT, STATUS, sensor};
 use crate::error::CliError;
 use crate::progress::Progress;
 use crate::{output, threads};
@@ -104,9 +104,11 @@ struct MarkersArgs {
     ground: f32,
     #[command(flatten)]
     camera: CameraArgs,
-    /// File to write (safetensors); it is replaced where it exists.
+    /// File to write (safetensors).
     #[arg(long, value_name = "FILE", help_heading = OUTPUT)]
     out: PathBuf,
+    #[command(flatten)]
+    force: Force,
 }
 
 /// `meissner simulate images`.
@@ -126,12 +128,14 @@ struct ImagesArgs {
     interval: i64,
     #[command(flatten)]
     camera: CameraArgs,
-    /// Recording to write; it is replaced where it exists.
+    /// Recording to write.
     ///
     /// The extensions are .csv, .npy, .dat, .evt3 and .raw (EVT3). A file that ends in .safetensors has the cause of each
     /// event too, for `eval filters`; `simulate markers --help` has its tensors.
     #[arg(long, value_name = "FILE", help_heading = OUTPUT)]
     out: PathBuf,
+    #[command(flatten)]
+    force: Force,
 }
 
 /// Tensors of the file.
@@ -156,9 +160,11 @@ struct DomeArgs {
     /// Seed of depths and durations.
     #[arg(long, value_name = "N", default_value_t = 0, help_heading = MEASUREMENT)]
     seed: u64,
-    /// File to write (safetensors); it is replaced where it exists.
+    /// File to write (safetensors).
     #[arg(long, value_name = "FILE", help_heading = OUTPUT)]
     out: PathBuf,
+    #[command(flatten)]
+    force: Force,
 }
 
 /// Tensors of the file.
@@ -200,9 +206,11 @@ struct GelArgs {
     /// Seed of everything that is drawn.
     #[arg(long, value_name = "N", default_value_t = 0, help_heading = MEASUREMENT)]
     seed: u64,
-    /// File to write (safetensors); it is replaced where it exists.
+    /// File to write (safetensors).
     #[arg(long, value_name = "FILE", help_heading = OUTPUT)]
     out: PathBuf,
+    #[command(flatten)]
+    force: Force,
 }
 
 #[derive(Clone, Copy, Debug, ValueEnum)]
@@ -301,7 +309,7 @@ pub(crate) fn simulate(args: &SimulateArgs) -> Result<(), CliError> {
 }
 
 fn markers(args: &MarkersArgs) -> Result<String, CliError> {
-    output::check_writable(&args.out)?;
+    output::check_result(&args.out, args.force)?;
     let scene =
         MarkerScene { radius: args.radius, edge: args.edge, marker: args.marker, ground: args.ground };
     let (settings, pool) = (args.camera.settings(), threads::pool(None)?);
@@ -317,7 +325,7 @@ fn images(args: &ImagesArgs) -> Result<String, CliError> {
         let expected = "a file that ends in .csv, .npy, .dat, .evt3, .raw or .safetensors";
         return Err(CliError::usage("--out", expected, &args.out.display().to_string()));
     }
-    output::check_writable(&args.out)?;
+    output::check_result(&args.out, args.force)?;
     let images = ImageSequence::open(&args.images).map_err(PipelineError::from)?;
     let count = images.len();
     let (sensor, simulated) = film_images(images, args.interval, args.camera.settings(), args.camera.seed)?;
@@ -333,14 +341,14 @@ fn images(args: &ImagesArgs) -> Result<String, CliError> {
 }
 
 fn dome(args: &DomeArgs) -> Result<String, CliError> {
-    output::check_writable(&args.out)?;
+    output::check_result(&args.out, args.force)?;
     let prepared = dome_presses(args.presses.into(), args.sensor, args.seed, &threads::pool(None)?);
     output::write(&args.out, prepared.file.into_bytes())?;
     Ok(prepared.contents)
 }
 
 fn gel(args: &GelArgs) -> Result<String, CliError> {
-    output::check_writable(&args.out)?;
+    output::check_result(&args.out, args.force)?;
     let plan = GelPlan {
         sensor: args.sensor.fixed(),
         shapes: match args.indenters {

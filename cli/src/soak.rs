@@ -4,7 +4,7 @@
 mod args;
 mod table;
 
-use std::io::{BufWriter, Write, stdout};
+use std::io::Write;
 use std::path::Path;
 
 use meissner_engine::Sensor;
@@ -24,7 +24,6 @@ use crate::input::advice;
 use crate::output;
 use crate::progress::Progress;
 use crate::tell::tell;
-use crate::text::Folded;
 
 /// The JSON object.
 #[derive(Serialize)]
@@ -46,7 +45,7 @@ pub(crate) fn soak(args: &SoakArgs) -> Result<(), CliError> {
     if let Some(path) = &args.json {
         output::write(path, output::json(&document)?)?;
     }
-    let mut out = Folded::new(BufWriter::new(stdout().lock()), true);
+    let mut out = output::out(false);
     table::write(&mut out, &document.report, &model.card, sensor)?;
     out.flush()?;
     match document.report.broken.len() {

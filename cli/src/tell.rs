@@ -3,11 +3,13 @@
 use std::fmt::Display;
 use std::io::{Write, stderr};
 
+use meissner_pipeline::interrupt;
+
 use crate::progress::above;
 
 /// Writes `line` to standard error. Failures are ignored, since a message is not a result.
 pub(crate) fn tell(line: impl Display) {
-    let _ = above(|| stderr().write_all(format!("{line}\n").as_bytes()));
+    let _ = above(|| interrupt::output(stderr()).write_all(format!("{line}\n").as_bytes()));
 }
 
 /// Messages of libraries, written to standard error.

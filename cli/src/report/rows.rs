@@ -31,13 +31,15 @@ pub(super) struct Columns {
     kind: TableKind,
     /// Whether there are several inputs, each of which is named.
     several: bool,
+    /// Whether the size of the input is known, so that the part that is done can be shown.
+    sized: bool,
     names: Vec<String>,
     has_classes: bool,
 }
 
 impl Columns {
-    pub(super) fn new(kind: TableKind, card: &ModelCard, inputs: usize) -> Self {
-        Self { kind, several: inputs > 1, names: card.headings(), has_classes: card.classes.is_some() }
+    pub(super) fn new(kind: TableKind, card: &ModelCard, inputs: usize, sized: bool) -> Self {
+        Self { kind, several: inputs > 1, sized, names: card.headings(), has_classes: card.classes.is_some() }
     }
 
     /// The headings of the table.
@@ -51,14 +53,15 @@ impl Columns {
                 names()
             }
         };
+        let done = if self.sized { "done" } else { "taken" };
         match self.kind {
             TableKind::Events => {
                 let (time, update) = ("time (ms)", "update (us)");
-                format!("{:>5}  {time:>11}{}  {:>8}  {:>9}  {update:>11}", "done", values(), "nodes", "rows")
+                format!("{done:>5}  {time:>11}{}  {:>8}  {:>9}  {update:>11}", values(), "nodes", "rows")
             }
             TableKind::Frames => {
                 let (time, update) = ("time (ms)", "update (us)");
-                format!("{:>5}  {time:>13}{}  {:>8}  {update:>11}", "done", values(), "events")
+                format!("{done:>5}  {time:>13}{}  {:>8}  {update:>11}", values(), "events")
             }
             TableKind::Electrodes => {
                 let values = if self.has_classes {
@@ -85,8 +88,9 @@ impl Columns {
 
     /// The part of the input that had been taken at `prediction`, and the row. `total` is the size of the input.
     pub(super) fn row(&self, prediction: &Prediction<'_>, total: Option<u64>) -> (u64, String) {
-        let done =
-            |taken: u64| total.map_or_else(String::new, |total| format!("{} %", taken * 100 / total.max(1)));
+        let done = |taken: u64| {
+            total.map_or_else(|| short(taken), |total| format!("{} %", taken * 100 / total.max(1)))
+        };
         match prediction {
             Prediction::Events(p) => {
                 let values = self.values(p.value.0, p.answer.as_ref());
@@ -159,6 +163,13 @@ impl Columns {
         let some = some && matches!(self.kind, TableKind::Events | TableKind::Reports);
         some.then(|| format!("({MOST_COLUMNS} of {all} outputs shown; --json has all of them)"))
     }
+}
+
+/// A count in at most five characters, up to 10^13.
+fn short(count: u64) -> String {
+    let steps = [(100_000, 1, ""), (10_000_000, 1_000, "k"), (10_000_000_000, 1_000_000, "M")];
+    let step = steps.into_iter().find(|&(below, ..)| count < below).unwrap_or((0, 1_000_000_000, "G"));
+    format!("{}{}", count / step.1, step.2)
 }
 
 fn columns(values: &[f32], most: usize) -> String {

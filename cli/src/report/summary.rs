@@ -65,7 +65,7 @@ pub(crate) fn refused(out: &mut impl Write, lines: u64) -> io::Result<()> {
     if lines == 0 {
         return Ok(());
     }
-    writeln!(out, "refused      {} lines that are no events", grouped(lines))
+    writeln!(out, "refused      {} lines or records that are no events", grouped(lines))
 }
 
 /// Writes the number of events per second of pushes and predictions.

@@ -1,6 +1,5 @@
 //! `meissner run`: its arguments.
 
-use std::fs;
 use std::path::{Path, PathBuf};
 
 use meissner_engine::frames::{Convolution, FrameOptions, Skip};
@@ -35,6 +34,9 @@ Examples:
   meissner run slip.csv --network slip-regularised
   biotac | meissner run - --network slip-lstm --hold 5 --json
   meissner run images/ --network canf --overlay maps";
+
+/// Largest state that is read, in bytes: 2 GiB, as for weights.
+const STATE_BYTES: u64 = 1 << 31;
 
 /// The keys that `--json` prints.
 const JSON: &str = "\
@@ -181,6 +183,7 @@ pub(super) struct StateArgs {
     /// prediction of --every TIME, a frame whose window is still open) are left to the resumed run; --every end
     /// predicts. The state is also written after Ctrl-C, SIGTERM and errors of input and output, but not after an error
     /// of the engine or if most of a text is refused. The file is replaced atomically: a crash leaves the previous one.
+    /// What is no regular file, such as a device, is refused before the run.
     #[arg(long, value_name = "FILE", help_heading = STATE)]
     pub(super) save_state: Option<PathBuf>,
     /// Also write the state after every TIME of stream time.
@@ -207,7 +210,7 @@ impl StateArgs {
 impl RunArgs {
     /// The options of a run over events.
     pub(super) fn options(&self) -> Result<RunOptions, CliError> {
-        let read = |path| fs::read(path).map_err(|source| PipelineError::file("open", path, source));
+        let read = |path: &PathBuf| meissner_io::read_file(path, STATE_BYTES).map_err(PipelineError::File);
         let save = |path: PathBuf| SaveState { path, every_us: self.state.save_every_us };
         Ok(RunOptions {
             mode: self.mode,
@@ -302,7 +305,10 @@ impl RunArgs {
         misfit.map_or(Ok(()), |(option, _, kinds)| {
             let fits = kinds.iter().map(|kind| kind.name()).collect::<Vec<_>>().join(" or ");
             Err(CliError::Misfit { option, fits, network: input.network().to_owned(), kind: kind.name() })
-        })
+        })?;
+        // Hours later it would be too late.
+        let state = self.state.save_state.as_deref();
+        Ok(state.map_or(Ok(()), meissner_io::check_replaceable).map_err(PipelineError::File)?)
     }
 
     /// Whether there is no input, and no option except --svg.

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use meissner_evaluate::prepare::grasps;
 
-use crate::args::{MEASUREMENT, OUTPUT, STATUS};
+use crate::args::{Force, MEASUREMENT, OUTPUT, STATUS};
 use crate::error::CliError;
 use crate::{output, threads};
 
@@ -37,14 +37,16 @@ pub(super) struct GraspArgs {
     /// Seed of motion, light, surfaces and noise.
     #[arg(long, value_name = "N", default_value_t = 0, help_heading = MEASUREMENT)]
     seed: u64,
-    /// File to write (safetensors); it is replaced where it exists.
+    /// File to write (safetensors).
     #[arg(long, value_name = "FILE", help_heading = OUTPUT)]
     pub(super) out: PathBuf,
+    #[command(flatten)]
+    force: Force,
 }
 
 /// Simulates and writes the recordings.
 pub(super) fn grasp(args: &GraspArgs) -> Result<String, CliError> {
-    output::check_writable(&args.out)?;
+    output::check_result(&args.out, args.force)?;
     let prepared = grasps(args.recordings.into(), args.seed, &threads::pool(None)?)?;
     output::write(&args.out, prepared.file.into_bytes())?;
     Ok(prepared.contents)

@@ -86,11 +86,11 @@ fn weights_are_drawn_for_a_frame_network_too() {
 }
 
 #[test]
-fn drawn_weights_replace_no_file() {
+fn drawn_weights_replace_no_file_without_force() {
     let (_folder, trained) = file("trained.safetensors", "hours of training");
     let output = meissner(&["draw", "force-tdnn", "--out", argument(&trained)]);
-    assert_eq!(output.status.code(), Some(1));
-    assert!(message(&output).contains("exists"), "{}", message(&output));
+    assert_eq!(output.status.code(), Some(2));
+    assert!(message(&output).contains("--force replaces it"), "{}", message(&output));
     assert_eq!(fs::read_to_string(&trained).expect("it is still there"), "hours of training");
 }
 

@@ -161,3 +161,68 @@ fn info_on_a_recording_without_events_has_no_times() {
     assert!(output.status.success(), "{}", message(&output));
     assert!(text(&output).contains("not named"), "{}", text(&output));
 }
+
+/// The program with `arguments`, and a bound of 1 KiB or less on the files that it writes.
+#[cfg(unix)]
+fn with_little_room(arguments: &[&str]) -> std::process::Output {
+    let script = "ulimit -f 1; trap '' XFSZ; exec \"$0\" \"$@\"";
+    let mut command = std::process::Command::new("sh");
+    command.args(["-c", script, env!("CARGO_BIN_EXE_meissner")]).args(arguments);
+    command.output().expect("the program starts")
+}
+
+#[cfg(unix)]
+#[test]
+fn where_the_disk_is_full_the_former_file_stays_whole() {
+    let folder = tempfile::tempdir().expect("there is a place for temporary files");
+    let recording = default_recording();
+    let path = folder.path().join("file");
+    let path = argument(&path);
+    for arguments in [
+        &["convert", argument(&recording), path, "--force", "--to", "csv"][..],
+        &["inspect", "graphres", "--svg", path],
+        &["draw", "tactigraph-past", "--out", path, "--force"],
+        &["simulate", "gel", "--presses", "1", "--size", "32x24", "--out", path, "--force"],
+    ] {
+        std::fs::write(path, "former").expect("a place to write to");
+        let output = with_little_room(arguments);
+        assert_eq!(output.status.code(), Some(1), "{arguments:?}: {}", message(&output));
+        assert!(message(&output).contains("cannot write"), "{}", message(&output));
+        assert_eq!(std::fs::read(path).expect("it is there"), b"former", "{arguments:?}");
+        assert_eq!(std::fs::read_dir(folder.path()).expect("a folder").count(), 1, "{arguments:?}");
+    }
+}
+
+#[test]
+fn a_result_is_not_replaced_without_force_and_nothing_is_read_before() {
+    let (_folder, kept) = file("kept.csv", "kept");
+    let kept_path = argument(&kept);
+    for arguments in [
+        &["convert", "no/such", kept_path][..],
+        &["draw", "tactigraph-past", "--out", kept_path],
+        &["simulate", "dome", "--out", kept_path],
+        &["simulate", "gel", "--out", kept_path],
+        &["simulate", "grasp", "--out", kept_path],
+        &["simulate", "images", "no/such", "--out", kept_path],
+        &["simulate", "markers", "no/such", "--sensor", "8x8", "--out", kept_path],
+        &["prepare", "digits", "no/such", "--out", kept_path],
+        &["prepare", "slip", "no/such", "--network", "slip-lstm", "--out", kept_path],
+        &["prepare", "touch", "objects", "no/such", "--out", kept_path],
+        &["prepare", "graphs", "no/such", "--network", "tactigraph-past", "--out", kept_path],
+    ] {
+        let output = meissner(arguments);
+        assert_eq!(output.status.code(), Some(2), "{arguments:?}: {}", message(&output));
+        assert!(message(&output).contains("--force replaces it"), "{}", message(&output));
+        assert_eq!(std::fs::read(&kept).expect("it is there"), b"kept", "{arguments:?}");
+    }
+    let output = meissner(&["draw", "tactigraph-past", "--out", kept_path, "--force"]);
+    assert!(output.status.success(), "{}", message(&output));
+    assert_ne!(std::fs::read(&kept).expect("it is there"), b"kept");
+}
+
+#[test]
+fn an_empty_file_is_called_empty() {
+    let (_folder, path) = file("empty.bin", "");
+    let said = message(&meissner(&["info", argument(&path)]));
+    assert!(said.contains("found nothing: it is empty"), "{said}");
+}

@@ -136,6 +136,16 @@ fn an_overlay_replaces_neither_a_picture_nor_another_overlay() {
 }
 
 #[test]
+fn a_run_that_fails_before_its_first_picture_makes_no_folder_for_overlays() {
+    let network = OwnNetwork::new(FORCES);
+    let wide = picture(&network.path("."), "wide.ppm", WIDTH + 1, 0);
+    let maps = network.path("maps");
+    let output = meissner(&network.arguments(&wide, &["--overlay", argument(&maps)]));
+    assert_eq!(output.status.code(), Some(1), "{}", message(&output));
+    assert!(!maps.exists());
+}
+
+#[test]
 fn a_picture_that_breaks_off_leaves_the_overlays_before_it_whole_and_others_as_they_were() {
     let network = OwnNetwork::new(FORCES);
     let (folder, maps) = (pictures(&network), network.path("maps"));

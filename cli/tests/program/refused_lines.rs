@@ -44,7 +44,7 @@ fn a_line_that_is_no_event_is_named_and_counted_and_the_stream_goes_on() {
         assert_eq!(message.lines().count(), 1, "{message}");
     }
     let people = text(&meissner_reading(&["run", "-", "--sensor", "8x8"], input));
-    assert!(people.contains("1 lines that are no events"), "{people}");
+    assert!(people.contains("1 lines or records that are no events"), "{people}");
     let frames = ["run", "-", "--sensor", "120x120", "--network", "force-tdnn", "--json"];
     let (_, summary) = lines(&meissner_reading(&frames, input));
     assert_eq!(summary["lines_refused"], 1);
@@ -119,4 +119,44 @@ fn readings_are_refused_as_events_are() {
     let output = meissner_reading(&arguments, &bad);
     assert_eq!(output.status.code(), Some(1));
     assert!(message(&output).contains("51 of the first 100 lines"), "{}", message(&output));
+}
+
+#[cfg(unix)]
+#[test]
+fn a_bad_line_from_a_pipe_loses_nothing_else() {
+    let text = "# sensor 8x8\n1,2,3,1\noh no\n2,2,3,1\n3,2,4,1\n";
+    let more = ["--network", "tactigraph-past", "--json"];
+    for (subcommand, at) in
+        [("run", "/dev/stdin"), ("bench", "/dev/stdin"), ("play", "/dev/stdin"), ("run", "-")]
+    {
+        let output = meissner_reading(&[&[subcommand, at], &more[..]].concat(), text);
+        assert!(output.status.success(), "{subcommand}: {}", message(&output));
+        let said = String::from_utf8_lossy(&output.stdout).into_owned();
+        assert!(
+            said.contains("\"lines_refused\":1") && said.contains("\"accepted\":3"),
+            "{subcommand} {at}: {said}"
+        );
+        assert!(message(&output).contains("line 3"), "{}", message(&output));
+    }
+    for arguments in [&["info", "/dev/stdin"][..], &["convert", "/dev/stdin", "-", "--to", "csv"]] {
+        let output = meissner_reading(arguments, text);
+        assert_eq!(output.status.code(), Some(1), "{arguments:?}");
+        assert!(message(&output).contains("line 3"), "{}", message(&output));
+    }
+}
+
+#[cfg(unix)]
+#[test]
+fn a_named_pipe_with_a_bad_line_is_read_once() {
+    let folder = tempfile::tempdir().expect("there is a place for temporary files");
+    let path = folder.path().join("pipe");
+    let made = std::process::Command::new("mkfifo").arg(&path).status();
+    assert!(made.expect("there is such a program").success());
+    let to = path.clone();
+    // The end of the only writer is the end of the text: a second reader would wait for ever.
+    let writer = std::thread::spawn(move || std::fs::write(to, "1,2,3,1\noops\n2,2,3,1\n"));
+    let output = meissner(&[&RUN[..], &[argument(&path)]].concat());
+    writer.join().expect("it writes").expect("the program reads");
+    let found = summary(&output);
+    assert_eq!((&found["events"], &found["lines_refused"]), (&2.into(), &1.into()), "{}", message(&output));
 }

@@ -270,3 +270,58 @@ fn a_state_whose_note_was_made_up_is_refused_with_what_was_expected_and_found() 
     large["feed"]["accepted"] = u64::MAX.into();
     assert!(resume(&large.to_string()).status.success(), "accepted");
 }
+
+#[cfg(unix)]
+#[test]
+fn a_state_goes_to_a_file_or_the_run_does_not_begin() {
+    use std::fs;
+    use std::os::unix::fs::{FileTypeExt, symlink};
+
+    let folder = recordings(100);
+    let path = |name: &str| folder.path().join(name);
+    symlink(path("nothing"), path("dangling")).expect("links can be made");
+    symlink("/dev/null", path("device")).expect("links can be made");
+    symlink(path("file"), path("link")).expect("links can be made");
+    fs::write(path("file"), "former").expect("it can be written");
+    let made = std::process::Command::new("mkfifo").arg(path("fifo")).status();
+    assert!(made.expect("there is such a program").success());
+    let recording = path("first");
+    let run = |network: &str, state: &Path| {
+        let run = ["run", argument(&recording), "--network", network, "--save-state", argument(state)];
+        meissner(&run)
+    };
+    for network in ["tactigraph-past", "force-tdnn"] {
+        for (state, why) in [
+            (path("device"), "a device"),
+            (path("fifo"), "a pipe"),
+            (path("dangling"), "a link"),
+            (path("."), "a folder"),
+            (path("no/such/folder"), "cannot create"),
+        ] {
+            let output = run(network, &state);
+            assert_eq!(output.status.code(), Some(1), "{}", state.display());
+            assert!(output.stdout.is_empty(), "the run has not begun");
+            let said = crate::support::message(&output);
+            assert!(said.contains(why), "{said}");
+        }
+    }
+    assert!(fs::symlink_metadata("/dev/null").expect("it is there").file_type().is_char_device());
+    assert!(fs::symlink_metadata(path("fifo")).expect("it is there").file_type().is_fifo());
+    assert!(
+        fs::symlink_metadata(path("dangling")).expect("it is there").is_symlink()
+            && !path("nothing").exists()
+    );
+    let output = run("tactigraph-past", &path("link"));
+    assert!(output.status.success(), "{}", crate::support::message(&output));
+    assert!(fs::symlink_metadata(path("link")).expect("it is there").is_symlink());
+    assert!(fs::read(path("file")).expect("it is there").starts_with(b"MEISSNER"));
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_state_without_an_end_is_refused_at_a_bound() {
+    let folder = recordings(100);
+    let recording = folder.path().join("first");
+    let run = ["run", argument(&recording), "--network", "tactigraph-past", "--resume", "/dev/zero"];
+    fails(&meissner(&run), 1, &["/dev/zero", "2147483648"]);
+}

@@ -165,23 +165,153 @@ fn a_signal_ends_a_run_over_a_file_with_what_is_done() {
     assert!(fs::read(&state).expect("it was written").starts_with(b"MEISSNER"));
 }
 
+/// Waits until the program does not work any more, because nobody reads what it writes.
 #[cfg(target_os = "linux")]
-#[test]
-fn a_second_signal_ends_the_program_at_once() {
-    // Nobody reads: the first signal cannot be heeded.
-    let mut running = Running::new(&["run", "--network", "tactigraph-past", "--every", "event", "--json"]);
-    running.line();
+fn until_it_waits(child: &Child) {
     let sleeps = || {
-        let stat = fs::read_to_string(format!("/proc/{}/stat", running.child.id())).expect("it runs");
+        let stat = fs::read_to_string(format!("/proc/{}/stat", child.id())).expect("it runs");
         std::thread::sleep(Duration::from_millis(50));
         stat.contains(") S ")
     };
     while !(0..5).all(|_| sleeps()) {}
-    running.signal("INT");
-    std::thread::sleep(Duration::from_millis(300));
-    assert!(running.child.try_wait().expect("it is a child").is_none(), "it waits for a reader");
+}
+
+/// A program whose output nobody reads, with its state in the file `state`.
+#[cfg(target_os = "linux")]
+fn unread(state: &std::path::Path, json: &[&str]) -> Running {
+    let run = ["run", "--network", "tactigraph-past", "--every", "event", "--save-state", argument(state)];
+    let running = Running::new(&[&run[..], json].concat());
+    until_it_waits(&running.child);
+    running
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn where_nobody_reads_the_output_the_first_signal_ends_a_run_with_its_state() {
+    let folder = tempfile::tempdir().expect("there is a place for temporary files");
+    for name in ["INT", "TERM", "HUP"] {
+        let state = folder.path().join(name);
+        let mut running = unread(&state, &["--json"]);
+        running.signal(name);
+        assert_eq!(ended(&mut running.child).code(), Some(130), "{name}");
+        assert!(fs::read(&state).expect("it was written").starts_with(b"MEISSNER"), "{name}");
+    }
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_second_signal_does_not_come_between_the_first_and_the_state() {
+    let folder = tempfile::tempdir().expect("there is a place for temporary files");
+    let state = folder.path().join("state");
+    let mut running = unread(&state, &["--json"]);
+    for name in ["INT", "TERM"] {
+        running.signal(name);
+    }
+    assert_eq!(ended(&mut running.child).code(), Some(130));
+    assert!(fs::read(&state).expect("it was written").starts_with(b"MEISSNER"));
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_reader_who_comes_late_gets_whole_lines_and_the_summary() {
+    let folder = tempfile::tempdir().expect("there is a place for temporary files");
+    let mut running = unread(&folder.path().join("state"), &["--json"]);
+    running.signal("TERM");
+    std::thread::sleep(Duration::from_millis(100));
+    let mut text = String::new();
+    running.output.read_to_string(&mut text).expect("it is text");
+    assert_eq!(ended(&mut running.child).code(), Some(130));
+    let lines: Vec<Value> =
+        text.lines().map(|line| serde_json::from_str(line).expect("a whole line of JSON")).collect();
+    let summary = &lines.last().expect("a summary")["summary"];
+    assert_eq!(summary["predictions"], lines.len() - 2, "{summary}");
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn where_nobody_reads_the_first_signal_ends_a_play_and_a_sender() {
+    let play = ["play", "--network", "tactigraph-past", "--report-every", "20us", "--json"];
+    let mut running = Running::new(&play);
+    until_it_waits(&running.child);
     running.signal("TERM");
     assert_eq!(ended(&mut running.child).code(), Some(130));
+
+    let recording = crate::support::default_recording();
+    let server = std::net::TcpListener::bind("127.0.0.1:0").expect("a free port");
+    let address = format!("tcp://{}", server.local_addr().expect("it is bound"));
+    let events: String = (0..400_000).map(event).collect();
+    let (_folder, many) = crate::support::file("many.csv", events);
+    for (input, to) in [(&recording, "-"), (&many, address.as_str())] {
+        let mut running = Running::new(&["send", argument(input), to, "--speed", "1e6"]);
+        let _client = to.starts_with("tcp").then(|| server.accept().expect("the program connects"));
+        until_it_waits(&running.child);
+        running.signal("INT");
+        assert_eq!(ended(&mut running.child).code(), Some(130), "{to}");
+    }
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn where_nobody_reads_standard_error_a_signal_ends_a_stream_too() {
+    let (_reader, mut writer) = pipe().expect("there are pipes");
+    let mut child = command(&["run", "-", "--sensor", "8x8", "--json"])
+        .stdin(Stdio::piped())
+        .stdout(Stdio::null())
+        .stderr(writer.try_clone().expect("a handle"))
+        .spawn()
+        .expect("the program starts");
+    // It is full for the program.
+    let full = std::thread::spawn(move || {
+        let _ = writer.write_all(&[b' '; 1 << 17]);
+    });
+    std::thread::sleep(Duration::from_millis(100));
+    let mut input = child.stdin.take().expect("standard input is piped");
+    input.write_all(b"1,2,3,1\noh no\n2,2,3,1\n").expect("the program reads");
+    until_it_waits(&child);
+    signal(&child, "TERM");
+    assert_eq!(ended(&mut child).code(), Some(130));
+    drop(_reader);
+    full.join().expect("it ends with its reader");
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_hangup_that_is_ignored_from_the_start_ends_nothing() {
+    let mut child = Command::new("sh")
+        .args(["-c", "trap '' HUP; exec \"$0\" run - --sensor 8x8 --json", env!("CARGO_BIN_EXE_meissner")])
+        .stdin(Stdio::piped())
+        .stdout(Stdio::piped())
+        .spawn()
+        .expect("the program starts");
+    let mut input = child.stdin.take().expect("standard input is piped");
+    let mut output = BufReader::new(child.stdout.take().expect("standard output is piped"));
+    let mut line = String::new();
+    output.read_line(&mut line).expect("it is text");
+    signal(&child, "HUP");
+    input.write_all(event(0).as_bytes()).expect("the program reads");
+    drop(input);
+    output.read_to_string(&mut line).expect("it is text");
+    assert_eq!(ended(&mut child).code(), Some(0), "{line}");
+    assert!(line.contains("\"events\":1,"), "{line}");
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_second_signal_ends_a_program_at_once_that_has_no_state_to_write() {
+    // After the first one it waits a second for somebody who reads.
+    let ends_at_once = || {
+        let mut running =
+            Running::new(&["run", "--network", "tactigraph-past", "--every", "event", "--json"]);
+        until_it_waits(&running.child);
+        let start = Instant::now();
+        running.signal("INT");
+        std::thread::sleep(Duration::from_millis(100));
+        let waits = running.child.try_wait().expect("it is a child").is_none();
+        running.signal("TERM");
+        assert_eq!(ended(&mut running.child).code(), Some(130));
+        waits && start.elapsed() < Duration::from_millis(900)
+    };
+    assert!((0..10).any(|_| ends_at_once()));
 }
 
 #[test]

@@ -212,3 +212,97 @@ fn a_play_takes_no_more_than_its_limit_from_a_stream() {
     let (reports, summary) = lines(&meissner_reading(&play, b""));
     assert!(reports.is_empty() && summary["events"] == 0, "{summary}");
 }
+
+/// What `meissner run` says of these datagrams, which are followed by the empty one, with the arguments `more`.
+fn of_datagrams(datagrams: &[Vec<u8>], more: &[&str]) -> Output {
+    let address = free_address();
+    let arguments = ["run", &format!("udp://{address}"), "--every", "event", "--json"];
+    let more = more.iter().copied().chain(["--sensor", "64x64"]);
+    let child = started(&arguments.into_iter().chain(more).map(str::to_owned).collect::<Vec<_>>());
+    let socket = UdpSocket::bind("127.0.0.1:0").expect("a free port");
+    socket.connect(&address).expect("an address");
+    // A blank line is no event. A system that knows that nobody is there refuses what is sent next.
+    while socket.send(b"\n").is_err() || {
+        thread::sleep(Duration::from_millis(20));
+        socket.take_error().expect("a socket").is_some()
+    } {}
+    for datagram in datagrams {
+        socket.send(datagram).expect("the program reads");
+    }
+    socket.send(&[]).expect("the program reads");
+    child.wait_with_output().expect("it ends")
+}
+
+/// The times of the events that were taken, and the number of what was refused.
+fn taken(output: &Output) -> (Vec<Option<i64>>, u64) {
+    let (predictions, summary) = lines(output);
+    let times = predictions.iter().map(|line| line["t_us"].as_i64()).collect();
+    (times, summary["lines_refused"].as_u64().expect("a count"))
+}
+
+#[test]
+fn a_datagram_of_records_that_is_not_whole_is_counted_and_the_others_stand_alone() {
+    let record = |t_us| record(Event::new(t_us, 3, 4, false)).to_vec();
+    let times = |times: &[i64]| times.iter().copied().map(Some).collect::<Vec<_>>();
+    for odd in [vec![7], vec![0; 5], record(1 << 20)[..10].to_vec(), vec![0xff; 16], vec![0xff; 3]] {
+        let datagrams = [record(10), odd.clone(), [record(20), record(30)].concat(), record(40)];
+        assert_eq!(taken(&of_datagrams(&datagrams, &[])), (times(&[10, 20, 30, 40]), 1), "{odd:?}");
+    }
+    // One byte too many before, between or after records: nobody knows which.
+    for at in [0, 16, 32] {
+        let mut shifted = [record(20), record(30)].concat();
+        shifted.insert(at, 0);
+        let datagrams = [record(10), shifted, record(40)];
+        assert_eq!(taken(&of_datagrams(&datagrams, &[])), (times(&[10, 40]), 1), "a byte at {at}");
+    }
+    // One that is no event leaves those beside it.
+    let datagrams = [[record(10), vec![0xff; 16], record(20)].concat()];
+    assert_eq!(taken(&of_datagrams(&datagrams, &[])), (times(&[10, 20]), 1));
+}
+
+#[test]
+fn a_line_does_not_go_on_in_the_next_datagram_and_a_long_one_is_counted() {
+    let times = |times: &[i64]| times.iter().copied().map(Some).collect::<Vec<_>>();
+    let datagram = |text: &str| text.as_bytes().to_vec();
+    for (texts, expected, refused) in [
+        (vec!["10,3,4,1\n", "1", "20,3,4,1\n"], times(&[10, 20]), 1),
+        // Also before there was an event, and with the header in a datagram of its own.
+        (vec!["1", "t,x,y,p\n", "20,3,4,1\n30,3,4,1"], times(&[20, 30]), 1),
+        (vec!["x,y,p,t\n3,4,1,10\n", "3,4,", "3,4,1,20\n"], times(&[10, 20]), 1),
+        (vec!["10,3,4,1\n", &"9".repeat(5_000), "20,3,4,1\n"], times(&[10, 20]), 1),
+        (vec![&("9".repeat(60_000) + "\n10,3,4,1\n"), "20,3,4,1\n"], times(&[10, 20]), 1),
+        (vec!["%PDF-1.7 or so\n", "#!AER-DAT2.0\n", "10,3,4,1\n"], times(&[10]), 1),
+    ] {
+        let datagrams: Vec<Vec<u8>> = texts.iter().map(|text| datagram(text)).collect();
+        let output = of_datagrams(&datagrams, &[]);
+        assert_eq!(taken(&output), (expected, refused), "{texts:?}: {}", message(&output));
+        assert!(message(&output).contains("datagram "), "{}", message(&output));
+    }
+}
+
+#[test]
+fn any_number_of_datagrams_may_be_no_events_but_none_with_strict() {
+    let (bad, good) = (b"oh no\n".to_vec(), b"10,3,4,1\n".to_vec());
+    let mut datagrams = vec![bad.clone(); 150];
+    datagrams.push(good.clone());
+    assert_eq!(taken(&of_datagrams(&datagrams, &[])), (vec![Some(10)], 150));
+    let output = of_datagrams(&[good, bad], &["--strict"]);
+    assert_eq!(output.status.code(), Some(1));
+    assert!(message(&output).contains("datagram 3"), "{}", message(&output));
+}
+
+#[test]
+fn a_socket_that_waits_for_the_name_of_the_sensor_says_so() {
+    let address = free_address();
+    let child =
+        started(&["run".to_owned(), format!("tcp-listen://{address}"), "--every".into(), "event".into()]);
+    let mut client = connected(&address);
+    client.write_all(b"# sensor 64x64\n10,3,4,1\n").expect("the program reads");
+    drop(client);
+    let output = child.wait_with_output().expect("it ends");
+    let said = message(&output);
+    assert!(
+        output.status.success() && said.contains("waits for the first event") && said.contains("--sensor"),
+        "{said}"
+    );
+}
