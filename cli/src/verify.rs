@@ -5,7 +5,6 @@ mod args;
 #[cfg(test)]
 mod tests;
 
-use std::fs;
 use std::io::{self, Write};
 use std::iter;
 use std::path::Path;
@@ -13,7 +12,6 @@ use std::sync::Arc;
 
 use meissner_engine::Event;
 use meissner_engine::frames::{Convolution, FrameEngine, FrameNetwork};
-use meissner_io::IoError;
 use meissner_models::{AnyDescription, Weights, drawn_file};
 use meissner_pipeline::PipelineError;
 use meissner_pipeline::bench::Part;
@@ -166,8 +164,10 @@ fn replayed<'a, I: 'a>(
     path: &Path,
     parse: impl FnOnce(&str) -> Result<Stream<I>, VerifyError>,
 ) -> Result<Source<'a, I>, CliError> {
-    let failed = |source| IoError::File { action: "read", path: path.to_owned(), source };
-    let text = fs::read_to_string(path).map_err(|source| PipelineError::File(failed(source)))?;
+    let bytes = meissner_io::read_whole(path).map_err(PipelineError::File)?;
+    let text = String::from_utf8(bytes).map_err(|error| {
+        PipelineError::file("read", path, io::Error::new(io::ErrorKind::InvalidData, error.utf8_error()))
+    })?;
     let refused = |source| CliError::Replay { path: path.to_owned(), source: Box::new(source) };
     let stream = parse(&text).map_err(refused)?;
     Ok((path.display().to_string(), Box::new(iter::once(stream))))

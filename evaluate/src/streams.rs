@@ -54,7 +54,7 @@ impl Streams {
     }
 
     fn parsed<T>(path: &Path, parse: impl Fn(&[u8]) -> Result<T, StreamsError>) -> Result<T, EvaluateError> {
-        let bytes = std::fs::read(path).map_err(|source| PipelineError::file("open", path, source))?;
+        let bytes = meissner_io::read_whole(path).map_err(PipelineError::File)?;
         parse(&bytes).map_err(|source| EvaluateError::Streams { path: path.to_owned(), source })
     }
 

@@ -11,6 +11,9 @@ use crate::error::{IoError, Place};
 /// Number of temporary files of this process so far.
 static COUNT: AtomicU64 = AtomicU64::new(0);
 
+/// Most bytes that are read of what may have no end.
+const ENDLESS_BYTES: u64 = 1 << 31;
+
 /// Replaces the file at `path`, which need not exist, with the bytes that `write` writes; a symbolic link stays a link, and the
 /// file keeps its permissions.
 ///
@@ -89,6 +92,15 @@ pub fn read_file(path: &Path, limit: u64) -> Result<Vec<u8>, IoError> {
         return Err(IoError::content(path)(large));
     }
     Ok(bytes)
+}
+
+/// The bytes of the file at `path`: all of a regular file, and at most 2 GiB of what may have no end, such as a device or a pipe.
+///
+/// # Errors
+/// As [`read_file`].
+pub fn read_whole(path: &Path) -> Result<Vec<u8>, IoError> {
+    let has_end = fs::metadata(path).is_ok_and(|there| there.is_file());
+    read_file(path, if has_end { u64::MAX } else { ENDLESS_BYTES })
 }
 
 /// Whether `path` is there and neither a file nor a folder: a device, a pipe or a socket.

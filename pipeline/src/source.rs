@@ -54,13 +54,22 @@ enum Events {
     },
 }
 
-/// The recording in the file at `path`, or everything that arrives on the stream of this name.
+/// The recording in the file at `path`, or everything that arrives on the stream of this name. What is no event in a datagram is
+/// passed over: anybody can send.
 ///
 /// # Errors
 /// The recording cannot be read, or a line of a text is malformed.
 pub fn read(path: &Path, options: &ReadOptions) -> Result<Recording, PipelineError> {
     if streams::is_live(path) {
         let mut arriving = arriving(path, options)?;
+        if streams::is_of_datagrams(path) {
+            let mut refusals = Refusals::of(path, false);
+            let mut events = Vec::new();
+            while let Some(event) = next(&mut arriving, &mut refusals) {
+                events.push(event?);
+            }
+            return Ok(text(arriving.sensor(), events, options.range));
+        }
         let events = arriving.by_ref().collect::<Result<_, _>>();
         let events = events.map_err(|e| PipelineError::recording(&streams::name(path), e))?;
         return Ok(text(arriving.sensor(), events, options.range));

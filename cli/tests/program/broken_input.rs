@@ -130,7 +130,7 @@ fn data_sets_that_break_off_leave_every_output_as_it_was() {
     fs::write(data.path().join("n/case1.csv"), &text[..text.len() - 70]).expect("it can be written");
     let path = argument(data.path());
     let place = ["n/case1.csv", "line 17", "24 fields"];
-    folder.stays(&["prepare", "slip", path, "--network", "slip-lstm"], &["--out"], &place);
+    folder.stays(&["prepare", "slip", path, "--network", "slip-lstm", "--force"], &["--out"], &place);
     let outputs = ["--svg", "--json", "--logits"];
     folder.stays(&["eval", "slip", path, "--network", "slip-lstm"], &outputs, &place);
 
@@ -141,7 +141,7 @@ fn data_sets_that_break_off_leave_every_output_as_it_was() {
     fs::write(data.path().join("test/0/77.bin"), &events[..events.len() - 1]).expect("it can be written");
     let path = argument(data.path());
     let place = ["test/0/77.bin", "the last event at byte", "cut short"];
-    folder.stays(&["prepare", "digits", path], &["--out"], &place);
+    folder.stays(&["prepare", "digits", path, "--force"], &["--out"], &place);
     let weights = runs.path().join("own.safetensors");
     let own = ["--network", argument(&network), "--weights", argument(&weights)];
     folder.stays(&[&["eval", "digits", path], &own[..]].concat(), &outputs, &place);
@@ -153,7 +153,7 @@ fn data_sets_that_break_off_leave_every_output_as_it_was() {
     tensors.i64("start", &[2], &[0, 3]);
     let whole = tensors.into_bytes();
     let events = folder.write("events.safetensors", &whole[..whole.len() - 8]);
-    let graphs = ["prepare", "graphs", argument(&events), "--network", argument(&network)];
+    let graphs = ["prepare", "graphs", argument(&events), "--network", argument(&network), "--force"];
     folder.stays(&graphs, &["--out"], &["events.safetensors", "expected a safetensors file"]);
 }
 

@@ -14,7 +14,8 @@ fn each_set_is_prepared_with_its_own_sensor_and_classes() {
     let data = touch_folder(CLASSES);
     let out = data.path().join("out.safetensors");
     let of = |set: &str, folds: &str| {
-        meissner(&["prepare", "touch", set, argument(data.path()), "--folds", folds, "--out", argument(&out)])
+        let more = ["--folds", folds, "--out", argument(&out), "--force"];
+        meissner(&[&["prepare", "touch", set, argument(data.path())], &more[..]].concat())
     };
     let output = of("containers", "2");
     assert!(output.status.success(), "{}", message(&output));

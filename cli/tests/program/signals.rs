@@ -253,7 +253,7 @@ fn where_nobody_reads_the_first_signal_ends_a_play_and_a_sender() {
 #[cfg(target_os = "linux")]
 #[test]
 fn where_nobody_reads_standard_error_a_signal_ends_a_stream_too() {
-    let (_reader, mut writer) = pipe().expect("there are pipes");
+    let (reader, mut writer) = pipe().expect("there are pipes");
     let mut child = command(&["run", "-", "--sensor", "8x8", "--json"])
         .stdin(Stdio::piped())
         .stdout(Stdio::null())
@@ -262,7 +262,7 @@ fn where_nobody_reads_standard_error_a_signal_ends_a_stream_too() {
         .expect("the program starts");
     // It is full for the program.
     let full = std::thread::spawn(move || {
-        let _ = writer.write_all(&[b' '; 1 << 17]);
+        let _ = writer.write_all(&vec![b' '; 1 << 17]);
     });
     std::thread::sleep(Duration::from_millis(100));
     let mut input = child.stdin.take().expect("standard input is piped");
@@ -270,7 +270,7 @@ fn where_nobody_reads_standard_error_a_signal_ends_a_stream_too() {
     until_it_waits(&child);
     signal(&child, "TERM");
     assert_eq!(ended(&mut child).code(), Some(130));
-    drop(_reader);
+    drop(reader);
     full.join().expect("it ends with its reader");
 }
 

@@ -19,7 +19,7 @@ fn tracks() -> Vec<u8> {
 
 fn simulate(tracks: &Path, out: &Path, more: &[&str]) -> std::process::Output {
     let arguments = ["simulate", "markers", argument(tracks), "--sensor", "24x16", "--out", argument(out)];
-    meissner(&[&arguments, more].concat())
+    meissner(&[&arguments[..], &["--force"], more].concat())
 }
 
 fn integers(bytes: &[u8], name: &str) -> Vec<i64> {

@@ -73,7 +73,7 @@ impl Set {
         if path.extension().is_some_and(|extension| extension == "npz") {
             return Ok(Self::of_balls(&path.display().to_string(), &BallPictures::read(path)?));
         }
-        let bytes = std::fs::read(path).map_err(|source| PipelineError::file("open", path, source))?;
+        let bytes = meissner_io::read_whole(path).map_err(PipelineError::File)?;
         let set = Self::read_bytes(&path.display().to_string(), &bytes)
             .map_err(|source| EvaluateError::Streams { path: path.to_owned(), source })?;
         if set.pictures() == 0 {

@@ -3,7 +3,7 @@
 //! A line is appended when a measurement finishes. A program that is stopped can leave a last line without an end: it is cut
 //! off. Any other line that cannot be read is an error. Lines of other systems, networks, data or versions stay.
 
-use std::fs::{self, File, OpenOptions};
+use std::fs::{File, OpenOptions};
 use std::hash::Hasher;
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -56,7 +56,7 @@ impl State {
         let Some(path) = path else { return Ok(Self::default()) };
         let failed = |source| EvaluateError::Write { path: path.to_owned(), source };
         let mut file = OpenOptions::new().create(true).append(true).open(path).map_err(failed)?;
-        let bytes = fs::read(path).map_err(|source| PipelineError::file("open", path, source))?;
+        let bytes = meissner_io::read_whole(path).map_err(PipelineError::File)?;
         let (lines, keep) = parse(&bytes).map_err(|(line, source)| EvaluateError::State {
             path: path.to_owned(),
             line,

@@ -46,7 +46,7 @@ pub fn film_markers(
     seed: u64,
     pool: &ThreadPool,
 ) -> Result<Prepared, EvaluateError> {
-    let bytes = std::fs::read(tracks).map_err(|source| PipelineError::file("open", tracks, source))?;
+    let bytes = meissner_io::read_whole(tracks).map_err(PipelineError::File)?;
     let (tracks, truth) =
         read(&bytes).map_err(|source| EvaluateError::Streams { path: tracks.to_owned(), source })?;
     let film = |(i, tracks): (usize, MarkerTracks)| -> Result<Vec<SimulatedEvent>, SimulatorError> {
