@@ -77,14 +77,22 @@ pub fn check_writable(path: &Path) -> Result<(), IoError> {
     if is_special(path) { Ok(()) } else { check_replaceable(path) }
 }
 
-/// The bytes of the file at `path`, which may be a device or a pipe: `limit` at most.
+/// The bytes of the file at `path`, which may be a device or a pipe: `limit` at most. If it does not begin with `start`, these are
+/// only as many bytes as `start` has.
 ///
 /// # Errors
-/// [`IoError::File`] where it cannot be read; [`IoError::TooLarge`] where it has more, of which one byte is read.
-pub fn read_file(path: &Path, limit: u64) -> Result<Vec<u8>, IoError> {
-    let file = File::open(path).map_err(IoError::file("open", path))?;
+/// [`IoError::File`] where it cannot be read; [`IoError::Content`] where it has more, of which one byte is read.
+pub fn read_file(path: &Path, start: &[u8], limit: u64) -> Result<Vec<u8>, IoError> {
+    let mut file = File::open(path).map_err(IoError::file("open", path))?;
     let mut bytes = Vec::new();
-    file.take(limit.saturating_add(1)).read_to_end(&mut bytes).map_err(IoError::file("read", path))?;
+    let mut read = |bytes: &mut Vec<u8>, most| {
+        Read::by_ref(&mut file).take(most).read_to_end(bytes).map_err(IoError::file("read", path))
+    };
+    read(&mut bytes, start.len() as u64)?;
+    if bytes != start {
+        return Ok(bytes);
+    }
+    read(&mut bytes, limit.saturating_add(1).saturating_sub(start.len() as u64))?;
     let actual = bytes.len() as u64;
     if actual > limit {
         let (format, what, place, unit) = ("file", "content", Place::Byte(0), "bytes");
@@ -100,7 +108,7 @@ pub fn read_file(path: &Path, limit: u64) -> Result<Vec<u8>, IoError> {
 /// As [`read_file`].
 pub fn read_whole(path: &Path) -> Result<Vec<u8>, IoError> {
     let has_end = fs::metadata(path).is_ok_and(|there| there.is_file());
-    read_file(path, if has_end { u64::MAX } else { ENDLESS_BYTES })
+    read_file(path, b"", if has_end { u64::MAX } else { ENDLESS_BYTES })
 }
 
 /// Whether `path` is there and neither a file nor a folder: a device, a pipe or a socket.
@@ -329,9 +337,10 @@ mod tests {
         let folder = tempfile::tempdir().expect("a place for temporary files");
         let path = folder.path().join("file");
         fs::write(&path, [7; 100]).expect("a place to write to");
-        assert_eq!(read_file(&path, 100).expect("as long as the bound"), [7; 100]);
-        assert!(matches!(read_file(&path, 99), Err(IoError::Content { .. })));
-        assert!(!cfg!(unix) || read_file(Path::new("/dev/zero"), 1000).is_err(), "it has no end");
+        assert_eq!(read_file(&path, b"\x07\x07", 100).expect("as long as the bound"), [7; 100]);
+        assert_eq!(read_file(&path, b"\x07\x08\x09", 100).expect("it begins otherwise"), [7; 3]);
+        assert!(matches!(read_file(&path, b"\x07", 99), Err(IoError::Content { .. })));
+        assert!(!cfg!(unix) || read_file(Path::new("/dev/zero"), b"", 1000).is_err(), "it has no end");
     }
 
     #[test]

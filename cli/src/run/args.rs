@@ -35,6 +35,8 @@ Examples:
   biotac | meissner run - --network slip-lstm --hold 5 --json
   meissner run images/ --network canf --overlay maps";
 
+/// First bytes of a state. What begins otherwise is not read any further: the engine refuses it for them.
+const STATE_MARK: &[u8] = b"MEISSNER";
 /// Largest state that is read, in bytes: 2 GiB, as for weights.
 const STATE_BYTES: u64 = 1 << 31;
 
@@ -210,7 +212,9 @@ impl StateArgs {
 impl RunArgs {
     /// The options of a run over events.
     pub(super) fn options(&self) -> Result<RunOptions, CliError> {
-        let read = |path: &PathBuf| meissner_io::read_file(path, STATE_BYTES).map_err(PipelineError::File);
+        let read = |path: &PathBuf| {
+            meissner_io::read_file(path, STATE_MARK, STATE_BYTES).map_err(PipelineError::File)
+        };
         let save = |path: PathBuf| SaveState { path, every_us: self.state.save_every_us };
         Ok(RunOptions {
             mode: self.mode,

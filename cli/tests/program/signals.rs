@@ -253,25 +253,26 @@ fn where_nobody_reads_the_first_signal_ends_a_play_and_a_sender() {
 #[cfg(target_os = "linux")]
 #[test]
 fn where_nobody_reads_standard_error_a_signal_ends_a_stream_too() {
-    let (reader, mut writer) = pipe().expect("there are pipes");
+    use std::os::fd::AsRawFd;
+    use std::os::unix::fs::OpenOptionsExt;
+
+    let (_reader, writer) = pipe().expect("there are pipes");
     let mut child = command(&["run", "-", "--sensor", "8x8", "--json"])
         .stdin(Stdio::piped())
         .stdout(Stdio::null())
         .stderr(writer.try_clone().expect("a handle"))
         .spawn()
         .expect("the program starts");
-    // It is full for the program.
-    let full = std::thread::spawn(move || {
-        let _ = writer.write_all(&vec![b' '; 1 << 17]);
-    });
-    std::thread::sleep(Duration::from_millis(100));
+    until_it_waits(&child);
+    // It is filled up through a handle that does not wait: O_NONBLOCK.
+    let path = format!("/proc/self/fd/{}", writer.as_raw_fd());
+    let mut full = fs::OpenOptions::new().write(true).custom_flags(0o4000).open(path).expect("it is there");
+    while full.write(b" ").is_ok() {}
     let mut input = child.stdin.take().expect("standard input is piped");
     input.write_all(b"1,2,3,1\noh no\n2,2,3,1\n").expect("the program reads");
     until_it_waits(&child);
     signal(&child, "TERM");
     assert_eq!(ended(&mut child).code(), Some(130));
-    drop(reader);
-    full.join().expect("it ends with its reader");
 }
 
 #[cfg(target_os = "linux")]

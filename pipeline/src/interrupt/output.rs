@@ -83,8 +83,12 @@ impl<F: AsFd> Output<F> {
         while !rest.is_empty() {
             let patience = if GIVEN_UP.load(Ordering::Relaxed) { Duration::ZERO } else { PATIENCE };
             let Some(sent) = self.put(rest, Some(patience))? else {
-                GIVEN_UP.store(true, Ordering::Relaxed);
-                return Err(io::Error::other(format!("nobody reads: {} bytes are left", rest.len())));
+                // That is told once: where nobody reads messages either, one would follow another.
+                return if GIVEN_UP.swap(true, Ordering::Relaxed) {
+                    Ok(())
+                } else {
+                    Err(io::Error::other(format!("nobody reads: {} bytes are left", rest.len())))
+                };
             };
             rest = &rest[sent..];
         }
