@@ -69,7 +69,7 @@ fn film(table: &PressTable, number: u32, duration_us: i64) -> Result<Vec<Event>>
         positions.extend(markers.iter().map(|&marker| view.place(marker)));
     }
     let t_us = (0..=STEPS).map(|step| duration_us * step / STEPS).collect();
-    let scene = MarkerScene { marker: 0.5, ground: 0.25, ..MarkerScene::default() };
+    let scene = MarkerScene::default();
     let mut camera = Camera::new(SENSOR, CameraSettings::tactile(), number.into())?;
     let mut simulated: Vec<SimulatedEvent> = Vec::new();
     MarkerTracks::new(t_us, table.count(), positions)?.film(&scene, &mut camera, &mut simulated)?;

@@ -177,19 +177,18 @@ pub(crate) struct Input {
     /// Policy for an event that is earlier than an event before it.
     #[arg(long, value_parser = choice(LATE_POLICIES), default_value = "drop", help_heading = INPUT)]
     pub(crate) late: LatePolicy,
-    /// Policy for a clock that restarts: events in a row that are earlier by more than the window.
+    /// Policy for a clock of the sensor that restarts.
     ///
-    /// A sensor that was connected again, or whose counter began anew, starts a new clock. Restarts are counted
-    /// ("restarts"). A single event more than 10 s ahead is dropped as an outlier unless the one after it confirms its
-    /// time.
+    /// A sensor that was connected again, or whose counter began anew, starts a new clock: events in a row are earlier by
+    /// more than the window. Restarts are counted ("restarts"). With reset, a single event more than 10 s ahead is
+    /// dropped as an outlier unless the one after it confirms its time.
     #[arg(long, value_parser = choice(RESTART_POLICIES), default_value = "reset", help_heading = INPUT)]
     pub(crate) restart: RestartPolicy,
     #[command(flatten)]
     pub(crate) read: ReadArgs,
-    /// Name of a shipped network, or a description file (.toml).
+    /// Name of a shipped network, or a description file (.toml) [default: tactigraph-past].
     ///
-    /// `meissner networks` lists the shipped networks. A description file needs --weights. Without this option, it is
-    /// graphres.
+    /// `meissner networks` lists the shipped networks. A description file needs --weights.
     #[arg(long, value_name = "NETWORK", help_heading = NETWORK)]
     pub(crate) network: Option<String>,
     /// Weights [default: those shipped with the network].

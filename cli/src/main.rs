@@ -132,14 +132,18 @@ fn main() -> ExitCode {
     }
 }
 
-/// Whether `command` may run a network for a long time.
+/// Whether `command` may compute for a long time.
 fn takes_long(command: &Command) -> bool {
     matches!(
         command,
         Command::Run(_)
             | Command::Play(_)
             | Command::Bench(_)
+            | Command::Eval(_)
+            | Command::Prepare(_)
             | Command::Pareto(_)
+            | Command::Simulate(_)
+            | Command::Stress(_)
             | Command::Soak(_)
             | Command::Verify(_)
     )

@@ -16,6 +16,7 @@ const HEADINGS: &[(&str, &[&str])] = &[
             "sensor",
             "limit",
             "late",
+            "restart",
             "from",
             "for",
             "events",

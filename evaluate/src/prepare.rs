@@ -8,7 +8,7 @@ mod filmed;
 mod gel;
 mod grasp;
 
-pub use dome::dome_presses;
+pub use dome::{DOME_KINDS, dome_presses};
 pub use filmed::{film_images, film_markers, with_causes};
 pub(crate) use gel::{DEEPEST, Drift, bytes};
 pub use gel::{GelPlan, Shapes, gel_presses};

@@ -20,8 +20,10 @@ pub struct MarkerScene {
 }
 
 impl Default for MarkerScene {
+    /// The scene that agrees with a real stream of a tactile sensor (docs/simulated-touch.md), and that the networks for the
+    /// angle of contact were trained on.
     fn default() -> Self {
-        Self { radius: 1.5, edge: 1.0, marker: 0.6, ground: 0.15 }
+        Self { radius: 1.5, edge: 1.0, marker: 0.5, ground: 0.25 }
     }
 }
 

@@ -43,7 +43,7 @@ def main():
     args.folder.mkdir(parents=True, exist_ok=True)
     tracks = args.folder / "tracks.safetensors"
     if not tracks.exists():
-        meissner(args, "simulate", "dome", "--presses", EACH, "--seed", 1, "--out", tracks)
+        meissner(args, "simulate", "dome", "--each", EACH, "--seed", 1, "--out", tracks)
     for camera in range(args.cameras):
         for part in PARTS if camera == 0 else ["train"]:
             film_part(args, load_file(tracks), part, camera)

@@ -48,6 +48,7 @@ VALID_CAMERA, TEST_CAMERA = 8, 9
 # Grey pins on dark ground, and thresholds that give some thousand events a press, as the real stream of a tactile sensor with
 # markers has (docs/simulated-touch.md).
 SCENE = ["--radius", "1.5", "--marker", "0.5", "--ground", "0.2", "--threshold-on", "0.3", "--threshold-off", "0.3"]
+SCENE += ["--threshold-spread", "0.02", "--leak-hz", "0.061"]
 
 
 def risen(shares):

@@ -38,7 +38,7 @@ pub(super) fn channels(parts: &NetworkParts) -> Result<Vec<Vec<usize>>, EngineEr
     }
     let times = readout_times(parts)?;
     let cells = columns.saturating_mul(rows).saturating_mul(times);
-    in_range("readout cells", cells.min(1 << 62) as i64, 1, 1 << 16)?;
+    in_range("readout cells", i64::try_from(cells).unwrap_or(i64::MAX), 1, 1 << 16)?;
     after_readout(parts, inputs, times)?;
     Ok(channels)
 }

@@ -24,6 +24,9 @@ const DURATION_US: [f64; 2] = [90_000.0, 200_000.0];
 /// The dome rests before a press, and the press is held after it.
 const REST_US: i64 = 10_000;
 
+/// Tilts and directions of the plan, with each other.
+pub const DOME_KINDS: usize = TILTS * DIRECTIONS;
+
 /// Depth between two recorded positions, in millimetres. Markers move along straight lines between them.
 const RECORD_MM: f64 = 0.5;
 
@@ -36,7 +39,7 @@ const RECORD_MM: f64 = 0.5;
 ///
 /// Complexity: two hundred presses to 15 mm, each about two seconds of one core.
 pub fn dome_presses(each: usize, sensor: Sensor, seed: u64, pool: &ThreadPool) -> Prepared {
-    let kinds: Vec<(f64, f64)> = (0..TILTS * DIRECTIONS)
+    let kinds: Vec<(f64, f64)> = (0..DOME_KINDS)
         .map(|i| {
             ((i / DIRECTIONS) as f64 * PI / 180.0, (i % DIRECTIONS) as f64 * 2.0 * PI / DIRECTIONS as f64)
         })

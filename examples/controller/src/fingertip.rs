@@ -67,7 +67,7 @@ impl Fingertip {
     /// Never: the camera's settings are in range.
     pub fn new(table: Arc<PressTable>, surface: Surface, seed: u64) -> Result<Self, SimulatorError> {
         // Those of the training, which agree with a real stream (docs/simulated-touch.md).
-        let scene = MarkerScene { marker: 0.5, ground: 0.25, ..MarkerScene::default() };
+        let scene = MarkerScene::default();
         let mut film = Film {
             view: DomeView::new(&Dome::default(), SENSOR),
             scene,
