@@ -44,11 +44,12 @@ fn a_period_holds_the_event_at_its_end_and_the_last_one_covers_the_last_event() 
 #[test]
 fn in_a_gap_predictions_go_on_until_the_window_is_empty_and_resume_with_the_next_event() {
     let year_us = 31_557_600_000_000_i64;
-    let events = format!("0,1,1,1\n5,2,1,1\n{},3,1,1\n", year_us + 3);
+    // A second event confirms the year.
+    let events = format!("0,1,1,1\n5,2,1,1\n{0},3,1,1\n{0},4,1,1\n", year_us + 3);
     let predictions = read(&events, "10us", &["--span", "25us"]);
     assert_eq!(times(&predictions), [Some(5), Some(5), Some(5), Some(5), Some(year_us + 3)]);
     // Due at 10, 20, 30 (the event at 0 has left, the one at 5 is 25 us old), 40, and after the year.
-    assert_eq!(nodes(&predictions), [2, 2, 1, 0, 1]);
+    assert_eq!(nodes(&predictions), [2, 2, 1, 0, 2]);
 }
 
 #[test]

@@ -97,6 +97,47 @@ fn a_live_stream_is_told_while_it_goes_on() {
     assert!(child.wait().expect("the program ends").success());
 }
 
+/// A sensor that is connected again after two seconds: 500 events of either clock, and one stamp far ahead.
+fn restarted() -> String {
+    let line = |t: u32, i: u32| format!("{t},{},{},1\n", i % 100 + 20, i * 7 % 80 + 20);
+    let old = (0..500).map(|i| line(2_000_000 + 100 * i, i));
+    let new = (0..500).map(|i| line(100 * i, i));
+    let far = std::iter::once("999000000000,30,30,1\n".to_owned());
+    old.chain(new.clone().take(250)).chain(far).chain(new.skip(250)).collect()
+}
+
+#[test]
+fn a_restart_of_the_clock_is_told_and_the_events_after_it_are_taken() {
+    let (_folder, path) = file("restarted.csv", &restarted());
+    for network in ["tactigraph-past", "force-lstm"] {
+        let run = |rest: &[&str]| {
+            let arguments = ["run", argument(&path), "--sensor", "346x260", "--network", network, "--json"];
+            meissner(&[&arguments, rest].concat())
+        };
+        let output = run(&[]);
+        assert!(message(&output).contains("the clock of the sensor has restarted"), "{}", message(&output));
+        let told = report(&output);
+        assert_eq!((&told["restarts"], &told["accepted"]), (&1.into(), &1000.into()), "{network}");
+        assert_eq!((&told["dropped"]["late"], &told["dropped"]["outlier"]), (&0.into(), &1.into()), "{network}");
+        assert_eq!(told["warnings"][0]["reason"], "restart");
+        let kept = report(&run(&["--restart", "keep"]));
+        assert_eq!((&kept["restarts"], &kept["accepted"]), (&0.into(), &501.into()), "{network}");
+    }
+}
+
+#[test]
+fn reports_say_what_a_restart_of_the_clock_costs() {
+    let (_folder, path) = file("restarted_play.csv", &restarted());
+    let arguments = ["play", "-", "--sensor", "346x260", "--report-every", "5ms", "--json"];
+    let output = command(&arguments)
+        .stdin(std::fs::File::open(&path).expect("the file is there"))
+        .output()
+        .expect("the program runs");
+    let told = report(&output);
+    assert_eq!((&told["restarts"], &told["accepted"]), (&1.into(), &1000.into()));
+    assert_eq!(told["final"]["t_us"], 49_900);
+}
+
 #[test]
 fn what_a_filter_drops_is_not_lost() {
     let output = meissner(&["run", "--stride", "10", "--json"]);
