@@ -334,7 +334,7 @@ const LATE_POLICIES: &[(&str, &str, LatePolicy)] = &[
 /// The names of policies for restarts, with their help.
 const RESTART_POLICIES: &[(&str, &str, RestartPolicy)] = &[
     ("reset", "Forget the events before, and go on with the new clock", RestartPolicy::Reset),
-    ("keep", "Keep the clock: the events are late until the old time comes again", RestartPolicy::Keep),
+    ("keep", "Keep the old clock: such events are late", RestartPolicy::Keep),
 ];
 
 /// Reads the name of one of `choices`: (name, help, value).

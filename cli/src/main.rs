@@ -29,6 +29,7 @@ mod input;
 mod inspect;
 mod kind;
 mod manual;
+mod memory;
 mod networks;
 mod output;
 mod pareto;

@@ -21,7 +21,7 @@ pub(crate) use args::SoakArgs;
 
 use crate::error::CliError;
 use crate::input::advice;
-use crate::output;
+use crate::{memory, output};
 use crate::progress::Progress;
 use crate::tell::tell;
 
@@ -92,7 +92,7 @@ fn run(
             soak.push()?;
             progress.set(soak.events());
         }
-        let line = table::line(soak.checkpoint(resident_bytes)?);
+        let line = table::line(soak.checkpoint(|| [Some(memory::live_bytes()), resident_bytes()])?);
         tell(format_args!("checkpoint {number} of {checkpoints}: {line}"));
         if interrupt::requested() {
             break;

@@ -169,19 +169,20 @@ impl Soak {
         Ok(())
     }
 
-    /// Compares the prediction with the batch's. `resident_bytes` is read after the batch.
+    /// Compares the prediction with the batch's. `memory`, which tells live and resident bytes, is called after the batch.
     ///
     /// # Errors
     /// A layer computed NaN.
     pub fn checkpoint(
         &mut self,
-        resident_bytes: impl FnOnce() -> Option<u64>,
+        memory: impl FnOnce() -> [Option<u64>; 2],
     ) -> Result<&Checkpoint, VerifyError> {
         let batch = bits(&self.checked.batch.trace()?.prediction);
         let latencies = std::mem::take(&mut self.latencies);
         let compared = self.checked.batch.events().len();
         let prediction = self.checked.engine.predict()?;
         let found = bits(prediction.values);
+        let [live_bytes, resident_bytes] = memory();
         let row = Checkpoint {
             events: self.report.events,
             t_us: prediction.t_us,
@@ -190,7 +191,8 @@ impl Soak {
             equal: found == batch,
             bits: found.iter().map(|bits| format!("{bits:08x}")).collect(),
             latency_us: latencies.quantiles(),
-            resident_bytes: resident_bytes(),
+            live_bytes,
+            resident_bytes,
             seconds: self.start.elapsed().as_secs_f64(),
         };
         let checkpoints = &mut self.report.checkpoints;
@@ -205,7 +207,7 @@ impl Soak {
         Ok(&checkpoints[number as usize])
     }
 
-    /// The result. Resident memory may grow by `memory_growth` percent after warm-up.
+    /// The result. Live memory may grow by `memory_growth` percent after warm-up.
     pub fn report(self, memory_growth: u32, peak_resident_bytes: Option<u64>) -> Report {
         let accepted = self.counters().accepted;
         let (first, last) = (self.first.report(), self.last.report());

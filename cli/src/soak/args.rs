@@ -14,18 +14,18 @@ Method:
   Disturbances come between events, at random intervals and in shuffled order: a silence; a silence in which the clock is advanced without an event; saving the state as bytes, and resuming from them in a new engine; a snapshot in memory, further events, and the return to the snapshot; a reset. When a state is restored, the prediction must have the same bits as before.
   Checkpoints: the prediction is compared with the full recomputation over the accepted events since the last reset (for networks with frozen in-edges over the last (blocks + 1) x capacity events, on which it depends), bit for bit.
   Latencies: each push and each prediction is timed by itself. Disturbances and checkpoints are not timed.
-  Memory: the resident memory of the process is read after each checkpoint (Linux only).
+  Memory: after each checkpoint, the bytes that the program has allocated and not freed are read, and (Linux only) its resident memory, in which there is also what the allocator keeps between them.
 
 Verdict:
   Bits: they must be equal at every checkpoint and after every restored state.
-  Memory: the median over the last tenth of the checkpoints is compared with the maximum during warm-up. The warm-up is the first fifth of the checkpoints; it extends to the largest batch, up to half of the checkpoints. With fewer than 20 checkpoints memory is not judged.
+  Memory: of the live bytes, the median over the last tenth of the checkpoints is compared with the maximum during warm-up. The warm-up is the first fifth of the checkpoints; it extends to the largest batch, up to half of the checkpoints. With fewer than 20 checkpoints memory is not judged.
   If either check fails, the exit status is 1. Latencies are reported as ratios of the last tenth to the first. They are not judged, since they depend on the load of the machine.
   Everything except times and memory is determined by the recordings, the network and the seed.";
 
 /// The keys that `--json` writes.
 const JSON: &str = "\
 JSON (--json):
-  {\"header\": origin of the results (docs/json.md), \"recordings\", \"rounds\" (recordings begun after the first), \"isa\", \"seed\", \"every\", \"events\", \"accepted\", \"disturbances\": {\"silences\", \"advances\", \"bytes\", \"snapshots\", \"resets\", \"returns_that_differ\"}, \"first\" and \"last\" (tenth of the checkpoints): {\"latency_us\": {\"push\": {\"p50\", \"p90\", \"p99\", \"p999\", \"max\"}, \"predict\": the same}, \"resident_bytes\": median}, \"ratio\" (last to first): {\"push\": {\"p50\", \"p99\"}, \"predict\": the same}, \"memory\": {\"warm_bytes\", \"end_bytes\", \"growth_percent\"} or null if it is not judged, \"peak_resident_bytes\", \"seconds\", \"broken\": broken promises as texts, \"checkpoints\": [{\"events\", \"t_us\", \"nodes\", \"compared\" (events of the batch), \"equal\", \"bits\" (of the prediction, hexadecimal), \"latency_us\", \"resident_bytes\", \"seconds\"}]}.";
+  {\"header\": origin of the results (docs/json.md), \"recordings\", \"rounds\" (recordings begun after the first), \"isa\", \"seed\", \"every\", \"events\", \"accepted\", \"disturbances\": {\"silences\", \"advances\", \"bytes\", \"snapshots\", \"resets\", \"returns_that_differ\"}, \"first\" and \"last\" (tenth of the checkpoints): {\"latency_us\": {\"push\": {\"p50\", \"p90\", \"p99\", \"p999\", \"max\"}, \"predict\": the same}, \"resident_bytes\": median}, \"ratio\" (last to first): {\"push\": {\"p50\", \"p99\"}, \"predict\": the same}, \"memory\" (live): {\"warm_bytes\", \"end_bytes\", \"growth_percent\"} or null if it is not judged, \"peak_resident_bytes\", \"seconds\", \"broken\": broken promises as texts, \"checkpoints\": [{\"events\", \"t_us\", \"nodes\", \"compared\" (events of the batch), \"equal\", \"bits\" (of the prediction, hexadecimal), \"latency_us\", \"live_bytes\", \"resident_bytes\", \"seconds\"}]}.";
 
 /// `meissner soak`.
 #[derive(Debug, clap::Args)]
@@ -77,7 +77,7 @@ pub(crate) struct SoakArgs {
     /// Seed for silences and disturbances.
     #[arg(long, value_name = "N", default_value_t = 1, help_heading = MEASUREMENT)]
     pub(super) seed: u64,
-    /// Largest growth of the resident memory after warm-up, in percent.
+    /// Largest growth of the live memory after warm-up, in percent.
     #[arg(long, value_name = "PERCENT", default_value_t = 10, help_heading = MEASUREMENT)]
     pub(super) memory_growth: u32,
     /// Write the results to this file as one JSON object.

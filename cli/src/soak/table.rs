@@ -14,11 +14,12 @@ use crate::text::Table;
 pub(super) fn line(row: &Checkpoint) -> String {
     let p50 = |quantiles: Option<Quantiles>| quantiles.map_or("-".to_owned(), |q| format!("{:.2}", q.p50));
     format!(
-        "{} events in {:.0} s, {} with the batch over {}, {} resident, push {} us, predict {} us in the median",
+        "{} events in {:.0} s, {} with the batch over {}, {} live, {} resident, push {} us, predict {} us in the median",
         grouped(row.events),
         row.seconds,
         if row.equal { "equal" } else { "NOT EQUAL" },
         grouped(row.compared as u64),
+        mebibytes(row.live_bytes),
         mebibytes(row.resident_bytes),
         p50(row.latency_us.push),
         p50(row.latency_us.predict),
@@ -59,13 +60,13 @@ pub(super) fn write(
     match &report.memory {
         Some(memory) => writeln!(
             out,
-            "memory       {:+.1} % after warm-up: {} to {}; at most {}",
+            "memory       live {:+.1} % after warm-up: {} to {}; resident at most {}",
             memory.growth_percent,
             mebibytes(Some(memory.warm_bytes)),
             mebibytes(Some(memory.end_bytes)),
             mebibytes(report.peak_resident_bytes)
         )?,
-        None => writeln!(out, "memory       not judged: too few checkpoints, or not known on this platform")?,
+        None => writeln!(out, "memory       not judged: too few checkpoints")?,
     }
     for (name, ratio) in [("push", report.ratio.push), ("predict", report.ratio.predict)] {
         if let Some(ratio) = ratio {

@@ -53,7 +53,9 @@ pub struct Checkpoint {
     pub bits: Vec<String>,
     /// Latencies of the calls.
     pub latency_us: Calls<Option<Quantiles>>,
-    /// Resident memory of the process, where the platform reports it.
+    /// What the process has allocated and not freed, where the caller knows it.
+    pub live_bytes: Option<u64>,
+    /// Resident memory of the process, where the platform reports it: live bytes, and what the allocator keeps between them.
     pub resident_bytes: Option<u64>,
     /// Time since the start.
     pub seconds: f64,
@@ -96,7 +98,7 @@ pub struct Ratio {
     pub p99: f64,
 }
 
-/// Resident memory after warm-up.
+/// Live memory after warm-up.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Memory {
     /// Largest value in the warm-up.
@@ -153,7 +155,7 @@ fn median(mut values: Vec<u64>) -> Option<u64> {
 /// With fewer checkpoints, warm-up and end cannot be told apart.
 const FEWEST: usize = 20;
 
-/// `report` with ratios, memory after warm-up, and a sentence for each broken promise. Resident memory may grow by
+/// `report` with ratios, memory after warm-up, and a sentence for each broken promise. Live memory may grow by
 /// `memory_growth` percent.
 pub(super) fn judged(report: Report, memory_growth: u32) -> Report {
     let memory = memory(&report.checkpoints);
@@ -166,7 +168,7 @@ pub(super) fn judged(report: Report, memory_growth: u32) -> Report {
     }
     if let Some(memory) = memory.filter(|memory| memory.growth_percent > f64::from(memory_growth)) {
         broken.push(format!(
-            "expected resident memory to grow by at most {memory_growth} % after warm-up, found {:.1} %: {} to {} bytes",
+            "expected live memory to grow by at most {memory_growth} % after warm-up, found {:.1} %: {} to {} bytes",
             memory.growth_percent,
             grouped(memory.warm_bytes),
             grouped(memory.end_bytes)
@@ -187,9 +189,9 @@ fn memory(rows: &[Checkpoint]) -> Option<Memory> {
     if rows.len() < FEWEST {
         return None;
     }
-    let resident = |rows: &[Checkpoint]| rows.iter().filter_map(|row| row.resident_bytes).collect::<Vec<_>>();
-    let warm_bytes = resident(&rows[..warm_up(rows)]).into_iter().max()?;
-    let end_bytes = median(resident(&rows[rows.len() - rows.len().div_ceil(10)..]))?;
+    let live = |rows: &[Checkpoint]| rows.iter().filter_map(|row| row.live_bytes).collect::<Vec<_>>();
+    let warm_bytes = live(&rows[..warm_up(rows)]).into_iter().max()?;
+    let end_bytes = median(live(&rows[rows.len() - rows.len().div_ceil(10)..]))?;
     let growth_percent = 100.0 * (end_bytes as f64 / warm_bytes as f64 - 1.0);
     Some(Memory { warm_bytes, end_bytes, growth_percent })
 }
