@@ -9,6 +9,11 @@
 // threads. A network may be used by many threads at once, and may be released while engines of it run. Any other handle is used by one
 // thread at a time: a call that finds it in use on another thread changes nothing and returns MEISSNER_BUSY.
 //
+// Ends of handles. A release waits for the call that another thread has in the handle, and lets no other begin; a close does not wait and
+// returns MEISSNER_BUSY. A call with a handle that has ended returns MEISSNER_CLOSED, however late it comes, and to release such a handle
+// changes nothing. A handle is a number and no address: nothing can be read where it points. What a handle's calls point at, such as the
+// strings of a network, ends with it.
+//
 // Structs. All but those that come in arrays begin with `size`, which the caller sets to the struct's `sizeof`: programs keep working
 // with later versions, whose structs may be longer. In options, 0 stands for the default.
 //
@@ -87,7 +92,7 @@ typedef enum meissner_status {
   MEISSNER_INVALID_SNAPSHOT = 8,
   // Another thread is using the handle.
   MEISSNER_BUSY = 9,
-  // The live engine has ended.
+  // The live engine has ended, or the handle was closed or released.
   MEISSNER_CLOSED = 10,
   // A fault in the library. The handle can only be released.
   MEISSNER_PANICKED = 11,
@@ -403,7 +408,7 @@ enum meissner_status meissner_engine_restore(const struct meissner_engine *engin
                                              const uint8_t *bytes,
                                              size_t length);
 
-// Ends an engine.
+// Ends an engine, after the call that another thread has in it.
 void meissner_engine_release(struct meissner_engine *engine);
 
 // Makes an engine for a frame network. `options` may be NULL. Allocates.
@@ -444,7 +449,7 @@ enum meissner_status meissner_frames_restore(const struct meissner_frames *frame
                                              const uint8_t *bytes,
                                              size_t length);
 
-// Ends a frame engine.
+// Ends a frame engine, after the call that another thread has in it.
 void meissner_frames_release(struct meissner_frames *frames);
 
 // Starts a thread that owns the engine and reads from a queue: `input` is for the thread that has the events, `live` for the one that
@@ -484,15 +489,15 @@ enum meissner_status meissner_live_counters(const struct meissner_live *live,
                                             struct meissner_queue_counters *counters);
 
 // Ends a live engine, as `meissner_live_release`, and gives its engine back through `engine`. Waiting events are discarded: predict with
-// a deadline of UINT64_MAX first to have them taken. The handle is gone in any case, unless the status is
-// MEISSNER_INVALID_ARGUMENT.
+// a deadline of UINT64_MAX first to have them taken. While another thread is in a call with `live`, the status is MEISSNER_BUSY and nothing
+// has changed. After MEISSNER_OK and MEISSNER_PANICKED, the handle has ended.
 enum meissner_status meissner_live_close(struct meissner_live *live,
                                          struct meissner_engine **engine);
 
-// Ends a live engine and its thread. Waiting events are discarded.
+// Ends a live engine and its thread, after the call that another thread has in it. Waiting events are discarded.
 void meissner_live_release(struct meissner_live *live);
 
-// Ends the sensor's side. The controller's side goes on.
+// Ends the sensor's side, after the call that another thread has in it. The controller's side goes on.
 void meissner_input_release(struct meissner_input *input);
 
 // Sets the function that takes warnings, for example that weights are untrained or were trained on another sensor. NULL, the default,

@@ -311,10 +311,11 @@ class Live {
     return counters;
   }
 
-  // Ends it and gives its engine back.
+  // Ends it and gives its engine back. After MEISSNER_BUSY it is as it was.
   Engine close() && {
     meissner_engine *engine = nullptr;
-    check(meissner_live_close(handle_.release(), &engine));
+    check(meissner_live_close(get(), &engine));
+    handle_.release();
     return {engine, outputs_};
   }
 

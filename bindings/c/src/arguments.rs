@@ -6,48 +6,112 @@ use std::slice;
 
 use crate::status::Failure;
 
-/// What `pointer` points at.
+/// Memory of the caller for a value, checked before anything is done for it.
+pub(crate) struct Place<T>(*mut T);
+
+/// Memory of the caller for `length` values, checked likewise.
+pub(crate) struct Room<T> {
+    start: *mut T,
+    length: usize,
+    what: &'static str,
+}
+
+/// Memory of the caller for the part of a struct that it knows, checked likewise.
+pub(crate) struct Report<T> {
+    pointer: *mut T,
+    size: usize,
+}
+
+/// The place that `pointer` points at.
 ///
 /// # Safety
-/// A pointer that is aligned and not NULL points at a value that nothing changes meanwhile.
-pub(crate) unsafe fn shared<'a, T>(pointer: *const T, what: &str) -> Result<&'a T, Failure> {
+/// A pointer that is aligned and not NULL points at memory for a value, which this thread alone uses until the call returns.
+pub(crate) unsafe fn place<T>(pointer: *mut T, what: &str) -> Result<Place<T>, Failure> {
     check(pointer, what)?;
-    // SAFETY: neither NULL nor misaligned; the rest is promised.
-    Ok(unsafe { &*pointer })
+    Ok(Place(pointer))
 }
 
-/// Writes `value` to where `pointer` points.
+/// As [`place`], for a value that is wanted unless the pointer is NULL.
 ///
 /// # Safety
-/// A pointer that is aligned and not NULL points at memory for a value, which this thread alone uses.
-pub(crate) unsafe fn write<T>(pointer: *mut T, value: T, what: &str) -> Result<(), Failure> {
-    check(pointer, what)?;
-    // SAFETY: neither NULL nor misaligned; the rest is promised. What is there is overwritten, not dropped.
-    unsafe { pointer.write(value) };
-    Ok(())
+/// As [`place`].
+pub(crate) unsafe fn place_if_wanted<T>(pointer: *mut T, what: &str) -> Result<Option<Place<T>>, Failure> {
+    // SAFETY: the caller's.
+    if pointer.is_null() { Ok(None) } else { unsafe { place(pointer, what) }.map(Some) }
 }
 
-/// Makes a handle of `value` and writes it to where `result` points.
+/// The memory for `length` values that `pointer` points at; it may be NULL if there is none.
 ///
 /// # Safety
-/// As [`write`].
-pub(crate) unsafe fn give<T>(value: T, result: *mut *mut T, what: &str) -> Result<(), Failure> {
-    // Before there is a handle that nobody would release.
-    check(result, what)?;
-    // SAFETY: the same is promised.
-    unsafe { write(result, Box::into_raw(Box::new(value)), what) }
-}
-
-/// Writes `value` to where `pointer` points, unless it is NULL.
-///
-/// # Safety
-/// As [`write`].
-pub(crate) unsafe fn write_if_wanted<T>(pointer: *mut T, value: T, what: &str) -> Result<(), Failure> {
-    if pointer.is_null() {
-        return Ok(());
+/// A pointer that is aligned and not NULL points at memory for `length` values, which this thread alone uses until the call returns.
+pub(crate) unsafe fn room<T>(pointer: *mut T, length: usize, what: &'static str) -> Result<Room<T>, Failure> {
+    if length > 0 || !pointer.is_null() {
+        check(pointer, what)?;
+        within_memory(pointer, length, what)?;
     }
-    // SAFETY: the same is promised.
-    unsafe { write(pointer, value, what) }
+    Ok(Room { start: pointer, length, what })
+}
+
+/// The struct that `pointer` points at, whose first field says how much of it the caller knows.
+///
+/// # Safety
+/// A pointer that is aligned and not NULL points at a struct as long as its first field says, which this thread alone uses until the call
+/// returns.
+pub(crate) unsafe fn report<T: Versioned>(pointer: *mut T, what: &str) -> Result<Report<T>, Failure> {
+    // SAFETY: the caller's.
+    let size = unsafe { size(pointer, what) }?.min(size_of::<T>());
+    Ok(Report { pointer, size })
+}
+
+/// As [`report`], for a struct that is wanted unless the pointer is NULL.
+///
+/// # Safety
+/// As [`report`].
+pub(crate) unsafe fn report_if_wanted<T: Versioned>(
+    pointer: *mut T,
+    what: &str,
+) -> Result<Option<Report<T>>, Failure> {
+    // SAFETY: the caller's.
+    if pointer.is_null() { Ok(None) } else { unsafe { report(pointer, what) }.map(Some) }
+}
+
+impl<T> Place<T> {
+    pub(crate) fn write(self, value: T) {
+        // SAFETY: who made it promised it. What is there is overwritten, not dropped.
+        unsafe { self.0.write(value) };
+    }
+}
+
+impl<T: Copy> Room<T> {
+    /// Refuses memory that is too small for `needed` values.
+    pub(crate) fn fits(&self, needed: usize) -> Result<(), Failure> {
+        let Self { length, what, .. } = *self;
+        if length < needed {
+            let text = format!("{what}: expected room for {needed}, found room for {length}");
+            return Err(Failure::new(crate::status::Status::MEISSNER_BUFFER_TOO_SMALL, text));
+        }
+        Ok(())
+    }
+
+    /// Copies `values`, if they fit.
+    pub(crate) fn copy(self, values: &[T]) -> Result<(), Failure> {
+        self.fits(values.len())?;
+        if !values.is_empty() {
+            // SAFETY: there is room for them, as who made it promised; `values` is ours, so that they do not overlap.
+            unsafe { self.start.copy_from_nonoverlapping(values.as_ptr(), values.len()) };
+        }
+        Ok(())
+    }
+}
+
+impl<T: Versioned> Report<T> {
+    /// Writes the part of `value` that the caller knows. The caller's size stays.
+    pub(crate) fn write(self, value: T) {
+        let (from, first) = ((&raw const value).cast::<u8>(), size_of::<usize>());
+        let length = self.size - first;
+        // SAFETY: `size` bytes can be written there, and `value` has as many; the first field is left out of both.
+        unsafe { self.pointer.cast::<u8>().add(first).copy_from_nonoverlapping(from.add(first), length) };
+    }
 }
 
 /// The `length` values at `pointer`, which may be NULL if there are none.
@@ -59,38 +123,9 @@ pub(crate) unsafe fn array<'a, T>(pointer: *const T, length: usize, what: &str) 
         return Ok(&[]);
     }
     check(pointer, what)?;
-    within_memory::<T>(length, what)?;
+    within_memory(pointer, length, what)?;
     // SAFETY: neither NULL nor misaligned, and no longer than any memory; the rest is promised.
     Ok(unsafe { slice::from_raw_parts(pointer, length) })
-}
-
-/// Copies `values` to the memory for `length` values at `pointer`.
-///
-/// # Safety
-/// A pointer that is aligned and not NULL points at memory for `length` values, which this thread alone uses.
-pub(crate) unsafe fn copy<T: Copy>(
-    values: &[T],
-    pointer: *mut T,
-    length: usize,
-    what: &str,
-) -> Result<(), Failure> {
-    fits(values.len(), length, what)?;
-    if values.is_empty() {
-        return Ok(());
-    }
-    check(pointer, what)?;
-    // SAFETY: there is room for `length` values, of which there are no more; `values` is ours, so that they do not overlap.
-    unsafe { pointer.copy_from_nonoverlapping(values.as_ptr(), values.len()) };
-    Ok(())
-}
-
-/// Refuses memory for `length` values where `needed` are to be written.
-pub(crate) fn fits(needed: usize, length: usize, what: &str) -> Result<(), Failure> {
-    if length < needed {
-        let text = format!("{what}: expected room for {needed}, found room for {length}");
-        return Err(Failure::new(crate::status::Status::MEISSNER_BUFFER_TOO_SMALL, text));
-    }
-    Ok(())
 }
 
 /// The string at `pointer`.
@@ -132,31 +167,6 @@ pub(crate) unsafe fn options<T: Versioned>(pointer: *const T, what: &str) -> Res
     Ok(found)
 }
 
-/// Writes the part of `value` that the caller knows to `pointer`, unless it is NULL. The caller's size stays.
-///
-/// # Safety
-/// A pointer that is aligned and not NULL points at a struct as long as its first field says, which this thread alone uses.
-pub(crate) unsafe fn report<T: Versioned>(pointer: *mut T, value: T, what: &str) -> Result<(), Failure> {
-    if pointer.is_null() {
-        return Ok(());
-    }
-    // SAFETY: the caller's.
-    let size = unsafe { size(pointer, what) }?.min(size_of::<T>());
-    let (from, first) = ((&raw const value).cast::<u8>(), size_of::<usize>());
-    // SAFETY: `size` bytes can be written there, and `value` has as many; the first field is left out of both.
-    unsafe { pointer.cast::<u8>().add(first).copy_from_nonoverlapping(from.add(first), size - first) };
-    Ok(())
-}
-
-/// Refuses a struct that cannot be reported to, before anything is computed for it.
-///
-/// # Safety
-/// As [`report`].
-pub(crate) unsafe fn reportable<T: Versioned>(pointer: *const T, what: &str) -> Result<(), Failure> {
-    // SAFETY: the caller's.
-    if pointer.is_null() { Ok(()) } else { unsafe { size(pointer, what) }.map(drop) }
-}
-
 /// The size that the struct at `pointer` states.
 ///
 /// # Safety
@@ -185,8 +195,9 @@ fn check<T>(pointer: *const T, what: &str) -> Result<(), Failure> {
     Ok(())
 }
 
-fn within_memory<T>(length: usize, what: &str) -> Result<(), Failure> {
-    let most = isize::MAX as usize / size_of::<T>().max(1);
+fn within_memory<T>(pointer: *const T, length: usize, what: &str) -> Result<(), Failure> {
+    let room = (isize::MAX as usize).min(usize::MAX - pointer.addr());
+    let most = room / size_of::<T>().max(1);
     if length > most {
         return Err(Failure::argument(what, format!("at most {most} values"), length));
     }

@@ -2,25 +2,15 @@
 
 use meissner::{Engine, Event, EventCounters, LatePolicy, Options, Outcome, Predictor, Sensor};
 
-use crate::arguments::{
-    Versioned, array, copy, fits, give, options, report, reportable, shared, write, write_if_wanted,
-};
-use crate::guarded::Guarded;
-use crate::network::{meissner_network, release};
+use crate::arguments::{Versioned, array, options, place, place_if_wanted, report, report_if_wanted, room};
+use crate::handles::Handles;
+use crate::network::{NETWORKS, meissner_network};
 use crate::status::{Failure, call, meissner_status};
 
 /// A network over the events of a sliding window. One thread at a time.
-pub struct meissner_engine(Guarded<Engine>);
+pub struct meissner_engine(());
 
-impl meissner_engine {
-    pub(crate) fn new(engine: Engine) -> Self {
-        Self(Guarded::new(engine))
-    }
-
-    pub(crate) fn with<R>(&self, body: impl FnOnce(&mut Engine) -> Result<R, Failure>) -> Result<R, Failure> {
-        self.0.with(body)
-    }
-}
+pub(crate) static ENGINES: Handles<meissner_engine, Engine> = Handles::new(2, "engine");
 
 /// A change of brightness at a pixel.
 #[repr(C)]
@@ -148,12 +138,13 @@ pub unsafe extern "C" fn meissner_engine_new(
 ) -> meissner_status {
     call(|| {
         // SAFETY: the callers' rules at the top of the header.
-        let (network, options) = unsafe { (shared(network, "network")?, self::options(options, "options")?) };
+        let (result, options) = unsafe { (place(result, "result")?, self::options(options, "options")?) };
+        let (network, options) = (NETWORKS.get(network)?, engine_options(options)?);
         let sensor = Sensor::new(width, height);
-        let engine = Engine::with_options(network.of_events()?.clone(), sensor, engine_options(options)?)?;
+        let engine = Engine::with_options(network.of_events()?.clone(), sensor, options)?;
+        result.write(ENGINES.add(engine)?);
         network.warn_of_sensor(sensor);
-        // SAFETY: as above.
-        unsafe { give(meissner_engine::new(engine), result, "result") }
+        Ok(())
     })
 }
 
@@ -165,9 +156,10 @@ pub unsafe extern "C" fn meissner_engine_clone(
 ) -> meissner_status {
     call(|| {
         // SAFETY: the callers' rules at the top of the header.
-        let clone = unsafe { shared(engine, "engine") }?.with(|engine| Ok(engine.clone()))?;
-        // SAFETY: as above.
-        unsafe { give(meissner_engine::new(clone), result, "result") }
+        let result = unsafe { place(result, "result") }?;
+        let clone = ENGINES.with(engine, |engine| Ok(engine.clone()))?;
+        result.write(ENGINES.add(clone)?);
+        Ok(())
     })
 }
 
@@ -183,11 +175,11 @@ pub unsafe extern "C" fn meissner_engine_push(
 ) -> meissner_status {
     call(|| {
         // SAFETY: the callers' rules at the top of the header.
-        let engine = unsafe { shared(engine, "engine") }?;
+        let accepted = unsafe { place_if_wanted(accepted, "accepted") }?;
         let event = Event::new(t_us, x, y, polarity > 0);
-        let entered = engine.with(|engine| Ok(engine.push(event) == Outcome::Accepted))?;
-        // SAFETY: as above.
-        unsafe { write_if_wanted(accepted, entered, "accepted") }
+        let entered = ENGINES.with(engine, |engine| Ok(engine.push(event) == Outcome::Accepted))?;
+        accepted.into_iter().for_each(|accepted| accepted.write(entered));
+        Ok(())
     })
 }
 
@@ -201,10 +193,12 @@ pub unsafe extern "C" fn meissner_engine_push_events(
 ) -> meissner_status {
     call(|| {
         // SAFETY: the callers' rules at the top of the header.
-        let (engine, events) = unsafe { (shared(engine, "engine")?, array(events, length, "events")?) };
-        let entered = engine.with(|engine| Ok(engine.push_all(events.iter().map(|&event| event.into()))))?;
-        // SAFETY: as above.
-        unsafe { write_if_wanted(accepted, entered, "accepted") }
+        let (events, accepted) =
+            unsafe { (array(events, length, "events")?, place_if_wanted(accepted, "accepted")?) };
+        let events = events.iter().map(|&event| event.into());
+        let entered = ENGINES.with(engine, |engine| Ok(engine.push_all(events)))?;
+        accepted.into_iter().for_each(|accepted| accepted.write(entered));
+        Ok(())
     })
 }
 
@@ -222,11 +216,11 @@ pub unsafe extern "C" fn meissner_engine_push_arrays(
 ) -> meissner_status {
     call(|| {
         // SAFETY: the callers' rules at the top of the header.
-        let (engine, events) =
-            unsafe { (shared(engine, "engine")?, from_arrays(t_us, x, y, polarity, length)?) };
-        let entered = engine.with(|engine| Ok(engine.push_all(events)))?;
-        // SAFETY: as above.
-        unsafe { write_if_wanted(accepted, entered, "accepted") }
+        let (events, accepted) =
+            unsafe { (from_arrays(t_us, x, y, polarity, length)?, place_if_wanted(accepted, "accepted")?) };
+        let entered = ENGINES.with(engine, |engine| Ok(engine.push_all(events)))?;
+        accepted.into_iter().for_each(|accepted| accepted.write(entered));
+        Ok(())
     })
 }
 
@@ -261,8 +255,7 @@ pub unsafe extern "C" fn meissner_engine_advance(
     t_us: i64,
 ) -> meissner_status {
     call(|| {
-        // SAFETY: the callers' rules at the top of the header.
-        unsafe { shared(engine, "engine") }?.with(|engine| {
+        ENGINES.with(engine, |engine| {
             engine.advance(t_us);
             Ok(())
         })
@@ -280,11 +273,10 @@ pub unsafe extern "C" fn meissner_engine_predict(
 ) -> meissner_status {
     call(|| {
         // SAFETY: the callers' rules at the top of the header.
-        let engine = unsafe { shared(engine, "engine") }?;
-        engine.with(|engine| {
-            fits(engine.network().outputs(), length, "values")?;
-            // SAFETY: as above.
-            unsafe { reportable(prediction, "prediction") }?;
+        let (values, prediction) =
+            unsafe { (room(values, length, "values")?, report_if_wanted(prediction, "prediction")?) };
+        ENGINES.with(engine, |engine| {
+            values.fits(engine.network().outputs())?;
             let found = Predictor::predict(engine)?;
             let of = meissner_prediction {
                 size: 0,
@@ -293,11 +285,9 @@ pub unsafe extern "C" fn meissner_engine_predict(
                 nodes: found.nodes as u64,
                 rows: found.rows.iter().sum(),
             };
-            // SAFETY: as above.
-            unsafe {
-                copy(found.values, values, length, "values")?;
-                report(prediction, of, "prediction")
-            }
+            values.copy(found.values)?;
+            prediction.into_iter().for_each(|prediction| prediction.write(of));
+            Ok(())
         })
     })
 }
@@ -306,8 +296,7 @@ pub unsafe extern "C" fn meissner_engine_predict(
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn meissner_engine_reset(engine: *const meissner_engine) -> meissner_status {
     call(|| {
-        // SAFETY: the callers' rules at the top of the header.
-        unsafe { shared(engine, "engine") }?.with(|engine| {
+        ENGINES.with(engine, |engine| {
             engine.reset();
             Ok(())
         })
@@ -322,7 +311,8 @@ pub unsafe extern "C" fn meissner_engine_counters(
 ) -> meissner_status {
     call(|| {
         // SAFETY: the callers' rules at the top of the header.
-        let found = unsafe { shared(engine, "engine") }?.with(|engine| Ok(engine.counters()))?;
+        let counters = unsafe { report(counters, "counters") }?;
+        let found = ENGINES.with(engine, |engine| Ok(engine.counters()))?;
         let EventCounters {
             pushed,
             accepted,
@@ -334,7 +324,7 @@ pub unsafe extern "C" fn meissner_engine_counters(
             evicted,
             ..
         } = found.events;
-        let counts = meissner_counters {
+        counters.write(meissner_counters {
             size: 0,
             pushed,
             accepted,
@@ -346,9 +336,8 @@ pub unsafe extern "C" fn meissner_engine_counters(
             evicted,
             predictions: found.predictions.read,
             reused: found.predictions.reused,
-        };
-        // SAFETY: as above.
-        unsafe { report(counters, counts, "counters") }
+        });
+        Ok(())
     })
 }
 
@@ -361,14 +350,14 @@ pub unsafe extern "C" fn meissner_engine_layer_counters(
 ) -> meissner_status {
     call(|| {
         // SAFETY: the callers' rules at the top of the header.
-        let found = unsafe { shared(engine, "engine") }?.with(|engine| Ok(engine.counters()))?;
+        let layers = unsafe { room(layers, length, "layers") }?;
+        let found = ENGINES.with(engine, |engine| Ok(engine.counters()))?;
         let counts = found.layers.iter().map(|layer| meissner_layer_counters {
             computed: layer.recomputed,
             kept: layer.kept,
             unchanged: layer.unchanged,
         });
-        // SAFETY: as above.
-        unsafe { copy(&counts.collect::<Vec<_>>(), layers, length, "layers") }
+        layers.copy(&counts.collect::<Vec<_>>())
     })
 }
 
@@ -383,12 +372,10 @@ pub unsafe extern "C" fn meissner_engine_snapshot(
 ) -> meissner_status {
     call(|| {
         // SAFETY: the callers' rules at the top of the header.
-        let found = unsafe { shared(engine, "engine") }?.with(|engine| Ok(engine.to_bytes()))?;
-        // SAFETY: as above.
-        unsafe {
-            write(length, found.len(), "length")?;
-            copy(&found, bytes, capacity, "bytes")
-        }
+        let (bytes, length) = unsafe { (room(bytes, capacity, "bytes")?, place(length, "length")?) };
+        let found = ENGINES.with(engine, |engine| Ok(engine.to_bytes()))?;
+        length.write(found.len());
+        bytes.copy(&found)
     })
 }
 
@@ -401,14 +388,13 @@ pub unsafe extern "C" fn meissner_engine_restore(
 ) -> meissner_status {
     call(|| {
         // SAFETY: the callers' rules at the top of the header.
-        let (engine, bytes) = unsafe { (shared(engine, "engine")?, array(bytes, length, "bytes")?) };
-        engine.with(|engine| Ok(engine.restore_bytes(bytes)?))
+        let bytes = unsafe { array(bytes, length, "bytes") }?;
+        ENGINES.with(engine, |engine| Ok(engine.restore_bytes(bytes)?))
     })
 }
 
-/// Ends an engine.
+/// Ends an engine, after the call that another thread has in it.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn meissner_engine_release(engine: *mut meissner_engine) {
-    // SAFETY: it is one that a function of the interface made, and that is not used again.
-    unsafe { release(engine) };
+    ENGINES.release(engine);
 }

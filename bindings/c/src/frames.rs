@@ -2,14 +2,16 @@
 
 use meissner::frames::{FrameEngine, FrameOptions, Skip};
 
-use crate::arguments::{Versioned, array, copy, fits, give, options, report, reportable, shared, write};
+use crate::arguments::{Versioned, array, options, place, report_if_wanted, room};
 use crate::engine::{meissner_layer_counters, meissner_prediction};
-use crate::guarded::Guarded;
-use crate::network::{flag, meissner_network, release};
+use crate::handles::Handles;
+use crate::network::{NETWORKS, flag, meissner_network};
 use crate::status::{Failure, call, meissner_status};
 
 /// A network over frames, with its state. One thread at a time.
-pub struct meissner_frames(Guarded<FrameEngine>);
+pub struct meissner_frames(());
+
+static FRAMES: Handles<meissner_frames, FrameEngine> = Handles::new(3, "frames");
 
 /// What no change reaches is kept: exact.
 pub const MEISSNER_SKIP_EXACT: u32 = 0;
@@ -62,10 +64,11 @@ pub unsafe extern "C" fn meissner_frames_new(
 ) -> meissner_status {
     call(|| {
         // SAFETY: the callers' rules at the top of the header.
-        let (network, options) = unsafe { (shared(network, "network")?, self::options(options, "options")?) };
-        let engine = FrameEngine::with_options(network.of_frames()?.clone(), frame_options(options)?)?;
-        // SAFETY: as above.
-        unsafe { give(meissner_frames(Guarded::new(engine)), result, "result") }
+        let (result, options) = unsafe { (place(result, "result")?, self::options(options, "options")?) };
+        let (network, options) = (NETWORKS.get(network)?, frame_options(options)?);
+        let engine = FrameEngine::with_options(network.of_frames()?.clone(), options)?;
+        result.write(FRAMES.add(engine)?);
+        Ok(())
     })
 }
 
@@ -79,8 +82,8 @@ pub unsafe extern "C" fn meissner_frames_push(
 ) -> meissner_status {
     call(|| {
         // SAFETY: the callers' rules at the top of the header.
-        let (frames, values) = unsafe { (shared(frames, "frames")?, array(values, length, "values")?) };
-        frames.0.with(|engine| Ok(engine.push_slice(values)?))
+        let values = unsafe { array(values, length, "values") }?;
+        FRAMES.with(frames, |engine| Ok(engine.push_slice(values)?))
     })
 }
 
@@ -96,18 +99,15 @@ pub unsafe extern "C" fn meissner_frames_predict(
 ) -> meissner_status {
     call(|| {
         // SAFETY: the callers' rules at the top of the header.
-        let frames = unsafe { shared(frames, "frames") }?;
-        frames.0.with(|engine| {
-            fits(engine.network().output().values(), length, "values")?;
-            // SAFETY: as above.
-            unsafe { reportable(prediction, "prediction") }?;
+        let (values, prediction) =
+            unsafe { (room(values, length, "values")?, report_if_wanted(prediction, "prediction")?) };
+        FRAMES.with(frames, |engine| {
+            values.fits(engine.network().output().values())?;
             let found = engine.predict()?;
             let of = meissner_prediction { size: 0, t_us: 0, has_time: 0, nodes: found.frames, rows: 0 };
-            // SAFETY: as above.
-            unsafe {
-                copy(found.values, values, length, "values")?;
-                report(prediction, of, "prediction")
-            }
+            values.copy(found.values)?;
+            prediction.into_iter().for_each(|prediction| prediction.write(of));
+            Ok(())
         })
     })
 }
@@ -116,8 +116,7 @@ pub unsafe extern "C" fn meissner_frames_predict(
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn meissner_frames_reset(frames: *const meissner_frames) -> meissner_status {
     call(|| {
-        // SAFETY: the callers' rules at the top of the header.
-        unsafe { shared(frames, "frames") }?.0.with(|engine| {
+        FRAMES.with(frames, |engine| {
             engine.reset();
             Ok(())
         })
@@ -133,7 +132,8 @@ pub unsafe extern "C" fn meissner_frames_layer_counters(
 ) -> meissner_status {
     call(|| {
         // SAFETY: the callers' rules at the top of the header.
-        let counts: Vec<_> = unsafe { shared(frames, "frames") }?.0.with(|engine| {
+        let layers = unsafe { room(layers, length, "layers") }?;
+        let counts: Vec<_> = FRAMES.with(frames, |engine| {
             let counts = engine.counters().layers.iter();
             Ok(counts
                 .map(|layer| meissner_layer_counters {
@@ -143,8 +143,7 @@ pub unsafe extern "C" fn meissner_frames_layer_counters(
                 })
                 .collect())
         })?;
-        // SAFETY: as above.
-        unsafe { copy(&counts, layers, length, "layers") }
+        layers.copy(&counts)
     })
 }
 
@@ -158,12 +157,10 @@ pub unsafe extern "C" fn meissner_frames_snapshot(
 ) -> meissner_status {
     call(|| {
         // SAFETY: the callers' rules at the top of the header.
-        let found = unsafe { shared(frames, "frames") }?.0.with(|engine| Ok(engine.to_bytes()))?;
-        // SAFETY: as above.
-        unsafe {
-            write(length, found.len(), "length")?;
-            copy(&found, bytes, capacity, "bytes")
-        }
+        let (bytes, length) = unsafe { (room(bytes, capacity, "bytes")?, place(length, "length")?) };
+        let found = FRAMES.with(frames, |engine| Ok(engine.to_bytes()))?;
+        length.write(found.len());
+        bytes.copy(&found)
     })
 }
 
@@ -176,14 +173,13 @@ pub unsafe extern "C" fn meissner_frames_restore(
 ) -> meissner_status {
     call(|| {
         // SAFETY: the callers' rules at the top of the header.
-        let (frames, bytes) = unsafe { (shared(frames, "frames")?, array(bytes, length, "bytes")?) };
-        frames.0.with(|engine| Ok(engine.restore_bytes(bytes)?))
+        let bytes = unsafe { array(bytes, length, "bytes") }?;
+        FRAMES.with(frames, |engine| Ok(engine.restore_bytes(bytes)?))
     })
 }
 
-/// Ends a frame engine.
+/// Ends a frame engine, after the call that another thread has in it.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn meissner_frames_release(frames: *mut meissner_frames) {
-    // SAFETY: it is one that a function above made, and that is not used again.
-    unsafe { release(frames) };
+    FRAMES.release(frames);
 }

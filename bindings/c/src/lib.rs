@@ -11,6 +11,7 @@
 //! | `frames.rs` | `meissner_frames_*`: frames to predictions |
 //! | `live.rs` | `meissner_input_*`, `meissner_live_*`: a queue, a thread, and predictions by a deadline |
 //! | `log.rs` | `meissner_set_log` |
+//! | `handles.rs` | what handles stand for, and who may use it when |
 //! | `status.rs` | results of calls, and their texts |
 //!
 //! The header's own comments state what callers must know. A test makes it from this source and compares.
@@ -25,7 +26,7 @@
 mod arguments;
 mod engine;
 mod frames;
-mod guarded;
+mod handles;
 mod live;
 mod log;
 mod network;

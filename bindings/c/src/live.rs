@@ -5,19 +5,22 @@ use std::time::Duration;
 use meissner::live::{Input, Live, Overload, QueueCounters, QueueOptions};
 use meissner::{Engine, Event};
 
-use crate::arguments::{Versioned, array, copy, fits, give, options, report, reportable, shared, write};
-use crate::engine::{from_arrays, meissner_engine, meissner_event};
-use crate::guarded::Guarded;
-use crate::network::{number, release};
+use crate::arguments::{Versioned, array, options, place, report, report_if_wanted, room};
+use crate::engine::{ENGINES, from_arrays, meissner_engine, meissner_event};
+use crate::handles::Handles;
+use crate::network::number;
 use crate::status::{Failure, call, meissner_status};
 
 /// The sensor's side of a live engine. One thread at a time.
-pub struct meissner_input(Guarded<Input>);
+pub struct meissner_input(());
 
 /// The controller's side of a live engine. One thread at a time.
-pub struct meissner_live(Guarded<Sides>);
+pub struct meissner_live(());
 
-struct Sides {
+static INPUTS: Handles<meissner_input, Input> = Handles::new(4, "input");
+static LIVES: Handles<meissner_live, Controller> = Handles::new(5, "live");
+
+struct Controller {
     live: Live<Engine>,
     outputs: usize,
 }
@@ -123,9 +126,9 @@ fn queue_options(options: meissner_live_options) -> Result<QueueOptions, Failure
     };
     let mut made = QueueOptions::new().with_overload(overload).with_ahead(ahead);
     if options.capacity != 0 {
-        made = made.with_capacity(number(options.capacity));
+        made = made.with_capacity(number(options.capacity, "capacity")?);
     }
-    Ok(if options.batch == 0 { made } else { made.with_batch(number(options.batch)) })
+    Ok(if options.batch == 0 { made } else { made.with_batch(number(options.batch, "batch")?) })
 }
 
 /// Starts a thread that owns the engine and reads from a queue: `input` is for the thread that has the events, `live` for the one that
@@ -139,17 +142,16 @@ pub unsafe extern "C" fn meissner_live_new(
 ) -> meissner_status {
     call(|| {
         // SAFETY: the callers' rules at the top of the header.
-        let (engine, options) = unsafe { (shared(engine, "engine")?, self::options(options, "options")?) };
-        let engine = engine.with(|engine| Ok(engine.clone()))?;
+        let (places, options) =
+            unsafe { ((place(input, "input")?, place(live, "live")?), self::options(options, "options")?) };
+        let options = queue_options(options)?;
+        let engine = ENGINES.with(engine, |engine| Ok(engine.clone()))?;
         let outputs = engine.network().outputs();
-        let (theirs, sides) = Live::spawn(engine, queue_options(options)?)?;
-        let sides = Guarded::new(Sides { live: sides, outputs });
-        // SAFETY: as above. What is refused is refused before there is a handle.
-        unsafe {
-            write(live, std::ptr::null_mut(), "live")?;
-            give(meissner_input(Guarded::new(theirs)), input, "input")?;
-            give(meissner_live(sides), live, "live")
-        }
+        let (theirs, live) = Live::spawn(engine, options)?;
+        let (theirs, live) = (INPUTS.add(theirs)?, LIVES.add(Controller { live, outputs })?);
+        places.0.write(theirs);
+        places.1.write(live);
+        Ok(())
     })
 }
 
@@ -162,8 +164,8 @@ pub unsafe extern "C" fn meissner_input_push_events(
 ) -> meissner_status {
     call(|| {
         // SAFETY: the callers' rules at the top of the header.
-        let (input, events) = unsafe { (shared(input, "input")?, array(events, length, "events")?) };
-        input.0.with(|input| push_all(input, events.iter().map(|&event| event.into())))
+        let events = unsafe { array(events, length, "events") }?;
+        INPUTS.with(input, |input| push_all(input, events.iter().map(|&event| event.into())))
     })
 }
 
@@ -179,9 +181,8 @@ pub unsafe extern "C" fn meissner_input_push_arrays(
 ) -> meissner_status {
     call(|| {
         // SAFETY: the callers' rules at the top of the header.
-        let (input, events) =
-            unsafe { (shared(input, "input")?, from_arrays(t_us, x, y, polarity, length)?) };
-        input.0.with(|input| push_all(input, events))
+        let events = unsafe { from_arrays(t_us, x, y, polarity, length) }?;
+        INPUTS.with(input, |input| push_all(input, events))
     })
 }
 
@@ -205,8 +206,7 @@ fn push_all(input: &mut Input, mut events: impl Iterator<Item = Event>) -> Resul
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn meissner_input_advance(input: *const meissner_input, t_us: i64) -> meissner_status {
     call(|| {
-        // SAFETY: the callers' rules at the top of the header.
-        unsafe { shared(input, "input") }?.0.with(|input| {
+        INPUTS.with(input, |input| {
             input.advance(t_us);
             Ok(())
         })
@@ -226,13 +226,12 @@ pub unsafe extern "C" fn meissner_live_predict(
 ) -> meissner_status {
     call(|| {
         // SAFETY: the callers' rules at the top of the header.
-        let live = unsafe { shared(live, "live") }?;
+        let (values, timely) =
+            unsafe { (room(values, length, "values")?, report_if_wanted(timely, "timely")?) };
         let deadline =
             if deadline_ns == u64::MAX { Duration::MAX } else { Duration::from_nanos(deadline_ns) };
-        live.0.with(|Sides { live, outputs }| {
-            fits(*outputs, length, "values")?;
-            // SAFETY: as above.
-            unsafe { reportable(timely, "timely") }?;
+        LIVES.with(live, |Controller { live, outputs }| {
+            values.fits(*outputs)?;
             let found = live.predict(deadline)?;
             let of = meissner_timely {
                 size: 0,
@@ -246,11 +245,9 @@ pub unsafe extern "C" fn meissner_live_predict(
                 fresh: found.fresh.into(),
                 own: found.own.into(),
             };
-            // SAFETY: as above.
-            unsafe {
-                copy(found.values, values, length, "values")?;
-                report(timely, of, "timely")
-            }
+            values.copy(found.values)?;
+            timely.into_iter().for_each(|timely| timely.write(of));
+            Ok(())
         })
     })
 }
@@ -267,9 +264,9 @@ pub unsafe extern "C" fn meissner_live_counters(
 ) -> meissner_status {
     call(|| {
         // SAFETY: the callers' rules at the top of the header.
-        let found: QueueCounters =
-            unsafe { shared(live, "live") }?.0.with(|sides| Ok(sides.live.counters()))?;
-        let counts = meissner_queue_counters {
+        let counters = unsafe { report(counters, "counters") }?;
+        let found: QueueCounters = LIVES.with(live, |of| Ok(of.live.counters()))?;
+        counters.write(meissner_queue_counters {
             size: 0,
             offered: found.offered,
             delivered: found.delivered,
@@ -279,43 +276,36 @@ pub unsafe extern "C" fn meissner_live_counters(
             thinned: found.thinned,
             high_water: found.high_water,
             blocked_ns: nanoseconds(found.blocked),
-        };
-        // SAFETY: as above.
-        unsafe { report(counters, counts, "counters") }
+        });
+        Ok(())
     })
 }
 
 /// Ends a live engine, as `meissner_live_release`, and gives its engine back through `engine`. Waiting events are discarded: predict with
-/// a deadline of UINT64_MAX first to have them taken. The handle is gone in any case, unless the status is
-/// MEISSNER_INVALID_ARGUMENT.
+/// a deadline of UINT64_MAX first to have them taken. While another thread is in a call with `live`, the status is MEISSNER_BUSY and nothing
+/// has changed. After MEISSNER_OK and MEISSNER_PANICKED, the handle has ended.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn meissner_live_close(
     live: *mut meissner_live,
     engine: *mut *mut meissner_engine,
 ) -> meissner_status {
     call(|| {
-        // SAFETY: the callers' rules at the top of the header. What is refused is refused before the handle is gone.
-        unsafe {
-            shared(live.cast_const(), "live")?;
-            write(engine, std::ptr::null_mut(), "engine")?;
-        }
-        // SAFETY: it is one that `meissner_live_new` made, and that is not used again.
-        let sides = unsafe { Box::from_raw(live) }.0.into_inner();
-        // SAFETY: as above.
-        unsafe { give(meissner_engine::new(sides.live.close()?), engine, "engine") }
+        // SAFETY: the callers' rules at the top of the header.
+        let engine = unsafe { place(engine, "engine") }?;
+        let Controller { live, .. } = LIVES.take(live)?;
+        engine.write(ENGINES.add(live.close()?)?);
+        Ok(())
     })
 }
 
-/// Ends a live engine and its thread. Waiting events are discarded.
+/// Ends a live engine and its thread, after the call that another thread has in it. Waiting events are discarded.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn meissner_live_release(live: *mut meissner_live) {
-    // SAFETY: it is one that `meissner_live_new` made, and that is not used again.
-    unsafe { release(live) };
+    LIVES.release(live);
 }
 
-/// Ends the sensor's side. The controller's side goes on.
+/// Ends the sensor's side, after the call that another thread has in it. The controller's side goes on.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn meissner_input_release(input: *mut meissner_input) {
-    // SAFETY: it is one that `meissner_live_new` made, and that is not used again.
-    unsafe { release(input) };
+    INPUTS.release(input);
 }

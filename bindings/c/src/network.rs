@@ -9,20 +9,26 @@ use meissner::frames::{Convolution, FrameNetwork, FrameShape};
 use meissner::kernels::WinogradTile;
 use meissner::{AnyDescription, Card, ModelError, Network, Sensor, Weights};
 
-use crate::arguments::{Versioned, array, give, options, report, shared, text, write_if_wanted};
+use crate::arguments::{Versioned, array, options, place, place_if_wanted, report, text};
+use crate::handles::Handles;
 use crate::log::warn;
 use crate::status::{Failure, Status, call, meissner_status};
 
 /// A network with its weights. It does not change, and any number of threads and engines may use it.
-pub struct meissner_network {
-    pub(crate) kind: Kind,
+pub struct meissner_network(());
+
+pub(crate) static NETWORKS: Handles<meissner_network, Arc<Loaded>> = Handles::new(1, "network");
+
+/// What a handle of a network stands for.
+pub(crate) struct Loaded {
+    kind: Kind,
     name: CString,
     /// Name and unit of each.
     outputs: Vec<[CString; 2]>,
     card: Card,
 }
 
-pub(crate) enum Kind {
+enum Kind {
     Events(Arc<Network>),
     Frames(Arc<FrameNetwork>),
 }
@@ -122,10 +128,10 @@ impl Kind {
                     network = network.with_span_us(options.span_us)?;
                 }
                 if options.capacity != 0 {
-                    network = network.with_capacity(number(options.capacity))?;
+                    network = network.with_capacity(number(options.capacity, "capacity")?)?;
                 }
                 if options.neighbours != 0 {
-                    network = network.with_neighbours(number(options.neighbours))?;
+                    network = network.with_neighbours(number(options.neighbours, "neighbours")?)?;
                 }
                 Ok(Self::Events(Arc::new(network)))
             }
@@ -153,7 +159,7 @@ impl Kind {
     }
 }
 
-impl meissner_network {
+impl Loaded {
     fn new(
         description: &AnyDescription,
         weights: &Weights,
@@ -254,9 +260,10 @@ pub(crate) fn flag(value: u32, what: &str) -> Result<bool, Failure> {
     }
 }
 
-/// A count as the engine takes it; more than fits is refused there.
-pub(crate) fn number(count: u64) -> usize {
-    usize::try_from(count).unwrap_or(usize::MAX)
+/// A count as the library takes it. One that only an unsigned number of 64 bits holds is refused here: it would become a negative one.
+pub(crate) fn number(count: u64, what: &str) -> Result<usize, Failure> {
+    let fits = i64::try_from(count).ok().and_then(|count| usize::try_from(count).ok());
+    fits.ok_or_else(|| Failure::argument(what, format!("at most {}", isize::MAX), count))
 }
 
 fn shape(shape: FrameShape) -> [u32; 3] {
@@ -282,7 +289,11 @@ pub unsafe extern "C" fn meissner_network_open(
 ) -> meissner_status {
     call(|| {
         // SAFETY: the callers' rules at the top of the header.
-        let (name, options) = unsafe { (text(network, "network")?, self::options(options, "options")?) };
+        let (result, name, options) = unsafe {
+            (place(result, "result")?, text(network, "network")?, self::options(options, "options")?)
+        };
+        // SAFETY: as above.
+        let weights = if weights.is_null() { None } else { Some(unsafe { text(weights, "weights") }?) };
         let description = match AnyDescription::shipped(name) {
             Some(description) => description,
             None if Path::new(name).exists() => AnyDescription::load(name)?,
@@ -293,18 +304,15 @@ pub unsafe extern "C" fn meissner_network_open(
                 return Err(Failure::new(Status::MEISSNER_NOT_FOUND, text));
             }
         };
-        let weights = if weights.is_null() {
-            Weights::shipped(name).ok_or_else(|| {
+        let weights = match weights {
+            Some(path) => Weights::load(path)?,
+            None => Weights::shipped(name).ok_or_else(|| {
                 let text = format!("weights: expected a path, as {name} comes without, found NULL");
                 Failure::new(Status::MEISSNER_NOT_FOUND, text)
-            })?
-        } else {
-            // SAFETY: as above.
-            Weights::load(unsafe { text(weights, "weights") }?)?
+            })?,
         };
-        let network = meissner_network::new(&description, &weights, &options)?;
-        // SAFETY: as above.
-        unsafe { give(network, result, "result") }
+        result.write(NETWORKS.add(Arc::new(Loaded::new(&description, &weights, &options)?))?);
+        Ok(())
     })
 }
 
@@ -320,8 +328,9 @@ pub unsafe extern "C" fn meissner_network_from_bytes(
 ) -> meissner_status {
     call(|| {
         // SAFETY: the callers' rules at the top of the header.
-        let (description, weights, options) = unsafe {
+        let (result, description, weights, options) = unsafe {
             (
+                place(result, "result")?,
                 array(description.cast::<u8>(), description_length, "description")?,
                 array(weights, weights_length, "weights")?,
                 self::options(options, "options")?,
@@ -332,9 +341,8 @@ pub unsafe extern "C" fn meissner_network_from_bytes(
         })?;
         let description = AnyDescription::parse(description).map_err(ModelError::from)?;
         let weights = Weights::from_bytes(weights).map_err(ModelError::from)?;
-        let network = meissner_network::new(&description, &weights, &options)?;
-        // SAFETY: as above.
-        unsafe { give(network, result, "result") }
+        result.write(NETWORKS.add(Arc::new(Loaded::new(&description, &weights, &options)?))?);
+        Ok(())
     })
 }
 
@@ -344,8 +352,12 @@ pub unsafe extern "C" fn meissner_network_describe(
     network: *const meissner_network,
     info: *mut meissner_network_info,
 ) -> meissner_status {
-    // SAFETY: the callers' rules at the top of the header.
-    call(|| unsafe { report(info, shared(network, "network")?.info(), "info") })
+    call(|| {
+        // SAFETY: the callers' rules at the top of the header.
+        let info = unsafe { report(info, "info") }?;
+        info.write(NETWORKS.get(network)?.info());
+        Ok(())
+    })
 }
 
 /// The name of value `index` of a prediction, and its unit. Either pointer may be NULL. The strings belong to the network. The values of
@@ -359,14 +371,13 @@ pub unsafe extern "C" fn meissner_network_output(
 ) -> meissner_status {
     call(|| {
         // SAFETY: the callers' rules at the top of the header.
-        let outputs = &unsafe { shared(network, "network") }?.outputs;
+        let (name, unit) = unsafe { (place_if_wanted(name, "name")?, place_if_wanted(unit, "unit")?) };
+        let outputs = &NETWORKS.get(network)?.outputs;
         let refused = || Failure::argument("index", format!("less than {}", outputs.len()), index);
         let [first, second] = outputs.get(index).ok_or_else(refused)?;
-        // SAFETY: as above.
-        unsafe {
-            write_if_wanted(name, first.as_ptr(), "name")?;
-            write_if_wanted(unit, second.as_ptr(), "unit")
-        }
+        name.into_iter().for_each(|name| name.write(first.as_ptr()));
+        unit.into_iter().for_each(|unit| unit.write(second.as_ptr()));
+        Ok(())
     })
 }
 
@@ -381,21 +392,5 @@ pub extern "C" fn meissner_shipped_network(index: usize) -> *const c_char {
 /// Ends a network. Engines of it go on.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn meissner_network_release(network: *mut meissner_network) {
-    // SAFETY: it is one that a function above made, and that is not used again.
-    unsafe { release(network) };
-}
-
-/// Drops what a handle stands for.
-///
-/// # Safety
-/// The pointer is NULL, or `Box::into_raw` gave it, and it is not used again.
-pub(crate) unsafe fn release<T>(handle: *mut T) {
-    if !handle.is_null() {
-        // SAFETY: promised.
-        let value = unsafe { Box::from_raw(handle) };
-        call(|| {
-            drop(value);
-            Ok(())
-        });
-    }
+    NETWORKS.release(network);
 }

@@ -33,7 +33,7 @@ pub enum meissner_status {
     MEISSNER_INVALID_SNAPSHOT = 8,
     /// Another thread is using the handle.
     MEISSNER_BUSY = 9,
-    /// The live engine has ended.
+    /// The live engine has ended, or the handle was closed or released.
     MEISSNER_CLOSED = 10,
     /// A fault in the library. The handle can only be released.
     MEISSNER_PANICKED = 11,
@@ -51,6 +51,11 @@ pub(crate) struct Failure {
 impl Failure {
     pub(crate) fn new(status: Status, text: impl Into<String>) -> Self {
         Self { status, text: text.into() }
+    }
+
+    #[cfg(test)]
+    pub(crate) fn status(&self) -> Status {
+        self.status
     }
 
     /// An argument that is not one of those expected.

@@ -1,0 +1,335 @@
+//! Handles: what C holds in place of pointers, and the values behind them.
+//!
+//! A handle is a number in the clothes of a pointer: nothing is where it points. It names a slot of a table, and which of the values that
+//! the slot has held. So a handle that has ended is known to have, whoever still uses it, and a call that begins on one thread while another
+//! releases the handle finds the value or a refusal, never memory that was given back: slots stay.
+//!
+//! ```text
+//! bits of a handle (64):  generation 36 | slot 24 | kind 4
+//! call:     lock of the slot, without waiting -> the generation is that of the handle? -> value
+//! release:  next generation -> waits for the lock -> takes the value
+//! ```
+
+use std::marker::PhantomData;
+use std::process;
+use std::ptr;
+use std::sync::atomic::{AtomicU32, AtomicUsize, Ordering};
+use std::sync::{Mutex, MutexGuard, OnceLock, PoisonError, TryLockError};
+
+use crate::status::{Failure, Status, call};
+
+const KIND_BITS: u32 = 4;
+const SLOT_BITS: u32 = if usize::BITS == 64 { 24 } else { 16 };
+const GENERATIONS: usize = usize::MAX >> (KIND_BITS + SLOT_BITS);
+/// The generation of a new slot: such a handle is no address that a processor maps, so that a program which reads it stops at once.
+const FIRST: usize = GENERATIONS / 4 + 1;
+/// Slots of the first chunk; each further one has twice as many.
+const CHUNK: usize = 16;
+const CHUNKS: usize = (SLOT_BITS - CHUNK.ilog2()) as usize;
+
+/// The values of one kind of handle, which C knows as pointers to `H`. One thread at a time uses a value; a second is refused.
+pub(crate) struct Handles<H, T> {
+    kind: usize,
+    /// What messages call such a handle.
+    name: &'static str,
+    /// They are made when they are needed, and stay.
+    chunks: [OnceLock<Box<[Slot<T>]>>; CHUNKS],
+    free: Mutex<Free>,
+    pointers: PhantomData<fn(*const H)>,
+}
+
+struct Slot<T> {
+    generation: AtomicUsize,
+    /// The process that made the value. In a forked child, a lock that another thread held is never given back.
+    process: AtomicU32,
+    /// Poisoned after a call that did not return: the value may then be in any state.
+    value: Mutex<Option<Box<T>>>,
+}
+
+/// Slots without a value.
+struct Free {
+    left: Vec<usize>,
+    /// Slots that have ever had one.
+    used: usize,
+}
+
+impl<H, T: Send> Handles<H, T> {
+    /// A table. `kind` is 1 to 15, another one for each.
+    pub(crate) const fn new(kind: usize, name: &'static str) -> Self {
+        let free = Mutex::new(Free { left: Vec::new(), used: 0 });
+        Self { kind, name, chunks: [const { OnceLock::new() }; CHUNKS], free, pointers: PhantomData }
+    }
+
+    /// Makes a handle of `value`.
+    pub(crate) fn add(&self, value: T) -> Result<*mut H, Failure> {
+        let mut free = self.free.lock().unwrap_or_else(PoisonError::into_inner);
+        let index = match free.left.pop() {
+            Some(index) => index,
+            None if free.used < CHUNK * ((1 << CHUNKS) - 1) => {
+                free.used += 1;
+                free.used - 1
+            }
+            None => {
+                let text = format!("{}: expected at most {} at a time", self.name, free.used);
+                return Err(Failure::new(Status::MEISSNER_MEMORY_LIMIT, text));
+            }
+        };
+        drop(free);
+        let (chunk, place) = place(index);
+        let slots = self.chunks[chunk].get_or_init(|| (0..CHUNK << chunk).map(|_| Slot::new()).collect());
+        let slot = &slots[place];
+        slot.process.store(process::id(), Ordering::Relaxed);
+        slot.value.clear_poison();
+        *slot.value.lock().unwrap_or_else(PoisonError::into_inner) = Some(Box::new(value));
+        let generation = slot.generation.load(Ordering::Relaxed);
+        let number = (generation << SLOT_BITS | index) << KIND_BITS | self.kind;
+        Ok(ptr::without_provenance_mut(number))
+    }
+
+    /// Runs `body` on the value of `handle`; refuses if another call does so at this moment.
+    pub(crate) fn with<R>(
+        &self,
+        handle: *const H,
+        body: impl FnOnce(&mut T) -> Result<R, Failure>,
+    ) -> Result<R, Failure> {
+        let (slot, generation) = self.find(handle)?;
+        body(self.hold(slot, generation)?.as_mut().ok_or_else(|| self.ended())?)
+    }
+
+    /// Ends `handle` and returns its value; refuses if another call uses it at this moment, and changes nothing then.
+    pub(crate) fn take(&self, handle: *const H) -> Result<T, Failure> {
+        let (slot, generation) = self.find(handle)?;
+        let mut value = self.hold(slot, generation)?;
+        // A release that has begun meanwhile takes it.
+        if !slot.end(generation) {
+            return Err(self.ended());
+        }
+        let value = value.take().ok_or_else(|| self.ended());
+        self.give_back(handle);
+        Ok(*value?)
+    }
+
+    /// Ends `handle` and drops its value, once no call uses it any more. Nothing happens for NULL, for one that has ended, and for what is
+    /// no handle.
+    pub(crate) fn release(&self, handle: *const H) {
+        let Ok((slot, generation)) = self.find(handle) else { return };
+        // From here on no call begins; only the one that is inside ends.
+        if !slot.end(generation) {
+            return;
+        }
+        let value = match slot.value.try_lock() {
+            Err(TryLockError::WouldBlock) if slot.process.load(Ordering::Relaxed) != process::id() => return,
+            Err(TryLockError::WouldBlock) => slot.value.lock().unwrap_or_else(PoisonError::into_inner).take(),
+            Err(TryLockError::Poisoned(poisoned)) => poisoned.into_inner().take(),
+            Ok(mut value) => value.take(),
+        };
+        self.give_back(handle);
+        call(|| {
+            drop(value);
+            Ok(())
+        });
+    }
+
+    /// The slot of a handle, and its generation by the handle's own account.
+    fn find(&self, handle: *const H) -> Result<(&Slot<T>, usize), Failure> {
+        let number = handle.addr();
+        if number == 0 {
+            return Err(Failure::argument(self.name, "a handle", "NULL"));
+        }
+        let (chunk, place) = place(index(handle));
+        let slots = self.chunks.get(chunk).and_then(OnceLock::get);
+        match slots.and_then(|slots| slots.get(place)) {
+            Some(slot) if number % (1 << KIND_BITS) == self.kind => {
+                Ok((slot, number >> (KIND_BITS + SLOT_BITS)))
+            }
+            _ => {
+                let text = format!("{handle:p}, which is none");
+                Err(Failure::argument(self.name, format!("a handle of this kind ({})", self.name), text))
+            }
+        }
+    }
+
+    /// The value of a slot, for one call.
+    fn hold<'a>(
+        &self,
+        slot: &'a Slot<T>,
+        generation: usize,
+    ) -> Result<MutexGuard<'a, Option<Box<T>>>, Failure> {
+        let is_there = || slot.generation.load(Ordering::Acquire) == generation;
+        let found = slot.value.try_lock();
+        if !is_there() {
+            return Err(self.ended());
+        }
+        match found {
+            Ok(value) => Ok(value),
+            Err(TryLockError::WouldBlock) => {
+                let text = format!("{}: another thread is using this handle", self.name);
+                Err(Failure::new(Status::MEISSNER_BUSY, text))
+            }
+            Err(TryLockError::Poisoned(_)) => {
+                let text = "a fault in the library during an earlier call; release this handle";
+                Err(Failure::new(Status::MEISSNER_PANICKED, format!("{}: {text}", self.name)))
+            }
+        }
+    }
+
+    /// The slot may hold another value from now on.
+    fn give_back(&self, handle: *const H) {
+        self.free.lock().unwrap_or_else(PoisonError::into_inner).left.push(index(handle));
+    }
+
+    fn ended(&self) -> Failure {
+        let text = format!("{}: expected a handle, found one that was closed or released", self.name);
+        Failure::new(Status::MEISSNER_CLOSED, text)
+    }
+}
+
+impl<H, T: Send + Clone> Handles<H, T> {
+    /// A copy of the value of `handle`, which any number of threads may ask for at once.
+    pub(crate) fn get(&self, handle: *const H) -> Result<T, Failure> {
+        let (slot, generation) = self.find(handle)?;
+        // Held for a copy.
+        let value = slot.value.lock().unwrap_or_else(PoisonError::into_inner);
+        let is_there = slot.generation.load(Ordering::Acquire) == generation;
+        value.as_deref().filter(|_| is_there).cloned().ok_or_else(|| self.ended())
+    }
+}
+
+impl<T> Slot<T> {
+    fn new() -> Self {
+        Self { generation: AtomicUsize::new(FIRST), process: AtomicU32::new(0), value: Mutex::new(None) }
+    }
+
+    /// Ends a generation; whether it was this one's turn.
+    fn end(&self, generation: usize) -> bool {
+        let next = if generation == GENERATIONS { 0 } else { generation + 1 };
+        self.generation.compare_exchange(generation, next, Ordering::AcqRel, Ordering::Acquire).is_ok()
+    }
+}
+
+/// The slot of a handle.
+fn index<H>(handle: *const H) -> usize {
+    handle.addr() >> KIND_BITS & ((1 << SLOT_BITS) - 1)
+}
+
+/// Chunk and place of a slot.
+fn place(index: usize) -> (usize, usize) {
+    let chunk = (index / CHUNK + 1).ilog2();
+    (chunk as usize, index - CHUNK * ((1 << chunk) - 1))
+}
+
+#[cfg(test)]
+mod tests {
+    use std::ptr::null;
+    use std::sync::mpsc;
+    use std::thread;
+    use std::time::Duration;
+
+    use super::{CHUNK, CHUNKS, Handles, SLOT_BITS, index, place};
+    use crate::status::{Failure, Status};
+
+    struct Kind;
+    type Table<T> = Handles<Kind, T>;
+
+    fn status<T>(found: Result<T, Failure>) -> Status {
+        found.err().map_or(Status::MEISSNER_OK, |failure| failure.status())
+    }
+
+    #[test]
+    fn chunks_hold_every_slot_once() {
+        let places: Vec<_> = (0..CHUNK * 15).map(place).collect();
+        let expected = (0..4).flat_map(|chunk| (0..CHUNK << chunk).map(move |place| (chunk, place)));
+        assert_eq!(places, expected.collect::<Vec<_>>());
+        assert_eq!(place(CHUNK * ((1 << CHUNKS) - 1)), (CHUNKS, 0));
+        const { assert!(CHUNK * ((1 << CHUNKS) - 1) < 1 << SLOT_BITS) };
+    }
+
+    #[test]
+    fn a_value_in_use_is_refused_and_comes_back_after() {
+        let table = Table::new(1, "value");
+        let handle = table.add(1).unwrap();
+        let busy =
+            table.with(handle, |_| Ok([status(table.with(handle, |_| Ok(()))), status(table.take(handle))]));
+        assert_eq!(busy.unwrap(), [Status::MEISSNER_BUSY; 2]);
+        assert_eq!(table.with(handle, |found| Ok(*found)).unwrap(), 1);
+        assert_eq!(table.take(handle).unwrap(), 1);
+    }
+
+    #[test]
+    fn after_a_panic_the_value_is_refused_and_its_slot_serves_again_after_the_release() {
+        let table = Table::new(1, "value");
+        let handle = table.add(1).unwrap();
+        let run = || table.with(handle, |_| -> Result<(), Failure> { panic!("on purpose") });
+        assert!(std::panic::catch_unwind(std::panic::AssertUnwindSafe(run)).is_err());
+        assert_eq!(status(table.with(handle, |_| Ok(()))), Status::MEISSNER_PANICKED);
+        assert_eq!(status(table.take(handle)), Status::MEISSNER_PANICKED);
+        table.release(handle);
+        let other = table.add(2).unwrap();
+        assert_eq!(table.with(other, |found| Ok(*found)).unwrap(), 2);
+    }
+
+    #[test]
+    fn a_handle_that_has_ended_stays_so_while_its_slot_serves_another() {
+        let table = Table::new(1, "value");
+        let old = table.add(1).unwrap();
+        table.release(old);
+        table.release(old);
+        let new = table.add(2).unwrap();
+        assert_eq!((index(old), status(table.get(old))), (index(new), Status::MEISSNER_CLOSED));
+        assert_eq!(status(table.with(old, |_| Ok(()))), Status::MEISSNER_CLOSED);
+        assert_eq!(status(table.take(old)), Status::MEISSNER_CLOSED);
+        table.release(old);
+        assert_eq!(table.get(new).unwrap(), 2);
+    }
+
+    #[test]
+    fn what_is_no_handle_is_refused() {
+        let (table, others) = (Table::new(1, "value"), Table::new(2, "other"));
+        let (handle, other) = (table.add(1).unwrap(), others.add(2).unwrap());
+        let on_the_stack = 0_u64;
+        let wrong = [null(), other, handle.wrapping_byte_add(1), handle.wrapping_byte_add(1 << 12)];
+        for wrong in wrong.into_iter().chain([(&raw const on_the_stack).cast()]) {
+            assert_eq!(status(table.get(wrong)), Status::MEISSNER_INVALID_ARGUMENT, "{wrong:p}");
+            table.release(wrong);
+        }
+        assert_eq!((table.get(handle).unwrap(), others.get(other).unwrap()), (1, 2));
+    }
+
+    #[test]
+    fn a_release_waits_for_the_call_inside_and_lets_no_other_in() {
+        struct Sends(*mut Kind);
+        // SAFETY: nothing is where it points.
+        unsafe impl Send for Sends {}
+
+        let table = Table::new(1, "value");
+        let (told, tells) = mpsc::channel();
+        let handle = table.add(Told(told)).unwrap();
+        thread::scope(|scope| {
+            let within = table.with(handle, |_| {
+                let sent = Sends(handle);
+                let table = &table;
+                scope.spawn(move || {
+                    let Sends(handle) = { sent };
+                    table.release(handle);
+                });
+                while status(table.with(handle, |_| Ok(()))) == Status::MEISSNER_BUSY {
+                    thread::yield_now();
+                }
+                assert_eq!(status(table.take(handle)), Status::MEISSNER_CLOSED);
+                assert!(tells.recv_timeout(Duration::from_millis(20)).is_err(), "not while it is in use");
+                Ok(())
+            });
+            within.unwrap();
+        });
+        tells.recv().expect("dropped by the release");
+    }
+
+    /// Tells that it is dropped.
+    struct Told(mpsc::Sender<()>);
+
+    impl Drop for Told {
+        fn drop(&mut self) {
+            self.0.send(()).expect("somebody listens");
+        }
+    }
+}
