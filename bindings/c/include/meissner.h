@@ -96,6 +96,8 @@ typedef enum meissner_status {
   MEISSNER_CLOSED = 10,
   // A fault in the library. The handle can only be released.
   MEISSNER_PANICKED = 11,
+  // The call needs threads of the process that forked this one: make the handle in the child, after the fork.
+  MEISSNER_FORKED = 12,
 } meissner_status;
 
 // A network over the events of a sliding window. One thread at a time.

@@ -1,17 +1,36 @@
 //! Frame engines.
 
+use std::process;
+use std::sync::OnceLock;
+
 use meissner::frames::{FrameEngine, FrameOptions, Skip};
 
 use crate::arguments::{Versioned, array, options, place, report_if_wanted, room};
 use crate::engine::{meissner_layer_counters, meissner_prediction};
-use crate::handles::Handles;
+use crate::handles::{Handles, forked};
 use crate::network::{NETWORKS, flag, meissner_network};
 use crate::status::{Failure, call, meissner_status};
 
 /// A network over frames, with its state. One thread at a time.
 pub struct meissner_frames(());
 
-static FRAMES: Handles<meissner_frames, FrameEngine> = Handles::new(3, "frames");
+static FRAMES: Handles<meissner_frames, Frames> = Handles::new(3, "frames");
+
+struct Frames {
+    engine: FrameEngine,
+    two_threads: bool,
+}
+
+impl Frames {
+    /// The engine, to compute with. The pool of threads belongs to the process that first used it.
+    fn computing(&mut self) -> Result<&mut FrameEngine, Failure> {
+        static POOL: OnceLock<u32> = OnceLock::new();
+        if self.two_threads && *POOL.get_or_init(process::id) != process::id() {
+            return Err(forked("frames"));
+        }
+        Ok(&mut self.engine)
+    }
+}
 
 /// What no change reaches is kept: exact.
 pub const MEISSNER_SKIP_EXACT: u32 = 0;
@@ -66,8 +85,9 @@ pub unsafe extern "C" fn meissner_frames_new(
         // SAFETY: the callers' rules at the top of the header.
         let (result, options) = unsafe { (place(result, "result")?, self::options(options, "options")?) };
         let (network, options) = (NETWORKS.get(network)?, frame_options(options)?);
+        let two_threads = options.two_threads;
         let engine = FrameEngine::with_options(network.of_frames()?.clone(), options)?;
-        result.write(FRAMES.add(engine)?);
+        result.write(FRAMES.add(Frames { engine, two_threads })?);
         Ok(())
     })
 }
@@ -83,7 +103,7 @@ pub unsafe extern "C" fn meissner_frames_push(
     call(|| {
         // SAFETY: the callers' rules at the top of the header.
         let values = unsafe { array(values, length, "values") }?;
-        FRAMES.with(frames, |engine| Ok(engine.push_slice(values)?))
+        FRAMES.with(frames, |frames| Ok(frames.computing()?.push_slice(values)?))
     })
 }
 
@@ -101,9 +121,9 @@ pub unsafe extern "C" fn meissner_frames_predict(
         // SAFETY: the callers' rules at the top of the header.
         let (values, prediction) =
             unsafe { (room(values, length, "values")?, report_if_wanted(prediction, "prediction")?) };
-        FRAMES.with(frames, |engine| {
-            values.fits(engine.network().output().values())?;
-            let found = engine.predict()?;
+        FRAMES.with(frames, |frames| {
+            values.fits(frames.engine.network().output().values())?;
+            let found = frames.computing()?.predict()?;
             let of = meissner_prediction { size: 0, t_us: 0, has_time: 0, nodes: found.frames, rows: 0 };
             values.copy(found.values)?;
             prediction.into_iter().for_each(|prediction| prediction.write(of));
@@ -116,8 +136,8 @@ pub unsafe extern "C" fn meissner_frames_predict(
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn meissner_frames_reset(frames: *const meissner_frames) -> meissner_status {
     call(|| {
-        FRAMES.with(frames, |engine| {
-            engine.reset();
+        FRAMES.with(frames, |frames| {
+            frames.engine.reset();
             Ok(())
         })
     })
@@ -133,8 +153,8 @@ pub unsafe extern "C" fn meissner_frames_layer_counters(
     call(|| {
         // SAFETY: the callers' rules at the top of the header.
         let layers = unsafe { room(layers, length, "layers") }?;
-        let counts: Vec<_> = FRAMES.with(frames, |engine| {
-            let counts = engine.counters().layers.iter();
+        let counts: Vec<_> = FRAMES.with(frames, |frames| {
+            let counts = frames.engine.counters().layers.iter();
             Ok(counts
                 .map(|layer| meissner_layer_counters {
                     computed: layer.computed,
@@ -158,7 +178,7 @@ pub unsafe extern "C" fn meissner_frames_snapshot(
     call(|| {
         // SAFETY: the callers' rules at the top of the header.
         let (bytes, length) = unsafe { (room(bytes, capacity, "bytes")?, place(length, "length")?) };
-        let found = FRAMES.with(frames, |engine| Ok(engine.to_bytes()))?;
+        let found = FRAMES.with(frames, |frames| Ok(frames.engine.to_bytes()))?;
         length.write(found.len());
         bytes.copy(&found)
     })
@@ -174,7 +194,7 @@ pub unsafe extern "C" fn meissner_frames_restore(
     call(|| {
         // SAFETY: the callers' rules at the top of the header.
         let bytes = unsafe { array(bytes, length, "bytes") }?;
-        FRAMES.with(frames, |engine| Ok(engine.restore_bytes(bytes)?))
+        FRAMES.with(frames, |frames| Ok(frames.engine.restore_bytes(bytes)?))
     })
 }
 

@@ -30,6 +30,8 @@ const CHUNKS: usize = (SLOT_BITS - CHUNK.ilog2()) as usize;
 /// The values of one kind of handle, which C knows as pointers to `H`. One thread at a time uses a value; a second is refused.
 pub(crate) struct Handles<H, T> {
     kind: usize,
+    /// Whether the values have threads, which a forked child has not.
+    has_threads: bool,
     /// What messages call such a handle.
     name: &'static str,
     /// They are made when they are needed, and stay.
@@ -56,8 +58,21 @@ struct Free {
 impl<H, T: Send> Handles<H, T> {
     /// A table. `kind` is 1 to 15, another one for each.
     pub(crate) const fn new(kind: usize, name: &'static str) -> Self {
-        let free = Mutex::new(Free { left: Vec::new(), used: 0 });
-        Self { kind, name, chunks: [const { OnceLock::new() }; CHUNKS], free, pointers: PhantomData }
+        Self {
+            kind,
+            has_threads: false,
+            name,
+            chunks: [const { OnceLock::new() }; CHUNKS],
+            free: Mutex::new(Free { left: Vec::new(), used: 0 }),
+            pointers: PhantomData,
+        }
+    }
+
+    /// The same, of values that have threads: in a forked child, every call is refused.
+    pub(crate) const fn with_threads(kind: usize, name: &'static str) -> Self {
+        let mut made = Self::new(kind, name);
+        made.has_threads = true;
+        made
     }
 
     /// Makes a handle of `value`.
@@ -117,8 +132,11 @@ impl<H, T: Send> Handles<H, T> {
         if !slot.end(generation) {
             return;
         }
+        let is_ours = slot.process.load(Ordering::Relaxed) == process::id();
         let value = match slot.value.try_lock() {
-            Err(TryLockError::WouldBlock) if slot.process.load(Ordering::Relaxed) != process::id() => return,
+            // The thread that holds it, or that would have to end, is not in this process.
+            Err(TryLockError::WouldBlock) if !is_ours => return,
+            Ok(_) if self.has_threads && !is_ours => return,
             Err(TryLockError::WouldBlock) => slot.value.lock().unwrap_or_else(PoisonError::into_inner).take(),
             Err(TryLockError::Poisoned(poisoned)) => poisoned.into_inner().take(),
             Ok(mut value) => value.take(),
@@ -156,6 +174,9 @@ impl<H, T: Send> Handles<H, T> {
         generation: usize,
     ) -> Result<MutexGuard<'a, Option<Box<T>>>, Failure> {
         let is_there = || slot.generation.load(Ordering::Acquire) == generation;
+        if self.has_threads && slot.process.load(Ordering::Relaxed) != process::id() {
+            return Err(if is_there() { forked(self.name) } else { self.ended() });
+        }
         let found = slot.value.try_lock();
         if !is_there() {
             return Err(self.ended());
@@ -205,6 +226,14 @@ impl<T> Slot<T> {
         let next = if generation == GENERATIONS { 0 } else { generation + 1 };
         self.generation.compare_exchange(generation, next, Ordering::AcqRel, Ordering::Acquire).is_ok()
     }
+}
+
+/// A call that needs threads of the process that forked this one.
+pub(crate) fn forked(name: &str) -> Failure {
+    let expected = "one that was made in this process, after the fork";
+    let text =
+        format!("{name}: expected {expected}, found one with threads of the process that forked this one");
+    Failure::new(Status::MEISSNER_FORKED, text)
 }
 
 /// The slot of a handle.

@@ -17,8 +17,8 @@ pub struct meissner_input(());
 /// The controller's side of a live engine. One thread at a time.
 pub struct meissner_live(());
 
-static INPUTS: Handles<meissner_input, Input> = Handles::new(4, "input");
-static LIVES: Handles<meissner_live, Controller> = Handles::new(5, "live");
+static INPUTS: Handles<meissner_input, Input> = Handles::with_threads(4, "input");
+static LIVES: Handles<meissner_live, Controller> = Handles::with_threads(5, "live");
 
 struct Controller {
     live: Live<Engine>,

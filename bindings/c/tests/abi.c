@@ -4,6 +4,8 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/wait.h>
+#include <unistd.h>
 
 #include "meissner.h"
 
@@ -155,6 +157,47 @@ static void *push(void *input) {
   return meissner_input_advance(input, EVENTS * 60) == MEISSNER_OK ? NULL : input;
 }
 
+// A forked child has none of the threads: it is told so, and waits for nobody. What it makes itself works.
+static void forked(meissner_network *network, meissner_engine *engine, meissner_live *live, meissner_input *input) {
+  meissner_network *of_frames = NULL;
+  meissner_frames *frames = NULL;
+  const meissner_frames_options two = {.size = sizeof two, .two_threads = 1};
+  OK(meissner_network_open("event-frame-cnn", NULL, NULL, &of_frames));
+  OK(meissner_frames_new(of_frames, &two, &frames));
+  meissner_network_info info = {.size = sizeof info};
+  OK(meissner_network_describe(of_frames, &info));
+  const size_t length = (size_t)info.input_channels * info.input_height * info.input_width;
+  float *frame = calloc(length, sizeof *frame);
+  frame[length / 2] = 1;
+  OK(meissner_frames_push(frames, frame, length));
+  const pid_t child = fork();
+  ASSERT(child >= 0);
+  if (child == 0) {
+    float values[2];
+    meissner_engine *back = NULL;
+    ASSERT(meissner_live_predict(live, UINT64_MAX, values, 2, NULL) == MEISSNER_FORKED);
+    ASSERT(strstr(meissner_error_text(), "fork") != NULL);
+    ASSERT(meissner_input_push_events(input, events, 1) == MEISSNER_FORKED);
+    ASSERT(meissner_live_close(live, &back) == MEISSNER_FORKED && back == NULL);
+    meissner_live_release(live), meissner_input_release(input);
+    ASSERT(meissner_live_predict(live, UINT64_MAX, values, 2, NULL) == MEISSNER_CLOSED);
+    ASSERT(meissner_frames_push(frames, frame, length) == MEISSNER_FORKED);
+    meissner_frames_release(frames);
+    OK(meissner_engine_push_events(engine, events, EVENTS, NULL));
+    OK(meissner_live_new(engine, NULL, &input, &live));
+    OK(meissner_live_predict(live, UINT64_MAX, values, 2, NULL));
+    OK(meissner_live_close(live, &back));
+    meissner_engine_release(back), meissner_input_release(input);
+    OK(meissner_engine_new(network, 120, 80, NULL, &back));
+    _exit(0);
+  }
+  int status = 0;
+  ASSERT(waitpid(child, &status, 0) == child && status == 0);
+  OK(meissner_frames_push(frames, frame, length));
+  free(frame);
+  meissner_frames_release(frames), meissner_network_release(of_frames);
+}
+
 static void live(meissner_network *network) {
   meissner_engine *engine = NULL, *back = NULL;
   meissner_input *input = NULL;
@@ -184,7 +227,10 @@ static void live(meissner_network *network) {
   ASSERT(memcmp(values, expected, sizeof values) == 0);
   meissner_engine_release(back);
   meissner_input_release(input);
+  ASSERT(meissner_live_close(live, &back) == MEISSNER_CLOSED);
   OK(meissner_live_new(engine, NULL, &input, &live));
+  forked(network, engine, live, input);
+  OK(meissner_live_predict(live, UINT64_MAX, values, 2, &timely));
   meissner_live_release(live);
   meissner_input_release(input);
   meissner_engine_release(engine);
