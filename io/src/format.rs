@@ -15,6 +15,10 @@ pub(crate) const Y: &[&str] = &["y"];
 /// Names of the polarity.
 pub(crate) const POLARITY: &[&str] = &["p", "pol", "polarity", "on"];
 
+/// Names of the fields of an event, in lower case and with the preferred one first: time in microseconds, column, row, polarity. Files and
+/// arrays of events have the same.
+pub const EVENT_FIELDS: [&[&str]; 4] = [TIME, X, Y, POLARITY];
+
 /// A name that is not one of the known names.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("unknown {what}: expected {expected}, found `{actual}`")]

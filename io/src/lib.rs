@@ -83,7 +83,7 @@ pub use detect::detect;
 pub use electrodes::{ELECTRODES, ElectrodeSettings, ElectrodeWarnings, Electrodes, Reading};
 pub use error::{IoError, Place};
 pub use files::{check_replaceable, check_writable, read_file, read_whole, replace_file, write_file};
-pub use format::{Foreign, Format, ImageFormat, Kind, UnknownName};
+pub use format::{EVENT_FIELDS, Foreign, Format, ImageFormat, Kind, UnknownName};
 pub use images::{Image, ImageSequence, decode_image, encode_png, read_image, write_png};
 pub use recording::{Recording, Salvage, StreamKind, StreamSummary};
 pub use ros::EventPackets;

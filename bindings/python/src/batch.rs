@@ -12,8 +12,10 @@ use crate::description::Description;
 use crate::engine::{counters, late_policy, network_of};
 use crate::error::{Failure, Outcome};
 use crate::events::Events;
+use crate::fork::on_own_threads;
 use crate::graph::{self, Graph};
 use crate::prediction::{self, Outputs, Prediction};
+use crate::turn::turn;
 
 /// Streams that are computed until signals are handled.
 const STREAMS: usize = 16;
@@ -65,13 +67,14 @@ impl Batch {
     /// Inserts events in order; returns how many were accepted. As `Engine.push`.
     #[pyo3(signature = (*args, **keywords), text_signature = "($self, events=None, *, t=None, x=None, y=None, p=None)")]
     fn push<'py>(
-        &mut self,
+        slf: &Bound<'_, Self>,
         py: Python<'py>,
         args: &Bound<'py, PyTuple>,
         keywords: Option<&Bound<'py, PyDict>>,
     ) -> Outcome<usize> {
+        let mut this = turn(slf)?;
         let events = Events::of_call(args, keywords)?;
-        let (batch, mut accepted) = (&mut self.batch, 0);
+        let (batch, mut accepted) = (&mut this.batch, 0);
         events.work(py, |part| {
             accepted += batch.push_slice(part);
             Ok(())
@@ -80,18 +83,23 @@ impl Batch {
     }
 
     /// Advances the clock to `t_us` without an event. As `Engine.advance`.
-    fn advance(&mut self, t_us: i64) {
-        self.batch.advance(t_us);
+    fn advance(slf: &Bound<'_, Self>, t_us: i64) -> Outcome<()> {
+        let mut this = turn(slf)?;
+        this.batch.advance(t_us);
+        Ok(())
     }
 
     /// Computes every row of every layer. Raises `NotANumberError`.
-    fn predict(&mut self, py: Python<'_>) -> Outcome<Prediction> {
-        prediction::computed(py, &mut self.batch, None, &self.outputs)
+    fn predict(slf: &Bound<'_, Self>, py: Python<'_>) -> Outcome<Prediction> {
+        let mut this = turn(slf)?;
+        let Self { batch, outputs, .. } = &mut *this;
+        prediction::computed(py, batch, None, outputs)
     }
 
     /// Writes the prediction to `out`, a writable contiguous array of float32.
-    fn predict_into(&mut self, py: Python<'_>, out: &Bound<'_, PyAny>) -> Outcome<()> {
-        let batch = &mut self.batch;
+    fn predict_into(slf: &Bound<'_, Self>, py: Python<'_>, out: &Bound<'_, PyAny>) -> Outcome<()> {
+        let mut this = turn(slf)?;
+        let batch = &mut this.batch;
         let values = py.detach(|| batch.predict().map(|prediction| prediction.values.to_vec()))?;
         prediction::write(&values, out)
     }
@@ -100,12 +108,17 @@ impl Batch {
     ///
     /// The state of this batch is neither used nor changed. Events must lie on the sensor, and times must not step back.
     /// Raises `InputError`, `NotANumberError`.
-    fn predict_all<'py>(&self, py: Python<'py>, streams: &Bound<'py, PyAny>) -> Outcome<Bound<'py, PyAny>> {
-        let (batch, outputs) = (self.batch.batch(), self.batch.network().outputs());
+    fn predict_all<'py>(
+        slf: &Bound<'_, Self>,
+        py: Python<'py>,
+        streams: &Bound<'py, PyAny>,
+    ) -> Outcome<Bound<'py, PyAny>> {
+        let this = turn(slf)?;
+        let (batch, outputs) = (this.batch.batch(), this.batch.network().outputs());
         let (mut values, mut taken) = (Vec::new(), Vec::<Vec<Event>>::new());
         let mut run = |taken: &mut Vec<Vec<Event>>| -> Outcome<()> {
             let streams: Vec<Stream<'_>> = taken.iter().map(|events| Stream::new(events)).collect();
-            for prediction in py.detach(|| batch.predict_all(&streams)) {
+            for prediction in py.detach(|| on_own_threads(|| batch.predict_all(&streams)))? {
                 values.extend(prediction?);
             }
             taken.clear();
@@ -123,37 +136,44 @@ impl Batch {
     }
 
     /// Removes all events; the next one sets a new epoch. Counters are kept.
-    fn reset(&mut self) {
-        self.batch.reset();
+    fn reset(slf: &Bound<'_, Self>) -> Outcome<()> {
+        let mut this = turn(slf)?;
+        this.batch.reset();
+        Ok(())
     }
 
     /// Counts since the batch was made, as those of `Engine`; every row counts as recomputed.
     #[getter]
-    fn counters<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        counters(py, &self.batch.counters(), &self.outputs.layers)
+    fn counters<'py>(slf: &Bound<'_, Self>, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let this = turn(slf)?;
+        counters(py, &this.batch.counters(), &this.outputs.layers)
     }
 
     /// The graph of each level, for PyTorch Geometric: that of the events, then one for each pooling.
-    fn graphs<'py>(&self, py: Python<'py>) -> Outcome<Bound<'py, PyList>> {
-        let graph = self.batch.batch().graph(self.batch.stream())?;
+    fn graphs<'py>(slf: &Bound<'_, Self>, py: Python<'py>) -> Outcome<Bound<'py, PyList>> {
+        let this = turn(slf)?;
+        let graph = this.batch.batch().graph(this.batch.stream())?;
         Ok(PyList::new(py, graph.levels.iter().map(graph::of_level))?)
     }
 
     /// The event graph of the window.
-    fn graph(&self) -> Outcome<Graph> {
-        let graph = self.batch.batch().graph(self.batch.stream())?;
+    fn graph(slf: &Bound<'_, Self>) -> Outcome<Graph> {
+        let this = turn(slf)?;
+        let graph = this.batch.batch().graph(this.batch.stream())?;
         Ok(graph::of_level(&graph.levels[0]))
     }
 
     /// Events of the window as a structured array, from the oldest.
     #[getter]
-    fn events<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        to_array(py, graph::last(self.batch.events(), self.batch.nodes()))
+    fn events<'py>(slf: &Bound<'_, Self>, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        let this = turn(slf)?;
+        to_array(py, graph::last(this.batch.events(), this.batch.nodes()))
     }
 
     /// Output of each block and pooling for the current window, computed from scratch: arrays (rows, channels) by name.
-    fn activations<'py>(&self, py: Python<'py>) -> Outcome<Bound<'py, PyDict>> {
-        let batch = &self.batch;
+    fn activations<'py>(slf: &Bound<'_, Self>, py: Python<'py>) -> Outcome<Bound<'py, PyDict>> {
+        let this = turn(slf)?;
+        let batch = &this.batch;
         let trace = py.detach(|| batch.trace())?;
         Ok(graph::activations(py, batch.network(), |level, feature| {
             let of_level = &trace.levels[level];
@@ -164,24 +184,28 @@ impl Batch {
 
     /// The description of the network.
     #[getter]
-    fn description(&self) -> Description {
-        self.description.clone()
+    fn description(slf: &Bound<'_, Self>) -> Outcome<Description> {
+        let this = turn(slf)?;
+        Ok(this.description.clone())
     }
 
     /// (width, height) of the sensor.
     #[getter]
-    fn sensor(&self) -> (u16, u16) {
-        sides(self.batch.batch().sensor())
+    fn sensor(slf: &Bound<'_, Self>) -> Outcome<(u16, u16)> {
+        let this = turn(slf)?;
+        Ok(sides(this.batch.batch().sensor()))
     }
 
     /// Current time in microseconds; None before the first event.
     #[getter]
-    fn now_us(&self) -> Option<i64> {
-        self.batch.now_us()
+    fn now_us(slf: &Bound<'_, Self>) -> Outcome<Option<i64>> {
+        let this = turn(slf)?;
+        Ok(this.batch.now_us())
     }
 
-    fn __len__(&self) -> usize {
-        self.batch.nodes()
+    fn __len__(slf: &Bound<'_, Self>) -> Outcome<usize> {
+        let this = turn(slf)?;
+        Ok(this.batch.nodes())
     }
 
     #[expect(clippy::unused_self, reason = "the protocol of Python")]
@@ -193,13 +217,15 @@ impl Batch {
         self.clone()
     }
 
-    fn __deepcopy__(&self, _memo: &Bound<'_, PyAny>) -> Self {
-        self.clone()
+    fn __deepcopy__(slf: &Bound<'_, Self>, _memo: &Bound<'_, PyAny>) -> Outcome<Self> {
+        let this = turn(slf)?;
+        Ok(this.clone())
     }
 
-    fn __repr__(&self) -> String {
+    fn __repr__(slf: &Bound<'_, Self>) -> Outcome<String> {
+        let this = turn(slf)?;
         let (name, sensor, nodes) =
-            (self.batch.network().name(), self.batch.batch().sensor(), self.batch.nodes());
-        format!("<Batch {name:?} on {sensor}: {nodes} events, predicts {}>", self.outputs.labels())
+            (this.batch.network().name(), this.batch.batch().sensor(), this.batch.nodes());
+        Ok(format!("<Batch {name:?} on {sensor}: {nodes} events, predicts {}>", this.outputs.labels()))
     }
 }

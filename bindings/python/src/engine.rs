@@ -12,6 +12,7 @@ use crate::error::{Failure, Outcome};
 use crate::events::Events;
 use crate::graph::{self, Graph};
 use crate::prediction::{self, Outputs, Prediction};
+use crate::turn::turn;
 use crate::weights::Weights;
 
 /// A network over the events of a sliding window: recomputes only what an event changes, and predicts the bits that
@@ -26,8 +27,7 @@ use crate::weights::Weights;
 /// - `memory_limit`: most bytes of state; all memory is taken here.
 /// - `check_preparation`: False to run weights whose training prepared its input in another way.
 ///
-/// An engine serves one thread at a time: `RuntimeError` while another one is in a method. `copy.copy(engine)` is an
-/// independent engine in the same state. `len(engine)` is the number of events in the window.
+/// An engine serves one thread at a time; others wait for their turn. `copy.copy(engine)` is an independent engine in the same state. `len(engine)` is the number of events in the window.
 ///
 /// Raises `DescriptionError`, `WeightsError`, `InputError`, `NotIncrementalError` for a network that only `Batch` runs,
 /// `MemoryLimitError`.
@@ -106,21 +106,23 @@ impl Engine {
 
     /// Inserts events in order; returns how many were accepted. The others are counted in `counters`.
     ///
-    /// Give a structured array with the fields t (microseconds), x, y, and p or on (-1, 0, 1 or bool) of any integer types in
-    /// any order, four arrays `t=, x=, y=, p=`, or a `Recording`. Arrays are read in place: strides, gaps and byte order are
-    /// free. While many events are pushed, other threads run, and Ctrl-C raises `KeyboardInterrupt` between two events: the
+    /// Give a structured array with the fields t (microseconds or timedelta64), x, y, p (-1, 0, 1 or bool) of any integer types in
+    /// any order, four arrays `t=, x=, y=, p=`, or a `Recording`. The other names that files have are taken too: ts, time, timestamp,
+    /// each also with _us; pol, polarity, on. Arrays are read in place: strides, gaps and byte order are free; only durations in
+    /// another unit than microseconds are converted first. Empty lists are no event. While many events are pushed, other threads run, and Ctrl-C raises `KeyboardInterrupt` between two events: the
     /// events before have then been inserted.
     ///
     /// Raises `InputError` or `DtypeError` before the first event is inserted.
     #[pyo3(signature = (*args, **keywords), text_signature = "($self, events=None, *, t=None, x=None, y=None, p=None)")]
     fn push<'py>(
-        &mut self,
+        slf: &Bound<'_, Self>,
         py: Python<'py>,
         args: &Bound<'py, PyTuple>,
         keywords: Option<&Bound<'py, PyDict>>,
     ) -> Outcome<usize> {
+        let mut this = turn(slf)?;
         let events = Events::of_call(args, keywords)?;
-        let (engine, mut accepted) = (&mut self.engine, 0);
+        let (engine, mut accepted) = (&mut this.engine, 0);
         events.work(py, |part| {
             accepted += engine.push_slice(part);
             Ok(())
@@ -129,96 +131,115 @@ impl Engine {
     }
 
     /// Advances the clock to `t_us` without an event: older events expire. Earlier times change nothing.
-    fn advance(&mut self, t_us: i64) {
-        self.engine.advance(t_us);
+    fn advance(slf: &Bound<'_, Self>, t_us: i64) -> Outcome<()> {
+        let mut this = turn(slf)?;
+        this.engine.advance(t_us);
+        Ok(())
     }
 
     /// The prediction for the current window. Raises `NotANumberError`.
-    fn predict(&mut self, py: Python<'_>) -> Outcome<Prediction> {
-        prediction::computed(py, &mut self.engine, None, &self.outputs)
+    fn predict(slf: &Bound<'_, Self>, py: Python<'_>) -> Outcome<Prediction> {
+        let mut this = turn(slf)?;
+        let Self { engine, outputs, .. } = &mut *this;
+        prediction::computed(py, engine, None, outputs)
     }
 
     /// Writes the prediction to `out`, a writable contiguous array of float32, and allocates nothing.
     ///
     /// Raises `InputError`, `DtypeError`, `NotANumberError`.
-    fn predict_into(&mut self, py: Python<'_>, out: &Bound<'_, PyAny>) -> Outcome<()> {
-        let Self { engine, values, .. } = self;
+    fn predict_into(slf: &Bound<'_, Self>, py: Python<'_>, out: &Bound<'_, PyAny>) -> Outcome<()> {
+        let mut this = turn(slf)?;
+        let Self { engine, values, .. } = &mut *this;
         py.detach(|| engine.predict().map(|prediction| values.copy_from_slice(prediction.values)))?;
-        prediction::write(&self.values, out)
+        prediction::write(&this.values, out)
     }
 
     /// Removes all events; the next one sets a new epoch. Counters are kept.
-    fn reset(&mut self) {
-        self.engine.reset();
+    fn reset(slf: &Bound<'_, Self>) -> Outcome<()> {
+        let mut this = turn(slf)?;
+        this.engine.reset();
+        Ok(())
     }
 
     /// The state as bytes, for `restore` in this or another process.
-    fn snapshot<'py>(&self, py: Python<'py>) -> Bound<'py, PyBytes> {
-        PyBytes::new(py, &self.engine.to_bytes())
+    fn snapshot<'py>(slf: &Bound<'_, Self>, py: Python<'py>) -> Outcome<Bound<'py, PyBytes>> {
+        let this = turn(slf)?;
+        Ok(PyBytes::new(py, &this.engine.to_bytes()))
     }
 
     /// Returns to the state of `snapshot`, which an engine with the same network, sensor and options made.
     ///
     /// Raises `SnapshotError`; the state is then as it was.
-    fn restore(&mut self, snapshot: &[u8]) -> Outcome<()> {
-        Ok(self.engine.restore_bytes(snapshot)?)
+    fn restore(slf: &Bound<'_, Self>, snapshot: &[u8]) -> Outcome<()> {
+        let mut this = turn(slf)?;
+        Ok(this.engine.restore_bytes(snapshot)?)
     }
 
     /// Counts since the engine was made: of events, of rows by layer, of predictions.
     #[getter]
-    fn counters<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        counters(py, &self.engine.counters(), &self.outputs.layers)
+    fn counters<'py>(slf: &Bound<'_, Self>, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let this = turn(slf)?;
+        counters(py, &this.engine.counters(), &this.outputs.layers)
     }
 
     /// The event graph of the window, for PyTorch Geometric.
-    fn graph(&self) -> Graph {
-        graph::of_engine(&self.engine)
+    fn graph(slf: &Bound<'_, Self>) -> Outcome<Graph> {
+        let this = turn(slf)?;
+        Ok(graph::of_engine(&this.engine))
     }
 
     /// Events of the window as a structured array, from the oldest, with the times at which they were accepted.
     #[getter]
-    fn events<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        to_array(py, &self.engine.events())
+    fn events<'py>(slf: &Bound<'_, Self>, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        let this = turn(slf)?;
+        to_array(py, &this.engine.events())
     }
 
     /// Output of each block and pooling as of the last prediction: arrays (rows, channels) by name. Rows of the event level
     /// are the events of the window, those of a pooled level its cells in the order of t, y, x.
-    fn activations<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        graph::activations(py, self.engine.network(), |level, feature| self.engine.feature(level, feature))
+    fn activations<'py>(slf: &Bound<'_, Self>, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let this = turn(slf)?;
+        graph::activations(py, this.engine.network(), |level, feature| this.engine.feature(level, feature))
     }
 
     /// The description of the network.
     #[getter]
-    fn description(&self) -> Description {
-        self.description.clone()
+    fn description(slf: &Bound<'_, Self>) -> Outcome<Description> {
+        let this = turn(slf)?;
+        Ok(this.description.clone())
     }
 
     /// (width, height) of the sensor.
     #[getter]
-    fn sensor(&self) -> (u16, u16) {
-        sides(self.engine.sensor())
+    fn sensor(slf: &Bound<'_, Self>) -> Outcome<(u16, u16)> {
+        let this = turn(slf)?;
+        Ok(sides(this.engine.sensor()))
     }
 
     /// Current time in microseconds: that of the newest event, or of a later `advance`; None before the first event.
     #[getter]
-    fn now_us(&self) -> Option<i64> {
-        self.engine.now_us()
+    fn now_us(slf: &Bound<'_, Self>) -> Outcome<Option<i64>> {
+        let this = turn(slf)?;
+        Ok(this.engine.now_us())
     }
 
     /// Time of the first event since the last reset.
     #[getter]
-    fn epoch_us(&self) -> Option<i64> {
-        self.engine.epoch_us()
+    fn epoch_us(slf: &Bound<'_, Self>) -> Outcome<Option<i64>> {
+        let this = turn(slf)?;
+        Ok(this.engine.epoch_us())
     }
 
     /// Bytes of state, all taken when the engine was made.
     #[getter]
-    fn state_bytes(&self) -> u128 {
-        self.engine.state_bytes()
+    fn state_bytes(slf: &Bound<'_, Self>) -> Outcome<u128> {
+        let this = turn(slf)?;
+        Ok(this.engine.state_bytes())
     }
 
-    fn __len__(&self) -> usize {
-        self.engine.nodes()
+    fn __len__(slf: &Bound<'_, Self>) -> Outcome<usize> {
+        let this = turn(slf)?;
+        Ok(this.engine.nodes())
     }
 
     // An engine is true, events or not.
@@ -231,13 +252,15 @@ impl Engine {
         self.clone()
     }
 
-    fn __deepcopy__(&self, _memo: &Bound<'_, PyAny>) -> Self {
-        self.clone()
+    fn __deepcopy__(slf: &Bound<'_, Self>, _memo: &Bound<'_, PyAny>) -> Outcome<Self> {
+        let this = turn(slf)?;
+        Ok(this.clone())
     }
 
-    fn __repr__(&self) -> String {
-        let (name, sensor, nodes) = (self.engine.network().name(), self.engine.sensor(), self.engine.nodes());
-        format!("<Engine {name:?} on {sensor}: {nodes} events, predicts {}>", self.outputs.labels())
+    fn __repr__(slf: &Bound<'_, Self>) -> Outcome<String> {
+        let this = turn(slf)?;
+        let (name, sensor, nodes) = (this.engine.network().name(), this.engine.sensor(), this.engine.nodes());
+        Ok(format!("<Engine {name:?} on {sensor}: {nodes} events, predicts {}>", this.outputs.labels()))
     }
 }
 

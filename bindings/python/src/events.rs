@@ -9,6 +9,7 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use meissner::Event;
+use meissner::io::EVENT_FIELDS;
 use numpy::ndarray::{ArrayView2, Axis, Slice};
 use numpy::{PyArray2, PyArrayMethods, PyReadonlyArray2};
 use pyo3::exceptions::PyTypeError;
@@ -17,12 +18,6 @@ use pyo3::types::{PyDict, PyMappingProxy, PySlice, PyTuple};
 
 use crate::error::{Failure, Outcome};
 use crate::recording::Recording;
-
-/// Names of a field, the preferred one first.
-const TIMES: &[&str] = &["t", "timestamp", "ts"];
-const COLUMNS: &[&str] = &["x"];
-const ROWS: &[&str] = &["y"];
-const POLARITIES: &[&str] = &["p", "on", "polarity"];
 
 /// Events of a block.
 const BLOCK: usize = 4096;
@@ -73,7 +68,6 @@ impl<'py> Events<'py> {
         args: &Bound<'py, PyTuple>,
         keywords: Option<&Bound<'py, PyDict>>,
     ) -> Outcome<Self> {
-        let names = ["events", "t", "x", "y", "p"];
         let mut found = [const { None }; 5];
         if args.len() > 1 {
             return Err(wrong_call(format!("push: expected one argument by place, found {}", args.len())));
@@ -83,7 +77,8 @@ impl<'py> Events<'py> {
         }
         for (name, value) in keywords.into_iter().flatten() {
             let name: String = name.extract()?;
-            let place = names.iter().position(|known| **known == *name);
+            let field = EVENT_FIELDS.iter().position(|names| names.contains(&&*name));
+            let place = if name == "events" { Some(0) } else { field.map(|field| field + 1) };
             let place =
                 place.ok_or_else(|| wrong_call(format!("push: expected t, x, y and p, found {name}")))?;
             if found[place].is_some() {
@@ -117,6 +112,9 @@ impl<'py> Events<'py> {
         let dtype = array.getattr("dtype")?;
         let fields = dtype.getattr("fields")?;
         let Ok(fields) = fields.cast::<PyMappingProxy>() else {
+            if array.len()? == 0 {
+                return Ok(Self::Recorded(Arc::default()));
+            }
             let shape: String = array.getattr("shape")?.str()?.to_string();
             return Err(Failure::dtype(format!(
                 "events: expected a structured array with fields t, x, y, p, found an array of {dtype} and shape {shape}; \
@@ -124,31 +122,32 @@ impl<'py> Events<'py> {
             )));
         };
         let bytes = bytes_of(&array)?;
+        let found = fields.as_any().call_method0("keys")?.try_iter()?;
+        let found: Vec<String> = found.map(|name| name?.extract()).collect::<PyResult<_>>()?;
         let column = |names: &[&'static str]| {
-            for name in names {
-                if let Ok(field) = fields.get_item(name) {
-                    let field = field.cast_into::<PyTuple>().map_err(PyErr::from)?;
-                    let integer = Integer::of(names[0], &field.get_item(0)?)?;
-                    let bytes = bytes.clone().try_readonly().map_err(PyErr::from)?;
-                    return Ok(Column { bytes, offset: field.get_item(1)?.extract()?, integer });
-                }
+            let of = |name: &&str| found.iter().find(|field| field.to_lowercase() == **name);
+            let Some(name) = names.iter().find_map(of) else {
+                let expected = names.iter().map(|name| format!("{name:?}")).collect::<Vec<_>>().join(" or ");
+                let text = format!("events: expected a field {expected}, found {found:?}");
+                return Err(Failure::dtype(text));
+            };
+            let field = fields.get_item(name)?.cast_into::<PyTuple>().map_err(PyErr::from)?;
+            let dtype = field.get_item(0)?;
+            if is_duration(&dtype)? {
+                return Column::of(names[0], &array.get_item(name)?);
             }
-            let expected = names.iter().map(|name| format!("{name:?}")).collect::<Vec<_>>().join(" or ");
-            let found = fields.as_any().call_method0("keys")?.try_iter()?;
-            let found: Vec<String> =
-                found.map(|name| Ok(format!("{:?}", name?.to_string()))).collect::<PyResult<_>>()?;
-            Err(Failure::dtype(format!("events: expected a field {expected}, found {}", found.join(", "))))
+            let integer = Integer::of(names[0], &dtype)?;
+            let bytes = bytes.clone().try_readonly().map_err(PyErr::from)?;
+            Ok(Column { bytes, offset: field.get_item(1)?.extract()?, integer })
         };
-        Ok(Self::Columns([column(TIMES)?, column(COLUMNS)?, column(ROWS)?, column(POLARITIES)?]))
+        let [t, x, y, p] = EVENT_FIELDS;
+        Ok(Self::Columns([column(t)?, column(x)?, column(y)?, column(p)?]))
     }
 
     fn of_four(four: [&Bound<'py, PyAny>; 4]) -> Outcome<Self> {
         let mut columns = Vec::with_capacity(4);
         for (name, array) in ["t", "x", "y", "p"].into_iter().zip(four) {
-            let array = as_array(name, array)?;
-            let integer = Integer::of(name, &array.getattr("dtype")?)?;
-            let bytes = bytes_of(&array)?.try_readonly().map_err(PyErr::from)?;
-            columns.push(Column { bytes, offset: 0, integer });
+            columns.push(Column::of(name, &as_array(name, array)?)?);
         }
         let lengths: Vec<usize> = columns.iter().map(Column::len).collect();
         if lengths.iter().any(|length| *length != lengths[0]) {
@@ -311,7 +310,7 @@ impl Integer {
         let kind: String = dtype.getattr("kind")?.extract()?;
         if !matches!(&*kind, "i" | "u" | "b") {
             let expected = match name {
-                "t" => "integers (microseconds)",
+                "t" => "integers (microseconds) or timedelta64",
                 "p" => "booleans or integers (-1, 0, 1)",
                 _ => "integers (pixels)",
             };
@@ -323,7 +322,26 @@ impl Integer {
     }
 }
 
-impl Column<'_> {
+/// Whether values of `dtype` are durations.
+fn is_duration(dtype: &Bound<'_, PyAny>) -> PyResult<bool> {
+    dtype.getattr("kind")?.eq("m")
+}
+
+impl<'py> Column<'py> {
+    /// An array of one dimension. An empty one may have any type: lists without a value are arrays of float64.
+    fn of(name: &str, array: &Bound<'py, PyAny>) -> Outcome<Self> {
+        let array = if array.len()? == 0 {
+            array.call_method1("astype", ("i8",))?
+        } else if name == "t" && is_duration(&array.getattr("dtype")?)? {
+            array.py().import("meissner._durations")?.call_method1("microseconds", (array,))?
+        } else {
+            array.clone()
+        };
+        let integer = Integer::of(name, &array.getattr("dtype")?)?;
+        let bytes = bytes_of(&array)?.try_readonly().map_err(PyErr::from)?;
+        Ok(Self { bytes, offset: 0, integer })
+    }
+
     fn len(&self) -> usize {
         self.bytes.as_array().nrows()
     }
@@ -369,6 +387,9 @@ fn fill<const N: usize>(
 fn as_array<'py>(name: &str, object: &Bound<'py, PyAny>) -> Outcome<Bound<'py, PyAny>> {
     let numpy = object.py().import("numpy")?;
     let array = numpy.call_method1("atleast_1d", (numpy.call_method1("asarray", (object,))?,))?;
+    if array.getattr("size")?.extract::<usize>()? == 0 {
+        return Ok(array.call_method0("ravel")?);
+    }
     let dimensions: usize = array.getattr("ndim")?.extract()?;
     if dimensions != 1 {
         let shape = array.getattr("shape")?;

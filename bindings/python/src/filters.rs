@@ -7,6 +7,7 @@ use pyo3::types::{PyDict, PyTuple};
 use crate::arrays::{Pixels, counts, to_array};
 use crate::error::Outcome;
 use crate::events::Events;
+use crate::turn::turn;
 
 /// Filters in series; each sees what those before it passed. One that is None is left out.
 ///
@@ -52,35 +53,40 @@ impl Filters {
     /// An event outside the sensor passes the last two; a coordinate that 16 bits do not hold comes back as 65535.
     #[pyo3(signature = (*args, **keywords), text_signature = "($self, events=None, *, t=None, x=None, y=None, p=None)")]
     fn push<'py>(
-        &mut self,
+        slf: &Bound<'_, Self>,
         py: Python<'py>,
         args: &Bound<'py, PyTuple>,
         keywords: Option<&Bound<'py, PyDict>>,
     ) -> Outcome<Bound<'py, PyAny>> {
-        let (chain, mut passed) = (&mut self.chain, Vec::new());
+        let mut this = turn(slf)?;
+        let (chain, mut passed) = (&mut this.chain, Vec::new());
         Events::of_call(args, keywords)?
             .each(py, |event| passed.extend(Some(event).filter(|_| chain.admit(event))))?;
         Ok(to_array(py, &passed)?)
     }
 
     /// Forgets all events. Counters go on.
-    fn reset(&mut self) {
-        self.chain.reset();
+    fn reset(slf: &Bound<'_, Self>) -> Outcome<()> {
+        let mut this = turn(slf)?;
+        this.chain.reset();
+        Ok(())
     }
 
     /// Events that passed and that were dropped, by filter.
     #[getter]
-    fn counters<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+    fn counters<'py>(slf: &Bound<'_, Self>, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let this = turn(slf)?;
         let dict = PyDict::new(py);
-        for filter in self.chain.filters() {
+        for filter in this.chain.filters() {
             let of = filter.counters();
             dict.set_item(filter.name(), counts(py, &[("passed", of.passed), ("dropped", of.dropped)])?)?;
         }
         Ok(dict)
     }
 
-    fn __repr__(&self) -> String {
-        let names: Vec<&str> = self.chain.filters().iter().map(EventFilter::name).collect();
-        format!("<Filters {names:?}>")
+    fn __repr__(slf: &Bound<'_, Self>) -> Outcome<String> {
+        let this = turn(slf)?;
+        let names: Vec<&str> = this.chain.filters().iter().map(EventFilter::name).collect();
+        Ok(format!("<Filters {names:?}>"))
     }
 }

@@ -10,8 +10,10 @@ use pyo3::types::{PyBytes, PyDict};
 use crate::arrays::contiguous;
 use crate::description::{Description, shape};
 use crate::error::{Failure, Outcome};
+use crate::fork::on_own_threads;
 use crate::prediction::{self, Outputs, Prediction};
 use crate::representations::EventFrame;
+use crate::turn::turn;
 use crate::weights::Weights;
 
 /// A network over frames with its recurrent state. What no change reaches is not computed again; the bits are the same.
@@ -36,6 +38,7 @@ pub(crate) struct FrameEngine {
     pub(crate) description: Description,
     frame: Vec<f32>,
     taken: u64,
+    pub(crate) two_threads: bool,
 }
 
 /// The way to skip of this name, or up to this tolerance.
@@ -76,22 +79,57 @@ pub(crate) fn checked<'py>(
 }
 
 /// Frames since the last reset. They are part of the state; a copy predicts, so that no counter of `engine` moves.
-fn taken(engine: &Engine) -> u64 {
-    engine.clone().predict().map_or(0, |prediction| prediction.frames)
+fn taken(engine: &Engine, two_threads: bool) -> Outcome<u64> {
+    let count = || engine.clone().predict().map_or(0, |prediction| prediction.frames);
+    if two_threads { on_own_threads(count) } else { Ok(count()) }
 }
 
 impl FrameEngine {
-    pub(crate) fn new_from(engine: Engine, outputs: &Arc<Outputs>, description: &Description) -> Self {
-        let taken = taken(&engine);
+    pub(crate) fn new_from(
+        engine: Engine,
+        outputs: &Arc<Outputs>,
+        description: &Description,
+        two_threads: bool,
+    ) -> Outcome<Self> {
+        let taken = taken(&engine, two_threads)?;
         let (outputs, description) = (Arc::clone(outputs), description.clone());
-        Self { engine, outputs, description, frame: Vec::new(), taken }
+        Ok(Self { engine, outputs, description, frame: Vec::new(), taken, two_threads })
+    }
+
+    /// Runs `work` on the engine without the interpreter.
+    fn compute<R: Send>(
+        &mut self,
+        py: Python<'_>,
+        work: impl FnOnce(&mut Engine, &[f32]) -> R + Send,
+    ) -> Outcome<R> {
+        let Self { engine, frame, two_threads, .. } = self;
+        py.detach(
+            || if *two_threads { on_own_threads(|| work(engine, frame)) } else { Ok(work(engine, frame)) },
+        )
+    }
+
+    /// Shapes of a frame and of a prediction.
+    pub(crate) fn shapes(&self) -> [Vec<usize>; 2] {
+        let network = self.engine.network();
+        [network.input(), network.output()].map(shape)
+    }
+
+    fn push_frames(&mut self, py: Python<'_>, frames: &Bound<'_, PyAny>) -> Outcome<()> {
+        let [expected, _] = self.shapes();
+        let values = checked(frames, &expected)?;
+        let values = values.as_slice().map_err(PyErr::from)?;
+        for frame in values.chunks_exact(expected.iter().product::<usize>().max(1)) {
+            self.frame.clear();
+            self.frame.extend_from_slice(frame);
+            self.push_taken(py, 1)?;
+        }
+        Ok(())
     }
 
     /// Pushes `count` times what `self.frame` holds.
     fn push_taken(&mut self, py: Python<'_>, count: u64) -> Outcome<()> {
         for _ in 0..count {
-            let Self { engine, frame, .. } = &mut *self;
-            py.detach(|| engine.push(frame))?;
+            self.compute(py, Engine::push)??;
             self.taken += 1;
             py.check_signals()?;
         }
@@ -133,6 +171,7 @@ impl FrameEngine {
             description,
             frame: Vec::new(),
             taken: 0,
+            two_threads,
         })
     }
 
@@ -142,69 +181,68 @@ impl FrameEngine {
     /// often as it says. Other threads run meanwhile, and Ctrl-C raises `KeyboardInterrupt` between two frames.
     ///
     /// Raises `InputError` for another shape or values that are not finite, before the first frame is taken; `DtypeError`.
-    fn push(&mut self, py: Python<'_>, frames: &Bound<'_, PyAny>) -> Outcome<()> {
+    fn push(slf: &Bound<'_, Self>, py: Python<'_>, frames: &Bound<'_, PyAny>) -> Outcome<()> {
+        let mut this = turn(slf)?;
         if let Ok(frame) = frames.cast::<EventFrame>() {
             let frame = frame.get();
-            self.push(py, frame.values.bind(py)).and_then(|()| self.push_taken(py, frame.count - 1))?;
-            return Ok(());
+            this.push_frames(py, frame.values.bind(py))?;
+            return this.push_taken(py, frame.count - 1);
         }
-        let expected = self.input_shape();
-        let values = checked(frames, &expected)?;
-        let values = values.as_slice().map_err(PyErr::from)?;
-        for frame in values.chunks_exact(expected.iter().product::<usize>().max(1)) {
-            self.frame.clear();
-            self.frame.extend_from_slice(frame);
-            self.push_taken(py, 1)?;
-        }
-        Ok(())
+        this.push_frames(py, frames)
     }
 
     /// The prediction after the last frame; before the first one that for a frame of zeros. Raises `NotANumberError`.
-    fn predict(&mut self, py: Python<'_>) -> Outcome<Prediction> {
-        let engine = &mut self.engine;
-        let (values, frames) = py.detach(|| engine.predict().map(|p| (p.values.to_vec(), p.frames)))?;
-        let shape = self.output_shape();
-        Prediction::new(py, &values, Some(&shape), (None, frames), &[], &self.outputs)
+    fn predict(slf: &Bound<'_, Self>, py: Python<'_>) -> Outcome<Prediction> {
+        let mut this = turn(slf)?;
+        let (values, frames) =
+            this.compute(py, |engine, _| engine.predict().map(|p| (p.values.to_vec(), p.frames)))??;
+        let [_, shape] = this.shapes();
+        Prediction::new(py, &values, Some(&shape), (None, frames), &[], &this.outputs)
     }
 
     /// Writes the prediction to `out`, a writable contiguous array of float32 with as many values.
     ///
     /// Raises `InputError`, `DtypeError`, `NotANumberError`.
-    fn predict_into(&mut self, py: Python<'_>, out: &Bound<'_, PyAny>) -> Outcome<()> {
-        let engine = &mut self.engine;
-        py.detach(|| engine.predict().map(|_| ()))?;
+    fn predict_into(slf: &Bound<'_, Self>, py: Python<'_>, out: &Bound<'_, PyAny>) -> Outcome<()> {
+        let mut this = turn(slf)?;
+        this.compute(py, |engine, _| engine.predict().map(|_| ()))??;
         // Nothing is left to compute.
-        prediction::write(engine.predict()?.values, out)
+        prediction::write(this.engine.predict()?.values, out)
     }
 
     /// Returns to the state before the first frame. Counters are kept.
-    fn reset(&mut self) {
-        self.engine.reset();
-        self.taken = 0;
+    fn reset(slf: &Bound<'_, Self>) -> Outcome<()> {
+        let mut this = turn(slf)?;
+        this.engine.reset();
+        this.taken = 0;
+        Ok(())
     }
 
     /// The state as bytes, for `restore` in this or another process.
-    fn snapshot<'py>(&self, py: Python<'py>) -> Bound<'py, PyBytes> {
-        PyBytes::new(py, &self.engine.to_bytes())
+    fn snapshot<'py>(slf: &Bound<'_, Self>, py: Python<'py>) -> Outcome<Bound<'py, PyBytes>> {
+        let this = turn(slf)?;
+        Ok(PyBytes::new(py, &this.engine.to_bytes()))
     }
 
     /// Returns to the state of `snapshot`, which an engine with the same network and options made.
     ///
     /// Raises `SnapshotError`; the state is then as it was.
-    fn restore(&mut self, snapshot: &[u8]) -> Outcome<()> {
-        self.engine.restore_bytes(snapshot)?;
-        self.taken = taken(&self.engine);
+    fn restore(slf: &Bound<'_, Self>, snapshot: &[u8]) -> Outcome<()> {
+        let mut this = turn(slf)?;
+        this.engine.restore_bytes(snapshot)?;
+        this.taken = taken(&this.engine, this.two_threads)?;
         Ok(())
     }
 
     /// Counts since the engine was made: frames, predictions, and of each layer the pixels computed, skipped and absorbed.
     #[getter]
-    fn counters<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        let of = self.engine.counters();
+    fn counters<'py>(slf: &Bound<'_, Self>, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let this = turn(slf)?;
+        let of = this.engine.counters();
         let (dict, layers) = (PyDict::new(py), PyDict::new(py));
         dict.set_item("frames", of.frames)?;
         dict.set_item("predictions", of.predictions)?;
-        for (name, layer) in self.outputs.layers.iter().zip(&of.layers) {
+        for (name, layer) in this.outputs.layers.iter().zip(&of.layers) {
             let counts =
                 [("computed", layer.computed), ("skipped", layer.skipped), ("absorbed", layer.absorbed)];
             layers.set_item(name, crate::arrays::counts(py, &counts)?)?;
@@ -215,36 +253,42 @@ impl FrameEngine {
 
     /// The description of the network.
     #[getter]
-    fn description(&self) -> Description {
-        self.description.clone()
+    fn description(slf: &Bound<'_, Self>) -> Outcome<Description> {
+        let this = turn(slf)?;
+        Ok(this.description.clone())
     }
 
     /// Shape of a frame: (channels, height, width) or (values,).
     #[getter]
-    pub(crate) fn input_shape(&self) -> Vec<usize> {
-        shape(self.engine.network().input())
+    fn input_shape(slf: &Bound<'_, Self>) -> Outcome<Vec<usize>> {
+        let [input, _] = turn(slf)?.shapes();
+        Ok(input)
     }
 
     /// Shape of a prediction.
     #[getter]
-    pub(crate) fn output_shape(&self) -> Vec<usize> {
-        shape(self.engine.network().output())
+    fn output_shape(slf: &Bound<'_, Self>) -> Outcome<Vec<usize>> {
+        let [_, output] = turn(slf)?.shapes();
+        Ok(output)
     }
 
     /// Whether a prediction depends on earlier frames than the last.
     #[getter]
-    fn has_state(&self) -> bool {
-        self.engine.network().has_state()
+    fn has_state(slf: &Bound<'_, Self>) -> Outcome<bool> {
+        let this = turn(slf)?;
+        Ok(this.engine.network().has_state())
     }
 
     /// Bytes of activations and state.
     #[getter]
-    fn state_bytes(&self) -> usize {
-        self.engine.state_bytes()
+    fn state_bytes(slf: &Bound<'_, Self>) -> Outcome<usize> {
+        let this = turn(slf)?;
+        Ok(this.engine.state_bytes())
     }
 
-    fn __len__(&self) -> usize {
-        self.taken as usize
+    fn __len__(slf: &Bound<'_, Self>) -> Outcome<usize> {
+        let this = turn(slf)?;
+        Ok(this.taken as usize)
     }
 
     #[expect(clippy::unused_self, reason = "the protocol of Python")]
@@ -256,13 +300,15 @@ impl FrameEngine {
         self.clone()
     }
 
-    fn __deepcopy__(&self, _memo: &Bound<'_, PyAny>) -> Self {
-        self.clone()
+    fn __deepcopy__(slf: &Bound<'_, Self>, _memo: &Bound<'_, PyAny>) -> Outcome<Self> {
+        let this = turn(slf)?;
+        Ok(this.clone())
     }
 
-    fn __repr__(&self) -> String {
-        let network = self.engine.network();
-        let (name, input, labels) = (network.name(), network.input(), self.outputs.labels());
-        format!("<FrameEngine {name:?} over {input}: {} frames, predicts {labels}>", self.taken)
+    fn __repr__(slf: &Bound<'_, Self>) -> Outcome<String> {
+        let this = turn(slf)?;
+        let network = this.engine.network();
+        let (name, input, labels) = (network.name(), network.input(), this.outputs.labels());
+        Ok(format!("<FrameEngine {name:?} over {input}: {} frames, predicts {labels}>", this.taken))
     }
 }

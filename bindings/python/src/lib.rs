@@ -11,7 +11,7 @@
 //! | `representations`, `filters`, `recording`, `write` | frames of events; which events enter; files |
 //! | `simulate` | a membrane, markers and a camera |
 //! | `datasets`, `evaluate`, `metrics` | labelled data sets, figures of networks on them |
-//! | `watched` | long work that can be stopped |
+//! | `watched`, `fork` | long work that can be stopped; threads in a forked child |
 //! | `error` | exceptions |
 #![forbid(unsafe_code)]
 
@@ -24,6 +24,7 @@ mod error;
 mod evaluate;
 mod events;
 mod filters;
+mod fork;
 mod frames;
 mod graph;
 mod live;
@@ -32,6 +33,7 @@ mod prediction;
 mod recording;
 mod representations;
 mod simulate;
+mod turn;
 mod watched;
 mod weights;
 mod write;
@@ -85,6 +87,7 @@ mod _meissner {
     #[pymodule_init]
     fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {
         module.add("__version__", env!("CARGO_PKG_VERSION"))?;
+        module.add("_TIME_FIELDS", PyTuple::new(module.py(), meissner::io::EVENT_FIELDS[0])?)?;
         module.add("EVENT_DTYPE", arrays::dtype(module.py())?)?;
         module.add("SIMULATED_DTYPE", simulate::dtype(module.py())?)?;
         module.add("CAUSES", PyTuple::new(module.py(), simulate::causes())?)

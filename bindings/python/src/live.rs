@@ -21,9 +21,11 @@ use crate::engine::Engine;
 use crate::error::{Failure, Outcome, wrong_type};
 use crate::events::{Events, QUEUED};
 use crate::filters::Filters;
+use crate::fork::{self, has_common_threads};
 use crate::frames::{FrameEngine, checked};
 use crate::prediction::Outputs;
 use crate::representations::EventFrame;
+use crate::turn::turn;
 use ends::Ends;
 pub(crate) use timely::Timely;
 
@@ -49,6 +51,8 @@ pub(crate) struct Live {
     description: Description,
     /// Shapes of a frame and of a prediction, for frames.
     shapes: Option<[Vec<usize>; 2]>,
+    /// Whether its engine shares layers between two threads.
+    two_threads: bool,
 }
 
 /// What the engine takes.
@@ -60,7 +64,7 @@ enum Kind {
 /// The rule of this name, or these filters.
 fn overload_of(overload: &Bound<'_, PyAny>, stride: Option<u32>) -> Outcome<Overload> {
     if let (Ok(filters), None) = (overload.cast::<Filters>(), stride) {
-        let chain: Chain = filters.borrow().chain.clone();
+        let chain: Chain = turn(filters)?.chain.clone();
         return Ok(Overload::Filter(chain));
     }
     match (overload.extract::<String>().as_deref(), stride) {
@@ -82,6 +86,22 @@ fn deadline_of(deadline_us: Option<f64>) -> Outcome<Duration> {
     let Some(us) = deadline_us else { return Ok(Duration::MAX) };
     Duration::try_from_secs_f64(us / 1e6)
         .map_err(|_| Failure::input(format!("deadline_us: expected at least 0 us, found {us}")))
+}
+
+impl Live {
+    fn queue(&self, py: Python<'_>) -> Outcome<QueueCounters> {
+        match &self.ends {
+            Kind::Events(ends) => ends.counters(py),
+            Kind::Frames(ends) => ends.counters(py),
+        }
+    }
+
+    fn is_here(&self) -> bool {
+        match &self.ends {
+            Kind::Events(ends) => ends.is_here(),
+            Kind::Frames(ends) => ends.is_here(),
+        }
+    }
 }
 
 /// An engine over frames refuses events, and the reverse.
@@ -108,19 +128,24 @@ impl Live {
             None => return Err(Failure::input("stride: expected overload=\"thin\" with it")),
         };
         if let Ok(engine) = engine.cast::<Engine>() {
-            let engine = engine.try_borrow().map_err(PyErr::from)?;
+            let engine = turn(engine)?;
             let (outputs, description) = (Arc::clone(&engine.outputs), engine.description.clone());
             let ends = Kind::Events(Ends::new(engine.engine.clone(), options)?);
-            return Ok(Self { ends, outputs, description, shapes: None });
+            return Ok(Self { ends, outputs, description, shapes: None, two_threads: false });
         }
         let Ok(engine) = engine.cast::<FrameEngine>() else {
             return Err(wrong_type("engine", "an Engine or a FrameEngine", engine));
         };
-        let engine = engine.try_borrow().map_err(PyErr::from)?;
-        let shapes = Some([engine.input_shape(), engine.output_shape()]);
+        let engine = turn(engine)?;
+        let two_threads = engine.two_threads;
+        // Its thread would hand work to those of the parent.
+        if two_threads && !has_common_threads() {
+            return Err(fork::refused("Live of a FrameEngine with two_threads"));
+        }
+        let shapes = Some(engine.shapes());
         let (outputs, description) = (Arc::clone(&engine.outputs), engine.description.clone());
         let ends = Kind::Frames(Ends::new(TimedFrames::new(engine.engine.clone()), options)?);
-        Ok(Self { ends, outputs, description, shapes })
+        Ok(Self { ends, outputs, description, shapes, two_threads })
     }
 
     /// Offers events in order, as `Engine.push` takes them: each enters the queue, or is dropped and counted. Waits only with
@@ -187,7 +212,8 @@ impl Live {
     /// The prediction for all that was offered by now or, `deadline_us` microseconds from now, the newest finished one, with its
     /// age. None waits for all that was offered. Other threads run meanwhile, and Ctrl-C ends the wait. One thread at a time.
     ///
-    /// Raises `NotANumberError` if the newest computation failed, `LiveError` if the live engine has ended.
+    /// Raises `NotANumberError` if the newest computation failed, `LiveError` if the live engine has ended or if this process was forked
+    /// from the one that has its thread.
     #[pyo3(signature = (deadline_us=None))]
     fn predict(&self, py: Python<'_>, deadline_us: Option<f64>) -> Outcome<Py<Timely>> {
         // Before the arguments are looked at: the deadline counts from the call.
@@ -205,10 +231,7 @@ impl Live {
     /// has been waiting, "blocked_us" how long `push` has waited for room.
     #[getter]
     fn counters<'py>(&self, py: Python<'py>) -> Outcome<Bound<'py, PyDict>> {
-        let of: QueueCounters = match &self.ends {
-            Kind::Events(ends) => ends.counters(py),
-            Kind::Frames(ends) => ends.counters(py),
-        };
+        let of = self.queue(py)?;
         let blocked_us = u64::try_from(of.blocked.as_micros()).unwrap_or(u64::MAX);
         let all = [
             ("offered", of.offered),
@@ -240,9 +263,9 @@ impl Live {
     }
 
     /// Ends the thread and returns its engine; None where it was closed before. What is waiting is discarded: call `predict()` first
-    /// to have it taken. A `push` or `predict` that waits in another thread raises `LiveError`.
+    /// to have it taken. A `push` or `predict` that waits in another thread raises `LiveError`. So does `close` in a forked child.
     fn close(&self, py: Python<'_>) -> Outcome<Option<Py<PyAny>>> {
-        let Self { outputs, description, .. } = self;
+        let Self { outputs, description, two_threads, .. } = self;
         Ok(match &self.ends {
             Kind::Events(ends) => match ends.close(py)? {
                 Some(engine) => Some(Py::new(py, Engine::new_from(engine, outputs, description))?.into_any()),
@@ -250,7 +273,8 @@ impl Live {
             },
             Kind::Frames(ends) => match ends.close(py)? {
                 Some(frames) => {
-                    let engine = FrameEngine::new_from(frames.into_engine(), outputs, description);
+                    let engine =
+                        FrameEngine::new_from(frames.into_engine(), outputs, description, *two_threads)?;
                     Some(Py::new(py, engine)?.into_any())
                 }
                 None => None,
@@ -269,15 +293,13 @@ impl Live {
         _value: &Bound<'_, PyAny>,
         _trace: &Bound<'_, PyAny>,
     ) -> Outcome<()> {
-        self.close(py).map(drop)
+        // A forked child that leaves the block has nothing to end.
+        if self.is_here() { self.close(py).map(drop) } else { Ok(()) }
     }
 
     fn __repr__(&self, py: Python<'_>) -> String {
         let name = self.description.any.name();
-        let of: QueueCounters = match &self.ends {
-            Kind::Events(ends) => ends.counters(py),
-            Kind::Frames(ends) => ends.counters(py),
-        };
+        let Ok(of) = self.queue(py) else { return format!("<Live {name:?} of another process>") };
         let state = if self.is_closed() { ", closed" } else { "" };
         format!("<Live {name:?}: {} of {} taken, {} dropped{state}>", of.delivered, of.offered, of.dropped())
     }

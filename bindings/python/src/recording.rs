@@ -14,6 +14,7 @@ use pyo3::types::{PyDict, PySlice};
 
 use crate::arrays::{sides, to_array};
 use crate::error::{Failure, Outcome};
+use crate::turn::turn;
 
 /// Events of a block of an iteration.
 const BLOCK: usize = 1 << 16;
@@ -359,8 +360,10 @@ impl Blocks {
         slf
     }
 
-    fn __next__<'py>(&mut self, py: Python<'py>) -> Outcome<Option<Bound<'py, PyAny>>> {
-        let block = self.feed.take(py, self.size, |_| true)?;
+    fn __next__<'py>(slf: &Bound<'_, Self>, py: Python<'py>) -> Outcome<Option<Bound<'py, PyAny>>> {
+        let mut this = turn(slf)?;
+        let Self { feed, size } = &mut *this;
+        let block = feed.take(py, *size, |_| true)?;
         Ok(if block.is_empty() { None } else { Some(to_array(py, &block)?) })
     }
 }
@@ -379,13 +382,14 @@ impl Windows {
         slf
     }
 
-    fn __next__<'py>(&mut self, py: Python<'py>) -> Outcome<Option<(i64, Bound<'py, PyAny>)>> {
-        if self.feed.rest(py)?.is_empty() {
+    fn __next__<'py>(slf: &Bound<'_, Self>, py: Python<'py>) -> Outcome<Option<(i64, Bound<'py, PyAny>)>> {
+        let mut this = turn(slf)?;
+        if this.feed.rest(py)?.is_empty() {
             return Ok(None);
         }
-        let due_us = self.due_us;
-        let window = self.feed.take(py, usize::MAX, |event| event.t_us <= due_us)?;
-        self.due_us = due_us.saturating_add(self.period_us);
+        let due_us = this.due_us;
+        let window = this.feed.take(py, usize::MAX, |event| event.t_us <= due_us)?;
+        this.due_us = due_us.saturating_add(this.period_us);
         Ok(Some((due_us, to_array(py, &window)?)))
     }
 }

@@ -19,6 +19,9 @@ LAYOUTS = {
         "itemsize": 16,
     },
     "dv-processing": [("timestamp", "<i8"), ("x", "<i2"), ("y", "<i2"), ("polarity", "u1")],
+    "evlib": [("time", "m8[us]"), ("x", "<i2"), ("y", "<i2"), ("pol", "i1")],
+    "evlib in ns": [("TIMESTAMP_US", "m8[ns]"), ("X", "<i2"), ("Y", "<i2"), ("Polarity", "i1")],
+    "durations from big-endian": [("ts", ">m8[us]"), ("x", "<i2"), ("y", "<i2"), ("on", "?")],
     "big-endian": [("y", ">u4"), ("t", ">i4"), ("p", ">i2"), ("x", ">i8")],
     "with gaps and more fields": [("frame", "S7"), ("p", "i1"), ("x", "u1"), ("w", "f8"), ("y", "u1"), ("t", "u4")],
 }
@@ -26,10 +29,11 @@ LAYOUTS = {
 
 def in_layout(events, layout):
     out = np.zeros(len(events), layout)
-    names = {"t": ("t", "timestamp"), "x": ("x",), "y": ("y",), "p": ("p", "on", "polarity")}
+    names = {"t": ("t", "timestamp", "time", "ts", "timestamp_us"), "x": ("x",), "y": ("y",), "p": ("p", "on", "polarity", "pol")}
     for field, candidates in names.items():
-        name = next(name for name in candidates if name in out.dtype.fields)
-        out[name] = events[field]
+        name = next(name for name in out.dtype.fields if name.lower() in candidates)
+        is_duration = out[name].dtype.kind == "m"
+        out[name] = events[field].astype("m8[us]") if is_duration else events[field]
     return out
 
 
@@ -69,6 +73,77 @@ def test_views_with_strides_read_only_memory_and_subclasses_are_taken_as_they_ar
         assert predicted(fresh(), view) == expected
     # What a field of a structured array is: strides of 13 bytes, no alignment.
     assert predicted(fresh(), t=doubled["t"][::2], x=events["x"], y=events["y"], p=events["p"]) == expected
+
+
+NAMES = {
+    "t": ("t", "t_us", "ts", "ts_us", "time", "time_us", "timestamp", "timestamp_us"),
+    "p": ("p", "pol", "polarity", "on"),
+}
+
+
+@pytest.mark.parametrize("t", NAMES["t"])
+@pytest.mark.parametrize("p", NAMES["p"])
+def test_a_name_that_a_file_may_have_an_array_and_a_keyword_may_have_too(events, tmp_path, t, p):
+    array = events.astype([(t, "<i8"), ("x", "<u2"), ("y", "<u2"), (p, "u1")])
+    np.save(tmp_path / "events.npy", array)
+    read = meissner.open(tmp_path / "events.npy").read()
+    weights = meissner.Weights.draw(SMALL, 3)
+    expected = predicted(meissner.Engine(SMALL, SENSOR, weights), read)
+    assert predicted(meissner.Engine(SMALL, SENSOR, weights), array) == expected
+    columns = {name: array[name] for name in array.dtype.names}
+    assert predicted(meissner.Engine(SMALL, SENSOR, weights), **columns) == expected
+    (once,) = {pair[0] for pair in meissner.predictions(meissner.Engine(SMALL, SENSOR, weights), array[:1], 10**6)}
+    assert once == array[t][0] + 10**6
+
+
+@pytest.mark.parametrize("empty", [[], (), np.array([]), np.array([], "i4"), np.zeros(0, "m8[us]"), np.zeros((0, 4))])
+def test_a_block_without_an_event_is_no_event_whatever_its_type(engine, empty):
+    assert engine.push(t=empty, x=[], y=np.array([]), p=[]) == 0
+    assert engine.push(np.zeros(0, meissner.EVENT_DTYPE)) == 0
+    if not np.asarray(empty).dtype.kind == "m":
+        assert engine.push(empty) == 0
+    assert engine.counters["events"]["pushed"] == 0
+    with pytest.raises(meissner.InputError, match="equal lengths"):
+        engine.push(t=empty, x=[1], y=[1], p=[1])
+    with meissner.Live(engine) as live:
+        live.push(t=[], x=[], y=[], p=[])
+        assert live.counters["offered"] == 0
+
+
+@pytest.mark.parametrize(
+    ("unit", "values", "microseconds"),
+    [
+        ("us", [-3, 0, 7], [-3, 0, 7]),
+        ("ms", [-3, 0, 7], [-3000, 0, 7000]),
+        ("10us", [-3, 0, 7], [-30, 0, 70]),
+        ("s", [0, 1, 2], [0, 10**6, 2 * 10**6]),
+        ("h", [0, 1, 2], [0, 3600 * 10**6, 7200 * 10**6]),
+        ("ns", [-1500, -1499, 499], [-2, -1, 0]),
+        ("ns", [500, 501, 1499], [1, 1, 1]),
+        ("100ns", [-15, 4, 5], [-2, 0, 1]),
+        ("ps", [499_999, 500_000, 1_499_999], [0, 1, 1]),
+    ],
+)
+def test_durations_become_microseconds_rounded_to_the_nearest(unit, values, microseconds):
+    times = np.array(values, f"m8[{unit}]")
+    engine = meissner.Engine({**SMALL, "network": {"name": "long", "capacity": 9, "span_us": 2**40}}, SENSOR, meissner.Weights.draw(SMALL, 3))
+    assert engine.push(t=times, x=[1, 2, 3], y=[1, 2, 3], p=[1, 0, 1]) == 3
+    assert engine.events["t"].tolist() == microseconds
+
+
+@pytest.mark.parametrize(
+    ("times", "said"),
+    [
+        (np.array([1, "NaT"], "m8[us]"), "found NaT as event 1"),
+        (np.array([1, 2], "m8"), "timedelta64 of a unit"),
+        (np.array([1, 2], "m8[M]"), "timedelta64 of a unit"),
+        (np.array([1, 2**62], "m8[s]"), "63 - 1 us"),
+    ],
+)
+def test_durations_that_are_no_microseconds_are_refused(engine, times, said):
+    with pytest.raises(meissner.Error, match=said):
+        engine.push(t=times, x=[1, 1], y=[1, 1], p=[1, 1])
+    assert engine.counters["events"]["pushed"] == 0
 
 
 def test_an_array_is_not_copied_as_a_whole():
@@ -113,7 +188,7 @@ def test_late_events_are_dropped_or_clamped(events):
     [
         ({"events": np.zeros(3)}, meissner.DtypeError, "fields t, x, y, p, found an array of float64 and shape"),
         ({"events": np.zeros((3, 4), "i8")}, meissner.InputError, "expected one dimension, found shape"),
-        ({"events": np.zeros(3, [("t", "i8"), ("x", "i2"), ("y", "i2")])}, TypeError, 'field "p" or "on"'),
+        ({"events": np.zeros(3, [("t", "i8"), ("x", "i2"), ("y", "i2")])}, TypeError, 'field "p" or "pol"'),
         ({"events": np.zeros(3, [("t", "f8"), ("x", "i2"), ("y", "i2"), ("p", "?")])}, TypeError, "t: expected integers"),
         ({"events": np.zeros(3, [("t", "i8", 2), ("x", "i2"), ("y", "i2"), ("p", "?")])}, TypeError, "t: expected int"),
         ({"t": [1], "x": [1], "y": [1]}, meissner.InputError, "all of t, x, y and p"),

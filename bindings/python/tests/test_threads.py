@@ -1,6 +1,7 @@
 """Long pushes: other threads run, and Ctrl-C ends them between two events."""
 
 import os
+import signal
 import threading
 import time
 
@@ -58,20 +59,43 @@ def test_other_threads_run_during_a_push():
     assert sum(begin < tick < end for tick in ticks) > (end - begin) / 0.05
 
 
-def test_an_engine_that_is_at_work_in_another_thread_refuses_a_second_one():
+def test_threads_that_share_an_engine_wait_for_each_other():
     description = {**SMALL, "network": {"name": "long", "capacity": 20_000, "span_us": 10**7}}
     engine = meissner.Engine(description, SENSOR, meissner.Weights.draw(SMALL, 1))
-    events, refused = make_events(20_000, every_us=5), []
-    thread = threading.Thread(target=engine.push, args=(events,))
-    thread.start()
-    while thread.is_alive() and not refused:
+    blocks, counts, failed = np.split(make_events(4_000, every_us=5), 40), [], []
+
+    def work():
         try:
-            engine.advance(0)
-        except RuntimeError as error:
-            refused.append(error)
-    thread.join()
-    assert refused
-    assert len(engine) == len(events)
+            for block in blocks:
+                counts.append(engine.push(block))
+                engine.predict()
+                len(engine), repr(engine), engine.snapshot()
+        except BaseException as error:  # noqa: BLE001
+            failed.append(error)
+
+    threads = [threading.Thread(target=work) for _ in range(3)]
+    [thread.start() for thread in threads]
+    [thread.join() for thread in threads]
+    assert not failed
+    counted = engine.counters["events"]
+    assert counted["pushed"] == 3 * 4_000
+    assert counted["accepted"] == sum(counts) == len(engine)
+    assert engine.counters["predictions"]["read"] == 120
+
+
+@pytest.mark.skipif(os.name != "posix", reason="sends a signal to itself")
+def test_a_signal_handler_that_uses_the_engine_at_work_is_refused_and_does_not_wait_for_ever():
+    description = {**SMALL, "network": {"name": "long", "capacity": 20_000, "span_us": 10**7}}
+    engine = meissner.Engine(description, SENSOR, meissner.Weights.draw(SMALL, 1))
+    before = signal.signal(signal.SIGALRM, lambda *_: engine.predict())
+    signal.setitimer(signal.ITIMER_REAL, 0.1)
+    try:
+        with pytest.raises(meissner.Error, match="from within another"):
+            engine.push(make_events(2_000_000, every_us=5))
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0)
+        signal.signal(signal.SIGALRM, before)
+    assert len(engine) > 0
 
 
 def test_two_engines_work_in_two_threads_with_their_own_bits(events):

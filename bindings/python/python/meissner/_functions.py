@@ -7,8 +7,9 @@ from typing import Any
 
 import numpy as np
 
+from ._durations import microseconds
 from ._errors import InputError
-from ._meissner import Batch, Engine, EventFrames, Prediction, Recording, TimeSurface, VoxelGrid
+from ._meissner import _TIME_FIELDS, Batch, Engine, EventFrames, Prediction, Recording, TimeSurface, VoxelGrid
 from ._meissner import open as open_recording
 
 
@@ -32,7 +33,7 @@ def predictions(engine: Engine | Batch, recording: Any, every_us: int) -> Iterat
 
 
 def _windows(events: np.ndarray, every_us: int) -> Iterator[tuple[int, np.ndarray]]:
-    times = events[_time_field(events)]
+    times = _times(events)
     start, size = 0, len(times)
     due = int(times[0]) + every_us if size else 0
     newest = np.maximum.accumulate(times) if size else times
@@ -42,11 +43,14 @@ def _windows(events: np.ndarray, every_us: int) -> Iterator[tuple[int, np.ndarra
         start, due = end, due + every_us
 
 
-def _time_field(events: np.ndarray) -> str:
+def _times(events: np.ndarray) -> np.ndarray:
+    """The times of an array of events, in microseconds."""
     names = events.dtype.names or ()
-    for name in ("t", "timestamp", "ts"):
-        if name in names:
-            return name
+    for name in _TIME_FIELDS:
+        for found in names:
+            if found.lower() == name:
+                times = events[found]
+                return microseconds(times) if times.dtype.kind == "m" else times
     raise InputError(f"events: expected a field t, found {', '.join(names) or 'none'}")
 
 
@@ -99,7 +103,7 @@ def voxel_grid(
     """
     if window_us is None:
         array = np.asarray(events)
-        times = array[_time_field(array)]
+        times = _times(array)
         window_us = (int(times.min()), int(times.max())) if len(times) else (0, 0)
     grid = VoxelGrid(sensor, bins, window_us, time=time, crop=crop)
     grid.push(events)

@@ -38,6 +38,7 @@ class _Recordings:
     def passed_over(self) -> list[PathLike[str]]: ...
     def read(self, i: int) -> tuple[np.ndarray, dict[str, Any]]: ...
 
+_TIME_FIELDS: tuple[str, ...]
 EVENT_DTYPE: np.dtype[np.void]
 SIMULATED_DTYPE: np.dtype[np.void]
 CAUSES: tuple[str, ...]

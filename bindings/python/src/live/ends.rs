@@ -3,6 +3,7 @@
 //! Each end has a lock. The end of the sensor is held for a whole push, and a second push is refused. The end of the controller
 //! is given back every [`LOOK`] while a prediction is awaited, so that `close` and `counters` get through.
 
+use std::process;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError, TryLockError};
 use std::time::Duration;
@@ -13,12 +14,15 @@ use pyo3::prelude::*;
 
 use super::timely::Taken;
 use crate::error::{Failure, Outcome};
+use crate::fork;
 
 /// How long a prediction is awaited until signals are handled.
 const LOOK: Duration = Duration::from_millis(10);
 
 /// The ends of a live engine.
 pub(super) struct Ends<P: Predictor<Input: Item>> {
+    /// The process that the thread is in.
+    process: u32,
     input: Mutex<Input<P::Input>>,
     /// What is left of it after it was closed: its counters.
     live: Mutex<Result<Live<P>, QueueCounters>>,
@@ -47,6 +51,7 @@ impl<P: Predictor<Input: Item> + Send + 'static> Ends<P> {
     pub(super) fn new(engine: P, options: QueueOptions) -> Outcome<Self> {
         let (input, live) = Live::spawn(engine, options)?;
         Ok(Self {
+            process: process::id(),
             input: Mutex::new(input),
             live: Mutex::new(Ok(live)),
             awaited: Mutex::new(()),
@@ -54,8 +59,18 @@ impl<P: Predictor<Input: Item> + Send + 'static> Ends<P> {
         })
     }
 
+    /// Whether its thread is in this process. In a forked child it is not, and a lock may be held for ever.
+    pub(super) fn is_here(&self) -> bool {
+        self.process == process::id()
+    }
+
+    fn here(&self) -> Outcome<()> {
+        if self.is_here() { Ok(()) } else { Err(fork::refused("Live")) }
+    }
+
     /// The end of the sensor, for this thread alone.
     pub(super) fn input(&self) -> Outcome<MutexGuard<'_, Input<P::Input>>> {
+        self.here()?;
         if self.is_closed() {
             return Err(closed());
         }
@@ -75,6 +90,7 @@ impl<P: Predictor<Input: Item> + Send + 'static> Ends<P> {
 
     /// The prediction by `deadline`. Signals are handled meanwhile.
     pub(super) fn predict(&self, py: Python<'_>, deadline: Duration) -> Outcome<Taken> {
+        self.here()?;
         let _alone = alone(&self.awaited, "predict")?;
         let asked =
             py.detach(|| self.live().as_mut().map(|live| live.ask(deadline)).map_err(|_| closed()))?;
@@ -94,11 +110,12 @@ impl<P: Predictor<Input: Item> + Send + 'static> Ends<P> {
         }
     }
 
-    pub(super) fn counters(&self, py: Python<'_>) -> QueueCounters {
-        py.detach(|| match &*self.live() {
+    pub(super) fn counters(&self, py: Python<'_>) -> Outcome<QueueCounters> {
+        self.here()?;
+        Ok(py.detach(|| match &*self.live() {
             Ok(live) => live.counters(),
             Err(counters) => *counters,
-        })
+        }))
     }
 
     pub(super) fn is_closed(&self) -> bool {
@@ -107,6 +124,7 @@ impl<P: Predictor<Input: Item> + Send + 'static> Ends<P> {
 
     /// Ends the thread; its engine, unless it was closed before.
     pub(super) fn close(&self, py: Python<'_>) -> Outcome<Option<P>> {
+        self.here()?;
         self.closing.store(true, Ordering::Relaxed);
         py.detach(|| {
             let mut live = self.live();
@@ -115,5 +133,15 @@ impl<P: Predictor<Input: Item> + Send + 'static> Ends<P> {
             let Ok(open) = std::mem::replace(&mut *live, Err(counters)) else { return Ok(None) };
             Ok(Some(open.close()?))
         })
+    }
+}
+
+impl<P: Predictor<Input: Item>> Drop for Ends<P> {
+    fn drop(&mut self) {
+        if self.process != process::id() {
+            // Its thread is in the parent: there is none to wait for, and its locks may be held for ever.
+            let live = self.live.get_mut().unwrap_or_else(PoisonError::into_inner);
+            std::mem::forget(std::mem::replace(live, Err(QueueCounters::default())));
+        }
     }
 }

@@ -9,6 +9,7 @@ use super::shared::{Rectangle, counted, crop_of, image, rule_of};
 use crate::arrays::Pixels;
 use crate::error::Outcome;
 use crate::events::Events;
+use crate::turn::turn;
 
 /// Frames over consecutive windows of equal length, as events complete them.
 ///
@@ -79,12 +80,13 @@ impl EventFrames {
     /// with the number of its frames as `count`.
     #[pyo3(signature = (*args, **keywords), text_signature = "($self, events=None, *, t=None, x=None, y=None, p=None)")]
     fn push<'py>(
-        &mut self,
+        slf: &Bound<'_, Self>,
         py: Python<'py>,
         args: &Bound<'py, PyTuple>,
         keywords: Option<&Bound<'py, PyDict>>,
     ) -> Outcome<Vec<EventFrame>> {
-        let (shape, frames, mut found) = (self.frames.shape(), &mut self.frames, Vec::new());
+        let mut this = turn(slf)?;
+        let (shape, frames, mut found) = (this.frames.shape(), &mut this.frames, Vec::new());
         Events::of_call(args, keywords)?.each(py, |event| {
             frames.push(event, |completed| found.push(Done::new(completed, shape)));
         })?;
@@ -92,15 +94,17 @@ impl EventFrames {
     }
 
     /// Advances time to `t_us`; returns the frames that this completes.
-    fn advance(&mut self, py: Python<'_>, t_us: i64) -> PyResult<Vec<EventFrame>> {
-        let (shape, mut found) = (self.frames.shape(), Vec::new());
-        self.frames.advance(t_us, |completed| found.push(Done::new(completed, shape)));
+    fn advance(slf: &Bound<'_, Self>, py: Python<'_>, t_us: i64) -> PyResult<Vec<EventFrame>> {
+        let mut this = turn(slf)?;
+        let (shape, mut found) = (this.frames.shape(), Vec::new());
+        this.frames.advance(t_us, |completed| found.push(Done::new(completed, shape)));
         objects(py, found, shape)
     }
 
     /// The window that is still open, with its events so far; None if there is no time yet.
-    fn open(&mut self, py: Python<'_>) -> PyResult<Option<EventFrame>> {
-        let frame = self.frames.open().map(|frame| {
+    fn open(slf: &Bound<'_, Self>, py: Python<'_>) -> PyResult<Option<EventFrame>> {
+        let mut this = turn(slf)?;
+        let frame = this.frames.open().map(|frame| {
             let values = image(py, frame.values, frame.shape)?.unbind();
             Ok(EventFrame { values, start_us: frame.start_us, events: frame.events, count: 1 })
         });
@@ -108,23 +112,28 @@ impl EventFrames {
     }
 
     /// Forgets time and all events. Counters go on.
-    fn reset(&mut self) {
-        self.frames.reset();
+    fn reset(slf: &Bound<'_, Self>) -> Outcome<()> {
+        let mut this = turn(slf)?;
+        this.frames.reset();
+        Ok(())
     }
 
     /// (channels, height, width) of every frame.
     #[getter]
-    fn shape(&self) -> (usize, usize, usize) {
-        self.frames.shape().into()
+    fn shape(slf: &Bound<'_, Self>) -> Outcome<(usize, usize, usize)> {
+        let this = turn(slf)?;
+        Ok(this.frames.shape().into())
     }
 
     /// Counts of the events so far.
     #[getter]
-    fn counters<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        counted(py, self.frames.counters(), self.frames.outside_crop())
+    fn counters<'py>(slf: &Bound<'_, Self>, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let this = turn(slf)?;
+        counted(py, this.frames.counters(), this.frames.outside_crop())
     }
 
-    fn __repr__(&self) -> String {
-        format!("<EventFrames {:?}: {} events>", self.frames.shape(), self.frames.counters().accepted)
+    fn __repr__(slf: &Bound<'_, Self>) -> Outcome<String> {
+        let this = turn(slf)?;
+        Ok(format!("<EventFrames {:?}: {} events>", this.frames.shape(), this.frames.counters().accepted))
     }
 }

@@ -8,6 +8,7 @@ use super::shared::{Rectangle, counted, crop_of, image};
 use crate::arrays::Pixels;
 use crate::error::{Failure, Outcome};
 use crate::events::Events;
+use crate::turn::turn;
 
 /// A time surface (2, height, width), OFF and ON: how long ago each pixel last saw an event, as a value from 1 down to 0.
 ///
@@ -40,40 +41,48 @@ impl TimeSurface {
     /// Takes events, as `Engine.push`.
     #[pyo3(signature = (*args, **keywords), text_signature = "($self, events=None, *, t=None, x=None, y=None, p=None)")]
     fn push<'py>(
-        &mut self,
+        slf: &Bound<'_, Self>,
         py: Python<'py>,
         args: &Bound<'py, PyTuple>,
         keywords: Option<&Bound<'py, PyDict>>,
     ) -> Outcome<()> {
-        let surface = &mut self.surface;
+        let mut this = turn(slf)?;
+        let surface = &mut this.surface;
         Events::of_call(args, keywords)?.each(py, |event| {
             surface.push(event);
         })
     }
 
     /// Advances time to `t_us`.
-    fn advance(&mut self, t_us: i64) {
-        self.surface.advance(t_us);
+    fn advance(slf: &Bound<'_, Self>, t_us: i64) -> Outcome<()> {
+        let mut this = turn(slf)?;
+        this.surface.advance(t_us);
+        Ok(())
     }
 
     /// The surface at the current time: float32 (2, height, width).
-    fn frame<'py>(&mut self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        let surface = self.surface.surface();
+    fn frame<'py>(slf: &Bound<'_, Self>, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        let mut this = turn(slf)?;
+        let surface = this.surface.surface();
         image(py, surface.values, surface.shape)
     }
 
     /// Forgets time and all events. Counters go on.
-    fn reset(&mut self) {
-        self.surface.reset();
+    fn reset(slf: &Bound<'_, Self>) -> Outcome<()> {
+        let mut this = turn(slf)?;
+        this.surface.reset();
+        Ok(())
     }
 
     /// Counts of the events so far.
     #[getter]
-    fn counters<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        counted(py, self.surface.counters(), self.surface.outside_crop())
+    fn counters<'py>(slf: &Bound<'_, Self>, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let this = turn(slf)?;
+        counted(py, this.surface.counters(), this.surface.outside_crop())
     }
 
-    fn __repr__(&self) -> String {
-        format!("<TimeSurface {:?}: {} events>", self.surface.shape(), self.surface.counters().accepted)
+    fn __repr__(slf: &Bound<'_, Self>) -> Outcome<String> {
+        let this = turn(slf)?;
+        Ok(format!("<TimeSurface {:?}: {} events>", this.surface.shape(), this.surface.counters().accepted))
     }
 }

@@ -8,6 +8,7 @@ use super::shared::{Rectangle, crop_of, image};
 use crate::arrays::{Pixels, counts};
 use crate::error::{Failure, Outcome};
 use crate::events::Events;
+use crate::turn::turn;
 
 /// A voxel grid (bins, height, width): polarities spread over two bins of time each.
 ///
@@ -47,31 +48,35 @@ impl VoxelGrid {
     /// Adds events, as `Engine.push`; returns how many lie on the sensor, in the crop and in the window.
     #[pyo3(signature = (*args, **keywords), text_signature = "($self, events=None, *, t=None, x=None, y=None, p=None)")]
     fn push<'py>(
-        &mut self,
+        slf: &Bound<'_, Self>,
         py: Python<'py>,
         args: &Bound<'py, PyTuple>,
         keywords: Option<&Bound<'py, PyDict>>,
     ) -> Outcome<usize> {
-        let (grid, mut accepted) = (&mut self.grid, 0);
+        let mut this = turn(slf)?;
+        let (grid, mut accepted) = (&mut this.grid, 0);
         Events::of_call(args, keywords)?.each(py, |event| accepted += usize::from(grid.push(event)))?;
         Ok(accepted)
     }
 
     /// The grid over the events so far: float32 (bins, height, width).
-    fn frame<'py>(&mut self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        let frame = self.grid.frame();
+    fn frame<'py>(slf: &Bound<'_, Self>, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        let mut this = turn(slf)?;
+        let frame = this.grid.frame();
         image(py, frame.values, frame.shape)
     }
 
     /// Empties the grid and begins another window. Counters go on.
-    fn restart(&mut self, window_us: (i64, i64)) -> Outcome<()> {
-        Ok(self.grid.restart(window_us.0..=window_us.1)?)
+    fn restart(slf: &Bound<'_, Self>, window_us: (i64, i64)) -> Outcome<()> {
+        let mut this = turn(slf)?;
+        Ok(this.grid.restart(window_us.0..=window_us.1)?)
     }
 
     /// Counts of the events so far.
     #[getter]
-    fn counters<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        let of = self.grid.counters();
+    fn counters<'py>(slf: &Bound<'_, Self>, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let this = turn(slf)?;
+        let of = this.grid.counters();
         let all = [
             ("pushed", of.pushed),
             ("accepted", of.accepted),
@@ -82,8 +87,9 @@ impl VoxelGrid {
         counts(py, &all)
     }
 
-    fn __repr__(&mut self) -> String {
-        let frame = self.grid.frame();
-        format!("<VoxelGrid {:?}: {} events>", frame.shape, frame.events)
+    fn __repr__(slf: &Bound<'_, Self>) -> Outcome<String> {
+        let mut this = turn(slf)?;
+        let frame = this.grid.frame();
+        Ok(format!("<VoxelGrid {:?}: {} events>", frame.shape, frame.events))
     }
 }

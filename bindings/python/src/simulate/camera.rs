@@ -7,6 +7,7 @@ use pyo3::types::PyDict;
 use super::{settings, to_array};
 use crate::arrays::{Pixels, float32, sides};
 use crate::error::{Failure, Outcome};
+use crate::turn::turn;
 
 /// A simulated event camera: grey images in, events with their causes out.
 ///
@@ -38,36 +39,40 @@ impl Camera {
     ///
     /// Raises `InputError`, `DtypeError`; the camera is then as it was.
     fn push<'py>(
-        &mut self,
+        slf: &Bound<'_, Self>,
         py: Python<'py>,
         t_us: i64,
         image: &Bound<'py, PyAny>,
     ) -> Outcome<Bound<'py, PyAny>> {
+        let mut this = turn(slf)?;
         let (values, shape) = float32("image", image)?;
-        let sensor = self.camera.sensor();
+        let sensor = this.camera.sensor();
         let expected = [usize::from(sensor.height), usize::from(sensor.width)];
         if shape != expected {
             return Err(Failure::input(format!("image: expected shape {expected:?}, found {shape:?}")));
         }
-        let (camera, mut events) = (&mut self.camera, Vec::new());
+        let (camera, mut events) = (&mut this.camera, Vec::new());
         py.detach(|| camera.push(t_us, &values, &mut events))?;
         Ok(to_array(py, &events)?)
     }
 
     /// The events that wait for their latency. The camera goes on after it, but a later event can then precede these.
-    fn finish<'py>(&mut self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+    fn finish<'py>(slf: &Bound<'_, Self>, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        let mut this = turn(slf)?;
         let mut events = Vec::new();
-        self.camera.finish(&mut events);
+        this.camera.finish(&mut events);
         to_array(py, &events)
     }
 
     /// (width, height) of the sensor.
     #[getter]
-    fn sensor(&self) -> (u16, u16) {
-        sides(self.camera.sensor())
+    fn sensor(slf: &Bound<'_, Self>) -> Outcome<(u16, u16)> {
+        let this = turn(slf)?;
+        Ok(sides(this.camera.sensor()))
     }
 
-    fn __repr__(&self) -> String {
-        format!("<Camera of {}>", self.camera.sensor())
+    fn __repr__(slf: &Bound<'_, Self>) -> Outcome<String> {
+        let this = turn(slf)?;
+        Ok(format!("<Camera of {}>", this.camera.sensor()))
     }
 }

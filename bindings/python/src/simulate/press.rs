@@ -6,6 +6,7 @@ use pyo3::prelude::*;
 
 use crate::arrays::Pixels;
 use crate::error::{Failure, Outcome};
+use crate::turn::turn;
 
 /// Depth of a part of a press, after which signals are handled, in millimetres.
 const STEP_MM: f64 = 0.25;
@@ -69,13 +70,14 @@ impl Press {
 
     /// Presses on to `depth_mm` along the axis of the dome. A depth below the present one changes nothing. 15 mm of the default dome
     /// take about a second. Other threads run meanwhile, and Ctrl-C ends it at a smaller depth.
-    fn press_to(&mut self, py: Python<'_>, depth_mm: f64) -> Outcome<()> {
-        let most = self.dome.radius_mm;
+    fn press_to(slf: &Bound<'_, Self>, py: Python<'_>, depth_mm: f64) -> Outcome<()> {
+        let mut this = turn(slf)?;
+        let most = this.dome.radius_mm;
         if !(0.0..=most).contains(&depth_mm) {
             return Err(Failure::input(format!("depth_mm: expected 0 to {most} mm, found {depth_mm}")));
         }
-        while self.press.depth_mm() < depth_mm {
-            let press = &mut self.press;
+        while this.press.depth_mm() < depth_mm {
+            let press = &mut this.press;
             py.detach(|| press.press_to(depth_mm.min(press.depth_mm() + STEP_MM)));
             py.check_signals()?;
         }
@@ -84,33 +86,38 @@ impl Press {
 
     /// How deep the dome is pressed, in millimetres.
     #[getter]
-    fn depth_mm(&self) -> f64 {
-        self.press.depth_mm()
+    fn depth_mm(slf: &Bound<'_, Self>) -> Outcome<f64> {
+        let this = turn(slf)?;
+        Ok(this.press.depth_mm())
     }
 
     /// The force with which the plane presses the dome along its axis, in newtons.
     #[getter]
-    fn force_n(&self) -> f64 {
-        self.press.force_n()
+    fn force_n(slf: &Bound<'_, Self>) -> Outcome<f64> {
+        let this = turn(slf)?;
+        Ok(this.press.force_n())
     }
 
     /// The markers, ring after ring from the top outwards: float64 (markers, 3), x, y, z in millimetres above the base.
     #[getter]
-    fn markers<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        let markers = self.press.markers();
+    fn markers<'py>(slf: &Bound<'_, Self>, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        let this = turn(slf)?;
+        let markers = this.press.markers();
         PyArray1::from_iter(py, markers.iter().flatten().copied()).call_method1("reshape", (markers.len(), 3))
     }
 
     /// Where the camera below the base sees the markers: float32 (markers, 2), column and row in pixels of `sensor`, for
     /// `film_markers`. As in `meissner simulate dome`.
-    fn positions<'py>(&self, py: Python<'py>, sensor: Pixels) -> PyResult<Bound<'py, PyAny>> {
-        let (view, markers) = (DomeView::new(&self.dome, sensor.0), self.press.markers());
+    fn positions<'py>(slf: &Bound<'_, Self>, py: Python<'py>, sensor: Pixels) -> PyResult<Bound<'py, PyAny>> {
+        let this = turn(slf)?;
+        let (view, markers) = (DomeView::new(&this.dome, sensor.0), this.press.markers());
         let seen = markers.iter().flat_map(|&marker| view.place(marker));
         PyArray1::from_iter(py, seen).call_method1("reshape", (markers.len(), 2))
     }
 
-    fn __repr__(&self) -> String {
-        let (depth, force) = (self.press.depth_mm(), self.press.force_n());
-        format!("<Press: {} markers, {depth:.2} mm deep, {force:.2} N>", self.press.markers().len())
+    fn __repr__(slf: &Bound<'_, Self>) -> Outcome<String> {
+        let this = turn(slf)?;
+        let (depth, force) = (this.press.depth_mm(), this.press.force_n());
+        Ok(format!("<Press: {} markers, {depth:.2} mm deep, {force:.2} N>", this.press.markers().len()))
     }
 }
