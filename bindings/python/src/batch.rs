@@ -100,8 +100,9 @@ impl Batch {
     fn predict_into(slf: &Bound<'_, Self>, py: Python<'_>, out: &Bound<'_, PyAny>) -> Outcome<()> {
         let mut this = turn(slf)?;
         let batch = &mut this.batch;
+        let out = prediction::out(out, batch.network().outputs())?;
         let values = py.detach(|| batch.predict().map(|prediction| prediction.values.to_vec()))?;
-        prediction::write(&values, out)
+        out.write(&values)
     }
 
     /// Predictions of independent streams, each an argument of `push`, on all processors: float32 (streams, outputs).

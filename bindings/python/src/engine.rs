@@ -67,6 +67,10 @@ pub(crate) fn network_of(
         network = network.with_span_us(span_us)?;
     }
     if let Some(capacity) = capacity {
+        // Beyond a signed number, the refusal would state another one.
+        if i64::try_from(capacity).is_err() {
+            return Err(Failure::input(format!("capacity: expected at most {}, found {capacity}", i64::MAX)));
+        }
         network = network.with_capacity(capacity)?;
     }
     Ok((description, network))
@@ -150,8 +154,9 @@ impl Engine {
     fn predict_into(slf: &Bound<'_, Self>, py: Python<'_>, out: &Bound<'_, PyAny>) -> Outcome<()> {
         let mut this = turn(slf)?;
         let Self { engine, values, .. } = &mut *this;
+        let out = prediction::out(out, values.len())?;
         py.detach(|| engine.predict().map(|prediction| values.copy_from_slice(prediction.values)))?;
-        prediction::write(&this.values, out)
+        out.write(values)
     }
 
     /// Removes all events; the next one sets a new epoch. Counters are kept.

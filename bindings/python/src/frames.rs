@@ -205,9 +205,10 @@ impl FrameEngine {
     /// Raises `InputError`, `DtypeError`, `NotANumberError`.
     fn predict_into(slf: &Bound<'_, Self>, py: Python<'_>, out: &Bound<'_, PyAny>) -> Outcome<()> {
         let mut this = turn(slf)?;
+        let out = prediction::out(out, this.shapes()[1].iter().product())?;
         this.compute(py, |engine, _| engine.predict().map(|_| ()))??;
         // Nothing is left to compute.
-        prediction::write(this.engine.predict()?.values, out)
+        out.write(this.engine.predict()?.values)
     }
 
     /// Returns to the state before the first frame. Counters are kept.

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use meissner::{AnyDescription, Predictor, softmax};
-use numpy::{PyArray1, PyArrayMethods, PyUntypedArrayMethods};
+use numpy::{PyArray1, PyArrayMethods, PyReadwriteArrayDyn, PyUntypedArrayMethods};
 use pyo3::exceptions::PyKeyError;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyString, PyTuple};
@@ -212,11 +212,12 @@ impl Prediction {
     }
 }
 
-/// Copies `values` to an array of the caller.
-///
-/// `out` must be a writable, contiguous array of float32 with as many values.
-pub(crate) fn write(values: &[f32], out: &Bound<'_, PyAny>) -> Outcome<()> {
-    let expected = format!("expected a writable contiguous array of {} float32", values.len());
+/// An array of the caller, checked before anything is computed for it.
+pub(crate) struct Out<'py>(PyReadwriteArrayDyn<'py, f32>);
+
+/// `out`, which must be a writable, contiguous array of `length` float32.
+pub(crate) fn out<'py>(out: &Bound<'py, PyAny>, length: usize) -> Outcome<Out<'py>> {
+    let expected = format!("expected a writable contiguous array of {length} float32");
     let refuse = |found: String| Failure::input(format!("out: {expected}, found {found}"));
     let Ok(array) = out.cast::<numpy::PyArrayDyn<f32>>() else {
         let dtype = out.getattr("dtype").and_then(|dtype| Ok(dtype.str()?.to_string()));
@@ -224,10 +225,13 @@ pub(crate) fn write(values: &[f32], out: &Bound<'_, PyAny>) -> Outcome<()> {
         return Err(Failure::dtype(format!("out: {expected}, found {found}")));
     };
     let mut array = array.try_readwrite().map_err(|error| refuse(error.to_string()))?;
-    let to = array.as_slice_mut().map_err(|_| refuse("one with gaps".to_owned()))?;
-    if to.len() != values.len() {
-        return Err(refuse(format!("{} values", to.len())));
+    let found = array.as_slice_mut().map_err(|_| refuse("one with gaps".to_owned()))?.len();
+    if found == length { Ok(Out(array)) } else { Err(refuse(format!("{found} values"))) }
+}
+
+impl Out<'_> {
+    pub(crate) fn write(mut self, values: &[f32]) -> Outcome<()> {
+        self.0.as_slice_mut().map_err(PyErr::from)?.copy_from_slice(values);
+        Ok(())
     }
-    to.copy_from_slice(values);
-    Ok(())
 }

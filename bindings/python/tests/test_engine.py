@@ -104,6 +104,7 @@ def test_predict_into_writes_the_same_bits_and_refuses_other_arrays(engine, even
     out = np.zeros(2, np.float32)
     engine.predict_into(out)
     assert out.tobytes() == bits(engine.predict())
+    before = engine.counters
     for bad, error in [
         (np.zeros(3, np.float32), meissner.InputError),
         (np.zeros(4, np.float32)[::2], meissner.InputError),
@@ -113,6 +114,9 @@ def test_predict_into_writes_the_same_bits_and_refuses_other_arrays(engine, even
     ]:
         with pytest.raises(error, match="out: expected a writable contiguous array of 2 float32"):
             engine.predict_into(bad)
+    assert engine.counters == before, "a refused call counts nothing"
+    with pytest.raises(meissner.InputError, match=str(2**64 - 1)):
+        meissner.Engine(SMALL, SENSOR, meissner.Weights.draw(SMALL, 3), capacity=2**64 - 1)
 
 
 def test_a_copy_and_a_restored_snapshot_continue_with_the_same_bits(engine, events):
