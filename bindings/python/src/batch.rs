@@ -14,8 +14,10 @@ use crate::error::{Failure, Outcome};
 use crate::events::Events;
 use crate::fork::on_own_threads;
 use crate::graph::{self, Graph};
+use crate::html;
 use crate::prediction::{self, Outputs, Prediction};
 use crate::turn::turn;
+use crate::warned::Losses;
 
 /// Streams that are computed until signals are handled.
 const STREAMS: usize = 16;
@@ -33,6 +35,7 @@ pub(crate) struct Batch {
     batch: BatchEngine,
     outputs: Arc<Outputs>,
     description: Description,
+    losses: Losses,
 }
 
 #[pymethods]
@@ -58,10 +61,11 @@ impl Batch {
                 return Err(Failure::input(format!("search: expected {expected}, found {found:?}")));
             }
         };
-        let (description, network) = network_of(network, weights, (span_us, capacity), check_preparation)?;
+        let (description, network) =
+            network_of(network, weights, (span_us, capacity), check_preparation, sensor.0)?;
         let outputs = Outputs::new(&description.any, network.layers().into_iter());
         let batch = BatchEngine::new(network, sensor.0)?.with_late(late_policy(late)?).with_search(search);
-        Ok(Self { batch, outputs, description })
+        Ok(Self { batch, outputs, description, losses: Losses::default() })
     }
 
     /// Inserts events in order; returns how many were accepted. As `Engine.push`.
@@ -79,6 +83,10 @@ impl Batch {
             accepted += batch.push_slice(part);
             Ok(())
         })?;
+        if accepted < events.len() {
+            let Self { batch, losses, .. } = &mut *this;
+            losses.look(py, batch.counters().events, batch.batch().sensor())?;
+        }
         Ok(accepted)
     }
 
@@ -221,6 +229,19 @@ impl Batch {
     fn __deepcopy__(slf: &Bound<'_, Self>, _memo: &Bound<'_, PyAny>) -> Outcome<Self> {
         let this = turn(slf)?;
         Ok(this.clone())
+    }
+
+    fn _repr_html_(slf: &Bound<'_, Self>) -> Outcome<String> {
+        let this = turn(slf)?;
+        let batch = &this.batch;
+        let title = format!("Batch {:?} on {}", batch.network().name(), batch.batch().sensor());
+        let mut rows = vec![
+            ["predicts".to_owned(), this.outputs.labels()],
+            ["events in the window".to_owned(), batch.nodes().to_string()],
+            ["time".to_owned(), batch.now_us().map_or("none yet".to_owned(), |t_us| format!("{t_us} us"))],
+        ];
+        rows.extend(html::of_events(batch.counters().events));
+        Ok(html::table(&title, &rows))
     }
 
     fn __repr__(slf: &Bound<'_, Self>) -> Outcome<String> {

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use meissner::{Counters, LatePolicy, Network, Options, models};
+use meissner::{Counters, LatePolicy, Network, Options, Sensor, models};
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict, PyTuple};
 
@@ -11,8 +11,10 @@ use crate::description::Description;
 use crate::error::{Failure, Outcome};
 use crate::events::Events;
 use crate::graph::{self, Graph};
+use crate::html;
 use crate::prediction::{self, Outputs, Prediction};
 use crate::turn::turn;
+use crate::warned::{self, Losses};
 use crate::weights::Weights;
 
 /// A network over the events of a sliding window: recomputes only what an event changes, and predicts the bits that
@@ -29,6 +31,9 @@ use crate::weights::Weights;
 ///
 /// An engine serves one thread at a time; others wait for their turn. `copy.copy(engine)` is an independent engine in the same state. `len(engine)` is the number of events in the window.
 ///
+/// Warns (`MeissnerWarning`) if the weights were trained on another sensor, window or preparation, and once of each reason for which more
+/// than a hundredth of the events is lost.
+///
 /// Raises `DescriptionError`, `WeightsError`, `InputError`, `NotIncrementalError` for a network that only `Batch` runs,
 /// `MemoryLimitError`.
 #[pyclass(module = "meissner", name = "Engine", weakref)]
@@ -38,6 +43,7 @@ pub(crate) struct Engine {
     pub(crate) outputs: Arc<Outputs>,
     pub(crate) description: Description,
     values: Vec<f32>,
+    losses: Losses,
 }
 
 impl Engine {
@@ -47,18 +53,32 @@ impl Engine {
         description: &Description,
     ) -> Self {
         let values = vec![0.0; engine.network().outputs()];
-        Self { engine, outputs: Arc::clone(outputs), description: description.clone(), values }
+        Self {
+            engine,
+            outputs: Arc::clone(outputs),
+            description: description.clone(),
+            values,
+            losses: Losses::default(),
+        }
+    }
+}
+
+impl Engine {
+    /// Warns of reasons for which many events were lost, each once.
+    pub(crate) fn warn_of_losses(&mut self, py: Python<'_>) -> Outcome<()> {
+        self.losses.look(py, self.engine.counters().events, self.engine.sensor())
     }
 }
 
 /// A network over events with its description, from the arguments of a constructor.
 pub(crate) fn network_of(
-    network: &Bound<'_, PyAny>,
+    any: &Bound<'_, PyAny>,
     weights: Option<&Bound<'_, PyAny>>,
     (span_us, capacity): (Option<i64>, Option<usize>),
     check_preparation: bool,
+    sensor: Sensor,
 ) -> Outcome<(Description, Network)> {
-    let description = Description::of(network)?;
+    let description = Description::of(any)?;
     let events = description.events()?;
     let weights: models::Weights = Weights::of(weights, &description)?;
     let mut network =
@@ -73,6 +93,8 @@ pub(crate) fn network_of(
         }
         network = network.with_capacity(capacity)?;
     }
+    let window = (network.parts().span_us, network.parts().capacity);
+    warned::of_network(any.py(), &description, &weights, Some(window), Some(sensor))?;
     Ok((description, network))
 }
 
@@ -98,7 +120,8 @@ impl Engine {
         memory_limit: u128,
         check_preparation: bool,
     ) -> Outcome<Self> {
-        let (description, network) = network_of(network, weights, (span_us, capacity), check_preparation)?;
+        let (description, network) =
+            network_of(network, weights, (span_us, capacity), check_preparation, sensor.0)?;
         let options = Options::new()
             .with_late(late_policy(late)?)
             .with_tolerance(tolerance)
@@ -131,6 +154,9 @@ impl Engine {
             accepted += engine.push_slice(part);
             Ok(())
         })?;
+        if accepted < events.len() {
+            this.warn_of_losses(py)?;
+        }
         Ok(accepted)
     }
 
@@ -260,6 +286,20 @@ impl Engine {
     fn __deepcopy__(slf: &Bound<'_, Self>, _memo: &Bound<'_, PyAny>) -> Outcome<Self> {
         let this = turn(slf)?;
         Ok(this.clone())
+    }
+
+    fn _repr_html_(slf: &Bound<'_, Self>) -> Outcome<String> {
+        let this = turn(slf)?;
+        let engine = &this.engine;
+        let title = format!("Engine {:?} on {}", engine.network().name(), engine.sensor());
+        let mut rows = vec![
+            ["predicts".to_owned(), this.outputs.labels()],
+            ["events in the window".to_owned(), engine.nodes().to_string()],
+            ["time".to_owned(), engine.now_us().map_or("none yet".to_owned(), |t_us| format!("{t_us} us"))],
+        ];
+        rows.extend(html::of_events(engine.counters().events));
+        rows.push(["state".to_owned(), format!("{} bytes", engine.state_bytes())]);
+        Ok(html::table(&title, &rows))
     }
 
     fn __repr__(slf: &Bound<'_, Self>) -> Outcome<String> {

@@ -11,12 +11,18 @@ use crate::arrays::contiguous;
 use crate::description::{Description, shape};
 use crate::error::{Failure, Outcome};
 use crate::fork::on_own_threads;
+use crate::html;
 use crate::prediction::{self, Outputs, Prediction};
 use crate::representations::EventFrame;
 use crate::turn::turn;
+use crate::warned;
 use crate::weights::Weights;
 
 /// A network over frames with its recurrent state. What no change reaches is not computed again; the bits are the same.
+///
+/// Frames of pictures of a gel, for `canf` and `canf-plain`, are (3, height, width): red, green and blue, each ((picture - rest) / 255 - mean) /
+/// std with levels from 0 to 255, the picture `rest` without contact, and mean and std of the description (0 and 0.1). A prediction times
+/// `force_std` plus `force_mean` of the description is the force on each pixel in N.
 ///
 /// - `network`, `weights`: as for `Engine`.
 /// - `skip`: "exact", "nothing" (computes everything, the oracle), or a number: a pixel that changed by no more keeps its
@@ -158,15 +164,16 @@ impl FrameEngine {
         } else {
             frames.network_parts_regardless(&weights)?
         };
-        let network = FrameNetwork::new(parts, Convolution::Direct)?;
+        let frame_network = FrameNetwork::new(parts, Convolution::Direct)?;
+        warned::of_network(network.py(), &description, &weights, None, None)?;
         let options = FrameOptions::new()
             .with_skip(skip.map(skip_of).transpose()?.unwrap_or_default())
             .with_sparse(sparse)
             .with_two_threads(two_threads)
             .with_memory_limit(memory_limit);
-        let outputs = Outputs::new(&description.any, network.layers());
+        let outputs = Outputs::new(&description.any, frame_network.layers());
         Ok(Self {
-            engine: Engine::with_options(network, options)?,
+            engine: Engine::with_options(frame_network, options)?,
             outputs,
             description,
             frame: Vec::new(),
@@ -304,6 +311,18 @@ impl FrameEngine {
     fn __deepcopy__(slf: &Bound<'_, Self>, _memo: &Bound<'_, PyAny>) -> Outcome<Self> {
         let this = turn(slf)?;
         Ok(this.clone())
+    }
+
+    fn _repr_html_(slf: &Bound<'_, Self>) -> Outcome<String> {
+        let this = turn(slf)?;
+        let network = this.engine.network();
+        let rows = [
+            ["frames".to_owned(), format!("{} ({:?})", network.input(), this.shapes()[0])],
+            ["predicts".to_owned(), this.outputs.labels()],
+            ["frames since the last reset".to_owned(), this.taken.to_string()],
+            ["state".to_owned(), format!("{} bytes", this.engine.state_bytes())],
+        ];
+        Ok(html::table(&format!("FrameEngine {:?}", network.name()), &rows))
     }
 
     fn __repr__(slf: &Bound<'_, Self>) -> Outcome<String> {

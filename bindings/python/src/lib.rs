@@ -12,7 +12,7 @@
 //! | `simulate` | a membrane, markers and a camera |
 //! | `datasets`, `evaluate`, `metrics` | labelled data sets, figures of networks on them |
 //! | `watched`, `fork` | long work that can be stopped; threads in a forked child |
-//! | `error` | exceptions |
+//! | `error`, `warned`, `html` | exceptions, warnings, what a notebook shows |
 #![forbid(unsafe_code)]
 
 mod arrays;
@@ -27,6 +27,7 @@ mod filters;
 mod fork;
 mod frames;
 mod graph;
+mod html;
 mod live;
 mod metrics;
 mod prediction;
@@ -34,6 +35,7 @@ mod recording;
 mod representations;
 mod simulate;
 mod turn;
+mod warned;
 mod watched;
 mod weights;
 mod write;

@@ -23,6 +23,7 @@ use crate::events::{Events, QUEUED};
 use crate::filters::Filters;
 use crate::fork::{self, has_common_threads};
 use crate::frames::{FrameEngine, checked};
+use crate::html;
 use crate::prediction::Outputs;
 use crate::representations::EventFrame;
 use crate::turn::turn;
@@ -268,7 +269,11 @@ impl Live {
         let Self { outputs, description, two_threads, .. } = self;
         Ok(match &self.ends {
             Kind::Events(ends) => match ends.close(py)? {
-                Some(engine) => Some(Py::new(py, Engine::new_from(engine, outputs, description))?.into_any()),
+                Some(engine) => {
+                    let mut engine = Engine::new_from(engine, outputs, description);
+                    engine.warn_of_losses(py)?;
+                    Some(Py::new(py, engine)?.into_any())
+                }
                 None => None,
             },
             Kind::Frames(ends) => match ends.close(py)? {
@@ -295,6 +300,15 @@ impl Live {
     ) -> Outcome<()> {
         // A forked child that leaves the block has nothing to end.
         if self.is_here() { self.close(py).map(drop) } else { Ok(()) }
+    }
+
+    fn _repr_html_(&self, py: Python<'_>) -> Outcome<String> {
+        let of = self.queue(py)?;
+        let mut rows = vec![("offered", of.offered), ("delivered", of.delivered), ("waiting", of.waiting)];
+        rows.extend(of.dropped_by_reason().into_iter().filter(|(_, count)| *count > 0));
+        let rows: Vec<_> =
+            rows.into_iter().map(|(name, count)| [name.to_owned(), count.to_string()]).collect();
+        Ok(html::table(&format!("Live {:?}", self.description.any.name()), &rows))
     }
 
     fn __repr__(&self, py: Python<'_>) -> String {

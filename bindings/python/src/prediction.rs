@@ -10,6 +10,10 @@ use pyo3::types::{PyDict, PyString, PyTuple};
 
 use crate::arrays::as_numpy;
 use crate::error::{Failure, Outcome};
+use crate::html;
+
+/// Most values that a notebook shows.
+const MOST_ROWS: usize = 20;
 
 /// Names and units of what a network predicts.
 #[derive(Debug)]
@@ -205,6 +209,31 @@ impl Prediction {
 
     fn __iter__<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         Ok(self.values.bind(py).try_iter()?.into_any())
+    }
+
+    fn _repr_html_(slf: &Bound<'_, Self>) -> PyResult<String> {
+        let (py, this) = (slf.py(), slf.get());
+        let Outputs { names, units, .. } = &*this.outputs;
+        let mut rows = Vec::new();
+        if let Ok(values) = this.values.bind(py).cast::<PyArray1<f32>>() {
+            // The largest of many, such as the classes of a classifier.
+            let mut values: Vec<(usize, f32)> = values.to_vec()?.into_iter().enumerate().collect();
+            let many = values.len() > MOST_ROWS;
+            if many {
+                values.sort_by(|a, b| b.1.total_cmp(&a.1));
+            }
+            let row = |&(i, value): &(usize, f32)| [names[i].clone(), value.to_string(), units[i].clone()];
+            rows.extend(values.iter().take(MOST_ROWS).map(row));
+            if many {
+                rows.push([format!("{} more", values.len() - MOST_ROWS), String::new(), String::new()]);
+            }
+        } else {
+            let shape = this.values.bind(py).getattr("shape")?.str()?.to_string();
+            rows.push([names.join(", "), format!("of shape {shape}"), units.join(", ")]);
+        }
+        // A timely prediction says its age too.
+        let title = slf.repr()?.to_string();
+        Ok(html::table(title.trim_start_matches('<').trim_end_matches('>'), &rows))
     }
 
     fn __repr__(&self, py: Python<'_>) -> PyResult<String> {

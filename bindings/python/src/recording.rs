@@ -14,6 +14,7 @@ use pyo3::types::{PyDict, PySlice};
 
 use crate::arrays::{sides, to_array};
 use crate::error::{Failure, Outcome};
+use crate::html;
 use crate::turn::turn;
 
 /// Events of a block of an iteration.
@@ -295,6 +296,23 @@ impl Recording {
             }
             None => events,
         })
+    }
+
+    fn _repr_html_(&self) -> String {
+        let content = self.content.lock().unwrap_or_else(PoisonError::into_inner);
+        let title = format!("Recording {}", self.path.display());
+        let Some(content) = &*content else {
+            return html::table(&title, &[["events", "not read yet"].map(str::to_owned)]);
+        };
+        let mut rows = vec![
+            ["format".to_owned(), content.format.to_string()],
+            ["events".to_owned(), content.events.len().to_string()],
+        ];
+        rows.extend(content.sensor.map(|sensor| ["sensor".to_owned(), sensor.to_string()]));
+        if let (Some(first), Some(last)) = (content.events.first(), content.events.last()) {
+            rows.push(["time".to_owned(), format!("{} to {} us", first.t_us, last.t_us)]);
+        }
+        html::table(&title, &rows)
     }
 
     fn __repr__(&self) -> String {

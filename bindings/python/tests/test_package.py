@@ -62,7 +62,9 @@ def test_everything_public_has_a_docstring():
 
 def test_exceptions_are_of_the_module_and_derive_from_error():
     classes = [value for value in vars(meissner).values() if isinstance(value, type) and issubclass(value, Exception)]
-    assert len(classes) == 13
+    assert len(classes) == 14
+    assert issubclass(meissner.MeissnerWarning, UserWarning) and meissner.MeissnerWarning.__module__ == "meissner"
+    classes.remove(meissner.MeissnerWarning)
     for one in classes:
         assert issubclass(one, meissner.Error)
         assert one.__module__ == "meissner"

@@ -62,6 +62,10 @@ class FileError(Error, OSError):
     """The operating system refused a file."""
 
 
+class MeissnerWarning(UserWarning):
+    """Weights were trained on another sensor, window or preparation, or many events are lost."""
+
+
 for _class in list(globals().values()):
-    if isinstance(_class, type) and issubclass(_class, Error):
+    if isinstance(_class, type) and issubclass(_class, Error | MeissnerWarning):
         _class.__module__ = "meissner"

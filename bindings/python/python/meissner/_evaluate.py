@@ -5,7 +5,8 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from html import escape
 from typing import Any
 
 import numpy as np
@@ -17,8 +18,31 @@ from ._progress import Callback, ticks
 Path = str | os.PathLike[str]
 Record = dict[str, Any]
 
+# Rows of a table in a notebook.
+_MOST_ROWS = 40
 
-@dataclass(frozen=True)
+
+def _text(of: Any, count: str) -> str:
+    """The task, the networks and how many figures there are."""
+    networks = ", ".join(dict.fromkeys(record["network"] for record in of.records)) or "no network"
+    return f"<{type(of).__name__} of {of.task!r}: {networks}; {count}>"
+
+
+def _table(title: str, records: list[Record]) -> str:
+    """Records as HTML, the first of many."""
+    columns = list(dict.fromkeys(key for record in records for key in record))
+    head = "".join(f"<th>{escape(column)}</th>" for column in columns)
+    shown = ([_cell(record.get(column)) for column in columns] for record in records[:_MOST_ROWS])
+    rows = "".join(f"<tr>{''.join(f'<td>{escape(cell)}</td>' for cell in row)}</tr>" for row in shown)
+    rest = f"<p>{len(records) - _MOST_ROWS} more in <code>records</code></p>" if len(records) > _MOST_ROWS else ""
+    return f"<table><caption>{escape(title)}</caption><thead><tr>{head}</tr></thead><tbody>{rows}</tbody></table>{rest}"
+
+
+def _cell(value: Any) -> str:
+    return "" if value is None else f"{value:.4g}" if isinstance(value, float) else str(value)
+
+
+@dataclass(frozen=True, repr=False)
 class Evaluation:
     """Figures of networks on a data set. `pandas.DataFrame(evaluation.records)` is a table of them.
 
@@ -32,8 +56,14 @@ class Evaluation:
     task: str
     report: Mapping[str, Any]
     logits: Mapping[str, np.ndarray]
-    records: list[Record] = field(repr=False)
-    over_time: list[Record] = field(repr=False)
+    records: list[Record]
+    over_time: list[Record]
+
+    def __repr__(self) -> str:
+        return _text(self, f"{len(self.records)} records, {len(self.over_time)} over time")
+
+    def _repr_html_(self) -> str:
+        return _table(repr(self), self.records)
 
     def confusion(self, network: str, of: str | None = None) -> np.ndarray:
         """Predictions of all trainings of a network: int64, true classes by row, predicted ones by column.
@@ -46,7 +76,7 @@ class Evaluation:
         return np.array(found[0][1]["confusion"], np.int64)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Pareto:
     """Run time against error. `pandas.DataFrame(pareto.records)` is a table of the settings.
 
@@ -56,7 +86,13 @@ class Pareto:
 
     task: str
     report: Mapping[str, Any]
-    records: list[Record] = field(repr=False)
+    records: list[Record]
+
+    def __repr__(self) -> str:
+        return _text(self, f"{len(self.records)} settings")
+
+    def _repr_html_(self) -> str:
+        return _table(repr(self), self.records)
 
 
 def evaluate(
