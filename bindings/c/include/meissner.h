@@ -268,7 +268,7 @@ typedef struct meissner_queue_counters {
 } meissner_queue_counters;
 
 // Takes a warning, in UTF-8 and valid during the call, and the pointer that was given with the function. Any thread that makes a network
-// or an engine may call it; one at a time.
+// or an engine, or pushes events, may call it; one at a time.
 typedef void (*meissner_log)(const char *text, void *user);
 
 // Options of a network. 0 is the default of each.
@@ -398,6 +398,13 @@ enum meissner_status meissner_engine_layer_counters(const struct meissner_engine
                                                     struct meissner_layer_counters *layers,
                                                     size_t length);
 
+// Writes the warnings about an engine, as `meissner_network_warnings`: those about its network, a sensor that is not that of the training,
+// and each reason for which more than one of a hundred events has been dropped.
+enum meissner_status meissner_engine_warnings(const struct meissner_engine *engine,
+                                              char *text,
+                                              size_t capacity,
+                                              size_t *length);
+
 // Writes the state as bytes to `bytes`, which has room for `capacity`, and their number to `length`. If there is too little room, only
 // `length` is written: call with a `capacity` of 0 to ask for it. Allocates.
 enum meissner_status meissner_engine_snapshot(const struct meissner_engine *engine,
@@ -502,8 +509,9 @@ void meissner_live_release(struct meissner_live *live);
 // Ends the sensor's side, after the call that another thread has in it. The controller's side goes on.
 void meissner_input_release(struct meissner_input *input);
 
-// Sets the function that takes warnings, for example that weights are untrained or were trained on another sensor. NULL, the default,
-// drops them. The function must not call this one, must not unwind, and is not called any more once this call has returned.
+// Sets the function that takes warnings: weights that are untrained or were trained on another sensor, and lost events, at most once a
+// second for each engine. NULL, the default, drops them; `meissner_network_warnings` and `meissner_engine_warnings` return them. The
+// function must call none of the library, must not unwind, and is not called any more once this call has returned.
 void meissner_set_log(meissner_log function,
                       void *user);
 
@@ -533,6 +541,14 @@ enum meissner_status meissner_network_output(const struct meissner_network *netw
                                              size_t index,
                                              const char **name,
                                              const char **unit);
+
+// Writes the warnings about a network, each a line, to `text`, which has room for `capacity` bytes, and their number with the NUL at the
+// end to `length`: weights that were drawn from a seed, or trained on other graphs or frames. If there is too little room, only `length` is
+// written: call with a `capacity` of 0 to ask for it. Allocates.
+enum meissner_status meissner_network_warnings(const struct meissner_network *network,
+                                               char *text,
+                                               size_t capacity,
+                                               size_t *length);
 
 // The name of network `index` of those that come with the library, or NULL after the last. It stays valid.
 const char *meissner_shipped_network(size_t index);

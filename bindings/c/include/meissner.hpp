@@ -67,6 +67,15 @@ std::vector<std::uint8_t> bytes(Write write) {
   return found;
 }
 
+// The text that `write(text, capacity, length)` writes, without its NUL.
+template <class Write>
+std::string text(Write write) {
+  const auto found = bytes([&write](std::uint8_t *bytes, std::size_t capacity, std::size_t *length) {
+    return write(reinterpret_cast<char *>(bytes), capacity, length);
+  });
+  return {found.begin(), found.end() - 1};
+}
+
 }  // namespace detail
 
 // Events whose parts are in arrays of their own, as `meissner_engine_push_arrays` takes them.
@@ -109,6 +118,13 @@ class Network {
     auto info = detail::sized<meissner_network_info>();
     check(meissner_network_describe(get(), &info));
     return info;
+  }
+
+  // What the library warns of, each a line.
+  std::string warnings() const {
+    return detail::text([this](char *text, std::size_t capacity, std::size_t *length) {
+      return meissner_network_warnings(get(), text, capacity, length);
+    });
   }
 
   // Name and unit of a value of a prediction.
@@ -203,6 +219,13 @@ class Engine {
 
   void restore(const std::vector<std::uint8_t> &bytes) {
     check(meissner_engine_restore(get(), bytes.data(), bytes.size()));
+  }
+
+  // What the library warns of, each a line.
+  std::string warnings() const {
+    return detail::text([this](char *text, std::size_t capacity, std::size_t *length) {
+      return meissner_engine_warnings(get(), text, capacity, length);
+    });
   }
 
   std::size_t outputs() const { return outputs_; }

@@ -1,16 +1,63 @@
 //! Engines over events.
 
+use std::ffi::c_char;
+use std::sync::Arc;
+
 use meissner::{Engine, Event, EventCounters, LatePolicy, Options, Outcome, Predictor, Sensor};
 
 use crate::arguments::{Versioned, array, options, place, place_if_wanted, report, report_if_wanted, room};
 use crate::handles::Handles;
-use crate::network::{NETWORKS, meissner_network};
+use crate::log::warn;
+use crate::network::{Loaded, NETWORKS, meissner_network};
 use crate::status::{Failure, call, meissner_status};
+use crate::warnings::{self, LossWatch};
 
 /// A network over the events of a sliding window. One thread at a time.
 pub struct meissner_engine(());
 
-pub(crate) static ENGINES: Handles<meissner_engine, Engine> = Handles::new(2, "engine");
+pub(crate) static ENGINES: Handles<meissner_engine, Made> = Handles::new(2, "engine");
+
+/// What a handle of an engine stands for.
+#[derive(Clone)]
+pub(crate) struct Made {
+    pub(crate) engine: Engine,
+    pub(crate) network: Arc<Loaded>,
+    losses: LossWatch,
+}
+
+impl Made {
+    pub(crate) fn new(engine: Engine, network: Arc<Loaded>) -> Self {
+        Self { engine, network, losses: LossWatch::default() }
+    }
+
+    /// Everything to warn of: what the network, the sensor and the events give cause for.
+    fn warnings(&self) -> Vec<String> {
+        let sensor = self.engine.sensor();
+        let mut found = self.network.warnings().to_vec();
+        found.extend(self.network.warning_of_sensor(sensor));
+        found.extend(warnings::of_losses(&self.engine.counters().events, sensor));
+        found
+    }
+}
+
+/// Pushes by `push`, which returns how many events entered, of `length`. Losses are logged once the handle is free again.
+fn push(
+    engine: *const meissner_engine,
+    length: usize,
+    push: impl FnOnce(&mut Engine) -> usize,
+) -> Result<usize, Failure> {
+    let (entered, lost) = ENGINES.with(engine, |made| {
+        let entered = push(&mut made.engine);
+        let lost = if entered < length && made.losses.is_due() {
+            warnings::of_losses(&made.engine.counters().events, made.engine.sensor())
+        } else {
+            Vec::new()
+        };
+        Ok((entered, lost))
+    })?;
+    lost.iter().for_each(|text| warn(text));
+    Ok(entered)
+}
 
 /// A change of brightness at a pixel.
 #[repr(C)]
@@ -142,8 +189,9 @@ pub unsafe extern "C" fn meissner_engine_new(
         let (network, options) = (NETWORKS.get(network)?, engine_options(options)?);
         let sensor = Sensor::new(width, height);
         let engine = Engine::with_options(network.of_events()?.clone(), sensor, options)?;
-        result.write(ENGINES.add(engine)?);
-        network.warn_of_sensor(sensor);
+        let warning = network.warning_of_sensor(sensor);
+        result.write(ENGINES.add(Made::new(engine, network))?);
+        warning.iter().for_each(|text| warn(text));
         Ok(())
     })
 }
@@ -157,7 +205,7 @@ pub unsafe extern "C" fn meissner_engine_clone(
     call(|| {
         // SAFETY: the callers' rules at the top of the header.
         let result = unsafe { place(result, "result") }?;
-        let clone = ENGINES.with(engine, |engine| Ok(engine.clone()))?;
+        let clone = ENGINES.with(engine, |made| Ok(made.clone()))?;
         result.write(ENGINES.add(clone)?);
         Ok(())
     })
@@ -177,8 +225,8 @@ pub unsafe extern "C" fn meissner_engine_push(
         // SAFETY: the callers' rules at the top of the header.
         let accepted = unsafe { place_if_wanted(accepted, "accepted") }?;
         let event = Event::new(t_us, x, y, polarity > 0);
-        let entered = ENGINES.with(engine, |engine| Ok(engine.push(event) == Outcome::Accepted))?;
-        accepted.into_iter().for_each(|accepted| accepted.write(entered));
+        let entered = push(engine, 1, |engine| usize::from(engine.push(event) == Outcome::Accepted))?;
+        accepted.into_iter().for_each(|accepted| accepted.write(entered == 1));
         Ok(())
     })
 }
@@ -196,7 +244,7 @@ pub unsafe extern "C" fn meissner_engine_push_events(
         let (events, accepted) =
             unsafe { (array(events, length, "events")?, place_if_wanted(accepted, "accepted")?) };
         let events = events.iter().map(|&event| event.into());
-        let entered = ENGINES.with(engine, |engine| Ok(engine.push_all(events)))?;
+        let entered = push(engine, length, |engine| engine.push_all(events))?;
         accepted.into_iter().for_each(|accepted| accepted.write(entered));
         Ok(())
     })
@@ -218,7 +266,7 @@ pub unsafe extern "C" fn meissner_engine_push_arrays(
         // SAFETY: the callers' rules at the top of the header.
         let (events, accepted) =
             unsafe { (from_arrays(t_us, x, y, polarity, length)?, place_if_wanted(accepted, "accepted")?) };
-        let entered = ENGINES.with(engine, |engine| Ok(engine.push_all(events)))?;
+        let entered = push(engine, length, |engine| engine.push_all(events))?;
         accepted.into_iter().for_each(|accepted| accepted.write(entered));
         Ok(())
     })
@@ -255,8 +303,8 @@ pub unsafe extern "C" fn meissner_engine_advance(
     t_us: i64,
 ) -> meissner_status {
     call(|| {
-        ENGINES.with(engine, |engine| {
-            engine.advance(t_us);
+        ENGINES.with(engine, |made| {
+            made.engine.advance(t_us);
             Ok(())
         })
     })
@@ -275,9 +323,9 @@ pub unsafe extern "C" fn meissner_engine_predict(
         // SAFETY: the callers' rules at the top of the header.
         let (values, prediction) =
             unsafe { (room(values, length, "values")?, report_if_wanted(prediction, "prediction")?) };
-        ENGINES.with(engine, |engine| {
-            values.fits(engine.network().outputs())?;
-            let found = Predictor::predict(engine)?;
+        ENGINES.with(engine, |made| {
+            values.fits(made.engine.network().outputs())?;
+            let found = Predictor::predict(&mut made.engine)?;
             let of = meissner_prediction {
                 size: 0,
                 t_us: found.t_us.unwrap_or(0),
@@ -296,8 +344,8 @@ pub unsafe extern "C" fn meissner_engine_predict(
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn meissner_engine_reset(engine: *const meissner_engine) -> meissner_status {
     call(|| {
-        ENGINES.with(engine, |engine| {
-            engine.reset();
+        ENGINES.with(engine, |made| {
+            made.engine.reset();
             Ok(())
         })
     })
@@ -312,7 +360,7 @@ pub unsafe extern "C" fn meissner_engine_counters(
     call(|| {
         // SAFETY: the callers' rules at the top of the header.
         let counters = unsafe { report(counters, "counters") }?;
-        let found = ENGINES.with(engine, |engine| Ok(engine.counters()))?;
+        let found = ENGINES.with(engine, |made| Ok(made.engine.counters()))?;
         let EventCounters {
             pushed,
             accepted,
@@ -351,13 +399,29 @@ pub unsafe extern "C" fn meissner_engine_layer_counters(
     call(|| {
         // SAFETY: the callers' rules at the top of the header.
         let layers = unsafe { room(layers, length, "layers") }?;
-        let found = ENGINES.with(engine, |engine| Ok(engine.counters()))?;
+        let found = ENGINES.with(engine, |made| Ok(made.engine.counters()))?;
         let counts = found.layers.iter().map(|layer| meissner_layer_counters {
             computed: layer.recomputed,
             kept: layer.kept,
             unchanged: layer.unchanged,
         });
         layers.copy(&counts.collect::<Vec<_>>())
+    })
+}
+
+/// Writes the warnings about an engine, as `meissner_network_warnings`: those about its network, a sensor that is not that of the training,
+/// and each reason for which more than one of a hundred events has been dropped.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn meissner_engine_warnings(
+    engine: *const meissner_engine,
+    text: *mut c_char,
+    capacity: usize,
+    length: *mut usize,
+) -> meissner_status {
+    call(|| {
+        let lines = || ENGINES.with(engine, |made| Ok(made.warnings()));
+        // SAFETY: the callers' rules at the top of the header.
+        unsafe { warnings::write(text, capacity, length, lines) }
     })
 }
 
@@ -373,7 +437,7 @@ pub unsafe extern "C" fn meissner_engine_snapshot(
     call(|| {
         // SAFETY: the callers' rules at the top of the header.
         let (bytes, length) = unsafe { (room(bytes, capacity, "bytes")?, place(length, "length")?) };
-        let found = ENGINES.with(engine, |engine| Ok(engine.to_bytes()))?;
+        let found = ENGINES.with(engine, |made| Ok(made.engine.to_bytes()))?;
         length.write(found.len());
         bytes.copy(&found)
     })
@@ -389,7 +453,7 @@ pub unsafe extern "C" fn meissner_engine_restore(
     call(|| {
         // SAFETY: the callers' rules at the top of the header.
         let bytes = unsafe { array(bytes, length, "bytes") }?;
-        ENGINES.with(engine, |engine| Ok(engine.restore_bytes(bytes)?))
+        ENGINES.with(engine, |made| Ok(made.engine.restore_bytes(bytes)?))
     })
 }
 

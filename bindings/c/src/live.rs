@@ -1,14 +1,15 @@
 //! Live engines: a bounded queue, a thread that owns the engine, and predictions by a deadline.
 
+use std::sync::Arc;
 use std::time::Duration;
 
 use meissner::live::{Input, Live, Overload, QueueCounters, QueueOptions};
 use meissner::{Engine, Event};
 
 use crate::arguments::{Versioned, array, options, place, report, report_if_wanted, room};
-use crate::engine::{ENGINES, from_arrays, meissner_engine, meissner_event};
+use crate::engine::{ENGINES, Made, from_arrays, meissner_engine, meissner_event};
 use crate::handles::Handles;
-use crate::network::number;
+use crate::network::{Loaded, number};
 use crate::status::{Failure, call, meissner_status};
 
 /// The sensor's side of a live engine. One thread at a time.
@@ -23,6 +24,7 @@ static LIVES: Handles<meissner_live, Controller> = Handles::with_threads(5, "liv
 struct Controller {
     live: Live<Engine>,
     outputs: usize,
+    network: Arc<Loaded>,
 }
 
 /// When the queue is full, the oldest waiting event makes room.
@@ -145,10 +147,11 @@ pub unsafe extern "C" fn meissner_live_new(
         let (places, options) =
             unsafe { ((place(input, "input")?, place(live, "live")?), self::options(options, "options")?) };
         let options = queue_options(options)?;
-        let engine = ENGINES.with(engine, |engine| Ok(engine.clone()))?;
+        let (engine, network) =
+            ENGINES.with(engine, |made| Ok((made.engine.clone(), Arc::clone(&made.network))))?;
         let outputs = engine.network().outputs();
         let (theirs, live) = Live::spawn(engine, options)?;
-        let (theirs, live) = (INPUTS.add(theirs)?, LIVES.add(Controller { live, outputs })?);
+        let (theirs, live) = (INPUTS.add(theirs)?, LIVES.add(Controller { live, outputs, network })?);
         places.0.write(theirs);
         places.1.write(live);
         Ok(())
@@ -230,7 +233,7 @@ pub unsafe extern "C" fn meissner_live_predict(
             unsafe { (room(values, length, "values")?, report_if_wanted(timely, "timely")?) };
         let deadline =
             if deadline_ns == u64::MAX { Duration::MAX } else { Duration::from_nanos(deadline_ns) };
-        LIVES.with(live, |Controller { live, outputs }| {
+        LIVES.with(live, |Controller { live, outputs, .. }| {
             values.fits(*outputs)?;
             let found = live.predict(deadline)?;
             let of = meissner_timely {
@@ -292,8 +295,8 @@ pub unsafe extern "C" fn meissner_live_close(
     call(|| {
         // SAFETY: the callers' rules at the top of the header.
         let engine = unsafe { place(engine, "engine") }?;
-        let Controller { live, .. } = LIVES.take(live)?;
-        engine.write(ENGINES.add(live.close()?)?);
+        let Controller { live, network, .. } = LIVES.take(live)?;
+        engine.write(ENGINES.add(Made::new(live.close()?, network))?);
         Ok(())
     })
 }

@@ -13,6 +13,7 @@ use crate::arguments::{Versioned, array, options, place, place_if_wanted, report
 use crate::handles::Handles;
 use crate::log::warn;
 use crate::status::{Failure, Status, call, meissner_status};
+use crate::warnings;
 
 /// A network with its weights. It does not change, and any number of threads and engines may use it.
 pub struct meissner_network(());
@@ -26,6 +27,7 @@ pub(crate) struct Loaded {
     /// Name and unit of each.
     outputs: Vec<[CString; 2]>,
     card: Card,
+    warnings: Vec<String>,
 }
 
 enum Kind {
@@ -169,21 +171,27 @@ impl Loaded {
         let (names, units) = description.outputs();
         let outputs = names.iter().zip(units).map(|(name, unit)| [c_string(name), c_string(unit)]);
         let (name, card) = (description.name(), weights.card()?);
+        let mut warnings = Vec::new();
         if card.trained == Some(false) {
-            warn(&format!("{name}: the weights are drawn from a seed; predictions mean nothing"));
+            warnings.push(format!("{name}: the weights are drawn from a seed; predictions mean nothing"));
         }
         if options.ignore_preparation != 0 && card.preparation != description.preparation() {
-            warn(&format!("{name}: the weights may have been trained on other graphs or frames"));
+            warnings.push(format!("{name}: the weights may have been trained on other graphs or frames"));
         }
-        Ok(Self { kind, name: c_string(name), outputs: outputs.collect(), card })
+        warnings.iter().for_each(|text| warn(text));
+        Ok(Self { kind, name: c_string(name), outputs: outputs.collect(), card, warnings })
     }
 
-    /// Says it if the weights were trained on another sensor.
-    pub(crate) fn warn_of_sensor(&self, sensor: Sensor) {
-        if let Some(trained) = self.card.sensor.filter(|&trained| trained != sensor) {
-            let name = self.name.to_string_lossy();
-            warn(&format!("{name}: the weights were trained on a sensor of {trained}, not {sensor}"));
-        }
+    /// The warning of a sensor that is not that of the training.
+    pub(crate) fn warning_of_sensor(&self, sensor: Sensor) -> Option<String> {
+        let trained = self.card.sensor.filter(|&trained| trained != sensor)?;
+        let name = self.name.to_string_lossy();
+        Some(format!("{name}: the weights were trained on a sensor of {trained}, not {sensor}"))
+    }
+
+    /// What was warned of when it was made.
+    pub(crate) fn warnings(&self) -> &[String] {
+        &self.warnings
     }
 
     /// The network over events that it is.
@@ -378,6 +386,23 @@ pub unsafe extern "C" fn meissner_network_output(
         name.into_iter().for_each(|name| name.write(first.as_ptr()));
         unit.into_iter().for_each(|unit| unit.write(second.as_ptr()));
         Ok(())
+    })
+}
+
+/// Writes the warnings about a network, each a line, to `text`, which has room for `capacity` bytes, and their number with the NUL at the
+/// end to `length`: weights that were drawn from a seed, or trained on other graphs or frames. If there is too little room, only `length` is
+/// written: call with a `capacity` of 0 to ask for it. Allocates.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn meissner_network_warnings(
+    network: *const meissner_network,
+    text: *mut c_char,
+    capacity: usize,
+    length: *mut usize,
+) -> meissner_status {
+    call(|| {
+        let lines = || Ok(NETWORKS.get(network)?.warnings().to_vec());
+        // SAFETY: the callers' rules at the top of the header.
+        unsafe { warnings::write(text, capacity, length, lines) }
     })
 }
 

@@ -40,6 +40,7 @@ int main() {
   for (const auto &event : events) engine.push(event);
   const auto first = engine.predict();
   ASSERT(first.values.size() == 3 && first.of.nodes > 100 && engine.counters().accepted == events.size());
+  ASSERT(network.warnings().empty() && engine.warnings().find("not 64x64\n") != std::string::npos);
   auto copied = engine.clone();
   const auto bytes = engine.snapshot();
   engine.reset();

@@ -215,6 +215,15 @@ fn a_refused_argument_changes_neither_handles_nor_memory() {
     refuse!(INVALID, &most, meissner_network_from_bytes(text, usize::MAX, bytes, 9, null(), room.cast()));
     refuse!(INVALID, "weights", meissner_network_from_bytes(text, 8, null(), 9, null(), room.cast()));
     refuse!(INVALID, &most, meissner_network_from_bytes(text, 8, bytes, usize::MAX, null(), room.cast()));
+    for length in bad(room) {
+        refuse!(INVALID, "length", meissner_network_warnings(network, room.cast(), 8 * ROOM, length));
+        refuse!(INVALID, "length", meissner_engine_warnings(engine, room.cast(), 8 * ROOM, length));
+    }
+    refuse!(INVALID, "text", meissner_network_warnings(network, null_mut(), 9, room.cast()));
+    refuse!(INVALID, &most, meissner_network_warnings(network, room.cast(), usize::MAX, room.cast()));
+    refuse!(INVALID, "network", meissner_network_warnings(null(), room.cast(), 8 * ROOM, room.cast()));
+    refuse!(INVALID, "text", meissner_engine_warnings(engine, null_mut(), 9, room.cast()));
+    refuse!(INVALID, &most, meissner_engine_warnings(engine, room.cast(), usize::MAX, room.cast()));
     refuse!(INVALID, "network", meissner_network_describe(null(), room.cast()));
     for info in bad_struct(room) {
         refuse!(INVALID, "info", meissner_network_describe(network, info));
@@ -255,6 +264,7 @@ fn a_refused_argument_changes_neither_handles_nor_memory() {
         refuse!(INVALID, "engine", meissner_engine_advance(no, 9_000));
         refuse!(INVALID, "engine", meissner_engine_predict(no, floats, OUTPUTS, room.cast()));
         refuse!(INVALID, "engine", meissner_engine_reset(no));
+        refuse!(INVALID, "engine", meissner_engine_warnings(no, room.cast(), 99, room.cast()));
         refuse!(INVALID, "engine", meissner_engine_counters(no, room.cast()));
         refuse!(INVALID, "engine", meissner_engine_layer_counters(no, room.cast(), 99));
         refuse!(INVALID, "engine", meissner_engine_snapshot(no, bytes, 99, room.cast()));

@@ -42,7 +42,7 @@ def test_weights_of_another_preparation_are_warned_of():
         meissner.Engine(network, SENSOR, other)
     (said,) = warned(lambda: meissner.Engine(network, SENSOR, other, check_preparation=False))
     assert "another preparation" in said
-    frames = meissner.Description("event-frame-cnn")
+    frames = meissner.Description("slip-lstm")
     unstated = meissner.Weights(dict(meissner.Weights.draw(frames, 1)), metadata={"trained": "true"})
     (said,) = warned(lambda: meissner.FrameEngine(frames, unstated))
     assert "do not say how they were prepared" in said
