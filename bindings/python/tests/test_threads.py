@@ -87,11 +87,12 @@ def test_threads_that_share_an_engine_wait_for_each_other():
 def test_a_signal_handler_that_uses_the_engine_at_work_is_refused_and_does_not_wait_for_ever():
     description = {**SMALL, "network": {"name": "long", "capacity": 20_000, "span_us": 10**7}}
     engine = meissner.Engine(description, SENSOR, meissner.Weights.draw(SMALL, 1))
+    events = make_events(2_000_000, every_us=5)
     before = signal.signal(signal.SIGALRM, lambda *_: engine.predict())
     signal.setitimer(signal.ITIMER_REAL, 0.1)
     try:
         with pytest.raises(meissner.Error, match="from within another"):
-            engine.push(make_events(2_000_000, every_us=5))
+            engine.push(events)
     finally:
         signal.setitimer(signal.ITIMER_REAL, 0)
         signal.signal(signal.SIGALRM, before)

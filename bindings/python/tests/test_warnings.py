@@ -51,13 +51,13 @@ def test_weights_of_another_preparation_are_warned_of():
 @pytest.mark.parametrize("kind", [meissner.Engine, meissner.Batch])
 def test_each_reason_for_a_loss_is_warned_of_once(kind):
     engine = make(kind)
-    outside, late, good = make_events(100), make_events(100), make_events(100, start_us=10**6)
+    outside, late, good = make_events(100), make_events(100, start_us=10**6), make_events(100, start_us=1_030_000)
     outside["x"][:30] = 5000
     assert warned(lambda: engine.push(good)) == []
     (said,) = warned(lambda: engine.push(late))
     assert "100 of 200 (50.0 %) events are earlier" in said
     assert warned(lambda: engine.push(late)) == []
-    outside["t"] += 10**7
+    outside["t"] += 2 * 10**6
     (said,) = warned(lambda: engine.push(outside))
     assert "30 of 400 (7.5 %) events are outside the sensor of 64x48 pixels" in said
     assert warned(lambda: engine.push(outside)) == []
@@ -72,8 +72,8 @@ def test_a_hundredth_is_lost_without_a_word():
 
 def test_the_losses_of_a_live_engine_are_told_when_it_gives_its_engine_back():
     live = meissner.Live(make(meissner.Engine))
+    live.push(make_events(100, start_us=1_030_000))
     live.push(make_events(100, start_us=10**6))
-    live.push(make_events(100))
     live.predict()
     (said,) = warned(live.close)
     assert "100 of 200 (50.0 %) events are earlier" in said
@@ -81,11 +81,11 @@ def test_the_losses_of_a_live_engine_are_told_when_it_gives_its_engine_back():
 
 def test_warnings_as_errors_come_after_the_events():
     engine = make(meissner.Engine)
-    engine.push(make_events(100, start_us=10**6))
+    engine.push(make_events(100, start_us=1_030_000))
     with warnings.catch_warnings():
         warnings.simplefilter("error", meissner.MeissnerWarning)
         with pytest.raises(meissner.MeissnerWarning, match="earlier"):
-            engine.push(make_events(100))
+            engine.push(make_events(100, start_us=10**6))
         with pytest.raises(meissner.MeissnerWarning, match="sensor"):
             meissner.Engine("tactigraph-past", (640, 480))
     assert engine.counters["events"]["pushed"] == 200
