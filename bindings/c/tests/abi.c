@@ -224,6 +224,9 @@ static void live(meissner_network *network) {
   void *failed = input;
   ASSERT(pthread_join(sensor, &failed) == 0 && failed == NULL);
   OK(meissner_live_predict(live, UINT64_MAX, values, 2, &timely));
+  // Late events are lost, which makes a prediction stale; since then nothing was lost.
+  ASSERT(timely.fresh == 0 && timely.behind_events == 0);
+  OK(meissner_live_predict(live, UINT64_MAX, values, 2, &timely));
   ASSERT(timely.fresh == 1 && timely.behind_events == 0);
   meissner_queue_counters counters = {.size = sizeof counters};
   OK(meissner_live_counters(live, &counters));
