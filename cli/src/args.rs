@@ -186,7 +186,7 @@ pub(crate) struct Input {
     pub(crate) restart: RestartPolicy,
     #[command(flatten)]
     pub(crate) read: ReadArgs,
-    /// Name of a shipped network, or a description file (.toml) [default: tactigraph-past].
+    /// A shipped network, or a description file (.toml) [default: tactigraph-past].
     ///
     /// `meissner networks` lists the shipped networks. A description file needs --weights.
     #[arg(long, value_name = "NETWORK", help_heading = NETWORK)]

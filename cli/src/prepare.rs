@@ -104,7 +104,7 @@ struct GraphsArgs {
     #[arg(value_name = "EVENTS")]
     events: PathBuf,
     /// Name of a shipped network over events, or a description file (.toml).
-    #[arg(long, value_name = "NETWORK", help_heading = NETWORK)]
+    #[arg(long, value_name = "NAME", help_heading = NETWORK)]
     network: String,
     /// File to write (safetensors).
     #[arg(long, value_name = "FILE", help_heading = OUTPUT)]

@@ -333,7 +333,12 @@ fn images(args: &ImagesArgs) -> Result<String, CliError> {
     output::check_result(&args.out, args.force)?;
     let images = ImageSequence::open(&args.images).map_err(PipelineError::from)?;
     let count = images.len();
-    let (sensor, simulated) = film_images(images, args.interval, args.camera.settings(CameraSettings::default()), args.camera.seed)?;
+    let (sensor, simulated) = film_images(
+        images,
+        args.interval,
+        args.camera.settings(CameraSettings::default()),
+        args.camera.seed,
+    )?;
     let about = format!("{} events of {count} images, {sensor}", grouped(simulated.len() as u64));
     let Some(format) = format else {
         output::write(&args.out, prepare::with_causes(sensor, &[simulated]).file.into_bytes())?;

@@ -21,9 +21,9 @@ pub(crate) use args::SoakArgs;
 
 use crate::error::CliError;
 use crate::input::advice;
-use crate::{memory, output};
 use crate::progress::Progress;
 use crate::tell::tell;
+use crate::{memory, output};
 
 /// The JSON object.
 #[derive(Serialize)]

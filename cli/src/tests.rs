@@ -70,6 +70,7 @@ const HEADINGS: &[(&str, &[&str])] = &[
             "disturb-every",
             "memory-growth",
             "presses",
+            "each",
             "pictures",
             "recordings",
             "seconds",

@@ -184,8 +184,10 @@ pub(super) struct StateArgs {
     /// For networks over events, and over frames of events. Results that are due only because the input ends (the
     /// prediction of --every TIME, a frame whose window is still open) are left to the resumed run; --every end
     /// predicts. The state is also written after Ctrl-C, SIGTERM and errors of input and output, but not after an error
-    /// of the engine or if most of a text is refused. The file is replaced atomically: a crash leaves the previous one.
-    /// What is no regular file, such as a device, is refused before the run.
+    /// of the engine or if most of a text is refused.
+    ///
+    /// The file is replaced atomically: a crash leaves the previous one. What is no regular file, such as a device, is
+    /// refused before the run.
     #[arg(long, value_name = "FILE", help_heading = STATE)]
     pub(super) save_state: Option<PathBuf>,
     /// Also write the state after every TIME of stream time.

@@ -118,7 +118,11 @@ fn a_restart_of_the_clock_is_told_and_the_events_after_it_are_taken() {
         assert!(message(&output).contains("the clock of the sensor has restarted"), "{}", message(&output));
         let told = report(&output);
         assert_eq!((&told["restarts"], &told["accepted"]), (&1.into(), &1000.into()), "{network}");
-        assert_eq!((&told["dropped"]["late"], &told["dropped"]["outlier"]), (&0.into(), &1.into()), "{network}");
+        assert_eq!(
+            (&told["dropped"]["late"], &told["dropped"]["outlier"]),
+            (&0.into(), &1.into()),
+            "{network}"
+        );
         assert_eq!(told["warnings"][0]["reason"], "restart");
         let kept = report(&run(&["--restart", "keep"]));
         assert_eq!((&kept["restarts"], &kept["accepted"]), (&0.into(), &501.into()), "{network}");
