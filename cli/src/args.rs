@@ -2,13 +2,14 @@
 //! if it is invalid.
 #![expect(clippy::doc_markdown, reason = "these comments are the help text, which would show the backticks")]
 
+use std::num::NonZeroU16;
 use std::path::PathBuf;
 
 use clap::ValueEnum;
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use meissner_engine::filters::RateLimit;
 use meissner_engine::{LatePolicy, Network, RestartPolicy, Sensor};
-use meissner_io::{ColumnOrder, ReadOptions, TextOptions, TimeUnit};
+use meissner_io::{Chip, ColumnOrder, ReadOptions, TextOptions, TimeUnit};
 use meissner_pipeline::approximations::Approximations;
 use meissner_pipeline::bench::Part;
 use meissner_pipeline::predictor::Mode;
@@ -97,21 +98,42 @@ pub(crate) struct ReadArgs {
     /// The part that is left out is counted.
     #[arg(long, help_heading = INPUT)]
     pub(crate) salvage: bool,
+    /// Refuse whatever would be left out of the recording.
+    ///
+    /// Without this option, what is no event of the sensor is left out, counted by kind, and told: lines of a text that cannot be read
+    /// ("lines_refused"; the first five are told), events outside the sensor that the file names, words of a type that holds no events,
+    /// such as padding, and events before the first time of a stream. If more than half of the first 100 lines (or of a shorter text)
+    /// cannot be read, the program ends with an error. With this option, the first of these ends it: the summary of standard input
+    /// covers the lines before the error, and a file is not run at all.
+    #[arg(long, help_heading = INPUT)]
+    pub(crate) strict: bool,
+    /// Chip of a recording in AEDAT 2 that names none, such as DAVIS346.
+    ///
+    /// DVS128, DAVIS128, DAVIS208, DAVIS240, DAVIS346 or DAVIS640; it decides how addresses are read, in place of the header. --sensor
+    /// decides it too, where it is given and only one chip has this size.
+    #[arg(long, value_name = "NAME", help_heading = INPUT)]
+    pub(crate) chip: Option<Chip>,
+    /// Which stream of events of AEDAT 3 or 4 is read, counted from 1 [default: 1].
+    #[arg(long, value_name = "N", help_heading = INPUT)]
+    pub(crate) stream: Option<NonZeroU16>,
 }
 
 impl ReadArgs {
-    /// The options for the reader.
-    pub(crate) fn options(self) -> ReadOptions {
+    /// The options for the reader of a recording from `sensor`, as far as the caller knows it.
+    pub(crate) fn options(self, sensor: Option<Sensor>) -> ReadOptions {
         let text = TextOptions::default().columns(self.columns).time_unit(self.time_unit);
-        ReadOptions::default().text(text).salvage(self.salvage)
+        let options = ReadOptions::default().text(text).salvage(self.salvage).strict(self.strict);
+        options.chip(self.chip).stream(self.stream).sensor(sensor)
     }
 
-    /// Each option, and whether it was given.
-    pub(crate) fn given(self) -> [(&'static str, bool); 3] {
+    /// Each option that is for events alone, and whether it was given.
+    pub(crate) fn given(self) -> [(&'static str, bool); 5] {
         [
             ("--columns", self.columns.is_some()),
             ("--time-unit", self.time_unit.is_some()),
             ("--salvage", self.salvage),
+            ("--chip", self.chip.is_some()),
+            ("--stream", self.stream.is_some()),
         ]
     }
 }
@@ -166,14 +188,6 @@ pub(crate) struct Input {
     pub(crate) limit: Option<u64>,
     #[command(flatten)]
     pub(crate) part: PartArgs,
-    /// End with an error at the first line of a text that cannot be read.
-    ///
-    /// Without this option, such lines are skipped and counted ("lines_refused"), and the first five are reported on
-    /// standard error. If more than half of the first 100 lines (or of a shorter text) cannot be read, the program ends
-    /// with an error. With this option, the summary of standard input covers the lines before the error, and a file of
-    /// events is not run at all.
-    #[arg(long, help_heading = INPUT)]
-    pub(crate) strict: bool,
     /// Policy for an event that is earlier than an event before it.
     #[arg(long, value_parser = choice(LATE_POLICIES), default_value = "drop", help_heading = INPUT)]
     pub(crate) late: LatePolicy,

@@ -65,7 +65,7 @@ pub(crate) fn convert(args: &ConvertArgs) -> Result<(), CliError> {
         output::check_result(&args.output, args.force)?;
     }
     let progress = Progress::busy(|| "converting".to_owned());
-    let recording = args.read.read(&args.input, args.part.part())?;
+    let recording = args.read.read(&args.input, args.part.part(), args.sensor)?;
     let sensor = args.sensor.or(recording.sensor);
     let output = if to_stdout { "standard output".to_owned() } else { args.output.display().to_string() };
     if to_stdout {

@@ -238,6 +238,10 @@ fn hint_of_recording(recording: &str, source: &IoError) -> Option<String> {
             "say the order of the columns with --columns, such as --columns xytp (_ for any other column), and the unit \
              of time with --time-unit s, ms, us or ns"
         }
+        IoError::Lines { first, .. } => return hint_of_recording(recording, first),
+        IoError::Malformed { format: "AEDAT2", what: "address" | "AEChip", .. } => {
+            "say the chip, such as --chip DAVIS346, or the size of its sensor, such as --sensor 346x260"
+        }
         IoError::UnknownFormat { start, length, .. } if *length > 0 && !start.contains("\\x") => {
             "if it is a text of events, say the order of its columns, such as --columns xytp"
         }

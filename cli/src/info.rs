@@ -3,14 +3,15 @@
 use std::io::{self, Write};
 use std::path::PathBuf;
 
-use meissner_engine::Event;
+use meissner_engine::{Event, Sensor};
 use meissner_io::Recording;
 use serde::Serialize;
 
-use crate::args::{OUTPUT, PartArgs, ReadArgs, STATUS};
+use crate::args::{INPUT, OUTPUT, PartArgs, ReadArgs, STATUS, sensor};
 use crate::error::CliError;
 use crate::output;
 use crate::progress::Progress;
+use meissner_pipeline::left_out::{self, LeftOutSummary};
 use meissner_pipeline::losses::Salvaged;
 use meissner_pipeline::text::grouped;
 
@@ -26,6 +27,9 @@ pub(crate) struct InfoArgs {
     read: ReadArgs,
     #[command(flatten)]
     part: PartArgs,
+    /// Size of the sensor in pixels, for a recording that does not name it.
+    #[arg(long, value_name = "WxH", value_parser = sensor, help_heading = INPUT)]
+    sensor: Option<Sensor>,
     /// Print one JSON object.
     #[arg(long, help_heading = OUTPUT)]
     json: bool,
@@ -53,6 +57,12 @@ struct Info {
     /// Largest column and row of an event.
     largest_xy: Option<[u16; 2]>,
     other_streams: Vec<OtherStream>,
+    /// What was left out because it is no event of the sensor, by kind.
+    left_out: Vec<LeftOutSummary>,
+    /// What the recording does not say and was taken for granted.
+    assumed: Vec<&'static str>,
+    #[serde(skip)]
+    left_out_lines: Vec<String>,
     /// The part that was left out; `None` if the recording is complete.
     salvaged: Option<Salvaged>,
 }
@@ -68,7 +78,8 @@ struct OtherStream {
 /// Prints the contents of the recording.
 pub(crate) fn info(args: &InfoArgs) -> Result<(), CliError> {
     let progress = Progress::busy(|| "reading".to_owned());
-    let info = Info::of(&args.read.read(&args.recording, args.part.part())?);
+    let recording = args.read.read(&args.recording, args.part.part(), args.sensor)?;
+    let info = Info::of(&Recording { sensor: recording.sensor.or(args.sensor), ..recording });
     progress.finish();
     output::print(args.json, &info, |out| info.write(out))
 }
@@ -104,6 +115,9 @@ impl Info {
                     elements: stream.elements,
                 })
                 .collect(),
+            left_out: recording.left_out.iter().map(LeftOutSummary::from).collect(),
+            assumed: recording.assumed.clone(),
+            left_out_lines: recording.left_out.iter().map(left_out::sentence).collect(),
             salvaged: Salvaged::of(recording),
         }
     }
@@ -139,6 +153,12 @@ impl Info {
                 grouped(*elements),
                 grouped(*packets)
             )?;
+        }
+        for left_out in &self.left_out_lines {
+            writeln!(out, "left out    {left_out}")?;
+        }
+        for assumed in &self.assumed {
+            writeln!(out, "assumed     {assumed}")?;
         }
         if let Some(salvaged) = &self.salvaged {
             writeln!(out, "salvaged    {salvaged}")?;

@@ -2,8 +2,8 @@
 
 use std::path::Path;
 
-use meissner_engine::EngineError;
-use meissner_io::Recording;
+use meissner_engine::{EngineError, Sensor};
+use meissner_io::{Format, Recording};
 use meissner_models::DEFAULT_NETWORK;
 use meissner_pipeline::PipelineError;
 use meissner_pipeline::bench::Part;
@@ -18,13 +18,13 @@ use crate::error::CliError;
 use crate::tell::tell;
 
 impl ReadArgs {
-    /// This part of the recording in the file at `path`, or of all of standard input if it is `-`.
+    /// This part of the recording in the file at `path`, or of all of standard input if it is `-`. `sensor`: what is asked for.
     ///
     /// # Errors
     /// It cannot be read, or options do not fit its format.
-    pub(crate) fn read(self, path: &Path, part: Part) -> Result<Recording, CliError> {
+    pub(crate) fn read(self, path: &Path, part: Part, sensor: Option<Sensor>) -> Result<Recording, CliError> {
         self.check(path)?;
-        let recording = source::read(path, &self.options().range(part.range()))?;
+        let recording = source::read(path, &self.options(sensor).range(part.range()))?;
         self.fits(&path.display().to_string(), &recording.format.to_string())?;
         Ok(recording)
     }
@@ -37,20 +37,19 @@ impl ReadArgs {
         self,
         recording: Option<&Path>,
         part: Part,
-        sensor_known: bool,
-        strict: bool,
+        sensor: Option<Sensor>,
     ) -> Result<Source, CliError> {
         recording.map_or(Ok(()), |path| self.check(path))?;
-        let options = self.options().range(part.range());
+        let options = self.options(sensor).range(part.range());
         if let Some(path) =
-            recording.filter(|path| streams::is_live(path) && !streams::is_stdin(path) && !sensor_known)
+            recording.filter(|path| streams::is_live(path) && !streams::is_stdin(path) && sensor.is_none())
         {
             tell(format_args!(
                 "note: {}: waits for the first event, before which a text may name the sensor; with --sensor WxH it begins at once",
                 streams::name(path)
             ));
         }
-        let source = Source::open(recording, &options, sensor_known, strict)?;
+        let source = Source::open(recording, &options, sensor.is_some(), self.strict)?;
         recording.map_or(Ok(()), |_| self.fits(&source.name, &source.format))?;
         Ok(source)
     }
@@ -63,12 +62,17 @@ impl ReadArgs {
         Ok(())
     }
 
-    /// Refuses options for texts if `name` has another `format`.
+    /// Refuses options for one format if `name` has another `format`.
     fn fits(self, name: &str, format: &str) -> Result<(), CliError> {
-        let [of_text @ .., _] = self.given();
-        match first_given(of_text) {
-            Some(option) if !format.starts_with("CSV") => {
-                Err(CliError::usage(option, "a text of events", &format!("{name}, which is {format}")))
+        let [columns, unit, _, chip, _] = self.given();
+        let found = || format!("{name}, which is {format}");
+        match (first_given([columns, unit]), first_given([chip])) {
+            (Some("--time-unit"), _) if format == Format::Npy.to_string() => Ok(()),
+            (Some(option), _) if !format.starts_with("CSV") => {
+                Err(CliError::usage(option, "a text of events", &found()))
+            }
+            (_, Some(option)) if format != Format::Aedat2.to_string() => {
+                Err(CliError::usage(option, "a recording in AEDAT2", &found()))
             }
             _ => Ok(()),
         }
@@ -101,7 +105,7 @@ impl Input {
 
     /// The same with `recording` in place of the first one.
     pub(crate) fn source_of(&self, recording: Option<&Path>, card: &ModelCard) -> Result<Source, CliError> {
-        let source = self.read.open(recording, self.part.part(), self.sensor.is_some(), self.strict)?;
+        let source = self.read.open(recording, self.part.part(), self.sensor)?;
         Ok(source.every(card.network.stride).with_advice(advice))
     }
 }

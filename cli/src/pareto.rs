@@ -34,8 +34,7 @@ pub(crate) fn pareto(args: &ParetoArgs) -> Result<(), CliError> {
             NeutouchSet::Containers => recordings::<TouchContainers>(data, networks, common),
         },
         StudyArgs::Angle(args) => {
-            let source =
-                args.read.open(Some(&args.recording), Part::default(), args.sensor.is_some(), true)?;
+            let source = args.read.open(Some(&args.recording), Part::default(), args.sensor)?;
             let asked = AngleOptions {
                 networks: &args.networks,
                 weights: args.weights.as_deref(),

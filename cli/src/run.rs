@@ -98,7 +98,7 @@ fn run_electrodes(args: &RunArgs, model: &FrameModel) -> Result<(), CliError> {
     }
     let decisions = DecisionFilter::new(asked.hold.unwrap_or(1), asked.least_probability.unwrap_or(0.0))?;
     let frame_options = args.frame_options(false);
-    let (strict, limit) = (args.input.strict, args.input.limit);
+    let (strict, limit) = (args.input.read.strict, args.input.limit);
     let options = ElectrodeOptions { strict, limit, decisions, advice };
     let run = ElectrodeRun::open(model, frame_options, path, options)?;
     let input = InputCard::other(run.name(), "CSV of 24 electrodes, 100 readings a second");

@@ -52,7 +52,7 @@ pub(crate) struct SendArgs {
 
 /// Sends the recording.
 pub(crate) fn send(args: &SendArgs) -> Result<(), CliError> {
-    let recording = args.read.read(&args.input, args.part.part())?;
+    let recording = args.read.read(&args.input, args.part.part(), args.sensor)?;
     let options = SendOptions { speed: args.speed, records: args.records };
     let sent = send_events(&recording.events, args.sensor.or(recording.sensor), &args.to, options)?;
     let SendSummary { events, bytes, lag_us, seconds } = sent;

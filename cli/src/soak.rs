@@ -64,7 +64,7 @@ fn recordings(args: &SoakArgs, stride: usize) -> Result<(Vec<Recording>, Sensor)
     let mut extent = Sensor::new(0, 0);
     let mut recordings = Vec::with_capacity(named.len());
     for recording in named {
-        let source = args.read.open(recording, Part::default(), args.sensor.is_some(), true)?.every(stride);
+        let source = args.read.open(recording, Part::default(), args.sensor)?.every(stride);
         let sensor = source.sensor(args.sensor)?;
         extent = Sensor::new(extent.width.max(sensor.width), extent.height.max(sensor.height));
         let name = source.name.clone();

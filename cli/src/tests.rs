@@ -24,6 +24,8 @@ const HEADINGS: &[(&str, &[&str])] = &[
             "columns",
             "time-unit",
             "salvage",
+            "chip",
+            "stream",
             "replay",
             "interval",
             "indenters",

@@ -182,10 +182,8 @@ fn verify_events(args: &VerifyArgs, model: &Model) -> Result<Verified, CliError>
     } else {
         let (every, mut first) = (args.every.map(|every| every as usize), None);
         for path in &args.recordings {
-            let source = args
-                .read
-                .open(Some(path), Part::default(), args.sensor.is_some(), true)?
-                .every(model.card.network.stride);
+            let source =
+                args.read.open(Some(path), Part::default(), args.sensor)?.every(model.card.network.stride);
             let (name, sensor) = (source.name.clone(), source.sensor(args.sensor)?);
             first = first.or(Some(sensor));
             let events = source.collect::<Result<Vec<Event>, _>>()?;

@@ -9,7 +9,10 @@
 //! | DAVIS | bit 31: sample of a frame, or with bits 11 and 10 of the IMU; bit 10: external event | bits 30-22 | bits 21-12 | bit 11: 1 is a rise |
 //!
 //! Columns count from the right and rows from the bottom; events here count from the left and the top, as those of the other
-//! formats. Files from before 2014 name no chip: they are of a DVS128 where every address has at most 16 bits.
+//! formats. Files from before 2014 name no chip, nor do those of v2e: the caller can ([`ReadOptions::chip`], or
+//! [`ReadOptions::sensor`] with a size that only one chip has). Otherwise they are taken for a DVS128's where every address has at most
+//! 16 bits, and the recording says so ([`Recording::assumed`]). Events outside the chip, as some sensors send them, are left out and
+//! counted unless the reader is strict.
 //! Source: iniVation's page on AEDAT 2.0; for the mirrored column, and for the DVS128's polarity (the page has it the other way
 //! round), the extractors of jAER and the parser of `dv-processing`, which agree.
 //!
@@ -20,12 +23,14 @@ mod header;
 use meissner_engine::Event;
 
 use crate::bytes::{Bytes, array};
+use crate::codec::ReadOptions;
 use crate::error::IoError;
 use crate::format::Format;
+use crate::left_out::{LeftOutKind, PassedOver};
 use crate::prophesee::WrappingClock;
 use crate::recording::{Recording, StreamKind, StreamSummary};
 use crate::seek::Records;
-use header::Chip;
+pub use header::Chip;
 pub(crate) use header::{Header, MAGIC, sensor_of};
 
 /// Bytes of a record.
@@ -33,18 +38,21 @@ const STRIDE: usize = 8;
 /// Times count from 0 to this value - 1, and wrap.
 const TIME_RANGE: i64 = 1 << 32;
 
+/// What is taken for granted of a file that names no chip.
+const ASSUMED: &str = "the header names no AEChip: a DVS128 of 128 x 128 pixels is assumed, because no address has more than its 16 bits";
+
 /// The events of the file `bytes`.
-pub(crate) fn decode(bytes: &[u8], salvage: bool) -> Result<Recording, IoError> {
+pub(crate) fn decode(bytes: &[u8], options: ReadOptions) -> Result<Recording, IoError> {
     let file = Bytes::file(Format::Aedat2.name(), bytes);
-    let header = Header::open(file)?;
-    header.events(file.after(header.end), WrappingClock::new(TIME_RANGE), salvage)
+    let header = Header::open(file, options)?;
+    header.events(file.after(header.end), WrappingClock::new(TIME_RANGE), options.salvage)
 }
 
 impl Header {
     /// The events of `records`.
     fn events(&self, records: Bytes<'_>, clock: WrappingClock, salvage: bool) -> Result<Recording, IoError> {
         let (all, salvaged) = records.records("the last event", 0, salvage)?;
-        let mut decoder = Decoder::new(records, self.chip, clock);
+        let mut decoder = Decoder::new(records, self, clock);
         for (record, at) in all.iter().zip((0..).step_by(STRIDE)) {
             decoder.push(*record, at)?;
         }
@@ -53,17 +61,19 @@ impl Header {
             None if self.is_empty => None,
             chip => Some(chip.unwrap_or(Chip::DVS128).sensor),
         };
-        let Decoder { events, external, frames, imu, .. } = decoder;
-        let other_streams = StreamSummary::present([external, frames, imu]);
-        Ok(Recording { format: Format::Aedat2, sensor, events, other_streams, salvaged })
+        let Decoder { events, external, frames, imu, passed, .. } = decoder;
+        let (other_streams, left_out) = (StreamSummary::present([external, frames, imu]), passed.end());
+        let assumed = if self.chip.is_none() && sensor.is_some() { vec![ASSUMED] } else { Vec::new() };
+        let plain = Recording::of_events(Format::Aedat2, sensor, events);
+        Ok(Recording { other_streams, left_out, assumed, salvaged, ..plain })
     }
 }
 
 impl Records for Header {
     const PERIOD: Option<i64> = Some(TIME_RANGE);
 
-    fn open(file: Bytes<'_>) -> Result<Self, IoError> {
-        Self::parse(file)
+    fn open(file: Bytes<'_>, options: ReadOptions) -> Result<Self, IoError> {
+        Self::parse(file, options)
     }
 
     fn start(&self) -> usize {
@@ -92,6 +102,7 @@ struct Decoder<'a> {
     external: StreamSummary,
     frames: StreamSummary,
     imu: StreamSummary,
+    passed: PassedOver,
 }
 
 /// What an address says.
@@ -104,10 +115,11 @@ enum Word {
 }
 
 impl<'a> Decoder<'a> {
-    fn new(records: Bytes<'a>, chip: Option<Chip>, clock: WrappingClock) -> Self {
+    fn new(records: Bytes<'a>, header: &Header, clock: WrappingClock) -> Self {
         Self {
             records,
-            chip,
+            chip: header.chip,
+            passed: PassedOver::new(header.strict),
             clock,
             events: Vec::with_capacity(records.len() / STRIDE),
             external: StreamSummary::new("external events", StreamKind::Triggers),
@@ -124,13 +136,23 @@ impl<'a> Decoder<'a> {
         let sensor = self.chip.map_or(Chip::DVS128.sensor, |chip| chip.sensor);
         let word = match self.chip {
             Some(Chip { is_davis: true, .. }) => davis(address),
-            _ => self.dvs128(address, at)?,
+            _ => match self.dvs128(address, at) {
+                Ok(word) => word,
+                // One odd address of a DVS128 is noise; where no chip is named, it is another chip's.
+                Err(error) if self.chip.is_some() => {
+                    return self.passed.pass(LeftOutKind::OtherWords, 1, error);
+                }
+                Err(error) => return Err(error),
+            },
         };
         match word {
             Word::Change(x, y, on) if sensor.contains(x, y) => {
                 self.events.push(Event::new(t_us, sensor.width - 1 - x, sensor.height - 1 - y, on));
             }
-            Word::Change(x, y, _) => return Err(self.records.outside(sensor, x.into(), y, at)),
+            Word::Change(x, y, _) => {
+                let error = self.records.outside(sensor, x.into(), y, at);
+                self.passed.pass(LeftOutKind::OutsideSensor, 1, error)?;
+            }
             Word::External => self.external.add(1),
             Word::Frame => self.frames.add(1),
             Word::Imu => self.imu.add(1),
@@ -149,7 +171,7 @@ impl<'a> Decoder<'a> {
             _ => {
                 let expected = match self.chip {
                     Some(_) => "16 bits for a DVS128",
-                    None => "a header that names the AEChip, or the 16 bits of a DVS128",
+                    None => "the 16 bits of a DVS128, or a header or an option that names the chip",
                 };
                 Err(self.records.malformed("address", at, expected, format!("{address:#010x}")))
             }

@@ -14,7 +14,8 @@
 //! then the time in microseconds (i32, 0 and above). Source: iniVation's page on AEDAT 3.1 and the headers of `libcaer`.
 //!
 //! Invariants: packets fill the file exactly. A time is the packet's overflows times 2^31 plus the event's own time, so nothing
-//! wraps. Events that are not marked as valid are counted and left out; so are packets of other types and other sources.
+//! wraps. Events that are not marked as valid are counted and left out; so are packets of other types and other sources, and, unless the
+//! reader is strict, events outside the chip or with a time below 0.
 
 mod header;
 
@@ -23,8 +24,10 @@ use std::collections::BTreeMap;
 use meissner_engine::{Event, Sensor};
 
 use crate::bytes::{Bytes, array};
+use crate::codec::{ReadOptions, no_stream};
 use crate::error::IoError;
 use crate::format::Format;
+use crate::left_out::{LeftOutKind, PassedOver};
 use crate::recording::{Recording, StreamKind, StreamSummary};
 use crate::seek::{PacketHeader, Packets};
 use header::Header;
@@ -38,17 +41,42 @@ const POLARITY: i16 = 1;
 const STRIDE: usize = 8;
 
 /// The events of the file `bytes`; with `salvage`, those of the complete packets.
-pub(crate) fn decode(bytes: &[u8], salvage: bool) -> Result<Recording, IoError> {
+pub(crate) fn decode(bytes: &[u8], options: ReadOptions) -> Result<Recording, IoError> {
     let file = Bytes::file(Format::Aedat3.name(), bytes);
-    let container = Container::open(file, file.len() as u64)?;
-    container.events(file.after(container.header.end), salvage)
+    let container = Container::open(file, file.len() as u64, options)?;
+    container.events(file.after(container.header.end), options.salvage)
 }
 
 /// What is known of a file before its packets are read.
 pub(crate) struct Container {
     header: Header,
-    /// The source whose events are read: that of the file's first packet of changes of brightness, once it is found.
-    main: Option<i16>,
+    /// The source whose events are read, once it is found.
+    main: Main,
+    strict: bool,
+}
+
+/// The source whose events are read: the first with changes of brightness, or the one of the number that is asked for.
+#[derive(Clone)]
+struct Main {
+    /// Counted from 1 in the order of their first packets.
+    asked: usize,
+    /// The sources that were found so far.
+    found: Vec<i16>,
+}
+
+impl Main {
+    /// Whether `source` is the one, which has a packet of changes of brightness.
+    fn is(&mut self, source: i16) -> bool {
+        if self.found.len() < self.asked && !self.found.contains(&source) {
+            self.found.push(source);
+        }
+        self.source() == Some(source)
+    }
+
+    /// The source, once it is found.
+    fn source(&self) -> Option<i16> {
+        self.found.get(self.asked - 1).copied()
+    }
 }
 
 impl Container {
@@ -66,17 +94,22 @@ impl Container {
             decoder.push(at, &packet.1, packet.0)?;
             at += PACKET_HEADER + packet.0.len();
         }
-        let Decoder { sensor, events, others, .. } = decoder;
-        let other_streams = StreamSummary::present(others.into_values());
-        Ok(Recording { format: Format::Aedat3, sensor, events, other_streams, salvaged })
+        let Decoder { sensor, events, others, passed, main, .. } = decoder;
+        if main.source().is_none() && main.asked > 1 {
+            return Err(no_stream(main.asked, main.found.len()));
+        }
+        let (other_streams, left_out) = (StreamSummary::present(others.into_values()), passed.end());
+        let plain = Recording::of_events(Format::Aedat3, sensor, events);
+        Ok(Recording { other_streams, left_out, salvaged, ..plain })
     }
 }
 
 impl Packets for Container {
     const HEADER: usize = PACKET_HEADER;
 
-    fn open(file: Bytes<'_>, _: u64) -> Result<Self, IoError> {
-        Ok(Self { header: Header::parse(file)?, main: None })
+    fn open(file: Bytes<'_>, _: u64, options: ReadOptions) -> Result<Self, IoError> {
+        let main = Main { asked: options.stream_number(), found: Vec::new() };
+        Ok(Self { header: Header::parse(file)?, main, strict: options.strict })
     }
 
     fn start(&self) -> usize {
@@ -89,7 +122,7 @@ impl Packets for Container {
 
     fn header(&mut self, header: &[u8]) -> Option<PacketHeader> {
         let head = Head::at(Bytes::file(Format::Aedat3.name(), header), 0).ok()?;
-        let is_main = head.kind == POLARITY && *self.main.get_or_insert(head.source) == head.source;
+        let is_main = head.kind == POLARITY && self.main.is(head.source);
         Some(PacketHeader { length: head.length, is_main })
     }
 
@@ -153,47 +186,49 @@ impl Head {
 struct Decoder<'a> {
     packets: Bytes<'a>,
     header: &'a Header,
-    main: Option<i16>,
+    main: Main,
     /// The sensor of the main source.
     sensor: Option<Sensor>,
     events: Vec<Event>,
     /// What was counted, by name.
     others: BTreeMap<&'static str, StreamSummary>,
+    passed: PassedOver,
 }
 
 impl<'a> Decoder<'a> {
-    fn new(packets: Bytes<'a>, Container { header, main }: &'a Container) -> Self {
-        let sensor = main.and_then(|main| header.sensor(main));
-        Self { packets, header, main: *main, sensor, events: Vec::new(), others: BTreeMap::new() }
+    fn new(packets: Bytes<'a>, Container { header, main, strict }: &'a Container) -> Self {
+        let sensor = main.source().and_then(|main| header.sensor(main));
+        let (main, passed) = (main.clone(), PassedOver::new(*strict));
+        Self { packets, header, main, sensor, events: Vec::new(), others: BTreeMap::new(), passed }
     }
 
     /// Takes the packet at byte `at` of the packets.
     fn push(&mut self, at: usize, head: &Head, content: &[u8]) -> Result<(), IoError> {
         let &Head { kind, source, base_us, number, .. } = head;
-        if kind == POLARITY && self.main.is_none() {
-            self.main = Some(source);
-            self.sensor = self.header.sensor(source);
-        }
-        if kind != POLARITY || self.main != Some(source) {
+        if kind != POLARITY || !self.main.is(source) {
             self.count(of_type(kind), number);
             return Ok(());
         }
-        let before = self.events.len();
+        self.sensor = self.sensor.or_else(|| self.header.sensor(source));
+        let mut invalid = 0;
         self.events.reserve(content.len() / STRIDE);
         let start = at + PACKET_HEADER;
         for (event, at) in content.as_chunks::<STRIDE>().0.iter().zip((start..).step_by(STRIDE)) {
             let (data, time) = (u32::from_le_bytes(array(event)), i32::from_le_bytes(array(&event[4..])));
             if data & 1 == 0 {
+                invalid += 1;
                 continue;
             }
             if time < 0 {
-                return Err(self.packets.malformed("time of an event", at + 4, "0 and above", time));
+                let error = self.packets.malformed("time of an event", at + 4, "0 and above", time);
+                self.passed.pass(LeftOutKind::Malformed, 1, error)?;
+                continue;
             }
             let (x, y) = ((data >> 17) as u16, (data >> 2 & 0x7fff) as u16);
-            self.packets.check_pixel(self.sensor, x, y, at)?;
-            self.events.push(Event::new(base_us + i64::from(time), x, y, data & 2 != 0));
+            if self.packets.is_inside(self.sensor, x, y, at, &mut self.passed)? {
+                self.events.push(Event::new(base_us + i64::from(time), x, y, data & 2 != 0));
+            }
         }
-        let invalid = number - (self.events.len() - before) as u64;
         if invalid > 0 {
             self.count(("events not marked as valid", StreamKind::Other), invalid);
         }

@@ -13,7 +13,9 @@
 //! `dv-processing`.
 //!
 //! Invariants: packets fill the space between header and table exactly. Every offset in a buffer is checked against its
-//! packet. A packet's content is as long as its size prefix (this also finds an LZ4 frame that was cut at the end of a
+//! packet. Where the header declares no streams, or has no name, as those of aestream, the names in the packets tell the streams. Events
+//! outside the sensor, and with other values than an event can have, are left out and counted unless the reader is strict.
+//! A packet's content is as long as its size prefix (this also finds an LZ4 frame that was cut at the end of a
 //! block, which its decoder accepts). Frames are counted and not decompressed.
 
 pub(crate) mod header;
@@ -24,13 +26,15 @@ use std::collections::BTreeMap;
 use meissner_engine::{Event, Sensor};
 
 use crate::bytes::{Bytes, array};
+use crate::codec::{ReadOptions, no_stream};
 use crate::error::IoError;
 use crate::format::Format;
+use crate::left_out::{LeftOutKind, PassedOver};
 use crate::limits::most;
 use crate::recording::{Recording, StreamKind, StreamSummary};
 use crate::seek::{PacketHeader, Packets};
-use header::Header;
-use packet::{Inflater, Table, check_name};
+use header::{Header, kind_of};
+use packet::{Inflater, Table, check_name, name_of};
 
 /// Bytes of a packet's header.
 const PACKET_HEADER: usize = 8;
@@ -43,12 +47,13 @@ const STRIDE: usize = 16;
 const EVENTS: (&str, [u8; 4], usize) = ("packet of events", *b"EVTS", STRIDE);
 
 /// The events of the file `bytes`; with `salvage`, those of the complete packets.
-pub(crate) fn decode(bytes: &[u8], salvage: bool) -> Result<Recording, IoError> {
+pub(crate) fn decode(bytes: &[u8], options: ReadOptions) -> Result<Recording, IoError> {
     let file = Bytes::file(Format::Aedat4.name(), bytes);
+    let salvage = options.salvage;
     let header = Header::parse(file, file.len() as u64, salvage)?;
     // Without the table, the packets end with the file.
     let mut salvaged = header.is_cut.then(|| file.salvage("the packets before their table", bytes.len()));
-    if let Some(table) = header.table {
+    if let Some(table) = header.table.filter(|_| !header.is_unnamed) {
         let mut inflater = Inflater::new(header.compression, file);
         let start = inflater.prefix(&bytes[table..], table, TABLE_START);
         match start.and_then(|start| check_name(file.packet(table, start), "packet table", *b"FTAB")) {
@@ -58,15 +63,28 @@ pub(crate) fn decode(bytes: &[u8], salvage: bool) -> Result<Recording, IoError> 
         }
     }
     let packets = Bytes { data: &bytes[..header.table.unwrap_or(bytes.len())], ..file }.after(header.packets);
-    let recording = Container::new(header, bytes.len() as u64).events(packets, salvage)?;
+    let recording = Container::new(header, bytes.len() as u64, options)?.events(packets, salvage)?;
     Ok(Recording { salvaged: recording.salvaged.or(salvaged), ..recording })
+}
+
+/// What is taken for granted of a file whose header declares no stream.
+const ASSUMED: &str = "the writer of this file left out of its header which streams it has: they are told by the names in their packets, and no sensor is named";
+/// Bytes of a packet's content up to the end of its name.
+const NAMED: u64 = 12;
+
+/// The places of the streams of events.
+fn of_events(kinds: &[StreamKind]) -> impl Iterator<Item = usize> {
+    kinds.iter().zip(0..).filter(|(kind, _)| **kind == StreamKind::Events).map(|(_, index)| index)
 }
 
 /// What is known of a file before its packets are read.
 pub(crate) struct Container {
     header: Header,
-    /// The first event stream, whose events are read.
+    /// The stream whose events are read: the first, or the one that is asked for, among those of events.
     main: Option<usize>,
+    /// Its number among the streams of events, from 1.
+    asked: usize,
+    strict: bool,
     /// The place of each stream by its number. A header may declare a thousand streams, and a packet takes 8 bytes.
     index_of: BTreeMap<i32, usize>,
     /// Bytes that the packets may still decompress to while a part is searched.
@@ -74,18 +92,25 @@ pub(crate) struct Container {
 }
 
 impl Container {
-    fn new(header: Header, length: u64) -> Self {
-        let main = header.streams.iter().position(|stream| stream.summary.kind == StreamKind::Events);
+    fn new(header: Header, length: u64, options: ReadOptions) -> Result<Self, IoError> {
+        let asked = options.stream_number();
+        let kinds: Vec<_> = header.streams.iter().map(|stream| stream.summary.kind).collect();
+        let main = of_events(&kinds).nth(asked - 1);
+        if main.is_none() && asked > 1 && !kinds.is_empty() {
+            return Err(no_stream(asked, of_events(&kinds).count()));
+        }
         let index_of = header.streams.iter().map(|stream| stream.id).zip(0..).collect();
-        Self { header, main, index_of, budget: most(length) }
+        Ok(Self { header, main, asked, strict: options.strict, index_of, budget: most(length) })
     }
 
     /// The events of `packets`.
     fn events(&self, packets: Bytes<'_>, salvage: bool) -> Result<Recording, IoError> {
         let Header { compression, streams, .. } = &self.header;
         let mut inflater = Inflater::new(*compression, packets);
-        let sensor = self.main.and_then(|main| streams[main].sensor);
+        let (mut main, mut index_of) = (self.main, self.index_of.clone());
+        let sensor = main.and_then(|main| streams[main].sensor);
         let mut others: Vec<StreamSummary> = streams.iter().map(|stream| stream.summary.clone()).collect();
+        let mut passed = PassedOver::new(self.strict);
         let (mut events, mut at, mut salvaged) = (Vec::new(), 0, None);
         while at < packets.len() {
             if salvage && !is_whole(packets, at) {
@@ -97,11 +122,23 @@ impl Container {
             let Ok(size) = usize::try_from(size) else {
                 return Err(packets.malformed("size of a packet", at + 4, "0 and above", size));
             };
-            let Some(&index) = self.index_of.get(&id) else {
-                let expected = format!("one of the {} that the header declares", streams.len());
-                return Err(packets.malformed("stream of a packet", at, expected, id));
-            };
             let packet = packets.get("packet", at + PACKET_HEADER, size)?;
+            let index = match index_of.get(&id) {
+                Some(&index) => index,
+                None if streams.is_empty() => {
+                    let start = inflater.prefix(packet, at, NAMED)?;
+                    let name = name_of(packets.packet(at, start), "packet")?;
+                    others.push(StreamSummary::new(&String::from_utf8_lossy(&name), kind_of(&name)));
+                    index_of.insert(id, others.len() - 1);
+                    let kinds: Vec<_> = others.iter().map(|stream| stream.kind).collect();
+                    main = of_events(&kinds).nth(self.asked - 1);
+                    others.len() - 1
+                }
+                None => {
+                    let expected = format!("one of the {} that the header declares", streams.len());
+                    return Err(packets.malformed("stream of a packet", at, expected, id));
+                }
+            };
             let stream = &mut others[index];
             let layout = match stream.kind {
                 StreamKind::Events => Some(EVENTS),
@@ -114,8 +151,8 @@ impl Container {
             if let Some((what, name, stride)) = layout {
                 let content = packets.packet(at, inflater.inflate(packet, at)?);
                 let (start, elements) = Table::root(content, what, name)?.vector(0, stride)?;
-                if Some(index) == self.main {
-                    append_events(content, start, elements, sensor, &mut events)?;
+                if Some(index) == main {
+                    append_events(content, (start, elements), sensor, &mut events, &mut passed)?;
                 } else {
                     stream.add((elements.len() / stride) as u64);
                 }
@@ -124,16 +161,22 @@ impl Container {
             }
             at += PACKET_HEADER + size;
         }
-        let other_streams = StreamSummary::present(others);
-        Ok(Recording { format: Format::Aedat4, sensor, events, other_streams, salvaged })
+        let kinds: Vec<_> = others.iter().map(|stream| stream.kind).collect();
+        if main.is_none() && self.asked > 1 {
+            return Err(no_stream(self.asked, of_events(&kinds).count()));
+        }
+        let assumed = if streams.is_empty() { vec![ASSUMED] } else { Vec::new() };
+        let (other_streams, left_out) = (StreamSummary::present(others), passed.end());
+        let plain = Recording::of_events(Format::Aedat4, sensor, events);
+        Ok(Recording { other_streams, left_out, assumed, salvaged, ..plain })
     }
 }
 
 impl Packets for Container {
     const HEADER: usize = PACKET_HEADER;
 
-    fn open(file: Bytes<'_>, length: u64) -> Result<Self, IoError> {
-        Ok(Self::new(Header::parse(file, length, true)?, length))
+    fn open(file: Bytes<'_>, length: u64, options: ReadOptions) -> Result<Self, IoError> {
+        Self::new(Header::parse(file, length, true)?, length, options)
     }
 
     fn start(&self) -> usize {
@@ -141,7 +184,9 @@ impl Packets for Container {
     }
 
     fn end(&self, length: u64) -> Option<u64> {
-        (!self.header.is_cut).then(|| self.header.table.map_or(length, |table| table as u64))
+        // Without declared streams, only the content of the packets tells them.
+        let is_known = !self.header.is_cut && !self.header.streams.is_empty();
+        is_known.then(|| self.header.table.map_or(length, |table| table as u64))
     }
 
     fn header(&mut self, header: &[u8]) -> Option<PacketHeader> {
@@ -176,10 +221,10 @@ fn is_whole(packets: Bytes<'_>, at: usize) -> bool {
 /// Appends the events in `elements`, which start at byte `start` of a packet.
 fn append_events(
     content: Bytes<'_>,
-    start: usize,
-    elements: &[u8],
+    (start, elements): (usize, &[u8]),
     sensor: Option<Sensor>,
     events: &mut Vec<Event>,
+    passed: &mut PassedOver,
 ) -> Result<(), IoError> {
     events.reserve(elements.len() / STRIDE);
     for (index, element) in elements.chunks_exact(STRIDE).enumerate() {
@@ -188,15 +233,21 @@ fn append_events(
         let at = start + index * STRIDE;
         let (Ok(x), Ok(y)) = (u16::try_from(x), u16::try_from(y)) else {
             let actual = format!("x = {x}, y = {y}");
-            return Err(content.malformed("pixel", at + 8, "x and y of 0 and above", actual));
+            let error = content.malformed("pixel", at + 8, "x and y of 0 and above", actual);
+            passed.pass(LeftOutKind::Malformed, 1, error)?;
+            continue;
         };
-        content.check_pixel(sensor, x, y, at + 8)?;
-        let on = match element[12] {
-            0 => false,
-            1 => true,
-            other => return Err(content.malformed("polarity", at + 12, "0 or 1", other)),
-        };
-        events.push(Event { t_us, x, y, on });
+        match element[12] {
+            on @ (0 | 1) => {
+                if content.is_inside(sensor, x, y, at + 8, passed)? {
+                    events.push(Event { t_us, x, y, on: on == 1 });
+                }
+            }
+            other => {
+                let error = content.malformed("polarity", at + 12, "0 or 1", other);
+                passed.pass(LeftOutKind::Malformed, 1, error)?;
+            }
+        }
     }
     Ok(())
 }

@@ -3,6 +3,7 @@
 use meissner_engine::Sensor;
 
 use crate::error::{IoError, Place};
+use crate::left_out::{LeftOutKind, PassedOver};
 use crate::recording::Salvage;
 
 /// A slice of bytes and its place in the file.
@@ -128,18 +129,25 @@ impl<'a> Bytes<'a> {
         IoError::TooLarge { format, what, place, unit, limit, actual, at_least }
     }
 
-    /// Refuses the pixel of an event at `at` that lies outside `sensor`, where the sensor is known.
+    /// Whether an event at `at` lies inside `sensor`, where the sensor is known; one outside is left out.
+    ///
+    /// # Errors
+    /// It is outside, and the reader is strict.
     #[inline]
-    pub(crate) fn check_pixel(
+    pub(crate) fn is_inside(
         &self,
         sensor: Option<Sensor>,
         x: u16,
         y: u16,
         at: usize,
-    ) -> Result<(), IoError> {
+        passed: &mut PassedOver,
+    ) -> Result<bool, IoError> {
         match sensor {
-            Some(sensor) if !sensor.contains(x, y) => Err(self.outside(sensor, x.into(), y, at)),
-            _ => Ok(()),
+            Some(sensor) if !sensor.contains(x, y) => {
+                passed.pass(LeftOutKind::OutsideSensor, 1, self.outside(sensor, x.into(), y, at))?;
+                Ok(false)
+            }
+            _ => Ok(true),
         }
     }
 

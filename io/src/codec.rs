@@ -3,10 +3,12 @@
 use std::borrow::Cow;
 use std::fs::File;
 use std::io::{self, Cursor, Read, Seek, Write};
+use std::num::NonZeroU16;
 use std::path::Path;
 
 use meissner_engine::{Event, Sensor};
 
+use crate::aedat2::Chip;
 use crate::csv::{self, TextOptions};
 use crate::detect::format_of;
 use crate::error::{IoError, Place};
@@ -44,6 +46,16 @@ pub struct ReadOptions {
     /// [`Recording::salvaged`] describes the rest. Headers must be complete, and malformed content is refused as
     /// always: a damaged file is not salvaged.
     pub salvage: bool,
+    /// Whether anything odd is an error: a line of a text that is no event, an event outside the sensor that the file names, a word of a
+    /// type that holds no events, an event before the first time. Otherwise [`Recording::left_out`] and
+    /// [`Recording::other_streams`] count them.
+    pub strict: bool,
+    /// The chip of a recording of AEDAT2, in place of the one that it names.
+    pub chip: Option<Chip>,
+    /// The sensor of a recording that names none, as far as it decides how the recording is read: with AEDAT2 it names the chip.
+    pub sensor: Option<Sensor>,
+    /// Which of several streams of events of AEDAT3 and AEDAT4 is read, counted from 1 in the file's order; `None`: the first.
+    pub stream: Option<NonZeroU16>,
     /// The range of times whose events are read; `None`: all events.
     ///
     /// Where the format permits, the rest of the file is not read: damage there is not found, and
@@ -73,6 +85,39 @@ impl ReadOptions {
     pub fn salvage(mut self, salvage: bool) -> Self {
         self.salvage = salvage;
         self
+    }
+
+    /// Sets whether anything odd is an error.
+    #[must_use]
+    pub fn strict(mut self, strict: bool) -> Self {
+        self.strict = strict;
+        self
+    }
+
+    /// Sets the chip of a recording of AEDAT2.
+    #[must_use]
+    pub fn chip(mut self, chip: impl Into<Option<Chip>>) -> Self {
+        self.chip = chip.into();
+        self
+    }
+
+    /// Sets the sensor of a recording that names none.
+    #[must_use]
+    pub fn sensor(mut self, sensor: impl Into<Option<Sensor>>) -> Self {
+        self.sensor = sensor.into();
+        self
+    }
+
+    /// Sets which stream of events is read, counted from 1.
+    #[must_use]
+    pub fn stream(mut self, stream: impl Into<Option<NonZeroU16>>) -> Self {
+        self.stream = stream.into();
+        self
+    }
+
+    /// Which stream of events is read, counted from 1.
+    pub(crate) fn stream_number(self) -> usize {
+        self.stream.map_or(1, |stream| stream.get().into())
     }
 
     /// Sets the range of times whose events are read.
@@ -131,11 +176,12 @@ pub fn read_range(
     range: TimeRange,
 ) -> Result<Option<Recording>, IoError> {
     let file = File::open(path).map_err(IoError::file("read", path))?;
-    let Some((found, input)) = located(file, options.into())? else { return Ok(None) };
+    let options = options.into();
+    let Some((found, input)) = located(file, options)? else { return Ok(None) };
     match found {
         #[cfg(feature = "hdf5")]
-        Format::Hdf5 => hdf5::read_range(input.into_inner(), range).map(Some),
-        _ => read_part(found, input, range),
+        Format::Hdf5 => hdf5::read_range(input.into_inner(), options, range).map(Some),
+        _ => read_part(found, input, range, options),
     }
 }
 
@@ -150,16 +196,17 @@ pub fn read_range(
 /// [`IoError::File`] where the file cannot be read; those of its header.
 pub fn blocks(path: &Path, options: impl Into<ReadOptions>) -> Result<Option<seek::Blocks>, IoError> {
     let file = File::open(path).map_err(IoError::file("read", path))?;
-    let Some((found, input)) = located(file, options.into())? else { return Ok(None) };
+    let options = options.into();
+    let Some((found, input)) = located(file, options)? else { return Ok(None) };
     match found {
-        Format::Dat => seek::blocks::of_records::<dat::Layout>(input),
-        Format::Aedat2 => seek::blocks::of_records::<aedat2::Header>(input),
-        Format::Evt2 => seek::blocks::of_records::<evt2::Layout>(input),
-        Format::Npy => seek::blocks::of_records::<npy::Layout>(input),
-        Format::Aedat3 => seek::blocks::of_packets::<aedat3::Container>(input),
-        Format::Aedat4 => seek::blocks::of_packets::<aedat4::Container>(input),
+        Format::Dat => seek::blocks::of_records::<dat::Layout>(input, options),
+        Format::Aedat2 => seek::blocks::of_records::<aedat2::Header>(input, options),
+        Format::Evt2 => seek::blocks::of_records::<evt2::Layout>(input, options),
+        Format::Npy => seek::blocks::of_records::<npy::Layout>(input, options),
+        Format::Aedat3 => seek::blocks::of_packets::<aedat3::Container>(input, options),
+        Format::Aedat4 => seek::blocks::of_packets::<aedat4::Container>(input, options),
         #[cfg(feature = "hdf5")]
-        Format::Hdf5 => hdf5::blocks(input.into_inner()).map(Some),
+        Format::Hdf5 => hdf5::blocks(input.into_inner(), options).map(Some),
         _ => Ok(None),
     }
 }
@@ -190,11 +237,6 @@ impl HeldContent {
         Ok(Self { bytes: bytes.into_owned(), salvaged })
     }
 
-    /// The bytes.
-    pub fn bytes(&self) -> &[u8] {
-        &self.bytes
-    }
-
     /// Decodes the content.
     ///
     /// # Errors
@@ -221,17 +263,20 @@ pub fn decode(bytes: &[u8]) -> Result<Recording, IoError> {
 /// - Without a format: [`IoError::OtherKind`] where the content is known and not a recording that can be read,
 ///   [`IoError::UnknownFormat`] or [`IoError::Unsupported`] where it has none of the formats.
 /// - [`IoError::Truncated`] where the content is cut short; with [`ReadOptions::salvage`] only where its header is.
-/// - [`IoError::Malformed`] where it contradicts the format, [`IoError::OutsideSensor`] where an event lies outside the
-///   sensor that the file names, [`IoError::TooLarge`] where a bound of [`crate::limits`] is exceeded,
+/// - [`IoError::Malformed`] where it contradicts the format, [`IoError::Lines`] where most of the first lines of a text are no events,
+///   [`IoError::TooLarge`] where a bound of [`crate::limits`] is exceeded,
 ///   [`IoError::Unsupported`] where the content has a related format or a zip archive not one recording,
 ///   [`IoError::Undecided`] where a text can be read in several ways.
+///
+/// With [`ReadOptions::strict`] also: [`IoError::OutsideSensor`] where an event lies outside the sensor that the file names, and
+/// [`IoError::Malformed`] for each word, event and line that is left out otherwise.
 ///
 /// After an error there is no recording: the events before the fault are not returned.
 pub fn decode_with(bytes: &[u8], options: impl Into<ReadOptions>) -> Result<Recording, IoError> {
     let options = options.into();
     if let Some(range) = options.range
         && let Some((found, input)) = located(Cursor::new(bytes), options)?
-        && let Some(part) = read_part(found, input, range)?
+        && let Some(part) = read_part(found, input, range, options)?
     {
         return Ok(part);
     }
@@ -252,7 +297,7 @@ fn decode_content(
 
 /// Decodes the content of a file that is not packed.
 fn decode_bytes(content: Cow<'_, [u8]>, options: ReadOptions) -> Result<Recording, IoError> {
-    let ReadOptions { format, text, salvage, .. } = options;
+    let ReadOptions { format, text, .. } = options;
     let bytes = &*content;
     let is_text = || !bytes.is_empty() && text_start(bytes).is_some();
     let found = match format {
@@ -263,19 +308,22 @@ fn decode_bytes(content: Cow<'_, [u8]>, options: ReadOptions) -> Result<Recordin
             error => Err(error),
         })?,
     };
+    if !matches!(found, Format::Aedat4 | Format::Aedat3) && options.stream_number() > 1 {
+        return Err(no_stream(options.stream_number(), 1));
+    }
     match found {
-        Format::Aedat4 => aedat4::decode(bytes, salvage),
-        Format::Aedat3 => aedat3::decode(bytes, salvage),
-        Format::Aedat2 => aedat2::decode(bytes, salvage),
-        Format::Evt2 => evt2::decode(bytes, salvage),
-        Format::Evt3 => evt3::decode(bytes, salvage),
-        Format::Dat => dat::decode(bytes, salvage),
-        Format::Es => es::decode(bytes, salvage),
-        Format::Nmnist => nmnist::decode(bytes, salvage),
-        Format::Csv => csv::decode(bytes, text, salvage),
-        Format::Npy => npy::decode(bytes, salvage),
+        Format::Aedat4 => aedat4::decode(bytes, options),
+        Format::Aedat3 => aedat3::decode(bytes, options),
+        Format::Aedat2 => aedat2::decode(bytes, options),
+        Format::Evt2 => evt2::decode(bytes, options),
+        Format::Evt3 => evt3::decode(bytes, options),
+        Format::Dat => dat::decode(bytes, options),
+        Format::Es => es::decode(bytes, options),
+        Format::Nmnist => nmnist::decode(bytes, options),
+        Format::Csv => csv::decode(bytes, options),
+        Format::Npy => npy::decode(bytes, options),
         #[cfg(feature = "hdf5")]
-        Format::Hdf5 => hdf5::decode(content.into_owned()),
+        Format::Hdf5 => hdf5::decode(content.into_owned(), options),
         #[cfg(not(feature = "hdf5"))]
         Format::Hdf5 => {
             let expected = "a build with the feature `hdf5` for this format";
@@ -284,19 +332,30 @@ fn decode_bytes(content: Cow<'_, [u8]>, options: ReadOptions) -> Result<Recordin
     }
 }
 
+/// The error of a recording with `found` streams of events, of which another one is `asked` for.
+pub(crate) fn no_stream(asked: usize, found: usize) -> IoError {
+    let actual = match found {
+        0 => format!("none, and stream {asked} asked for"),
+        1 => format!("one, and stream {asked} asked for"),
+        found => format!("{found}, and stream {asked} asked for"),
+    };
+    IoError::Unsupported { expected: "a recording with as many streams of events as are asked for", actual }
+}
+
 /// The events of `range` in the file `input` of the format `found`; `None`: the whole file must be read.
 fn read_part(
     found: Format,
     mut input: seek::Input<impl Read + Seek>,
     range: TimeRange,
+    options: ReadOptions,
 ) -> Result<Option<Recording>, IoError> {
     match found {
-        Format::Dat => seek::records::read::<dat::Layout>(&mut input, range),
-        Format::Aedat2 => seek::records::read::<aedat2::Header>(&mut input, range),
-        Format::Evt2 => seek::records::read::<evt2::Layout>(&mut input, range),
-        Format::Npy => seek::records::read::<npy::Layout>(&mut input, range),
-        Format::Aedat3 => seek::packets::read::<aedat3::Container>(&mut input, range),
-        Format::Aedat4 => seek::packets::read::<aedat4::Container>(&mut input, range),
+        Format::Dat => seek::records::read::<dat::Layout>(&mut input, range, options),
+        Format::Aedat2 => seek::records::read::<aedat2::Header>(&mut input, range, options),
+        Format::Evt2 => seek::records::read::<evt2::Layout>(&mut input, range, options),
+        Format::Npy => seek::records::read::<npy::Layout>(&mut input, range, options),
+        Format::Aedat3 => seek::packets::read::<aedat3::Container>(&mut input, range, options),
+        Format::Aedat4 => seek::packets::read::<aedat4::Container>(&mut input, range, options),
         _ => Ok(None),
     }
 }

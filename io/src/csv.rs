@@ -7,7 +7,8 @@
 //! ```
 //!
 //! Commas, semicolons, or blanks and tabs separate the fields of a line. Lines that start with `#` or `%` are comments. A
-//! comment `# sensor WxH` before the first event names the sensor; so does a line with only width and height.
+//! comment `# sensor WxH` before the first event names the sensor; so do a line with only width and height, the comment
+//! `%geometry:W,H` of Metavision (whose columns are x, y, p, t), and the header `t,x@W,y@H,on` of faery and aestream.
 //!
 //! A header may stand in a comment. It names the columns (t, ts, time or timestamp; x; y; p, pol, polarity or on) in any
 //! order, in upper or lower case; other columns are skipped. Without a header there are four columns, and their order is
@@ -15,12 +16,12 @@
 //!
 //! t is in whole microseconds (`12` or `12.0`), or in the unit that the caller or the header (`t_ms`) names. Times with a
 //! decimal point are seconds if any of them has four or more decimals; fewer decimals could be milliseconds, and such a text
-//! is refused. Digits beyond microseconds are rounded to the nearest, halves away from zero, without floats. p is 1 or +1
-//! for a rise, and 0 or -1 for a fall (also `True` and `False`). Blank lines, spaces and quotes around fields, both kinds of
-//! line end, and a byte order mark are accepted.
+//! is refused. Every number may have an exponent (`1.9e-06`, `1.2e+01`). Digits beyond microseconds are rounded to the nearest,
+//! halves away from zero, without floats. p is 1 or +1 for a rise, and 0 or -1 for a fall (also `True` and `False`). Blank lines,
+//! spaces and quotes around fields, both kinds of line end, and a byte order mark are accepted.
 
 pub(crate) mod columns;
-mod layout;
+pub(crate) mod layout;
 
 use std::io::{self, BufRead, Write};
 
@@ -30,9 +31,11 @@ pub use columns::{ColumnOrder, TimeUnit};
 pub use layout::TextOptions;
 use layout::{Evidence, Layout};
 
+use crate::codec::ReadOptions;
 use crate::detect::other_kind;
 use crate::error::{IoError, Place};
 use crate::format::{Format, Kind};
+use crate::left_out::events_of_lines;
 use crate::recording::{Recording, Salvage};
 use crate::text::{Lines, is_comment, lines_of};
 
@@ -152,7 +155,7 @@ impl<'a> CsvEvents<&'a [u8]> {
 /// The layout of a whole text. Malformed lines are ignored here; they are refused when they are read.
 fn layout_of(text: &[u8], options: TextOptions) -> Result<Layout, IoError> {
     let mut layout = Layout::new(options);
-    let has_points = text.contains(&b'.');
+    let has_points = text.iter().any(|byte| matches!(byte, b'.' | b'e' | b'E'));
     let mut lines = lines_of(text).filter(|line| !line.text.is_empty());
     while let Some(line) = lines.next() {
         match layout.preamble(line) {
@@ -169,8 +172,9 @@ fn layout_of(text: &[u8], options: TextOptions) -> Result<Layout, IoError> {
     Ok(layout)
 }
 
-/// The events of the text `bytes`; with `salvage`, a last line without a line feed is left out.
-pub(crate) fn decode(bytes: &[u8], options: TextOptions, salvage: bool) -> Result<Recording, IoError> {
+/// The events of the text `bytes` without the lines that are none; with `salvage`, a last line without a line feed is left out.
+pub(crate) fn decode(bytes: &[u8], options: ReadOptions) -> Result<Recording, IoError> {
+    let salvage = options.salvage;
     let whole = match bytes.iter().rposition(|&b| b == b'\n') {
         Some(last) if salvage => &bytes[..=last],
         None if salvage => &[],
@@ -181,10 +185,9 @@ pub(crate) fn decode(bytes: &[u8], options: TextOptions, salvage: bool) -> Resul
         place: Place::Line(whole.split(|&b| b == b'\n').count() as u64),
         bytes_not_read: (bytes.len() - whole.len()) as u64,
     });
-    let mut text = CsvEvents::of_text(whole, options)?;
-    let events = text.by_ref().collect::<Result<Vec<_>, _>>()?;
-    let sensor = text.sensor();
-    Ok(Recording { format: Format::Csv, sensor, events, other_streams: Vec::new(), salvaged })
+    let mut text = CsvEvents::of_text(whole, options.text)?;
+    let (events, left_out) = events_of_lines(text.by_ref(), options.strict)?;
+    Ok(Recording { left_out, salvaged, ..Recording::of_events(Format::Csv, text.sensor(), events) })
 }
 
 /// Writes the sensor as a comment if it is known, the header, and a line for each of `events`.

@@ -3,15 +3,18 @@
 //! Two bytes follow the text header ([`crate::prophesee`]): the type of the events (0x0C, in old files 0x00) and their size
 //! (8). Each event has two words of 32 bits, least significant byte first: the time in microseconds, and bits 13-0 x, 27-14 y,
 //! 31-28 polarity (0 or 1). Source: the vendor's page "DAT File Format". Invariant: the 32-bit time wraps where it falls by
-//! 2^31 or more; a smaller fall is a step back. Version 1 has another layout of x and y and is refused.
+//! 2^31 or more; a smaller fall is a step back. Events outside the sensor or with another polarity are left out and counted, unless
+//! the reader is strict. Version 1 has another layout of x and y and is refused.
 
 use std::io::{self, Write};
 
 use meissner_engine::{Event, Sensor};
 
 use crate::bytes::{Bytes, array};
+use crate::codec::ReadOptions;
 use crate::error::{IoError, beginning};
 use crate::format::Format;
+use crate::left_out::{LeftOutKind, PassedOver};
 use crate::prophesee::{Header, WrappingClock};
 use crate::recording::{Capacity, Recording};
 use crate::seek::Records;
@@ -35,10 +38,10 @@ pub(crate) const CAPACITY: Capacity = Capacity {
 };
 
 /// The events of the file `bytes`.
-pub(crate) fn decode(bytes: &[u8], salvage: bool) -> Result<Recording, IoError> {
+pub(crate) fn decode(bytes: &[u8], options: ReadOptions) -> Result<Recording, IoError> {
     let file = Bytes::file(Format::Dat.name(), bytes);
-    let layout = Layout::open(file)?;
-    layout.events(file.after(layout.start), WrappingClock::new(TIME_RANGE), salvage)
+    let layout = Layout::open(file, options)?;
+    layout.events(file.after(layout.start), WrappingClock::new(TIME_RANGE), options.salvage)
 }
 
 /// What the header says.
@@ -46,6 +49,7 @@ pub(crate) struct Layout {
     sensor: Option<Sensor>,
     /// First byte of the first event.
     start: usize,
+    strict: bool,
 }
 
 impl Layout {
@@ -58,25 +62,28 @@ impl Layout {
     ) -> Result<Recording, IoError> {
         let sensor = self.sensor;
         let (all, salvaged) = records.records("the last event", 0, salvage)?;
-        let mut events = Vec::with_capacity(all.len());
+        let (mut events, mut passed) = (Vec::with_capacity(all.len()), PassedOver::new(self.strict));
         for (record, at) in all.iter().zip((0..).step_by(STRIDE)) {
             let both = u64::from_le_bytes(*record);
             let (time, pixel) = (i64::from(both as u32), (both >> 32) as u32);
             let (x, y) = ((pixel & 0x3fff) as u16, (pixel >> 14 & 0x3fff) as u16);
-            records.check_pixel(sensor, x, y, at)?;
+            let t_us = clock.advance(time);
             if pixel >> 29 != 0 {
-                return Err(records.malformed("polarity", at, "0 or 1", pixel >> 28));
+                let error = records.malformed("polarity", at, "0 or 1", pixel >> 28);
+                passed.pass(LeftOutKind::Malformed, 1, error)?;
+            } else if records.is_inside(sensor, x, y, at, &mut passed)? {
+                events.push(Event::new(t_us, x, y, pixel >> 28 == 1));
             }
-            events.push(Event::new(clock.advance(time), x, y, pixel >> 28 == 1));
         }
-        Ok(Recording { format: Format::Dat, sensor, events, other_streams: Vec::new(), salvaged })
+        let left_out = passed.end();
+        Ok(Recording { left_out, salvaged, ..Recording::of_events(Format::Dat, sensor, events) })
     }
 }
 
 impl Records for Layout {
     const PERIOD: Option<i64> = Some(TIME_RANGE);
 
-    fn open(file: Bytes<'_>) -> Result<Self, IoError> {
+    fn open(file: Bytes<'_>, options: ReadOptions) -> Result<Self, IoError> {
         let header = Header::parse(file)?;
         // A file without a version is older than version 2 and has another layout.
         if header.version.as_deref() != Some("2") {
@@ -92,7 +99,7 @@ impl Records for Layout {
             let actual = format!("type {kind:#04x} and {size} bytes");
             return Err(file.malformed(what, header.end, expected, actual));
         }
-        Ok(Self { sensor, start: header.end + 2 })
+        Ok(Self { sensor, start: header.end + 2, strict: options.strict })
     }
 
     fn start(&self) -> usize {

@@ -17,7 +17,7 @@ use std::path::{Path, PathBuf};
 
 use meissner_engine::Event;
 
-use crate::codec::read_with;
+use crate::codec::{ReadOptions, read_with};
 use crate::electrodes::{ElectrodeSettings, ElectrodeWarnings, Electrodes, Reading};
 use crate::error::IoError;
 use crate::files::entries;
@@ -196,10 +196,12 @@ impl EventFile {
     /// The recording in the file.
     ///
     /// # Errors
-    /// [`IoError`], with the path, where it cannot be read or has no events.
+    /// [`IoError`], with the path, where it cannot be read, has no events, or has one that a recording would leave out.
     pub fn read(&self) -> Result<EventRecording, IoError> {
         let Self { path, name, split, class } = self;
-        let events = read_with(path, Format::Nmnist).map_err(IoError::content(path))?.events;
+        let events = read_with(path, ReadOptions::from(Format::Nmnist).strict(true))
+            .map_err(IoError::content(path))?
+            .events;
         if events.is_empty() {
             return Err(IoError::unfit(path, "events of five bytes", "none"));
         }

@@ -137,6 +137,16 @@ pub enum IoError {
         line: String,
         readings: String,
     },
+    /// Most of the first lines of a text are no events.
+    #[error("{refused} of the first {lines} lines are refused")]
+    Lines {
+        /// Refused lines among the first ones.
+        refused: u64,
+        lines: u64,
+        /// Why the first of them is refused.
+        #[source]
+        first: Box<IoError>,
+    },
     /// The content is of another known kind.
     #[error("expected {expected}, found {found}")]
     OtherKind { expected: &'static str, found: Kind },
@@ -173,6 +183,17 @@ impl IoError {
             Self::File { .. } => source,
             _ => Self::Content { path, source: Box::new(source) },
         }
+    }
+
+    /// Whether it is about one line of a text or a part of a datagram, after which reading goes on: it is no event, or one outside the
+    /// sensor.
+    pub fn is_about_a_line(&self) -> bool {
+        matches!(
+            self,
+            Self::Datagram { .. }
+                | Self::Malformed { place: Place::Line(_), .. }
+                | Self::OutsideSensor { place: Place::Line(_), .. }
+        )
     }
 
     pub(crate) fn unfit(path: &Path, expected: impl Into<String>, actual: impl Into<String>) -> Self {

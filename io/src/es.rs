@@ -19,8 +19,10 @@ use std::io::{self, Write};
 use meissner_engine::{Event, Sensor};
 
 use crate::bytes::Bytes;
+use crate::codec::ReadOptions;
 use crate::error::{IoError, shown};
 use crate::format::Format;
+use crate::left_out::PassedOver;
 use crate::recording::{Capacity, Recording};
 
 /// First bytes of a file.
@@ -51,7 +53,7 @@ pub(crate) const CAPACITY: Capacity = Capacity {
 };
 
 /// The events of the file `bytes`.
-pub(crate) fn decode(bytes: &[u8], salvage: bool) -> Result<Recording, IoError> {
+pub(crate) fn decode(bytes: &[u8], options: ReadOptions) -> Result<Recording, IoError> {
     let format = Format::Es;
     let file = Bytes::file(format.name(), bytes);
     let magic = file.get("magic", 0, MAGIC.len())?;
@@ -76,6 +78,7 @@ pub(crate) fn decode(bytes: &[u8], salvage: bool) -> Result<Recording, IoError> 
     }
 
     let mut events = Vec::with_capacity((bytes.len() - HEADER) / STRIDE);
+    let mut passed = PassedOver::new(options.strict);
     let (mut t_us, mut at, mut salvaged) = (0, HEADER, None);
     while let Some(&first) = bytes.get(at) {
         match first {
@@ -85,21 +88,23 @@ pub(crate) fn decode(bytes: &[u8], salvage: bool) -> Result<Recording, IoError> 
                 t_us += OVERFLOW_US * run as i64;
                 at += run;
             }
-            _ if salvage && bytes.len() - at < STRIDE => {
+            _ if options.salvage && bytes.len() - at < STRIDE => {
                 salvaged = Some(file.salvage("the last event", at));
                 break;
             }
             _ => {
                 let [first, x0, x1, y0, y1] = file.array("the last event", at)?;
                 let (x, y) = (u16::from_le_bytes([x0, x1]), u16::from_le_bytes([y0, y1]));
-                file.check_pixel(Some(sensor), x, y, at)?;
                 t_us += i64::from(first >> 1);
-                events.push(Event::new(t_us, x, sensor.height - 1 - y, first & 1 == 1));
+                if file.is_inside(Some(sensor), x, y, at, &mut passed)? {
+                    events.push(Event::new(t_us, x, sensor.height - 1 - y, first & 1 == 1));
+                }
                 at += STRIDE;
             }
         }
     }
-    Ok(Recording { format, sensor: Some(sensor), events, other_streams: Vec::new(), salvaged })
+    let left_out = passed.end();
+    Ok(Recording { left_out, salvaged, ..Recording::of_events(format, Some(sensor), events) })
 }
 
 /// How many bytes at the start of `bytes` are overflows. A silence of minutes has millions: they are compared 64 at once.

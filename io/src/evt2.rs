@@ -8,15 +8,19 @@
 //! | 0x8 | time, bits 33-6, in bits 27-0 | | | |
 //! | 0xA | external trigger | time, bits 5-0 | | |
 //! | 0xE, 0xF | vendor's word, and its continuation | | | |
+//! | others | reserved, IMU, or values of pictures | | | |
 //!
-//! Source: the vendor's page "EVT 2.0 Format". Invariants: an event's time is the newest time word's plus its own six bits;
+//! Source: the vendor's page "EVT 2.0 Format". Invariants: words of other types and events outside the sensor are left out and counted,
+//! unless the reader is strict; an event's time is the newest time word's plus its own six bits;
 //! the 34-bit time wraps where a time word falls by half its range or more, and a smaller fall is a step back.
 
 use meissner_engine::{Event, Sensor};
 
 use crate::bytes::{Bytes, array};
+use crate::codec::ReadOptions;
 use crate::error::IoError;
 use crate::format::Format;
+use crate::left_out::{LeftOutKind, PassedOver};
 use crate::prophesee::{Header, WrappingClock};
 use crate::recording::{Recording, StreamKind, StreamSummary};
 use crate::seek::Records;
@@ -33,10 +37,10 @@ const TIME_RANGE: i64 = 1 << 34;
 const SIDE: u16 = 2048;
 
 /// The events of the file `bytes`.
-pub(crate) fn decode(bytes: &[u8], salvage: bool) -> Result<Recording, IoError> {
+pub(crate) fn decode(bytes: &[u8], options: ReadOptions) -> Result<Recording, IoError> {
     let file = Bytes::file(Format::Evt2.name(), bytes);
-    let layout = Layout::open(file)?;
-    layout.events(file.after(layout.start), WrappingClock::new(TIME_RANGE), salvage)
+    let layout = Layout::open(file, options)?;
+    layout.events(file.after(layout.start), WrappingClock::new(TIME_RANGE), options.salvage)
 }
 
 /// What the header says.
@@ -44,6 +48,7 @@ pub(crate) struct Layout {
     sensor: Option<Sensor>,
     /// First byte of the first word.
     start: usize,
+    strict: bool,
 }
 
 /// The time of a time word in microseconds.
@@ -62,6 +67,7 @@ impl Layout {
         let sensor = self.sensor;
         let (all, salvaged) = words.records("the last word", 0, salvage)?;
         let mut events = Vec::with_capacity(all.len());
+        let mut passed = PassedOver::new(self.strict);
         let mut base_us = None;
         let mut triggers = StreamSummary::new("external triggers", StreamKind::Triggers);
         let mut vendor = StreamSummary::new("vendor's words", StreamKind::Other);
@@ -72,9 +78,15 @@ impl Layout {
                 polarity @ (0x0 | 0x1) => {
                     let low = i64::from(word >> 22 & 0x3f);
                     let (x, y) = ((word >> 11 & 0x7ff) as u16, (word & 0x7ff) as u16);
-                    words.check_pixel(sensor, x, y, at)?;
                     match base_us {
-                        Some(base_us) => events.push(Event::new(base_us + low, x, y, polarity == 1)),
+                        Some(base_us) => {
+                            if words.is_inside(sensor, x, y, at, &mut passed)? {
+                                events.push(Event::new(base_us + low, x, y, polarity == 1));
+                            }
+                        }
+                        None if self.strict => {
+                            return Err(words.malformed("event", at, "a word of time before it", "none"));
+                        }
                         None => unplaced.add(1),
                     }
                 }
@@ -83,21 +95,23 @@ impl Layout {
                 0xe | 0xf => vendor.add(1),
                 reserved => {
                     let expected = "0x0, 0x1, 0x8, 0xa, 0xe or 0xf";
-                    return Err(words.malformed("type of a word", at, expected, format!("{reserved:#x}")));
+                    let error = words.malformed("type of a word", at, expected, format!("{reserved:#x}"));
+                    passed.pass(LeftOutKind::OtherWords, 1, error)?;
                 }
             }
         }
         let other_streams = StreamSummary::present([triggers, vendor, unplaced]);
-        Ok(Recording { format: Format::Evt2, sensor, events, other_streams, salvaged })
+        let (left_out, plain) = (passed.end(), Recording::of_events(Format::Evt2, sensor, events));
+        Ok(Recording { other_streams, left_out, salvaged, ..plain })
     }
 }
 
 impl Records for Layout {
     const PERIOD: Option<i64> = Some(TIME_RANGE);
 
-    fn open(file: Bytes<'_>) -> Result<Self, IoError> {
+    fn open(file: Bytes<'_>, options: ReadOptions) -> Result<Self, IoError> {
         let header = Header::parse(file)?;
-        Ok(Self { sensor: header.sensor(file, SIDE)?, start: header.end })
+        Ok(Self { sensor: header.sensor(file, SIDE)?, start: header.end, strict: options.strict })
     }
 
     fn start(&self) -> usize {

@@ -6,6 +6,7 @@
 //! | bits 15-12 | word | bits 11-0 |
 //! |---|---|---|
 //! | 0x0 | row | bit 11: which camera of a pair; 10-0: y |
+//! | 0x1 | row of events of an external system (EM) | 10-0: y |
 //! | 0x2 | event at this column | bit 11: polarity; 10-0: x |
 //! | 0x3 | base column of the vectors that follow | bit 11: their polarity; 10-0: x |
 //! | 0x4 | 12 pixels: an event at base + i where bit i is set; the base advances by 12 | bits |
@@ -14,26 +15,34 @@
 //! | 0x8 | time, bits 23-12 | 4096 microseconds |
 //! | 0xA | external trigger | 11-8: channel; 0: edge |
 //! | 0xE, 0x7, 0xF | vendor's word, and its continuations | |
+//! | 0x9, 0xB, 0xC, 0xD | reserved, padding of other makers, or IMU | |
 //!
-//! Source: the vendor's page "EVT 3.0 Format". Invariants:
+//! Source: the vendor's page "EVT 3.0 Format", and for 0x1 and 0xD the header `evt3_event_types.h` of OpenEB. Invariants:
 //!
+//! - Nothing odd ends the reading, unless it is strict: reserved words, events outside the sensor and events of a row of kind 0x1, which
+//!   is none of this sensor's, are left out and counted. Events before the first words of time, row and (in a vector) base column
+//!   are unplaced: a stream may be cut anywhere.
 //! - The 24-bit time wraps where word 0x8 falls by half its range or more, and nowhere else. Sensors under
-//!   load fall by a few microseconds within word 0x6: that is a step back in time, not a wrap after 4 ms.
+//!   load fall by a few microseconds within word 0x6: that is a step back in time, not a wrap after 4 ms. Where word 0x8 rises again
+//!   from just after a wrap to just before it and a word 0x6 follows, that is a step back over the wrap ([`WrappingClock`]).
 //! - Where word 0x8 changes, the lower bits are 0 until the next word 0x6: with the old bits an event would be up to 4 ms
 //!   early.
 //! - Only single events (word 0x2) are written, in the given order: vectors would be shorter, but would reorder the events
 //!   of a row. A silence of a whole period of 2^24 microseconds is written as the two time words of a wrap, so that the
-//!   written times are absolute.
+//!   written times are absolute; a longer silence than half a period has a time word in its middle, so that none rises by more.
 
 use std::io::{self, Write};
 
 use meissner_engine::{Event, Sensor};
 
 use crate::bytes::Bytes;
+use crate::codec::ReadOptions;
 use crate::error::IoError;
 use crate::format::Format;
+use crate::left_out::{LeftOutKind, PassedOver};
 use crate::prophesee::{Header, WrappingClock};
 use crate::recording::{Capacity, Recording, StreamKind, StreamSummary};
+use crate::seek::DISORDER_US;
 
 /// Coordinates have 11 bits.
 const SIDE: u16 = 2048;
@@ -45,6 +54,7 @@ const HIGH_RANGE: u16 = 1 << TIME_BITS;
 /// Bits 15-12 of the words.
 mod word {
     pub(super) const Y: u16 = 0x0;
+    pub(super) const OTHER_Y: u16 = 0x1;
     pub(super) const X: u16 = 0x2;
     pub(super) const BASE: u16 = 0x3;
     pub(super) const VECTOR_12: u16 = 0x4;
@@ -58,22 +68,36 @@ mod word {
 }
 
 /// The events of the file `bytes`.
-pub(crate) fn decode(bytes: &[u8], salvage: bool) -> Result<Recording, IoError> {
+pub(crate) fn decode(bytes: &[u8], options: ReadOptions) -> Result<Recording, IoError> {
     let format = Format::Evt3;
     let file = Bytes::file(format.name(), bytes);
     let header = Header::parse(file)?;
     let sensor = header.sensor(file, SIDE)?;
-    let (words, salvaged) = file.records("the last word", header.end, salvage)?;
+    let (words, salvaged) = file.records("the last word", header.end, options.salvage)?;
 
-    let mut decoder = Decoder::new(sensor);
+    let mut decoder = Decoder::new(sensor, options.strict);
     // Usually there are about half as many events as words.
     decoder.events.reserve(words.len() / 2);
     for (word, at) in words.iter().zip((header.end..).step_by(2)) {
         decoder.push(file, u16::from_le_bytes(*word), at)?;
     }
-    let Decoder { events, triggers, vendor, unplaced, .. } = decoder;
+    let Decoder { events, triggers, vendor, unplaced, passed, .. } = decoder;
     let other_streams = StreamSummary::present([triggers, vendor, unplaced]);
-    Ok(Recording { format, sensor, events, other_streams, salvaged })
+    let left_out = passed.end();
+    Ok(Recording { other_streams, left_out, salvaged, ..Recording::of_events(format, sensor, events) })
+}
+
+/// The row of the next events.
+#[derive(Clone, Copy, Debug)]
+enum Row {
+    /// None was named yet.
+    Unknown,
+    /// One of the sensor.
+    At(u16),
+    /// One outside the sensor.
+    Outside(u16),
+    /// One of an external system.
+    Other,
 }
 
 /// The state that the words change, and their events.
@@ -84,31 +108,36 @@ pub(crate) struct Decoder {
     clock: WrappingClock,
     /// The newest word 0x8, and its time in microseconds.
     high: Option<(u16, i64)>,
+    /// Whether no word 0x6 came after it.
+    is_bare: bool,
     /// The time of the next event.
     t_us: i64,
-    y: Option<u16>,
+    row: Row,
     /// Base column of the next vector, and its polarity.
     base: Option<(u32, bool)>,
     pub(crate) events: Vec<Event>,
     triggers: StreamSummary,
     vendor: StreamSummary,
     unplaced: StreamSummary,
+    pub(crate) passed: PassedOver,
 }
 
 impl Decoder {
     /// Before the first word of this sensor, or of the largest there is.
-    pub(crate) fn new(sensor: Option<Sensor>) -> Self {
+    pub(crate) fn new(sensor: Option<Sensor>, strict: bool) -> Self {
         Self {
             bounds: sensor.unwrap_or(Sensor::new(SIDE, SIDE)),
-            clock: WrappingClock::new(HIGH_RANGE.into()),
+            clock: WrappingClock::new(HIGH_RANGE.into()).stepping_back(DISORDER_US >> TIME_BITS),
             high: None,
+            is_bare: false,
             t_us: 0,
-            y: None,
+            row: Row::Unknown,
             base: None,
             events: Vec::new(),
             triggers: StreamSummary::new("external triggers", StreamKind::Triggers),
             vendor: StreamSummary::new("vendor's words", StreamKind::Other),
             unplaced: StreamSummary::new("before the first time and row", StreamKind::Unplaced),
+            passed: PassedOver::new(strict),
         }
     }
 
@@ -118,22 +147,25 @@ impl Decoder {
         let value = word & 0x0fff;
         let (flag, coordinate) = (word & 0x0800 != 0, word & 0x07ff);
         match word >> 12 {
-            word::Y if coordinate >= self.bounds.height => {
-                return Err(file.outside(self.bounds, 0, coordinate, at));
-            }
-            word::Y => self.y = Some(coordinate),
+            word::Y if coordinate < self.bounds.height => self.row = Row::At(coordinate),
+            word::Y => self.row = Row::Outside(coordinate),
+            word::OTHER_Y => self.row = Row::Other,
             word::X => self.pixels(file, coordinate.into(), 1, flag, at)?,
             word::BASE => self.base = Some((coordinate.into(), flag)),
             word::VECTOR_12 => self.vector(file, value, 12, at)?,
             word::VECTOR_8 => self.vector(file, value & 0xff, 8, at)?,
-            word::TIME_LOW => self.t_us = self.high.map_or(0, |(_, us)| us) + i64::from(value),
+            word::TIME_LOW => {
+                self.is_bare = false;
+                self.t_us = self.high.map_or(0, |(_, us)| us) + i64::from(value);
+            }
             word::TIME_HIGH => self.time_high(value),
             word::TRIGGER => self.triggers.add(1),
             word::VENDOR => self.vendor.add(1),
             word::CONTINUED_4 | word::CONTINUED_12 => {}
             reserved => {
-                let expected = "0x0, 0x2 to 0x8, 0xa, 0xe or 0xf";
-                return Err(file.malformed("type of a word", at, expected, format!("{reserved:#x}")));
+                let expected = "0x0 to 0x8, 0xa, 0xe or 0xf";
+                let error = file.malformed("type of a word", at, expected, format!("{reserved:#x}"));
+                self.passed.pass(LeftOutKind::OtherWords, 1, error)?;
             }
         }
         Ok(())
@@ -142,18 +174,22 @@ impl Decoder {
     fn time_high(&mut self, high: u16) {
         // The word is repeated while nothing happens: then the lower bits are still valid.
         if self.high.is_none_or(|(newest, _)| newest != high) {
+            if self.is_bare {
+                // The words of a silence of whole periods have nothing between them.
+                self.clock.take_for_forward();
+            }
             self.t_us = self.clock.advance(high.into()) << TIME_BITS;
             self.high = Some((high, self.t_us));
+            self.is_bare = true;
         }
     }
 
     fn vector(&mut self, file: Bytes<'_>, bits: u16, length: u32, at: usize) -> Result<(), IoError> {
         let Some((x, on)) = self.base else {
-            let expected = "a word of its base column before it";
-            return Err(file.malformed("vector of events", at, expected, "none"));
+            return self.unplaced(file, bits.count_ones(), "a word of its base column before it", at);
         };
         self.pixels(file, x, bits, on, at)?;
-        // A base beyond the sensor is an error only with the next event, so it must stop growing somewhere.
+        // A base may lie beyond the sensor until the next event, so it must stop growing somewhere.
         self.base = Some(((x + length).min(u32::from(u16::MAX)), on));
         Ok(())
     }
@@ -161,17 +197,51 @@ impl Decoder {
     /// An event at `x` + i for every set bit i.
     #[inline]
     fn pixels(&mut self, file: Bytes<'_>, x: u32, mut bits: u16, on: bool, at: usize) -> Result<(), IoError> {
-        let (Some(y), Some(_)) = (self.y, self.high) else {
-            self.unplaced.add(bits.count_ones().into());
-            return Ok(());
+        let y = match (self.row, self.high) {
+            (Row::At(y), Some(_)) => y,
+            (Row::Unknown, _) | (_, None) => {
+                return self.unplaced(file, bits.count_ones(), "words of time and row before it", at);
+            }
+            (row, _) => return self.beside(file, x, (bits, row), at),
         };
         while bits != 0 {
-            let x = x + bits.trailing_zeros();
-            if x >= u32::from(self.bounds.width) {
-                return Err(file.outside(self.bounds, x, y, at));
+            let column = x + bits.trailing_zeros();
+            if column >= u32::from(self.bounds.width) {
+                return self.beside(file, x, (bits, Row::Outside(y)), at);
             }
-            self.events.push(Event::new(self.t_us, x as u16, y, on));
+            self.events.push(Event::new(self.t_us, column as u16, y, on));
             bits &= bits - 1;
+        }
+        Ok(())
+    }
+
+    /// Leaves out the events at `x` + i for every set bit i, which are in a row outside the sensor, beyond its columns, or not its own.
+    #[cold]
+    fn beside(&mut self, file: Bytes<'_>, x: u32, (bits, row): (u16, Row), at: usize) -> Result<(), IoError> {
+        if bits == 0 {
+            return Ok(());
+        }
+        let (kind, error) = match row {
+            Row::Outside(y) => {
+                let x = x + bits.trailing_zeros();
+                (LeftOutKind::OutsideSensor, file.outside(self.bounds, x, y, at))
+            }
+            _ => {
+                let (expected, actual) =
+                    ("a row of this sensor (word 0x0)", "one of another system (word 0x1)");
+                (LeftOutKind::OtherEvents, file.malformed("row of an event", at, expected, actual))
+            }
+        };
+        self.passed.pass(kind, bits.count_ones().into(), error)
+    }
+
+    /// Counts events whose time or pixel is not known yet.
+    #[cold]
+    fn unplaced(&mut self, file: Bytes<'_>, count: u32, expected: &str, at: usize) -> Result<(), IoError> {
+        match count {
+            0 => {}
+            _ if self.passed.is_strict() => return Err(file.malformed("event", at, expected, "none")),
+            _ => self.unplaced.add(count.into()),
         }
         Ok(())
     }
@@ -226,7 +296,12 @@ impl Written {
             self.write_high(0, out)?;
             self.period += 1;
         }
-        self.write_high((event.t_us >> TIME_BITS) as u16 & (HIGH_RANGE - 1), out)?;
+        let high = (event.t_us >> TIME_BITS) as u16 & (HIGH_RANGE - 1);
+        if let Some(before) = self.high.filter(|before| high > before + HIGH_RANGE / 2) {
+            // A longer rise could be a step back over a wrap.
+            self.write_high(before + HIGH_RANGE / 2, out)?;
+        }
+        self.write_high(high, out)?;
         put_change(&mut self.low, word::TIME_LOW, event.t_us as u16 & (HIGH_RANGE - 1), out)?;
         put_change(&mut self.y, word::Y, event.y, out)?;
         put(word::X, event.x | u16::from(event.on) << 11, out)

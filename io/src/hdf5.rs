@@ -25,8 +25,10 @@ use hdf5_reader::{Dataset, FilterRegistry, H5Type, Hdf5File, OpenOptions, SliceI
 use meissner_engine::{Event, Sensor};
 
 use crate::bytes::Bytes;
+use crate::codec::ReadOptions;
 use crate::error::{IoError, Place, beginning};
 use crate::format::Format;
+use crate::left_out::{LeftOutKind, PassedOver};
 use crate::limits::{PACKET_BYTES, most};
 use crate::prophesee;
 use crate::recording::Recording;
@@ -46,14 +48,14 @@ const EVENT_BYTES: u64 = 9;
 const CACHE_BYTES: usize = 32 << 20;
 
 /// The events of the file `bytes`.
-pub(crate) fn decode(bytes: Vec<u8>) -> Result<Recording, IoError> {
-    let events = Events::open(Arc::new(BytesStorage::new(bytes)))?;
+pub(crate) fn decode(bytes: Vec<u8>, options: ReadOptions) -> Result<Recording, IoError> {
+    let events = Events::open(Arc::new(BytesStorage::new(bytes)), options)?;
     events.recording(0..events.count)
 }
 
 /// The events of `range` in `file`.
-pub(crate) fn read_range(file: File, range: TimeRange) -> Result<Recording, IoError> {
-    let events = Events::open(Arc::new(FileStorage::from_file(file).map_err(unreadable)?))?;
+pub(crate) fn read_range(file: File, options: ReadOptions, range: TimeRange) -> Result<Recording, IoError> {
+    let events = Events::open(Arc::new(FileStorage::from_file(file).map_err(unreadable)?), options)?;
     let mut part = events.recording(events.near(range)?)?;
     if events.count > 0 {
         let first_us = events.time(0)?;
@@ -63,8 +65,8 @@ pub(crate) fn read_range(file: File, range: TimeRange) -> Result<Recording, IoEr
 }
 
 /// The blocks of `file`.
-pub(crate) fn blocks(file: File) -> Result<Blocks, IoError> {
-    let events = Events::open(Arc::new(FileStorage::from_file(file).map_err(unreadable)?))?;
+pub(crate) fn blocks(file: File, options: ReadOptions) -> Result<Blocks, IoError> {
+    let events = Events::open(Arc::new(FileStorage::from_file(file).map_err(unreadable)?), options)?;
     let mut begin = 0;
     Ok(Blocks::new(move || {
         let range = begin..events.count.min(begin + RECORDS);
@@ -82,10 +84,11 @@ struct Events {
     /// What is added to the times, in microseconds.
     origin_us: i64,
     sensor: Option<Sensor>,
+    strict: bool,
 }
 
 impl Events {
-    fn open(storage: DynStorage) -> Result<Self, IoError> {
+    fn open(storage: DynStorage, ReadOptions { strict, .. }: ReadOptions) -> Result<Self, IoError> {
         let mut filters = FilterRegistry::new();
         let decoded =
             |result: Result<_, IoError>| result.map_err(|error| Error::FilterError(error.to_string()));
@@ -152,29 +155,29 @@ impl Events {
                 at_least,
             });
         }
-        Ok(Self { arrays, count, origin_us, sensor })
+        Ok(Self { arrays, count, origin_us, sensor, strict })
     }
 
     /// The recording of the events of a range.
     fn recording(&self, Range { start, end }: Range<u64>) -> Result<Recording, IoError> {
-        let mut events = Vec::with_capacity((end - start) as usize);
+        let (mut events, mut passed) =
+            (Vec::with_capacity((end - start) as usize), PassedOver::new(self.strict));
         let mut begin = start;
         while begin < end {
             let range = begin..end.min(begin + BLOCK);
             begin = range.end;
-            self.decode(range, &mut events)?;
+            self.decode(range, &mut events, &mut passed)?;
         }
-        Ok(Recording {
-            format: Format::Hdf5,
-            sensor: self.sensor,
-            events,
-            other_streams: Vec::new(),
-            salvaged: None,
-        })
+        Ok(Recording { left_out: passed.end(), ..Recording::of_events(Format::Hdf5, self.sensor, events) })
     }
 
     /// Appends the events of `range` to `events`.
-    fn decode(&self, range: Range<u64>, events: &mut Vec<Event>) -> Result<(), IoError> {
+    fn decode(
+        &self,
+        range: Range<u64>,
+        events: &mut Vec<Event>,
+        passed: &mut PassedOver,
+    ) -> Result<(), IoError> {
         for (index, Record([t_us, x, y, p])) in (range.start..).zip(self.records(&range)?) {
             let (format, place) = (Format::Hdf5.name(), Place::Event(index));
             let side = |what, value: i64| {
@@ -184,9 +187,17 @@ impl Events {
                 };
                 u16::try_from(value).map_err(malformed)
             };
-            let (x, y) = (side("x", x)?, side("y", y)?);
+            let (x, y) = match (side("x", x), side("y", y)) {
+                (Ok(x), Ok(y)) => (x, y),
+                (Err(error), _) | (_, Err(error)) => {
+                    passed.pass(LeftOutKind::Malformed, 1, error)?;
+                    continue;
+                }
+            };
             if let Some(sensor) = self.sensor.filter(|sensor| !sensor.contains(x, y)) {
-                return Err(IoError::OutsideSensor { format, place, sensor, x: x.into(), y: y.into() });
+                let error = IoError::OutsideSensor { format, place, sensor, x: x.into(), y: y.into() };
+                passed.pass(LeftOutKind::OutsideSensor, 1, error)?;
+                continue;
             }
             events.push(Event::new(t_us.wrapping_add(self.origin_us), x, y, p > 0));
         }

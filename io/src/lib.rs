@@ -62,6 +62,7 @@ mod format;
 #[cfg(feature = "hdf5")]
 mod hdf5;
 mod images;
+mod left_out;
 pub mod limits;
 mod nmnist;
 mod npy;
@@ -74,6 +75,7 @@ mod text;
 mod wire;
 mod zip;
 
+pub use aedat2::Chip;
 pub use codec::{
     HeldContent, ReadOptions, blocks, decode, decode_with, encode, read, read_content, read_range, read_with,
     write,
@@ -85,6 +87,7 @@ pub use error::{IoError, Place};
 pub use files::{check_replaceable, check_writable, read_file, read_whole, replace_file, write_file};
 pub use format::{EVENT_FIELDS, Foreign, Format, ImageFormat, Kind, UnknownName};
 pub use images::{Image, ImageSequence, decode_image, encode_png, read_image, write_png};
+pub use left_out::{LeftOut, LeftOutKind, is_mostly_refused};
 pub use recording::{Recording, Salvage, StreamKind, StreamSummary};
 pub use ros::EventPackets;
 pub use seek::{Blocks, DISORDER_US, TimeRange};

@@ -9,8 +9,10 @@
 use meissner_engine::{Event, Sensor};
 
 use crate::bytes::Bytes;
+use crate::codec::ReadOptions;
 use crate::error::IoError;
 use crate::format::Format;
+use crate::left_out::PassedOver;
 use crate::recording::Recording;
 
 /// Columns and rows.
@@ -29,16 +31,17 @@ pub(crate) fn is_nmnist(bytes: &[u8]) -> bool {
 }
 
 /// The events of `bytes`.
-pub(crate) fn decode(bytes: &[u8], salvage: bool) -> Result<Recording, IoError> {
+pub(crate) fn decode(bytes: &[u8], options: ReadOptions) -> Result<Recording, IoError> {
     let format = Format::Nmnist;
     let sensor = Some(Sensor::new(SIDE.into(), SIDE.into()));
     let file = Bytes::file(format.name(), bytes);
-    let (records, salvaged) = file.records("the last event", 0, salvage)?;
-    let mut events = Vec::with_capacity(records.len());
+    let (records, salvaged) = file.records("the last event", 0, options.salvage)?;
+    let (mut events, mut passed) = (Vec::with_capacity(records.len()), PassedOver::new(options.strict));
     for (&[x, y, high, middle, low], at) in records.iter().zip((0..).step_by(STRIDE)) {
-        file.check_pixel(sensor, x.into(), y.into(), at)?;
-        let t_us = i64::from(u32::from_be_bytes([0, high & 0x7f, middle, low]));
-        events.push(Event::new(t_us, x.into(), y.into(), high & 0x80 != 0));
+        if file.is_inside(sensor, x.into(), y.into(), at, &mut passed)? {
+            let t_us = i64::from(u32::from_be_bytes([0, high & 0x7f, middle, low]));
+            events.push(Event::new(t_us, x.into(), y.into(), high & 0x80 != 0));
+        }
     }
-    Ok(Recording { format, sensor, events, other_streams: Vec::new(), salvaged })
+    Ok(Recording { left_out: passed.end(), salvaged, ..Recording::of_events(format, sensor, events) })
 }

@@ -5,31 +5,42 @@
 //! names and types, `fortran_order` and `shape`. Source: the documentation of `numpy.lib.format`.
 //!
 //! The reader finds the fields t (microseconds), x, y and p or `on` by name, in any order. They are integers of any width and
-//! byte order, p also booleans, 0/1 or -1/+1; other fields and padding are skipped. The writer writes
-//! `[('t', '<i8'), ('x', '<u2'), ('y', '<u2'), ('p', '|u1')]`. The header has no place for the sensor.
+//! byte order, or floats ([`field`]), p also booleans, 0/1 or -1/+1; other fields and padding are skipped. Times as floats are whole
+//! microseconds, or in the unit that the caller names, or in seconds if any of them has four or more decimals, as in a text. Records with
+//! other values are left out and counted unless the reader is strict. Four arrays of one dimension, as an `.npz` may have them, are
+//! put together to such records ([`joined`]). The writer writes `[('t', '<i8'), ('x', '<u2'), ('y', '<u2'), ('p', '|u1')]`. The
+//! header has no place for the sensor.
+
+mod field;
 
 use std::io::{self, Write};
 
 use meissner_engine::Event;
 
-use crate::bytes::{Bytes, array};
+use crate::bytes::Bytes;
+use crate::codec::ReadOptions;
+use crate::csv::TimeUnit;
+use crate::csv::layout::DECIMALS_OF_SECONDS;
 use crate::error::{IoError, shown};
 use crate::format::{Format, POLARITY, TIME, X, Y};
+use crate::left_out::{LeftOutKind, PassedOver};
 use crate::limits::NPY_HEADER_BYTES;
 use crate::prophesee::WrappingClock;
 use crate::recording::Recording;
 use crate::seek::Records;
+use crate::text::Number;
+use field::Field;
 
 /// First bytes of a file.
 pub(crate) const MAGIC: &[u8] = b"\x93NUMPY";
 
 /// The events of the file `bytes`.
-pub(crate) fn decode(bytes: &[u8], salvage: bool) -> Result<Recording, IoError> {
+pub(crate) fn decode(bytes: &[u8], options: ReadOptions) -> Result<Recording, IoError> {
     let file = Bytes::file(Format::Npy.name(), bytes);
-    let layout = Layout::open(file)?;
+    let layout = Layout::open(file, options)?;
     let records = file.after(layout.start);
     let (promised, there) = (layout.promised(), records.len() as u64);
-    if there < promised && !salvage {
+    if there < promised && !options.salvage {
         return Err(file.truncated("array", layout.start, promised, false));
     }
     let salvaged = (there < promised).then(|| {
@@ -43,41 +54,8 @@ pub(crate) fn decode(bytes: &[u8], salvage: bool) -> Result<Recording, IoError> 
     Ok(Recording { salvaged, ..layout.events(records)? })
 }
 
-/// An integer in a record; a boolean is a byte without a sign.
-#[derive(Clone, Copy)]
-struct Field {
-    offset: usize,
-    /// 1, 2, 4 or 8 bytes.
-    width: usize,
-    signed: bool,
-    big_endian: bool,
-}
-
-impl Field {
-    /// Its value in `record`; wide enough for every integer type.
-    #[inline]
-    fn value(self, record: &[u8]) -> i128 {
-        let bytes = &record[self.offset..];
-        let unsigned = match (self.width, self.big_endian) {
-            (1, _) => bytes[0].into(),
-            (2, false) => u16::from_le_bytes(array(bytes)).into(),
-            (2, true) => u16::from_be_bytes(array(bytes)).into(),
-            (4, false) => u32::from_le_bytes(array(bytes)).into(),
-            (4, true) => u32::from_be_bytes(array(bytes)).into(),
-            (_, false) => u64::from_le_bytes(array(bytes)),
-            (_, true) => u64::from_be_bytes(array(bytes)),
-        };
-        if self.signed {
-            // The shift up and back down fills the upper bits with the sign bit of the narrow type.
-            let shift = 64 - 8 * self.width as u32;
-            i128::from((unsigned << shift) as i64 >> shift)
-        } else {
-            unsigned.into()
-        }
-    }
-}
-
 /// The layout of the records.
+#[derive(Clone)]
 pub(crate) struct Layout {
     /// Time, column, row and polarity.
     fields: [Field; 4],
@@ -87,6 +65,9 @@ pub(crate) struct Layout {
     count: u64,
     /// Byte of the file at which the first record starts.
     start: usize,
+    strict: bool,
+    /// The unit of the times, which the caller names; without it, floats tell it.
+    unit: Option<TimeUnit>,
 }
 
 /// What the text of a header says of an array of `N` dimensions; `descr` has its type.
@@ -186,7 +167,7 @@ type Column<'a> = (&'a [u8], Option<Field>);
 impl Records for Layout {
     const PERIOD: Option<i64> = None;
 
-    fn open(file: Bytes<'_>) -> Result<Self, IoError> {
+    fn open(file: Bytes<'_>, options: ReadOptions) -> Result<Self, IoError> {
         let Header { text_at, start, descr: (columns, stride), shape: [count] } =
             Header::parse(file, columns)?;
         let find = |what: &'static str, known: &[&str]| {
@@ -194,7 +175,7 @@ impl Records for Layout {
             let mut found = columns.iter().filter(|(name, _)| is_known(name));
             let (expected, actual) = match (found.next(), found.next()) {
                 (Some(&(_, Some(field))), None) => return Ok(field),
-                (Some(_), None) => ("integers".to_owned(), "another type"),
+                (Some(_), None) => ("integers or floats".to_owned(), "another type"),
                 (None, _) => (format!("a field {}", known.join(" or ")), "none"),
                 (Some(_), Some(_)) => ("one field".to_owned(), "two"),
             };
@@ -202,7 +183,14 @@ impl Records for Layout {
         };
         let (t, x) = (find("field t (time)", TIME)?, find("field x", X)?);
         let (y, p) = (find("field y", Y)?, find("field p (polarity)", POLARITY)?);
-        Ok(Self { fields: [t, x, y, p], stride, count, start })
+        Ok(Self {
+            fields: [t, x, y, p],
+            stride,
+            count,
+            start,
+            strict: options.strict,
+            unit: options.text.time_unit,
+        })
     }
 
     fn start(&self) -> usize {
@@ -214,11 +202,13 @@ impl Records for Layout {
     }
 
     fn is_whole(&self, length: u64) -> bool {
-        length - self.start as u64 == self.promised()
+        // All times together tell the unit of floats.
+        length - self.start as u64 == self.promised() && !self.fields[0].is_float()
     }
 
     fn clock(&self, record: &[u8]) -> Option<i64> {
-        self.fields[0].value(record).try_into().ok()
+        let power = self.unit.map_or(0, |unit| unit.name_and_power().1);
+        self.fields[0].scaled(record, power)?.try_into().ok()
     }
 
     fn decode(&self, records: Bytes<'_>, _: WrappingClock) -> Result<Recording, IoError> {
@@ -235,9 +225,16 @@ impl Layout {
     /// The events of the whole ones of `records`.
     fn events(&self, records: Bytes<'_>) -> Result<Recording, IoError> {
         let mut events = Vec::with_capacity((self.count as usize).min(records.len()));
+        let mut passed = PassedOver::new(self.strict);
+        let power = match self.unit {
+            None if self.fields[0].is_float() => self.power_of_floats(records)?,
+            unit => unit.map_or(0, |unit| unit.name_and_power().1),
+        };
         for (index, record) in records.data.chunks_exact(self.stride).enumerate() {
-            let values @ [t, x, y, p] = self.fields.map(|field| field.value(record));
-            let (field, what, expected) = match (t.try_into(), x.try_into(), y.try_into(), p) {
+            let [t, x, y, p] = self.fields;
+            let values = [t.scaled(record, power), x.whole(record), y.whole(record), p.whole(record)];
+            let [t_us, x, y, p] = values.map(|value| value.unwrap_or(i128::MAX));
+            let (field, what, expected) = match (t_us.try_into(), x.try_into(), y.try_into(), p) {
                 (Ok(t_us), Ok(x), Ok(y), -1..=1) => {
                     events.push(Event { t_us, x, y, on: p == 1 });
                     continue;
@@ -248,10 +245,94 @@ impl Layout {
                 _ => (3, "polarity p", "0, 1 or -1"),
             };
             let at = index * self.stride + self.fields[field].offset;
-            return Err(records.malformed(what, at, expected, values[field]));
+            passed.pass(
+                LeftOutKind::Malformed,
+                1,
+                records.malformed(what, at, expected, self.fields[field].text(record)),
+            )?;
         }
-        let (format, sensor) = (Format::Npy, None);
-        Ok(Recording { format, sensor, events, other_streams: Vec::new(), salvaged: None })
+        Ok(Recording { left_out: passed.end(), ..Recording::of_events(Format::Npy, None, events) })
+    }
+}
+
+impl Layout {
+    /// The power of ten that makes microseconds of times as floats, whose unit nobody names.
+    fn power_of_floats(&self, records: Bytes<'_>) -> Result<i32, IoError> {
+        let times = || records.data.chunks_exact(self.stride).map(|record| self.fields[0].text(record));
+        let decimals = |time: String| Number::parse(time.as_bytes()).map_or(0, Number::decimals);
+        match times().map(decimals).max().unwrap_or(0) {
+            0 => Ok(0),
+            DECIMALS_OF_SECONDS.. => Ok(TimeUnit::Seconds.name_and_power().1),
+            _ => {
+                let first = times().find(|time| decimals(time.clone()) > 0).unwrap_or_default();
+                let (expected, actual) =
+                    ("whole microseconds, seconds, or an option that names the unit", first);
+                Err(records.malformed("time t", self.fields[0].offset, expected, actual))
+            }
+        }
+    }
+}
+
+/// The structured array of four arrays of one dimension: time, column, row and polarity.
+pub(crate) fn joined(files: &[Vec<u8>; 4]) -> Result<Vec<u8>, IoError> {
+    let (mut types, mut columns, mut counts) = (Vec::new(), Vec::new(), Vec::new());
+    for (bytes, name) in files.iter().zip(["t", "x", "y", "p"]) {
+        let file = Bytes::file(Format::Npy.name(), bytes);
+        let Header { start, descr: (text, width), shape: [count], .. } =
+            Header::<_, 1>::parse(file, array_type)?;
+        let values = &bytes[start..];
+        let promised = count.saturating_mul(width as u64);
+        if values.len() as u64 != promised {
+            return Err(file.malformed("array", start, format!("{promised} bytes"), values.len()));
+        }
+        types.push(format!("('{name}', '{}')", text.escape_ascii()));
+        columns.push((values, width));
+        counts.push(count);
+    }
+    if counts.iter().any(|count| *count != counts[0]) {
+        let file = Bytes::file(Format::Npy.name(), &[]);
+        return Err(file.malformed("lengths of t, x, y and p", 0, "one length", format!("{counts:?}")));
+    }
+    let header =
+        format!("{{'descr': [{}], 'fortran_order': False, 'shape': ({},), }}", types.join(", "), counts[0]);
+    let mut bytes = [MAGIC, &[1, 0], &(header.len() as u16).to_le_bytes(), header.as_bytes()].concat();
+    bytes.reserve(columns.iter().map(|(values, _)| values.len()).sum());
+    for index in 0..counts[0] as usize {
+        for (values, width) in &columns {
+            bytes.extend_from_slice(&values[index * width..][..*width]);
+        }
+    }
+    Ok(bytes)
+}
+
+/// The type of an array that can be a column of events, and the bytes of a value.
+fn array_type<'a>(scanner: &mut Scanner<'a>) -> Result<(&'a [u8], usize), IoError> {
+    let text = scanner.string()?;
+    match Field::of_type(text, 0) {
+        Some((Some(_), width)) => Ok((text, width)),
+        _ => Err(scanner.error(&format!("integers or floats before this, not {}", shown(text)))),
+    }
+}
+
+/// What an array is to a recording.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Part {
+    /// Records of events.
+    Events,
+    /// Values of one dimension, which can be a column of events.
+    Column,
+    Other,
+}
+
+/// What the array is whose file starts with `start`.
+pub(crate) fn part(start: &[u8]) -> Part {
+    let file = Bytes::file(Format::Npy.name(), start);
+    if Layout::open(file, ReadOptions::default()).is_ok() {
+        Part::Events
+    } else if Header::<_, 1>::parse(file, array_type).is_ok() {
+        Part::Column
+    } else {
+        Part::Other
     }
 }
 
@@ -273,7 +354,7 @@ fn columns<'a>(scanner: &mut Scanner<'a>) -> Result<(Vec<Column<'a>>, usize), Io
         }
         scanner.expect(b',')?;
         let text = scanner.string()?;
-        let Some((field, bytes)) = column(text, stride) else {
+        let Some((field, bytes)) = Field::of_type(text, stride) else {
             let expected = format!("a type of fixed size before this, not {}", shown(text));
             return Err(scanner.error(&expected));
         };
@@ -286,28 +367,6 @@ fn columns<'a>(scanner: &mut Scanner<'a>) -> Result<(Vec<Column<'a>>, usize), Io
         }
     }
     Ok((columns, stride))
-}
-
-/// The field at `offset` of the type that `text` names, if an event can have it, and its bytes. `None`: the size is not fixed.
-fn column(text: &[u8], offset: usize) -> Option<(Option<Field>, usize)> {
-    let (big_endian, text) = match text {
-        [b'>', rest @ ..] => (true, rest),
-        [b'<' | b'=' | b'|', rest @ ..] => (false, rest),
-        _ => (false, text),
-    };
-    let (&class, size) = text.split_first()?;
-    // The unit of `M8[us]` and `m8[us]` is in brackets.
-    let digits = size.split(|&b| b == b'[').next().unwrap_or_default();
-    let size: u32 = str::from_utf8(digits).ok()?.parse().ok()?;
-    let width = size as usize;
-    match (class, size) {
-        (b'b', 1) | (b'i' | b'u', 1 | 2 | 4 | 8) => {
-            Some((Some(Field { offset, width, signed: class == b'i', big_endian }), width))
-        }
-        (b'f' | b'c' | b'V' | b'S' | b'M' | b'm', _) => Some((None, width)),
-        (b'U', _) => Some((None, width.saturating_mul(4))),
-        _ => None,
-    }
 }
 
 /// The lengths of an array of `N` dimensions.

@@ -11,33 +11,55 @@ use meissner_engine::Sensor;
 use crate::bytes::Bytes;
 use crate::error::{IoError, shown};
 use crate::format::Format;
+use crate::seek::DISORDER_US;
 
 /// A clock that counts from 0 to `range` - 1 and wraps.
 ///
-/// It wraps where its value falls by half of `range` or more; a smaller fall is a step back in time.
+/// It wraps where its value falls by half of `range` or more; a smaller fall is a step back in time. After a wrap, a value that is less
+/// than `back` before the newest one, seen over the wrap, is a step back too: two falls with such a rise between them are one wrap.
 #[derive(Debug)]
 pub(crate) struct WrappingClock {
     range: i64,
+    /// Longest step back over a wrap.
+    back: i64,
     newest: i64,
     /// Sum of the ranges that have passed.
     passed: i64,
+    /// Whether the newest value is a step back over a wrap.
+    stepped_back: bool,
 }
 
 impl WrappingClock {
     pub(crate) fn new(range: i64) -> Self {
-        Self { range, newest: 0, passed: 0 }
+        Self { range, back: DISORDER_US, newest: 0, passed: 0, stepped_back: false }
+    }
+
+    /// The same clock in another unit than microseconds, in which the longest step back over a wrap is `back`.
+    pub(crate) fn stepping_back(self, back: i64) -> Self {
+        Self { back, ..self }
     }
 
     /// The clock at the value `newest`, which is the time `t_us`.
     pub(crate) fn resumed(range: i64, newest: i64, t_us: i64) -> Self {
-        Self { range, newest, passed: t_us - newest }
+        Self { newest, passed: t_us - newest, ..Self::new(range) }
+    }
+
+    /// Takes the newest value for a step forward of nearly a period, if it was taken for one back over a wrap.
+    pub(crate) fn take_for_forward(&mut self) {
+        if std::mem::take(&mut self.stepped_back) {
+            self.passed += self.range;
+        }
     }
 
     /// The time since the first period's start at the clock's next value.
     #[inline]
     pub(crate) fn advance(&mut self, value: i64) -> i64 {
+        self.stepped_back = false;
         if self.newest - value >= self.range / 2 {
             self.passed += self.range;
+        } else if value - self.newest >= self.range - self.back && self.passed > 0 {
+            self.passed -= self.range;
+            self.stepped_back = true;
         }
         self.newest = value;
         self.passed + value

@@ -8,6 +8,7 @@ use meissner_engine::{Event, Sensor};
 
 use crate::error::{IoError, Place};
 use crate::format::Format;
+use crate::left_out::LeftOut;
 
 /// A decoded file.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -20,8 +21,20 @@ pub struct Recording {
     pub events: Vec<Event>,
     /// The other streams of the file, counted and not decoded. Empty streams are left out.
     pub other_streams: Vec<StreamSummary>,
+    /// Words, events and lines that were left out for what they are, by kind; empty with [`crate::ReadOptions::strict`].
+    pub left_out: Vec<LeftOut>,
+    /// What the file does not say and the reader took for granted, as sentences.
+    pub assumed: Vec<&'static str>,
     /// The incomplete end of the file, which was left out; only with [`crate::ReadOptions::salvage`].
     pub salvaged: Option<Salvage>,
+}
+
+impl Recording {
+    /// A recording of these events and nothing else.
+    pub fn of_events(format: Format, sensor: Option<Sensor>, events: Vec<Event>) -> Self {
+        let (other_streams, left_out, assumed) = (Vec::new(), Vec::new(), Vec::new());
+        Self { format, sensor, events, other_streams, left_out, assumed, salvaged: None }
+    }
 }
 
 /// The incomplete end of a file that was cut short; its events are left out.

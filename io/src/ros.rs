@@ -15,6 +15,7 @@ use meissner_engine::{Event, Sensor};
 use crate::bytes::Bytes;
 use crate::error::IoError;
 use crate::evt3;
+use crate::left_out::{LeftOut, PassedOver};
 
 const NAME: &str = "event packet";
 
@@ -34,6 +35,8 @@ pub struct EventPackets {
     sensor: Sensor,
     encoding: Encoding,
     events: Vec<Event>,
+    /// Of `mono`; the decoder of EVT 3.0 has its own.
+    passed: PassedOver,
 }
 
 #[derive(Debug)]
@@ -49,21 +52,21 @@ impl EventPackets {
     /// [`IoError::Unsupported`] for an encoding other than `evt3` and `mono`.
     pub fn new(encoding: &str, sensor: Sensor) -> Result<Self, IoError> {
         let encoding = match encoding {
-            "evt3" => Encoding::Evt3(Box::new(evt3::Decoder::new(Some(sensor)))),
+            "evt3" => Encoding::Evt3(Box::new(evt3::Decoder::new(Some(sensor), false))),
             "mono" => Encoding::Mono,
             other => {
                 let (expected, actual) = ("an event packet in evt3 or mono", format!("{other:?}"));
                 return Err(IoError::Unsupported { expected, actual });
             }
         };
-        Ok(Self { sensor, encoding, events: Vec::new() })
+        Ok(Self { sensor, encoding, events: Vec::new(), passed: PassedOver::default() })
     }
 
     /// The events of the next message, with times in microseconds: `time_base` in nanoseconds and the bytes of `events`. O(bytes).
     ///
     /// # Errors
-    /// [`IoError::Truncated`] where the bytes end within an event or a word, [`IoError::OutsideSensor`] for an event outside the sensor,
-    /// [`IoError::Malformed`] for words that EVT 3.0 does not have. Events of this message before the fault are lost.
+    /// [`IoError::Truncated`] where the bytes end within an event or a word; nothing of the message is then read. Words and events that
+    /// a recording would leave out are counted in [`Self::left_out`].
     pub fn decode(&mut self, time_base: u64, bytes: &[u8]) -> Result<&[Event], IoError> {
         self.events.clear();
         let packet = Bytes::file(NAME, bytes);
@@ -82,12 +85,23 @@ impl EventPackets {
                 for (&record, at) in records.iter().zip((0..).step_by(8)) {
                     let bits = u64::from_le_bytes(record);
                     let (x, y) = ((bits >> 32) as u16, (bits >> 48) as u16 & 0x7fff);
-                    packet.check_pixel(Some(self.sensor), x, y, at)?;
+                    if !packet.is_inside(Some(self.sensor), x, y, at, &mut self.passed)? {
+                        continue;
+                    }
                     let t_us = time_base.saturating_add(bits & 0xffff_ffff) / 1000;
                     self.events.push(Event::new(t_us as i64, x, y, bits >> 63 == 1));
                 }
             }
         }
         Ok(&self.events)
+    }
+
+    /// What was left out of all messages so far, by kind: events outside the sensor, reserved words such as padding, and events of another
+    /// system. The places count from the start of each message.
+    pub fn left_out(&self) -> &[LeftOut] {
+        match &self.encoding {
+            Encoding::Evt3(decoder) => decoder.passed.so_far(),
+            Encoding::Mono => self.passed.so_far(),
+        }
     }
 }

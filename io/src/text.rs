@@ -176,55 +176,115 @@ impl Separator {
     }
 }
 
-/// A decimal number as text: an optional sign, digits, and optionally a point and more digits. No exponent.
+/// A decimal number as text: an optional sign, digits, optionally a point and more digits, and optionally an exponent of ten.
 #[derive(Clone, Copy)]
 pub(crate) struct Number<'a> {
     negative: bool,
     integer: &'a [u8],
     /// The digits after the point, where there is one.
     fraction: Option<&'a [u8]>,
+    /// The power of ten after `e`, where there is one.
+    exponent: Option<i32>,
+}
+
+/// Largest exponent by its absolute value; one beyond it counts as this one. Its number is 0 or has no use here.
+const EXPONENT: i32 = 1 << 16;
+/// Decimal digits that a float of 64 bits always keeps: the digits after them are noise.
+const DIGITS: usize = 15;
+
+/// The digits at the start of `text`, and the rest.
+fn digits(text: &[u8]) -> (&[u8], &[u8]) {
+    text.split_at(text.iter().take_while(|byte| byte.is_ascii_digit()).count())
+}
+
+/// Whether `text` starts with a minus, and what follows its sign.
+fn sign(text: &[u8]) -> (bool, &[u8]) {
+    match text {
+        [b'-', rest @ ..] => (true, rest),
+        [b'+', rest @ ..] => (false, rest),
+        _ => (false, text),
+    }
 }
 
 impl<'a> Number<'a> {
     /// The number in `field`; `None`: the field is no number.
     pub(crate) fn parse(field: &'a [u8]) -> Option<Self> {
-        let (negative, digits) = match field {
-            [b'-', rest @ ..] => (true, rest),
-            [b'+', rest @ ..] => (false, rest),
-            _ => (false, field),
-        };
-        let point = digits.iter().position(|&b| b == b'.');
-        let integer = &digits[..point.unwrap_or(digits.len())];
-        let fraction = point.map(|point| &digits[point + 1..]);
-        let digits_only = |digits: &[u8]| digits.iter().all(u8::is_ascii_digit);
-        let sound = !integer.is_empty() && digits_only(integer) && fraction.is_none_or(digits_only);
-        sound.then_some(Self { negative, integer, fraction })
+        let (negative, rest) = sign(field);
+        let (integer, mut rest) = digits(rest);
+        let mut number = Self { negative, integer, fraction: None, exponent: None };
+        if let [b'.', after @ ..] = rest {
+            let (fraction, after) = digits(after);
+            (number.fraction, rest) = (Some(fraction), after);
+        }
+        if let [b'e' | b'E', after @ ..] = rest {
+            let (negative, after) = sign(after);
+            let (power, after) = digits(after);
+            let digit = |power: i32, &digit| (power * 10 + i32::from(digit - b'0')).min(EXPONENT);
+            let power = power.first().map(|_| power.iter().fold(0, digit))?;
+            (number.exponent, rest) = (Some(if negative { -power } else { power }), after);
+        }
+        (!integer.is_empty() && rest.is_empty()).then_some(number)
     }
 
+    /// Its digits, from the first on.
+    fn digits(self) -> impl Iterator<Item = u8> {
+        self.integer.iter().chain(self.fraction.unwrap_or_default()).map(|digit| digit - b'0')
+    }
+
+    /// Digits before the point once the exponent has moved it; negative: zeros after it.
+    fn point(self) -> i64 {
+        self.integer.len() as i64 + i64::from(self.exponent.unwrap_or(0))
+    }
+
+    /// Whether it is written as a float, with a point or an exponent.
     pub(crate) fn has_point(self) -> bool {
-        self.fraction.is_some()
+        self.fraction.is_some() || self.exponent.is_some()
     }
 
-    /// Digits after the point.
+    /// Digits after the point. Of a number with an exponent, whose writers print every float with all its digits, these are the ones
+    /// that a float keeps, without zeros at their end.
     pub(crate) fn decimals(self) -> usize {
-        self.fraction.unwrap_or_default().len()
+        if self.exponent.is_none() {
+            return self.fraction.unwrap_or_default().len();
+        }
+        let Some(first) = self.digits().position(|digit| digit > 0) else { return 0 };
+        let mut kept: Vec<u8> = self.digits().skip(first).take(DIGITS).collect();
+        if self.digits().nth(first + DIGITS).is_some_and(|digit| digit >= 5) {
+            while kept.last() == Some(&9) {
+                kept.pop();
+            }
+            // Nothing but nines is the next power of ten, which has no decimals after the point of the first digit.
+            if let Some(last) = kept.last_mut() {
+                *last += 1;
+            }
+        }
+        while kept.last() == Some(&0) {
+            kept.pop();
+        }
+        usize::try_from((first + kept.len()) as i64 - self.point()).unwrap_or(0)
     }
 
     /// Whether the digits after the point are zeros.
     pub(crate) fn is_whole(self) -> bool {
-        self.fraction.unwrap_or_default().iter().all(|&b| b == b'0')
+        match self.exponent {
+            None => self.fraction.unwrap_or_default().iter().all(|&b| b == b'0'),
+            Some(_) => self.digits().skip(self.point().max(0) as usize).all(|digit| digit == 0),
+        }
     }
 
     pub(crate) fn is_zero(self) -> bool {
-        self.is_whole() && self.integer.iter().all(|&b| b == b'0')
+        self.is_whole() && self.digits().all(|digit| digit == 0)
     }
 
     /// The number times 10^`power`, rounded to the nearest integer, halves away from zero; `None` beyond 128 bits.
     pub(crate) fn scaled(self, power: i32) -> Option<i128> {
+        // Zeros of any exponent are not multiplied out.
+        if self.exponent.is_some() && self.is_zero() {
+            return Some(0);
+        }
         // The digits before this position are kept, the digit at this position rounds.
-        let end = self.integer.len() as i64 + i64::from(power);
-        let digits = self.integer.iter().chain(self.fraction.unwrap_or_default()).map(|digit| digit - b'0');
-        let mut digits = digits.chain(iter::repeat(0));
+        let end = self.point() + i64::from(power);
+        let mut digits = self.digits().chain(iter::repeat(0));
         let mut kept = digits.by_ref().take(end.max(0) as usize);
         // 18 digits fit in 64 bits, which is faster.
         let mut value = if end <= 18 {
@@ -252,6 +312,26 @@ mod tests {
     }
 
     #[test]
+    fn an_exponent_moves_the_point_and_the_noise_of_a_float_is_no_decimal() {
+        let number = |text: &'static str| Number::parse(text.as_bytes()).expect("a number");
+        for (text, decimals, is_whole) in [
+            ("1.9999999949504854e-06", 20, false),
+            ("1.010000000000000047e-03", 5, false),
+            ("1.049999999999999935e-03", 5, false),
+            ("1.200000000000000000e+01", 0, true),
+            ("9.999999999999999999e+00", 0, false),
+            ("1.234500000000000000e+03", 1, false),
+            ("12e-1", 1, false),
+            ("120e-1", 0, true),
+            ("0.000000000000000000e+00", 0, true),
+            ("0.003000", 6, false),
+            ("12.0", 1, true),
+        ] {
+            assert_eq!((number(text).decimals(), number(text).is_whole()), (decimals, is_whole), "{text}");
+        }
+    }
+
+    #[test]
     fn digits_beyond_microseconds_round_to_the_nearest_and_halves_away_from_zero() {
         for (text, power, expected) in [
             ("0.003811000", 6, 3811),
@@ -267,11 +347,27 @@ mod tests {
             ("49", -3, 0),
             ("-500", -3, -1),
             ("1468940293.922985", 6, 1_468_940_293_922_985),
+            ("1.9999999949504854e-06", 6, 2),
+            ("1.000000000000000021e-03", 6, 1000),
+            ("1.499999999999999999e-06", 6, 1),
+            ("1.5E-6", 6, 2),
+            ("-1.5e-06", 6, -2),
+            ("4.9e-7", 6, 0),
+            ("5e-7", 6, 1),
+            ("5e-8", 6, 0),
+            ("1.2e+01", 0, 12),
+            ("2.5e+06", 0, 2_500_000),
+            ("1589163005561252e-6", 6, 1_589_163_005_561_252),
+            ("0e99999999999999999999", 6, 0),
+            ("7e-99999999999999999999", 6, 0),
         ] {
             assert_eq!(scaled(text, power), Some(expected), "{text}");
         }
         assert_eq!(scaled(&"9".repeat(50), 0), None);
-        for wrong in ["", "-", ".5", "1e3", "1.2.3", "0x1", "1,5", "+-1"] {
+        assert_eq!(scaled("1e99999999999999999999", 0), None);
+        for wrong in
+            ["", "-", ".5", "1e", "e3", "1e+", "1e3.5", "1e3e3", "1.2.3", "0x1", "1,5", "+-1", "nan", "inf"]
+        {
             assert!(Number::parse(wrong.as_bytes()).is_none(), "{wrong}");
         }
     }

@@ -12,8 +12,9 @@ use rawzip::{CompressionMethod, ZipFileHeaderRecord, ZipLocator, ZipSliceArchive
 use crate::bytes::Bytes;
 use crate::detect::START;
 use crate::error::{IoError, beginning};
-use crate::format::Kind;
+use crate::format::{Format, Kind, POLARITY, TIME, X, Y};
 use crate::limits::{PACKET_BYTES, most};
+use crate::npy::{self, Part};
 
 /// The end record with the longest comment.
 const SEARCHED: u64 = 22 + u16::MAX as u64;
@@ -33,37 +34,69 @@ pub(crate) fn for_each(
     })
 }
 
-/// The content of the only recording among the files of the archive `bytes`. An only file is taken for it: its reader says what
-/// is wrong with it.
+/// The content of the recording among the files of the archive `bytes`: the only one, or the one of several that is called `events`, or,
+/// in an `.npz`, the four arrays with the names of an event's values, put together. Arrays of anything else are no recordings. An
+/// only file is taken for it: its reader says what is wrong with it.
 pub(crate) fn recording(bytes: &[u8]) -> Result<Vec<u8>, IoError> {
     let archive = Archive::open(bytes)?;
     let mut left = most(bytes.len() as u64);
-    let (mut files, mut names, mut chosen) = (0_u64, Vec::new(), 0);
+    let (mut files, mut others) = (0_u64, Vec::new());
+    // Number and name of each recording, and the numbers of the arrays for each value of an event.
+    let (mut recordings, mut columns): (Vec<(u64, String)>, [Vec<u64>; 4]) = Default::default();
     archive.for_each(|name, record| {
         files += 1;
         let start = archive.start(record, left.min(START));
         left -= start.len() as u64;
-        if matches!(Kind::of(&start), Some(Kind::Events(_))) {
-            chosen = files;
-            names.push(beginning(name, 40));
+        let part = match Kind::of(&start) {
+            Some(Kind::Events(Format::Npy)) => npy::part(&start),
+            Some(Kind::Events(_)) => Part::Events,
+            _ => return Ok(()),
+        };
+        let stem = stem(name).to_ascii_lowercase();
+        let value = [TIME, X, Y, POLARITY].iter().position(|names| names.contains(&stem.as_str()));
+        match (part, value) {
+            (Part::Events, _) => recordings.push((files, name.to_owned())),
+            (Part::Column, Some(value)) => columns[value].push(files),
+            _ => others.push(name.to_owned()),
         }
         Ok(())
     })?;
-    if names.len() != 1 && files != 1 {
-        let shown = names[..names.len().min(4)].join(", ");
-        let dots = if names.len() > 4 { ", .." } else { "" };
-        let actual = format!("{} among {files} files ({shown}{dots}): unpack it with unzip", names.len());
-        return Err(IoError::Unsupported { expected: "one recording of events in a zip archive", actual });
-    }
-    let (mut at, mut found) = (0, Vec::new());
+    let called = || recordings.iter().filter(|(_, name)| stem(name).eq_ignore_ascii_case("events"));
+    let chosen = match (&recordings[..], columns.each_ref().map(Vec::as_slice)) {
+        ([(only, _)], _) => vec![*only],
+        ([], [&[t], &[x], &[y], &[p]]) => vec![t, x, y, p],
+        ([_, _, ..], _) if called().count() == 1 => called().map(|(number, _)| *number).collect(),
+        _ if files == 1 => vec![1],
+        _ => {
+            let found = recordings.len();
+            let names = recordings.into_iter().map(|(_, name)| name).chain(others);
+            let names: Vec<_> = names.map(|name| beginning(&name, 40)).collect();
+            let shown = names[..names.len().min(4)].join(", ");
+            let dots = if names.len() > 4 { ", .." } else { "" };
+            let actual = format!("{found} among {files} files ({shown}{dots}): unpack it with unzip");
+            let expected = "one recording of events in a zip archive, or arrays t, x, y and p";
+            return Err(IoError::Unsupported { expected, actual });
+        }
+    };
+    let (mut at, mut left, mut found) = (0, most(bytes.len() as u64), vec![Vec::new(); chosen.len()]);
     archive.for_each(|_, record| {
         at += 1;
-        if at == chosen.max(1) {
-            found = archive.content(record, most(bytes.len() as u64))?;
+        if let Some(place) = chosen.iter().position(|number| *number == at) {
+            found[place] = archive.content(record, left)?;
+            left -= found[place].len() as u64;
         }
         Ok(())
     })?;
-    Ok(found)
+    match <[Vec<u8>; 4]>::try_from(found) {
+        Ok(columns) => npy::joined(&columns),
+        Err(mut found) => Ok(found.pop().unwrap_or_default()),
+    }
+}
+
+/// The name of a file without its folders and what follows the first dot.
+fn stem(name: &str) -> &str {
+    let file = name.rsplit('/').next().unwrap_or_default();
+    file.split('.').next().unwrap_or_default()
 }
 
 /// An archive in memory.

@@ -55,6 +55,7 @@ pub mod error;
 mod frame_feed;
 pub mod interrupt;
 pub mod latency;
+pub mod left_out;
 pub mod live_frames;
 pub mod losses;
 pub mod memory;

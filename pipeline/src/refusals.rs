@@ -5,6 +5,8 @@
 
 use std::path::Path;
 
+use meissner_io::{LeftOut, LeftOutKind, is_mostly_refused};
+
 use crate::error::PipelineError;
 use crate::losses::LINES_TOLD;
 use crate::streams;
@@ -90,7 +92,7 @@ impl Refusals {
             Some(problem) => self.warn(&problem),
             None => {}
         }
-        if !self.of_anybody && 2 * self.count > FIRST && self.taken + self.count <= FIRST {
+        if !self.of_anybody && is_mostly_refused(self.count, self.taken, false) {
             Err(self.most(FIRST))
         } else {
             Ok(())
@@ -103,11 +105,17 @@ impl Refusals {
     /// Most lines were refused.
     pub(crate) fn end(&self) -> Result<(), PipelineError> {
         let lines = self.taken + self.count;
-        if !self.of_anybody && self.count > self.taken && lines < FIRST {
+        if !self.of_anybody && is_mostly_refused(self.count, self.taken, true) {
             Err(self.most(lines))
         } else {
             Ok(())
         }
+    }
+
+    /// The refused lines as a reader of files has them.
+    pub(crate) fn left_out(&self) -> Vec<LeftOut> {
+        let lines = LeftOut { kind: LeftOutKind::Lines, count: self.count, first: vec![self.first.clone()] };
+        if self.count > 0 { vec![lines] } else { Vec::new() }
     }
 
     fn warn(&self, problem: &str) {

@@ -1,18 +1,18 @@
 //! Sources of events: a file, a stream on which they arrive, or the embedded recording.
 //!
 //! Invariant: what is no regular file, such as a pipe, is opened and read once. What was read is held until the recording is
-//! decoded, and a text with bad lines is gone over again from there.
+//! decoded, and what of it can be salvaged is found from there.
 
-use std::borrow::Cow;
 use std::path::Path;
 
 use meissner_engine::{Event, EventCounters, Sensor};
 use meissner_io::{
-    CsvEvents, Format, HeldContent, IoError, LiveEvents, Place, ReadOptions, Recording, TimeRange,
+    Format, HeldContent, IoError, LeftOutKind, LiveEvents, Place, ReadOptions, Recording, TimeRange,
 };
 
 use crate::error::{PipelineError, chain};
 use crate::interrupt;
+use crate::left_out;
 use crate::losses::{Advice, InputLosses, Salvaged};
 use crate::refusals::Refusals;
 use crate::streams;
@@ -22,7 +22,8 @@ const EMBEDDED: &[u8] = include_bytes!("../assets/dome_press.evt3");
 const EMBEDDED_NAME: &str = "dome_press.evt3 (embedded; simulated, not a real sensor)";
 /// A stream of events with its name, format and geometry.
 ///
-/// Lines of a text that cannot be read are skipped and counted, unless the source is strict.
+/// Lines of a text that cannot be read are skipped and counted, and words and events of a file that a recording leaves out, unless the
+/// source is strict.
 pub struct Source {
     /// Name for messages and reports.
     pub name: String,
@@ -38,6 +39,8 @@ pub struct Source {
     /// The range of the events that arrive, and the time of the first one once it is known.
     range: Option<(TimeRange, Option<i64>)>,
     refusals: Refusals,
+    /// Lines of a text in a file that could not be read.
+    lines_left_out: u64,
     /// Every `stride`-th event is taken.
     stride: usize,
     /// Number of events to skip before the next one is taken.
@@ -61,18 +64,13 @@ enum Events {
 /// The recording cannot be read, or a line of a text is malformed.
 pub fn read(path: &Path, options: &ReadOptions) -> Result<Recording, PipelineError> {
     if streams::is_live(path) {
-        let mut arriving = arriving(path, options)?;
-        if streams::is_of_datagrams(path) {
-            let mut refusals = Refusals::of(path, false);
-            let mut events = Vec::new();
-            while let Some(event) = next(&mut arriving, &mut refusals) {
-                events.push(event?);
-            }
-            return Ok(text(arriving.sensor(), events, options.range));
+        let (mut arriving, mut events) = (arriving(path, options)?, Vec::new());
+        let mut refusals = Refusals::of(path, options.strict && !streams::is_of_datagrams(path));
+        while let Some(event) = next(&mut arriving, &mut refusals) {
+            events.push(event?);
         }
-        let events = arriving.by_ref().collect::<Result<_, _>>();
-        let events = events.map_err(|e| PipelineError::recording(&streams::name(path), e))?;
-        return Ok(text(arriving.sensor(), events, options.range));
+        let left_out = refusals.left_out();
+        return Ok(Recording { left_out, ..text(arriving.sensor(), events, options.range) });
     }
     InFile::open(path, options)?.read(options)
 }
@@ -101,18 +99,12 @@ impl<'a> InFile<'a> {
         }
     }
 
-    fn content(&self) -> Result<Cow<'_, [u8]>, IoError> {
-        match &self.held {
-            Some(content) => Ok(content.bytes().into()),
-            None => meissner_io::read_content(self.path).map(Cow::Owned),
-        }
-    }
-
     fn read(&self, options: &ReadOptions) -> Result<Recording, PipelineError> {
         let recording = self.decode(*options).map_err(|source| self.refused(options, source))?;
         if let Some(salvaged) = Salvaged::of(&recording) {
             tracing::warn!("{}: salvaged: {salvaged}", self.path.display());
         }
+        left_out::warn(&self.path.display().to_string(), &recording);
         Ok(recording)
     }
 
@@ -130,22 +122,6 @@ impl<'a> InFile<'a> {
             return PipelineError::Recording { recording: name.into(), source, salvaged };
         }
         PipelineError::recording(&name, source)
-    }
-
-    /// The recording in a text, without the lines that are not events.
-    fn passing_over(
-        &self,
-        options: &ReadOptions,
-        refusals: &mut Refusals,
-    ) -> Result<Recording, PipelineError> {
-        let refused = |error| PipelineError::recording(&self.path.display().to_string(), error);
-        let bytes = self.content().map_err(refused)?;
-        let mut lines = CsvEvents::of_text(&bytes, options.text).map_err(refused)?;
-        let mut events = Vec::new();
-        while let Some(event) = next(&mut lines, refusals) {
-            events.push(event?);
-        }
-        Ok(text(lines.sensor(), events, options.range))
     }
 }
 
@@ -195,23 +171,22 @@ impl Source {
                 Ok(Self { range, ..Self::new(format, sensor, events, refusals) })
             }
             Some(path) => {
-                let mut refusals = Refusals::of(path, strict);
-                let file = InFile::open(path, options)?;
-                let recording = match file.read(options) {
-                    Err(error) if !strict && !options.salvage && is_of_a_line(&error) => {
-                        file.passing_over(options, &mut refusals)?
-                    }
-                    read => read?,
-                };
-                Ok(Self::of(recording, refusals))
+                let recording = read(path, &options.strict(strict))?;
+                Ok(Self::of(recording, Refusals::of(path, strict)))
             }
         }
     }
 
     fn of(recording: Recording, refusals: Refusals) -> Self {
         let salvaged = Salvaged::of(&recording);
-        let Recording { format, sensor, events, .. } = recording;
-        Self { salvaged, ..Self::new(format, sensor, Events::Read(events.into_iter()), refusals) }
+        let Recording { format, sensor, events, left_out, .. } = recording;
+        let lines = left_out.iter().filter(|left_out| left_out.kind == LeftOutKind::Lines);
+        let lines_left_out = lines.map(|lines| lines.count).sum();
+        Self {
+            salvaged,
+            lines_left_out,
+            ..Self::new(format, sensor, Events::Read(events.into_iter()), refusals)
+        }
     }
 
     fn new(format: impl ToString, sensor: Option<Sensor>, events: Events, refusals: Refusals) -> Self {
@@ -228,6 +203,7 @@ impl Source {
             events,
             range: None,
             refusals,
+            lines_left_out: 0,
             stride: 1,
             pass_over: 0,
             advice: |_| None,
@@ -275,7 +251,7 @@ impl Source {
 
     /// The number of lines so far that could not be read.
     pub fn lines_refused(&self) -> u64 {
-        self.refusals.count()
+        self.refusals.count() + self.lines_left_out
     }
 
     /// The number of events left to take, if it is known.
@@ -335,7 +311,7 @@ fn next(
                 return Some(Ok(event));
             }
             Some(Err(_)) if interrupt::requested() => return None,
-            Some(Err(error)) if is_about_a_line(&error) => match refusals.refuse(chain(&error)) {
+            Some(Err(error)) if error.is_about_a_line() => match refusals.refuse(chain(&error)) {
                 Ok(()) => continue,
                 refused => refused,
             },
@@ -345,26 +321,9 @@ fn next(
     }
 }
 
-/// Whether `error` is about one line of a text.
-fn is_of_a_line(error: &PipelineError) -> bool {
-    matches!(error, PipelineError::Recording { source, .. } if is_about_a_line(source))
-}
-
-/// Whether `error` is about one line of a text, or about a part of a datagram.
-fn is_about_a_line(error: &IoError) -> bool {
-    use IoError::{Datagram, Malformed, OutsideSensor};
-    matches!(
-        error,
-        Datagram { .. }
-            | Malformed { place: Place::Line(_), .. }
-            | OutsideSensor { place: Place::Line(_), .. }
-    )
-}
-
 /// The recording of these events of a text, without those outside `range`.
 fn text(sensor: Option<Sensor>, events: Vec<Event>, range: Option<TimeRange>) -> Recording {
-    let mut recording =
-        Recording { format: Format::Csv, sensor, events, other_streams: Vec::new(), salvaged: None };
+    let mut recording = Recording::of_events(Format::Csv, sensor, events);
     range.inspect(|range| range.cut(&mut recording));
     recording
 }

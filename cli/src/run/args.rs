@@ -339,7 +339,7 @@ impl RunArgs {
             ("--for", input.part.for_us.is_some(), events),
             ("--late clamp", input.late == LatePolicy::Clamp, events),
             ("--restart keep", input.restart == RestartPolicy::Keep, events),
-            ("--strict", input.strict, &[EventGraph, EventFrames, Electrodes]),
+            ("--strict", input.read.strict, &[EventGraph, EventFrames, Electrodes]),
             ("--every", self.every.is_some(), events),
             ("--save-state", self.state.save_state.is_some(), events),
             ("--resume", self.state.resume.is_some(), events),

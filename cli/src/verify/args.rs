@@ -81,6 +81,7 @@ impl VerifyArgs {
             ("RECORDING", !self.recordings.is_empty()),
             ("--sensor", self.sensor.is_some()),
             ("--every", self.every.is_some()),
+            ("--strict", self.read.strict),
         ];
         own.into_iter().chain(self.read.given()).find(|&(_, given)| given).map(|(option, _)| option)
     }

@@ -12,6 +12,9 @@ use crate::recording::{StreamKind, StreamSummary};
 /// First bytes of a file.
 pub(crate) const MAGIC: &[u8] = b"#!AER-DAT4.0\r\n";
 
+/// What is cut where a file ends before its packet table.
+const BEFORE_TABLE: &str = "the recording before its packet table";
+
 /// The content of a file's header.
 pub(super) struct Header {
     pub(super) compression: Compression,
@@ -22,6 +25,8 @@ pub(super) struct Header {
     pub(super) table: Option<usize>,
     /// Whether the file ends before the place of its packet table.
     pub(super) is_cut: bool,
+    /// Whether its buffer has no name, as then that of the packet table.
+    pub(super) is_unnamed: bool,
 }
 
 impl Header {
@@ -40,7 +45,30 @@ impl Header {
         let packets = start + 4 + size as usize;
         let data = file.get(what, start, packets - start)?;
         let content = Bytes { data, origin: file.place(start), ..file };
-        let root = Table::root(content, what, *b"IOHE")?;
+        match Table::root(content, what, *b"IOHE") {
+            Ok(root) => Self::of_table(file, (root, content), length, packets, salvage),
+            Err(error) => {
+                // Some writers leave the name out. A buffer that can be read in spite of that is a header.
+                let unnamed = Table::of_any_name(content, what)
+                    .and_then(|root| Self::of_table(file, (root, content), length, packets, salvage));
+                match unnamed {
+                    Ok(header) => Ok(Self { is_unnamed: true, ..header }),
+                    Err(cut @ IoError::Truncated { what: BEFORE_TABLE, .. }) => Err(cut),
+                    Err(_) => Err(error),
+                }
+            }
+        }
+    }
+
+    /// Reads the `root` table of the header's `content`, behind which the packets start.
+    fn of_table(
+        file: Bytes<'_>,
+        (root, content): (Table<'_>, Bytes<'_>),
+        length: u64,
+        packets: usize,
+        salvage: bool,
+    ) -> Result<Self, IoError> {
+        let start = MAGIC.len();
         let compression = match root.field(0)?.map_or(0, i32::from_le_bytes) {
             0 => Compression::None,
             1 | 2 => Compression::Lz4,
@@ -56,15 +84,13 @@ impl Header {
         };
         let (xml_at, xml) = root.vector(2, 1)?;
         let streams = parse_streams(Bytes { data: xml, origin: content.place(xml_at), ..file })?;
-        Ok(Self { compression, streams, packets, table, is_cut })
+        Ok(Self { compression, streams, packets, table, is_cut, is_unnamed: false })
     }
 
     /// The position of the packet table, which the recorder writes last: a file that ends before it is cut short.
     fn table(file: Bytes<'_>, length: u64, packets: usize, at: i64) -> Result<usize, IoError> {
         match u64::try_from(at) {
-            Ok(position) if position > length => {
-                Err(file.truncated("the recording before its packet table", 0, position, false))
-            }
+            Ok(position) if position > length => Err(file.truncated(BEFORE_TABLE, 0, position, false)),
             Ok(position) if position >= packets as u64 => Ok(position as usize),
             _ => {
                 let expected = format!("-1, or {packets} and above");
@@ -85,13 +111,16 @@ pub(super) struct Stream {
     pub(super) summary: StreamSummary,
 }
 
-/// The streams that the XML declares, in its order.
+/// The streams that the XML declares, in its order; none where it is empty or has no list of them, as some writers leave it.
 ///
 /// `<dv><node name="outInfo"><node name="ID"><attr key="typeIdentifier">EVTS</attr>..<node name="info"><attr
 /// key="sizeX">346</attr>..`: a node for each stream, named by the number in the headers of its packets.
 fn parse_streams(xml: Bytes<'_>) -> Result<Vec<Stream>, IoError> {
     let what = "XML of the streams";
     let malformed = |what, expected, actual: String| xml.malformed(what, 0, expected, actual);
+    if xml.data.trim_ascii().is_empty() {
+        return Ok(Vec::new());
+    }
     let text = str::from_utf8(xml.data).map_err(|e| malformed(what, "UTF-8", e.to_string()))?;
     // The parser copies and compares all name spaces for each element: 64 KiB of them take a minute.
     if text.contains("xmlns") {
@@ -101,10 +130,12 @@ fn parse_streams(xml: Bytes<'_>) -> Result<Vec<Stream>, IoError> {
     let document = Document::parse_with_options(text, options)
         .map_err(|e| malformed(what, "well-formed XML", beginning(&e.to_string(), 200)))?;
     let root = document.descendants().find(|node| is_node(*node, "outInfo"));
-    let root = root.ok_or_else(|| malformed(what, "a node outInfo", "none".to_owned()))?;
+    if root.is_none() && !document.root_element().has_tag_name("dv") {
+        return Err(malformed(what, "a node outInfo", "none".to_owned()));
+    }
 
     let mut streams: Vec<Stream> = Vec::new();
-    for node in root.children().filter(|node| node.has_tag_name("node")) {
+    for node in root.iter().flat_map(Node::children).filter(|node| node.has_tag_name("node")) {
         let id = node.attribute("name").unwrap_or_default();
         let no_number = |_| malformed("number of a stream", "an integer of 32 bits", shown(id.as_bytes()));
         let id = id.parse().map_err(no_number)?;
@@ -114,13 +145,7 @@ fn parse_streams(xml: Bytes<'_>) -> Result<Vec<Stream>, IoError> {
         let identifier = attr(node, "typeIdentifier").ok_or_else(|| {
             malformed("type of a stream", "an attr typeIdentifier", format!("none in stream {id}"))
         })?;
-        let kind = match identifier {
-            "EVTS" => StreamKind::Events,
-            "FRME" => StreamKind::Frames,
-            "IMUS" => StreamKind::Imu,
-            "TRIG" => StreamKind::Triggers,
-            _ => StreamKind::Other,
-        };
+        let kind = kind_of(identifier.as_bytes());
         let info = node.children().find(|child| is_node(*child, "info"));
         let side = |key| match info.and_then(|info| attr(info, key)).map(|text| (text, text.parse())) {
             None => Ok(None),
@@ -135,6 +160,17 @@ fn parse_streams(xml: Bytes<'_>) -> Result<Vec<Stream>, IoError> {
         streams.push(Stream { id, sensor, summary: StreamSummary::new(name, kind) });
     }
     Ok(streams)
+}
+
+/// The kind of a stream whose packets have this name.
+pub(super) fn kind_of(name: &[u8]) -> StreamKind {
+    match name {
+        b"EVTS" => StreamKind::Events,
+        b"FRME" => StreamKind::Frames,
+        b"IMUS" => StreamKind::Imu,
+        b"TRIG" => StreamKind::Triggers,
+        _ => StreamKind::Other,
+    }
 }
 
 fn is_node(node: Node<'_, '_>, name: &str) -> bool {

@@ -33,12 +33,21 @@ pub(super) struct Table<'a> {
 impl<'a> Table<'a> {
     /// The root table of the buffer `bytes`, whose name must be `name` and whose length must be its size prefix.
     pub(super) fn root(bytes: Bytes<'a>, what: &'static str, name: [u8; 4]) -> Result<Self, IoError> {
+        Self::parse(bytes, what, Some(name))
+    }
+
+    /// The same of a buffer that may have no name.
+    pub(super) fn of_any_name(bytes: Bytes<'a>, what: &'static str) -> Result<Self, IoError> {
+        Self::parse(bytes, what, None)
+    }
+
+    fn parse(bytes: Bytes<'a>, what: &'static str, name: Option<[u8; 4]>) -> Result<Self, IoError> {
         let size = bytes.u32(what, 0)? as usize;
         if size != bytes.len() - PREFIX {
             let expected = format!("a content of {size} bytes");
             return Err(bytes.malformed(what, 0, expected, bytes.len() - PREFIX));
         }
-        check_name(bytes, what, name)?;
+        name.map_or(Ok(()), |name| check_name(bytes, what, name))?;
         let at = PREFIX.saturating_add(bytes.u32(what, PREFIX)? as usize);
         let back = i64::from(bytes.i32(what, at)?);
         let vtable = usize::try_from(at as i64 - back).map_err(|_| {
@@ -74,11 +83,15 @@ impl<'a> Table<'a> {
     }
 }
 
+/// The name of four letters of a buffer.
+pub(super) fn name_of(bytes: Bytes<'_>, what: &'static str) -> Result<[u8; 4], IoError> {
+    bytes.array(what, PREFIX + 4)
+}
+
 /// Refuses a buffer with another name of four letters.
 pub(super) fn check_name(bytes: Bytes<'_>, what: &'static str, name: [u8; 4]) -> Result<(), IoError> {
-    let at = PREFIX + 4;
-    let actual: [u8; 4] = bytes.array(what, at)?;
-    if actual == name { Ok(()) } else { Err(bytes.malformed(what, at, shown(&name), shown(&actual))) }
+    let actual = name_of(bytes, what)?;
+    if actual == name { Ok(()) } else { Err(bytes.malformed(what, PREFIX + 4, shown(&name), shown(&actual))) }
 }
 
 /// How the packets of a file are compressed.

@@ -3,6 +3,8 @@
 use std::fmt;
 use std::str::FromStr;
 
+use meissner_engine::Sensor;
+
 use crate::error::{IoError, shown};
 use crate::format::{POLARITY, UnknownName, X, Y};
 use crate::text::{Line, Number, Separator, content_lines, text_start};
@@ -21,9 +23,20 @@ pub struct ColumnOrder {
     pub(super) count: usize,
 }
 
+/// What the header of a text says.
+pub(super) struct Header {
+    pub(super) columns: ColumnOrder,
+    /// The unit of the times, where it names one.
+    pub(super) unit: Option<TimeUnit>,
+    /// The sensor, where the names of x and y have its sides: `x@346,y@260`.
+    pub(super) sensor: Option<Sensor>,
+}
+
 impl ColumnOrder {
     /// Columns t, x, y, p.
     pub(super) const PLAIN: Self = Self { at: [0, 1, 2, 3], count: 4 };
+    /// Columns x, y, p, t, as Metavision's programs write them without a header.
+    pub(super) const METAVISION: Self = Self { at: [3, 0, 1, 2], count: 4 };
     /// Longest order, in letters.
     const MOST: usize = 64;
 
@@ -35,15 +48,18 @@ impl ColumnOrder {
 
     /// Whether a line consists of the names of the four columns and nothing else.
     pub(super) fn is_plain_header(line: Line<'_>) -> bool {
-        Self::from_header(line, Separator::of(line.text)).is_ok_and(|(columns, _)| columns.count == 4)
+        Self::from_header(line, Separator::of(line.text)).is_ok_and(|header| header.columns.count == 4)
     }
 
-    /// The columns that a header names, and the unit of the times if the header names one.
-    pub(super) fn from_header(
-        line: Line<'_>,
-        separator: Separator,
-    ) -> Result<(Self, Option<TimeUnit>), IoError> {
-        let names: Vec<_> = separator.fields(line.text).map(<[u8]>::to_ascii_lowercase).collect();
+    /// What a header says.
+    pub(super) fn from_header(line: Line<'_>, separator: Separator) -> Result<Header, IoError> {
+        let fields: Vec<_> = separator.fields(line.text).map(<[u8]>::to_ascii_lowercase).collect();
+        // The names of x and y may have a side of the sensor behind them: `x@346`.
+        let parts = |field: &Vec<u8>| {
+            let at = field.iter().position(|&byte| byte == b'@');
+            at.map_or((field.clone(), None), |at| (field[..at].to_vec(), Some(field[at + 1..].to_vec())))
+        };
+        let (names, sides): (Vec<_>, Vec<_>) = fields.iter().map(parts).unzip();
         let find = |what, is: &dyn Fn(&[u8]) -> bool, expected: &str| {
             let mut found = names.iter().enumerate().filter(|(_, name)| is(name));
             match (found.next(), found.next()) {
@@ -58,7 +74,17 @@ impl ColumnOrder {
         let t = find("column t of the header", &|name| time_column(name).0, times)?;
         let (x, y) = (one_of("column x of the header", X)?, one_of("column y of the header", Y)?);
         let p = one_of("column p of the header", POLARITY)?;
-        Ok((Self { at: [t, x, y, p], count: names.len() }, time_column(&names[t]).1))
+        let side = |column: usize| {
+            let Some(text) = &sides[column] else { return Ok(None) };
+            let side =
+                str::from_utf8(text).ok().and_then(|text| text.parse().ok()).filter(|&side: &u16| side > 0);
+            let refuse =
+                || line.malformed("side of the sensor in the header", "1 to 65535 pixels", shown(text));
+            side.map(Some).ok_or_else(refuse)
+        };
+        let sensor = side(x)?.zip(side(y)?).map(|(width, height)| Sensor { width, height });
+        let columns = Self { at: [t, x, y, p], count: names.len() };
+        Ok(Header { columns, unit: time_column(&names[t]).1, sensor })
     }
 
     /// The fields t, x, y and p of a line.
@@ -124,7 +150,7 @@ impl TimeUnit {
     const ALL: [Self; 4] = [Self::Seconds, Self::Milliseconds, Self::Microseconds, Self::Nanoseconds];
 
     /// The unit's name, and the power of ten that converts it to microseconds.
-    pub(super) const fn name_and_power(self) -> (&'static str, i32) {
+    pub(crate) const fn name_and_power(self) -> (&'static str, i32) {
         match self {
             Self::Seconds => ("s", 6),
             Self::Milliseconds => ("ms", 3),

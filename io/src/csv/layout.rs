@@ -22,8 +22,9 @@ use crate::text::{Line, Number, Separator, bare, is_comment};
 const ENOUGH: usize = 16;
 /// Columns of a text without a header.
 const COLUMNS: usize = 4;
-/// Decimals from which on a time is in seconds: in milliseconds it would be finer than microseconds.
-const DECIMALS_OF_SECONDS: usize = 4;
+/// Decimals from which on a time is in seconds: in milliseconds it would be finer than microseconds. Of a time with an exponent, the
+/// decimals that a float keeps count ([`Number::decimals`]).
+pub(crate) const DECIMALS_OF_SECONDS: usize = 4;
 
 /// Columns of t, x and p in every order in which y follows x.
 const ORDERS: [[usize; 3]; 6] = [[0, 1, 3], [2, 0, 3], [3, 0, 2], [0, 2, 1], [1, 2, 0], [3, 1, 0]];
@@ -101,6 +102,9 @@ impl Layout {
                 let expected = "WIDTHxHEIGHT, each 1 to 65535 pixels";
                 let refuse = || line.malformed("sensor in a comment", expected, shown(text));
                 self.sensor = Some(sensor(text, |c| c == 'x').ok_or_else(refuse)?);
+            } else if let Some((size, columns)) = geometry(comment.text) {
+                self.sensor = Some(size);
+                self.columns = self.columns.or(columns);
             } else if ColumnOrder::is_plain_header(comment) {
                 self.header(comment)?;
                 // The events may have another separator.
@@ -122,11 +126,14 @@ impl Layout {
         let separator = Separator::of(line.text);
         self.separator = Some(separator);
         if self.options.columns.is_none() {
-            let (columns, unit) = ColumnOrder::from_header(line, separator)?;
-            self.columns = Some(columns);
-            if let (None, Some(unit)) = (self.options.time_unit, unit) {
+            let header = ColumnOrder::from_header(line, separator)?;
+            self.columns = Some(header.columns);
+            self.sensor = header.sensor.or(self.sensor);
+            if let (None, Some(unit)) = (self.options.time_unit, header.unit) {
                 self.time = Some(Time::Named(unit));
             }
+        } else if let Ok(header) = ColumnOrder::from_header(line, separator) {
+            self.sensor = header.sensor.or(self.sensor);
         }
         Ok(())
     }
@@ -164,8 +171,10 @@ impl Layout {
         let x = coordinate(x).ok_or_else(|| refuse("column x", side, x))?;
         let y = coordinate(y).ok_or_else(|| refuse("row y", side, y))?;
         let on = polarity(p).ok_or_else(|| refuse("polarity p", "0, 1, -1 or +1", p))?;
-        line.bytes().check_pixel(self.sensor, x, y, 0)?;
-        Ok(Event { t_us, x, y, on })
+        match self.sensor {
+            Some(sensor) if !sensor.contains(x, y) => Err(line.bytes().outside(sensor, x.into(), y, 0)),
+            _ => Ok(Event { t_us, x, y, on }),
+        }
     }
 
     /// A time in microseconds; the first that is not 0 decides the unit.
@@ -194,6 +203,16 @@ impl Layout {
         };
         let power = unit.name_and_power().1;
         number.scaled(power).and_then(|us| us.try_into().ok()).ok_or_else(|| refuse(expected))
+    }
+}
+
+/// The sensor of the comment `geometry:WIDTH,HEIGHT` of Metavision's texts, whose columns are x, y, p, t, or of
+/// `geometry WIDTHxHEIGHT` of its other files.
+fn geometry(comment: &[u8]) -> Option<(Sensor, Option<ColumnOrder>)> {
+    match comment.strip_prefix(b"geometry")? {
+        [b':', size @ ..] => Some((sensor(size, |c| c == ',')?, Some(ColumnOrder::METAVISION))),
+        [b' ', size @ ..] => Some((sensor(size, |c| c == 'x')?, None)),
+        _ => None,
     }
 }
 

@@ -9,6 +9,7 @@ use std::io::{Read, Seek};
 use super::records::{Part, fresh, resumed};
 use super::{Input, PacketHeader, Packets, Probe, Records};
 use crate::bytes::Bytes;
+use crate::codec::ReadOptions;
 use crate::error::{IoError, Place};
 use crate::recording::Recording;
 
@@ -50,8 +51,9 @@ impl Iterator for Blocks {
 /// The blocks of a format with records; `None`: the whole file must be read.
 pub(crate) fn of_records<T: Records + Send + 'static>(
     mut input: Input<impl Read + Seek + Send + 'static>,
+    options: ReadOptions,
 ) -> Result<Option<Blocks>, IoError> {
-    let layout: T = input.open(|file, _| T::open(file), T::start)?;
+    let layout: T = input.open(|file, _| T::open(file, options), T::start)?;
     if layout.stride() == 0 || !layout.is_whole(input.length) {
         return Ok(None);
     }
@@ -83,8 +85,9 @@ pub(crate) fn of_records<T: Records + Send + 'static>(
 /// The blocks of a format with packets; `None`: the whole file must be read.
 pub(crate) fn of_packets<T: Packets + Send + 'static>(
     mut input: Input<impl Read + Seek + Send + 'static>,
+    options: ReadOptions,
 ) -> Result<Option<Blocks>, IoError> {
-    let mut container: T = input.open(T::open, T::start)?;
+    let mut container: T = input.open(|file, length| T::open(file, length, options), T::start)?;
     let Some(end) = container.end(input.length) else { return Ok(None) };
     let mut at = container.start() as u64;
     Ok(Some(Blocks::new(move || {

@@ -5,6 +5,7 @@ use std::ops::Range;
 
 use super::{DISORDER_US, Input, Probe, TimeRange, step};
 use crate::bytes::Bytes;
+use crate::codec::ReadOptions;
 use crate::error::{IoError, Place};
 use crate::recording::Recording;
 
@@ -22,7 +23,7 @@ pub(crate) trait Packets: Sized {
     const HEADER: usize;
 
     /// Reads the header at the start of `file`, which has `length` bytes.
-    fn open(file: Bytes<'_>, length: u64) -> Result<Self, IoError>;
+    fn open(file: Bytes<'_>, length: u64, options: ReadOptions) -> Result<Self, IoError>;
     /// First byte of the first packet.
     fn start(&self) -> usize;
     /// First byte after the last packet of a file of `length` bytes; `None`: the file is cut short.
@@ -39,8 +40,9 @@ pub(crate) trait Packets: Sized {
 pub(crate) fn read<T: Packets>(
     input: &mut Input<impl Read + Seek>,
     range: TimeRange,
+    options: ReadOptions,
 ) -> Result<Option<Recording>, IoError> {
-    let mut container: T = input.open(T::open, T::start)?;
+    let mut container: T = input.open(|file, length| T::open(file, length, options), T::start)?;
     let Some(end) = container.end(input.length) else { return Ok(None) };
     // The first byte and the bytes of each packet of events.
     let mut places = Vec::new();

@@ -5,6 +5,7 @@ use std::ops::Range;
 
 use super::{DISORDER_US, Input, Probe, TimeRange, step};
 use crate::bytes::Bytes;
+use crate::codec::ReadOptions;
 use crate::error::{IoError, Place};
 use crate::prophesee::WrappingClock;
 use crate::recording::Recording;
@@ -20,7 +21,7 @@ pub(crate) trait Records: Sized {
     const PERIOD: Option<i64>;
 
     /// Reads the header at the start of `file`.
-    fn open(file: Bytes<'_>) -> Result<Self, IoError>;
+    fn open(file: Bytes<'_>, options: ReadOptions) -> Result<Self, IoError>;
     /// First byte of the first record.
     fn start(&self) -> usize;
     /// Bytes of a record.
@@ -39,8 +40,9 @@ pub(crate) trait Records: Sized {
 pub(crate) fn read<T: Records>(
     input: &mut Input<impl Read + Seek>,
     range: TimeRange,
+    options: ReadOptions,
 ) -> Result<Option<Recording>, IoError> {
-    let layout: T = input.open(|file, _| T::open(file), T::start)?;
+    let layout: T = input.open(|file, _| T::open(file, options), T::start)?;
     if layout.stride() == 0 || !layout.is_whole(input.length) {
         return Ok(None);
     }

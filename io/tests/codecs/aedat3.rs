@@ -6,7 +6,7 @@ use meissner_io::{Format, IoError, Place, StreamKind, decode, decode_with};
 use proptest::prelude::*;
 
 use crate::support::aedat::{aedat3, aedat3_events, aedat3_header, aedat3_packet};
-use crate::support::{SENSOR, events, sorted_events};
+use crate::support::{SENSOR, events, sorted_events, strictly};
 
 /// A file of a DVS128 with these packets.
 fn dvs128(packets: &[Vec<u8>]) -> Vec<u8> {
@@ -103,9 +103,9 @@ fn absurd_numbers_in_a_packets_header_are_refused() {
 }
 
 #[test]
-fn a_negative_time_and_a_pixel_beside_the_sensor_are_refused() {
+fn a_negative_time_and_a_pixel_beside_the_sensor_are_refused_by_a_strict_reader() {
     let event = |data: u32, time: i32| {
-        decode(&dvs128(&[aedat3_packet(1, 1, 8, 0, &[data.to_le_bytes(), time.to_le_bytes()].concat())]))
+        strictly(&dvs128(&[aedat3_packet(1, 1, 8, 0, &[data.to_le_bytes(), time.to_le_bytes()].concat())]))
     };
     let error = event(1, -1).unwrap_err();
     assert!(matches!(error, IoError::Malformed { what: "time of an event", .. }), "{error}");

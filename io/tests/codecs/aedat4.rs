@@ -8,7 +8,7 @@ use meissner_io::{IoError, Place, StreamKind, StreamSummary, decode};
 use proptest::prelude::*;
 
 use crate::support::aedat4::{Compression, File, event_packet, outputs, sample, stream, vector};
-use crate::support::{SENSOR, any_event, events};
+use crate::support::{SENSOR, any_event, events, strictly};
 
 fn summary(name: &str, kind: StreamKind, packets: u64, elements: u64) -> StreamSummary {
     StreamSummary { name: name.to_owned(), kind, packets, elements }
@@ -68,7 +68,7 @@ fn the_error_of_an_event_beside_the_sensor_names_packet_and_byte() {
     let mut file = File::new(Compression::Lz4, Some(Sensor::new(100, 100)));
     let at = file.bytes().len() - Compression::Lz4.pack(file.table.as_ref().unwrap()).len();
     file.push(0, &event_packet(&[Event::new(0, 99, 99, true), Event::new(0, 100, 0, true)]));
-    let error = decode(&file.bytes()).unwrap_err();
+    let error = strictly(&file.bytes()).unwrap_err();
     let expected = Place::Packet { packet: at as u64, byte: 32 + 16 + 8 };
     assert!(
         matches!(error, IoError::OutsideSensor { place, x: 100, y: 0, .. } if place == expected),

@@ -63,7 +63,10 @@ fn times_beyond_64_bits_and_pixels_beyond_16_bits_are_refused() {
         "0,65536,0,1",
         "0,0,-1,1",
         "0,,0,1",
-        "1e3,0,0,1",
+        "1e,0,0,1",
+        "1e19,0,0,1",
+        "0,1e5,0,1",
+        "0,1e-1,0,1",
         "0,0,0,",
     ] {
         let read = read(&format!("t,x,y,p\n{line}"));

@@ -4,7 +4,7 @@ use meissner_engine::{Event, Sensor};
 use meissner_io::{Format, IoError, Place, decode, decode_with};
 use proptest::prelude::*;
 
-use crate::support::{encoded, sorted_events};
+use crate::support::{encoded, sorted_events, strictly};
 
 /// A file with this header, type and size, and these pairs of words.
 fn dat(header: &str, kind: [u8; 2], words: &[[u32; 2]]) -> Vec<u8> {
@@ -48,14 +48,14 @@ fn another_type_or_size_of_events_is_refused() {
 }
 
 #[test]
-fn a_polarity_above_one_is_refused() {
-    let error = decode(&dat(HEADER, CD, &[[0, 0], [0, 2 << 28]])).unwrap_err();
+fn a_polarity_above_one_is_refused_by_a_strict_reader() {
+    let error = strictly(&dat(HEADER, CD, &[[0, 0], [0, 2 << 28]])).unwrap_err();
     assert_eq!(error.to_string(), "DAT: polarity at byte 48: expected 0 or 1, found 2");
 }
 
 #[test]
-fn an_event_beside_the_sensor_is_refused() {
-    let error = decode(&dat(HEADER, CD, &[[0, 720 << 14]])).unwrap_err();
+fn an_event_beside_the_sensor_is_refused_by_a_strict_reader() {
+    let error = strictly(&dat(HEADER, CD, &[[0, 720 << 14]])).unwrap_err();
     assert!(matches!(error, IoError::OutsideSensor { x: 0, y: 720, .. }), "{error}");
 }
 

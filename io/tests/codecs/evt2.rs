@@ -4,7 +4,7 @@ use meissner_engine::{Event, Sensor};
 use meissner_io::{Format, IoError, Kind, Place, StreamKind, decode};
 use proptest::prelude::*;
 
-use crate::support::{evt2, evt2_words, sorted_events};
+use crate::support::{evt2, evt2_words, sorted_events, strictly};
 
 const HEADER: &str = "% evt 2.0\n";
 
@@ -41,9 +41,9 @@ fn triggers_vendor_words_and_events_without_a_time_are_counted() {
 }
 
 #[test]
-fn a_reserved_word_is_refused_with_its_byte() {
+fn a_reserved_word_is_refused_with_its_byte_by_a_strict_reader() {
     let bytes = evt2(HEADER, &[0x8000_0001, 0x5000_0000]);
-    let error = decode(&bytes).unwrap_err();
+    let error = strictly(&bytes).unwrap_err();
     assert_eq!(
         error.to_string(),
         "EVT2: type of a word at byte 14: expected 0x0, 0x1, 0x8, 0xa, 0xe or 0xf, found 0x5"
@@ -51,10 +51,10 @@ fn a_reserved_word_is_refused_with_its_byte() {
 }
 
 #[test]
-fn an_event_beside_the_sensor_of_the_header_is_refused() {
+fn an_event_beside_the_sensor_of_the_header_is_refused_by_a_strict_reader() {
     let header = "% evt 2.0\n% geometry 640x480\n% end\n";
     let bytes = evt2(header, &[0x8000_0001, 640 << 11]);
-    let error = decode(&bytes).unwrap_err();
+    let error = strictly(&bytes).unwrap_err();
     let IoError::OutsideSensor { place, x: 640, y: 0, .. } = error else { panic!("{error}") };
     assert_eq!(place, Place::Byte(header.len() as u64 + 4));
 }

@@ -173,7 +173,7 @@ fn xml_that_expands_or_nests_without_end_is_refused() {
 /// A parser that compares each attribute or name space with all before it takes time, and memory, that grow with the square
 /// of the header.
 #[test]
-fn xml_of_nothing_but_attributes_or_name_spaces_is_refused_in_seconds() {
+fn xml_of_nothing_but_attributes_or_name_spaces_takes_no_more_than_seconds() {
     let longest = HEADER_BYTES as usize - 100;
     let repeated = |item: &dyn Fn(usize) -> String, bytes: usize| {
         (0..)
@@ -187,10 +187,11 @@ fn xml_of_nothing_but_attributes_or_name_spaces_is_refused_in_seconds() {
     let attributes = format!("<dv{}/>", repeated(&|i| format!(" a{i:x}=''"), longest));
     let spaces = repeated(&|i| format!(" xmlns:a{i:x}='b'"), longest / 2);
     let spaces = format!("<dv{spaces}>{}</dv>", repeated(&|_| "<a xmlns:z='y'/>".to_owned(), longest / 2));
-    for xml in [attributes, spaces] {
+    for (xml, is_refused) in [(attributes, false), (spaces, true)] {
         let start = std::time::Instant::now();
-        let error = decode(&header(0, &xml, -1)).unwrap_err();
-        assert!(matches!(error, IoError::Malformed { what: "XML of the streams", .. }), "{error}");
+        let error = decode(&header(0, &xml, -1)).err();
+        let refused = matches!(error, Some(IoError::Malformed { what: "XML of the streams", .. }));
+        assert_eq!((refused, error.is_some()), (is_refused, is_refused), "{error:?}");
         assert!(start.elapsed() < std::time::Duration::from_secs(5), "{:?}", start.elapsed());
     }
 }

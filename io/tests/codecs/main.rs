@@ -20,6 +20,7 @@ mod gelsight;
 mod hdf5;
 mod hostile;
 mod kinds;
+mod left_out;
 mod neutouch;
 mod nmnist;
 mod npy;

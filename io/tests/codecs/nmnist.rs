@@ -1,7 +1,7 @@
 //! N-MNIST: five bytes an event, no header.
 
 use meissner_engine::{Event, Sensor};
-use meissner_io::{Format, IoError, Place, decode, decode_with};
+use meissner_io::{Format, IoError, Place, ReadOptions, decode, decode_with};
 use proptest::prelude::*;
 
 use crate::support::{any_event, nmnist};
@@ -14,8 +14,9 @@ fn polarity_is_the_top_bit_of_a_time_of_23_bits() {
 }
 
 #[test]
-fn a_pixel_beside_the_sensor_is_refused_with_its_byte() {
-    let error = decode_with(&[0, 0, 0, 0, 0, 34, 0, 0, 0, 0], Format::Nmnist).unwrap_err();
+fn a_pixel_beside_the_sensor_is_refused_with_its_byte_by_a_strict_reader() {
+    let strict = ReadOptions::from(Format::Nmnist).strict(true);
+    let error = decode_with(&[0, 0, 0, 0, 0, 34, 0, 0, 0, 0], strict).unwrap_err();
     assert!(matches!(error, IoError::OutsideSensor { place: Place::Byte(5), x: 34, .. }), "{error}");
 }
 

@@ -5,9 +5,11 @@ use std::io::Write;
 
 use flate2::write::DeflateEncoder;
 use flate2::{Compression, GzBuilder};
+use meissner_engine::Event;
 use meissner_io::limits::{EXPANSION, PACKET_BYTES};
 use meissner_io::{
-    Format, IoError, Place, ReadOptions, TimeRange, decode, decode_with, detect, read, read_content,
+    Format, IoError, Place, ReadOptions, TextOptions, TimeRange, TimeUnit, decode, decode_with, detect, read,
+    read_content,
 };
 
 use rawzip::{CompressionMethod, ZipArchiveWriter};
@@ -80,7 +82,7 @@ fn a_recording_among_other_files_of_an_archive_is_found() {
 fn an_archive_without_one_recording_is_refused_with_their_number() {
     let bytes = encoded(Format::Evt3, None, &events());
     let error = decode(&zip([("a.raw", &bytes), ("b.raw", &bytes), ("c", &Vec::new())])).unwrap_err();
-    let expected = "unsupported: expected one recording of events in a zip archive, \
+    let expected = "unsupported: expected one recording of events in a zip archive, or arrays t, x, y and p, \
                     found 2 among 3 files (a.raw, b.raw): unpack it with unzip";
     assert_eq!(error.to_string(), expected);
     let error = decode(&zip([("a", b""), ("b", b"")])).unwrap_err().to_string();
@@ -145,4 +147,71 @@ fn what_unpacks_beyond_the_bound_is_refused() {
     assert!(matches!(error, IoError::TooLarge { format: "gzip", at_least: true, .. }), "{error}");
     let error = decode(&zip([("zeros", &zeros)])).unwrap_err();
     assert!(matches!(error, IoError::TooLarge { format: "zip", what: "content", .. }), "{error}");
+}
+
+/// A file of npy with this type, shape and content.
+fn npy(descr: &str, shape: &str, content: &[u8]) -> Vec<u8> {
+    let header = format!("{{'descr': {descr}, 'fortran_order': False, 'shape': {shape}, }}\n");
+    let length = (header.len() as u16).to_le_bytes();
+    [b"\x93NUMPY\x01\x00", &length[..], header.as_bytes(), content].concat()
+}
+
+#[test]
+fn arrays_of_anything_else_beside_the_events_are_no_recordings() {
+    let records = encoded(Format::Npy, None, &events());
+    let matrix = npy("'<f8'", "(2, 2)", &[0; 32]);
+    let label = npy("'<i8'", "()", &[3, 0, 0, 0, 0, 0, 0, 0]);
+    let files = [("K.npy", &matrix), ("events.npy", &records), ("label.npy", &label), ("t.npy", &label)];
+    assert_eq!(decode(&zip(files)).unwrap().events, events());
+    // Of two recordings, the one that is called so.
+    let other = encoded(Format::Npy, None, &events()[..7]);
+    assert_eq!(
+        decode(&zip([("triggers.npy", &other), ("a/events.npy", &records)])).unwrap().events,
+        events()
+    );
+    let error = decode(&zip([("left.npy", &other), ("right.npy", &records)])).unwrap_err().to_string();
+    assert!(error.contains("found 2 among 2 files (left.npy, right.npy)"), "{error}");
+}
+
+#[test]
+fn four_arrays_of_an_archive_are_put_together_to_events() {
+    let all = events();
+    let shape = format!("({},)", all.len());
+    let column = |descr: &str, value: &dyn Fn(&Event) -> Vec<u8>| {
+        npy(descr, &shape, &all.iter().flat_map(value).collect::<Vec<u8>>())
+    };
+    let x = column("'>i4'", &|e| i32::from(e.x).to_be_bytes().to_vec());
+    let y = column("'<u2'", &|e| e.y.to_le_bytes().to_vec());
+    let whole = column("'<i8'", &|e| e.t_us.to_le_bytes().to_vec());
+    let seconds = column("'<f8'", &|e| (e.t_us as f64 / 1e6).to_le_bytes().to_vec());
+    let floats = column("'<f4'", &|e| (e.t_us as f32).to_le_bytes().to_vec());
+    let p = column("'|b1'", &|e| vec![e.on.into()]);
+    let signed = column("'|i1'", &|e| vec![if e.on { 1 } else { 0xff }]);
+    let intrinsics = npy("'<f8'", "(3,)", &[0; 24]);
+    for (t, time) in [("t", &whole), ("ts", &whole), ("timestamp", &seconds), ("time", &floats)] {
+        for (polarity, sign) in [("p", &p), ("pol", &signed), ("polarity", &p)] {
+            let names =
+                [("x.npy", &x), ("y.npy", &y), ("K.npy", &intrinsics)].map(|(n, c)| (n.to_owned(), c));
+            let named = [(format!("{t}.npy"), time), (format!("{polarity}.npy"), sign)];
+            let files: Vec<_> = names.into_iter().chain(named).collect();
+            let recording =
+                decode(&zip(files.iter().map(|(name, content)| (name.as_str(), content)))).unwrap();
+            assert_eq!(recording.events, all, "{t} {polarity}");
+        }
+    }
+    let error = decode(&zip([("x.npy", &x), ("y.npy", &y), ("t.npy", &whole)])).unwrap_err().to_string();
+    assert!(error.contains("arrays t, x, y and p"), "{error}");
+    let short = npy("'|b1'", "(1,)", &[1]);
+    let files = [("x.npy", &x), ("y.npy", &y), ("t.npy", &whole), ("p.npy", &short)];
+    assert!(decode(&zip(files)).unwrap_err().to_string().contains("one length"));
+    // Floats whose unit nobody says.
+    let unclear = npy("'<f8'", "(1,)", &1.25_f64.to_le_bytes());
+    let one = |descr: &str, width: usize| npy(descr, "(1,)", &vec![0; width]);
+    let files =
+        [("x.npy", one("'<u2'", 2)), ("y.npy", one("'<u2'", 2)), ("t.npy", unclear), ("p.npy", short)];
+    let bytes = zip(files);
+    assert!(decode(&bytes).unwrap_err().to_string().contains("names the unit"));
+    let unit = TextOptions::default().time_unit(TimeUnit::Milliseconds);
+    let read = decode_with(&bytes, ReadOptions::default().text(unit)).unwrap();
+    assert_eq!(read.events[0].t_us, 1250);
 }

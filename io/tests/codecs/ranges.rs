@@ -157,7 +157,7 @@ fn a_fault_of_a_block_is_found_when_it_is_read_and_ends_the_blocks() {
     let mut bytes = encoded(Format::Npy, None, &stream(100_000, 0, 10, 0));
     *bytes.last_mut().unwrap() = 7;
     fs::write(&path, &bytes).unwrap();
-    let mut blocks = blocks(&path, ReadOptions::default()).unwrap().unwrap();
+    let mut blocks = blocks(&path, ReadOptions::default().strict(true)).unwrap().unwrap();
     assert!(blocks.next().unwrap().is_ok() && blocks.next().unwrap().is_err() && blocks.next().is_none());
 }
 
@@ -175,12 +175,13 @@ fn what_is_beyond_the_part_is_not_read() {
                     let end = (length - (length - i) / 8 * 8).min(length - 8);
                     bytes[end..end + 8].fill(if format == Format::Npy { 0x7f } else { 0xdf });
                 }
-                decode_with(&bytes, format)
+                decode_with(&bytes, ReadOptions::from(format).strict(true))
             }
             _ => continue,
         };
         assert!(whole.is_err(), "{format}");
-        assert_eq!(part(&bytes, TimeRange::of_file(times.clone())).events, expected, "{format}");
+        let part = ReadOptions::from(format).strict(true).range(TimeRange::of_file(times.clone()));
+        assert_eq!(decode_with(&bytes, part).unwrap().events, expected, "{format}");
     }
 }
 

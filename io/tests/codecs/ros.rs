@@ -1,7 +1,7 @@
 //! Messages of event cameras in ROS 2.
 
 use meissner_engine::{Event, Sensor};
-use meissner_io::{EventPackets, Format, IoError, encode};
+use meissner_io::{EventPackets, Format, IoError, LeftOutKind, encode};
 use proptest::prelude::*;
 
 const SENSOR: Sensor = Sensor { width: 640, height: 480 };
@@ -67,12 +67,14 @@ proptest! {
 }
 
 #[test]
-fn what_cannot_be_decoded_is_refused_with_its_place() {
+fn what_cannot_be_decoded_is_refused_and_what_is_outside_is_left_out() {
     let error = EventPackets::new("trigger", SENSOR).expect_err("no events");
     assert!(error.to_string().contains("\"trigger\""), "{error}");
     let mut mono = EventPackets::new("mono", SENSOR).expect("a known encoding");
     assert!(matches!(mono.decode(0, &[0; 12]), Err(IoError::Truncated { .. })));
     let outside = (480_u64 << 48).to_le_bytes();
-    assert!(matches!(mono.decode(0, &outside), Err(IoError::OutsideSensor { .. })));
+    assert!(mono.decode(0, &outside).expect("left out").is_empty());
+    let left_out = mono.left_out();
+    assert_eq!((left_out[0].kind, left_out[0].count), (LeftOutKind::OutsideSensor, 1));
     assert_eq!(mono.decode(0, &[0; 8]).expect("the corner"), [Event::new(0, 0, 0, false)]);
 }

@@ -110,7 +110,7 @@ fn salvage_of_aedat4_gives_exactly_the_whole_packets() {
 }
 
 #[test]
-fn a_damaged_recording_is_refused_with_salvage_as_without() {
+fn a_strict_reader_refuses_a_damaged_recording_with_salvage_as_without() {
     let mut damaged = Vec::new();
     for (format, bytes) in samples() {
         let middle = bytes.len() * 3 / 4;
@@ -131,8 +131,9 @@ fn a_damaged_recording_is_refused_with_salvage_as_without() {
         damaged.push((format, changed));
     }
     for (format, bytes) in damaged {
-        assert!(decode_with(&bytes, format).is_err(), "{format}");
-        let refused = salvage(format, &bytes).unwrap_err();
+        let strict = ReadOptions::from(format).strict(true);
+        assert!(decode_with(&bytes, strict).is_err(), "{format}");
+        let refused = decode_with(&bytes, strict.salvage(true)).unwrap_err();
         assert!(!matches!(refused, IoError::Truncated { .. }), "{format}: {refused}");
     }
     let mut file = File::new(Compression::None, Some(SENSOR));

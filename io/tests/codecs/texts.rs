@@ -7,7 +7,7 @@ use meissner_io::{
 };
 use proptest::prelude::*;
 
-use crate::support::any_event;
+use crate::support::{any_event, strictly};
 
 /// Events as of a moving edge, `count` of them, 40 us apart.
 fn scene(count: u16) -> Vec<Event> {
@@ -146,7 +146,7 @@ fn a_fraction_that_may_be_of_seconds_or_milliseconds_is_refused_until_the_unit_i
 
 #[test]
 fn times_with_and_without_a_point_are_not_taken_for_one_unit() {
-    let error = decode(b"t,x,y,p\n10,1,2,1\n12.34567,1,2,1\n14,1,2,1\n").unwrap_err();
+    let error = strictly(b"t,x,y,p\n10,1,2,1\n12.34567,1,2,1\n14,1,2,1\n").unwrap_err();
     assert!(error.to_string().contains("line 3") && error.to_string().contains("microseconds"), "{error}");
     let arriving: Vec<_> = CsvEvents::new("t,x,y,p\n0.00001,1,2,1\n12,1,2,1\n".as_bytes()).collect();
     assert!(arriving[0].is_ok() && arriving[1].is_err());
@@ -247,4 +247,57 @@ proptest! {
         let said = decode_with(text.as_bytes(), options(Some(order), Some(TimeUnit::Microseconds))).unwrap();
         prop_assert_eq!(said.events, events);
     }
+}
+
+#[test]
+fn numbers_with_an_exponent_are_read_in_every_column() {
+    // `str(float)` of Python below 1e-4, as v2e writes; the times are seconds by their decimals.
+    let text = b"0.0 0 0 0\n1.9999999949504854e-06 1 3 1\n1e-05 2 6 0\n0.00011 3 9 1\n0.25 4 12 0\n";
+    let recording = decode(text).unwrap();
+    assert_eq!(recording.events.iter().map(|e| e.t_us).collect::<Vec<_>>(), [0, 2, 10, 110, 250_000]);
+    assert!(recording.left_out.is_empty());
+    // `numpy.savetxt` with its default.
+    let lines: Vec<String> = (0..40_u32)
+        .map(|i| format!("{:.18e} {:.18e} {:.18e} {:.18e}", 1e-3 + f64::from(i) * 1e-5, i, 3 * i, i % 2))
+        .map(|line| line.replace("e0", "e+00").replace("e1 ", "e+01 ").replace("e2 ", "e+02 "))
+        .collect();
+    let text = lines.join("\n");
+    let expected: Vec<_> =
+        (0..40).map(|i| Event::new(1000 + i64::from(i) * 10, i, 3 * i, i % 2 == 1)).collect();
+    for options in [options(None, None), options(Some("txyp"), Some(TimeUnit::Seconds))] {
+        assert_eq!(decode_with(text.as_bytes(), options).unwrap().events, expected);
+    }
+    let said = TextOptions::default().columns("txyp".parse::<ColumnOrder>().unwrap());
+    let said = said.time_unit(TimeUnit::Seconds);
+    let arriving: Result<Vec<_>, _> = CsvEvents::with_options(text.as_bytes(), said).collect();
+    assert_eq!(arriving.unwrap(), expected);
+    // Whole microseconds of a float.
+    let whole = decode(b"t,x,y,p\n1.5e+06,1.2e+01,2e0,-1.0e+00\n1500001.0,12,2,1e0\n").unwrap();
+    assert_eq!(whole.events, [Event::new(1_500_000, 12, 2, false), Event::new(1_500_001, 12, 2, true)]);
+    // Three decimals can be milliseconds, whatever a float adds to them.
+    let error =
+        decode(b"t,x,y,p\n1.234000000000000000e+00,1,2,1\n2.345000000000000195e+00,1,2,1\n").unwrap_err();
+    assert!(matches!(error, IoError::Undecided { what: "unit of time", .. }), "{error}");
+}
+
+#[test]
+fn headers_and_comments_of_other_programs_name_the_sensor() {
+    for (text, sensor) in [
+        ("t,x@346,y@260,on\n1000,3,7,1\n", [346, 260]),
+        ("# t,x@346,y@260,on\n1000,3,7,1\n", [346, 260]),
+        ("x@640;y@480;p;t_us\n3;7;1;1000\n", [640, 480]),
+        ("%geometry:320,240\n3,7,1,1000\n", [320, 240]),
+        ("%geometry:320,240\nx,y,p,t\n3,7,1,1000\n", [320, 240]),
+        ("% geometry 1280x720\n1000,3,7,1\n", [1280, 720]),
+    ] {
+        let recording = decode(text.as_bytes()).unwrap();
+        assert_eq!(recording.sensor.map(|s| [s.width, s.height]), Some(sensor), "{text}");
+        assert_eq!(recording.events, [Event::new(1000, 3, 7, true)], "{text}");
+        let mut arriving = CsvEvents::new(text.as_bytes());
+        assert_eq!(arriving.next().unwrap().unwrap(), recording.events[0], "{text}");
+        assert_eq!(arriving.sensor(), recording.sensor, "{text}");
+    }
+    assert_eq!(decode(b"%geometry:any\nt,x,y,p\n1,2,3,1\n").unwrap().sensor, None);
+    let error = decode(b"t,x@0,y@260,on\n1000,3,7,1\n").unwrap_err();
+    assert!(error.to_string().contains("1 to 65535 pixels"), "{error}");
 }

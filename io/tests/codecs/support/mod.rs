@@ -6,8 +6,13 @@ pub(crate) mod aedat4;
 use std::io::{self, Read};
 
 use meissner_engine::{Event, Sensor};
-use meissner_io::{Format, encode};
+use meissner_io::{Format, IoError, ReadOptions, Recording, decode_with, encode};
 use proptest::prelude::*;
+
+/// What a strict reader makes of `bytes`: nothing odd is left out.
+pub(crate) fn strictly(bytes: &[u8]) -> Result<Recording, IoError> {
+    decode_with(bytes, ReadOptions::default().strict(true))
+}
 
 /// A recording that every format but N-MNIST can hold, with all of its values told apart.
 pub(crate) fn events() -> Vec<Event> {
