@@ -13,7 +13,8 @@
 //! `dv-processing`.
 //!
 //! Invariants: packets fill the space between header and table exactly. Every offset in a buffer is checked against its
-//! packet. Where the header declares no streams, or has no name, as those of aestream, the names in the packets tell the streams. Events
+//! packet. Where the header declares no streams, or has no name, as those of aestream, the names in the packets tell the streams, or
+//! their content. Events
 //! outside the sensor, and with other values than an event can have, are left out and counted unless the reader is strict.
 //! A packet's content is as long as its size prefix (this also finds an LZ4 frame that was cut at the end of a
 //! block, which its decoder accepts). Frames are counted and not decompressed.
@@ -21,7 +22,7 @@
 pub(crate) mod header;
 mod packet;
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use meissner_engine::{Event, Sensor};
 
@@ -68,9 +69,21 @@ pub(crate) fn decode(bytes: &[u8], options: ReadOptions) -> Result<Recording, Io
 }
 
 /// What is taken for granted of a file whose header declares no stream.
-const ASSUMED: &str = "the writer of this file left out of its header which streams it has: they are told by the names in their packets, and no sensor is named";
+const ASSUMED: &str = "the program that wrote this file left out of its header which streams it has: their packets tell, and no sensor is named";
 /// Bytes of a packet's content up to the end of its name.
 const NAMED: u64 = 12;
+
+/// Whether the buffer `content` without a name can only be a packet of events: a vector of such that fills it.
+fn holds_events(content: Bytes<'_>) -> bool {
+    let vector = Table::of_any_name(content, EVENTS.0).and_then(|root| root.vector(0, STRIDE));
+    let is_event =
+        |event: &[u8]| event[9] < 0x80 && event[11] < 0x80 && event[12] <= 1 && event[13..] == [0; 3];
+    vector.is_ok_and(|(start, elements)| {
+        !elements.is_empty()
+            && content.len() - start - elements.len() < STRIDE
+            && elements.chunks_exact(STRIDE).all(is_event)
+    })
+}
 
 /// The places of the streams of events.
 fn of_events(kinds: &[StreamKind]) -> impl Iterator<Item = usize> {
@@ -111,6 +124,8 @@ impl Container {
         let sensor = main.and_then(|main| streams[main].sensor);
         let mut others: Vec<StreamSummary> = streams.iter().map(|stream| stream.summary.clone()).collect();
         let mut passed = PassedOver::new(self.strict);
+        // Streams that nothing names.
+        let mut unnamed = BTreeSet::new();
         let (mut events, mut at, mut salvaged) = (Vec::new(), 0, None);
         while at < packets.len() {
             if salvage && !is_whole(packets, at) {
@@ -128,7 +143,15 @@ impl Container {
                 None if streams.is_empty() => {
                     let start = inflater.prefix(packet, at, NAMED)?;
                     let name = name_of(packets.packet(at, start), "packet")?;
-                    others.push(StreamSummary::new(&String::from_utf8_lossy(&name), kind_of(&name)));
+                    let summary = if name.iter().all(u8::is_ascii_alphanumeric) {
+                        StreamSummary::new(&String::from_utf8_lossy(&name), kind_of(&name))
+                    } else {
+                        unnamed.insert(others.len());
+                        let content = packets.packet(at, inflater.inflate(packet, at)?);
+                        let kind = if holds_events(content) { StreamKind::Events } else { StreamKind::Other };
+                        StreamSummary::new("packets without a name", kind)
+                    };
+                    others.push(summary);
                     index_of.insert(id, others.len() - 1);
                     let kinds: Vec<_> = others.iter().map(|stream| stream.kind).collect();
                     main = of_events(&kinds).nth(self.asked - 1);
@@ -150,7 +173,8 @@ impl Container {
             };
             if let Some((what, name, stride)) = layout {
                 let content = packets.packet(at, inflater.inflate(packet, at)?);
-                let (start, elements) = Table::root(content, what, name)?.vector(0, stride)?;
+                let name = (!unnamed.contains(&index)).then_some(name);
+                let (start, elements) = Table::parse(content, what, name)?.vector(0, stride)?;
                 if Some(index) == main {
                     append_events(content, (start, elements), sensor, &mut events, &mut passed)?;
                 } else {
@@ -164,6 +188,12 @@ impl Container {
         let kinds: Vec<_> = others.iter().map(|stream| stream.kind).collect();
         if main.is_none() && self.asked > 1 {
             return Err(no_stream(self.asked, of_events(&kinds).count()));
+        }
+        if main.is_none() && !unnamed.is_empty() {
+            return Err(IoError::Unsupported {
+                expected: "AEDAT4 whose header or packets say what they hold",
+                actual: "neither: the program that wrote this file left it out".to_owned(),
+            });
         }
         let assumed = if streams.is_empty() { vec![ASSUMED] } else { Vec::new() };
         let (other_streams, left_out) = (StreamSummary::present(others), passed.end());

@@ -116,7 +116,7 @@ pub enum IoError {
         format: &'static str,
         what: &'static str,
         place: Place,
-        /// `bytes` or `pixels`.
+        /// `bytes`, `pixels` or `events`.
         unit: &'static str,
         limit: u64,
         actual: u64,

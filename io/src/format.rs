@@ -5,6 +5,8 @@ use std::fmt;
 use std::path::Path;
 use std::str::FromStr;
 
+use crate::error::beginning;
+
 /// Names of the time in microseconds in headers of texts and of npy, in lower case. Names with another unit are not here.
 pub(crate) const TIME: &[&str] =
     &["t", "t_us", "ts", "ts_us", "time", "time_us", "timestamp", "timestamp_us"];
@@ -28,13 +30,13 @@ pub struct UnknownName {
     pub what: &'static str,
     /// The known names.
     pub expected: &'static str,
-    /// The given name.
+    /// The given name, or its first 80 characters.
     pub actual: String,
 }
 
 impl UnknownName {
     pub(crate) fn new(what: &'static str, expected: &'static str, actual: &str) -> Self {
-        Self { what, expected, actual: actual.to_owned() }
+        Self { what, expected, actual: beginning(actual, 80) }
     }
 }
 

@@ -5,6 +5,9 @@
 //! compressed: the bounds below limit one packet, the whole file and a decompressor's window. No other buffer is sized
 //! by a length field unless the file has as many bytes.
 
+/// Longest recording that is read from a device or a pipe, which have no length, in bytes: 2 GiB.
+pub const STREAM_BYTES: u64 = 2 << 30;
+
 /// Longest packet of AEDAT4, and longest of many entries of a zip archive, after decompression, in bytes: 64 MiB, which is 4
 /// million events of AEDAT4.
 ///

@@ -6,14 +6,14 @@
 
 use std::borrow::Cow;
 use std::fs::File;
-use std::io::{BufRead, BufReader, ErrorKind, Read};
+use std::io::{self, BufRead, BufReader, ErrorKind, Read};
 use std::path::Path;
 
 use flate2::bufread::MultiGzDecoder;
 
 use crate::bytes::Bytes;
 use crate::error::{IoError, Place};
-use crate::limits::most;
+use crate::limits::{STREAM_BYTES, most};
 use crate::recording::Salvage;
 use crate::zip;
 
@@ -53,12 +53,24 @@ pub(crate) fn content_of_file(path: &Path, salvage: bool) -> Result<Content<'sta
         let (content, salvaged) = gunzip(input, about.len(), salvage)?;
         return Ok((content.into(), salvaged));
     }
-    let mut bytes = Vec::with_capacity(about.len() as usize);
-    input.read_to_end(&mut bytes).map_err(fail)?;
+    // Neither the length that a file states nor a file without one decides alone how much memory is taken.
+    let limit = if about.is_file() { about.len().max(STREAM_BYTES) } else { STREAM_BYTES };
+    let mut bytes = Vec::new();
+    bytes.try_reserve_exact(about.len() as usize).map_err(|_| fail(ErrorKind::OutOfMemory.into()))?;
+    read_bounded(input, limit, &mut bytes).map_err(fail)??;
     match content(&bytes, salvage)? {
         (Cow::Owned(content), salvaged) => Ok((content.into(), salvaged)),
         (Cow::Borrowed(_), salvaged) => Ok((bytes.into(), salvaged)),
     }
+}
+
+/// Reads all of `input` after `bytes`, at most `limit` bytes.
+fn read_bounded(input: impl Read, limit: u64, bytes: &mut Vec<u8>) -> io::Result<Result<(), IoError>> {
+    input.take(limit.saturating_add(1)).read_to_end(bytes)?;
+    let actual = bytes.len() as u64;
+    let too_large =
+        || Bytes::file("recording", &[]).too_large("content of a device or a pipe", 0, limit, actual, true);
+    Ok(if actual > limit { Err(too_large()) } else { Ok(()) })
 }
 
 /// The content of the gzip file `input` of `packed` bytes; with `salvage`, up to a cut.
@@ -90,5 +102,22 @@ fn gunzip(input: impl BufRead, packed: u64, salvage: bool) -> Result<(Vec<u8>, O
             Err(IoError::Malformed { format, what, place, expected, actual: error.to_string() })
         }
         Err((_, source)) => Err(IoError::Stream { format, action: "read", place, source }),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::io;
+
+    use super::read_bounded;
+    use crate::error::IoError;
+
+    #[test]
+    fn a_device_without_an_end_is_read_up_to_the_bound_and_refused() {
+        let mut bytes = Vec::new();
+        assert!(read_bounded(&[7; 100][..], 100, &mut bytes).expect("memory").is_ok());
+        let error = read_bounded(io::repeat(0), 1 << 20, &mut bytes).expect("memory").expect_err("no end");
+        assert!(matches!(error, IoError::TooLarge { limit: 1_048_576, at_least: true, .. }), "{error}");
+        assert!(bytes.capacity() < 4 << 20);
     }
 }

@@ -96,6 +96,11 @@ impl EventPackets {
         Ok(&self.events)
     }
 
+    /// The events of the newest message, as [`Self::decode`] gave them.
+    pub fn events(&self) -> &[Event] {
+        &self.events
+    }
+
     /// What was left out of all messages so far, by kind: events outside the sensor, reserved words such as padding, and events of another
     /// system. The places count from the start of each message.
     pub fn left_out(&self) -> &[LeftOut] {

@@ -129,11 +129,17 @@ impl<R: BufRead> LiveEvents<R> {
 
     /// Reads the first bytes of `input`, which tell its kind.
     fn decide(mut input: R, options: TextOptions) -> Result<Self, IoError> {
-        let mut first = Vec::with_capacity(TELLING);
+        let mut first = Vec::with_capacity(RECORD_BYTES);
         let read = input.by_ref().take(TELLING as u64).read_to_end(&mut first);
         read.map_err(|source| failed(0, source))?;
+        let is_binary = tells_records(&first);
+        if is_binary {
+            // The mark of a format, such as gzip's two bytes, can be the time of a record: the rest of the record tells.
+            let rest = (RECORD_BYTES - TELLING) as u64;
+            input.by_ref().take(rest).read_to_end(&mut first).map_err(|source| failed(0, source))?;
+        }
         // A binary recording is refused by its name, as by a reader of text.
-        let are_records = tells_records(&first) && format::Kind::of(&first).is_none();
+        let are_records = is_binary && (is_record(&first) || format::Kind::of(&first).is_none());
         let input = Cursor::new(first).chain(input);
         Ok(Self(if are_records {
             Kind::Records { input, read: Some(0) }
@@ -167,6 +173,12 @@ impl<R: BufRead> Iterator for LiveEvents<R> {
             }
         }
     }
+}
+
+/// Whether `first` are a record of a time between the years -4253 and 4253.
+fn is_record(first: &[u8]) -> bool {
+    let record: Option<[u8; RECORD_BYTES]> = first.try_into().ok();
+    record.is_some_and(|record| matches!(record[TELLING - 1], 0 | 0xff) && event_of(record).is_some())
 }
 
 /// Record `number` of `input`, or `None` at its end.

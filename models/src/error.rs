@@ -1,5 +1,6 @@
 //! The errors between a description, a weights file and a network.
 
+use std::borrow::Cow;
 use std::path::PathBuf;
 
 use thiserror::Error;
@@ -58,6 +59,42 @@ pub enum ModelError {
 
 fn lines(problems: &[TensorProblem]) -> String {
     problems.iter().map(ToString::to_string).collect::<Vec<_>>().join("\n")
+}
+
+/// Longest line of a message, in bytes.
+const LINE_BYTES: usize = 1000;
+/// Most lines of a message.
+const LINES: usize = 100;
+
+/// The message `text` in part, if it is very long: of each line its beginning and its end, and of many lines the first 100. A message
+/// names what it is about, and names can have any length.
+///
+/// ```
+/// use meissner_models::in_part;
+///
+/// assert_eq!(in_part("network a: found no such file"), "network a: found no such file");
+/// let long = in_part(&format!("network {}: found no such file", "a".repeat(1 << 20))).into_owned();
+/// assert!(long.len() < 1100 && long.starts_with("network aaa") && long.ends_with("aaa: found no such file"));
+/// ```
+pub fn in_part(text: &str) -> Cow<'_, str> {
+    if text.len() <= LINE_BYTES {
+        return text.into();
+    }
+    let mut lines: Vec<Cow<'_, str>> = text.lines().take(LINES).map(line_in_part).collect();
+    match text.lines().count() - lines.len() {
+        0 => {}
+        more => lines.push(format!("and {more} lines more").into()),
+    }
+    lines.join("\n").into()
+}
+
+fn line_in_part(line: &str) -> Cow<'_, str> {
+    if line.len() <= LINE_BYTES {
+        return line.into();
+    }
+    let (head, tail) =
+        (line.floor_char_boundary(LINE_BYTES / 2), line.ceil_char_boundary(line.len() - LINE_BYTES / 2));
+    format!("{} .. {} bytes .. {}", &line[..head], tail - head, &line[tail..]).into()
 }
 
 /// A tensor that does not fit.

@@ -38,7 +38,7 @@ pub use description::{
     ProblemKind,
 };
 pub use draw::{Drawable, draw, drawn_file};
-pub use error::{ModelError, TensorProblem, TensorProblemKind};
+pub use error::{ModelError, TensorProblem, TensorProblemKind, in_part};
 pub use inspect::Summary;
 pub use shipped::DEFAULT_NETWORK;
 pub use weights::{Card, FormatError, Tensor, TensorFile, Weights};

@@ -164,3 +164,17 @@ fn a_file_that_is_too_long_or_no_text_is_refused_with_its_place() {
     let expected = format!("expected text in UTF-8, found other bytes at byte {}", SMALL.len() + 5);
     assert!(error.to_string().ends_with("own.toml") && source == expected, "{error}: {source}");
 }
+
+#[test]
+fn a_file_of_nothing_but_one_fault_names_it_once_or_a_few_times_and_counts_the_rest() {
+    for text in ["\0".repeat(260_000), "\0\n".repeat(130_000), "\u{1}\0".repeat(100_000)] {
+        let error = AnyDescription::parse(&text).expect_err("no description").to_string();
+        let mut lines: Vec<_> = error.lines().collect();
+        assert!(error.len() < 10_000 && lines.len() <= 51, "{} bytes, {} lines", error.len(), lines.len());
+        let all = lines.len();
+        lines.dedup();
+        assert_eq!(lines.len(), all, "{error}");
+    }
+    let many = AnyDescription::parse(&"\0\n".repeat(1000)).expect_err("no description").to_string();
+    assert!(many.contains("problems more"), "{many}");
+}

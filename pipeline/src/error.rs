@@ -8,8 +8,8 @@ use meissner_engine::EngineError;
 use meissner_engine::representations::RepresentationError;
 use meissner_io::{Format, IoError};
 use meissner_live::LiveError;
-use meissner_models::ModelError;
 use meissner_models::systems::contact_area::ContactError;
+use meissner_models::{ModelError, in_part};
 
 use crate::losses::Salvaged;
 use crate::schedule::Every;
@@ -191,12 +191,12 @@ fn names_file(error: &ModelError) -> bool {
     matches!(error, ModelError::Read { .. } | ModelError::Large { .. })
 }
 
-/// An error and its sources in one line, from the outermost to the first cause.
+/// An error and its sources in one line, from the outermost to the first cause; each in part, where it is very long.
 pub fn chain(error: &dyn Error) -> String {
-    let mut text = error.to_string();
+    let mut text = in_part(&error.to_string()).into_owned();
     let mut inner = error.source();
     while let Some(source) = inner {
-        text = format!("{text}: {source}");
+        text = format!("{text}: {}", in_part(&source.to_string()));
         inner = source.source();
     }
     text

@@ -6,8 +6,9 @@
 use std::path::Path;
 
 use meissner_engine::{Event, EventCounters, Sensor};
+use meissner_io::limits::STREAM_BYTES;
 use meissner_io::{
-    Format, HeldContent, IoError, LeftOutKind, LiveEvents, Place, ReadOptions, Recording, TimeRange,
+    Format, HeldContent, IoError, LeftOutKind, LiveEvents, Place, RECORD_BYTES, ReadOptions, Recording, TimeRange,
 };
 
 use crate::error::{PipelineError, chain};
@@ -20,6 +21,9 @@ use crate::streams;
 /// A simulated press and release; see `pipeline/assets/README.md`.
 const EMBEDDED: &[u8] = include_bytes!("../assets/dome_press.evt3");
 const EMBEDDED_NAME: &str = "dome_press.evt3 (embedded; simulated, not a real sensor)";
+/// Most events of a stream that is read as a whole.
+const MOST_EVENTS: u64 = STREAM_BYTES / RECORD_BYTES as u64;
+
 /// A stream of events with its name, format and geometry.
 ///
 /// Lines of a text that cannot be read are skipped and counted, and words and events of a file that a recording leaves out, unless the
@@ -68,6 +72,14 @@ pub fn read(path: &Path, options: &ReadOptions) -> Result<Recording, PipelineErr
         let mut refusals = Refusals::of(path, options.strict && !streams::is_of_datagrams(path));
         while let Some(event) = next(&mut arriving, &mut refusals) {
             events.push(event?);
+            // A device gives events without end.
+            if events.len() as u64 > MOST_EVENTS {
+                let (format, what, place, unit) =
+                    (arriving.format(), "stream", Place::Event(MOST_EVENTS), "events");
+                let (limit, actual, at_least) = (MOST_EVENTS, events.len() as u64, true);
+                let error = IoError::TooLarge { format, what, place, unit, limit, actual, at_least };
+                return Err(PipelineError::recording(refusals.name(), error));
+            }
         }
         let left_out = refusals.left_out();
         return Ok(Recording { left_out, ..text(arriving.sensor(), events, options.range) });

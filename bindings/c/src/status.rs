@@ -7,6 +7,7 @@ use std::ffi::{CString, c_char};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use meissner::live::LiveError;
+use meissner::models::in_part;
 use meissner::{EngineError, ModelError};
 
 /// Result of a call.
@@ -52,7 +53,8 @@ pub(crate) struct Failure {
 
 impl Failure {
     pub(crate) fn new(status: Status, text: impl Into<String>) -> Self {
-        Self { status, text: text.into() }
+        let text = text.into();
+        Self { status, text: in_part(&text).into_owned() }
     }
 
     #[cfg(test)]

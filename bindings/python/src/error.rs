@@ -8,7 +8,7 @@ use std::error::Error;
 use meissner::EngineError;
 use meissner::io::IoError;
 use meissner::live::LiveError;
-use meissner::models::{DescriptionError, FormatError, ModelError};
+use meissner::models::{DescriptionError, FormatError, ModelError, in_part};
 use meissner::representations::RepresentationError;
 use meissner_evaluate::EvaluateError;
 use meissner_simulator::SimulatorError;
@@ -51,7 +51,8 @@ impl From<Failure> for PyErr {
         Python::attach(|py| match failure {
             Failure::Raised(error) => error,
             Failure::Refused(class, message) => match class_named(py, class) {
-                Ok(class) => PyErr::from_type(class, (message,)),
+                // What a message names can be as long as a caller likes.
+                Ok(class) => PyErr::from_type(class, (in_part(&message).into_owned(),)),
                 Err(error) => error,
             },
             Failure::Description(message, problems) => match class_named(py, "DescriptionError") {

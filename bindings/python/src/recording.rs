@@ -1,10 +1,11 @@
 //! Recordings: from a file to structured arrays.
 
+use std::num::NonZeroU16;
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex, PoisonError};
 
 use meissner::io::{
-    self, ColumnOrder, Format, ReadOptions, Salvage, StreamSummary, TextOptions, TimeRange, TimeUnit,
+    self, Chip, ColumnOrder, Format, LeftOut, ReadOptions, Salvage, StreamSummary, TextOptions, TimeRange, TimeUnit,
     UnknownName,
 };
 use meissner::{Event, Sensor};
@@ -39,6 +40,8 @@ struct Content {
     events: Arc<Vec<Event>>,
     streams: Vec<StreamSummary>,
     salvaged: Option<Salvage>,
+    left_out: Vec<LeftOut>,
+    assumed: Vec<&'static str>,
     /// Whether no time is earlier than the one before.
     ascending: bool,
 }
@@ -56,7 +59,9 @@ impl Recording {
                 let ascending = read.events.is_sorted_by_key(|event| event.t_us);
                 let (streams, salvaged) = (read.other_streams, read.salvaged);
                 let (format, sensor, events) = (read.format, read.sensor, Arc::new(read.events));
-                let read = Arc::new(Content { format, sensor, events, streams, salvaged, ascending });
+                let (left_out, assumed) = (read.left_out, read.assumed);
+                let read = Content { format, sensor, events, streams, salvaged, left_out, assumed, ascending };
+                let read = Arc::new(read);
                 *content = Some(Arc::clone(&read));
                 Ok(read)
             })
@@ -118,23 +123,37 @@ pub(crate) fn word<T: std::str::FromStr<Err = UnknownName>>(word: Option<&str>) 
 /// - `columns`, `time_unit`: the order of the columns of a text, such as "txyp", and the unit of its times: "s", "ms", "us" or
 ///   "ns".
 /// - `salvage`: read a file that was cut short up to the cut.
+/// - `strict`: refuse what is left out otherwise: lines of a text that are no events, events outside the sensor that the file names, words
+///   that hold no events, events before the first time. `Recording.left_out` counts them.
+/// - `sensor`: (width, height) of the sensor, where the file names none. It names the chip of AEDAT 2.0, where only one has this size.
+/// - `chip`: the chip of AEDAT 2.0, such as "DAVIS346", in place of the one that the file names.
+/// - `stream`: which of several streams of events of AEDAT 3.1 and 4 is read, counted from 1.
 ///
 /// Raises `FileError` where there is no such file; `RecordingError` with the place of a fault when the content is read.
 #[pyfunction]
-#[pyo3(signature = (path, *, format=None, columns=None, time_unit=None, salvage=false))]
+#[pyo3(signature = (path, *, format=None, columns=None, time_unit=None, salvage=false, strict=false, sensor=None, chip=None, stream=None))]
+#[expect(clippy::too_many_arguments, reason = "options with defaults")]
 pub(crate) fn open(
     path: PathBuf,
     format: Option<&str>,
     columns: Option<&str>,
     time_unit: Option<&str>,
     salvage: bool,
+    strict: bool,
+    sensor: Option<(u16, u16)>,
+    chip: Option<&str>,
+    stream: Option<u16>,
 ) -> Outcome<Recording> {
     if let Err(error) = std::fs::metadata(&path) {
         return Err(Failure::Refused("FileError", format!("cannot read {}: {error}", path.display())));
     }
     let (columns, unit) = (word::<ColumnOrder>(columns)?, word::<TimeUnit>(time_unit)?);
     let text = TextOptions::default().columns(columns).time_unit(unit);
+    let sensor = sensor.map(|(width, height)| Sensor::new(width, height));
+    let stream = stream.map(|number| NonZeroU16::new(number).ok_or(number)).transpose();
+    let stream = stream.map_err(|found| Failure::input(format!("stream: expected 1 and above, found {found}")))?;
     let options = ReadOptions::default().format(word::<Format>(format)?).text(text).salvage(salvage);
+    let options = options.strict(strict).sensor(sensor).chip(word::<Chip>(chip)?).stream(stream);
     Ok(Recording { path, options, content: Mutex::new(None) })
 }
 
@@ -152,10 +171,10 @@ impl Recording {
         Ok(self.head(py)?.0.to_string())
     }
 
-    /// (width, height) of the sensor in pixels; None where the file names none.
+    /// (width, height) of the sensor in pixels, or the one of `open` where the file names none; None without either.
     #[getter]
     fn sensor(&self, py: Python<'_>) -> Outcome<Option<(u16, u16)>> {
-        Ok(self.head(py)?.1.map(sides))
+        Ok(self.head(py)?.1.or(self.options.sensor).map(sides))
     }
 
     /// Times of the first and of the last event in microseconds; None without events.
@@ -186,6 +205,23 @@ impl Recording {
         let of =
             |salvage: &Salvage| (format!("{} at {}", salvage.what, salvage.place), salvage.bytes_not_read);
         Ok(content.salvaged.as_ref().map(of))
+    }
+
+    /// What was left out because it is no event of the sensor, by kind: (kind, count, the first of them with its place). Kinds are
+    /// "outside_sensor", "other_words", "other_events", "malformed" and "lines".
+    #[getter]
+    fn left_out(&self) -> Outcome<Vec<(&'static str, u64, String)>> {
+        let content = self.content()?;
+        let of = |left_out: &LeftOut| {
+            (left_out.kind.name(), left_out.count, left_out.first.first().cloned().unwrap_or_default())
+        };
+        Ok(content.left_out.iter().map(of).collect())
+    }
+
+    /// What the file does not say and the reader took for granted, as sentences.
+    #[getter]
+    fn assumed(&self) -> Outcome<Vec<&'static str>> {
+        Ok(self.content()?.assumed.clone())
     }
 
     /// All events as one structured array.

@@ -85,7 +85,7 @@ fn a_recording_that_breaks_off_leaves_every_output_as_it_was() {
         let name = path.file_name().and_then(|name| name.to_str()).expect("text");
         let path = argument(&path);
         for format in ["csv", "npy", "dat", "evt3"] {
-            folder.stays(&["convert", path, "--to", format, "--force"], &[""], &[name, place]);
+            folder.stays(&["convert", path, "--to", format, "--force", "--strict"], &[""], &[name, place]);
         }
         // Without it, a line of a text is passed over.
         let strict = [path, "--sensor", "346x260", "--strict"];
@@ -93,8 +93,8 @@ fn a_recording_that_breaks_off_leaves_every_output_as_it_was() {
         let every = [&["run", "--every", "1ms", "--save-every", "1ms"], &strict[..]].concat();
         folder.stays(&every, &["--save-state"], &[name, place]);
         folder.stays(&[&["bench"], &strict[..]].concat(), &["--svg"], &[name, place]);
-        folder.stays(&["soak", path, "--events", "1000"], &["--json"], &[name, place]);
-        let angle = ["pareto", "angle", path, "--network", "tactigraph-past"];
+        folder.stays(&["soak", path, "--events", "1000", "--strict"], &["--json"], &[name, place]);
+        let angle = ["pareto", "angle", path, "--network", "tactigraph-past", "--strict"];
         folder.stays(&angle, &["--svg", "--csv", "--json"], &[name, place]);
     }
 }
@@ -106,7 +106,8 @@ fn a_stream_that_breaks_off_leaves_the_file_or_the_state_behind_its_last_event()
     let lines = (0..400).map(line).collect::<Vec<_>>().concat();
     let broken = format!("{lines}oh no\n");
     let kept = folder.path("kept");
-    let output = meissner_reading(&["convert", "-", argument(&kept), "--to", "npy", "--force"], &broken);
+    let convert = ["convert", "-", argument(&kept), "--to", "npy", "--force", "--strict"];
+    let output = meissner_reading(&convert, &broken);
     fails(&output, 1, &["standard input", "line 401"]);
     // A line without an end, behind which nothing can be read.
     let broken = lines + &"9".repeat(5000);

@@ -5,7 +5,9 @@ use std::path::Path;
 use meissner_engine::Sensor;
 use meissner_io::Format;
 
-use crate::support::{argument, default_recording, file, meissner, meissner_reading, message, text};
+use crate::support::{
+    argument, default_recording, file, meissner, meissner_reading, message, text,
+};
 
 fn convert(from: &Path, to: &Path, more: &[&str]) {
     let output = meissner(&[&["convert", argument(from), argument(to)], more].concat());
@@ -93,7 +95,7 @@ fn a_text_inside_gzip_is_read_without_its_bad_lines() {
     let header = b"\x1f\x8b\x08\0\0\0\0\0\0\xff\x01\x15\0\xea\xff";
     let bytes = [&header[..], b"1,2,3,1\n2,2,3,1\noops\n", b"\xa2\x1b\x69\x37\x15\0\0\0"].concat();
     let (_folder, path) = file("events.csv.gz", bytes);
-    let output = meissner(&["info", argument(&path)]);
+    let output = meissner(&["info", argument(&path), "--strict"]);
     assert!(
         message(&output).contains("events.csv.gz: CSV: ") && !output.status.success(),
         "{}",
@@ -147,7 +149,7 @@ fn info_counts_what_a_recording_holds() {
     let expected = serde_json::json!({
         "format": "CSV", "sensor": [8, 6], "events": 4, "on": 3, "off": 1, "first_t_us": 100, "last_t_us": 1600,
         "span_us": 1500, "events_per_s": 4.0 / 1.5e-3, "peak_events_per_ms": 3, "late": 1, "largest_xy": [7, 5],
-        "other_streams": [], "salvaged": null,
+        "other_streams": [], "left_out": [], "assumed": [], "salvaged": null,
     });
     assert_eq!(info, expected);
     let output = text(&meissner(&["info", argument(&path)]));

@@ -6,8 +6,8 @@ use std::io::BufReader;
 use meissner_engine::{Event, Sensor};
 use meissner_io::limits::{EXPANSION, PACKET_BYTES};
 use meissner_io::{
-    CsvEvents, ElectrodeSettings, Electrodes, Format, IoError, ReadOptions, Recording, TextOptions, TimeUnit,
-    decode, decode_with, encode,
+    CsvEvents, ElectrodeSettings, Electrodes, Format, IoError, ReadOptions, Recording, StreamKind,
+    TextOptions, TimeUnit, decode, decode_with, encode,
 };
 
 use crate::choices::Choices;
@@ -24,9 +24,16 @@ const REWRITTEN: usize = 4096;
 /// If a promise is broken, as every function here.
 pub(crate) fn recording(format: Format, bytes: &[u8]) -> Verdict {
     salvaged(format, bytes);
+    let strict = decode_with(bytes, ReadOptions::from(format).strict(true));
     match decode_with(bytes, format) {
         Ok(recording) => {
             assert_eq!(recording.format, format);
+            // A strict reader refuses what is left out, and nothing else.
+            let unplaced = recording.other_streams.iter().any(|stream| stream.kind == StreamKind::Unplaced);
+            match strict {
+                Ok(strict) => assert_eq!((&strict, recording.left_out.len()), (&recording, 0)),
+                Err(_) => assert!(unplaced || !recording.left_out.is_empty(), "refused without a reason"),
+            }
             keeps_its_promises(bytes, &recording);
             Verdict::Accepted
         }
@@ -35,7 +42,7 @@ pub(crate) fn recording(format: Format, bytes: &[u8]) -> Verdict {
 }
 
 /// CSV, whole and line by line: the size of the reader's buffer does not change the events, and a bad line costs one item.
-/// With the same options, a stream and a file are read the same.
+/// With the same options, a stream and a file are read the same by a strict reader, and by another one without the bad lines.
 ///
 /// # Panics
 /// If a promise is broken.
@@ -56,9 +63,12 @@ pub(crate) fn csv(bytes: &[u8]) -> Verdict {
         let lines = bytes.split(|&b| b == b'\n').count();
         assert!(whole.len() <= lines, "{} items of {lines} lines", whole.len());
         let asked = ReadOptions::from(Format::Csv).text(options);
+        let strict = decode_with(bytes, asked.strict(true)).map(|recording| recording.events);
         let read = decode_with(bytes, asked).map(|recording| recording.events);
         if options == said {
-            assert_eq!(read.ok(), whole.into_iter().collect::<Result<Vec<_>, _>>().ok());
+            let good: Vec<_> = whole.iter().filter_map(|item| item.clone().ok()).collect();
+            assert_eq!(strict.ok(), whole.into_iter().collect::<Result<Vec<_>, _>>().ok());
+            assert!(read.is_err() || read.ok() == Some(good));
         }
     }
     recording(Format::Csv, bytes)

@@ -50,6 +50,8 @@ pub struct Counts {
     pub events_dropped: u64,
     /// Events without a row or a time after a loss.
     pub events_unplaced: u64,
+    /// Words and events that the decoder left out: padding, reserved words, events outside the sensor or of another system.
+    pub left_out: u64,
     /// Predictions.
     pub predictions: u64,
 }
@@ -127,10 +129,14 @@ impl<P: PartialEq> Inference<P> {
             None => packet.events.as_slice().into(),
         };
         self.counts.events_unplaced += stream.resync.as_mut().map_or(0, Resync::take_unplaced);
-        let events = stream.packets.decode(time_base, &words).inspect_err(|_| {
+        let left_out = |packets: &EventPackets| packets.left_out().iter().map(|kind| kind.count).sum::<u64>();
+        let before = left_out(&stream.packets);
+        stream.packets.decode(time_base, &words).inspect_err(|_| {
             // The state after the fault is unknown, as after a loss.
             stream.resync = is_evt3.then(Resync::default);
         })?;
+        self.counts.left_out += left_out(&stream.packets) - before;
+        let events = stream.packets.events();
         let accepted = stream.engine.push_slice(events) as u64;
         let events = events.len() as u64;
         self.counts.events += events;

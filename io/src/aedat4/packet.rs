@@ -41,7 +41,12 @@ impl<'a> Table<'a> {
         Self::parse(bytes, what, None)
     }
 
-    fn parse(bytes: Bytes<'a>, what: &'static str, name: Option<[u8; 4]>) -> Result<Self, IoError> {
+    /// The same of a buffer whose name must be `name`, if there is one to expect.
+    pub(super) fn parse(
+        bytes: Bytes<'a>,
+        what: &'static str,
+        name: Option<[u8; 4]>,
+    ) -> Result<Self, IoError> {
         let size = bytes.u32(what, 0)? as usize;
         if size != bytes.len() - PREFIX {
             let expected = format!("a content of {size} bytes");

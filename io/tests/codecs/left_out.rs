@@ -2,7 +2,8 @@
 
 use meissner_engine::{Event, Sensor};
 use meissner_io::{
-    Chip, EventPackets, Format, IoError, LeftOutKind, ReadOptions, Recording, StreamKind, decode, decode_with,
+    Chip, EventPackets, Format, IoError, LeftOutKind, LiveEvents, ReadOptions, Recording, StreamKind,
+    TextOptions, decode, decode_with, record,
 };
 
 use crate::support::aedat::{
@@ -230,17 +231,22 @@ fn another_stream_of_events_is_read_where_it_is_asked_for() {
 }
 
 #[test]
-fn a_file_whose_writer_named_no_stream_is_read_by_the_names_of_its_packets() {
+fn a_file_whose_writer_named_no_stream_is_read_by_its_packets() {
     let all = events();
     for (compression, is_named) in Compression::ALL.into_iter().flat_map(|c| [(c, true), (c, false)]) {
+        let packet = |events: &[Event]| {
+            let mut packet = event_packet(events);
+            packet[8..12].fill(0);
+            if is_named { event_packet(events) } else { packet }
+        };
         let mut file = File::new(compression, None);
         file.xml = crate::support::aedat4::outputs("");
         if !is_named {
             file.table = Some(vec![8, 0, 0, 0, 4, 0, 0, 0, 4, 0, 4, 0, 4, 0, 0, 0]);
         }
         file.push(5, &crate::support::aedat4::vector(*b"IMUS", 1, &[4, 0, 0, 0]));
-        file.push(0, &event_packet(&all[..9]));
-        file.push(0, &event_packet(&all[9..]));
+        file.push(0, &packet(&all[..9]));
+        file.push(0, &packet(&all[9..]));
         let mut bytes = file.bytes();
         if !is_named {
             let at = bytes.windows(4).position(|bytes| bytes == b"IOHE").unwrap();
@@ -251,6 +257,13 @@ fn a_file_whose_writer_named_no_stream_is_read_by_the_names_of_its_packets() {
         assert_eq!(recording.other_streams[0].kind, StreamKind::Imu);
         assert!(recording.assumed[0].contains("left out"), "{:?}", recording.assumed);
     }
+    let mut file = File::new(Compression::Lz4, None);
+    file.xml = crate::support::aedat4::outputs("");
+    let mut other = crate::support::aedat4::vector(*b"ABCD", 3, &[7; 48]);
+    other[8..12].fill(0);
+    file.push(0, &other);
+    let error = decode(&file.bytes()).unwrap_err().to_string();
+    assert!(error.contains("the program that wrote this file left it out"), "{error}");
 }
 
 #[test]
@@ -273,4 +286,31 @@ fn bad_lines_of_a_text_are_left_out_unless_they_are_most() {
     assert!(matches!(error, IoError::Malformed { .. }), "{error}");
     let late = [vec![good[1].clone(); 100], vec![bad[0].clone(); 1000]].concat();
     assert_eq!(counts(&decode(&text(&late)).unwrap()), [(LeftOutKind::Lines, 1000)]);
+}
+
+#[test]
+fn records_whose_first_time_begins_as_another_format_does_are_records() {
+    let marks: [&[u8]; 8] = [
+        b"\x1f\x8b",
+        b"\x1f\x8b\x08",
+        b"BZh",
+        b"PK\x03\x04",
+        b"\xff\xd8\xff",
+        b"P5 ",
+        b"II*\0",
+        b"\x28\xb5\x2f\xfd",
+    ];
+    for mark in marks {
+        let mut time = 1_825_646_769_703_711_i64.to_le_bytes();
+        time[..mark.len()].copy_from_slice(mark);
+        let all = [0, 1, 2].map(|step| Event::new(i64::from_le_bytes(time) + step, 3, 4, true));
+        let bytes: Vec<u8> = all.iter().flat_map(|event| record(*event)).collect();
+        let arriving: Result<Vec<_>, _> = LiveEvents::new(&bytes[..], TextOptions::default()).collect();
+        assert_eq!(arriving.expect("records"), all, "{mark:?}");
+    }
+    // What is packed is refused by its name.
+    let packed =
+        b"\x1f\x8b\x08\0\0\0\0\0\0\xff\x01\x15\0\xea\xff1,2,3,1\n2,2,3,1\noops\n\xa2\x1b\x69\x37\x15\0\0\0";
+    let error = LiveEvents::new(&packed[..], TextOptions::default()).next().unwrap().unwrap_err();
+    assert!(error.to_string().contains("gzip"), "{error}");
 }

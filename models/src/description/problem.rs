@@ -99,7 +99,12 @@ impl ProblemKind {
     }
 }
 
-/// All inconsistencies of a description file, by line.
+/// Inconsistencies before one with which it is compared.
+const FAULTS: usize = 32;
+/// Most inconsistencies of a message.
+const TOLD: usize = 50;
+
+/// All inconsistencies of a description file, by line. The message has the first 50.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct DescriptionError {
     problems: Vec<Problem>,
@@ -110,10 +115,22 @@ impl DescriptionError {
     pub(super) fn new(mut problems: Vec<Problem>) -> Self {
         debug_assert!(!problems.is_empty(), "an error needs a problem");
         problems.sort_by_key(|p| p.line);
-        Self { problems }
+        // A file of anything but text can have the same fault at every byte. The parser has few words for faults.
+        let mut told: Vec<Problem> = Vec::new();
+        let mut first_of_line = 0;
+        for problem in problems {
+            if told.last().is_some_and(|last| last.line != problem.line) {
+                first_of_line = told.len();
+            }
+            let near = told.len().saturating_sub(FAULTS).max(first_of_line);
+            if !told[near..].contains(&problem) {
+                told.push(problem);
+            }
+        }
+        Self { problems: told }
     }
 
-    /// The inconsistencies, by line.
+    /// The inconsistencies, by line, each of a line once.
     pub fn problems(&self) -> &[Problem] {
         &self.problems
     }
@@ -121,13 +138,16 @@ impl DescriptionError {
 
 impl fmt::Display for DescriptionError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        for (i, problem) in self.problems.iter().enumerate() {
+        for (i, problem) in self.problems.iter().take(TOLD).enumerate() {
             if i > 0 {
                 writeln!(f)?;
             }
             problem.fmt(f)?;
         }
-        Ok(())
+        match self.problems.len().saturating_sub(TOLD) {
+            0 => Ok(()),
+            more => write!(f, "\nand {more} problems more"),
+        }
     }
 }
 
