@@ -116,6 +116,33 @@ def test_a_file_that_was_cut_short_is_read_up_to_the_cut(tmp_path, events):
     assert recording.salvaged[1] > 0
 
 
+def test_what_is_odd_in_a_recording_is_left_out_and_counted(tmp_path):
+    (tmp_path / "own.csv").write_text("# sensor 8x8\n1,2,3,1\noops\n2,9,3,1\n3,2,3,0\n4,2,3,0\n")
+    recording = meissner.open(tmp_path / "own.csv")
+    assert recording.read()["t"].tolist() == [1, 3, 4]
+    (kind, count, first), = recording.left_out
+    assert (kind, count, recording.assumed) == ("lines", 2, [])
+    assert "line 3" in first
+    with pytest.raises(meissner.RecordingError, match="line 3"):
+        len(meissner.open(tmp_path / "own.csv", strict=True))
+
+
+def test_the_chip_of_a_recording_that_names_none_can_be_given(tmp_path):
+    addresses = [(259 - y) << 22 | (345 - x) << 12 | 1 << 11 for x, y in [(3, 4), (300, 200)]]
+    records = np.array([[address, 10] for address in addresses], ">u4").tobytes()
+    (tmp_path / "v2e.aedat").write_bytes(b"#!AER-DAT2.0\n# Creation time: now\n" + records)
+    with pytest.raises(meissner.RecordingError, match="names the chip"):
+        len(meissner.open(tmp_path / "v2e.aedat"))
+    for named in [{"chip": "DAVIS346"}, {"sensor": (346, 260)}]:
+        recording = meissner.open(tmp_path / "v2e.aedat", **named)
+        assert (recording.sensor, recording.read().tolist()) == (
+            (346, 260), [(10, 3, 4, True), (10, 300, 200, True)])
+    with pytest.raises(meissner.InputError, match="DAVIS346"):
+        meissner.open(tmp_path / "v2e.aedat", chip="CAT9")
+    with pytest.raises(meissner.RecordingError, match="stream 2"):
+        len(meissner.open(tmp_path / "v2e.aedat", chip="DAVIS346", stream=2))
+
+
 def test_a_text_has_the_columns_and_the_unit_that_are_named(tmp_path):
     (tmp_path / "own.txt").write_text("1 3 4 0.5\n0 5 6 0.75\n")
     recording = meissner.open(tmp_path / "own.txt", columns="pxyt", time_unit="s")

@@ -63,7 +63,7 @@ impl StreamOptions {
     /// As [`Self::open`].
     pub(crate) fn recorded(&self) -> Result<(Sensor, Vec<Event>), PipelineError> {
         let source =
-            Source::open(self.recording.as_deref(), &ReadOptions::default(), self.sensor.is_some(), true)?;
+            Source::open(self.recording.as_deref(), &ReadOptions::default(), self.sensor.is_some(), false)?;
         let sensor = source.sensor(self.sensor)?;
         let events = source.collect::<Result<Vec<_>, _>>()?;
         Ok((sensor, repeated(&events, self.runs)))
