@@ -43,8 +43,8 @@ pub struct ReadOptions {
     /// Whether a file that was cut short is read up to the cut.
     ///
     /// The complete words of EVT2 and EVT3, events of AEDAT2, DAT, ES, N-MNIST and npy, packets of AEDAT3 and AEDAT4, and lines of CSV are kept;
-    /// [`Recording::salvaged`] describes the rest. Headers must be complete, and malformed content is refused as
-    /// always: a damaged file is not salvaged.
+    /// [`Recording::salvaged`] describes the rest. Headers must be complete, and content that is malformed elsewhere is treated as
+    /// without it: a damaged file is not salvaged.
     pub salvage: bool,
     /// Whether anything odd is an error: a line of a text that is no event, an event outside the sensor that the file names, a word of a
     /// type that holds no events, an event before the first time. Otherwise [`Recording::left_out`] and

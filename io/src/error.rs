@@ -138,7 +138,7 @@ pub enum IoError {
         readings: String,
     },
     /// Most of the first lines of a text are no events.
-    #[error("{refused} of the first {lines} lines are refused")]
+    #[error("expected events in most lines, found that {refused} of the first {lines} lines are refused")]
     Lines {
         /// Refused lines among the first ones.
         refused: u64,

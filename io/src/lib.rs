@@ -2,7 +2,9 @@
 //!
 //! [`read`] and [`decode`] find the format from the content; [`write`](fn@write) and [`encode`] take it as an argument. A
 //! file that is truncated or corrupt gives an [`IoError`] with the place, the expected and the actual value. It never gives
-//! a panic, or only the events before a fault, and it never uses more memory than [`limits`] allows. Only AEDAT4 and npy
+//! a panic, or only the events before a fault, and it never uses more memory than [`limits`] allows. Single words, events and lines that
+//! are odd, such as padding or an event outside the sensor, are left out and counted in [`Recording::left_out`];
+//! [`ReadOptions::strict`] refuses them. Only AEDAT4 and npy
 //! contain their length: any other file that is cut exactly between two words, events, packets or lines is a valid shorter
 //! recording. With [`ReadOptions::salvage`], a file that is cut short is read up to the cut, and [`Recording::salvaged`]
 //! describes the rest. Input of another kind ([`Kind`]) is refused by its name.

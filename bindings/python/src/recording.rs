@@ -5,8 +5,8 @@ use std::path::PathBuf;
 use std::sync::{Arc, Mutex, PoisonError};
 
 use meissner::io::{
-    self, Chip, ColumnOrder, Format, LeftOut, ReadOptions, Salvage, StreamSummary, TextOptions, TimeRange, TimeUnit,
-    UnknownName,
+    self, Chip, ColumnOrder, Format, LeftOut, ReadOptions, Salvage, StreamSummary, TextOptions, TimeRange,
+    TimeUnit, UnknownName,
 };
 use meissner::{Event, Sensor};
 use pyo3::exceptions::{PyIndexError, PyTypeError};
@@ -60,7 +60,8 @@ impl Recording {
                 let (streams, salvaged) = (read.other_streams, read.salvaged);
                 let (format, sensor, events) = (read.format, read.sensor, Arc::new(read.events));
                 let (left_out, assumed) = (read.left_out, read.assumed);
-                let read = Content { format, sensor, events, streams, salvaged, left_out, assumed, ascending };
+                let read =
+                    Content { format, sensor, events, streams, salvaged, left_out, assumed, ascending };
                 let read = Arc::new(read);
                 *content = Some(Arc::clone(&read));
                 Ok(read)
@@ -151,7 +152,8 @@ pub(crate) fn open(
     let text = TextOptions::default().columns(columns).time_unit(unit);
     let sensor = sensor.map(|(width, height)| Sensor::new(width, height));
     let stream = stream.map(|number| NonZeroU16::new(number).ok_or(number)).transpose();
-    let stream = stream.map_err(|found| Failure::input(format!("stream: expected 1 and above, found {found}")))?;
+    let stream =
+        stream.map_err(|found| Failure::input(format!("stream: expected 1 and above, found {found}")))?;
     let options = ReadOptions::default().format(word::<Format>(format)?).text(text).salvage(salvage);
     let options = options.strict(strict).sensor(sensor).chip(word::<Chip>(chip)?).stream(stream);
     Ok(Recording { path, options, content: Mutex::new(None) })

@@ -105,6 +105,7 @@ impl Header {
     /// Reads the header at the start of `file`.
     pub(super) fn parse(file: Bytes<'_>, options: ReadOptions) -> Result<Self, IoError> {
         let asked = options.chip;
+        let of_sensor = || options.sensor.and_then(Chip::of_sensor);
         let magic = file.get("magic", 0, MAGIC.len())?;
         if magic != MAGIC {
             return Err(file.malformed("magic", 0, shown(MAGIC), shown(magic)));
@@ -123,13 +124,13 @@ impl Header {
             if let Some(class) = text.strip_prefix("AEChip:") {
                 let class = class.trim();
                 let name = class.rsplit('.').next().unwrap_or_default();
-                header.chip = asked.or_else(|| Chip::of_class(name));
+                header.chip = asked.or_else(|| Chip::of_class(name)).or_else(of_sensor);
                 if header.chip.is_none() {
                     return Err(file.malformed("AEChip", start, NAMES, shown(class.as_bytes())));
                 }
             }
         }
-        header.chip = header.chip.or(asked).or_else(|| options.sensor.and_then(Chip::of_sensor));
+        header.chip = header.chip.or(asked).or_else(of_sensor);
         let tail = &file.data[header.end..];
         header.is_empty = tail.len() < super::STRIDE;
         if header.end == 0 || (!is_ended && is_cut(tail)) {
