@@ -8,7 +8,8 @@ use std::path::Path;
 use meissner_engine::{Event, EventCounters, Sensor};
 use meissner_io::limits::STREAM_BYTES;
 use meissner_io::{
-    Format, HeldContent, IoError, LeftOutKind, LiveEvents, Place, RECORD_BYTES, ReadOptions, Recording, TimeRange,
+    Format, HeldContent, IoError, LeftOutKind, LiveEvents, Place, RECORD_BYTES, ReadOptions, Recording,
+    TimeRange,
 };
 
 use crate::error::{PipelineError, chain};

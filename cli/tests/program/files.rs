@@ -5,9 +5,7 @@ use std::path::Path;
 use meissner_engine::Sensor;
 use meissner_io::Format;
 
-use crate::support::{
-    argument, default_recording, file, meissner, meissner_reading, message, text,
-};
+use crate::support::{argument, default_recording, file, meissner, meissner_reading, message, text};
 
 fn convert(from: &Path, to: &Path, more: &[&str]) {
     let output = meissner(&[&["convert", argument(from), argument(to)], more].concat());
