@@ -102,9 +102,11 @@ pub(crate) struct ReadArgs {
     ///
     /// Without this option, what is no event of the sensor is left out, counted by kind, and told: lines of a text that cannot be read
     /// ("lines_refused"; the first five are told), events outside the sensor that the file names, words of a type that holds no events,
-    /// such as padding, and events before the first time of a stream. If more than half of the first 100 lines (or of a shorter text)
-    /// cannot be read, the program ends with an error. With this option, the first of these ends it: the summary of standard input
-    /// covers the lines before the error, and a file is not run at all.
+    /// such as padding, and events before the first time of a stream.
+    ///
+    /// If more than half of the first 100 lines (or of a shorter text) cannot be read, the program ends with an error. With this
+    /// option, the first line, event or word that would be left out ends it: the summary of standard input covers what came before,
+    /// and a file is not run at all.
     #[arg(long, help_heading = INPUT)]
     pub(crate) strict: bool,
     /// Chip of a recording in AEDAT 2 that names none, such as DAVIS346.

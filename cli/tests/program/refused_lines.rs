@@ -140,6 +140,9 @@ fn a_bad_line_from_a_pipe_loses_nothing_else() {
     }
     for arguments in [&["info", "/dev/stdin"][..], &["convert", "/dev/stdin", "-", "--to", "csv"]] {
         let output = meissner_reading(arguments, text);
+        assert_eq!(output.status.code(), Some(0), "{arguments:?}");
+        assert!(message(&output).contains("line 3"), "{}", message(&output));
+        let output = meissner_reading(&[arguments, &["--strict"]].concat(), text);
         assert_eq!(output.status.code(), Some(1), "{arguments:?}");
         assert!(message(&output).contains("line 3"), "{}", message(&output));
     }
