@@ -17,7 +17,7 @@
 //! | 0xE, 0x7, 0xF | vendor's word, and its continuations | |
 //! | 0x9, 0xB, 0xC, 0xD | reserved, padding of other makers, or IMU | |
 //!
-//! Source: the vendor's page "EVT 3.0 Format", and for 0x1 and 0xD the header `evt3_event_types.h` of OpenEB. Invariants:
+//! Source: the vendor's page "EVT 3.0 Format", and for 0x1 and 0xD the header `evt3_event_types.h` of `OpenEB`. Invariants:
 //!
 //! - Nothing odd ends the reading, unless it is strict: reserved words, events outside the sensor and events of a row of kind 0x1, which
 //!   is none of this sensor's, are left out and counted. Events before the first words of time, row and (in a vector) base column
@@ -221,16 +221,12 @@ impl Decoder {
         if bits == 0 {
             return Ok(());
         }
-        let (kind, error) = match row {
-            Row::Outside(y) => {
-                let x = x + bits.trailing_zeros();
-                (LeftOutKind::OutsideSensor, file.outside(self.bounds, x, y, at))
-            }
-            _ => {
-                let (expected, actual) =
-                    ("a row of this sensor (word 0x0)", "one of another system (word 0x1)");
-                (LeftOutKind::OtherEvents, file.malformed("row of an event", at, expected, actual))
-            }
+        let (kind, error) = if let Row::Outside(y) = row {
+            let x = x + bits.trailing_zeros();
+            (LeftOutKind::OutsideSensor, file.outside(self.bounds, x, y, at))
+        } else {
+            let (expected, actual) = ("a row of this sensor (word 0x0)", "one of another system (word 0x1)");
+            (LeftOutKind::OtherEvents, file.malformed("row of an event", at, expected, actual))
         };
         self.passed.pass(kind, bits.count_ones().into(), error)
     }
