@@ -207,8 +207,8 @@ pub(crate) fn measure(
             }
             None if task == "force" => run(pareto::force(&data, asked.request(), &options, &workers)?),
             None => {
-                let options = ReadOptions::default().sensor(sensor.as_ref().map(|pixels| pixels.0));
-                let source = Source::open(Some(&data), &options, sensor.is_some(), false)?;
+                let read = ReadOptions::default().sensor(sensor.as_ref().map(|pixels| pixels.0));
+                let source = Source::open(Some(&data), &read, sensor.is_some(), false)?;
                 let asked = AngleOptions {
                     networks: &asked.networks,
                     weights: asked.weights.as_deref(),
