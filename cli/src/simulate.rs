@@ -245,7 +245,7 @@ struct CameraArgs {
     /// Mean threshold of off events [default: 0.2; of markers 0.35].
     #[arg(long, value_name = "LOG", help_heading = CAMERA)]
     threshold_off: Option<f64>,
-    /// Standard deviation of thresholds over pixels and polarities [default: 0.02; of markers 0.03].
+    /// Standard deviation of thresholds over pixels [default: 0.02; of markers 0.03].
     #[arg(long, value_name = "LOG", help_heading = CAMERA)]
     threshold_spread: Option<f64>,
     /// Highest cutoff frequency of a pixel in hertz [default: 3000].

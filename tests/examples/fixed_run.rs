@@ -19,7 +19,8 @@ fn main() -> ExitCode {
         say(format!("events, {}", isa.name()), events, fixed_run::EVENTS_EXPECTED);
         say(format!("frames, {}", isa.name()), fixed_run::of_frames(isa, false), fixed_run::FRAMES_EXPECTED);
     }
-    for threads in [1, 2, 8] {
+    // WebAssembly has no threads.
+    for threads in [1, 2, 8].into_iter().filter(|_| !cfg!(target_family = "wasm")) {
         let batch = fixed_run::of_events(Mode::Batch { threads });
         say(format!("batch, {threads} threads"), batch, fixed_run::EVENTS_EXPECTED);
     }
