@@ -105,7 +105,7 @@ pub(super) struct AngleArgs {
     /// Leave out events of the first TIME of the recording.
     #[arg(long = "from", value_name = "TIME", value_parser = length_us, help_heading = INPUT)]
     pub(super) from_us: Option<i64>,
-    /// Network over events to measure [default: graphres].
+    /// Network over events to measure [default: tactigraph-past].
     ///
     /// The name of a shipped network, or a description file, which needs --weights. It may be given several times.
     #[arg(long = "network", value_name = "NETWORK", help_heading = NETWORK)]

@@ -100,7 +100,7 @@ fn differences(exact: &[Vec<f32>], found: &[Vec<f32>]) -> (f64, f64) {
 #[test]
 fn the_exact_setting_has_no_error_and_others_are_compared_with_it_at_every_event() {
     let names = ["exact", "stride 4", "stale 5 ms", "tolerance 0.01"];
-    let report = run(&names, &[]);
+    let report = run(&names, &["--network", "graphres"]);
     assert_eq!((&report["system"], &report["compared"]), (&"angle".into(), &"relative_rms".into()));
     let exact = setting(&report, 0, "exact");
     assert_eq!((number(&exact["numerical"]["max"]), number(&exact["error"])), (0.0, 0.0));

@@ -8,6 +8,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use meissner_engine::{Event, Sensor};
+use meissner_models::DEFAULT_NETWORK;
 use meissner_models::systems::slip::ObjectSet;
 use meissner_pipeline::model::{LayerCost, Model, describe, labelled, weights};
 use meissner_pipeline::source::Source;
@@ -29,13 +30,11 @@ use crate::workers::Workers;
 const EVENTS: usize = 20_000;
 /// Timed windows without another number.
 const WINDOWS: usize = 400;
-/// The network without another name.
-const NETWORK: &str = "graphres";
 
 /// The part of a recording and the networks of a study without labels.
 #[derive(Clone, Copy, Debug)]
 pub struct AngleOptions<'a> {
-    /// Names of shipped networks or description files; none for `graphres`.
+    /// Names of shipped networks or description files; none for [`DEFAULT_NETWORK`].
     pub networks: &'a [String],
     /// Weights of the only network.
     pub weights: Option<&'a Path>,
@@ -69,7 +68,7 @@ pub fn angle(
     let mut notes: Vec<String> =
         lost(&name, sensor, [&events]).into_iter().map(|lost| lost.message).collect();
 
-    let default = [NETWORK.to_owned()];
+    let default = [DEFAULT_NETWORK.to_owned()];
     let names = if asked.networks.is_empty() { &default[..] } else { asked.networks };
     if asked.weights.is_some() && names.len() > 1 {
         return Err(EvaluateError::OneNetwork { found: names.len() });
