@@ -90,6 +90,14 @@ impl Recording {
         Self { name: "synthetic dots".to_owned(), sensor, events: out }
     }
 
+    /// `events` events of one pixel at one time: the worst case of a search, and of in-edges from all nodes, where each event changes the
+    /// row of every other.
+    pub fn one_pixel(events: usize) -> Self {
+        let sensor = Sensor::new(346, 260);
+        let events = (0..events).map(|i| Event::new(0, 173, 130, i % 2 == 0)).collect();
+        Self { name: "one pixel at one time".to_owned(), sensor, events }
+    }
+
     /// The first window that holds exactly `count` events within `span_us`, ends included.
     pub fn first_window(&self, count: usize, span_us: i64) -> Option<&[Event]> {
         let mut start = 0;
