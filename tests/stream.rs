@@ -224,7 +224,9 @@ fn a_clock_that_restarts_resets_the_engine_and_every_event_of_the_new_clock_ente
             stream.push(event);
             assert_eq!(stream.compare(), Ok(()), "{candidates:?}");
         }
-        restart()[3..].iter().for_each(|&event| drop(fresh.push(event)));
+        for &event in &restart()[3..] {
+            fresh.push(event);
+        }
         let counters = stream.engine.counters().events;
         assert_eq!((counters.restarts, counters.accepted, counters.late), (1, 13, 0), "{candidates:?}");
         assert_eq!((stream.engine.epoch_us(), stream.engine.now_us()), (Some(0), Some(90)), "{candidates:?}");

@@ -108,7 +108,7 @@ fn restarted() -> String {
 
 #[test]
 fn a_restart_of_the_clock_is_told_and_the_events_after_it_are_taken() {
-    let (_folder, path) = file("restarted.csv", &restarted());
+    let (_folder, path) = file("restarted.csv", restarted());
     for network in ["tactigraph-past", "force-lstm"] {
         let run = |rest: &[&str]| {
             let arguments = ["run", argument(&path), "--sensor", "346x260", "--network", network, "--json"];
@@ -131,7 +131,7 @@ fn a_restart_of_the_clock_is_told_and_the_events_after_it_are_taken() {
 
 #[test]
 fn reports_say_what_a_restart_of_the_clock_costs() {
-    let (_folder, path) = file("restarted_play.csv", &restarted());
+    let (_folder, path) = file("restarted_play.csv", restarted());
     let arguments = ["play", "-", "--sensor", "346x260", "--report-every", "5ms", "--json"];
     let output = command(&arguments)
         .stdin(std::fs::File::open(&path).expect("the file is there"))

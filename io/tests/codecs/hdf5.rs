@@ -31,7 +31,7 @@ fn refusal(name: &str) -> String {
 
 #[test]
 fn the_arrays_of_dsec_are_events_with_the_offset_in_their_times() {
-    let Recording { format, sensor, events, other_streams, salvaged } = read(&path("dsec.h5")).unwrap();
+    let Recording { format, sensor, events, other_streams, salvaged, .. } = read(&path("dsec.h5")).unwrap();
     assert_eq!((format, sensor, salvaged), (Format::Hdf5, None, None));
     assert!(other_streams.is_empty());
     assert_eq!(events, pattern(1500, 49_599_300_523));
