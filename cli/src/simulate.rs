@@ -251,7 +251,7 @@ struct CameraArgs {
     /// Highest cutoff frequency of a pixel in hertz [default: 3000].
     #[arg(long, value_name = "HZ", help_heading = CAMERA)]
     cutoff_max_hz: Option<f64>,
-    /// Rate of leak events of a pixel in the dark, in hertz [default: 0.061; of markers 0.003].
+    /// Rate of leak events in the dark, in hertz [default: 0.061; of markers 0.003].
     #[arg(long, value_name = "HZ", help_heading = CAMERA)]
     leak_hz: Option<f64>,
     /// Rate of shot noise of a pixel in the dark, in hertz [default: 5].
