@@ -87,7 +87,7 @@ fn a_written_file_is_read_back_and_a_folder_that_is_not_there_is_named() {
     write_png(&path, 1, 2, &data).unwrap();
     assert_eq!(read_image(&path).unwrap(), Image { width: 1, height: 2, data: data.clone() });
     let error = write_png(&folder.path().join("none/a.png"), 1, 2, &data).unwrap_err();
-    assert!(matches!(error, IoError::File { action: "write", .. }), "{error}");
+    assert!(matches!(error, IoError::File { action: "create", .. }), "{error}");
     let error = read_image(&folder.path().join("b.png")).unwrap_err();
     assert!(matches!(error, IoError::File { action: "open", .. }), "{error}");
 }
