@@ -204,6 +204,7 @@ impl CliError {
 fn hint(error: &PipelineError) -> Option<String> {
     let text = match error {
         PipelineError::NoGeometry { .. } => "add --sensor WxH, such as --sensor 346x260",
+        PipelineError::Engine(EngineError::NotIncremental(_)) => "`meissner run --mode batch` runs it",
         PipelineError::NoWeights(_) => "add --weights FILE (`meissner draw` writes untrained ones)",
         PipelineError::UnknownNetwork { .. } => "`meissner networks` lists the shipped networks",
         PipelineError::OtherNetwork { .. } => "`meissner inspect` shows the network",
@@ -269,6 +270,12 @@ mod tests {
     use meissner_engine::{EngineError, Sensor};
 
     use super::CliError;
+
+    #[test]
+    fn a_network_without_an_incremental_form_is_told_the_option_that_runs_it() {
+        let hint = CliError::from(EngineError::NotIncremental("a".to_owned())).hint();
+        assert!(hint.is_some_and(|hint| hint.contains("--mode batch")));
+    }
 
     #[test]
     fn an_error_of_the_program_does_not_repeat_its_source() {

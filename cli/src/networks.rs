@@ -3,6 +3,7 @@
 use std::io::{self, Write};
 
 use meissner_engine::frames::FrameShape;
+use meissner_models::systems::slip;
 use meissner_models::{AnyDescription, Card};
 use serde::Serialize;
 
@@ -117,17 +118,24 @@ impl Entry {
             input: kind.input(),
             outputs: outputs.to_vec(),
             units: units.to_vec(),
-            labelled: description.classes().map_or_else(
-                || description.labelled_outputs(),
-                |classes| format!("{} classes", classes.len()),
-            ),
+            labelled: labelled(&description),
         })
     }
 }
 
-/// Writes a table for each system, with the purpose of each network below its row.
+/// The outputs for people: angles are shown in degrees.
+fn labelled(description: &AnyDescription) -> String {
+    match description.classes() {
+        None => description.labelled_outputs().replace("(rad)", "(deg)"),
+        Some(classes) if classes == slip::CLASSES => slip::WORDS.join(", "),
+        Some([first, .., last]) => format!("classes {first} to {last}"),
+        Some(classes) => classes.join(", "),
+    }
+}
+
+/// Writes a table for each system, with the purpose and the outputs of each network below its row.
 fn write(out: &mut impl Write, entries: &[Entry]) -> io::Result<()> {
-    let mut table = Table::new(&["network", "sensor", "input", "outputs"]).left_aligned();
+    let mut table = Table::new(&["network", "sensor", "input"]).left_aligned();
     let ordered =
         || SYSTEMS.iter().flat_map(|system| entries.iter().filter(move |entry| entry.system == *system));
     for entry in ordered() {
@@ -136,7 +144,7 @@ fn write(out: &mut impl Write, entries: &[Entry]) -> io::Result<()> {
             None if entry.input == "24 electrodes" => "-".to_owned(),
             None => "any".to_owned(),
         };
-        table.row([entry.name.to_owned(), sensor, entry.input.to_owned(), entry.labelled.clone()]);
+        table.row([entry.name.to_owned(), sensor, entry.input.to_owned()]);
     }
     let mut lines = table.lines().into_iter();
     lines.next().map_or(Ok(()), |headings| writeln!(out, "{headings}"))?;
@@ -147,13 +155,14 @@ fn write(out: &mut impl Write, entries: &[Entry]) -> io::Result<()> {
             writeln!(out, "\n{system}")?;
         }
         writeln!(out, "{line}\n      {}", entry.purpose)?;
+        writeln!(out, "      predicts {}", entry.labelled)?;
     }
     writeln!(out, "\nAll weights are trained. `meissner inspect NETWORK` shows the layers.")
 }
 
 #[cfg(test)]
 mod tests {
-    use super::{Entry, PURPOSES, SYSTEMS};
+    use super::{Entry, PURPOSES, SYSTEMS, write};
     use meissner_models::AnyDescription;
 
     #[test]
@@ -162,6 +171,25 @@ mod tests {
         names.sort_unstable();
         assert!(names.iter().eq(PURPOSES.iter().map(|(name, ..)| name)));
         assert!(PURPOSES.iter().all(|(_, system, _)| SYSTEMS.contains(system)));
+    }
+
+    #[test]
+    fn every_network_is_listed_with_what_it_predicts_for_people() {
+        let entries: Vec<Entry> = AnyDescription::shipped_names().filter_map(Entry::of).collect();
+        let mut text = Vec::new();
+        write(&mut text, &entries).expect("a vector takes everything");
+        let text = String::from_utf8(text).expect("text");
+        assert_eq!(text.matches("      predicts ").count(), entries.len());
+        for expected in [
+            "roll, pitch (deg)",
+            "depth (mm), tilt_x",
+            "anticlockwise, clockwise",
+            "classes 0 to 9",
+            "force (N)",
+        ] {
+            assert!(text.contains(expected), "{expected}: {text}");
+        }
+        assert!(!text.contains("(rad)"), "{text}");
     }
 
     #[test]

@@ -26,7 +26,7 @@ pub(crate) struct TouchData {
     /// Set of recordings.
     #[arg(value_name = "SET", value_parser = choice(SETS))]
     pub(crate) set: NeutouchSet,
-    /// Folder of the data set, with the archive of the set.
+    /// Folder of the data set, with the archive of the set, or the path of the archive.
     ///
     /// The archives are Ev-Objects.zip and Ev-Containers.zip.
     #[arg(value_name = "DATA")]
@@ -71,7 +71,7 @@ pub(crate) struct EventNetworks {
 pub(crate) struct SlipTask {
     /// Folder of the data set, with a folder for each class.
     ///
-    /// The classes are aw, cw, e, n, s, t and w. Recordings are files such as n/pen178.csv.
+    /// The classes are aw (anticlockwise), cw (clockwise), e, n, s, w (directions) and t (touch without slip). Recordings are files such as n/pen178.csv.
     #[arg(value_name = "DATA")]
     pub(crate) data: PathBuf,
     /// Network [default: every shipped network for slip].

@@ -10,6 +10,38 @@ const LONGEST: Duration = Duration::from_hours(10 * 365 * 24);
 /// Longest time after an end until a wait notices it.
 const NAP: Duration = Duration::from_millis(5);
 
+/// Stream time that has passed: all steps forward from one event to the next, without those across a restart of the clock.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Passed {
+    newest_us: Option<i64>,
+    us: u64,
+}
+
+impl Passed {
+    /// Takes the time of an accepted event.
+    pub(crate) fn event(&mut self, t_us: i64) {
+        let newest_us = self.newest_us.map_or(t_us, |newest_us| newest_us.max(t_us));
+        self.us = self.us.saturating_add(newest_us.abs_diff(self.newest_us.unwrap_or(t_us)));
+        self.newest_us = Some(newest_us);
+    }
+
+    /// Adds `us` of stream time that no event shows.
+    pub(crate) fn add(&mut self, us: u64) {
+        self.us = self.us.saturating_add(us);
+    }
+
+    /// The next event is the first of a clock that has restarted.
+    pub(crate) fn restart(&mut self) {
+        self.newest_us = None;
+    }
+
+    /// Stream time divided by the time `spent` on it: from 1 on the work keeps up with the stream in the mean. `None` if
+    /// either is zero.
+    pub(crate) fn times_real_time(&self, spent: Duration) -> Option<f64> {
+        (self.us > 0 && !spent.is_zero()).then(|| self.us as f64 / (spent.as_secs_f64() * 1e6))
+    }
+}
+
 /// Converts stream times to wall clock times, and back.
 #[derive(Clone, Copy, Debug)]
 pub struct Clock {

@@ -33,6 +33,7 @@
 //! | [`model`] | networks and weights by name or from files |
 //! | [`provenance`] | network, weights and input of a result, for reports |
 //! | [`answer`] | classes and probabilities of predictions |
+//! | [`training`] | outputs, and the ranges that they had in the training |
 //! | [`approximations`] | approximations, and the report of their effects |
 //! | [`schedule`], [`text`] | when predictions are read; numbers and times as text |
 //! | [`predictor`] | incremental inference and inference from scratch, with the same methods |
@@ -73,5 +74,6 @@ pub mod skips;
 pub mod source;
 pub mod streams;
 pub mod text;
+pub mod training;
 
 pub use error::PipelineError;

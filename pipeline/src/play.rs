@@ -33,6 +33,7 @@ use crate::run::{Observer, Prediction, ReportPrediction};
 use crate::schedule::times_before;
 use crate::skips::dropped;
 use crate::source::Source;
+use crate::training::Training;
 use reader::{Laps, Reader};
 pub use summary::{LastPrediction, PlaySummary, QueueReport, ReportCounts, Verified};
 use tally::{Tally, state};
@@ -83,6 +84,7 @@ pub struct PlayInput {
 pub struct Play {
     network: Arc<Network>,
     classes: Classes,
+    training: Training,
     tracks: Vec<Track>,
     options: PlayOptions,
     /// When stream time begins to pass, if it has begun.
@@ -168,7 +170,8 @@ impl Play {
         }
         let network = Arc::new(model.network.clone());
         let classes = Classes::new(model.card.classes.clone());
-        Ok(Self { network, classes, tracks, options, started })
+        let training = Training::new(&model.card.outputs);
+        Ok(Self { network, classes, training, tracks, options, started })
     }
 
     /// The number of reports that will be due, if it is known: as many as the longest input has.
@@ -222,7 +225,7 @@ impl Play {
         predictors: Vec<P>,
         observer: &mut dyn Observer,
     ) -> Result<Vec<Result<(Played, P), PipelineError>>, PipelineError> {
-        let Self { mut classes, tracks, options, started, .. } = self;
+        let Self { mut classes, training, tracks, options, started, .. } = self;
         let dues: Vec<_> = tracks.iter().map(|track| track.due).collect();
         let queue = |(index, predictor): (usize, P)| {
             let core = options.cores.get(index % options.cores.len().max(1)).copied();
@@ -243,7 +246,8 @@ impl Play {
             tracks.into_iter().zip(queues).map(|(track, queue)| track.offer(queue, start, &options));
         let offering = offering.collect::<Result<Vec<_>, _>>()?;
 
-        let mut tallies: Vec<_> = dues.iter().map(|due| Tally::new(due.reports.unwrap_or(0))).collect();
+        let tally = |due: &Due| Tally::new(due.reports.unwrap_or(0), training.clone());
+        let mut tallies: Vec<_> = dues.iter().map(tally).collect();
         let mut failed: Vec<_> = dues.iter().map(|_| None).collect();
         let (clock, mut shown) = (Clock::new(start, 0, options.speed), Ok(()));
         for number in 1.. {
@@ -268,7 +272,14 @@ impl Play {
                 Ok(timely) => {
                     tallies[input].count(&timely, options.deadline, late);
                     if shown.is_ok() {
-                        let report = report(input, number, dues[input], &timely, &mut classes);
+                        let report = report(
+                            input,
+                            number,
+                            dues[input],
+                            &timely,
+                            &mut classes,
+                            &tallies[input].training,
+                        );
                         shown = observer.prediction(&Prediction::Report(report));
                     }
                 }
@@ -345,6 +356,7 @@ fn report<'a>(
     due: Due,
     timely: &Timely<'a>,
     classes: &'a mut Classes,
+    training: &'a Training,
 ) -> ReportPrediction<'a> {
     classes.update(timely.values);
     ReportPrediction {
@@ -353,6 +365,7 @@ fn report<'a>(
         t_us: timely.t_us,
         value: Values(timely.values),
         answer: classes.answer(),
+        outside_training: training.newest(),
         nodes: timely.nodes,
         state: state(timely),
         behind_events: timely.behind_events,
@@ -383,6 +396,7 @@ impl Played {
         let Reader { input: queue, chain, lag, taken, .. } = reader;
         let (counters, offered) = (readout.engine().counters(), queue.counters());
         let PlayInput { source, sensor, overload } = input;
+        tally.training.warn(&source.name);
         let declared = QueueOptions::new().with_capacity(options.queue).bytes::<Event>() as u64;
         PlaySummary {
             events: taken,
@@ -400,6 +414,7 @@ impl Played {
                 blocked_us: microseconds(offered.blocked),
             },
             reports: tally.reports,
+            outside_training: tally.training.outside(),
             latency_us: tally.latencies(),
             reader_lag_max_us: microseconds(lag),
             drain_us: microseconds(drain),

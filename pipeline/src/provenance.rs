@@ -9,6 +9,7 @@ use serde::Serialize;
 use serde_json::Value;
 
 use crate::error::PipelineError;
+use crate::training::Output;
 
 /// Version of the JSON format. It increases when a key is removed or changes its meaning.
 const SCHEMA: u32 = 1;
@@ -50,7 +51,7 @@ pub struct ModelCard {
     /// Its weights.
     pub weights: WeightsCard,
     /// The predicted values, in order.
-    outputs: Vec<Output>,
+    pub outputs: Vec<Output>,
     /// Names of the classes, if the values are logits.
     pub classes: Option<Vec<String>>,
 }
@@ -90,12 +91,6 @@ pub struct WeightsCard {
     sensor: Option<[u16; 2]>,
 }
 
-#[derive(Clone, Debug, Default, Serialize)]
-struct Output {
-    name: String,
-    unit: String,
-}
-
 impl Header {
     /// A header for the results of one network.
     pub fn new(command: &'static str, input: InputCard, model: ModelCard) -> Self {
@@ -121,7 +116,7 @@ impl ModelCard {
     /// The card of the network of `description` with `weights` from `source`.
     ///
     /// # Errors
-    /// The metadata of the weights cannot be read.
+    /// The metadata of the weights cannot be read, or state ranges of other outputs.
     pub fn new(
         description: &AnyDescription,
         weights: &Weights,
@@ -135,6 +130,8 @@ impl ModelCard {
             }
             AnyDescription::Frames(frames) => ("frames", frames.agreement(weights), None),
         };
+        let outputs = Output::all(names, units, card.ranges)
+            .map_err(|error| PipelineError::weights(source.clone(), error))?;
         let preparation = description.preparation().and_then(|text| serde_json::from_str(&text).ok());
         Ok(Self {
             network: NetworkCard {
@@ -154,11 +151,7 @@ impl ModelCard {
                 stride: card.stride,
                 sensor: card.sensor.map(sides),
             },
-            outputs: names
-                .iter()
-                .zip(units)
-                .map(|(name, unit)| Output { name: name.clone(), unit: unit.clone() })
-                .collect(),
+            outputs,
             classes: description.classes().map(<[String]>::to_vec),
         })
     }
@@ -239,9 +232,9 @@ impl ModelCard {
         self.weights.source.clone() + &about.unwrap_or_default()
     }
 
-    /// Column headings of the values: their names and unit.
+    /// Column headings of the values for people: their names and units.
     pub fn headings(&self) -> Vec<String> {
-        self.outputs.iter().map(|Output { name, unit }| format!("{name} ({unit})")).collect()
+        self.outputs.iter().map(|output| format!("{} ({})", output.name, output.shown_unit())).collect()
     }
 }
 

@@ -210,6 +210,7 @@ def arguments():
     parser.add_argument("--unit", type=float, nargs="+", default=[1.0, 10.0, 10.0], help="of each output; default: 1 10 10")
     parser.add_argument("--centre", action="store_true", help="move the outputs to a median difference of 0 on the validation presses")
     parser.add_argument("--pins", type=float, default=0.05, help="weight of the motion of the pins, in pixels, in the loss; default: 0.05")
+    parser.add_argument("--ranges", help="JSON: [low, high] of the labels of each output, in its unit; default: those of the weights to start from")
     parser.add_argument("--about", help="remark about the data; default: that of the weights to start from")
     parser.add_argument("--out", type=Path, default=Path("models/weights/angle"), help="default: %(default)s")
     parser.add_argument("--threads", type=int, default=1, help="default: 1")

@@ -95,6 +95,9 @@ def written(args, recipe, presses, stride, loss, valid, started):
         remarks["preparation"] = args.said["preparation"]
     if "licence" in started:
         remarks["licence"] = started["licence"]
+    ranges = args.ranges or started.get("ranges")
+    if ranges:
+        remarks["ranges"] = ranges
     return remarks
 
 
@@ -140,6 +143,7 @@ def arguments():
     parser.add_argument("--keep", type=int, default=0, metavar="CUTS", help=KEEP)
     parser.add_argument("--device", default="cpu", help="device of PyTorch; default: %(default)s")
     parser.add_argument("--check", type=int, default=5, help="epochs from one validation to the next; default: 5")
+    parser.add_argument("--ranges", help="JSON: [low, high] of the labels of each output, in its unit; default: those of the weights to start from")
     parser.add_argument("--about", help="remark about the data; default: that of the weights to start from, or the dome's")
     parser.add_argument("--out", type=Path, default=Path("models/weights/angle"), help="default: %(default)s")
     parser.add_argument("--meissner", default="target/release/meissner", help="default: %(default)s")

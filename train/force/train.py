@@ -94,6 +94,7 @@ def fit(name, train, valid, held_out, path, args):
         "trained_on": "test, without those held out" if held_out else "train",
         "source": f"simulate grasp --seed {2 if held_out else 1}",
         "sensor": json.dumps([SIDE, SIDE]),
+        "ranges": json.dumps([[0, 3.12]]),
         "maximum": MAXIMUM,
         "valid_mse": f"{error:.4f}",
         "licence": "data and weights are this project's own",

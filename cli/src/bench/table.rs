@@ -229,9 +229,12 @@ pub(super) fn deadline(out: &mut impl Write, deadline: &DeadlineReport) -> io::R
         )?,
     }
     if let Some(load) = deadline.load {
+        let times = deadline.real_time.map(summary::times_real_time);
+        let times = times.map_or_else(String::new, |times| format!(", {times} in the mean"));
         writeln!(
             out,
-            "load         {:.2} % of stream time; the latest prediction came {lag_max_us:.1} us after its period's end",
+            "load         {:.2} % of stream time{times}; the latest prediction came {lag_max_us:.1} us after its period's \
+             end",
             load * 100.0
         )?;
     }

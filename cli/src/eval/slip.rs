@@ -4,7 +4,7 @@ use std::io::{self, Write};
 
 use meissner_evaluate::slip::{NetworkReport, Report, SetReport, evaluate};
 use meissner_evaluate::trainings::Scheme;
-use meissner_models::systems::slip::{CLASSES, ObjectSet};
+use meissner_models::systems::slip::{CLASSES, ObjectSet, WORDS};
 use meissner_pipeline::text::grouped;
 use meissner_plot::{Bar, Bars, Panel, page};
 
@@ -156,6 +156,10 @@ fn figures(out: &mut dyn Write, report: &Report) -> io::Result<()> {
 
 /// A confusion matrix for each network and set.
 fn confusions(out: &mut dyn Write, report: &Report) -> io::Result<()> {
+    if judged(report).next().is_some() {
+        let words = CLASSES.iter().zip(WORDS).map(|(class, word)| format!("{class} {word}"));
+        writeln!(out, "\nclasses      {}", words.collect::<Vec<_>>().join(", "))?;
+    }
     judged(report).try_for_each(|(network, SetReport { set, judged, .. })| {
         let name = format!("{network} on {set}");
         confusion(out, &name, &CLASSES, "windows", &judged.mean.confusion, judged.trainings)
@@ -199,10 +203,16 @@ fn cross_validation(out: &mut dyn Write, report: &Report) -> io::Result<()> {
 /// set (column).
 fn svg(report: &Report) -> String {
     let about = format!(
-        "{}: {} recordings, {} readings; confusion matrices: percent of the true class",
+        "{}: {} recordings, {} readings; confusion matrices: percent of the true class\n{}",
         file_name(&report.data.folder),
         grouped(report.data.recordings as u64),
-        grouped(report.data.readings as u64)
+        grouped(report.data.readings as u64),
+        CLASSES
+            .iter()
+            .zip(WORDS)
+            .map(|(class, word)| format!("{class} {word}"))
+            .collect::<Vec<_>>()
+            .join(", ")
     );
     let networks = || report.networks.iter().filter(|network| !network.sets.is_empty());
     let sets = sets(report);

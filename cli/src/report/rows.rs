@@ -3,10 +3,12 @@
 use std::path::Path;
 
 use meissner_models::systems::contact_area::{Centroid, ContactReport};
+use meissner_models::systems::slip;
 use meissner_pipeline::answer::Answer;
 use meissner_pipeline::provenance::ModelCard;
 use meissner_pipeline::run::Prediction;
 use meissner_pipeline::text::grouped;
+use meissner_pipeline::training::Output;
 
 /// Largest number of columns of values: a line of 80 characters has room for so many beside counts and times.
 const MOST_COLUMNS: usize = 2;
@@ -14,6 +16,8 @@ const MOST_COLUMNS: usize = 2;
 const MOST_ELECTRODE_COLUMNS: usize = 3;
 /// Width of a column of values.
 const WIDTH: usize = 11;
+/// The mark before a value outside the range of the training.
+pub(super) const OUTSIDE: &str = "*";
 
 /// The table of a kind of input.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -34,12 +38,21 @@ pub(super) struct Columns {
     /// Whether the size of the input is known, so that the part that is done can be shown.
     sized: bool,
     names: Vec<String>,
+    outputs: Vec<Output>,
     has_classes: bool,
+    classes: Vec<String>,
+    /// Width of the column of a class over electrodes.
+    class_width: usize,
 }
 
 impl Columns {
     pub(super) fn new(kind: TableKind, card: &ModelCard, inputs: usize, sized: bool) -> Self {
-        Self { kind, several: inputs > 1, sized, names: card.headings(), has_classes: card.classes.is_some() }
+        let (names, outputs) = (card.headings(), card.outputs.clone());
+        let has_classes = card.classes.is_some();
+        let classes = card.classes.clone().unwrap_or_default();
+        let longest = classes.iter().map(|class| slip::word(class, &classes).len()).max();
+        let class_width = longest.unwrap_or(0).max(8);
+        Self { kind, several: inputs > 1, sized, names, outputs, has_classes, classes, class_width }
     }
 
     /// The headings of the table.
@@ -65,7 +78,8 @@ impl Columns {
             }
             TableKind::Electrodes => {
                 let values = if self.has_classes {
-                    format!("  {:>8}  {:>11}  {:>8}", "class", "probability", "decision")
+                    let width = self.class_width;
+                    format!("  {:>width$}  {:>11}  {:>width$}", "class", "probability", "decision")
                 } else {
                     names()
                 };
@@ -112,9 +126,12 @@ impl Columns {
                 let values = match p.class.zip(p.probabilities) {
                     Some((class, probabilities)) => {
                         let probability = probabilities.0.iter().copied().fold(0.0, f32::max);
-                        format!("  {class:>8}  {probability:>11.4}  {:>8}", p.decision.unwrap_or("-"))
+                        let word = |class| slip::word(class, &self.classes);
+                        let (class, decision) = (word(class), p.decision.map_or("-", word));
+                        let width = self.class_width;
+                        format!("  {class:>width$}  {probability:>11.4}  {decision:>width$}")
                     }
-                    None => columns(p.value.0, MOST_ELECTRODE_COLUMNS),
+                    None => self.columns(p.value.0, MOST_ELECTRODE_COLUMNS),
                 };
                 (p.line, format!("{:>7}  {time:>9}{values}  {:>11.1}", p.line, p.update_us))
             }
@@ -152,8 +169,19 @@ impl Columns {
         match answer {
             Some(answer) => format!("  {:>WIDTH$}  {:>WIDTH$.4}", answer.class, answer.probability()),
             None if self.has_classes => String::new(),
-            None => columns(values, MOST_COLUMNS),
+            None => self.columns(values, MOST_COLUMNS),
         }
+    }
+
+    /// The first values in the units for people; those outside the range of the training are marked.
+    fn columns(&self, values: &[f32], most: usize) -> String {
+        let cells = self.outputs.iter().zip(values).take(most).map(|(output, &value)| {
+            let mark = if output.is_outside(value) { OUTSIDE } else { "" };
+            let digits = if output.is_in_radians() { 4 } else { 6 };
+            let value = format!("{mark}{:.digits$}", output.shown(value.into()));
+            format!("  {value:>WIDTH$}")
+        });
+        row_of(cells)
     }
 
     /// A line about the values that are not shown; `None` if all are.
@@ -170,10 +198,6 @@ fn short(count: u64) -> String {
     let steps = [(100_000, 1, ""), (10_000_000, 1_000, "k"), (10_000_000_000, 1_000_000, "M")];
     let step = steps.into_iter().find(|&(below, ..)| count < below).unwrap_or((0, 1_000_000_000, "G"));
     format!("{}{}", count / step.1, step.2)
-}
-
-fn columns(values: &[f32], most: usize) -> String {
-    row_of(values.iter().take(most).map(|value| format!("  {value:>WIDTH$.6}")))
 }
 
 fn row_of(cells: impl Iterator<Item = String>) -> String {

@@ -11,6 +11,7 @@ use meissner_pipeline::run::{ElectrodeCounts, EventCounts, EventSummary, FrameSu
 use meissner_pipeline::skips::Skips;
 use meissner_pipeline::text::grouped;
 
+use super::rows::OUTSIDE;
 use crate::text::{Table, duration};
 
 /// Reasons for which the queue drops events. All other reasons are those of the engine.
@@ -36,11 +37,13 @@ pub(super) fn events(out: &mut impl Write, summary: &EventSummary) -> io::Result
         grouped(skips.events_evicted)
     )?;
     writeln!(out, "predictions  {}", grouped(summary.predictions))?;
+    outside_training(out, summary.outside_training)?;
     if let Some(approximations) = &summary.approximations {
         self::approximations(out, approximations)?;
     }
     quantiles(out, &summary.latency_us)?;
     rate(out, summary.events_per_s)?;
+    real_time(out, summary.real_time)?;
     self::skips(out, skips)
 }
 
@@ -73,6 +76,29 @@ pub(crate) fn rate(out: &mut impl Write, events_per_s: Option<f64>) -> io::Resul
     let Some(rate) = events_per_s else { return Ok(()) };
     let rate = grouped(rate.round() as u64);
     writeln!(out, "  {rate} events/s, counting the time in pushes and predictions only")
+}
+
+/// Writes how fast a network is against its stream, and whether that is fast enough.
+fn real_time(out: &mut impl Write, times: Option<f64>) -> io::Result<()> {
+    let Some(times) = times else { return Ok(()) };
+    writeln!(out, "  {} in the mean", times_real_time(times))
+}
+
+/// A speed against that of the stream, and its judgement.
+pub(crate) fn times_real_time(times: f64) -> String {
+    let digits = if times < 9.95 { 2 } else { 0 };
+    let verdict = if times < 1.0 { "too slow for the recording" } else { "keeps up with the recording" };
+    format!("{times:.digits$} times real time: {verdict}")
+}
+
+/// Writes the number of predictions with a value outside the range of the training, if there were any.
+fn outside_training(out: &mut impl Write, predictions: Option<u64>) -> io::Result<()> {
+    let Some(count @ 1..) = predictions else { return Ok(()) };
+    writeln!(
+        out,
+        "outside      {} predictions have a value outside the range of the training ({OUTSIDE} in the table)",
+        grouped(count)
+    )
 }
 
 /// Writes a line for each approximation of `report`.
@@ -145,10 +171,12 @@ pub(super) fn frames(out: &mut impl Write, summary: &FrameSummary) -> io::Result
     }
     writeln!(out, "frames       {} pushed", grouped(summary.frames))?;
     writeln!(out, "predictions  {}", grouped(summary.predictions))?;
+    outside_training(out, summary.outside_training)?;
     quantiles(out, &summary.latency_us)?;
     if let Some(rate) = summary.frames_per_s {
         writeln!(out, "  {rate:.1} frames/s, counting the time in preparing, pushing and predicting only")?;
     }
+    real_time(out, summary.real_time)?;
     let mut table = Table::new(&["layer (pixels)", "computed", "skipped", "absorbed", "computed (%)"]);
     let mut row = |name: &str, &Pixels { computed, skipped, absorbed, .. }: &Pixels| {
         let share = match computed + skipped + absorbed {
@@ -228,6 +256,7 @@ pub(super) fn plays(out: &mut impl Write, ended: &[Result<PlaySummary, PipelineE
             Ok(summary) => {
                 refused(out, summary.lines_refused)?;
                 play_dropped(out, summary, &format!("from input {input} "))?;
+                outside_training(out, summary.outside_training)?;
                 restarts(out, summary.restarts)?;
                 if summary.verified.is_some_and(|verified| !verified.equal) {
                     writeln!(out, "verified     input {input} DIFFERS from the batch")?;
@@ -289,6 +318,7 @@ pub(super) fn play(out: &mut impl Write, summary: &PlaySummary) -> io::Result<()
     let counts = [reports.made, reports.due, reports.fresh, reports.behind, reports.old];
     let [made, due, fresh, behind, old] = counts.map(grouped);
     writeln!(out, "reports      {made} of {due} made: {fresh} fresh, {behind} behind, {old} old")?;
+    outside_training(out, summary.outside_training)?;
     writeln!(
         out,
         "deadline     passed by {} of them, by {:.1} us at most; asked for {:.1} us late at most",

@@ -65,7 +65,12 @@ fn behind_a_row_that_is_no_reading_the_decision_is_forgotten() {
 fn a_decision_before_the_first_is_a_dash_for_people() {
     let people = text(&meissner_reading(&["run", "-", "--network", "slip-lstm", "--hold", "9"], &csv(6)));
     let window = people.lines().find(|line| line.trim_start().starts_with("6 ")).expect("a window");
-    assert!(people.contains("class  probability  decision") && window.contains("  -  "), "{people}");
+    assert!(people.contains("class  probability       decision") && window.contains("  -  "), "{people}");
+    assert!(
+        ["anticlockwise", "clockwise", "east", "north", "south", "touch", "west"]
+            .iter()
+            .any(|word| window.contains(word))
+    );
     assert!(people.contains("decisions    0 made"), "{people}");
 }
 

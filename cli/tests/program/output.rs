@@ -17,7 +17,7 @@ fn a_json_line_has_the_documented_keys_and_no_others() {
         assert_eq!(line["value"].as_array().map(Vec::len), Some(2));
         assert_eq!(line["rows"].as_array().map(Vec::len), Some(3), "a count for each layer");
     }
-    let expected = "accepted dropped events events_per_s latency_us lines_refused nodes_max predictions restarts skips warnings";
+    let expected = "accepted dropped events events_per_s latency_us lines_refused nodes_max outside_training predictions real_time restarts skips warnings";
     assert_eq!(keys(&summary), expected);
     for histogram in ["push", "predict"] {
         let latencies = &summary["latency_us"];
@@ -161,7 +161,7 @@ fn an_embedded_recording_is_labelled_simulated_and_the_weights_say_what_they_are
         "EVT3, 346x260 pixels",
         "network tactigraph-past on 346x260 pixels, weights trained incremental",
         "weights shipped with the network",
-        "roll (rad)",
+        "roll (deg)",
         "latency (us)",
         "p99.9",
         "kept",

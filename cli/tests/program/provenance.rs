@@ -224,6 +224,31 @@ fn weights_from_a_seed_are_said_to_mean_nothing() {
 }
 
 #[test]
+fn values_outside_the_range_of_the_training_are_marked_and_counted_and_angles_are_in_degrees() {
+    let run = |ranges: &str, more: &[&str]| {
+        let (_folder, weights) = weights("tactigraph-past", &[("ranges", ranges)]);
+        let run = ["run", "--limit", "2000", "--every", "20ms", "--weights", argument(&weights)];
+        meissner(&[&run[..], more].concat())
+    };
+    // Roll cannot be anywhere but near 0.
+    let (narrow, wide) = ("[[100, 101], [-1000, 1000]]", "[[-1000, 1000], [-1000, 1000]]");
+    let output = run(narrow, &["--json"]);
+    let (predictions, summary) = lines(&output);
+    assert!(predictions.iter().all(|line| line["outside_training"] == serde_json::json!(["roll"])));
+    assert_eq!(summary["outside_training"], predictions.len());
+    assert!(message(&output).contains("outside the range of the training (roll 5729.6 to 5786.9 deg)"));
+    let roll = predictions[0]["value"][0].as_f64().expect("a number").to_degrees();
+    let people = words(&run(narrow, &[]));
+    assert!(people.contains("roll (deg) pitch (deg)") && people.contains(&format!("*{roll:.4}")), "{people}");
+    assert!(people.contains("times real time"), "{people}");
+    let (predictions, summary) = lines(&run(wide, &["--json"]));
+    assert!(predictions.iter().all(|line| line["outside_training"].is_null()));
+    assert_eq!(summary["outside_training"], 0);
+    let refused = message(&run("[[0, 1]]", &[]));
+    assert!(refused.contains("expected metadata \"ranges\" with [low, high] of each output"), "{refused}");
+}
+
+#[test]
 fn run_bench_play_eval_and_soak_share_one_schema() {
     let keys =
         |value: &Value| value.as_object().expect("an object").keys().cloned().collect::<Vec<_>>().join(" ");
@@ -238,7 +263,7 @@ fn run_bench_play_eval_and_soak_share_one_schema() {
     let model = |value: &Value| {
         assert_eq!(keys(&value["network"]), "capacity fingerprint kind name preparation span_us stride");
         assert_eq!(keys(&value["weights"]), "about preparation sensor source stride trained");
-        assert_eq!(keys(&value["outputs"][0]), "name unit");
+        assert_eq!(keys(&value["outputs"][0]), "name range unit");
         assert!(value["classes"].is_null() || value["classes"].is_array());
     };
     let mut headers: Vec<Value> = COMMANDS.iter().map(|command| header(command, &[]).0).collect();

@@ -5,7 +5,7 @@
 //! of one taxel rising before falling. Source: Taunyazov et al., "Event-driven visual-tactile sensing and learning for robots",
 //! 2020, for the sensor; Gu et al., "`TactileSGNet`", 2020, for the arrays.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use meissner_engine::Event;
 
@@ -66,7 +66,8 @@ impl NeutouchSet {
 }
 
 impl EventDataset {
-    /// Reads the recordings of `set` from its archive in `folder`, `Ev-Objects.zip` or `Ev-Containers.zip`. Their pixels are
+    /// Reads the recordings of `set` from its archive in `folder`, `Ev-Objects.zip` or `Ev-Containers.zip`; the path of the
+    /// archive itself, or this path without `.zip`, will do too. Their pixels are
     /// steps of 0.05 mm, on 241 x 357. O(bytes) of the arrays; all events are held in memory.
     ///
     /// The archive has arrays `<train|test>/sample_<number>_label_<class>.npy` of f32, taxel by polarity by bin, with 1 for a
@@ -76,7 +77,7 @@ impl EventDataset {
     /// [`IoError`], with the path, where the archive is missing or cannot be read, or has no recording, two of one name, one
     /// of another class or shape, or one without spikes. Contents beyond [`limits`](crate::limits) are refused.
     pub fn neutouch(folder: impl AsRef<Path>, set: NeutouchSet) -> Result<Self, IoError> {
-        let path = folder.as_ref().join(set.archive());
+        let path = archive(folder.as_ref(), set);
         let bytes = std::fs::read(&path).map_err(IoError::file("read", &path))?;
         let mut found = Self::new();
         let mut numbers = Vec::new();
@@ -124,6 +125,21 @@ impl EventDataset {
         }
         let recordings = recordings.into_iter().map(|(recording, _)| recording).collect();
         Ok(Self { recordings, passed_over })
+    }
+}
+
+/// The path of the archive of `set`: in `folder`, or `folder` itself, with `.zip` or without.
+fn archive(folder: &Path, set: NeutouchSet) -> PathBuf {
+    let inside = folder.join(set.archive());
+    let itself = folder.with_extension("zip");
+    if inside.is_file() {
+        inside
+    } else if folder.is_file() || folder.file_name().is_some_and(|name| name == set.archive()) {
+        folder.to_owned()
+    } else if itself.file_name().is_some_and(|name| name == set.archive()) {
+        itself
+    } else {
+        inside
     }
 }
 

@@ -152,6 +152,20 @@ fn two_recordings_of_one_name_and_none_at_all_are_refused() {
 }
 
 #[test]
+fn the_path_of_the_archive_does_as_that_of_its_folder() {
+    let folder = tempfile::tempdir().unwrap();
+    let archive = folder.path().join("Ev-Objects.zip");
+    fs::write(&archive, zip([(ONE, array(&[(0, 0, 0)]))])).unwrap();
+    for path in [folder.path().to_owned(), archive.clone(), folder.path().join("Ev-Objects")] {
+        let found = EventDataset::neutouch(&path, NeutouchSet::Objects).unwrap();
+        assert_eq!(found.recordings.len(), 1, "{}", path.display());
+    }
+    let missing = folder.path().join("Ev-Containers");
+    let message = EventDataset::neutouch(missing, NeutouchSet::Containers).unwrap_err().to_string();
+    assert_eq!(message.matches("Ev-Containers").count(), 1, "{message}");
+}
+
+#[test]
 fn a_bomb_is_refused_before_it_is_unpacked() {
     let message = refusal(ONE, vec![0; (64 << 20) + 1]);
     assert!(message.contains("content at byte 0 is too large") && message.contains("67108865"), "{message}");

@@ -1,6 +1,6 @@
 //! Direction of slip from 24 electrodes (`BioTac SP`): 7 classes, 11 objects, windows of readings.
 //!
-//! - [`CLASSES`]: the directions, in the order of a network's outputs,
+//! - [`CLASSES`]: the directions, in the order of a network's outputs; [`WORDS`]: the same for people,
 //! - [`SlipWindows`]: cuts readings into the windows that a network is trained and evaluated on,
 //! - [`DecisionFilter`]: turns the classes of successive windows into a decision that stands until others agree,
 //! - [`Object`] and [`ObjectSet`]: the objects that slip, and the sets that a network has or has not seen,
@@ -23,6 +23,16 @@ pub use windows::SlipWindows;
 /// Names of the classes, in the order of their indices: rotation anticlockwise and clockwise, east, north, south, no
 /// slip (touch), west.
 pub const CLASSES: [&str; 7] = ["aw", "cw", "e", "n", "s", "t", "w"];
+
+/// The classes in words for people, in the same order.
+pub const WORDS: [&str; CLASSES.len()] =
+    ["anticlockwise", "clockwise", "east", "north", "south", "touch", "west"];
+
+/// The word for people of `class`, if `classes` are those of slip; `class` itself otherwise.
+pub fn word<'a>(class: &'a str, classes: &[String]) -> &'a str {
+    let index = CLASSES.iter().position(|&name| name == class).filter(|_| classes == CLASSES);
+    index.map_or(class, |index| WORDS[index])
+}
 
 /// A network or a recording does not belong to direction of slip.
 #[derive(Clone, Debug, PartialEq, Error)]

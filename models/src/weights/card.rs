@@ -10,6 +10,7 @@
 //! | `preparation` | preparation of the input of the training: [`Description::preparation`](crate::Description::preparation) |
 //! | `stride` | the network was trained on every `stride`-th event; default: 1 |
 //! | `sensor` | `[columns, rows]` of the recordings of the training |
+//! | `ranges` | `[low, high]` of the labels of the training, for each output in its unit: `[[-0.15, 0.15], [0, 2]]` |
 
 use std::hash::Hasher;
 
@@ -27,11 +28,13 @@ const PUBLISHED_TENSOR: &str = "fc.weight";
 const PUBLISHED_VALUES: usize = 1024;
 /// FNV-1a with 64 bits of the bytes of these values.
 const PUBLISHED_DIGEST: u64 = 0xd37f_dd17_d69b_3d94;
+/// Largest roll and pitch of its training in radians: 9 degrees.
+const PUBLISHED_TILT: f64 = 0.15708;
 /// The remark of the published checkpoint in reports.
 const PUBLISHED_ABOUT: &str = "the published GraphRes checkpoint";
 
 /// The metadata of weights that a run depends on.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct Card {
     /// Whether they were trained; `Some(false)` for weights drawn from a seed, `None` where it is unknown.
@@ -44,6 +47,8 @@ pub struct Card {
     pub stride: usize,
     /// Sensor of the recordings of their training.
     pub sensor: Option<Sensor>,
+    /// Lowest and highest label of the training, for each output in its unit.
+    pub ranges: Option<Vec<[f64; 2]>>,
     /// Whether these are the weights of the published contact-angle checkpoint, which carries no metadata.
     pub published: bool,
 }
@@ -52,7 +57,7 @@ impl Weights {
     /// The card of these weights. The published contact-angle checkpoint has no metadata and is recognised by its values.
     ///
     /// # Errors
-    /// [`ModelError::Metadata`] where `stride`, `sensor` or `trained` has an invalid value.
+    /// [`ModelError::Metadata`] where `stride`, `sensor`, `ranges` or `trained` has an invalid value.
     pub fn card(&self) -> Result<Card, ModelError> {
         let published = self.is_published();
         let about = self.metadata().get("about").cloned();
@@ -62,6 +67,9 @@ impl Weights {
             preparation: self.metadata().get("preparation").cloned(),
             stride: self.remark("stride", "a whole number from 1", stride)?.unwrap_or(1),
             sensor: self.remark("sensor", "[columns, rows] of 1 to 65535 pixels", sensor)?,
+            ranges: self
+                .remark("ranges", "a list with [low, high] of each output, low below high", ranges)?
+                .or_else(|| published.then(|| vec![[-PUBLISHED_TILT, PUBLISHED_TILT]; 2])),
             published,
         })
     }
@@ -117,6 +125,11 @@ fn sensor(text: &str) -> Option<Sensor> {
     (width > 0 && height > 0).then(|| Sensor::new(width, height))
 }
 
+fn ranges(text: &str) -> Option<Vec<[f64; 2]>> {
+    let ranges: Vec<[f64; 2]> = serde_json::from_str(text).ok()?;
+    ranges.iter().all(|[low, high]| low < high).then_some(ranges)
+}
+
 #[cfg(test)]
 mod tests {
     use meissner_engine::Sensor;
@@ -130,9 +143,15 @@ mod tests {
 
     #[test]
     fn weights_say_whether_they_were_trained_and_on_what() {
-        let card =
-            saying(&[("recipe", "10 epochs"), ("stride", "2"), ("sensor", "[34, 34]")]).card().unwrap();
+        let card = saying(&[
+            ("recipe", "10 epochs"),
+            ("stride", "2"),
+            ("sensor", "[34, 34]"),
+            ("ranges", "[[-1, 0.5]]"),
+        ]);
+        let card = card.card().unwrap();
         assert_eq!((card.trained, card.stride, card.sensor), (Some(true), 2, Some(Sensor::new(34, 34))));
+        assert_eq!(card.ranges, Some(vec![[-1.0, 0.5]]));
         let of = |remarks: &[(&str, &str)]| saying(remarks).card().unwrap().trained;
         assert_eq!(of(&[("generator", "meissner_models::draw")]), Some(false));
         assert_eq!(of(&[("recipe", "none"), ("trained", "false")]), Some(false));
@@ -149,6 +168,8 @@ mod tests {
             ("sensor", "34x34"),
             ("sensor", "[0, 3]"),
             ("trained", "yes"),
+            ("ranges", "[1, 2]"),
+            ("ranges", "[[2, 1]]"),
         ] {
             let error = saying(&[(key, found)]).card().unwrap_err();
             assert!(matches!(&error, ModelError::Metadata { key: named, .. } if *named == key), "{error}");

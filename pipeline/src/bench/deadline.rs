@@ -42,6 +42,8 @@ pub struct DeadlineReport {
     pub lag_max_us: f64,
     /// Total work divided by the length of all periods.
     pub load: Option<f64>,
+    /// Its inverse: stream time divided by the work on it. From 1 on the network keeps up with the recording in the mean.
+    pub real_time: Option<f64>,
     /// Work of a period.
     pub work_us: Latency,
     /// Highest rate up to which `pooled_p999_us` is below the period, in this bin and in all lower bins; `None` if the
@@ -160,6 +162,7 @@ impl Deadline {
         report.lag_max_us = self.lag_max_ns as f64 / 1e3;
         let all_us = report.periods as f64 * period_us;
         report.load = (report.periods > 0).then(|| microseconds(report.work_us.total()) / all_us);
+        report.real_time = report.load.filter(|&load| load > 0.0).map(|load| 1.0 / load);
         report
     }
 }

@@ -7,11 +7,14 @@ use meissner_live::Timely;
 use super::ReportCounts;
 use crate::latency::{Latencies, Latency, microseconds};
 use crate::run::ReportState;
+use crate::training::Training;
 
 /// Counts and times of reports.
 #[derive(Debug)]
 pub(super) struct Tally {
     pub(super) reports: ReportCounts,
+    /// Values outside the range of the training.
+    pub(super) training: Training,
     waited: Latency,
     age: Latency,
     behind: Latency,
@@ -20,15 +23,23 @@ pub(super) struct Tally {
 
 impl Tally {
     /// No report of `due` ones.
-    pub(super) fn new(due: u64) -> Self {
+    pub(super) fn new(due: u64, training: Training) -> Self {
         let [waited, age, behind, event] = std::array::from_fn(|_| Latency::new());
-        Self { reports: ReportCounts { due, ..ReportCounts::default() }, waited, age, behind, event }
+        Self {
+            reports: ReportCounts { due, ..ReportCounts::default() },
+            training,
+            waited,
+            age,
+            behind,
+            event,
+        }
     }
 
     /// Counts a report with this `deadline`. It was requested `late` after it was due.
     pub(super) fn count(&mut self, timely: &Timely<'_>, deadline: Duration, late: Duration) {
         let reports = &mut self.reports;
         reports.made += 1;
+        self.training.update(timely.values);
         match state(timely) {
             ReportState::Fresh => reports.fresh += 1,
             ReportState::Behind => reports.behind += 1,

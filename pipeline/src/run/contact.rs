@@ -55,7 +55,7 @@ impl ContactPredictor {
             images: settings.image_normalisation()?,
             forces: settings.force_normalisation()?,
             meter: ContactMeter::new(ContactSettings { size, pixel, threshold_n, median_window })?,
-            predictor: FramePredictor::new(model.network.clone(), options)?,
+            predictor: FramePredictor::new(model.network.clone(), options, &model.card.outputs)?,
             planes: vec![0.0; input.values()],
             force: vec![0.0; output.values()],
         })

@@ -36,6 +36,9 @@ use crate::model::FrameModel;
 use crate::refusals::Refusals;
 use crate::streams;
 
+/// Time from one reading to the next, in microseconds.
+const PERIOD_US: u64 = 10_000;
+
 /// Options of a run over electrodes.
 #[derive(Clone, Debug)]
 pub struct ElectrodeOptions {
@@ -95,7 +98,7 @@ impl ElectrodeRun {
         let live = streams::is_live(path) || fs::metadata(path).is_ok_and(|file| !file.is_file());
         let window = TactileWindow::new(readings.steps, readings.sampling, readings.scaling, form)
             .map_err(|source| PipelineError::Frames { network: network.clone(), source })?;
-        let predictor = FramePredictor::new(model.network.clone(), frame_options)?;
+        let predictor = FramePredictor::new(model.network.clone(), frame_options, &model.card.outputs)?;
         let mut rows = Electrodes::new(open(path)?, ElectrodeSettings::default());
         interrupt::listen();
         let next = next(&mut rows, &name)?;
@@ -142,6 +145,8 @@ impl ElectrodeRun {
         };
         let losses = InputLosses::of_lines(taken).with_lines_refused(refused).with_advice(self.advice);
         let warnings = losses.warn(self.name());
+        self.windows.predictor.passed.add(taken.saturating_mul(PERIOD_US));
+        self.windows.predictor.training.warn(self.name());
         let summary = FrameSummary::new(&self.windows.predictor, InputCounts::Electrodes(counts), warnings);
         if summary.predictions == 0 {
             let (name, steps) = (self.name(), self.steps);
@@ -225,6 +230,8 @@ impl Windows {
         let decision = class.and_then(|(class, probability)| filter.push(class, probability));
         self.decisions += u64::from(decision.is_some_and(|decision| decision.held == 1));
         self.predictor.decision.record(start.elapsed());
+        self.predictor.training.update(&self.values);
+        let update_us = microseconds(self.predictor.take_update());
         let answer = self.classes.answer();
         let prediction = ElectrodePrediction {
             line: reading.line,
@@ -234,7 +241,8 @@ impl Windows {
             class: answer.map(|answer| answer.class),
             decision: decision.map(|decision| self.classes.name(decision.class)),
             held: decision.map(|decision| decision.held),
-            update_us: microseconds(self.predictor.take_update()),
+            outside_training: self.predictor.training.newest(),
+            update_us,
         };
         observer.prediction(&Prediction::Electrodes(prediction)).map_err(PipelineError::Output)?;
         Ok(None)

@@ -13,6 +13,7 @@ use super::stream::{Steps, StreamRun};
 use super::summary::{EventSummary, Summary};
 use crate::answer::{Classes, Values};
 use crate::approximations::Approximations;
+use crate::clock::Passed;
 use crate::error::PipelineError;
 use crate::latency::{Latencies, Latency, microseconds};
 use crate::losses::{InputLosses, LossWarning};
@@ -21,6 +22,7 @@ use crate::predictor::EventPredictor;
 use crate::schedule::{Last, Schedule};
 use crate::skips::{Skips, dropped};
 use crate::source::Source;
+use crate::training::Training;
 
 /// A network over events with its source, before the run.
 pub type EventRun = StreamRun<EventSteps>;
@@ -37,6 +39,8 @@ pub struct EventSteps {
     /// Predicts for the schedule which events will be accepted, and at what time.
     gate: Admission,
     classes: Classes,
+    training: Training,
+    passed: Passed,
     push: Latency,
     predict: Latency,
     /// Time spent since the last prediction.
@@ -88,6 +92,8 @@ impl EventRun {
             watch,
             gate,
             classes: Classes::new(model.card.classes.clone()),
+            training: Training::new(&model.card.outputs),
+            passed: Passed::default(),
             push: Latency::new(),
             predict: Latency::new(),
             update: Duration::ZERO,
@@ -141,7 +147,9 @@ impl Steps for EventSteps {
 
     fn summary(self, source: Source, warnings: Vec<LossWarning>) -> Summary {
         let counters = self.predictor.counters();
-        let seconds = (self.push.total() + self.predict.total()).as_secs_f64();
+        let spent = self.push.total() + self.predict.total();
+        let seconds = spent.as_secs_f64();
+        self.training.warn(&source.name);
         let events = counters.events.pushed;
         Summary::Events(Box::new(EventSummary {
             events,
@@ -153,6 +161,8 @@ impl Steps for EventSteps {
             nodes_max: self.nodes_max,
             latency_us: Latencies::of([("push", &self.push), ("predict", &self.predict)]),
             events_per_s: (events > 0 && seconds > 0.0).then(|| events as f64 / seconds),
+            real_time: self.passed.times_real_time(spent),
+            outside_training: self.training.outside(),
             skips: Skips::new(&counters, &self.layers),
             warnings,
             approximations: self.predictor.report(&self.approximations),
@@ -169,6 +179,7 @@ impl EventSteps {
         if decision.restarts {
             self.gate.reset();
             self.schedule.restart();
+            self.passed.restart();
             self.epoch_us = None;
         }
         decision.taken.events().iter().try_for_each(|&event| self.enter(event, observer))
@@ -194,6 +205,7 @@ impl EventSteps {
         self.nodes_max = self.nodes_max.max(self.predictor.nodes());
         if outcome == Outcome::Accepted {
             self.epoch_us = self.epoch_us.or(Some(event.t_us));
+            self.passed.event(event.t_us);
             if self.schedule.is_due_after_event() {
                 self.read(None, observer)?;
             }
@@ -224,10 +236,12 @@ impl EventSteps {
         tracing::trace!(prediction.t_us, prediction.nodes, rows = ?prediction.rows, ?spent, "predicted");
         let now_us = due_us.or(prediction.t_us);
         self.classes.update(prediction.values);
+        self.training.update(prediction.values);
         let shown = EventPrediction {
             t_us: prediction.t_us,
             value: Values(prediction.values),
             answer: self.classes.answer(),
+            outside_training: self.training.newest(),
             nodes: prediction.nodes,
             rows: prediction.rows,
             update_us: microseconds(std::mem::take(&mut self.update)),

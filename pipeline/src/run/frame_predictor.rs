@@ -6,7 +6,9 @@ use std::time::{Duration, Instant};
 use meissner_engine::EngineError;
 use meissner_engine::frames::{FrameCounters, FrameEngine, FrameNetwork, FrameOptions, FramePrediction};
 
+use crate::clock::Passed;
 use crate::latency::Latency;
+use crate::training::{Output, Training};
 
 /// A frame engine that records how long its calls took.
 pub(super) struct FramePredictor {
@@ -19,12 +21,20 @@ pub(super) struct FramePredictor {
     pub(super) predict: Latency,
     /// Time from a reading to the decision after it, for readings that complete a window.
     pub(super) decision: Latency,
+    /// Values outside the range of the training.
+    pub(super) training: Training,
+    /// Stream time that the input has covered.
+    pub(super) passed: Passed,
     /// Time spent since the last prediction.
     update: Duration,
 }
 
 impl FramePredictor {
-    pub(super) fn new(network: Arc<FrameNetwork>, options: FrameOptions) -> Result<Self, EngineError> {
+    pub(super) fn new(
+        network: Arc<FrameNetwork>,
+        options: FrameOptions,
+        outputs: &[Output],
+    ) -> Result<Self, EngineError> {
         let engine = FrameEngine::with_options(network, options)?;
         Ok(Self {
             before: engine.counters().clone(),
@@ -33,6 +43,8 @@ impl FramePredictor {
             push: Latency::new(),
             predict: Latency::new(),
             decision: Latency::new(),
+            training: Training::new(outputs),
+            passed: Passed::default(),
             update: Duration::ZERO,
         })
     }

@@ -86,7 +86,7 @@ impl FrameRun {
     ) -> Result<Self, PipelineError> {
         let network = &model.name;
         let RunOptions { every, late, restart, limit, resume, save, longest_silence, .. } = options;
-        let mut predictor = FramePredictor::new(model.network.clone(), frame_options)?;
+        let mut predictor = FramePredictor::new(model.network.clone(), frame_options, &model.card.outputs)?;
         let made = format!("{:?} on {sensor}, late events: {late:?}", model.source);
         let note = match resume {
             Some(bytes) => {
@@ -147,6 +147,7 @@ impl Steps for FrameSteps {
         frames.predictor.prepare.record(prepare + spent);
         if outcome == Outcome::Accepted {
             frames.epoch_us.get_or_insert(event.t_us);
+            frames.predictor.passed.event(event.t_us);
         }
         frames.shown()
     }
@@ -192,6 +193,7 @@ impl Steps for FrameSteps {
 
     fn summary(self, source: Source, warnings: Vec<LossWarning>) -> Summary {
         let Self { feed, frames, .. } = &self;
+        frames.predictor.training.warn(&source.name);
         let counters = feed.counters();
         let counts = EventCounts {
             lines_refused: source.lines_refused(),
@@ -267,6 +269,7 @@ impl Frames {
             FeedOutput::Restart => {
                 self.silence.end();
                 self.predictor.reset();
+                self.predictor.passed.restart();
                 (self.epoch_us, self.newest) = (None, None);
                 Ok(())
             }
@@ -315,11 +318,13 @@ impl Frames {
             return Ok(());
         }
         self.classes.update(&self.values);
+        self.predictor.training.update(&self.values);
         let epoch_us = self.epoch_us.unwrap_or(t_us);
         let prediction = FramePrediction {
             t_us,
             value: Values(&self.values),
             answer: self.classes.answer(),
+            outside_training: self.predictor.training.newest(),
             frames,
             events,
             update_us,

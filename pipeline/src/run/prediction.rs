@@ -47,6 +47,9 @@ pub struct EventPrediction<'a> {
     /// Class and probabilities, if the values are logits of classes.
     #[serde(flatten)]
     pub answer: Option<Answer<'a>>,
+    /// Names of the values outside the range of the training.
+    #[serde(skip_serializing_if = "<[String]>::is_empty")]
+    pub outside_training: &'a [String],
     /// Events in the window.
     pub nodes: usize,
     /// Rows computed for each layer since the last prediction.
@@ -72,6 +75,9 @@ pub struct FramePrediction<'a> {
     /// Class and probabilities, if the values are logits of classes.
     #[serde(flatten)]
     pub answer: Option<Answer<'a>>,
+    /// Names of the values outside the range of the training.
+    #[serde(skip_serializing_if = "<[String]>::is_empty")]
+    pub outside_training: &'a [String],
     /// Frames that the state has seen.
     pub frames: u64,
     /// Events in the newest frame.
@@ -104,6 +110,9 @@ pub struct ElectrodePrediction<'a> {
     pub decision: Option<&'a str>,
     /// Windows for which the decision has been held, from 1.
     pub held: Option<u64>,
+    /// Names of the values outside the range of the training.
+    #[serde(skip_serializing_if = "<[String]>::is_empty")]
+    pub outside_training: &'a [String],
     /// Microseconds spent since the last prediction.
     pub update_us: f64,
 }
@@ -143,6 +152,9 @@ pub struct ReportPrediction<'a> {
     /// Class and probabilities, if the values are logits of classes.
     #[serde(flatten)]
     pub answer: Option<Answer<'a>>,
+    /// Names of the values outside the range of the training.
+    #[serde(skip_serializing_if = "<[String]>::is_empty")]
+    pub outside_training: &'a [String],
     /// Events in the window.
     pub nodes: usize,
     /// How current the prediction of the report is.

@@ -77,6 +77,11 @@ pub struct EventSummary {
     pub latency_us: Latencies,
     /// Events taken, divided by the time in pushes and predictions.
     pub events_per_s: Option<f64>,
+    /// Stream time of the accepted events divided by the time in pushes and predictions: from 1 on the network keeps up with
+    /// the recording in the mean.
+    pub real_time: Option<f64>,
+    /// Predictions with a value outside the range of the training; `None` if the weights state no range.
+    pub outside_training: Option<u64>,
     /// Counts of computed and skipped values.
     pub skips: Skips,
     /// Unintended losses of input.
@@ -107,6 +112,11 @@ pub struct FrameSummary {
     pub latency_us: Latencies,
     /// Frames divided by the time for making them, pushing them and predicting.
     pub frames_per_s: Option<f64>,
+    /// Stream time of the input divided by the same time: from 1 on the network keeps up with the recording in the mean;
+    /// `None` for pictures, which have no time.
+    pub real_time: Option<f64>,
+    /// Predictions with a value outside the range of the training; `None` if the weights state no range.
+    pub outside_training: Option<u64>,
     /// Sums over all layers.
     pub pixels: Pixels,
     /// Each layer.
@@ -224,7 +234,8 @@ impl FrameSummary {
             .map(|(name, counters)| LayerPixels { name: name.to_owned(), pixels: pixels(counters) })
             .collect();
         let FramePredictor { prepare, push, predict, decision, .. } = predictor;
-        let seconds = (prepare.total() + push.total() + predict.total()).as_secs_f64();
+        let spent = prepare.total() + push.total() + predict.total();
+        let seconds = spent.as_secs_f64();
         let frames = counters.frames;
         let mut latency_us = Latencies::of([("prepare", prepare), ("push", push), ("predict", predict)]);
         latency_us.0.extend(decision.quantiles().map(|quantiles| ("decision", Some(quantiles))));
@@ -235,6 +246,8 @@ impl FrameSummary {
             predictions: counters.predictions,
             latency_us,
             frames_per_s: (frames > 0 && seconds > 0.0).then(|| frames as f64 / seconds),
+            real_time: predictor.passed.times_real_time(spent),
+            outside_training: predictor.training.outside(),
             pixels: layers.iter().fold(Pixels::default(), |sum, layer| Pixels {
                 computed: sum.computed + layer.pixels.computed,
                 skipped: sum.skipped + layer.pixels.skipped,

@@ -87,6 +87,7 @@ def export(
       called conv1, conv2, pool1, dense1 and so on.
     - `graph`: the table `[graph]` of a description, with the `scale` of the edge attributes of the training.
     - `outputs` with `unit`, or `classes` for logits.
+    - `metadata` of the weights, such as `{"trained": "true", "about": "..."}`: without `trained` they do not say whether they are.
 
     Raises `DescriptionError` for what an engine does not compute, `WeightsError` for values that are not finite.
     """
@@ -104,7 +105,8 @@ def export(
             "output": predicted,
         }
     )
-    texts = {"trained": "true", "network": name, **(metadata or {})}
+    # Whether the modules were ever trained cannot be seen in them.
+    texts = {"network": name, **(metadata or {})}
     preparation = description.summary().get("preparation")
     if preparation is not None:
         texts.setdefault("preparation", preparation)

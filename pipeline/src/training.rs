@@ -1,0 +1,183 @@
+//! The outputs of a network, their units for people, and the ranges that they had in the training.
+//!
+//! Enters: the values of predictions. Leaves: the names of the outputs outside the range of the training, and a warning
+//! with their number at the end. A network has seen nothing of what lies outside; its values there are guesses.
+
+use std::f64::consts::PI;
+
+use meissner_models::ModelError;
+use serde::Serialize;
+
+use crate::text::grouped;
+
+/// A value counts as outside if it is farther outside than this share of the length of the range: labels at the ends of a
+/// range are met with the usual error.
+const TOLERANCE: f64 = 0.1;
+
+/// A predicted value.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct Output {
+    /// Its name.
+    pub name: String,
+    /// Its unit.
+    pub unit: String,
+    /// Lowest and highest label of the training, in this unit; `None` if the weights do not state them.
+    pub range: Option<[f64; 2]>,
+}
+
+/// Marks the predictions of a run that are outside the range of the training, and counts them.
+#[derive(Clone, Debug, Default)]
+pub struct Training {
+    outputs: Vec<Output>,
+    /// Names of the outputs that are outside in the newest prediction.
+    newest: Vec<String>,
+    /// Predictions with at least one value outside, and all.
+    outside: u64,
+    all: u64,
+    /// Which outputs were outside at least once.
+    ever: Vec<bool>,
+}
+
+impl Output {
+    /// The outputs called `names`, with the `ranges` that the weights state.
+    ///
+    /// # Errors
+    /// [`ModelError::Metadata`] if there is not one range for each output.
+    pub(crate) fn all(
+        names: &[String],
+        units: &[String],
+        ranges: Option<Vec<[f64; 2]>>,
+    ) -> Result<Vec<Self>, ModelError> {
+        if let Some(ranges) = &ranges
+            && ranges.len() != names.len()
+        {
+            let (expected, found) =
+                ("[low, high] of each output", format!("{} for {}", ranges.len(), names.len()));
+            return Err(ModelError::Metadata { key: "ranges", expected, found });
+        }
+        let range = |i: usize| ranges.as_ref().map(|ranges| ranges[i]);
+        let each = names.iter().zip(units).enumerate();
+        Ok(each
+            .map(|(i, (name, unit))| Self { name: name.clone(), unit: unit.clone(), range: range(i) })
+            .collect())
+    }
+
+    /// The unit for people: degrees for radians.
+    pub fn shown_unit(&self) -> &str {
+        if self.is_in_radians() { "deg" } else { &self.unit }
+    }
+
+    /// `value` in the [unit for people](Self::shown_unit).
+    pub fn shown(&self, value: f64) -> f64 {
+        if self.is_in_radians() { value * 180.0 / PI } else { value }
+    }
+
+    /// Whether values are in radians, and shown in degrees.
+    pub fn is_in_radians(&self) -> bool {
+        self.unit == "rad"
+    }
+
+    /// Whether `value` is outside the range of the training by more than a tenth of its length, or not a number.
+    pub fn is_outside(&self, value: f32) -> bool {
+        let Some([low, high]) = self.range else { return false };
+        let slack = (high - low) * TOLERANCE;
+        !(low - slack..=high + slack).contains(&f64::from(value))
+    }
+}
+
+impl Training {
+    /// Nothing marked yet of a network with `outputs`.
+    pub fn new(outputs: &[Output]) -> Self {
+        Self { outputs: outputs.to_vec(), ever: vec![false; outputs.len()], ..Self::default() }
+    }
+
+    /// Takes the values of a new prediction.
+    pub fn update(&mut self, values: &[f32]) {
+        self.newest.clear();
+        self.all += 1;
+        if values.len() != self.outputs.len() {
+            return;
+        }
+        for ((output, &value), ever) in self.outputs.iter().zip(values).zip(&mut self.ever) {
+            if output.is_outside(value) {
+                self.newest.push(output.name.clone());
+                *ever = true;
+            }
+        }
+        self.outside += u64::from(!self.newest.is_empty());
+    }
+
+    /// Names of the outputs that are outside in the newest prediction.
+    pub fn newest(&self) -> &[String] {
+        &self.newest
+    }
+
+    /// Predictions with a value outside; `None` if the weights state no ranges.
+    pub fn outside(&self) -> Option<u64> {
+        self.outputs.iter().any(|output| output.range.is_some()).then_some(self.outside)
+    }
+
+    /// Logs the number of predictions of the input called `name` that are outside, if there were any.
+    pub fn warn(&self, name: &str) {
+        if let Some(warning) = self.warning() {
+            tracing::warn!("{name}: {warning}");
+        }
+    }
+
+    fn warning(&self) -> Option<String> {
+        if self.outside == 0 {
+            return None;
+        }
+        let ever = self.outputs.iter().zip(&self.ever).filter(|&(_, &ever)| ever);
+        let ranges = ever.filter_map(|(output, _)| {
+            let [low, high] = output.range?.map(|end| output.shown(end));
+            Some(format!("{} {low:.1} to {high:.1} {}", output.name, output.shown_unit()))
+        });
+        let (outside, all) = (grouped(self.outside), grouped(self.all));
+        Some(format!(
+            "{outside} of {all} predictions have values outside the range of the training ({}): they mean little",
+            ranges.collect::<Vec<_>>().join(", ")
+        ))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{Output, Training};
+
+    fn outputs(ranges: Option<Vec<[f64; 2]>>) -> Vec<Output> {
+        let text = |words: [&str; 2]| words.map(str::to_owned);
+        Output::all(&text(["roll", "depth"]), &text(["rad", "mm"]), ranges).expect("a range for each")
+    }
+
+    #[test]
+    fn values_beyond_a_tenth_of_the_range_and_no_numbers_are_marked_and_counted() {
+        let mut training = Training::new(&outputs(Some(vec![[-0.15708, 0.15708], [2.0, 5.0]])));
+        let mut marks = |values: [f32; 2]| {
+            training.update(&values);
+            training.newest().join(" ")
+        };
+        assert_eq!(marks([0.18, 1.71]), "");
+        assert_eq!(marks([0.19, 3.0]), "roll");
+        assert_eq!(marks([-0.19, 5.31]), "roll depth");
+        assert_eq!(marks([0.0, f32::NAN]), "depth");
+        assert_eq!(training.outside(), Some(3));
+        let expected = "3 of 4 predictions have values outside the range of the training (roll -9.0 to 9.0 deg, depth 2.0 to \
+                        5.0 mm): they mean little";
+        assert_eq!(training.warning().as_deref(), Some(expected));
+    }
+
+    #[test]
+    fn without_ranges_nothing_is_marked() {
+        let mut training = Training::new(&outputs(None));
+        training.update(&[9.0, f32::NAN]);
+        assert_eq!((training.newest().len(), training.outside(), training.warning()), (0, None, None));
+    }
+
+    #[test]
+    fn radians_are_degrees_for_people() {
+        let [roll, depth] = &outputs(None)[..] else { panic!("two outputs") };
+        assert_eq!((roll.shown_unit(), depth.shown_unit()), ("deg", "mm"));
+        assert!((roll.shown(0.5) - 28.647_889).abs() < 1e-6 && depth.shown(0.5) == 0.5);
+    }
+}
