@@ -2,11 +2,12 @@
 
 use crate::axes::{Axis, Field};
 use crate::svg::{Area, FRAME, GREY, INK, Place, SMALL, Svg, WHITE, colour};
+use crate::text::{self, SIZE, heading, legend};
 
 const LINES: Area = Area { left: 62.0, top: 66.0, right: 580.0, bottom: 396.0 };
-/// Baseline of the first names, and names in a row.
-const LEGEND: f64 = 48.0;
-const IN_A_ROW: usize = 4;
+/// Space from the last baseline above a field or grid to it, and from the text of a panel to the next panel.
+const BELOW: f64 = 8.0;
+const APART: f64 = 16.0;
 /// Width of the line that is drawn last. Each earlier line is wider by `WIDER`, so that lines that meet are all visible.
 const NARROWEST: f64 = 1.8;
 const WIDER: f64 = 1.6;
@@ -56,8 +57,21 @@ pub struct AccuracyCurve {
 impl Curves {
     /// Draws the panel. Returns its width and height with the space to the next panel.
     pub(crate) fn draw(&self, svg: &mut Svg) -> Place {
-        svg.text((0.0, 14.0), &self.title).bold();
-        svg.text((0.0, 31.0), &self.about).size(SMALL).fill(GREY);
+        let width = LINES.right + 40.0;
+        let about = heading(svg, &self.title, &self.about, width - APART);
+        let names = self.curves.iter().map(|curve| curve.name.as_str());
+        let last = legend(svg, (LINES.left, LINES.right), about, names, |svg, i, (x, y)| {
+            svg.rect(&Area::at((x, y - 6.0), 16.0, 4.0), colour(self.curves[i].colour));
+        });
+        // A longer heading moves the field down.
+        let down = (last + BELOW - LINES.top).max(0.0);
+        let mut part = Svg::default();
+        self.draw_field(&mut part);
+        svg.group((0.0, down), &part);
+        (width, LINES.bottom + 50.0 + down)
+    }
+
+    fn draw_field(&self, svg: &mut Svg) {
         let last = self.times.last().copied().filter(|&last| last > 0.0).unwrap_or(1.0);
         let field = percent_field(LINES, (0.0, last));
         field.draw(svg, &self.time_title, "accuracy (%)");
@@ -75,13 +89,7 @@ impl Curves {
             let places = self.times.iter().zip(curve.accuracy.iter().copied()).map(at);
             let width = NARROWEST + WIDER * (self.curves.len() - 1 - i) as f64;
             svg.polyline(places, colour(curve.colour)).width(width);
-            let x =
-                LINES.left + LINES.width() / IN_A_ROW.min(self.curves.len()) as f64 * (i % IN_A_ROW) as f64;
-            let y = LEGEND + 12.0 * (i / IN_A_ROW) as f64;
-            svg.rect(&Area::at((x, y - 6.0), 16.0, 4.0), colour(curve.colour));
-            svg.text((x + 21.0, y), &curve.name).size(SMALL);
         }
-        (LINES.right + 40.0, LINES.bottom + 50.0)
     }
 }
 
@@ -94,6 +102,8 @@ pub struct Bars {
     pub series: Vec<(String, Vec<Option<Bar>>)>,
     /// Name and accuracies of each reference, one for each group.
     pub references: Vec<(String, Vec<Option<f64>>)>,
+    /// Title of the axis, with its unit: `accuracy (%)`.
+    pub y_title: String,
     /// A note below the legend.
     pub note: String,
 }
@@ -112,7 +122,7 @@ impl Bars {
     pub(crate) fn draw(&self, svg: &mut Svg) -> Place {
         let field = percent_field(BARS, (0.0, self.groups.len().max(1) as f64));
         let y = |share: f64| field.y.place(100.0 * share);
-        field.draw(svg, "", "accuracy (%)");
+        field.draw(svg, "", &self.y_title);
         let group = BARS.width() / self.groups.len().max(1) as f64;
         let width = (group * FILLED / self.series.len().max(1) as f64).min(WIDEST_BAR);
         for (g, name) in self.groups.iter().enumerate() {
@@ -145,9 +155,11 @@ impl Bars {
             }
             for (_, x, mean, std) in bars {
                 let (at, number) = ((x, y(mean + std.unwrap_or(0.0)) - 5.0), format!("{:.1}", 100.0 * mean));
+                // As small as its bar is narrow.
+                let size = 11.0 * (0.95 * width / text::width(&number, 11.0)).clamp(0.5, 1.0);
                 // White around the number, where a line crosses it.
-                svg.text(at, &number).middle().size(11.0).set("stroke", WHITE).width(3.0);
-                svg.text(at, &number).middle().size(11.0);
+                svg.text(at, &number).middle().size(size).set("stroke", WHITE).width(3.0);
+                svg.text(at, &number).middle().size(size);
             }
         }
         let (left, mut y) = (BARS.right + 24.0, BARS.top + 12.0);
@@ -161,7 +173,10 @@ impl Bars {
             y += 22.0;
         }
         svg.text((left, y + 4.0), &self.note).size(SMALL).fill(GREY);
-        (left + 320.0, BARS.bottom + 62.0)
+        let names =
+            self.series.iter().map(|(name, _)| name).chain(self.references.iter().map(|(name, _)| name));
+        let names = names.map(|name| 32.0 + text::width(name, SIZE)).chain([text::width(&self.note, SMALL)]);
+        (left + names.fold(320.0, f64::max), y.max(BARS.bottom + 44.0) + 18.0)
     }
 }
 
@@ -182,8 +197,17 @@ impl Matrix<'_> {
     /// Draws the panel. Returns its width and height with the space to the next panel.
     pub(crate) fn draw(&self, svg: &mut Svg) -> Place {
         let grid = Area::at((LEFT, TOP), CELL * self.classes.len() as f64, CELL * self.classes.len() as f64);
-        svg.text((0.0, 14.0), &self.title).bold();
-        svg.text((0.0, 31.0), &self.about).size(SMALL).fill(GREY);
+        let width = grid.right + 26.0;
+        let about = heading(svg, &self.title, &self.about, width - APART);
+        // A longer heading moves the grid with its names down.
+        let down = (about + BELOW + 20.0 - TOP).max(0.0);
+        let mut part = Svg::default();
+        self.draw_grid(&mut part, &grid);
+        svg.group((0.0, down), &part);
+        (width, grid.bottom + 34.0 + down)
+    }
+
+    fn draw_grid(&self, svg: &mut Svg, grid: &Area) {
         svg.text_upwards((10.0, grid.centre().1), "true").size(SMALL).fill(GREY);
         svg.text((grid.centre().0, grid.bottom + 16.0), "predicted").middle().size(SMALL).fill(GREY);
         for (i, class) in self.classes.iter().enumerate() {
@@ -208,8 +232,7 @@ impl Matrix<'_> {
                 }
             }
         }
-        svg.rect(&grid, "none").set("stroke", FRAME);
-        (grid.right + 26.0, grid.bottom + 34.0)
+        svg.rect(grid, "none").set("stroke", FRAME);
     }
 }
 

@@ -4,6 +4,7 @@
 
 use crate::axes::{Axis, Field, decades};
 use crate::svg::{Area, GREY, Place, SMALL, Svg, colour};
+use crate::text::grouped;
 
 const FIELD: Area = Area { left: 70.0, top: 4.0, right: 744.0, bottom: 304.0 };
 /// Smaller shares are drawn like 0: 10 to this power, in percent.
@@ -65,12 +66,16 @@ impl Distribution {
                 svg.text((column(i), y), &shown(us)).end();
             }
         }
-        (FIELD.right + 8.0, table + LINE * self.curves.len() as f64 + 6.0)
+        // Half of the last tick is to the right of the field.
+        (FIELD.right + 28.0, table + LINE * self.curves.len() as f64 + 6.0)
     }
 }
 
 /// Microseconds with two decimals below 10 and none from 1,000.
 fn shown(us: f64) -> String {
+    if us >= 1000.0 {
+        return grouped(us.round() as u64);
+    }
     let decimals = if us < 10.0 { 2 } else { usize::from(us < 1000.0) };
     format!("{us:.decimals$}")
 }

@@ -32,15 +32,18 @@ mod latency;
 mod network;
 mod plane;
 mod svg;
+mod text;
 mod trade_off;
 
 pub use accuracy::{AccuracyCurve, Bar, Bars, Curves, Matrix};
 pub use latency::{Distribution, LatencyCurve};
 pub use network::{Network, Node};
 pub use plane::{Plane, Series, Style};
+pub use text::grouped;
 pub use trade_off::{Errors, Setting, TradeOff};
 
 use svg::{GREY, Svg};
+use text::{SIZE, bold_width, width, wrapped};
 
 /// A rectangular part of a picture.
 #[derive(Clone, Debug)]
@@ -56,36 +59,55 @@ pub enum Panel<'a> {
     TradeOff(TradeOff),
 }
 
-/// A standalone SVG file: a bold `title`, the lines of `about` below it, and rows of panels from left to right.
+/// A standalone SVG file: a bold `title`, the lines of `about` below it, and rows of panels from left to right. Lines of `about`
+/// that are wider than the panels are broken.
 ///
 /// # Panics
 /// If a box of a network reads a name that no box has, or bars have fewer accuracies than groups.
 pub fn page(title: &str, about: &str, rows: &[Vec<Panel<'_>>]) -> String {
     const LEFT: f64 = 24.0;
+    const TITLE: f64 = 18.0;
+    /// Least room for text, where the panels are narrow or there is none.
+    const LEAST: f64 = 420.0;
+    let rows: Vec<Vec<(Svg, (f64, f64))>> = rows.iter().map(|row| row.iter().map(drawn).collect()).collect();
+    let widths = rows.iter().map(|row| row.iter().map(|(_, size)| size.0).sum::<f64>());
+    let room = widths.fold(LEAST.max(bold_width(title, TITLE)), f64::max);
     let mut svg = Svg::default();
-    svg.text((LEFT, 34.0), title).size(18.0).bold();
-    let (mut right, mut bottom) = (0.0_f64, 56.0);
-    for line in about.lines() {
-        svg.text((LEFT, bottom), line).fill(GREY);
+    svg.text((LEFT, 34.0), title).size(TITLE).bold();
+    let mut bottom = 56.0;
+    for line in wrapped(about, room, |line| width(line, SIZE)) {
+        svg.text((LEFT, bottom), &line).fill(GREY);
         bottom += 18.0;
+    }
+    if rows.iter().all(Vec::is_empty) {
+        svg.text((LEFT, bottom + 8.0), "nothing to draw: no results");
+        bottom += 26.0;
     }
     for row in rows {
         let (mut x, mut height) = (LEFT, 0.0_f64);
-        for panel in row {
-            let mut part = Svg::default();
-            let size = match panel {
-                Panel::Bars(bars) => bars.draw(&mut part),
-                Panel::Curves(curves) => curves.draw(&mut part),
-                Panel::Distribution(distribution) => distribution.draw(&mut part),
-                Panel::Matrix(matrix) => matrix.draw(&mut part),
-                Panel::Network(network) => network.draw(&mut part),
-                Panel::Plane(plane) => plane.draw(&mut part),
-                Panel::TradeOff(trade_off) => trade_off.draw(&mut part),
-            };
+        for (part, size) in row {
             svg.group((x, bottom), &part);
             (x, height) = (x + size.0, height.max(size.1));
         }
-        (right, bottom) = (right.max(x), bottom + height);
+        bottom += height;
     }
-    svg.document((right + LEFT, bottom + 10.0), title)
+    svg.document((LEFT + room + LEFT, bottom + 10.0), title)
 }
+
+/// A panel with its width and height.
+fn drawn(panel: &Panel<'_>) -> (Svg, (f64, f64)) {
+    let mut part = Svg::default();
+    let size = match panel {
+        Panel::Bars(bars) => bars.draw(&mut part),
+        Panel::Curves(curves) => curves.draw(&mut part),
+        Panel::Distribution(distribution) => distribution.draw(&mut part),
+        Panel::Matrix(matrix) => matrix.draw(&mut part),
+        Panel::Network(network) => network.draw(&mut part),
+        Panel::Plane(plane) => plane.draw(&mut part),
+        Panel::TradeOff(trade_off) => trade_off.draw(&mut part),
+    };
+    (part, size)
+}
+
+#[cfg(test)]
+mod tests;

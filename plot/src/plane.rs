@@ -1,12 +1,13 @@
 //! Lines and dots between two linear axes, such as errors against time, or found values against true ones.
 
 use crate::axes::{Axis, Field, widened};
-use crate::svg::{Area, GREY, Place, SMALL, Svg, colour};
+use crate::svg::{Area, ORDERED, Place, Svg, colour};
+use crate::text::{heading, legend};
 
 const LINES: Area = Area { left: 62.0, top: 66.0, right: 480.0, bottom: 396.0 };
-/// Baseline of the first names, and names in a row.
-const LEGEND: f64 = 48.0;
-const IN_A_ROW: usize = 3;
+/// Space from the last baseline above the field to the field, and from the text of a panel to the next panel.
+const BELOW: f64 = 8.0;
+const APART: f64 = 16.0;
 const WIDTH: f64 = 1.8;
 const RADIUS: f64 = 1.8;
 
@@ -23,6 +24,8 @@ pub struct Plane {
     pub y_title: String,
     /// Whether the vertical axis begins at 0.
     pub from_zero: bool,
+    /// Whether the numbers of colours are steps of a quantity: colours then go from dark to light.
+    pub ordered: bool,
     /// In the order in which they are drawn.
     pub series: Vec<Series>,
 }
@@ -32,7 +35,7 @@ pub struct Plane {
 pub struct Series {
     /// Text of the legend; none if it is empty.
     pub name: String,
-    /// Number of its colour, from 0. Six colours repeat.
+    /// Number of its colour, from 0. Six colours repeat; those of a quantity go from 0 to 5.
     pub colour: usize,
     /// How the points are drawn.
     pub style: Style,
@@ -52,8 +55,28 @@ pub enum Style {
 impl Plane {
     /// Draws the panel. Returns its width and height with the space to the next panel.
     pub(crate) fn draw(&self, svg: &mut Svg) -> Place {
-        svg.text((0.0, 14.0), &self.title).bold();
-        svg.text((0.0, 31.0), &self.about).size(SMALL).fill(GREY);
+        let width = LINES.right + 40.0;
+        let about = heading(svg, &self.title, &self.about, width - APART);
+        let named: Vec<&Series> = self.series.iter().filter(|series| !series.name.is_empty()).collect();
+        let names = named.iter().map(|series| series.name.as_str());
+        let last = legend(svg, (LINES.left, LINES.right), about, names, |svg, i, (x, y)| {
+            let dashes = if named[i].style == Style::Dashed { "4 2" } else { "" };
+            svg.line((x, y - 4.0), (x + 16.0, y - 4.0), self.colour(named[i])).width(2.6).dashes(dashes);
+        });
+        // A longer heading moves the field down.
+        let down = (last + BELOW - LINES.top).max(0.0);
+        let mut part = Svg::default();
+        self.draw_field(&mut part);
+        svg.group((0.0, down), &part);
+        (width, LINES.bottom + 50.0 + down)
+    }
+
+    /// The colour of a series.
+    fn colour(&self, series: &Series) -> &'static str {
+        if self.ordered { ORDERED[series.colour.min(ORDERED.len() - 1)] } else { colour(series.colour) }
+    }
+
+    fn draw_field(&self, svg: &mut Svg) {
         let points = || self.series.iter().flat_map(|series| series.points.iter());
         let (low, high) = widened(points().map(|point| point.1), 0.1);
         let field = Field {
@@ -67,23 +90,14 @@ impl Plane {
             let places = finite.map(|&(x, y)| field.place(x, y));
             match series.style {
                 Style::Dots => places.for_each(|place| {
-                    svg.circle(place, RADIUS, colour(series.colour)).set("fill-opacity", 0.5);
+                    svg.circle(place, RADIUS, self.colour(series)).set("fill-opacity", 0.5);
                 }),
                 style => {
                     let dashes = if style == Style::Dashed { "6 4" } else { "" };
-                    svg.polyline(places, colour(series.colour)).width(WIDTH).dashes(dashes);
+                    svg.polyline(places, self.colour(series)).width(WIDTH).dashes(dashes);
                 }
             }
         }
-        let named = self.series.iter().filter(|series| !series.name.is_empty());
-        for (i, series) in named.enumerate() {
-            let x = LINES.left + LINES.width() / IN_A_ROW as f64 * (i % IN_A_ROW) as f64;
-            let y = LEGEND + 12.0 * (i / IN_A_ROW) as f64;
-            let dashes = if series.style == Style::Dashed { "4 2" } else { "" };
-            svg.line((x, y - 4.0), (x + 16.0, y - 4.0), colour(series.colour)).width(2.6).dashes(dashes);
-            svg.text((x + 21.0, y), &series.name).size(SMALL);
-        }
-        (LINES.right + 40.0, LINES.bottom + 50.0)
     }
 }
 
@@ -99,7 +113,15 @@ mod tests {
         crate::page(
             "",
             "",
-            &[vec![Panel::Plane(Plane { title, about, x_title, y_title, from_zero: true, series })]],
+            &[vec![Panel::Plane(Plane {
+                title,
+                about,
+                x_title,
+                y_title,
+                from_zero: true,
+                ordered: false,
+                series,
+            })]],
         )
     }
 

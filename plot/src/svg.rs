@@ -10,6 +10,8 @@ pub(crate) type Place = (f64, f64);
 
 /// Colours of series. They differ for readers who confuse red and green.
 pub(crate) const COLOURS: [&str; 6] = ["#0072b2", "#e69f00", "#009e73", "#cc3377", "#56b4e9", "#999999"];
+/// Colours of steps of a quantity, from dark to light, also in grey.
+pub(crate) const ORDERED: [&str; 6] = ["#440154", "#414487", "#2a788e", "#22a884", "#7ad151", "#e0ca20"];
 pub(crate) const INK: &str = "#222222";
 pub(crate) const GREY: &str = "#555555";
 pub(crate) const FRAME: &str = "#777777";

@@ -7,10 +7,11 @@
 use crate::axes::{Axis, Field, ends, widened};
 use crate::labels;
 use crate::svg::{Area, Element, FRAME, GREY, Place, SMALL, Svg, WHITE, colour};
+use crate::text::{legend, width};
 
 const FIELD: Area = Area { left: 84.0, top: 30.0, right: 1124.0, bottom: 558.0 };
-/// Width of a character of a label, with some room.
-const CHARACTER: f64 = 7.0;
+/// Font size of labels.
+const LABEL: f64 = 12.0;
 /// Distance from the centre of a point's shape to its border: of the first network, and of the last of several.
 const REACH: (f64, f64) = (6.5, 3.5);
 /// A label that is farther than this from its point has a line to it.
@@ -71,9 +72,17 @@ pub struct Setting {
 impl TradeOff {
     /// Draws the panel. Returns its width and height with the space to the next panel.
     pub(crate) fn draw(&self, svg: &mut Svg) -> Place {
+        // A legend of several rows moves the field down.
+        let down = (self.legend(svg) + 18.0 - FIELD.top).max(0.0);
+        let mut part = Svg::default();
+        let (width, height) = self.draw_field(&mut part);
+        svg.group((0.0, down), &part);
+        (width, height + down)
+    }
+
+    fn draw_field(&self, svg: &mut Svg) -> Place {
         let field = self.field();
         let place = |point: &Setting| field.place(point.time, point.error);
-        self.legend(svg);
         field.draw(svg, &self.time_title, &self.error_title);
         svg.text_upwards((27.0, FIELD.centre().1), &self.about).size(SMALL).fill(GREY);
         // Labels must not cover these areas.
@@ -133,16 +142,20 @@ impl TradeOff {
         Field { area: FIELD, x: Axis::logarithmic(widened(times, 0.5), (FIELD.left, FIELD.right)), y }
     }
 
-    fn legend(&self, svg: &mut Svg) {
-        const Y: f64 = 12.0;
-        let mut x = FIELD.left + 6.0;
-        for (network, name) in self.networks.iter().enumerate() {
-            shape(svg, network, self.reach(network), (x, Y - 4.5), true);
-            svg.text((x + 11.0, Y), name);
-            x += 36.0 + 7.5 * name.chars().count() as f64;
-        }
+    /// Draws the names of the networks and a note. Returns the baseline of the last row. All shapes have one size here.
+    fn legend(&self, svg: &mut Svg) -> f64 {
+        let names = self.networks.iter().map(String::as_str);
+        let sides = (FIELD.left + 6.0, FIELD.right);
+        let last = legend(svg, sides, -5.0, names, |svg, network, (x, y)| {
+            shape(svg, network, f64::midpoint(REACH.0, REACH.1), (x + 8.0, y - 4.0), true);
+        });
         let about = "filled and named: on the front, nothing is faster without more error";
-        svg.text((FIELD.right, Y), about).end().fill(GREY);
+        let entry = |name: &String| 39.0 + width(name, SMALL);
+        let named = self.networks.iter().map(entry).sum::<f64>();
+        let shares = named + width(about, SMALL) <= FIELD.width() && last <= 12.0;
+        let y = if shares { last } else { last + 16.0 };
+        svg.text((FIELD.right, y), about).end().size(SMALL).fill(GREY);
+        y
     }
 
     /// Distance from the centre to the border of the shape of a network.
@@ -190,8 +203,8 @@ fn shape(svg: &mut Svg, network: usize, r: f64, (x, y): Place, filled: bool) -> 
 /// Writes the labels of points, or numbers and a key where there is no room for the labels. Returns the height of the key.
 fn write_labels(svg: &mut Svg, named: &[(Place, &str)], obstacles: &[Area]) -> f64 {
     let placed = |texts: &[String]| {
-        let width = |text: &String| CHARACTER * text.chars().count() as f64 + 4.0;
-        let wanted: Vec<_> = named.iter().zip(texts).map(|(&(at, _), text)| (at, width(text))).collect();
+        let wanted = named.iter().zip(texts).map(|(&(at, _), text)| (at, width(text, LABEL) + 4.0));
+        let wanted: Vec<_> = wanted.collect();
         labels::place(&wanted, obstacles, &FIELD)
     };
     let mut texts: Vec<String> = named.iter().map(|(_, label)| (*label).to_owned()).collect();
@@ -209,7 +222,7 @@ fn write_labels(svg: &mut Svg, named: &[(Place, &str)], obstacles: &[Area]) -> f
         }
         // Grid lines must not be read with a label.
         svg.rect(&area, WHITE).set("fill-opacity", 0.8);
-        svg.text((area.centre().0, area.bottom - 3.5), text).middle().size(12.0);
+        svg.text((area.centre().0, area.bottom - 3.5), text).middle().size(LABEL);
     }
     if !numbered {
         return 0.0;

@@ -229,19 +229,19 @@ fn curves(report: &Report, unit: &str) -> Panel<'static> {
     let all = judged(report)
         .flat_map(|(name, errors)| lines(name, errors))
         .filter(|(_, output)| output.unit == unit);
-    let series = all.enumerate().map(|(colour, (_, output))| Series {
-        name: format!("{:.2} {unit} at the end", output.mean_absolute.mean),
+    let series = all.enumerate().map(|(colour, (name, output))| Series {
+        name: format!("{name}: {:.2} at the end", output.mean_absolute.mean),
         colour,
         style: Style::Line,
         points: times().zip(output.mean_absolute_at.iter().map(|at| at.mean)).collect(),
     });
-    let names = judged(report).map(|(name, _)| name).collect::<Vec<_>>().join(", ");
     Panel::Plane(Plane {
         title: "Mean absolute error against time".to_owned(),
-        about: format!("{names}, in this order; after the end of a press its last error stands"),
+        about: "after the end of a press its last error stands".to_owned(),
         x_title: "time since contact (ms)".to_owned(),
         y_title: format!("error ({unit})"),
         from_zero: true,
+        ordered: false,
         series: series.collect(),
     })
 }
@@ -268,6 +268,7 @@ fn scatters(network: &NetworkReport) -> impl Iterator<Item = Panel<'static>> {
             x_title: format!("true ({})", output.unit),
             y_title: format!("predicted ({})", output.unit),
             from_zero: false,
+            ordered: false,
             series: vec![equal, dots],
         })
     })
@@ -302,6 +303,7 @@ fn embeddings(network: &NetworkReport) -> impl Iterator<Item = Panel<'static>> {
             x_title: "first dimension".to_owned(),
             y_title: "second dimension".to_owned(),
             from_zero: false,
+            ordered: true,
             series: series.collect(),
         })
     })

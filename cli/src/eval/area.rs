@@ -7,7 +7,7 @@ use meissner_evaluate::area::{DataReport, Figures, NetworkReport, Options, Repor
 use meissner_evaluate::metrics::MeanStd;
 use meissner_evaluate::trainings::seed_name;
 use meissner_pipeline::text::grouped;
-use meissner_plot::{Panel, Plane, Series, Style, page};
+use meissner_plot::{Bar, Bars, Panel, Plane, Series, Style, page};
 
 use super::{NONE, OutputArgs, networks, write};
 use crate::args::{APPROXIMATIONS, STATUS};
@@ -167,7 +167,7 @@ fn deviation(figure: Option<MeanStd>) -> String {
     figure.and_then(|figure| figure.std).map_or_else(|| NONE.to_owned(), |std| format!("{std:.3}"))
 }
 
-/// Predicted against true forces: a row for each file.
+/// The overlap of contacts as bars, then predicted against true forces: a row for each file that has forces.
 fn svg(report: &Report) -> String {
     let names: Vec<_> = report.data.iter().map(|data| file_name(&data.file)).collect();
     let row = |index: usize| {
@@ -192,12 +192,31 @@ fn svg(report: &Report) -> String {
                 x_title: "true (N)".to_owned(),
                 y_title: "predicted (N)".to_owned(),
                 from_zero: true,
+                ordered: false,
                 series: vec![equal, dots],
             })
         };
         let with_force = figures(report, index).filter(|(_, figures)| !figures.scatter.is_empty());
         with_force.enumerate().map(panel).collect::<Vec<_>>()
     };
-    let rows: Vec<_> = (0..report.data.len()).map(row).filter(|row| !row.is_empty()).collect();
+    let mut overlaps: Vec<(String, Vec<Option<Bar>>)> = Vec::new();
+    for index in 0..report.data.len() {
+        for (i, (name, figures)) in figures(report, index).enumerate() {
+            if index == 0 {
+                overlaps.push((name, Vec::new()));
+            }
+            overlaps[i].1.push(Some(Bar { mean: figures.iou.mean, std: None }));
+        }
+    }
+    let differences = report.data.iter().map(|data| Some(data.difference.iou.mean)).collect();
+    let bars = Bars {
+        groups: names.iter().map(|&name| name.to_owned()).collect(),
+        series: overlaps,
+        references: vec![("image difference".to_owned(), differences)],
+        y_title: "IoU of contacts (%)".to_owned(),
+        note: "mean over the pictures".to_owned(),
+    };
+    let forces = (0..report.data.len()).map(row).filter(|row| !row.is_empty());
+    let rows: Vec<_> = std::iter::once(vec![Panel::Bars(bars)]).chain(forces).collect();
     page("Contact area and normal force", &names.join(", "), &rows)
 }

@@ -195,6 +195,7 @@ fn svg(report: &Report) -> String {
             x_title: "time (ms)".to_owned(),
             y_title: "force (N)".to_owned(),
             from_zero: true,
+            ordered: false,
             series: vec![
                 series("true".to_owned(), 5, Style::Dashed, |pair| pair.0),
                 series(format!("predicted, MSE {mse:.3} N\u{b2}"), 0, Style::Line, |pair| pair.1),

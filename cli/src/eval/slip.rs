@@ -233,6 +233,7 @@ fn svg(report: &Report) -> String {
         groups: sets.iter().map(group).collect(),
         series: networks().map(series).collect(),
         references: references.collect(),
+        y_title: "accuracy (%)".to_owned(),
         note: "error bars: one standard deviation over trainings".to_owned(),
     };
     let panel = |network: &NetworkReport, on: &SetReport| {

@@ -185,6 +185,7 @@ fn picture(found: &[Found], true_angles: [f64; 2]) -> String {
             x_title: "time since contact (ms)".to_owned(),
             y_title: y_title.to_owned(),
             from_zero,
+            ordered: false,
             series,
         })
     };

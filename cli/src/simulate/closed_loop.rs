@@ -247,6 +247,7 @@ fn svg(report: &Report) -> String {
                 Goal::Marble => "distance from the middle (mm)".to_owned(),
             },
             from_zero: true,
+            ordered: false,
             series: vec![
                 series("goal", 5, Style::Dashed, |at| at.1),
                 series("reached", 0, Style::Line, |at| at.2),

@@ -134,10 +134,11 @@ pub fn picture(levelled: &[Levelled]) -> String {
         x_title: "time (s)".to_owned(),
         y_title: "error (degrees)".to_owned(),
         from_zero: true,
+        ordered: false,
         series: series.collect(),
     };
     let about = format!(
-        "A simulated dome taps a plane every 0.8 s. exact: every event in time. stale: a processor takes {SLOW} events in a\n\
+        "A simulated dome taps a plane every 0.8 s. exact: every event in time. stale: a processor takes {SLOW} events in a \
          millisecond, and the others wait. drops: only {} may wait, and the oldest make room.",
         CASES[2].capacity
     );

@@ -2,7 +2,7 @@
 
 use std::iter::once;
 
-use meissner_plot::{Network, Node, Panel, page};
+use meissner_plot::{Network, Node, Panel, grouped, page};
 
 use super::view::View;
 
@@ -18,7 +18,8 @@ pub(crate) fn svg(view: &View<'_>) -> String {
         joins: None,
     };
     let boxes = view.rows.iter().map(|row| {
-        let parameters = (row.parameters > 0).then(|| format!(", {} parameters", row.parameters));
+        let parameters =
+            (row.parameters > 0).then(|| format!(", {} parameters", grouped(row.parameters as u64)));
         let shape = row.shapes.join(" \u{2192} ") + &parameters.unwrap_or_default();
         Node {
             name: row.name,

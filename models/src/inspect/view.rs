@@ -95,7 +95,11 @@ impl Description {
         }
         View {
             name: self.name(),
-            about: format!("{} parameters, window {} ms", self.parameters(), self.span_us() as f64 / 1000.0),
+            about: format!(
+                "{} parameters, window {} ms",
+                count(self.parameters()),
+                self.span_us() as f64 / 1000.0
+            ),
             head,
             headings: ["multiply-adds a row", "receptive field of a row"],
             foot,
@@ -124,8 +128,8 @@ impl FrameDescription {
             name: self.name(),
             about: format!(
                 "{} parameters, {} multiply-adds a frame",
-                self.parameters(),
-                self.multiply_adds()
+                count(self.parameters()),
+                count(self.multiply_adds())
             ),
             head: vec![
                 ("network", self.name().to_owned()),
@@ -147,6 +151,11 @@ impl FrameDescription {
             rows: self.layers().iter().map(frame_row).collect(),
         }
     }
+}
+
+/// A count with separators, for people.
+fn count(count: usize) -> String {
+    meissner_plot::grouped(count as u64)
 }
 
 fn sizes(parameters: usize, tensors: &[Needed]) -> String {
