@@ -34,6 +34,13 @@
 // Events that are earlier than the newest enter with its time, and are counted.
 #define MEISSNER_LATE_CLAMP 1
 
+// When the clock of the sensor restarts, the engine resets and takes the events of the new clock. Events that are earlier than the window,
+// or more than 10 s ahead, are held until those after them tell a restart from a single wrong time.
+#define MEISSNER_RESTART_RESET 0
+
+// The clock never goes back: events are late until the old time comes again.
+#define MEISSNER_RESTART_KEEP 1
+
 // What no change reaches is kept: exact.
 #define MEISSNER_SKIP_EXACT 0
 
@@ -125,6 +132,8 @@ typedef struct meissner_engine_options {
   float tolerance;
   // MEISSNER_LATE_DROP or MEISSNER_LATE_CLAMP.
   uint32_t late;
+  // MEISSNER_RESTART_RESET or MEISSNER_RESTART_KEEP.
+  uint64_t restart;
 } meissner_engine_options;
 
 // A change of brightness at a pixel.
@@ -153,11 +162,11 @@ typedef struct meissner_prediction {
   uint64_t rows;
 } meissner_prediction;
 
-// Counts of events since the engine was made. `pushed` is the sum of `accepted` and of the three reasons for which events are dropped.
+// Counts of events since the engine was made. `pushed` is the sum of `accepted` and of the four reasons for which events are dropped.
 typedef struct meissner_counters {
   // `sizeof(meissner_counters)`, set by the caller.
   size_t size;
-  // Events pushed.
+  // Events pushed, without those that are held.
   uint64_t pushed;
   // Events that entered the window.
   uint64_t accepted;
@@ -173,10 +182,14 @@ typedef struct meissner_counters {
   uint64_t expired;
   // Events that left earlier because the window was full.
   uint64_t evicted;
-  // Predictions read.
+  // Predictions read; 0 for a live engine.
   uint64_t predictions;
   // Of these, predictions for which nothing had changed.
   uint64_t reused;
+  // Dropped: a single time far ahead.
+  uint64_t outliers;
+  // Restarts of the sensor's clock, each of which reset the engine.
+  uint64_t restarts;
 } meissner_counters;
 
 // Counts of rows of a layer, or of its pixels in a frame network, since the engine was made.
@@ -239,10 +252,17 @@ typedef struct meissner_timely {
   uint64_t waited_ns;
   // 1 if an event has set `t_us`.
   uint32_t has_time;
-  // 1 if it covers every event that had been pushed, except dropped ones.
+  // 1 if it covers every event that had been pushed, except those that the queue dropped: none waits, and the engine has lost none.
   uint32_t fresh;
   // 1 if it was computed for this call, 0 if it is the newest that was finished by the deadline.
   uint32_t own;
+  // Events since the prediction before that the engine was given and that are not in this one: late, outside the sensor, far ahead, or
+  // held until it is clear whether the sensor's clock has restarted.
+  uint64_t lost_events;
+  // Events that the queue dropped since the prediction before.
+  uint64_t dropped_events;
+  // Restarts of the sensor's clock since the prediction before, each of which reset the engine.
+  uint64_t restarts;
 } meissner_timely;
 
 // Counts of pushed events. `offered` is the sum of `delivered`, `waiting` and the dropped ones.
@@ -351,7 +371,8 @@ enum meissner_status meissner_engine_new(const struct meissner_network *network,
 enum meissner_status meissner_engine_clone(const struct meissner_engine *engine,
                                            struct meissner_engine **result);
 
-// Pushes an event. `accepted`, which may be NULL, is set to whether it entered the window; a dropped event is counted.
+// Pushes an event. `accepted`, which may be NULL, is set to whether it entered the window; a dropped event is counted. An event that is
+// held, as its time does not agree with the clock, has not entered: it does, or is counted, with a later one.
 enum meissner_status meissner_engine_push(const struct meissner_engine *engine,
                                           int64_t t_us,
                                           uint16_t x,
@@ -359,7 +380,8 @@ enum meissner_status meissner_engine_push(const struct meissner_engine *engine,
                                           int8_t polarity,
                                           bool *accepted);
 
-// Pushes `length` events in order. `accepted`, which may be NULL, is set to how many entered the window.
+// Pushes `length` events in order. `accepted`, which may be NULL, is set to how many entered the window: with events that were held before,
+// they can be more than `length`.
 enum meissner_status meissner_engine_push_events(const struct meissner_engine *engine,
                                                  const struct meissner_event *events,
                                                  size_t length,
@@ -399,7 +421,7 @@ enum meissner_status meissner_engine_layer_counters(const struct meissner_engine
                                                     size_t length);
 
 // Writes the warnings about an engine, as `meissner_network_warnings`: those about its network, a sensor that is not that of the training,
-// and each reason for which more than one of a hundred events has been dropped.
+// each reason for which more than one of a hundred events has been dropped, and restarts of the sensor's clock.
 enum meissner_status meissner_engine_warnings(const struct meissner_engine *engine,
                                               char *text,
                                               size_t capacity,
@@ -496,6 +518,10 @@ enum meissner_status meissner_live_predict(const struct meissner_live *live,
 // Counts of pushed events.
 enum meissner_status meissner_live_counters(const struct meissner_live *live,
                                             struct meissner_queue_counters *counters);
+
+// The engine's counts of events, as of the newest prediction or of a later batch.
+enum meissner_status meissner_live_event_counters(const struct meissner_live *live,
+                                                  struct meissner_counters *counters);
 
 // Ends a live engine, as `meissner_live_release`, and gives its engine back through `engine`. Waiting events are discarded: predict with
 // a deadline of UINT64_MAX first to have them taken. While another thread is in a call with `live`, the status is MEISSNER_BUSY and nothing

@@ -334,6 +334,12 @@ class Live {
     return counters;
   }
 
+  meissner_counters event_counters() const {
+    auto counters = detail::sized<meissner_counters>();
+    check(meissner_live_event_counters(get(), &counters));
+    return counters;
+  }
+
   // Ends it and gives its engine back. After MEISSNER_BUSY it is as it was.
   Engine close() && {
     meissner_engine *engine = nullptr;

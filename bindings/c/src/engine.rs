@@ -3,7 +3,9 @@
 use std::ffi::c_char;
 use std::sync::Arc;
 
-use meissner::{Engine, Event, EventCounters, LatePolicy, Options, Outcome, Predictor, Sensor};
+use meissner::{
+    Engine, Event, EventCounters, LatePolicy, Options, Outcome, Predictor, RestartPolicy, Sensor,
+};
 
 use crate::arguments::{Versioned, array, options, place, place_if_wanted, report, report_if_wanted, room};
 use crate::handles::Handles;
@@ -35,7 +37,7 @@ impl Made {
         let sensor = self.engine.sensor();
         let mut found = self.network.warnings().to_vec();
         found.extend(self.network.warning_of_sensor(sensor));
-        found.extend(warnings::of_losses(&self.engine.counters().events, sensor));
+        found.extend(warnings::of_losses(self.engine.event_counters(), sensor));
         found
     }
 }
@@ -47,9 +49,11 @@ fn push(
     push: impl FnOnce(&mut Engine) -> usize,
 ) -> Result<usize, Failure> {
     let (entered, lost) = ENGINES.with(engine, |made| {
+        let restarts = made.engine.event_counters().restarts;
         let entered = push(&mut made.engine);
-        let lost = if entered < length && made.losses.is_due() {
-            warnings::of_losses(&made.engine.counters().events, made.engine.sensor())
+        let events = made.engine.event_counters();
+        let lost = if (entered < length || events.restarts > restarts) && made.losses.is_due() {
+            warnings::of_losses(events, made.engine.sensor())
         } else {
             Vec::new()
         };
@@ -84,6 +88,12 @@ pub const MEISSNER_LATE_DROP: u32 = 0;
 /// Events that are earlier than the newest enter with its time, and are counted.
 pub const MEISSNER_LATE_CLAMP: u32 = 1;
 
+/// When the clock of the sensor restarts, the engine resets and takes the events of the new clock. Events that are earlier than the window,
+/// or more than 10 s ahead, are held until those after them tell a restart from a single wrong time.
+pub const MEISSNER_RESTART_RESET: u32 = 0;
+/// The clock never goes back: events are late until the old time comes again.
+pub const MEISSNER_RESTART_KEEP: u32 = 1;
+
 /// Options of an engine over events. 0 is the default of each.
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
@@ -96,6 +106,8 @@ pub struct meissner_engine_options {
     pub tolerance: f32,
     /// MEISSNER_LATE_DROP or MEISSNER_LATE_CLAMP.
     pub late: u32,
+    /// MEISSNER_RESTART_RESET or MEISSNER_RESTART_KEEP.
+    pub restart: u64,
 }
 
 // SAFETY: `repr(C)` with numbers alone, the first of which is the size.
@@ -120,13 +132,13 @@ pub struct meissner_prediction {
 // SAFETY: `repr(C)` with integers alone, the first of which is the size.
 unsafe impl Versioned for meissner_prediction {}
 
-/// Counts of events since the engine was made. `pushed` is the sum of `accepted` and of the three reasons for which events are dropped.
+/// Counts of events since the engine was made. `pushed` is the sum of `accepted` and of the four reasons for which events are dropped.
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
 pub struct meissner_counters {
     /// `sizeof(meissner_counters)`, set by the caller.
     pub size: usize,
-    /// Events pushed.
+    /// Events pushed, without those that are held.
     pub pushed: u64,
     /// Events that entered the window.
     pub accepted: u64,
@@ -142,10 +154,34 @@ pub struct meissner_counters {
     pub expired: u64,
     /// Events that left earlier because the window was full.
     pub evicted: u64,
-    /// Predictions read.
+    /// Predictions read; 0 for a live engine.
     pub predictions: u64,
     /// Of these, predictions for which nothing had changed.
     pub reused: u64,
+    /// Dropped: a single time far ahead.
+    pub outliers: u64,
+    /// Restarts of the sensor's clock, each of which reset the engine.
+    pub restarts: u64,
+}
+
+impl From<EventCounters> for meissner_counters {
+    fn from(found: EventCounters) -> Self {
+        Self {
+            size: 0,
+            pushed: found.pushed,
+            accepted: found.accepted,
+            outside_sensor: found.outside_sensor,
+            late: found.late,
+            time_out_of_range: found.time_out_of_range,
+            clamped: found.clamped,
+            expired: found.expired,
+            evicted: found.evicted,
+            predictions: 0,
+            reused: 0,
+            outliers: found.outliers,
+            restarts: found.restarts,
+        }
+    }
 }
 
 // SAFETY: `repr(C)` with integers alone, the first of which is the size.
@@ -169,7 +205,12 @@ fn engine_options(options: meissner_engine_options) -> Result<Options, Failure> 
         MEISSNER_LATE_CLAMP => LatePolicy::Clamp,
         found => return Err(Failure::argument("late", "0 or 1", found)),
     };
-    let made = Options::new().with_tolerance(options.tolerance).with_late(late);
+    let restart = match u32::try_from(options.restart) {
+        Ok(MEISSNER_RESTART_RESET) => RestartPolicy::Reset,
+        Ok(MEISSNER_RESTART_KEEP) => RestartPolicy::Keep,
+        _ => return Err(Failure::argument("restart", "0 or 1", options.restart)),
+    };
+    let made = Options::new().with_tolerance(options.tolerance).with_late(late).with_restart(restart);
     Ok(if options.memory_limit == 0 { made } else { made.with_memory_limit(options.memory_limit.into()) })
 }
 
@@ -211,7 +252,8 @@ pub unsafe extern "C" fn meissner_engine_clone(
     })
 }
 
-/// Pushes an event. `accepted`, which may be NULL, is set to whether it entered the window; a dropped event is counted.
+/// Pushes an event. `accepted`, which may be NULL, is set to whether it entered the window; a dropped event is counted. An event that is
+/// held, as its time does not agree with the clock, has not entered: it does, or is counted, with a later one.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn meissner_engine_push(
     engine: *const meissner_engine,
@@ -231,7 +273,8 @@ pub unsafe extern "C" fn meissner_engine_push(
     })
 }
 
-/// Pushes `length` events in order. `accepted`, which may be NULL, is set to how many entered the window.
+/// Pushes `length` events in order. `accepted`, which may be NULL, is set to how many entered the window: with events that were held before,
+/// they can be more than `length`.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn meissner_engine_push_events(
     engine: *const meissner_engine,
@@ -361,30 +404,8 @@ pub unsafe extern "C" fn meissner_engine_counters(
         // SAFETY: the callers' rules at the top of the header.
         let counters = unsafe { report(counters, "counters") }?;
         let found = ENGINES.with(engine, |made| Ok(made.engine.counters()))?;
-        let EventCounters {
-            pushed,
-            accepted,
-            outside_sensor,
-            late,
-            time_out_of_range,
-            clamped,
-            expired,
-            evicted,
-            ..
-        } = found.events;
-        counters.write(meissner_counters {
-            size: 0,
-            pushed,
-            accepted,
-            outside_sensor,
-            late,
-            time_out_of_range,
-            clamped,
-            expired,
-            evicted,
-            predictions: found.predictions.read,
-            reused: found.predictions.reused,
-        });
+        let (predictions, reused) = (found.predictions.read, found.predictions.reused);
+        counters.write(meissner_counters { predictions, reused, ..found.events.into() });
         Ok(())
     })
 }
@@ -410,7 +431,7 @@ pub unsafe extern "C" fn meissner_engine_layer_counters(
 }
 
 /// Writes the warnings about an engine, as `meissner_network_warnings`: those about its network, a sensor that is not that of the training,
-/// and each reason for which more than one of a hundred events has been dropped.
+/// each reason for which more than one of a hundred events has been dropped, and restarts of the sensor's clock.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn meissner_engine_warnings(
     engine: *const meissner_engine,

@@ -7,7 +7,7 @@ use meissner::live::{Input, Live, Overload, QueueCounters, QueueOptions};
 use meissner::{Engine, Event};
 
 use crate::arguments::{Versioned, array, options, place, report, report_if_wanted, room};
-use crate::engine::{ENGINES, Made, from_arrays, meissner_engine, meissner_event};
+use crate::engine::{ENGINES, Made, from_arrays, meissner_counters, meissner_engine, meissner_event};
 use crate::handles::Handles;
 use crate::network::{Loaded, number};
 use crate::status::{Failure, call, meissner_status};
@@ -77,10 +77,17 @@ pub struct meissner_timely {
     pub waited_ns: u64,
     /// 1 if an event has set `t_us`.
     pub has_time: u32,
-    /// 1 if it covers every event that had been pushed, except dropped ones.
+    /// 1 if it covers every event that had been pushed, except those that the queue dropped: none waits, and the engine has lost none.
     pub fresh: u32,
     /// 1 if it was computed for this call, 0 if it is the newest that was finished by the deadline.
     pub own: u32,
+    /// Events since the prediction before that the engine was given and that are not in this one: late, outside the sensor, far ahead, or
+    /// held until it is clear whether the sensor's clock has restarted.
+    pub lost_events: u64,
+    /// Events that the queue dropped since the prediction before.
+    pub dropped_events: u64,
+    /// Restarts of the sensor's clock since the prediction before, each of which reset the engine.
+    pub restarts: u64,
 }
 
 // SAFETY: `repr(C)` with integers alone, the first of which is the size.
@@ -247,6 +254,9 @@ pub unsafe extern "C" fn meissner_live_predict(
                 has_time: found.t_us.is_some().into(),
                 fresh: found.fresh.into(),
                 own: found.own.into(),
+                lost_events: found.lost_events,
+                dropped_events: found.dropped_events,
+                restarts: found.restarts,
             };
             values.copy(found.values)?;
             timely.into_iter().for_each(|timely| timely.write(of));
@@ -280,6 +290,21 @@ pub unsafe extern "C" fn meissner_live_counters(
             high_water: found.high_water,
             blocked_ns: nanoseconds(found.blocked),
         });
+        Ok(())
+    })
+}
+
+/// The engine's counts of events, as of the newest prediction or of a later batch.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn meissner_live_event_counters(
+    live: *const meissner_live,
+    counters: *mut meissner_counters,
+) -> meissner_status {
+    call(|| {
+        // SAFETY: the callers' rules at the top of the header.
+        let counters = unsafe { report(counters, "counters") }?;
+        let found = LIVES.with(live, |of| Ok(of.live.event_counters()))?;
+        counters.write(found.into());
         Ok(())
     })
 }

@@ -12,18 +12,32 @@ use crate::status::Failure;
 /// Time between two warnings of losses of an engine.
 const PERIOD: Duration = Duration::from_secs(1);
 
-/// Reasons for which more than one of a hundred events was dropped, with the likely cause.
+/// Reasons for which more than one of a hundred events was dropped, with the likely cause, and restarts of the clock.
 pub(crate) fn of_losses(events: &EventCounters, sensor: Sensor) -> Vec<String> {
     let outside = format!(
         "outside the sensor of {sensor} pixels: the size of the sensor may not be that of the events"
     );
     let late = "earlier than one before them: the events may not be sorted by time, or the clock of the sensor went back";
+    let outlier = "far ahead of those before and after them: their times are probably damaged";
     let range =
         "too far in time from the first one: times may not be in microseconds, or the first one is wrong";
-    let counts = [(events.outside_sensor, &*outside), (events.late, late), (events.time_out_of_range, range)];
+    let counts = [
+        (events.outside_sensor, &*outside),
+        (events.late, late),
+        (events.time_out_of_range, range),
+        (events.outliers, outlier),
+    ];
     let is_large = |count: u64| u128::from(count) * 100 > u128::from(events.pushed);
     let large = counts.into_iter().filter(|&(count, _)| is_large(count));
-    large.map(|(count, why)| format!("{count} of {} events are dropped, {why}", events.pushed)).collect()
+    let mut found: Vec<String> =
+        large.map(|(count, why)| format!("{count} of {} events are dropped, {why}", events.pushed)).collect();
+    if events.restarts > 0 {
+        let times = if events.restarts == 1 { String::new() } else { format!(" {} times", events.restarts) };
+        found.push(format!(
+            "the clock of the sensor has restarted{times}: the network began anew, without the events before"
+        ));
+    }
+    found
 }
 
 /// When the losses of an engine were last looked at.
@@ -75,5 +89,12 @@ mod tests {
             "{found:?}"
         );
         assert!(of_losses(&EventCounters::default(), Sensor::new(4, 4)).is_empty());
+        let events = EventCounters { pushed: 1000, restarts: 2, outliers: 11, ..EventCounters::default() };
+        let found = of_losses(&events, Sensor::new(4, 4));
+        assert!(
+            found.len() == 2 && found[0].starts_with("11 of 1000 events are dropped, far ahead"),
+            "{found:?}"
+        );
+        assert!(found[1].starts_with("the clock of the sensor has restarted 2 times"), "{found:?}");
     }
 }

@@ -7,10 +7,13 @@
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 use std::ffi::CStr;
+use std::mem::offset_of;
 use std::ptr::{null, null_mut};
 use std::sync::LazyLock;
 
-use meissner::{Description, Engine, Event, LatePolicy, Network, Options, Sensor, Weights};
+use meissner::{
+    Description, Engine, Event, LatePolicy, Network, Options, Outcome, RestartPolicy, Sensor, Weights,
+};
 use meissner_c::*;
 use proptest::prelude::*;
 
@@ -67,12 +70,13 @@ impl Drop for Handle {
 }
 
 impl Handle {
-    fn new(late: u32) -> Self {
+    fn new(late: u32, restart: u32) -> Self {
         let options = meissner_engine_options {
             size: size_of::<meissner_engine_options>(),
             memory_limit: 0,
             tolerance: 0.0,
             late,
+            restart: restart.into(),
         };
         let (mut network, mut engine) = (null_mut(), null_mut());
         // SAFETY: every pointer is valid.
@@ -136,12 +140,20 @@ impl Handle {
     }
 
     fn counters(&self) -> meissner_counters {
-        // SAFETY: zeros are a value of the struct.
-        let mut counters: meissner_counters = unsafe { std::mem::zeroed() };
-        counters.size = size_of::<meissner_counters>();
+        let mut counters: meissner_counters = zeros();
         // SAFETY: every pointer is valid.
         assert_eq!(unsafe { meissner_engine_counters(self.0, &raw mut counters) }, OK);
         counters
+    }
+}
+
+/// A struct of the interface with zeros but for its size, its first field.
+fn zeros<T>() -> T {
+    // SAFETY: zeros are a value of every struct of the interface.
+    unsafe {
+        let mut made: T = std::mem::zeroed();
+        (&raw mut made).cast::<usize>().write(size_of::<T>());
+        made
     }
 }
 
@@ -178,10 +190,14 @@ proptest! {
     fn every_way_of_pushing_gives_the_bits_of_the_engine(blocks in prop::collection::vec(events(), 1..6), clamp: bool) {
         let late = if clamp { LatePolicy::Clamp } else { LatePolicy::Drop };
         let mut expected = Engine::with_options(NETWORK.clone(), SENSOR, Options::new().with_late(late)).expect("an engine");
-        let handle = Handle::new(clamp.into());
+        let handle = Handle::new(clamp.into(), MEISSNER_RESTART_RESET);
         for (i, block) in blocks.iter().enumerate() {
             let slice: Vec<Event> = block.iter().map(rust_event).collect();
-            let accepted = expected.push_slice(&slice);
+            // An event that was held enters with a later one: a call with that one alone does not count it.
+            let accepted = match i % 3 {
+                0 | 1 => expected.push_slice(&slice),
+                _ => slice.iter().filter(|&&event| expected.push(event) == Outcome::Accepted).count(),
+            };
             let found = match i % 3 {
                 0 => handle.push_events(block),
                 1 => handle.push_arrays(block),
@@ -204,8 +220,8 @@ proptest! {
         }
         let (counters, events) = (handle.counters(), expected.counters().events);
         prop_assert_eq!(
-            [counters.pushed, counters.accepted, counters.outside_sensor, counters.late, counters.clamped, counters.expired],
-            [events.pushed, events.accepted, events.outside_sensor, events.late, events.clamped, events.expired]
+            [counters.pushed, counters.accepted, counters.outside_sensor, counters.late, counters.outliers, counters.clamped, counters.expired, counters.restarts],
+            [events.pushed, events.accepted, events.outside_sensor, events.late, events.outliers, events.clamped, events.expired, events.restarts]
         );
     }
 }
@@ -224,7 +240,7 @@ fn stream(length: i64) -> Vec<meissner_event> {
 
 #[test]
 fn pushing_advancing_and_predicting_allocate_nothing() {
-    let (handle, events) = (Handle::new(0), stream(9_000));
+    let (handle, events) = (Handle::new(0, MEISSNER_RESTART_RESET), stream(9_000));
     let (mut values, mut prediction) = ([0.0; OUTPUTS], size_of::<meissner_prediction>());
     let arrays = (vec![0_i64; 8], vec![0_u16; 8], vec![0_i8; 8]);
     let before = COUNT.get();
@@ -243,9 +259,89 @@ fn pushing_advancing_and_predicting_allocate_nothing() {
     assert_eq!(COUNT.get() - before, 0);
 }
 
+/// A stream, the same with the clock at 0 again, and a single time far ahead.
+fn restarted() -> Vec<meissner_event> {
+    let late = |event: &meissner_event| meissner_event { t_us: event.t_us + 60_000_000, ..*event };
+    let mut events: Vec<_> = stream(3_000).iter().map(late).chain(stream(2_000)).collect();
+    events.insert(4_000, meissner_event { t_us: i64::MAX / 2, ..events[4_000] });
+    events
+}
+
+#[test]
+fn an_engine_goes_on_with_the_restarted_clock_or_keeps_the_old_one_as_the_option_says() {
+    for (restart, policy) in
+        [(MEISSNER_RESTART_RESET, RestartPolicy::Reset), (MEISSNER_RESTART_KEEP, RestartPolicy::Keep)]
+    {
+        let mut expected = Engine::with_options(NETWORK.clone(), SENSOR, Options::new().with_restart(policy))
+            .expect("an engine");
+        let (handle, events) = (Handle::new(0, restart), restarted());
+        for block in events.chunks(700) {
+            let slice: Vec<Event> = block.iter().map(rust_event).collect();
+            assert_eq!(handle.push_events(block), (OK, expected.push_slice(&slice)));
+            let values = expected.predict().expect("numbers").values;
+            assert_eq!(
+                handle.predict().1[..],
+                values.iter().map(|value| value.to_bits()).collect::<Vec<_>>()
+            );
+        }
+        let (found, events) = (handle.counters(), expected.counters().events);
+        assert_eq!(
+            (found.pushed, found.late, found.outliers, found.restarts),
+            (events.pushed, events.late, events.outliers, events.restarts)
+        );
+        let resets = policy == RestartPolicy::Reset;
+        assert_eq!((found.restarts, found.outliers, found.late == 0), (resets.into(), resets.into(), resets));
+
+        // A program that was built before these counts were there has no room for them.
+        // SAFETY: bytes of ones are a value of the struct.
+        let mut older: meissner_counters =
+            unsafe { std::mem::transmute([0xff_u8; size_of::<meissner_counters>()]) };
+        older.size = offset_of!(meissner_counters, outliers);
+        // SAFETY: every pointer is valid.
+        assert_eq!(unsafe { meissner_engine_counters(handle.0, &raw mut older) }, OK);
+        assert_eq!((older.pushed, older.outliers, older.restarts), (found.pushed, u64::MAX, u64::MAX));
+    }
+}
+
+#[test]
+fn a_live_prediction_says_what_the_engine_lost_and_that_the_clock_restarted() {
+    let (handle, events) = (Handle::new(0, MEISSNER_RESTART_RESET), restarted());
+    let (mut input, mut live) = (null_mut(), null_mut());
+    let options = meissner_live_options { overload: MEISSNER_OVERLOAD_BLOCK, ..zeros() };
+    // SAFETY: every pointer is valid.
+    unsafe {
+        assert_eq!(meissner_live_new(handle.0, &raw const options, &raw mut input, &raw mut live), OK);
+        let mut told = Vec::new();
+        for part in [
+            &events[..3_000],
+            &events[3_000..3_004],
+            &events[3_004..4_000],
+            &events[4_000..],
+            &[events[3_500], meissner_event { x: 99, ..events[5_000] }],
+        ] {
+            assert_eq!(meissner_input_push_events(input, part.as_ptr(), part.len()), OK);
+            let (mut values, mut timely): ([f32; OUTPUTS], meissner_timely) = ([0.0; OUTPUTS], zeros());
+            assert_eq!(
+                meissner_live_predict(live, u64::MAX, values.as_mut_ptr(), OUTPUTS, &raw mut timely),
+                OK
+            );
+            told.push((timely.fresh, timely.lost_events, timely.dropped_events, timely.restarts));
+        }
+        // Four are held, and enter; one is far ahead; one is late, and one outside the sensor.
+        let expected = [(1, 0, 0, 0), (0, 4, 0, 0), (1, 0, 0, 1), (0, 1, 0, 0), (0, 2, 0, 0)];
+        assert_eq!(told, expected);
+        let mut counters: meissner_counters = zeros();
+        assert_eq!(meissner_live_event_counters(live, &raw mut counters), OK);
+        assert_eq!((counters.accepted, counters.late, counters.outside_sensor), (5_000, 1, 1));
+        assert_eq!((counters.outliers, counters.restarts, counters.predictions), (1, 1, 0));
+        meissner_input_release(input);
+        meissner_live_release(live);
+    }
+}
+
 #[test]
 fn a_call_that_overlaps_another_is_refused_and_counts_nothing() {
-    let (handle, events) = (Handle::new(0), stream(400));
+    let (handle, events) = (Handle::new(0, MEISSNER_RESTART_RESET), stream(400));
     let done: u64 = std::thread::scope(|scope| {
         let push = || {
             let found = events.iter().map(|&event| handle.push(event).0);

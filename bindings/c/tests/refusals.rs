@@ -239,6 +239,8 @@ fn a_refused_argument_changes_neither_handles_nor_memory() {
         ("size", meissner_engine_options { size: 0, ..options() }),
         ("size", meissner_engine_options { size: usize::MAX, ..options() }),
         ("late", meissner_engine_options { late: 2, ..options() }),
+        ("restart", meissner_engine_options { restart: 2, ..options() }),
+        ("restart", meissner_engine_options { restart: 1 << 32, ..options() }),
         ("tolerance", meissner_engine_options { tolerance: -1.0, ..options() }),
         ("tolerance", meissner_engine_options { tolerance: f32::NAN, ..options() }),
     ];
@@ -321,6 +323,7 @@ fn a_refused_argument_changes_neither_handles_nor_memory() {
     refuse!(INVALID, &most, meissner_live_predict(live, 0, floats, usize::MAX, room.cast()));
     for counters in bad_struct(room) {
         refuse!(INVALID, "counters", meissner_engine_counters(engine, counters));
+        refuse!(INVALID, "counters", meissner_live_event_counters(live, counters));
     }
     for counters in bad_struct(room) {
         refuse!(INVALID, "counters", meissner_live_counters(live, counters));
@@ -410,6 +413,7 @@ fn a_refused_argument_changes_neither_handles_nor_memory() {
     for no in [null_mut(), input.cast::<meissner_live>()] {
         refuse!(INVALID, "live", meissner_live_predict(no, 0, floats, OUTPUTS, room.cast()));
         refuse!(INVALID, "live", meissner_live_counters(no, room.cast()));
+        refuse!(INVALID, "live", meissner_live_event_counters(no, room.cast()));
         refuse!(INVALID, "live", meissner_live_close(no, room.cast()));
     }
     for engine in bad(room) {

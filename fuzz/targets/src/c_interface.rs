@@ -3,6 +3,7 @@
 #![allow(unsafe_code, reason = "the interface takes raw pointers")]
 #![allow(clippy::wildcard_imports, reason = "its names begin with its own")]
 
+use std::mem::offset_of;
 use std::ptr::{null, null_mut};
 use std::sync::LazyLock;
 
@@ -88,9 +89,9 @@ pub(crate) fn c_interface(bytes: &[u8]) -> Verdict {
         meissner_network_release(network);
         status
     };
-    // The first byte of the last field is read if the size reaches it; a size beyond all fields is of a version that does not exist.
+    // The first byte of the field is read if the size reaches it; a size beyond all fields is of a version that does not exist.
     let known = size_of::<meissner_engine_options>();
-    let read = if stated > known - 4 { late } else { 0 };
+    let read = if stated > offset_of!(meissner_engine_options, late) { late } else { 0 };
     if !(8..=known).contains(&stated) || read > 1 {
         assert_eq!((status, engine.is_null()), (INVALID, true));
         return Verdict::Refused;
