@@ -14,7 +14,7 @@ fn pointnet(more: &str) -> String {
 }
 
 #[test]
-fn a_block_with_conv_spline_is_a_layer_of_kind_spline() {
+fn a_block_with_a_convolution_is_a_layer_of_that_kind() {
     let long = SMALL.replace("kind = \"spline\"", "conv = \"spline\"\nkind = \"block\"");
     let (long, short) = (Description::parse(&long).unwrap(), Description::parse(SMALL).unwrap());
     assert_eq!(long.to_table(), short.to_table());
@@ -26,6 +26,8 @@ fn a_block_with_conv_spline_is_a_layer_of_kind_spline() {
     assert_eq!(json(&long), json(&short));
     assert_eq!(json(&short)["layers"][0]["kind"], "spline");
     assert!(json(&short)["edge_attributes"]["offset"].is_null(), "no block reads offsets");
+    let named = pointnet("").replace("kind = \"block\"\nconv = \"pointnet\"", "\nkind = \"pointnet\"");
+    assert_eq!(Description::parse(&named).unwrap(), Description::parse(&pointnet("")).unwrap());
 }
 
 #[test]

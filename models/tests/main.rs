@@ -10,6 +10,7 @@ mod heads;
 mod hostile_descriptions;
 mod hostile_weights;
 mod listed_tensors;
+mod network_files;
 mod problems;
 mod properties;
 mod support;

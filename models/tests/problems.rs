@@ -88,7 +88,7 @@ fn a_value_of_another_type_or_range_is_reported_with_what_was_expected() {
         (
             "kind = \"dense\"",
             "kind = \"dens\"",
-            "line 38: layer \"fc\": kind: expected \"block\" or \"spline\" or \"pool\" or \"readout\" or \"dense\", found \"dens\"",
+            "line 38: layer \"fc\": kind: expected \"block\" or \"spline\" or \"pointnet\" or \"pool\" or \"readout\" or \"dense\", found \"dens\"",
         ),
     ] {
         assert_eq!(only(&changed(old, new)), expected);

@@ -5,7 +5,7 @@
 //! | `spline` | mean of `x_j` times its spline weights, ELU | `kernel`, `root`, `bias`, `elu` | `conv.weight` (slot, C, O), `conv.lin.weight` (O, C), `conv.bias` (O) |
 //! | `pointnet` | maximum, i itself included, of `W [x_j, (p_j - p_i) / scale] + b`, `ReLU` | none | `conv.weight` (O, C + 3), `conv.bias` (O) |
 //!
-//! `kind = "spline"` is short for `kind = "block"` with `conv = "spline"`. A block's tensors begin with its prefix, and those
+//! Its word as the `kind` of a layer is short for `kind = "block"` with this `conv`. A block's tensors begin with its prefix, and those
 //! of its batch norm are `norm.weight`, `norm.bias`, `norm.running_mean` and `norm.running_var`.
 //!
 //! A new convolution is a variant of [`ConvolutionKind`] and a row of `KINDS`.
@@ -45,18 +45,17 @@ pub enum ConvolutionKind {
 }
 
 /// Reads the keys that only one convolution has; a key that was reported has a substitute.
-pub(super) type Keys = fn(&mut Table<'_, '_>) -> ConvolutionKind;
+type Keys = fn(&mut Table<'_, '_>) -> ConvolutionKind;
 
 /// The words of `conv`, with what reads the keys of each.
 pub(super) const KINDS: [(&str, Keys); 2] = [(SPLINE, spline), ("pointnet", |_| ConvolutionKind::PointNet)];
 
-/// The convolution that is also a kind of layer.
-pub(super) const SPLINE: &str = "spline";
+const SPLINE: &str = "spline";
 
 /// What the kernels accept.
 const KERNELS: RangeInclusive<i64> = 1..=SplineConv::LARGEST_KERNEL as i64;
 
-pub(super) fn spline(table: &mut Table<'_, '_>) -> ConvolutionKind {
+fn spline(table: &mut Table<'_, '_>) -> ConvolutionKind {
     let expected = "a kernel size from 1 to 64, or two or three of them along x, y (and t)";
     let kernel = table.required("kernel", expected, kernel);
     let (root, bias) = (table.boolean("root", false), table.boolean("bias", false));

@@ -10,12 +10,12 @@ use meissner_engine::{
 use meissner_kernels::{Activation, SplineConv};
 use toml::de::DeValue;
 
-use super::convolution::{KINDS as CONVOLUTIONS, SPLINE};
+use super::Description;
+use super::convolution::KINDS as CONVOLUTIONS;
 use super::document::{FileLayer, HEAD, LAYER, layers, output};
 use super::frames::{FrameKind, read_head};
 use super::layer::{Cell, LayerKind, activations};
 use super::table::{Given, NAME, Table, integer, name};
-use super::{Description, convolution};
 
 /// The input of a network: the name that layers refer to it by.
 pub(super) const EVENTS: &str = "events";
@@ -23,8 +23,9 @@ pub(super) const EVENTS: &str = "events";
 const REFERENCE: &str = "the name of a layer, or \"events\"";
 /// The size of a cell.
 const CELL: &str = "two fractions of the sensor along x and y, such as [\"16/346\", \"12/260\"]";
-/// The kinds of layers.
-const KINDS: [&str; 5] = ["block", SPLINE, "pool", "readout", "dense"];
+/// The kinds of layers. Each convolution is one too, short for a block with it.
+const KINDS: [&str; 4 + CONVOLUTIONS.len()] =
+    ["block", CONVOLUTIONS[0].0, CONVOLUTIONS[1].0, "pool", "readout", "dense"];
 /// Default length of the window: 150 ms.
 const DEFAULT_SPAN_US: i64 = 150_000;
 /// Default of the most events of a window.
@@ -156,10 +157,8 @@ fn keys(
             LayerKind::Dense { bias, activation: table.option("activation", &choices) }
         }
         _ => {
-            let chosen = match word {
-                SPLINE => Some(convolution::spline as convolution::Keys),
-                _ => table.choice("conv", &CONVOLUTIONS),
-            };
+            let named = CONVOLUTIONS.iter().find(|(kind, _)| *kind == word).map(|&(_, keys)| keys);
+            let chosen = named.or_else(|| table.choice("conv", &CONVOLUTIONS));
             // Without a convolution it is unknown which keys belong to the table.
             let Some(keys) = chosen else { return };
             outputs = table.known(|table| table.size("channels", CHANNELS, None));

@@ -71,6 +71,7 @@ fn signed(table: &mut Table<'_, '_>) -> FrameSource {
         table.inapplicable("span_us", "no period_us: a frame shows a sliding span or consecutive periods");
         SignedTiming::Consecutive { period_us: table.integer("period_us", TIMES_US, None) }
     } else {
+        table.ignore(&["period_us"]);
         SignedTiming::Sliding { span_us: table.integer("span_us", TIMES_US, None) }
     };
     FrameSource::Signed { timing, place, rule }
