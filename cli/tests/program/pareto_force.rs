@@ -111,3 +111,40 @@ fn pictures_of_presses_have_the_errors_of_eval_and_one_file_is_as_good_as_severa
         &["320 x 240 pixels"],
     );
 }
+
+/// An array of this shape as a file of `NumPy`.
+fn npy(kind: &str, shape: &str, values: &[u8]) -> Vec<u8> {
+    let header = format!("{{'descr': '{kind}', 'fortran_order': False, 'shape': {shape}, }}\n");
+    [b"\x93NUMPY\x01\x00", &(header.len() as u16).to_le_bytes()[..], header.as_bytes(), values].concat()
+}
+
+#[test]
+fn the_picture_of_real_pictures_which_have_no_forces_shows_how_contacts_overlap() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let circle: Vec<u8> = [8.0_f64, 6.0, 3.0].iter().flat_map(|value| value.to_le_bytes()).collect();
+    let difference: Vec<u8> = (0..12 * 16 * 3_i16).flat_map(|i| (i % 40).to_le_bytes()).collect();
+    let arrays = [
+        ("background.npy", npy("|u1", "(12, 16, 3)", &[90; 12 * 16 * 3])),
+        ("difference.npy", npy("<i2", "(1, 12, 16, 3)", &difference)),
+        ("circle.npy", npy("<f8", "(1, 3)", &circle)),
+    ];
+    let data = folder.path().join("balls.npz");
+    std::fs::write(&data, crate::touch_data::archive(&arrays)).expect("it is written");
+    let [network, weights] = picture_network(folder.path());
+    let svg = folder.path().join("area.svg");
+    let output = meissner(&[
+        "eval",
+        "area",
+        argument(&data),
+        "--network",
+        argument(&network),
+        "--weights",
+        argument(&weights),
+        "--svg",
+        argument(&svg),
+    ]);
+    assert!(output.status.success(), "{}", message(&output));
+    let svg = read(&svg);
+    assert!(svg.contains("IoU of contacts (%)") && svg.contains(">balls.npz<"), "{svg}");
+    assert!(svg.contains(">image difference<"), "{svg}");
+}

@@ -7,21 +7,33 @@ use tempfile::TempDir;
 /// A folder with containers: of each class a recording of two spikes for training, and one for the test.
 pub(crate) fn touch_folder(classes: usize) -> TempDir {
     let folder = tempfile::tempdir().expect("there is a place for temporary files");
-    let mut bytes = Vec::new();
-    let mut archive = rawzip::ZipArchiveWriter::new(&mut bytes);
+    let mut arrays = Vec::new();
     for (split, first) in [("train", 0), ("test", 3)] {
         for class in 0..classes {
-            let name = format!("Ev-Containers/{split}/sample_{class}_label_{class}.npy");
-            let (mut entry, config) = archive.new_file(&name).start().expect("a vector takes everything");
-            let mut writer = config.wrap(&mut entry);
-            writer.write_all(&array(first + class)).expect("a vector takes everything");
-            let (_, descriptor) = writer.finish().expect("a vector takes everything");
-            entry.finish(descriptor).expect("a vector takes everything");
+            arrays.push((
+                format!("Ev-Containers/{split}/sample_{class}_label_{class}.npy"),
+                array(first + class),
+            ));
         }
     }
-    archive.finish().expect("a vector takes everything");
-    std::fs::write(folder.path().join("Ev-Containers.zip"), bytes).expect("a temporary file can be written");
+    std::fs::write(folder.path().join("Ev-Containers.zip"), archive(&arrays))
+        .expect("a temporary file can be written");
     folder
+}
+
+/// An archive with these files.
+pub(crate) fn archive(files: &[(impl AsRef<str>, Vec<u8>)]) -> Vec<u8> {
+    let mut bytes = Vec::new();
+    let mut archive = rawzip::ZipArchiveWriter::new(&mut bytes);
+    for (name, content) in files {
+        let (mut entry, config) = archive.new_file(name.as_ref()).start().expect("a vector takes everything");
+        let mut writer = config.wrap(&mut entry);
+        writer.write_all(content).expect("a vector takes everything");
+        let (_, descriptor) = writer.finish().expect("a vector takes everything");
+        entry.finish(descriptor).expect("a vector takes everything");
+    }
+    archive.finish().expect("a vector takes everything");
+    bytes
 }
 
 /// An array of four bins with spikes of the taxel in the first and in the last.
