@@ -9,7 +9,7 @@ use pyo3::types::{PyDict, PyList, PyTuple};
 
 use crate::arrays::{Pixels, sides, to_array};
 use crate::description::Description;
-use crate::engine::{counters, late_policy, network_of};
+use crate::engine::{counters, late_policy, network_of, restart_policy};
 use crate::error::{Failure, Outcome};
 use crate::events::Events;
 use crate::fork::on_own_threads;
@@ -41,7 +41,7 @@ pub(crate) struct Batch {
 #[pymethods]
 impl Batch {
     #[new]
-    #[pyo3(signature = (network, sensor, weights=None, *, search="exhaustive", late="drop", span_us=None, capacity=None, check_preparation=true))]
+    #[pyo3(signature = (network, sensor, weights=None, *, search="exhaustive", late="drop", restart="reset", span_us=None, capacity=None, check_preparation=true))]
     #[expect(clippy::too_many_arguments, reason = "keywords in Python")]
     fn new(
         network: &Bound<'_, PyAny>,
@@ -49,6 +49,7 @@ impl Batch {
         weights: Option<&Bound<'_, PyAny>>,
         search: &str,
         late: &str,
+        restart: &str,
         span_us: Option<i64>,
         capacity: Option<usize>,
         check_preparation: bool,
@@ -64,7 +65,10 @@ impl Batch {
         let (description, network) =
             network_of(network, weights, (span_us, capacity), check_preparation, sensor.0)?;
         let outputs = Outputs::new(&description.any, network.layers().into_iter());
-        let batch = BatchEngine::new(network, sensor.0)?.with_late(late_policy(late)?).with_search(search);
+        let batch = BatchEngine::new(network, sensor.0)?
+            .with_late(late_policy(late)?)
+            .with_restart(restart_policy(restart)?)
+            .with_search(search);
         Ok(Self { batch, outputs, description, losses: Losses::default() })
     }
 
@@ -78,12 +82,13 @@ impl Batch {
     ) -> Outcome<usize> {
         let mut this = turn(slf)?;
         let events = Events::of_call(args, keywords)?;
+        let restarts = this.batch.counters().events.restarts;
         let (batch, mut accepted) = (&mut this.batch, 0);
         events.work(py, |part| {
             accepted += batch.push_slice(part);
             Ok(())
         })?;
-        if accepted < events.len() {
+        if accepted < events.len() || this.batch.counters().events.restarts > restarts {
             let Self { batch, losses, .. } = &mut *this;
             losses.look(py, batch.counters().events, batch.batch().sensor())?;
         }

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use meissner::{Counters, LatePolicy, Network, Options, Sensor, models};
+use meissner::{Counters, EventCounters, LatePolicy, Network, Options, RestartPolicy, Sensor, models};
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict, PyTuple};
 
@@ -24,6 +24,9 @@ use crate::weights::Weights;
 /// - `sensor`: (width, height) in pixels.
 /// - `weights`: as for `Weights`; None for those that come with the module.
 /// - `late`: what becomes of an event earlier than the newest time: "drop" (counted), or "clamp" to that time.
+/// - `restart`: what is done when the clock of the sensor restarts: "reset" forgets the events before and goes on with the new clock, "keep"
+///   keeps the old one, for which the events are late. With "reset", events earlier than the window or more than 10 s ahead are held until
+///   those after them tell a restart from a single wrong time.
 /// - `tolerance`: largest change of a row that does not propagate; 0 is exact, anything else an approximation.
 /// - `span_us`, `capacity`: replace the length of the window and its most events: an approximation of what was trained.
 /// - `memory_limit`: most bytes of state; all memory is taken here.
@@ -104,16 +107,23 @@ pub(crate) fn late_policy(name: &str) -> Outcome<LatePolicy> {
     found.ok_or_else(|| Failure::input(format!("late: expected \"drop\" or \"clamp\", found {name:?}")))
 }
 
+/// The policy of this name.
+pub(crate) fn restart_policy(name: &str) -> Outcome<RestartPolicy> {
+    let found = RestartPolicy::ALL.into_iter().find(|policy| policy.name() == name);
+    found.ok_or_else(|| Failure::input(format!("restart: expected \"reset\" or \"keep\", found {name:?}")))
+}
+
 #[pymethods]
 impl Engine {
     #[new]
-    #[pyo3(signature = (network, sensor, weights=None, *, late="drop", tolerance=0.0, span_us=None, capacity=None, memory_limit=1 << 32, check_preparation=true))]
+    #[pyo3(signature = (network, sensor, weights=None, *, late="drop", restart="reset", tolerance=0.0, span_us=None, capacity=None, memory_limit=1 << 32, check_preparation=true))]
     #[expect(clippy::too_many_arguments, reason = "keywords in Python")]
     fn new(
         network: &Bound<'_, PyAny>,
         sensor: Pixels,
         weights: Option<&Bound<'_, PyAny>>,
         late: &str,
+        restart: &str,
         tolerance: f32,
         span_us: Option<i64>,
         capacity: Option<usize>,
@@ -124,6 +134,7 @@ impl Engine {
             network_of(network, weights, (span_us, capacity), check_preparation, sensor.0)?;
         let options = Options::new()
             .with_late(late_policy(late)?)
+            .with_restart(restart_policy(restart)?)
             .with_tolerance(tolerance)
             .with_memory_limit(memory_limit);
         let outputs = Outputs::new(&description.any, network.layers().into_iter());
@@ -131,7 +142,8 @@ impl Engine {
         Ok(Self::new_from(engine, &outputs, &description))
     }
 
-    /// Inserts events in order; returns how many were accepted. The others are counted in `counters`.
+    /// Inserts events in order; returns how many were accepted, with those that were held before. The others are held, or counted in
+    /// `counters`.
     ///
     /// Give a structured array with the fields t (microseconds or timedelta64), x, y, p (-1, 0, 1 or bool) of any integer types in
     /// any order, four arrays `t=, x=, y=, p=`, or a `Recording`. The other names that files have are taken too: ts, time, timestamp,
@@ -149,12 +161,13 @@ impl Engine {
     ) -> Outcome<usize> {
         let mut this = turn(slf)?;
         let events = Events::of_call(args, keywords)?;
+        let restarts = this.engine.event_counters().restarts;
         let (engine, mut accepted) = (&mut this.engine, 0);
         events.work(py, |part| {
             accepted += engine.push_slice(part);
             Ok(())
         })?;
-        if accepted < events.len() {
+        if accepted < events.len() || this.engine.event_counters().restarts > restarts {
             this.warn_of_losses(py)?;
         }
         Ok(accepted)
@@ -309,30 +322,32 @@ impl Engine {
     }
 }
 
+/// Counts of events as a dict.
+pub(crate) fn event_counters(py: Python<'_>, of: EventCounters) -> PyResult<Bound<'_, PyDict>> {
+    let all = [
+        ("pushed", of.pushed),
+        ("accepted", of.accepted),
+        ("outside_sensor", of.outside_sensor),
+        ("late", of.late),
+        ("time_out_of_range", of.time_out_of_range),
+        ("outliers", of.outliers),
+        ("clamped", of.clamped),
+        ("expired", of.expired),
+        ("evicted", of.evicted),
+        ("restarts", of.restarts),
+    ];
+    counts(py, &all)
+}
+
 /// Counters as nested dicts.
 pub(crate) fn counters<'py>(
     py: Python<'py>,
     of: &Counters,
     layers: &[String],
 ) -> PyResult<Bound<'py, PyDict>> {
-    let (events, predictions) = (&of.events, &of.predictions);
+    let predictions = &of.predictions;
     let dict = PyDict::new(py);
-    dict.set_item(
-        "events",
-        counts(
-            py,
-            &[
-                ("pushed", events.pushed),
-                ("accepted", events.accepted),
-                ("outside_sensor", events.outside_sensor),
-                ("late", events.late),
-                ("time_out_of_range", events.time_out_of_range),
-                ("clamped", events.clamped),
-                ("expired", events.expired),
-                ("evicted", events.evicted),
-            ],
-        )?,
-    )?;
+    dict.set_item("events", event_counters(py, of.events)?)?;
     let by_layer = PyDict::new(py);
     for (name, layer) in layers.iter().zip(&of.layers) {
         let of_layer = [

@@ -25,7 +25,9 @@ pub(crate) fn of_events(events: EventCounters) -> Vec<[String; 2]> {
         ("outside the sensor, dropped", events.outside_sensor),
         ("late, dropped", events.late),
         ("time out of range, dropped", events.time_out_of_range),
+        ("far ahead, dropped", events.outliers),
         ("late, with the newest time", events.clamped),
+        ("restarts of the sensor's clock", events.restarts),
     ];
     let lost = lost.into_iter().filter(|(_, count)| *count > 0);
     rows.extend(lost.map(|(name, count)| [name.to_owned(), count.to_string()]));

@@ -9,6 +9,7 @@ mod timely;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
+use meissner::EventCounters;
 use meissner::filters::Chain;
 use meissner::frames::{Frame, TimedFrames};
 use meissner::live::{Overload, QueueCounters, QueueOptions};
@@ -17,7 +18,7 @@ use pyo3::types::{PyDict, PyTuple};
 
 use crate::arrays::counts;
 use crate::description::Description;
-use crate::engine::Engine;
+use crate::engine::{Engine, event_counters};
 use crate::error::{Failure, Outcome, wrong_type};
 use crate::events::{Events, QUEUED};
 use crate::filters::Filters;
@@ -90,7 +91,7 @@ fn deadline_of(deadline_us: Option<f64>) -> Outcome<Duration> {
 }
 
 impl Live {
-    fn queue(&self, py: Python<'_>) -> Outcome<QueueCounters> {
+    fn counts(&self, py: Python<'_>) -> Outcome<(QueueCounters, EventCounters)> {
         match &self.ends {
             Kind::Events(ends) => ends.counters(py),
             Kind::Frames(ends) => ends.counters(py),
@@ -229,10 +230,11 @@ impl Live {
     }
 
     /// Counts of what was offered: "offered" is the sum of "delivered", "waiting" and the dropped ones. "high_water" is the most that
-    /// has been waiting, "blocked_us" how long `push` has waited for room.
+    /// has been waiting, "blocked_us" how long `push` has waited for room. "events" has what the engine counts, as `Engine.counters`, as
+    /// of the newest prediction or of a later batch.
     #[getter]
     fn counters<'py>(&self, py: Python<'py>) -> Outcome<Bound<'py, PyDict>> {
-        let of = self.queue(py)?;
+        let (of, events) = self.counts(py)?;
         let blocked_us = u64::try_from(of.blocked.as_micros()).unwrap_or(u64::MAX);
         let all = [
             ("offered", of.offered),
@@ -245,7 +247,9 @@ impl Live {
             ("high_water", of.high_water),
             ("blocked_us", blocked_us),
         ];
-        Ok(counts(py, &all)?)
+        let all = counts(py, &all)?;
+        all.set_item("events", event_counters(py, events)?)?;
+        Ok(all)
     }
 
     /// The description of the network.
@@ -303,7 +307,7 @@ impl Live {
     }
 
     fn _repr_html_(&self, py: Python<'_>) -> Outcome<String> {
-        let of = self.queue(py)?;
+        let (of, _) = self.counts(py)?;
         let mut rows = vec![("offered", of.offered), ("delivered", of.delivered), ("waiting", of.waiting)];
         rows.extend(of.dropped_by_reason().into_iter().filter(|(_, count)| *count > 0));
         let rows: Vec<_> =
@@ -313,7 +317,7 @@ impl Live {
 
     fn __repr__(&self, py: Python<'_>) -> String {
         let name = self.description.any.name();
-        let Ok(of) = self.queue(py) else { return format!("<Live {name:?} of another process>") };
+        let Ok((of, _)) = self.counts(py) else { return format!("<Live {name:?} of another process>") };
         let state = if self.is_closed() { ", closed" } else { "" };
         format!("<Live {name:?}: {} of {} taken, {} dropped{state}>", of.delivered, of.offered, of.dropped())
     }

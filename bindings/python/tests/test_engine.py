@@ -48,10 +48,12 @@ def streams(draw):
 def test_incremental_equals_batch_bit_for_bit(name, events, cuts, pause):
     engine, batch = both(name)
     for part in np.split(events, sorted(cut for cut in cuts if cut < len(events))):
-        assert engine.push(part) == batch.push(part) == len(part)
+        assert engine.push(part) == batch.push(part)
         assert bits(engine.predict()) == bits(batch.predict())
     for of in (engine, batch):
         of.advance(int(events["t"][-1]) + pause)
+        # An event after more than 10 s of silence is held until another one or the clock confirms it.
+        assert of.counters["events"]["accepted"] == len(events)
     assert bits(engine.predict()) == bits(batch.predict())
     assert len(engine) == len(batch)
 
@@ -160,6 +162,28 @@ def test_time_moves_and_events_expire(engine, events):
     engine.advance(int(events["t"][-1]) + 50_001)
     assert len(engine) == 0
     assert bool(engine)
+
+
+def test_a_clock_that_restarts_resets_engine_and_batch_or_keeps_its_time():
+    before, after = make_events(200, start_us=60_000_000), make_events(200, seed=1)
+    ahead = after[:1].copy()
+    ahead["t"] = 10**15
+    events = np.concatenate([before, after[:100], ahead, after[100:]])
+    weights = meissner.Weights.draw(SMALL, 1)
+    for restart, late, outliers, restarts in [("reset", False, 1, 1), ("keep", True, 0, 0)]:
+        engine = meissner.Engine(SMALL, SENSOR, weights, restart=restart)
+        batch = meissner.Batch(SMALL, SENSOR, weights, restart=restart)
+        for runs in (engine, batch):
+            with pytest.warns(meissner.MeissnerWarning, match="restarted" if restarts else "earlier"):
+                runs.push(events)
+            counts = runs.counters["events"]
+            assert (counts["outliers"], counts["restarts"]) == (outliers, restarts)
+            assert counts["pushed"] == len(events) and (counts["late"] > 0) == late
+        assert engine.predict().values.tobytes() == batch.predict().values.tobytes()
+        assert engine.now_us == batch.now_us == (after["t"][-1] if restarts else 10**15)
+    for runs in (meissner.Engine, meissner.Batch):
+        with pytest.raises(meissner.InputError, match='restart: expected "reset" or "keep", found "no"'):
+            runs(SMALL, SENSOR, weights, restart="no")
 
 
 @pytest.mark.parametrize("name", NETWORKS)

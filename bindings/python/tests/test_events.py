@@ -126,7 +126,9 @@ def test_a_block_without_an_event_is_no_event_whatever_its_type(engine, empty):
 )
 def test_durations_become_microseconds_rounded_to_the_nearest(unit, values, microseconds):
     times = np.array(values, f"m8[{unit}]")
-    engine = meissner.Engine({**SMALL, "network": {"name": "long", "capacity": 9, "span_us": 2**40}}, SENSOR, meissner.Weights.draw(SMALL, 3))
+    # An hour's jump of the clock would be held until a second event confirms it.
+    network = {**SMALL, "network": {"name": "long", "capacity": 9, "span_us": 2**40}}
+    engine = meissner.Engine(network, SENSOR, meissner.Weights.draw(SMALL, 3), restart="keep")
     assert engine.push(t=times, x=[1, 2, 3], y=[1, 2, 3], p=[1, 0, 1]) == 3
     assert engine.events["t"].tolist() == microseconds
 

@@ -45,6 +45,41 @@ def test_what_enters_is_predicted_with_the_bits_of_an_engine(seed, cuts, overloa
         assert live.predict().values.tobytes() == alone.predict().values.tobytes()
 
 
+def test_after_a_restart_of_the_clock_predictions_cover_the_new_one_and_say_so():
+    before, after = make_events(300, start_us=60_000_000), make_events(600)
+    alone = meissner.Engine(SMALL, SENSOR, meissner.Weights.draw(SMALL, 1))
+    with meissner.Live(alone) as live:
+        live.push(before)
+        assert (live.predict().restarts, live.counters["events"]["accepted"]) == (0, 300)
+        live.push(after[:5])                      # held: a few late events look the same
+        held = live.predict()
+        assert (held.fresh, held.behind_events, held.lost_events) == (False, 0, 5)
+        assert "5 events lost" in repr(held)
+        live.push(after[5:])
+        timely = live.predict()
+        alone.push(after)
+        assert timely.t_us == after["t"][-1] and timely.values.tobytes() == alone.predict().values.tobytes()
+        assert (timely.fresh, timely.restarts, timely.lost_events, timely.dropped_events) == (True, 1, 0, 0)
+        assert live.predict().restarts == 0
+        with pytest.warns(meissner.MeissnerWarning, match="clock of the sensor has restarted"):
+            live.close()
+        events = live.counters["events"]
+        assert (events["pushed"], events["accepted"], events["restarts"], events["late"]) == (900, 900, 1, 0)
+
+
+def test_an_engine_that_keeps_its_clock_loses_the_events_of_the_new_one_and_says_so():
+    engine = meissner.Engine(SMALL, SENSOR, meissner.Weights.draw(SMALL, 1), restart="keep")
+    with meissner.Live(engine, overload="drop_oldest") as live:
+        live.push(make_events(300, start_us=60_000_000))
+        t_us = live.predict().t_us
+        live.push(make_events(300))
+        timely = live.predict()
+        assert (timely.t_us, timely.fresh, timely.restarts, timely.lost_events) == (t_us, False, 0, 300)
+        assert live.counters["events"]["late"] == 300
+        with pytest.warns(meissner.MeissnerWarning, match="300 of 600"):
+            live.close()
+
+
 def test_the_engine_that_was_given_stays_as_it_is_and_close_returns_the_other(engine, events):
     engine.push(events[:100])
     live = meissner.Live(engine)

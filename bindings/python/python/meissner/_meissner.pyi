@@ -225,6 +225,12 @@ class Timely(Prediction):
     @property
     def behind_us(self) -> int: ...
     @property
+    def lost_events(self) -> int: ...
+    @property
+    def dropped_events(self) -> int: ...
+    @property
+    def restarts(self) -> int: ...
+    @property
     def age_us(self) -> float: ...
     @property
     def waited_us(self) -> float: ...
@@ -245,7 +251,7 @@ class Live(_Takes[None]):
     def advance(self, t_us: int) -> None: ...
     def predict(self, deadline_us: float | None = None) -> Timely: ...
     @property
-    def counters(self) -> dict[str, int]: ...
+    def counters(self) -> dict[str, Any]: ...
     @property
     def description(self) -> Description: ...
     @property
@@ -303,6 +309,7 @@ class Engine(_OverEvents):
         weights: _Tensors | None = None,
         *,
         late: str = "drop",
+        restart: str = "reset",
         tolerance: float = 0.0,
         span_us: int | None = None,
         capacity: int | None = None,
@@ -328,6 +335,7 @@ class Batch(_OverEvents):
         *,
         search: str = "exhaustive",
         late: str = "drop",
+        restart: str = "reset",
         span_us: int | None = None,
         capacity: int | None = None,
         check_preparation: bool = True,

@@ -8,8 +8,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError, TryLockError};
 use std::time::Duration;
 
-use meissner::Predictor;
 use meissner::live::{Input, Item, Live, QueueCounters, QueueOptions};
+use meissner::{EventCounters, Predictor};
 use pyo3::prelude::*;
 
 use super::timely::Taken;
@@ -19,13 +19,16 @@ use crate::fork;
 /// How long a prediction is awaited until signals are handled.
 const LOOK: Duration = Duration::from_millis(10);
 
+/// Counts of the queue, and of the events that the engine took.
+type Counts = (QueueCounters, EventCounters);
+
 /// The ends of a live engine.
 pub(super) struct Ends<P: Predictor<Input: Item>> {
     /// The process that the thread is in.
     process: u32,
     input: Mutex<Input<P::Input>>,
-    /// What is left of it after it was closed: its counters.
-    live: Mutex<Result<Live<P>, QueueCounters>>,
+    /// `Err` has what is left of it after it was closed.
+    live: Mutex<Result<Live<P>, Counts>>,
     /// Held by the thread that awaits a prediction.
     awaited: Mutex<()>,
     closing: AtomicBool,
@@ -77,7 +80,7 @@ impl<P: Predictor<Input: Item> + Send + 'static> Ends<P> {
         alone(&self.input, "push")
     }
 
-    fn live(&self) -> MutexGuard<'_, Result<Live<P>, QueueCounters>> {
+    fn live(&self) -> MutexGuard<'_, Result<Live<P>, Counts>> {
         self.live.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
@@ -110,10 +113,10 @@ impl<P: Predictor<Input: Item> + Send + 'static> Ends<P> {
         }
     }
 
-    pub(super) fn counters(&self, py: Python<'_>) -> Outcome<QueueCounters> {
+    pub(super) fn counters(&self, py: Python<'_>) -> Outcome<Counts> {
         self.here()?;
         Ok(py.detach(|| match &*self.live() {
-            Ok(live) => live.counters(),
+            Ok(live) => (live.counters(), live.event_counters()),
             Err(counters) => *counters,
         }))
     }
@@ -129,7 +132,7 @@ impl<P: Predictor<Input: Item> + Send + 'static> Ends<P> {
         py.detach(|| {
             let mut live = self.live();
             let Ok(open) = &*live else { return Ok(None) };
-            let counters = open.counters();
+            let counters = (open.counters(), open.event_counters());
             let Ok(open) = std::mem::replace(&mut *live, Err(counters)) else { return Ok(None) };
             Ok(Some(open.close()?))
         })
@@ -141,7 +144,7 @@ impl<P: Predictor<Input: Item>> Drop for Ends<P> {
         if self.process != process::id() {
             // Its thread is in the parent: there is none to wait for, and its locks may be held for ever.
             let live = self.live.get_mut().unwrap_or_else(PoisonError::into_inner);
-            std::mem::forget(std::mem::replace(live, Err(QueueCounters::default())));
+            std::mem::forget(std::mem::replace(live, Err(Counts::default())));
         }
     }
 }

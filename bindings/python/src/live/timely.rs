@@ -24,6 +24,9 @@ pub(super) struct Taken {
     own: bool,
     behind_events: u64,
     behind_us: u64,
+    lost_events: u64,
+    dropped_events: u64,
+    restarts: u64,
     age: Duration,
     waited: Duration,
 }
@@ -38,6 +41,9 @@ impl Taken {
             own: found.own,
             behind_events: found.behind_events,
             behind_us: found.behind_us,
+            lost_events: found.lost_events,
+            dropped_events: found.dropped_events,
+            restarts: found.restarts,
             age: found.age,
             waited: found.waited,
         }
@@ -58,7 +64,8 @@ pub(super) fn object(
 
 #[pymethods]
 impl Timely {
-    /// Whether it covers every event that had been offered before the call, except dropped ones.
+    /// Whether it covers every event that had been offered before the call, except those that the queue dropped: none waits, and the
+    /// engine has lost none.
     #[getter]
     fn fresh(&self) -> bool {
         self.taken.fresh
@@ -82,6 +89,25 @@ impl Timely {
         self.taken.behind_us
     }
 
+    /// Events or frames since the prediction before that the engine was given and that are not in this one: late, outside the sensor, far
+    /// ahead, or held until it is clear whether the sensor's clock has restarted.
+    #[getter]
+    fn lost_events(&self) -> u64 {
+        self.taken.lost_events
+    }
+
+    /// Events or frames that the queue dropped since the prediction before.
+    #[getter]
+    fn dropped_events(&self) -> u64 {
+        self.taken.dropped_events
+    }
+
+    /// Restarts of the sensor's clock since the prediction before, each of which reset the engine.
+    #[getter]
+    fn restarts(&self) -> u64 {
+        self.taken.restarts
+    }
+
     /// Microseconds from the begin of its computation to the answer.
     #[getter]
     fn age_us(&self) -> f64 {
@@ -100,6 +126,8 @@ impl Timely {
         let age = of.age.as_micros();
         let covers = if of.fresh {
             "fresh".to_owned()
+        } else if of.behind_events == 0 && of.lost_events > 0 {
+            format!("{} events lost", of.lost_events)
         } else {
             format!("{} events ({} us) behind", of.behind_events, of.behind_us)
         };
