@@ -44,8 +44,8 @@ pub struct Timely<'a> {
     pub own: bool,
     /// Events or frames that had entered the queue at the time of the call and are not covered.
     pub behind_events: u64,
-    /// Events or frames since the prediction before that were given to the engine and are not in this one: late, outside the sensor, far
-    /// ahead, or held until it is clear whether the sensor's clock has restarted.
+    /// Events or frames that were given to the engine and are not in this prediction: dropped since the prediction before (late, outside
+    /// the sensor, far ahead), or held now, until it is clear whether the sensor's clock has restarted.
     pub lost_events: u64,
     /// Events or frames that the rule of the queue dropped since the prediction before.
     pub dropped_events: u64,
@@ -182,8 +182,7 @@ impl<P: Predictor<Input: Item>> Live<P> {
         let own = answer.request == request.number;
         let (losses, dropped) = (answer.losses, state.intake.counters().dropped());
         let (told, dropped_before) = std::mem::replace(&mut self.told, (losses, dropped));
-        // Held events that have entered since are not lost any more.
-        let lost_events = losses.lost.saturating_sub(told.lost);
+        let lost_events = losses.dropped - told.dropped + losses.held;
         let fresh = own && behind_events == 0 && lost_events == 0;
         if !fresh {
             tracing::debug!(request.number, own, behind_events, behind_us, lost_events, "not fresh");

@@ -54,8 +54,10 @@ pub(crate) struct Answer {
 /// What a prediction does not hold although it was given to the engine; since the worker started.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Losses {
-    /// Events or frames that the engine dropped or holds.
-    pub(crate) lost: u64,
+    /// Events or frames that the engine dropped.
+    pub(crate) dropped: u64,
+    /// Events that it holds at the moment.
+    pub(crate) held: u64,
     /// Restarts of the sensor's clock.
     pub(crate) restarts: u64,
 }

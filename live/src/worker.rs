@@ -80,7 +80,8 @@ pub(crate) fn run<P: Predictor<Input: Item>>(
                 answer.error = None;
                 (answer.covered, answer.covered_us) = (task.covered, covered_us);
                 answer.losses = Losses {
-                    lost: given.saturating_sub(events.accepted - before.accepted),
+                    dropped: (events.pushed - before.pushed) - (events.accepted - before.accepted),
+                    held: given.saturating_sub(events.pushed - before.pushed),
                     restarts: events.restarts - before.restarts,
                 };
                 answer.begun = now;

@@ -107,8 +107,15 @@ fn after_a_restart_of_the_clock_predictions_are_of_the_new_clock_and_say_so() {
     let timely = live.predict(PATIENCE).expect("nothing is NaN");
     assert_eq!((timely.fresh, timely.lost_events, timely.restarts), (true, 0, 1));
     assert_eq!((timely.t_us, timely.nodes), (Some(29_900), 300));
-    let values = bits(timely.values);
     assert_eq!((live.event_counters().restarts, live.event_counters().late), (1, 0));
+    // What is lost is told, also where events that were held enter meanwhile.
+    let held = Event::new(100_000_000, 5, 5, true);
+    input.push_slice(&[held]).expect("the worker lives");
+    assert_eq!(live.predict(PATIENCE).expect("nothing is NaN").lost_events, 1);
+    input.push_slice(&[held, Event::new(500_000_000, 5, 5, true), held]).expect("the worker lives");
+    let timely = live.predict(PATIENCE).expect("nothing is NaN");
+    assert_eq!((timely.fresh, timely.lost_events, timely.nodes), (false, 1, 3));
+    let values = bits(timely.values);
     let mut recorded = live.close().expect("the worker lives");
     assert_eq!(values, bits(recorded.from_scratch().expect("nothing is NaN").values));
 }
