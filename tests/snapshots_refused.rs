@@ -18,7 +18,7 @@ const SENSOR: Sensor = Sensor { width: 20, height: 10 };
 const NAME: usize = 24 + 8;
 const SIZE: usize = NAME + 8 + 6;
 const COUNTS: usize = SIZE + 4 + 4 + 1;
-const LAYERS: usize = COUNTS + 8 * 8;
+const LAYERS: usize = COUNTS + 10 * 8;
 const CLOCK: usize = LAYERS + 8 + 3 * 4 * 8 + 6 * 8;
 const WINDOW: usize = CLOCK + 1 + 3 * 8;
 
@@ -194,7 +194,7 @@ fn a_content_that_does_not_fit_is_refused_with_place_expected_and_found() {
             &(1u64 << 56).to_le_bytes(),
             "count of events at byte 63: expected a count below 2^56, found 72057594037927936".into(),
         ),
-        (LAYERS, &huge, "number of layers at byte 119: expected 3, found 9223372036854775808".into()),
+        (LAYERS, &huge, format!("number of layers at byte {LAYERS}: expected 3, found 9223372036854775808")),
         (CLOCK, &[2], format!("whether there is a clock at byte {CLOCK}: expected 0 or 1, found 2")),
         (CLOCK + 1, &i64::MAX.to_le_bytes(), format!("newest time at byte {}", CLOCK + 9)),
         (
@@ -273,7 +273,8 @@ fn bytes_too_few_for_any_snapshot_are_refused_whatever_they_say() {
 fn a_snapshot_of_an_exact_engine_is_thirteen_bytes_an_event_and_one_with_a_tolerance_says_which() {
     let (_, bytes) = after_events(Candidates::All, 0.0);
     let events = u64::from_le_bytes(bytes[WINDOW..WINDOW + 8].try_into().expect("8 bytes")) as usize;
-    assert_eq!(bytes.len(), WINDOW + 8 + 13 * events + 16);
+    // Then the number of held events, and of bytes of the note, and the checksum.
+    assert_eq!(bytes.len(), WINDOW + 8 + 13 * events + 24);
     let (_, bytes) = after_events(Candidates::All, 0.1);
     assert_eq!(bytes[SIZE + 4..SIZE + 8], 0.1f32.to_le_bytes());
 }
@@ -363,7 +364,7 @@ fn a_snapshot_of_another_version_or_kind_is_refused_before_anything_else() {
         (12, "expected state of an engine over events, found a frame engine"),
     ] {
         let mut bytes = bytes.clone();
-        bytes[at] = 2;
+        bytes[at] = if at == 8 { 3 } else { 2 };
         bytes.truncate(60);
         let error = engine.restore_bytes(&bytes).expect_err(expected).to_string();
         assert_eq!(error, format!("snapshot: {expected}"));

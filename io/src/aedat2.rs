@@ -18,20 +18,22 @@
 //!
 //! Invariant: the 32-bit time wraps where it falls by 2^31 or more; a smaller fall is a step back.
 
+mod chip;
 mod header;
 
 use meissner_engine::Event;
 
 use crate::bytes::{Bytes, array};
-use crate::codec::ReadOptions;
 use crate::error::IoError;
 use crate::format::Format;
 use crate::left_out::{LeftOutKind, PassedOver};
+use crate::options::ReadOptions;
 use crate::prophesee::WrappingClock;
 use crate::recording::{Recording, StreamKind, StreamSummary};
 use crate::seek::Records;
-pub use header::Chip;
-pub(crate) use header::{Header, MAGIC, sensor_of};
+pub use chip::Chip;
+pub(crate) use chip::sensor_of;
+pub(crate) use header::{Header, MAGIC};
 
 /// Bytes of a record.
 const STRIDE: usize = 8;

@@ -27,11 +27,11 @@ use std::collections::{BTreeMap, BTreeSet};
 use meissner_engine::{Event, Sensor};
 
 use crate::bytes::{Bytes, array};
-use crate::codec::{ReadOptions, no_stream};
 use crate::error::IoError;
 use crate::format::Format;
 use crate::left_out::{LeftOutKind, PassedOver};
 use crate::limits::most;
+use crate::options::{ReadOptions, no_stream};
 use crate::recording::{Recording, StreamKind, StreamSummary};
 use crate::seek::{PacketHeader, Packets};
 use header::{Header, kind_of};

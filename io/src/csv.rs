@@ -31,11 +31,11 @@ pub use columns::{ColumnOrder, TimeUnit};
 pub use layout::TextOptions;
 use layout::{Evidence, Layout};
 
-use crate::codec::ReadOptions;
 use crate::detect::other_kind;
 use crate::error::{IoError, Place};
 use crate::format::{Format, Kind};
 use crate::left_out::events_of_lines;
+use crate::options::ReadOptions;
 use crate::recording::{Recording, Salvage};
 use crate::text::{Lines, is_comment, lines_of};
 

@@ -11,10 +11,10 @@ use std::io::{self, Write};
 use meissner_engine::{Event, Sensor};
 
 use crate::bytes::{Bytes, array};
-use crate::codec::ReadOptions;
-use crate::error::{IoError, beginning};
-use crate::format::Format;
+use crate::error::IoError;
+use crate::format::{Format, beginning};
 use crate::left_out::{LeftOutKind, PassedOver};
+use crate::options::ReadOptions;
 use crate::prophesee::{Header, WrappingClock};
 use crate::recording::{Capacity, Recording};
 use crate::seek::Records;

@@ -17,11 +17,12 @@ use std::path::{Path, PathBuf};
 
 use meissner_engine::Event;
 
-use crate::codec::{ReadOptions, read_with};
+use crate::codec::read_with;
 use crate::electrodes::{ElectrodeSettings, ElectrodeWarnings, Electrodes, Reading};
 use crate::error::IoError;
 use crate::files::entries;
 use crate::format::Format;
+use crate::options::ReadOptions;
 
 /// A labelled set of recordings.
 #[derive(Debug)]

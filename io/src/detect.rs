@@ -10,8 +10,8 @@ use std::path::Path;
 
 use crate::csv::columns::{is_csv, is_of_events};
 use crate::electrodes::header::names_electrodes;
-use crate::error::{IoError, beginning, shown};
-use crate::format::{Foreign, Format, ImageFormat, Kind};
+use crate::error::{IoError, shown};
+use crate::format::{Foreign, Format, ImageFormat, Kind, beginning};
 #[cfg(feature = "hdf5")]
 use crate::hdf5;
 use crate::prophesee::{Header, has_header};

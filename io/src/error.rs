@@ -210,16 +210,6 @@ fn length_and_start(length: u64, start: &str) -> String {
     }
 }
 
-/// The first `most` characters of a text for a message.
-pub(crate) fn beginning(text: &str, most: usize) -> String {
-    let mut characters = text.chars();
-    let mut beginning: String = characters.by_ref().take(most).collect();
-    if characters.next().is_some() {
-        beginning.push_str("..");
-    }
-    beginning
-}
-
 /// The first 40 bytes of a field for a message, quoted and escaped.
 pub(crate) fn shown(field: &[u8]) -> String {
     const MOST: usize = 40;

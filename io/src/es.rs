@@ -19,10 +19,10 @@ use std::io::{self, Write};
 use meissner_engine::{Event, Sensor};
 
 use crate::bytes::Bytes;
-use crate::codec::ReadOptions;
 use crate::error::{IoError, shown};
 use crate::format::Format;
 use crate::left_out::PassedOver;
+use crate::options::ReadOptions;
 use crate::recording::{Capacity, Recording};
 
 /// First bytes of a file.

@@ -17,10 +17,10 @@
 use meissner_engine::{Event, Sensor};
 
 use crate::bytes::{Bytes, array};
-use crate::codec::ReadOptions;
 use crate::error::IoError;
 use crate::format::Format;
 use crate::left_out::{LeftOutKind, PassedOver};
+use crate::options::ReadOptions;
 use crate::prophesee::{Header, WrappingClock};
 use crate::recording::{Recording, StreamKind, StreamSummary};
 use crate::seek::Records;

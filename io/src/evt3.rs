@@ -36,10 +36,10 @@ use std::io::{self, Write};
 use meissner_engine::{Event, Sensor};
 
 use crate::bytes::Bytes;
-use crate::codec::ReadOptions;
 use crate::error::IoError;
 use crate::format::Format;
 use crate::left_out::{LeftOutKind, PassedOver};
+use crate::options::ReadOptions;
 use crate::prophesee::{Header, WrappingClock};
 use crate::recording::{Capacity, Recording, StreamKind, StreamSummary};
 use crate::seek::DISORDER_US;

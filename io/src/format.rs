@@ -5,8 +5,6 @@ use std::fmt;
 use std::path::Path;
 use std::str::FromStr;
 
-use crate::error::beginning;
-
 /// Names of the time in microseconds in headers of texts and of npy, in lower case. Names with another unit are not here.
 pub(crate) const TIME: &[&str] =
     &["t", "t_us", "ts", "ts_us", "time", "time_us", "timestamp", "timestamp_us"];
@@ -20,6 +18,16 @@ pub(crate) const POLARITY: &[&str] = &["p", "pol", "polarity", "on"];
 /// Names of the fields of an event, in lower case and with the preferred one first: time in microseconds, column, row, polarity. Files and
 /// arrays of events have the same.
 pub const EVENT_FIELDS: [&[&str]; 4] = [TIME, X, Y, POLARITY];
+
+/// The first `most` characters of a text for a message.
+pub(crate) fn beginning(text: &str, most: usize) -> String {
+    let mut characters = text.chars();
+    let mut beginning: String = characters.by_ref().take(most).collect();
+    if characters.next().is_some() {
+        beginning.push_str("..");
+    }
+    beginning
+}
 
 /// A name that is not one of the known names.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]

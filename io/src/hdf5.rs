@@ -25,11 +25,11 @@ use hdf5_reader::{Dataset, FilterRegistry, H5Type, Hdf5File, OpenOptions, SliceI
 use meissner_engine::{Event, Sensor};
 
 use crate::bytes::Bytes;
-use crate::codec::ReadOptions;
-use crate::error::{IoError, Place, beginning};
-use crate::format::Format;
+use crate::error::{IoError, Place};
+use crate::format::{Format, beginning};
 use crate::left_out::{LeftOutKind, PassedOver};
 use crate::limits::{PACKET_BYTES, most};
+use crate::options::ReadOptions;
 use crate::prophesee;
 use crate::recording::Recording;
 use crate::seek::blocks::RECORDS;

@@ -68,6 +68,7 @@ mod left_out;
 pub mod limits;
 mod nmnist;
 mod npy;
+mod options;
 mod packed;
 mod prophesee;
 mod recording;
@@ -79,8 +80,7 @@ mod zip;
 
 pub use aedat2::Chip;
 pub use codec::{
-    HeldContent, ReadOptions, blocks, decode, decode_with, encode, read, read_content, read_range, read_with,
-    write,
+    HeldContent, blocks, decode, decode_with, encode, read, read_content, read_range, read_with, write,
 };
 pub use csv::{ColumnOrder, CsvEvents, TextOptions, TimeUnit};
 pub use detect::detect;
@@ -90,6 +90,7 @@ pub use files::{check_replaceable, check_writable, read_file, read_whole, replac
 pub use format::{EVENT_FIELDS, Foreign, Format, ImageFormat, Kind, UnknownName};
 pub use images::{Image, ImageSequence, decode_image, encode_png, read_image, write_png};
 pub use left_out::{LeftOut, LeftOutKind, is_mostly_refused};
+pub use options::ReadOptions;
 pub use recording::{Recording, Salvage, StreamKind, StreamSummary};
 pub use ros::EventPackets;
 pub use seek::{Blocks, DISORDER_US, TimeRange};

@@ -9,10 +9,10 @@
 use meissner_engine::{Event, Sensor};
 
 use crate::bytes::Bytes;
-use crate::codec::ReadOptions;
 use crate::error::IoError;
 use crate::format::Format;
 use crate::left_out::PassedOver;
+use crate::options::ReadOptions;
 use crate::recording::Recording;
 
 /// Columns and rows.

@@ -18,13 +18,13 @@ use std::io::{self, Write};
 use meissner_engine::Event;
 
 use crate::bytes::Bytes;
-use crate::codec::ReadOptions;
 use crate::csv::TimeUnit;
 use crate::csv::layout::DECIMALS_OF_SECONDS;
 use crate::error::{IoError, shown};
 use crate::format::{Format, POLARITY, TIME, X, Y};
 use crate::left_out::{LeftOutKind, PassedOver};
 use crate::limits::NPY_HEADER_BYTES;
+use crate::options::ReadOptions;
 use crate::prophesee::WrappingClock;
 use crate::recording::Recording;
 use crate::seek::Records;

@@ -11,8 +11,8 @@ use rawzip::{CompressionMethod, ZipFileHeaderRecord, ZipLocator, ZipSliceArchive
 
 use crate::bytes::Bytes;
 use crate::detect::START;
-use crate::error::{IoError, beginning};
-use crate::format::{Format, Kind, POLARITY, TIME, X, Y};
+use crate::error::IoError;
+use crate::format::{Format, Kind, POLARITY, TIME, X, Y, beginning};
 use crate::limits::{PACKET_BYTES, most};
 use crate::npy::{self, Part};
 

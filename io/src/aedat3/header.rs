@@ -4,7 +4,8 @@ use meissner_engine::Sensor;
 
 use crate::aedat2;
 use crate::bytes::Bytes;
-use crate::error::{IoError, beginning, shown};
+use crate::error::{IoError, shown};
+use crate::format::beginning;
 use crate::limits::HEADER_BYTES;
 
 /// First bytes of a file.

@@ -5,7 +5,8 @@ use roxmltree::{Document, Node, ParsingOptions};
 
 use super::packet::{Compression, Table};
 use crate::bytes::Bytes;
-use crate::error::{IoError, beginning, shown};
+use crate::error::{IoError, shown};
+use crate::format::beginning;
 use crate::limits::HEADER_BYTES;
 use crate::recording::{StreamKind, StreamSummary};
 

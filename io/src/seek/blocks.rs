@@ -9,8 +9,8 @@ use std::io::{Read, Seek};
 use super::records::{Part, fresh, resumed};
 use super::{Input, PacketHeader, Packets, Probe, Records};
 use crate::bytes::Bytes;
-use crate::codec::ReadOptions;
 use crate::error::{IoError, Place};
+use crate::options::ReadOptions;
 use crate::recording::Recording;
 
 /// Records of a block.

@@ -5,8 +5,8 @@ use std::ops::Range;
 
 use super::{DISORDER_US, Input, Probe, TimeRange, step};
 use crate::bytes::Bytes;
-use crate::codec::ReadOptions;
 use crate::error::{IoError, Place};
+use crate::options::ReadOptions;
 use crate::prophesee::WrappingClock;
 use crate::recording::Recording;
 
