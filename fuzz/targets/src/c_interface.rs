@@ -189,7 +189,7 @@ impl Pair {
         let accepted = (&raw mut count).wrapping_byte_add(misaligned.into());
         // SAFETY: the handle is valid, and each pointer is, or is refused.
         let status = unsafe { meissner_engine_push_events(self.engine, pointer, events.len(), accepted) };
-        assert_eq!(status == OK, count <= events.len(), "a count is written only where events were taken");
+        assert_eq!(status == OK, count != usize::MAX, "a count is written only where events were taken");
         self.pushed(status, (valid || events.is_empty()) && !misaligned, &events);
     }
 
