@@ -31,12 +31,12 @@ pub struct ReadOptions {
     /// Whether a file that was cut short is read up to the cut.
     ///
     /// The complete words of EVT2 and EVT3, events of AEDAT2, DAT, ES, N-MNIST and npy, packets of AEDAT3 and AEDAT4, and lines of CSV are kept;
-    /// [`Recording::salvaged`] describes the rest. Headers must be complete, and content that is malformed elsewhere is treated as
+    /// [`Recording::salvaged`](crate::Recording::salvaged) describes the rest. Headers must be complete, and content that is malformed elsewhere is treated as
     /// without it: a damaged file is not salvaged.
     pub salvage: bool,
     /// Whether anything odd is an error: a line of a text that is no event, an event outside the sensor that the file names, a word of a
-    /// type that holds no events, an event before the first time. Otherwise [`Recording::left_out`] and
-    /// [`Recording::other_streams`] count them.
+    /// type that holds no events, an event before the first time. Otherwise [`Recording::left_out`](crate::Recording::left_out) and
+    /// [`Recording::other_streams`](crate::Recording::other_streams) count them.
     pub strict: bool,
     /// The chip of a recording of AEDAT2, in place of the one that it names.
     pub chip: Option<Chip>,
@@ -47,7 +47,7 @@ pub struct ReadOptions {
     /// The range of times whose events are read; `None`: all events.
     ///
     /// Where the format permits, the rest of the file is not read: damage there is not found, and
-    /// [`Recording::other_streams`] counts only the part that is read. The events are those of the whole recording in the
+    /// [`Recording::other_streams`](crate::Recording::other_streams) counts only the part that is read. The events are those of the whole recording in the
     /// range, provided that no event is more than [`DISORDER_US`](crate::DISORDER_US) earlier than one before it, and that the
     /// clock of DAT, AEDAT2 or EVT2 passes its end at most once between neighbours of 1024 places in the file.
     pub range: Option<TimeRange>,
