@@ -1,6 +1,6 @@
 //! An event camera that takes images.
 
-use meissner_simulator::Camera as Model;
+use meissner_simulator::{Camera as Model, CameraSettings};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
@@ -29,7 +29,9 @@ impl Camera {
     #[new]
     #[pyo3(signature = (sensor, *, seed=0, ideal=false, **settings))]
     fn new(sensor: Pixels, seed: u64, ideal: bool, settings: Option<&Bound<'_, PyDict>>) -> Outcome<Self> {
-        Ok(Self { camera: Model::new(sensor.0, settings::of(ideal, settings)?, seed)? })
+        Ok(Self {
+            camera: Model::new(sensor.0, settings::of(CameraSettings::default(), ideal, settings)?, seed)?,
+        })
     }
 
     /// Takes the image at `t_us` microseconds; returns the events that are certain by then, in order of time.

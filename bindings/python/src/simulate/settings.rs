@@ -7,9 +7,13 @@ use pyo3::types::PyDict;
 
 use crate::error::Outcome;
 
-/// The default settings or the `ideal` ones, with those of `given` in their place.
-pub(super) fn of(ideal: bool, given: Option<&Bound<'_, PyDict>>) -> Outcome<CameraSettings> {
-    let mut settings = if ideal { CameraSettings::ideal() } else { CameraSettings::default() };
+/// The settings `base` or the `ideal` ones, with those of `given` in their place.
+pub(super) fn of(
+    base: CameraSettings,
+    ideal: bool,
+    given: Option<&Bound<'_, PyDict>>,
+) -> Outcome<CameraSettings> {
+    let mut settings = if ideal { CameraSettings::ideal() } else { base };
     for (name, value) in given.into_iter().flatten() {
         let name: String = name.extract()?;
         let number: &mut f64 = match &*name {
