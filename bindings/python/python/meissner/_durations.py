@@ -21,9 +21,13 @@ def microseconds(times: np.ndarray) -> np.ndarray:
     if (unit, count) == ("us", 1):
         return times.view(np.dtype("i8").newbyteorder(times.dtype.byteorder))
     if unit not in _FINER:
-        converted = times.astype("m8[us]")
+        too_long = InputError("t: expected at most 2^63 - 1 us, found a longer time")
+        try:
+            converted = times.astype("m8[us]")
+        except OverflowError:  # What older versions of NumPy wrap, newer ones refuse.
+            raise too_long from None
         if (converted.astype(times.dtype) != times).any():
-            raise InputError("t: expected at most 2^63 - 1 us, found a longer time")
+            raise too_long
         return converted.view("i8")
     # In the unit itself, without a multiple.
     values = times.astype(f"m8[{unit}]").view("i8")
