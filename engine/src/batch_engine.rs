@@ -17,7 +17,7 @@ use crate::batch::{Batch, Search, Stream, Trace};
 use crate::counters::{Counters, EventCounters, LayerCounters};
 use crate::engine::Prediction;
 use crate::network::Network;
-use crate::restart::{ClockWatch, Held, RestartPolicy};
+use crate::restart::{ClockWatch, Decision, RestartPolicy};
 use crate::{EngineError, Event, Sensor};
 
 /// Computes every prediction from scratch; otherwise behaves as an exact [`Engine`](crate::Engine). Their predictions
@@ -60,7 +60,7 @@ impl BatchEngine {
         let (parts, layers) = (network.parts(), network.layers().len());
         Ok(Self {
             most_events: if parts.graph.is_frozen() { usize::MAX } else { parts.capacity },
-            watch: ClockWatch::new(RestartPolicy::default(), parts.span_us),
+            watch: ClockWatch::new(RestartPolicy::default(), sensor, parts.span_us),
             batch: Batch::new(network, sensor)?,
             admission: Admission::new(sensor, LatePolicy::default()),
             events: Vec::new(),
@@ -81,7 +81,7 @@ impl BatchEngine {
     /// The same with a different policy for restarts. Only for an engine that has not seen an event.
     #[must_use]
     pub fn with_restart(self, restart: RestartPolicy) -> Self {
-        Self { watch: ClockWatch::new(restart, self.network().parts().span_us), ..self }
+        Self { watch: ClockWatch::new(restart, self.batch.sensor(), self.network().parts().span_us), ..self }
     }
 
     /// The same with a different search, as [`Batch::with_search`].
@@ -117,24 +117,23 @@ impl BatchEngine {
 
     /// Inserts an event, as [`Engine::push`](crate::Engine::push).
     pub fn push(&mut self, event: Event) -> Outcome {
-        let now_us = self.now_us();
-        if self.watch.agrees(event.t_us, now_us) || !self.batch.sensor().contains(event.x, event.y) {
-            return self.enter(event);
+        match self.watch.decide(event, self.now_us()) {
+            None => self.enter(event),
+            Some(decision) => self.carry_out(&decision),
         }
-        let decision = self.watch.decide(event, now_us);
-        self.admission.count(&decision);
+    }
+
+    /// Returns what became of the newest event.
+    fn carry_out(&mut self, decision: &Decision) -> Outcome {
+        self.admission.count(decision);
         if decision.restarts {
             self.forget();
         }
-        self.enter_all(&decision.taken);
-        if decision.passes { self.enter(event) } else { Outcome::Held }
-    }
-
-    /// Inserts events that were held.
-    fn enter_all(&mut self, held: &Held) {
-        for &event in held.events() {
-            self.enter(event);
+        let mut last = Outcome::Held;
+        for &event in decision.taken.events() {
+            last = self.enter(event);
         }
+        if decision.passes { last } else { Outcome::Held }
     }
 
     fn enter(&mut self, event: Event) -> Outcome {
@@ -167,8 +166,8 @@ impl BatchEngine {
 
     /// Advances the clock to `t_us`, as [`Engine::advance`](crate::Engine::advance).
     pub fn advance(&mut self, t_us: i64) {
-        let confirmed = self.watch.confirmed_by(t_us, self.now_us());
-        self.enter_all(&confirmed);
+        let decision = self.watch.advance(t_us, self.now_us());
+        self.carry_out(&decision);
         self.admission.advance(t_us);
         self.expire();
     }
@@ -225,8 +224,7 @@ impl BatchEngine {
     /// Removes all events, as [`Engine::reset`](crate::Engine::reset). Counters are kept.
     pub fn reset(&mut self) {
         let decision = self.watch.end(self.now_us());
-        self.admission.count(&decision);
-        self.enter_all(&decision.taken);
+        self.carry_out(&decision);
         self.forget();
     }
 

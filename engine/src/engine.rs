@@ -14,7 +14,7 @@ use crate::error::option;
 use crate::memory::Memory;
 use crate::network::{Network, Normalisation};
 use crate::options::Options;
-use crate::restart::{ClockWatch, Held};
+use crate::restart::{ClockWatch, Decision};
 use crate::snapshot::SnapshotOf;
 use crate::stages::Stage;
 use crate::step::Step;
@@ -116,7 +116,7 @@ impl Engine {
         Ok(Self {
             step: Step::new(Arc::clone(&network), sensor, &options, &mut Memory::default()),
             bytes,
-            watch: ClockWatch::new(options.restart, network.parts().span_us),
+            watch: ClockWatch::new(options.restart, sensor, network.parts().span_us),
             admission: Admission::new(sensor, options.late),
             log: Log { layers: vec![log; layers], ..Log::default() },
             newest_us: None,
@@ -178,31 +178,26 @@ impl Engine {
         (self.admission.counters().accepted - before) as usize
     }
 
-    /// Inserts an event, unless its time does not agree with the clock.
+    /// Inserts an event, whose row may wait, unless its time does not agree with the clock.
     #[inline]
     fn take(&mut self, event: Event) -> Outcome {
-        if self.watch.agrees(event.t_us, self.admission.now_us()) || !self.sensor.contains(event.x, event.y) {
-            return self.enter(event);
+        match self.watch.decide(event, self.admission.now_us()) {
+            None => self.enter(event),
+            Some(decision) => self.carry_out(&decision),
         }
-        self.decide(event)
     }
 
-    /// Inserts the events that `event` decides about.
-    fn decide(&mut self, event: Event) -> Outcome {
-        let decision = self.watch.decide(event, self.admission.now_us());
-        self.admission.count(&decision);
+    /// Returns what became of the newest event.
+    fn carry_out(&mut self, decision: &Decision) -> Outcome {
+        self.admission.count(decision);
         if decision.restarts {
             self.forget();
         }
-        self.enter_all(&decision.taken);
-        if decision.passes { self.enter(event) } else { Outcome::Held }
-    }
-
-    /// Inserts events that were held.
-    fn enter_all(&mut self, held: &Held) {
-        for &event in held.events() {
-            self.enter(event);
+        let mut last = Outcome::Held;
+        for &event in decision.taken.events() {
+            last = self.enter(event);
         }
+        if decision.passes { last } else { Outcome::Held }
     }
 
     /// Inserts an event, whose row may wait.
@@ -226,9 +221,9 @@ impl Engine {
     /// times, any time before the first event, and times whose distance from the epoch does not fit 64 bits change
     /// nothing.
     pub fn advance(&mut self, t_us: i64) {
-        let confirmed = self.watch.confirmed_by(t_us, self.admission.now_us());
-        if !confirmed.events().is_empty() {
-            self.enter_all(&confirmed);
+        let decision = self.watch.advance(t_us, self.admission.now_us());
+        if !decision.taken.events().is_empty() {
+            self.carry_out(&decision);
             self.step.compute_arrivals(&mut self.log);
         }
         self.admission.advance(t_us);
@@ -283,8 +278,7 @@ impl Engine {
     /// Removes all events; the next event sets a new epoch. Counters are kept.
     pub fn reset(&mut self) {
         let decision = self.watch.end(self.admission.now_us());
-        self.admission.count(&decision);
-        self.enter_all(&decision.taken);
+        self.carry_out(&decision);
         self.forget();
     }
 

@@ -16,7 +16,7 @@
 
 use std::fmt;
 
-use crate::Event;
+use crate::{Event, Sensor};
 
 /// What is done when the clock of the sensor restarts.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -53,7 +53,7 @@ pub const CONFIRMING: usize = 8;
 /// Longest silence, in microseconds, after which an event is taken without a second one.
 pub const MAX_SILENCE_US: i64 = 10_000_000;
 
-/// Events that wait for a decision, in order of arrival.
+/// A run of events, in order of arrival.
 #[derive(Clone, Copy, Debug)]
 pub struct Held {
     events: [Event; CONFIRMING],
@@ -74,32 +74,37 @@ impl Held {
     }
 }
 
-/// What becomes of the held events and of the newest one.
+/// What becomes of the held events and of the newest one. It is carried out in the order of its fields.
 #[derive(Clone, Copy, Debug)]
 #[must_use]
 pub struct Decision {
-    /// Whether the clock has restarted: everything before `taken` is forgotten.
-    pub restarts: bool,
-    /// Held events that are taken now.
-    pub taken: Held,
     /// Held events that are dropped because they were far ahead of the events around them.
     pub outliers: u64,
-    /// Whether the newest event is taken after them; otherwise it is held.
+    /// Whether the clock has restarted: everything before `taken` is forgotten.
+    pub restarts: bool,
+    /// Events that are taken now: those that were held, and the newest one if it `passes`.
+    pub taken: Held,
+    /// Whether the newest event is the last of `taken`; otherwise it is held.
     pub passes: bool,
+}
+
+impl Decision {
+    const NOTHING: Self = Self { outliers: 0, restarts: false, taken: Held::NONE, passes: false };
 }
 
 /// Watches the times of events for restarts and outliers.
 #[derive(Clone, Copy, Debug)]
 pub struct ClockWatch {
     policy: RestartPolicy,
+    sensor: Sensor,
     window_us: i64,
     held: Held,
 }
 
 impl ClockWatch {
-    /// A watch over the events of a window of `window_us` microseconds.
-    pub fn new(policy: RestartPolicy, window_us: i64) -> Self {
-        Self { policy, window_us, held: Held::NONE }
+    /// A watch over the events of `sensor` in a window of `window_us` microseconds.
+    pub fn new(policy: RestartPolicy, sensor: Sensor, window_us: i64) -> Self {
+        Self { policy, sensor, window_us, held: Held::NONE }
     }
 
     /// The events that are held.
@@ -110,12 +115,10 @@ impl ClockWatch {
     /// Holds `events`, which a watch of the same policy and window held at the time `now_us`. Whether they can be: they are too many, or one
     /// of them would not be held.
     pub fn hold(&mut self, events: &[Event], now_us: Option<i64>) -> bool {
-        *self = Self::new(self.policy, self.window_us);
+        self.held = Held::NONE;
         let can = events.iter().all(|&event| {
-            !self.agrees(event.t_us, now_us) && {
-                let decision = self.decide(event, now_us);
-                !decision.passes && !decision.restarts && decision.taken.len == 0 && decision.outliers == 0
-            }
+            self.decide(event, now_us)
+                .is_some_and(|decision| !decision.passes && decision.taken.len == 0 && decision.outliers == 0)
         });
         if !can {
             self.held = Held::NONE;
@@ -123,71 +126,72 @@ impl ClockWatch {
         can
     }
 
-    /// Whether an event at `t_us` is taken at once, nothing being held. `now_us` is the current time; `None` before the first event.
+    /// Decides about `event`. `None`: it is taken at once, and nothing else changes; so is every event outside the sensor. `now_us` is the
+    /// current time; `None` before the first event.
     #[inline]
-    pub fn agrees(&self, t_us: i64, now_us: Option<i64>) -> bool {
-        if self.policy == RestartPolicy::Keep {
-            return true;
-        }
-        self.held.len == 0 && now_us.is_none_or(|now| !self.is_back(t_us, now) && !is_ahead(t_us, now))
+    pub fn decide(&mut self, event: Event, now_us: Option<i64>) -> Option<Decision> {
+        let agrees = self.policy == RestartPolicy::Keep
+            || (self.held.len == 0 && now_us.is_none_or(|now| self.agrees(event.t_us, now)))
+            || !self.sensor.contains(event.x, event.y);
+        if agrees { None } else { Some(self.decide_with_held(event, now_us)) }
     }
 
-    /// Decides about `event`, for which [`Self::agrees`] is false.
-    pub fn decide(&mut self, event: Event, now_us: Option<i64>) -> Decision {
-        let held = self.held;
-        let mut decision = Decision { restarts: false, taken: Held::NONE, outliers: 0, passes: false };
+    fn decide_with_held(&mut self, event: Event, now_us: Option<i64>) -> Decision {
         let now = now_us.unwrap_or(event.t_us);
-        let runs_on = held
-            .events()
-            .last()
-            .is_none_or(|last| !self.is_back(event.t_us, last.t_us) && !is_ahead(event.t_us, last.t_us));
+        let mut held = std::mem::replace(&mut self.held, Held::NONE);
+        let runs_on = held.events().last().is_none_or(|last| self.agrees(event.t_us, last.t_us));
         let (was_back, was_ahead) = held
             .events()
             .first()
             .map_or((false, false), |first| (self.is_back(first.t_us, now), is_ahead(first.t_us, now)));
         let (back, ahead) = (self.is_back(event.t_us, now), is_ahead(event.t_us, now));
-        if runs_on && was_back && back && held.len + 1 == CONFIRMING {
-            decision = Decision { restarts: true, taken: held, passes: true, ..decision };
+        let mut decision = Decision::NOTHING;
+        if runs_on && was_back && back && held.len + 1 < CONFIRMING {
+            held.push(event);
+            self.held = held;
+            return decision;
+        } else if runs_on && was_back && back {
+            (decision.restarts, decision.passes) = (true, true);
         } else if runs_on && was_ahead && ahead {
             // A clock that cannot hold both times begins anew.
-            let restarts = event.t_us.checked_sub(now).is_none();
-            decision = Decision { restarts, taken: held, passes: true, ..decision };
-        } else if held.len > 0 && runs_on && was_back && back {
-            self.held.push(event);
-            return decision;
+            (decision.restarts, decision.passes) = (event.t_us.checked_sub(now).is_none(), true);
         } else {
             // The held run ends here; the event agrees with the clock or begins another run.
             if was_ahead {
                 decision.outliers = held.len as u64;
-            } else {
-                decision.taken = held;
+                held = Held::NONE;
             }
             decision.passes = !back && !ahead;
         }
-        self.held = Held::NONE;
-        if !decision.passes {
-            self.held.push(event);
-        }
-        decision
+        if decision.passes { &mut held } else { &mut self.held }.push(event);
+        Decision { taken: held, ..decision }
     }
 
-    /// The held events that an advance of the clock to `t_us` confirms, which are taken before it.
-    pub fn confirmed_by(&mut self, t_us: i64, now_us: Option<i64>) -> Held {
+    /// Decides about the held events when the clock advances to `t_us`: those that it confirms are taken before it.
+    pub fn advance(&mut self, t_us: i64, now_us: Option<i64>) -> Decision {
         let is_confirmed = self
             .held
             .events()
             .first()
             .zip(now_us)
             .is_some_and(|(first, now)| is_ahead(first.t_us, now) && !is_ahead(first.t_us, t_us));
-        if is_confirmed { std::mem::replace(&mut self.held, Held::NONE) } else { Held::NONE }
+        let taken = if is_confirmed { std::mem::replace(&mut self.held, Held::NONE) } else { Held::NONE };
+        Decision { taken, ..Decision::NOTHING }
     }
 
-    /// Ends the stream, or forgets it: what is held is not confirmed any more. Returns what becomes of it.
+    /// Decides about the held events at the end of the stream, or before it is forgotten: they are not confirmed any more.
     pub fn end(&mut self, now_us: Option<i64>) -> Decision {
         let held = std::mem::replace(&mut self.held, Held::NONE);
         let ahead = held.events().first().zip(now_us).is_some_and(|(first, now)| is_ahead(first.t_us, now));
-        let (taken, outliers) = if ahead { (Held::NONE, held.len as u64) } else { (held, 0) };
-        Decision { restarts: false, taken, outliers, passes: false }
+        if ahead {
+            Decision { outliers: held.len as u64, ..Decision::NOTHING }
+        } else {
+            Decision { taken: held, ..Decision::NOTHING }
+        }
+    }
+
+    fn agrees(&self, t_us: i64, now_us: i64) -> bool {
+        !self.is_back(t_us, now_us) && !is_ahead(t_us, now_us)
     }
 
     fn is_back(&self, t_us: i64, now_us: i64) -> bool {
@@ -202,7 +206,9 @@ fn is_ahead(t_us: i64, now_us: i64) -> bool {
 #[cfg(test)]
 mod tests {
     use super::{CONFIRMING, ClockWatch, MAX_SILENCE_US, RestartPolicy};
-    use crate::Event;
+    use crate::{Event, Sensor};
+
+    const SENSOR: Sensor = Sensor { width: 4, height: 4 };
 
     const WINDOW_US: i64 = 100;
     const FAR_US: i64 = 1_000 * MAX_SILENCE_US;
@@ -210,23 +216,22 @@ mod tests {
     /// The clocks that events at `times` have, each with the times that are taken, late ones included; then outliers, and events
     /// that are still held.
     fn clocks(policy: RestartPolicy, times: &[i64]) -> (Vec<Vec<i64>>, u64, usize) {
-        let mut watch = ClockWatch::new(policy, WINDOW_US);
+        let mut watch = ClockWatch::new(policy, SENSOR, WINDOW_US);
         let (mut clocks, mut outliers) = (vec![Vec::new()], 0);
         for &t_us in times {
             let clock: &mut Vec<i64> = clocks.last_mut().expect("there is one");
             let now_us = clock.iter().copied().max();
-            if watch.agrees(t_us, now_us) {
+            let Some(decision) = watch.decide(Event::new(t_us, 0, 0, true), now_us) else {
                 clock.push(t_us);
                 continue;
-            }
-            let decision = watch.decide(Event::new(t_us, 0, 0, true), now_us);
+            };
             outliers += decision.outliers;
             if decision.restarts {
                 clocks.push(Vec::new());
             }
             let clock = clocks.last_mut().expect("there is one");
             clock.extend(decision.taken.events().iter().map(|event| event.t_us));
-            clock.extend(decision.passes.then_some(t_us));
+            assert_eq!(decision.passes, decision.taken.events().last().is_some_and(|last| last.t_us == t_us));
         }
         (clocks, outliers, watch.held().len())
     }
@@ -281,12 +286,11 @@ mod tests {
 
     #[test]
     fn an_advance_of_the_clock_brings_an_event_after_a_long_silence() {
-        let mut watch = ClockWatch::new(RestartPolicy::Reset, WINDOW_US);
+        let mut watch = ClockWatch::new(RestartPolicy::Reset, SENSOR, WINDOW_US);
         let event = Event::new(FAR_US, 1, 2, true);
-        assert!(!watch.agrees(event.t_us, Some(0)));
-        assert!(!watch.decide(event, Some(0)).passes);
-        assert!(watch.confirmed_by(10, Some(0)).events().is_empty());
-        assert_eq!(watch.confirmed_by(FAR_US, Some(0)).events(), [event]);
+        assert!(watch.decide(event, Some(0)).is_some_and(|decision| !decision.passes));
+        assert!(watch.advance(10, Some(0)).taken.events().is_empty());
+        assert_eq!(watch.advance(FAR_US, Some(0)).taken.events(), [event]);
         assert!(watch.held().is_empty());
     }
 
@@ -305,7 +309,7 @@ mod tests {
 
     #[test]
     fn what_is_not_confirmed_at_the_end_is_late_or_an_outlier() {
-        let mut watch = ClockWatch::new(RestartPolicy::Reset, WINDOW_US);
+        let mut watch = ClockWatch::new(RestartPolicy::Reset, SENSOR, WINDOW_US);
         let (back, ahead) = (Event::new(-FAR_US, 0, 0, true), Event::new(FAR_US, 0, 0, true));
         let _ = watch.decide(back, Some(0));
         let end = watch.end(Some(0));
@@ -318,7 +322,7 @@ mod tests {
     #[test]
     fn what_one_watch_held_another_can_hold_and_nothing_else() {
         let event = |t_us| Event::new(t_us, 0, 0, true);
-        let mut watch = ClockWatch::new(RestartPolicy::Reset, WINDOW_US);
+        let mut watch = ClockWatch::new(RestartPolicy::Reset, SENSOR, WINDOW_US);
         let back = [0, 1, 2].map(event);
         assert!(watch.hold(&back, Some(1000)) && watch.held() == back);
         assert!(watch.hold(&[event(FAR_US)], Some(1000)));
@@ -327,7 +331,7 @@ mod tests {
             assert!(!watch.hold(&events, Some(1000)) && watch.held().is_empty(), "{events:?}");
         }
         assert!(!watch.hold(&back, None));
-        assert!(!ClockWatch::new(RestartPolicy::Keep, WINDOW_US).hold(&back, Some(1000)));
+        assert!(!ClockWatch::new(RestartPolicy::Keep, SENSOR, WINDOW_US).hold(&back, Some(1000)));
     }
 
     #[test]

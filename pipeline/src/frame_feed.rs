@@ -33,7 +33,6 @@ pub(crate) struct FrameFeed {
     /// Admits events before they reach the frames. The gates of the frames only drop late events, so they accept every
     /// event that this gate accepts.
     gate: Admission,
-    sensor: Sensor,
     /// Decides about restarts of the clock.
     watch: ClockWatch,
     frames: Frames,
@@ -117,8 +116,8 @@ impl FrameFeed {
         let gate = Admission::new(sensor, late);
         let (Frames::Consecutive { period_us: window_us, .. }
         | Frames::Sliding(Sliding { span_us: window_us, .. })) = frames;
-        let watch = ClockWatch::new(restart, window_us.max(MIN_RESTART_US));
-        let mut feed = Self { gate, sensor, watch, frames, kept: None, before: 0, shown_before: [0; 2] };
+        let watch = ClockWatch::new(restart, sensor, window_us.max(MIN_RESTART_US));
+        let mut feed = Self { gate, watch, frames, kept: None, before: 0, shown_before: [0; 2] };
         if let Some(state) = state {
             feed.resume(state);
         }
@@ -160,13 +159,10 @@ impl FrameFeed {
         event: Event,
         mut sink: impl FnMut(FeedOutput<'_>) -> Result<(), E>,
     ) -> Result<Outcome, E> {
-        let now_us = self.gate.now_us();
-        if self.watch.agrees(event.t_us, now_us) || !self.sensor.contains(event.x, event.y) {
-            return self.enter(event, &mut sink);
+        match self.watch.decide(event, self.gate.now_us()) {
+            None => self.enter(event, &mut sink),
+            Some(decision) => self.carry_out(&decision, &mut sink),
         }
-        let decision = self.watch.decide(event, now_us);
-        self.decided(&decision, &mut sink)?;
-        if decision.passes { self.enter(event, &mut sink) } else { Ok(Outcome::Held) }
     }
 
     /// Decides about events that wait for others: there will be none.
@@ -175,15 +171,15 @@ impl FrameFeed {
         mut sink: impl FnMut(FeedOutput<'_>) -> Result<(), E>,
     ) -> Result<(), E> {
         let decision = self.watch.end(self.gate.now_us());
-        self.decided(&decision, &mut sink)
+        self.carry_out(&decision, &mut sink).map(drop)
     }
 
-    /// Carries out `decision`, but for the newest event.
-    fn decided<E>(
+    /// Returns what became of the newest event.
+    fn carry_out<E>(
         &mut self,
         decision: &Decision,
         sink: &mut impl FnMut(FeedOutput<'_>) -> Result<(), E>,
-    ) -> Result<(), E> {
+    ) -> Result<Outcome, E> {
         self.gate.count(decision);
         if decision.restarts {
             self.gate.reset();
@@ -197,7 +193,11 @@ impl FrameFeed {
             self.kept.iter_mut().for_each(VecDeque::clear);
             sink(FeedOutput::Restart)?;
         }
-        decision.taken.events().iter().try_for_each(|&event| self.enter(event, sink).map(drop))
+        let mut last = Outcome::Held;
+        for &event in decision.taken.events() {
+            last = self.enter(event, sink)?;
+        }
+        Ok(if decision.passes { last } else { Outcome::Held })
     }
 
     /// Takes an event whose time is that of the clock.
@@ -244,8 +244,8 @@ impl FrameFeed {
         t_us: i64,
         mut sink: impl FnMut(FeedOutput<'_>) -> Result<(), E>,
     ) -> Result<(), E> {
-        let confirmed = self.watch.confirmed_by(t_us, self.gate.now_us());
-        confirmed.events().iter().try_for_each(|&event| self.enter(event, &mut sink).map(drop))?;
+        let decision = self.watch.advance(t_us, self.gate.now_us());
+        self.carry_out(&decision, &mut sink)?;
         self.gate.advance(t_us);
         let Some(now_us) = self.gate.now_us() else { return Ok(()) };
         let mut done = Ok(());

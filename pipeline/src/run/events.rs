@@ -33,7 +33,6 @@ pub struct EventSteps {
     approximations: Approximations,
     layers: Vec<String>,
     schedule: Schedule,
-    sensor: Sensor,
     /// Decides about restarts in front of schedule and engine, so that each event reaches them at its own time.
     watch: ClockWatch,
     /// Predicts for the schedule which events will be accepted, and at what time.
@@ -67,7 +66,7 @@ impl EventRun {
         let RunOptions {
             mode, every, late, restart, approximations, two_threads, limit, resume, save, ..
         } = options;
-        let watch = ClockWatch::new(restart, network.parts().span_us);
+        let watch = ClockWatch::new(restart, sensor, network.parts().span_us);
         let engine_options =
             Options::new().with_late(late).with_restart(RestartPolicy::Keep).with_two_threads(two_threads);
         let mut predictor = EventPredictor::new(mode, network, sensor, &approximations, engine_options)?;
@@ -88,7 +87,6 @@ impl EventRun {
             approximations,
             layers,
             schedule,
-            sensor,
             watch,
             gate,
             classes: Classes::new(model.card.classes.clone()),
@@ -106,13 +104,10 @@ impl EventRun {
 
 impl Steps for EventSteps {
     fn take(&mut self, event: Event, observer: &mut dyn Observer) -> Result<(), PipelineError> {
-        let now_us = self.predictor.now_us();
-        if self.watch.agrees(event.t_us, now_us) || !self.sensor.contains(event.x, event.y) {
-            return self.enter(event, observer);
+        match self.watch.decide(event, self.predictor.now_us()) {
+            None => self.enter(event, observer),
+            Some(decision) => self.carry_out(&decision, observer),
         }
-        let decision = self.watch.decide(event, now_us);
-        self.decided(&decision, observer)?;
-        if decision.passes { self.enter(event, observer) } else { Ok(()) }
     }
 
     fn taken(&self) -> u64 {
@@ -129,7 +124,7 @@ impl Steps for EventSteps {
 
     fn settle(&mut self, observer: &mut dyn Observer) -> Result<(), PipelineError> {
         let decision = self.watch.end(self.predictor.now_us());
-        self.decided(&decision, observer)
+        self.carry_out(&decision, observer)
     }
 
     fn finish(&mut self, resumes: bool, observer: &mut dyn Observer) -> Result<(), PipelineError> {
@@ -172,8 +167,7 @@ impl Steps for EventSteps {
 }
 
 impl EventSteps {
-    /// Carries out `decision`, but for the newest event.
-    fn decided(&mut self, decision: &Decision, observer: &mut dyn Observer) -> Result<(), PipelineError> {
+    fn carry_out(&mut self, decision: &Decision, observer: &mut dyn Observer) -> Result<(), PipelineError> {
         self.predictor.decided(decision);
         self.taken += decision.outliers;
         if decision.restarts {
