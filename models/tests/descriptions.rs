@@ -283,6 +283,15 @@ fn the_table_the_data_and_the_pictures_name_every_layer() {
 }
 
 #[test]
+fn large_numbers_in_the_pictures_have_commas() {
+    let svg = shipped("tactigraph-past").0.to_svg();
+    assert!(
+        svg.contains("16 \u{2192} 6,912") && svg.contains("6,912 \u{2192} 32, 221,216 parameters"),
+        "{svg}"
+    );
+}
+
+#[test]
 fn names_are_escaped_in_the_pictures() {
     let name = r#"a<b>&"c""#;
     let text = SMALL.replace("\"conv1\"", &format!("'{name}'"));

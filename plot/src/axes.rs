@@ -3,6 +3,7 @@
 //! Enters: a range of values and a range of pixels. Leaves: places for values, ticks at round values, grid, labels and titles.
 
 use crate::svg::{Area, FRAME, Svg};
+use crate::text::grouped;
 
 const GRID: &str = "#cccccc";
 const FINE_GRID: &str = "#efefef";
@@ -71,7 +72,8 @@ impl Axis {
         let decimals = (-power).max(0) as usize;
         let tick = |i: i64| {
             let value = i as f64 * step;
-            Tick { place: self.place(value), label: Some(format!("{value:.decimals$}")) }
+            let label = if decimals == 0 { grouped_signed(value) } else { format!("{value:.decimals$}") };
+            Tick { place: self.place(value), label: Some(label) }
         };
         // Division can miss a tick at an end by a rounding error.
         ((low / step - 1e-9).ceil() as i64..=(high / step + 1e-9).floor() as i64).map(tick).collect()
@@ -96,6 +98,12 @@ impl Axis {
             })
             .collect()
     }
+}
+
+/// A whole number with a comma between thousands.
+fn grouped_signed(value: f64) -> String {
+    let sign = if value < 0.0 { "-" } else { "" };
+    format!("{sign}{}", grouped(value.abs() as u64))
 }
 
 /// `digit` times 10 to the power: "2,000", "20", "0.02", "2e-4".
@@ -191,8 +199,9 @@ mod tests {
         assert_eq!(labels(0.0, 310.0), "0 50 100 150 200 250 300");
         assert_eq!(labels(0.0, 160.0), "0 20 40 60 80 100 120 140 160");
         assert_eq!(labels(0.0, 0.1), "0.00 0.02 0.04 0.06 0.08 0.10");
+        assert_eq!(labels(-2000.0, 1000.0), "-2,000 -1,500 -1,000 -500 0 500 1,000");
         assert_eq!(labels(2.3, 4.6), "2.5 3.0 3.5 4.0 4.5");
-        assert_eq!(labels(0.0, 8388.608), "0 2000 4000 6000 8000");
+        assert_eq!(labels(0.0, 8388.608), "0 2,000 4,000 6,000 8,000");
     }
 
     #[test]

@@ -11,7 +11,7 @@ pub(crate) fn svg(view: &View<'_>) -> String {
     let input = Node {
         name: view.input.name,
         kind: view.input.about.to_owned(),
-        shape: view.input.shape.clone(),
+        shape: with_commas(&view.input.shape),
         fill: "#ffffff",
         band: view.input.band,
         from: None,
@@ -20,7 +20,7 @@ pub(crate) fn svg(view: &View<'_>) -> String {
     let boxes = view.rows.iter().map(|row| {
         let parameters =
             (row.parameters > 0).then(|| format!(", {} parameters", grouped(row.parameters as u64)));
-        let shape = row.shapes.join(" \u{2192} ") + &parameters.unwrap_or_default();
+        let shape = with_commas(&row.shapes.join(" \u{2192} ")) + &parameters.unwrap_or_default();
         Node {
             name: row.name,
             kind: row.kind.clone(),
@@ -33,6 +33,12 @@ pub(crate) fn svg(view: &View<'_>) -> String {
     });
     let network = Network { bands: view.bands.clone(), boxes: once(input).chain(boxes).collect() };
     page(view.name, &view.about, &[vec![Panel::Network(network)]])
+}
+
+/// A shape with a comma between thousands.
+fn with_commas(shape: &str) -> String {
+    let words = shape.split(' ').map(|word| word.parse().map_or_else(|_| word.to_owned(), grouped));
+    words.collect::<Vec<_>>().join(" ")
 }
 
 /// The DOT text of `view`: a cluster for each level, dashed edges for second inputs.
