@@ -16,14 +16,14 @@ mod slip;
 mod touch;
 
 use std::io::{self, IsTerminal, Write, stderr};
+use std::iter::{once, repeat};
 use std::path::PathBuf;
 use std::time::Duration;
 
 use clap::Subcommand;
 use meissner_evaluate::metrics::{Confusion, MeanStd};
 use meissner_evaluate::trainings::Evaluation;
-use meissner_evaluate::{EvaluateError, Watch, Workers};
-use meissner_pipeline::provenance::ModelCard;
+use meissner_evaluate::{EvaluateError, NetworkReport, Watch, Workers};
 use meissner_pipeline::text::grouped;
 use meissner_plot::{Matrix, Panel};
 use serde::Serialize;
@@ -130,13 +130,11 @@ fn write<R: Serialize>(
 }
 
 /// Writes a line for each network with the source of its weights, and the `notes`.
-fn networks<'a>(
-    out: &mut dyn Write,
-    networks: impl Iterator<Item = (&'a ModelCard, String)>,
-    notes: &[String],
-) -> io::Result<()> {
-    for (title, (card, weights)) in std::iter::once("networks").chain(std::iter::repeat("")).zip(networks) {
-        writeln!(out, "{title:<12} {}: {weights}", card.network.name)?;
+fn networks<F>(out: &mut dyn Write, networks: &[NetworkReport<F>], notes: &[String]) -> io::Result<()> {
+    for (title, NetworkReport { card, weights, .. }) in once("networks").chain(repeat("")).zip(networks) {
+        let stride = card.network.stride;
+        let stride = if stride > 1 { format!("; one event of {stride}") } else { String::new() };
+        writeln!(out, "{title:<12} {}: {weights}{stride}", card.network.name)?;
     }
     notes.iter().try_for_each(|note| writeln!(out, "note         {note}"))
 }

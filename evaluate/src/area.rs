@@ -10,7 +10,8 @@ pub(crate) mod run;
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
-use std::time::{Duration, Instant};
+use std::sync::Arc;
+use std::time::Duration;
 
 use meissner_engine::frames::{Convolution, FrameOptions};
 use meissner_models::{FrameDescription, FrameSource, TensorFile};
@@ -23,7 +24,11 @@ pub use figures::{BaselineFigures, Figures, KindFigures};
 pub use pictures::Source;
 
 use crate::error::{EvaluateError, RequestPart, TrainingError};
-use crate::trainings::{Evaluation, HeldOut, Metadata, Request, Task, Training, candidates, seed_name};
+use crate::judge::{Judge, JudgedTrial, NetworkReport, judge};
+use crate::trainings::{
+    Candidate, Evaluation, HeldOut, Metadata, Request, Task, Training, candidates, seed_name,
+};
+use crate::trials::{Cases, Trial};
 use crate::workers::Workers;
 use figures::{Outcome, baseline};
 use pictures::{Press, Set};
@@ -75,7 +80,7 @@ pub struct Report {
     pub data: Vec<DataReport>,
     /// Remarks about the trainings, for people.
     pub notes: Vec<String>,
-    pub networks: Vec<NetworkReport>,
+    pub networks: Vec<NetworkReport<AreaFigures>>,
 }
 
 /// A file of pictures, with what needs no network.
@@ -95,11 +100,7 @@ pub struct DataReport {
 /// Figures of a network.
 #[derive(Serialize)]
 #[expect(missing_docs, reason = "the keys of the JSON report")]
-pub struct NetworkReport {
-    #[serde(flatten)]
-    pub card: ModelCard,
-    #[serde(skip)]
-    pub weights: String,
+pub struct AreaFigures {
     pub trainings: Vec<TrainingReport>,
 }
 
@@ -121,54 +122,89 @@ pub struct TrainingReport {
 pub fn evaluate(
     options: &Options<'_>,
     workers: &Workers,
-    mut done: impl FnMut(&str, Duration),
+    done: impl FnMut(&str, Duration),
 ) -> Result<Evaluation<Report>, EvaluateError> {
     let (candidates, notes) = candidates::<Area>(options.request)?;
     let sets = options.data.iter().map(|path| Set::read(path)).collect::<Result<Vec<_>, _>>()?;
-    let mut models = Vec::new();
-    for candidate in &candidates {
-        for training in &candidate.trainings {
-            let model = model(&candidate.description, training, Convolution::Direct)?;
-            let predictor = ContactPredictor::new(&model, options.frames)?;
-            sets.iter().try_for_each(|set| set.check(&model.name, predictor.size()))?;
-            models.push((candidate, training, model));
-        }
+    let of_area = OfArea { sets: &sets, frames: options.frames };
+    let judged = judge(&of_area, &candidates, TensorFile::new(BTreeMap::new()), workers, done)?;
+    let data = sets.iter().map(|set| data_report(set, workers)).collect::<Result<Vec<_>, _>>()?;
+    let names = options.data.iter().map(|path| path.display().to_string()).collect::<Vec<_>>().join(", ");
+    let header = Header::of_many("eval area", InputCard::other(&names, "pictures"));
+    Ok(judged.evaluation(|networks| Report { header, data, notes, networks }))
+}
+
+/// Judges networks on files of pictures. A case is a press, file after file.
+struct OfArea<'a> {
+    sets: &'a [Set],
+    frames: FrameOptions,
+}
+
+impl OfArea<'_> {
+    fn presses(&self) -> impl Iterator<Item = &Press> {
+        self.sets.iter().flat_map(|set| &set.presses)
+    }
+}
+
+impl Judge for OfArea<'_> {
+    type Task = Area;
+    type Plan = ();
+    type Engine = Arc<(FrameModel, Vec<LayerCost>)>;
+    type Outcome = Outcome;
+    /// Of each file of pictures.
+    type Figures = Vec<Figures>;
+    type Network = AreaFigures;
+
+    fn plan(&self, candidate: &Candidate<FrameDescription>) -> Result<((), Vec<Trial>), EvaluateError> {
+        let mut cases = Cases::default();
+        self.presses().enumerate().for_each(|(press, _)| cases.push(&press.to_string(), 1));
+        let all: Vec<usize> = (0..cases.len()).collect();
+        Ok(((), cases.trials(&candidate.trainings, &all, |_| Ok(()))?))
     }
 
-    let start = Instant::now();
-    let presses: usize = sets.iter().map(|set| set.presses.len()).sum();
-    workers.expect(presses * (models.len() + 1));
-    let data = sets.iter().map(|set| data_report(set, workers)).collect::<Result<Vec<_>, _>>()?;
-    let mut logits = TensorFile::new(BTreeMap::new());
-    let mut networks: Vec<NetworkReport> = Vec::new();
-    for (candidate, training, model) in models {
-        let costs: Vec<_> = model.description.layers().iter().map(LayerCost::new).collect();
+    fn engine(
+        &self,
+        description: &FrameDescription,
+        (): &(),
+        training: &Training,
+    ) -> Result<Self::Engine, EvaluateError> {
+        let model = model(description, training, Convolution::Direct)?;
+        let size = ContactPredictor::new(&model, self.frames)?.size();
+        self.sets.iter().try_for_each(|set| set.check(&model.name, size))?;
+        let costs = model.description.layers().iter().map(LayerCost::new).collect();
+        Ok(Arc::new((model, costs)))
+    }
+
+    fn outcome(&self, (): &(), engine: &mut Self::Engine, case: usize) -> Result<Outcome, EvaluateError> {
+        let how = How { options: self.frames, every: 1 };
+        let press = self.presses().nth(case).expect("a case is a press");
+        Outcome::of(&engine.0, how, &engine.1, press)
+    }
+
+    /// The outputs are one tensor of maps for each file.
+    fn figures(&self, (): &(), judged: JudgedTrial<'_, Outcome>) -> Vec<Figures> {
+        let JudgedTrial { network, trial, mut outcomes, logits } = judged;
         let mut figures = Vec::new();
-        for (index, set) in sets.iter().enumerate() {
-            let how = How { options: options.frames, every: 1 };
-            let work = |(): &mut (), press: &Press| Outcome::of(&model, how, &costs, press);
-            let outcomes = workers.for_each(&(), &set.presses, work)?;
+        for (index, set) in self.sets.iter().enumerate() {
+            let outcomes: Vec<_> = outcomes.drain(..set.presses.len()).map(|(_, outcome)| outcome).collect();
             let maps: Vec<f32> = outcomes.iter().flat_map(|outcome| outcome.maps.iter().copied()).collect();
-            let name = format!("{}.{}.{index}", model.name, seed_name(training.seed));
+            let name = format!("{network}.{}.{index}", seed_name(trial.seed));
             logits.f32(&name, &[set.pictures(), set.size.height, set.size.width], &maps);
             figures.push(Figures::new(&outcomes.iter().collect::<Vec<_>>()));
         }
-        done(&training.label, start.elapsed());
-        let report = TrainingReport { seed: training.seed, files: training.files(), sets: figures };
-        match networks.last_mut().filter(|last| last.card.network.name == model.name) {
-            Some(last) => last.trainings.push(report),
-            None => {
-                networks.push(NetworkReport {
-                    card: model.card,
-                    weights: candidate.weights(),
-                    trainings: vec![report],
-                });
-            }
-        }
+        figures
     }
-    let names = options.data.iter().map(|path| path.display().to_string()).collect::<Vec<_>>().join(", ");
-    let header = Header::of_many("eval area", InputCard::other(&names, "pictures"));
-    Ok(Evaluation { report: Report { header, data, notes, networks }, logits, took: start.elapsed() })
+
+    fn network(&self, (): (), _: &mut ModelCard, judged: Vec<(Trial, Vec<Figures>)>) -> AreaFigures {
+        let training =
+            |(trial, sets): (Trial, _)| TrainingReport { seed: trial.seed, files: trial.files(), sets };
+        AreaFigures { trainings: judged.into_iter().map(training).collect() }
+    }
+
+    /// Image differences see each press once.
+    fn more_cases(&self) -> usize {
+        self.presses().count()
+    }
 }
 
 /// The network of `description` with the weights of a training.

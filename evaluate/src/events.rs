@@ -21,10 +21,10 @@ use crate::error::EvaluateError;
 use crate::trainings::{Task, Training};
 use crate::trials::{Cases, Trial};
 use folds::{folds, is_a_fold};
-pub use judge::{DataReport, Judged, NetworkReport, Options, OverTime, Report, evaluate};
+pub use judge::{DataReport, Judged, Options, OverTime, Protocols, Report, evaluate};
 
 /// A task on labelled recordings of events.
-pub trait EventTask: Task<Description = Description> {
+pub trait EventTask: Task<Description = Description> + Sync {
     /// The data set.
     const SET: EventSet;
 

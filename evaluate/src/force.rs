@@ -10,7 +10,7 @@ pub(crate) mod recording;
 
 use std::collections::BTreeMap;
 use std::path::Path;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use meissner_models::{AnyDescription, TensorFile};
 use meissner_pipeline::losses::LossWarning;
@@ -23,14 +23,15 @@ pub use errors::{ForceErrors, PartErrors};
 
 use crate::error::{EvaluateError, RequestPart, TrainingError};
 use crate::events::lost;
+use crate::judge::{Judge, JudgedTrial, NetworkReport, judge};
 use crate::judged;
 use crate::regression::engine::{HowCounts, PressEngine};
 use crate::regression::press::Presses;
 use crate::regression::quantity::Quantity;
 use crate::trainings::{Candidate, Evaluation, HeldOut, Metadata, Request, Task, Training, candidates};
-use crate::trials::{Cases, Trial};
+use crate::trials::Trial;
 use crate::workers::Workers;
-use recording::{FORCE, Outcome, judge};
+use recording::{FORCE, Outcome, run};
 
 /// Length of a frame in microseconds.
 pub const PERIOD_US: i64 = 10_000;
@@ -85,7 +86,7 @@ pub struct Report {
     pub every_us: i64,
     /// Microseconds from one frame to the next.
     pub period_us: i64,
-    pub networks: Vec<NetworkReport>,
+    pub networks: Vec<NetworkReport<ForceFigures>>,
 }
 
 /// The recordings that networks are judged on.
@@ -105,13 +106,7 @@ pub struct DataReport {
 
 /// Figures of a network.
 #[derive(Serialize)]
-pub struct NetworkReport {
-    /// Network and weights.
-    #[serde(flatten)]
-    pub card: ModelCard,
-    /// Source of its weights.
-    #[serde(skip)]
-    pub weights: String,
+pub struct ForceFigures {
     /// Figures of the trainings; `None` for a file without recordings.
     pub figures: Option<Judged>,
     /// Of the first trial and of each recording: true and predicted force at the end of each frame.
@@ -134,7 +129,7 @@ pub fn evaluate(
     events: &Path,
     options: &Options<'_>,
     workers: &Workers,
-    mut done: impl FnMut(&str, Duration),
+    done: impl FnMut(&str, Duration),
 ) -> Result<Evaluation<Report>, EvaluateError> {
     if options.every_us < 1 || PERIOD_US % options.every_us != 0 {
         let expected = format!("a time between predictions that divides {PERIOD_US} us");
@@ -142,32 +137,15 @@ pub fn evaluate(
     }
     let (candidates, notes) = candidates::<Force>(options.request)?;
     let recordings = Presses::read(events)?;
-    let mut cases = Cases::default();
-    (0..recordings.len()).for_each(|number| cases.push(&number.to_string(), 1));
-    let all: Vec<usize> = (0..recordings.len()).collect();
-    let mut plans = Vec::new();
-    for candidate in &candidates {
-        recordings.check(candidate.description.name(), &Quantity::of(&candidate.description))?;
-        plans.push((candidate, candidate.stride()?, cases.trials(&candidate.trainings, &all, |_| Ok(()))?));
-    }
-
-    let start = Instant::now();
-    let mut logits = TensorFile::new(BTreeMap::new());
-    workers.expect(plans.iter().flat_map(|(.., trials)| trials).map(Trial::cases).sum());
-    let mut done = |training: &Training| done(&training.label, start.elapsed());
-    let mut networks = Vec::new();
-    for (candidate, stride, trials) in &plans {
-        let judged = Judge { recordings: &recordings, workers, options, stride: *stride };
-        networks.push(judged.network(candidate, trials, &mut logits, &mut done)?);
-    }
-    let took = start.elapsed();
+    let of_force = OfForce { recordings: &recordings, options };
+    let judged = judge(&of_force, &candidates, TensorFile::new(BTreeMap::new()), workers, done)?;
 
     let name = events.display().to_string();
     let sensor = recordings.streams.sensor();
     let parts = recordings.streams.parts();
     let count = parts.iter().map(|part| part.len() as u64).sum();
     let input = InputCard::events(&name, &"safetensors", sensor, Some(count));
-    let report = Report {
+    Ok(judged.evaluation(|networks| Report {
         header: Header::of_many("eval force", input),
         data: DataReport {
             recordings: recordings.len(),
@@ -180,8 +158,7 @@ pub fn evaluate(
         every_us: options.every_us,
         period_us: PERIOD_US,
         networks,
-    };
-    Ok(Evaluation { report, logits, took })
+    }))
 }
 
 /// The variance of the true force at the ends of all frames.
@@ -197,59 +174,82 @@ fn variance(recordings: &Presses) -> f64 {
 }
 
 /// Judges networks on one file of recordings.
-struct Judge<'a> {
+struct OfForce<'a> {
     recordings: &'a Presses,
-    workers: &'a Workers,
     options: &'a Options<'a>,
-    stride: usize,
 }
 
-impl Judge<'_> {
-    fn network(
-        &self,
-        candidate: &Candidate<AnyDescription>,
-        trials: &[Trial],
-        logits: &mut TensorFile,
-        mut done: impl FnMut(&Training),
-    ) -> Result<NetworkReport, EvaluateError> {
-        let Candidate { description, trainings } = candidate;
-        let sensor = self.recordings.streams.sensor();
+/// A network's stride, and the time between its predictions.
+#[derive(Clone, Copy)]
+struct Plan {
+    stride: usize,
+    every_us: i64,
+}
+
+/// True and predicted force at the end of each frame.
+type Trace = Vec<(f64, f64)>;
+
+impl Judge for OfForce<'_> {
+    type Task = Force;
+    type Plan = Plan;
+    type Engine = PressEngine;
+    type Outcome = Outcome;
+    type Figures = (Option<ForceErrors>, Vec<Trace>);
+    type Network = ForceFigures;
+
+    fn plan(&self, candidate: &Candidate<AnyDescription>) -> Result<(Plan, Vec<Trial>), EvaluateError> {
+        let description = &candidate.description;
+        self.recordings.check(description.name(), &Quantity::of(description))?;
         let every_us = match description {
             AnyDescription::Events(_) => self.options.every_us,
             AnyDescription::Frames(_) => PERIOD_US,
         };
-        let (mut judged, mut traces) = (Vec::new(), None);
-        for trial in trials {
-            let outcomes = trial.outcomes(&mut done, |training, chosen| {
-                let engine = match description {
-                    AnyDescription::Events(_) => {
-                        PressEngine::new(description, training, sensor, self.options.mode)
-                    }
-                    AnyDescription::Frames(frames) => {
-                        PressEngine::counts(frames, training, sensor, HowCounts::default())
-                    }
-                }?;
-                self.workers.for_each(&engine, chosen, |engine: &mut PressEngine, &number: &usize| {
-                    judge(engine, self.recordings, number, self.stride, (every_us, PERIOD_US))
-                })
-            })?;
-            let outcomes: Vec<Outcome> = outcomes.into_iter().map(|(_, outcome)| outcome).collect();
-            let values: Vec<f32> = outcomes
-                .iter()
-                .flat_map(|outcome| outcome.values.iter().map(|&value| value as f32))
-                .collect();
-            trial.write(description.name(), 1, &values, logits);
-            let trace = |outcome: &Outcome| {
-                outcome.truth.iter().copied().zip(outcome.values.iter().copied()).collect()
-            };
-            traces.get_or_insert_with(|| outcomes.iter().map(trace).collect());
-            judged.push((trial, ForceErrors::new(&outcomes)));
+        let plan = Plan { stride: candidate.stride()?, every_us };
+        Ok((plan, self.recordings.trials(&candidate.trainings)?))
+    }
+
+    fn engine(
+        &self,
+        description: &AnyDescription,
+        _: &Plan,
+        training: &Training,
+    ) -> Result<PressEngine, EvaluateError> {
+        let sensor = self.recordings.streams.sensor();
+        match description {
+            AnyDescription::Events(_) => PressEngine::new(description, training, sensor, self.options.mode),
+            AnyDescription::Frames(frames) => {
+                PressEngine::counts(frames, training, sensor, HowCounts::default())
+            }
         }
-        let weights = candidate.weights();
-        let mut card = ModelCard::new(description, &trainings[0].weights, weights.clone())?;
-        card.network.stride = self.stride;
-        let figures = judged::Judged::new(judged);
-        Ok(NetworkReport { card, weights, figures, traces: traces.unwrap_or_default() })
+    }
+
+    fn outcome(
+        &self,
+        plan: &Plan,
+        engine: &mut PressEngine,
+        number: usize,
+    ) -> Result<Outcome, EvaluateError> {
+        run(engine, self.recordings, number, plan.stride, (plan.every_us, PERIOD_US))
+    }
+
+    fn figures(&self, _: &Plan, mut judged: JudgedTrial<'_, Outcome>) -> Self::Figures {
+        judged.write(1, |outcome| outcome.values.iter().map(|&value| value as f32).collect());
+        let outcomes = judged.into_outcomes();
+        let trace =
+            |outcome: &Outcome| outcome.truth.iter().copied().zip(outcome.values.iter().copied()).collect();
+        (ForceErrors::new(&outcomes), outcomes.iter().map(trace).collect())
+    }
+
+    fn network(
+        &self,
+        plan: Plan,
+        card: &mut ModelCard,
+        mut judged: Vec<(Trial, Self::Figures)>,
+    ) -> ForceFigures {
+        card.network.stride = plan.stride;
+        let traces = judged.first_mut().map(|(_, (_, traces))| std::mem::take(traces)).unwrap_or_default();
+        let figures = judged.into_iter().map(|(trial, (errors, _))| (trial, errors));
+        ForceFigures { figures: Judged::new(figures), traces }
     }
 }
 

@@ -42,8 +42,8 @@ pub struct JudgedSeed<F> {
 
 impl<F: Figures> Judged<F> {
     /// The figures of `each` trial; `None` for no trials, and where a trial has no figures.
-    pub(crate) fn new<'a>(each: impl IntoIterator<Item = (&'a Trial, Option<F>)>) -> Option<Self> {
-        let judged = |(trial, figures): (&Trial, Option<F>)| {
+    pub(crate) fn new(each: impl IntoIterator<Item = (Trial, Option<F>)>) -> Option<Self> {
+        let judged = |(trial, figures): (Trial, Option<F>)| {
             Some(JudgedSeed { seed: trial.seed, files: trial.files(), figures: figures? })
         };
         let each: Vec<JudgedSeed<F>> = each.into_iter().filter_map(judged).collect();

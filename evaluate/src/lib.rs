@@ -49,6 +49,7 @@ pub mod error;
 pub mod events;
 pub mod filters;
 pub mod force;
+mod judge;
 pub mod judged;
 pub mod metrics;
 pub mod pareto;
@@ -64,4 +65,5 @@ mod truth;
 mod workers;
 
 pub use error::{EvaluateError, RequestPart, StreamsError, TrainingError};
+pub use judge::NetworkReport;
 pub use workers::{Watch, Workers};

@@ -18,7 +18,7 @@ pub(crate) mod quantity;
 
 use std::collections::BTreeMap;
 use std::path::Path;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use meissner_models::{AnyDescription, TensorFile};
 use meissner_pipeline::losses::LossWarning;
@@ -31,9 +31,10 @@ pub use errors::{Errors, OutputErrors, Work};
 
 use crate::error::{EvaluateError, RequestPart, TrainingError};
 use crate::events::lost;
+use crate::judge::{Judge, JudgedTrial, NetworkReport, judge};
 use crate::judged;
 use crate::trainings::{Candidate, Evaluation, HeldOut, Metadata, Request, Task, Training, candidates};
-use crate::trials::{Cases, Trial};
+use crate::trials::Trial;
 use crate::workers::Workers;
 use embedding::embedding;
 use engine::PressEngine;
@@ -95,7 +96,7 @@ pub struct Report {
     pub every_us: i64,
     /// Times since contact of `mean_absolute_at`; the last one is at or after the end of every press.
     pub times_us: Vec<i64>,
-    pub networks: Vec<NetworkReport>,
+    pub networks: Vec<NetworkReport<PressFigures>>,
 }
 
 /// The presses that networks are judged on.
@@ -115,13 +116,7 @@ pub struct DataReport {
 
 /// Figures of a network.
 #[derive(Serialize)]
-pub struct NetworkReport {
-    /// Network and weights.
-    #[serde(flatten)]
-    pub card: ModelCard,
-    /// Source of its weights.
-    #[serde(skip)]
-    pub weights: String,
+pub struct PressFigures {
     /// Every `stride`-th event was pushed.
     pub stride: usize,
     /// Figures of the trainings; `None` for a file without presses.
@@ -149,39 +144,20 @@ pub fn evaluate(
     events: &Path,
     options: &Options<'_>,
     workers: &Workers,
-    mut done: impl FnMut(&str, Duration),
+    done: impl FnMut(&str, Duration),
 ) -> Result<Evaluation<Report>, EvaluateError> {
     let (candidates, notes) = candidates::<Regression>(options.request)?;
     let presses = Presses::read(events)?;
-    let mut cases = Cases::default();
-    (0..presses.len()).for_each(|press| cases.push(&press.to_string(), 1));
-    let all: Vec<usize> = (0..presses.len()).collect();
-    let mut plans = Vec::new();
-    for candidate in &candidates {
-        let quantities = Quantity::of(&candidate.description);
-        presses.check(candidate.description.name(), &quantities)?;
-        let own = candidate.stride();
-        let stride = options.stride.map_or(own, Ok)?;
-        plans.push((candidate, quantities, stride, cases.trials(&candidate.trainings, &all, |_| Ok(()))?));
-    }
-
-    let start = Instant::now();
-    let mut logits = TensorFile::new(BTreeMap::new());
-    workers.expect(plans.iter().flat_map(|(.., trials)| trials).map(Trial::cases).sum());
-    let judge = Judge { presses: &presses, workers, options };
-    let mut done = |training: &Training| done(&training.label, start.elapsed());
-    let networks = plans.iter().map(|(candidate, quantities, stride, trials)| {
-        judge.network(candidate, quantities, *stride, trials, &mut logits, &mut done)
-    });
-    let networks = networks.collect::<Result<Vec<_>, _>>()?;
-    let took = start.elapsed();
+    let times_us = presses.times(options.every_us);
+    let of_presses = OfPresses { presses: &presses, options, times: times_us.len() };
+    let judged = judge(&of_presses, &candidates, TensorFile::new(BTreeMap::new()), workers, done)?;
 
     let name = events.display().to_string();
     let sensor = presses.streams.sensor;
     let parts = presses.streams.parts();
     let count = parts.iter().map(|part| part.len() as u64).sum();
     let stride = options.stride.unwrap_or(1);
-    let report = Report {
+    Ok(judged.evaluation(|networks| Report {
         header: Header::of_many("eval angle", InputCard::events(&name, &"safetensors", sensor, Some(count))),
         data: DataReport {
             presses: presses.len(),
@@ -193,59 +169,82 @@ pub fn evaluate(
         },
         mode: options.mode.word(),
         every_us: options.every_us,
-        times_us: presses.times(options.every_us),
+        times_us,
         networks,
-    };
-    Ok(Evaluation { report, logits, took })
+    }))
 }
 
 /// Judges networks on one file of presses.
-struct Judge<'a> {
+struct OfPresses<'a> {
     presses: &'a Presses,
-    workers: &'a Workers,
     options: &'a Options<'a>,
+    /// Number of times of errors.
+    times: usize,
 }
 
-impl Judge<'_> {
-    fn network(
+/// What a network predicts, and its stride.
+struct Plan {
+    quantities: Vec<Quantity>,
+    stride: usize,
+}
+
+/// Figures of a trial: true and predicted values of each output, and the embedding.
+type OfTrial = (Option<Errors>, Vec<Vec<(f64, f64)>>, Option<Vec<(f64, f64)>>);
+
+impl Judge for OfPresses<'_> {
+    type Task = Regression;
+    type Plan = Plan;
+    type Engine = PressEngine;
+    type Outcome = Outcome;
+    type Figures = OfTrial;
+    type Network = PressFigures;
+
+    fn plan(&self, candidate: &Candidate<AnyDescription>) -> Result<(Plan, Vec<Trial>), EvaluateError> {
+        let quantities = Quantity::of(&candidate.description);
+        self.presses.check(candidate.description.name(), &quantities)?;
+        let own = candidate.stride();
+        let stride = self.options.stride.map_or(own, Ok)?;
+        Ok((Plan { quantities, stride }, self.presses.trials(&candidate.trainings)?))
+    }
+
+    fn engine(
         &self,
-        candidate: &Candidate<AnyDescription>,
-        quantities: &[Quantity],
-        stride: usize,
-        trials: &[Trial],
-        logits: &mut TensorFile,
-        mut done: impl FnMut(&Training),
-    ) -> Result<NetworkReport, EvaluateError> {
-        let Candidate { description, trainings } = candidate;
+        description: &AnyDescription,
+        _: &Plan,
+        training: &Training,
+    ) -> Result<PressEngine, EvaluateError> {
+        PressEngine::new(description, training, self.presses.streams.sensor, self.options.mode)
+    }
+
+    fn outcome(
+        &self,
+        Plan { quantities, stride }: &Plan,
+        engine: &mut PressEngine,
+        press: usize,
+    ) -> Result<Outcome, EvaluateError> {
         let Options { every_us, embeds, .. } = *self.options;
-        let times = self.presses.times(self.options.every_us).len();
-        let (mut judged, mut first) = (Vec::new(), None);
-        for trial in trials {
-            let outcomes = trial.outcomes(&mut done, |training, chosen| {
-                let engine =
-                    PressEngine::new(description, training, self.presses.streams.sensor, self.options.mode)?;
-                let work = |engine: &mut PressEngine, &press: &usize| {
-                    self.presses.judge(engine, press, quantities, stride, every_us, embeds)
-                };
-                self.workers.for_each(&engine, chosen, work)
-            })?;
-            let values: Vec<f32> =
-                outcomes.iter().flat_map(|(_, outcome)| outcome.values.iter().copied()).collect();
-            trial.write(description.name(), quantities.len(), &values, logits);
-            let outcomes: Vec<Outcome> = outcomes.into_iter().map(|(_, outcome)| outcome).collect();
-            first.get_or_insert_with(|| {
-                let readouts: Option<Vec<_>> =
-                    outcomes.iter().map(|outcome| outcome.readout.clone()).collect();
-                let embedding = readouts.and_then(|readouts| embedding(&readouts));
-                (errors::scatter(&outcomes, quantities), embedding)
-            });
-            judged.push((trial, Errors::new(quantities, &outcomes, times)));
-        }
-        let weights = candidate.weights();
-        let mut card = ModelCard::new(description, &trainings[0].weights, weights.clone())?;
-        card.network.stride = stride;
-        let (scatter, embedding) = first.unwrap_or_default();
-        Ok(NetworkReport { card, weights, stride, figures: judged::Judged::new(judged), scatter, embedding })
+        self.presses.judge(engine, press, quantities, *stride, every_us, embeds)
+    }
+
+    fn figures(&self, plan: &Plan, mut judged: JudgedTrial<'_, Outcome>) -> OfTrial {
+        judged.write(plan.quantities.len(), |outcome| outcome.values.clone());
+        let outcomes = judged.into_outcomes();
+        let readouts: Option<Vec<_>> = outcomes.iter().map(|outcome| outcome.readout.clone()).collect();
+        (
+            Errors::new(&plan.quantities, &outcomes, self.times),
+            errors::scatter(&outcomes, &plan.quantities),
+            readouts.and_then(|readouts| embedding(&readouts)),
+        )
+    }
+
+    fn network(&self, plan: Plan, card: &mut ModelCard, mut judged: Vec<(Trial, OfTrial)>) -> PressFigures {
+        card.network.stride = plan.stride;
+        let (scatter, embedding) = judged
+            .first_mut()
+            .map(|(_, (_, scatter, embedding))| (std::mem::take(scatter), embedding.take()))
+            .unwrap_or_default();
+        let figures = judged.into_iter().map(|(trial, (errors, ..))| (trial, errors));
+        PressFigures { stride: plan.stride, figures: Judged::new(figures), scatter, embedding }
     }
 }
 

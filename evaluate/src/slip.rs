@@ -19,10 +19,7 @@ use crate::events::passed_over_note;
 use crate::trainings::{HeldOut, Scheme};
 use crate::trainings::{Metadata, Task};
 use crate::trials::Cases;
-use crate::workers::Workers;
-pub use judge::{
-    Classified, DataReport, Judged, NetworkReport, Report, SetReport, ValidationReport, evaluate,
-};
+pub use judge::{Classified, DataReport, Judged, Report, SetReport, SlipFigures, ValidationReport, evaluate};
 
 /// The task of the direction of slip.
 #[derive(Clone, Copy, Debug)]
@@ -150,22 +147,16 @@ impl Windows {
         self.values[(end - steps) * frame..end * frame].chunks_exact(frame)
     }
 
-    /// The outputs of `engine` for the windows `chosen`, each from its last `steps` frames. Every window starts from a
-    /// reset, so the number of `workers` changes no bit.
+    /// The outputs of `engine` for a window, from its last `steps` frames. The engine is reset before.
     pub(crate) fn logits(
         &self,
-        workers: &Workers,
-        engine: &FrameEngine,
-        chosen: &[usize],
+        engine: &mut FrameEngine,
+        window: usize,
         steps: usize,
-        failed: impl Fn(EngineError) -> EvaluateError + Sync + Send,
-    ) -> Result<Vec<Vec<f32>>, EvaluateError> {
-        let outputs = |engine: &mut FrameEngine, window| {
-            engine.reset();
-            self.frames(window, steps).try_for_each(|frame| engine.push(frame).map(drop))?;
-            Ok(engine.predict()?.values.to_vec())
-        };
-        workers.for_each(engine, chosen, |engine, &window| outputs(engine, window).map_err(&failed))
+    ) -> Result<Vec<f32>, EngineError> {
+        engine.reset();
+        self.frames(window, steps).try_for_each(|frame| engine.push(frame).map(drop))?;
+        Ok(engine.predict()?.values.to_vec())
     }
 }
 

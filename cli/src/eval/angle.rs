@@ -2,9 +2,10 @@
 
 use std::io::{self, Write};
 
+use meissner_evaluate::NetworkReport;
 use meissner_evaluate::judged::JudgedSeed;
 use meissner_evaluate::metrics::MeanStd;
-use meissner_evaluate::regression::{Errors, NetworkReport, Options, OutputErrors, Report, evaluate};
+use meissner_evaluate::regression::{Errors, Options, OutputErrors, PressFigures, Report, evaluate};
 use meissner_evaluate::trainings::seed_name;
 use meissner_pipeline::predictor::Mode;
 use meissner_pipeline::text::grouped;
@@ -96,11 +97,7 @@ fn table(out: &mut dyn Write, report: &Report) -> io::Result<()> {
     writeln!(out, "data         {}: {presses} presses, {events} events", data.file)?;
     let every = report.every_us as f64 / 1e3;
     writeln!(out, "predictions  {}, every {every} ms and at the end of a press", report.mode)?;
-    let lines = report.networks.iter().map(|network| match network.stride {
-        1 => (&network.card, network.weights.clone()),
-        stride => (&network.card, format!("{}; one event of {stride}", network.weights)),
-    });
-    networks(out, lines, &data.notes)?;
+    networks(out, &report.networks, &data.notes)?;
     let judged: Vec<(&str, &Errors<MeanStd>)> = judged(report).collect();
     ends(out, &judged)?;
     seeds(out, report)?;
@@ -113,7 +110,7 @@ fn judged(report: &Report) -> impl Iterator<Item = (&str, &Errors<MeanStd>)> {
     report
         .networks
         .iter()
-        .filter_map(|network| Some((network.card.network.name.as_str(), &network.figures.as_ref()?.mean)))
+        .filter_map(|network| Some((network.card.network.name.as_str(), &network.of.figures.as_ref()?.mean)))
 }
 
 /// All outputs, and all angles together.
@@ -138,7 +135,7 @@ fn ends(out: &mut dyn Write, judged: &[(&str, &Errors<MeanStd>)]) -> io::Result<
 
 /// Each seed, where there are several.
 fn seeds(out: &mut dyn Write, report: &Report) -> io::Result<()> {
-    let all = || report.networks.iter().filter_map(|network| Some((network, network.figures.as_ref()?)));
+    let all = || report.networks.iter().filter_map(|network| Some((network, network.of.figures.as_ref()?)));
     if all().all(|(_, judged)| judged.trainings < 2) {
         return Ok(());
     }
@@ -247,9 +244,9 @@ fn curves(report: &Report, unit: &str) -> Panel<'static> {
 }
 
 /// A panel for each output of `network`.
-fn scatters(network: &NetworkReport) -> impl Iterator<Item = Panel<'static>> {
-    let outputs = network.figures.iter().flat_map(|figures| &figures.mean.outputs);
-    outputs.zip(&network.scatter).enumerate().map(|(colour, (output, points))| {
+fn scatters(network: &NetworkReport<PressFigures>) -> impl Iterator<Item = Panel<'static>> {
+    let outputs = network.of.figures.iter().flat_map(|figures| &figures.mean.outputs);
+    outputs.zip(&network.of.scatter).enumerate().map(|(colour, (output, points))| {
         let ends = points
             .iter()
             .map(|point| point.0)
@@ -275,10 +272,10 @@ fn scatters(network: &NetworkReport) -> impl Iterator<Item = Panel<'static>> {
 }
 
 /// The embedding of what `network` reads out, once for each output, whose true values give the colours.
-fn embeddings(network: &NetworkReport) -> impl Iterator<Item = Panel<'static>> {
-    let outputs = network.figures.iter().flat_map(|figures| &figures.mean.outputs);
-    let points = network.embedding.iter().flat_map(std::iter::repeat);
-    outputs.zip(&network.scatter).zip(points).map(|((output, values), points)| {
+fn embeddings(network: &NetworkReport<PressFigures>) -> impl Iterator<Item = Panel<'static>> {
+    let outputs = network.of.figures.iter().flat_map(|figures| &figures.mean.outputs);
+    let points = network.of.embedding.iter().flat_map(std::iter::repeat);
+    outputs.zip(&network.of.scatter).zip(points).map(|((output, values), points)| {
         let truth = || values.iter().map(|value| value.0);
         let (low, high) =
             truth().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), v| (low.min(v), high.max(v)));

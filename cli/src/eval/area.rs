@@ -3,7 +3,8 @@
 use std::io::{self, Write};
 
 use meissner_engine::frames::{FrameOptions, Skip};
-use meissner_evaluate::area::{DataReport, Figures, NetworkReport, Options, Report, Source, evaluate};
+use meissner_evaluate::NetworkReport;
+use meissner_evaluate::area::{AreaFigures, DataReport, Figures, Options, Report, Source, evaluate};
 use meissner_evaluate::metrics::MeanStd;
 use meissner_evaluate::trainings::seed_name;
 use meissner_pipeline::text::grouped;
@@ -85,11 +86,7 @@ fn table(out: &mut dyn Write, report: &Report) -> io::Result<()> {
             data.file
         )?;
     }
-    networks(
-        out,
-        report.networks.iter().map(|network| (&network.card, network.weights.clone())),
-        &report.notes,
-    )?;
+    networks(out, &report.networks, &report.notes)?;
     for (index, data) in report.data.iter().enumerate() {
         set(out, report, index, data)?;
     }
@@ -147,10 +144,10 @@ fn set(out: &mut dyn Write, report: &Report, index: usize, data: &DataReport) ->
 
 /// The figures of each network and training on file number `index`, with their names.
 fn figures(report: &Report, index: usize) -> impl Iterator<Item = (String, &Figures)> {
-    report.networks.iter().flat_map(move |network: &NetworkReport| {
-        network.trainings.iter().map(move |training| {
+    report.networks.iter().flat_map(move |network: &NetworkReport<AreaFigures>| {
+        network.of.trainings.iter().map(move |training| {
             let name = &network.card.network.name;
-            let name = match &network.trainings[..] {
+            let name = match &network.of.trainings[..] {
                 [_] => name.clone(),
                 _ => format!("{name}, seed {}", seed_name(training.seed)),
             };

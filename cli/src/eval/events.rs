@@ -83,11 +83,7 @@ pub(super) fn table(out: &mut dyn Write, report: &Report) -> io::Result<()> {
     )?;
     let every = milliseconds(report.every_us);
     writeln!(out, "predictions  {}, every {every} ms and at the end of a recording", report.mode)?;
-    let lines = report.networks.iter().map(|network| match network.stride {
-        1 => (&network.card, network.weights.clone()),
-        stride => (&network.card, format!("{}; one event of {stride}", network.weights)),
-    });
-    networks(out, lines, &data.notes)?;
+    networks(out, &report.networks, &data.notes)?;
     let judged = judged(report);
     accuracies(out, &judged)?;
     seeds(out, &judged)?;
@@ -101,7 +97,7 @@ pub(super) fn table(out: &mut dyn Write, report: &Report) -> io::Result<()> {
 fn judged(report: &Report) -> Vec<(String, &Judged)> {
     let of_networks = report.networks.iter().flat_map(|network| {
         let named = |name| format!("{}, {name}", network.card.network.name);
-        network.protocols().map(|(name, judged)| judged.map(|judged| (named(name), judged)))
+        network.of.protocols().map(|(name, judged)| judged.map(|judged| (named(name), judged)))
     });
     of_networks.flatten().collect()
 }
@@ -176,11 +172,11 @@ pub(super) fn svg(report: &Report, title: &str) -> String {
 
 /// The panels of one protocol; `None` where no network was judged by it.
 fn row(report: &Report, protocol: usize) -> Option<Vec<Panel<'static>>> {
-    let protocol_name = report.networks.first()?.protocols()[protocol].0;
+    let protocol_name = report.networks.first()?.of.protocols()[protocol].0;
     let (mut curves, mut matrices) = (Vec::new(), Vec::new());
     // The colour of a network is that of its place among all networks.
     for (colour, network) in report.networks.iter().enumerate() {
-        let Some(judged) = network.protocols()[protocol].1 else { continue };
+        let Some(judged) = network.of.protocols()[protocol].1 else { continue };
         let (name, mean) = (&network.card.network.name, &judged.mean);
         let (low, high) = mean.interval_95;
         let interval = format!(" (95 %: {:.1} to {:.1})", 100.0 * low, 100.0 * high);

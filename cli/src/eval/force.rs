@@ -2,7 +2,8 @@
 
 use std::io::{self, Write};
 
-use meissner_evaluate::force::{ForceErrors, NetworkReport, Options, Report, evaluate};
+use meissner_evaluate::NetworkReport;
+use meissner_evaluate::force::{ForceErrors, ForceFigures, Options, Report, evaluate};
 use meissner_evaluate::metrics::MeanStd;
 use meissner_evaluate::trainings::seed_name;
 use meissner_pipeline::predictor::Mode;
@@ -76,8 +77,7 @@ fn table(out: &mut dyn Write, report: &Report) -> io::Result<()> {
     let (recordings, events) = (grouped(data.recordings as u64), grouped(data.events));
     writeln!(out, "data         {}: {recordings} recordings, {events} events", data.file)?;
     writeln!(out, "force        variance {:.4} N^2: the MSE of who always says the mean", data.variance)?;
-    let lines = report.networks.iter().map(|network| (&network.card, network.weights.clone()));
-    networks(out, lines, &data.notes)?;
+    networks(out, &report.networks, &data.notes)?;
     let all: Vec<(&str, &ForceErrors<MeanStd>)> = judged(report).collect();
     parts(out, &all)?;
     distances(out, &all)?;
@@ -90,7 +90,7 @@ fn judged(report: &Report) -> impl Iterator<Item = (&str, &ForceErrors<MeanStd>)
     report
         .networks
         .iter()
-        .filter_map(|network| Some((network.card.network.name.as_str(), &network.figures.as_ref()?.mean)))
+        .filter_map(|network| Some((network.card.network.name.as_str(), &network.of.figures.as_ref()?.mean)))
 }
 
 /// Rows as in the paper: a row for each network and part.
@@ -128,7 +128,7 @@ fn distances(out: &mut dyn Write, judged: &[(&str, &ForceErrors<MeanStd>)]) -> i
 
 /// Each seed, where there are several.
 fn seeds(out: &mut dyn Write, report: &Report) -> io::Result<()> {
-    let all = || report.networks.iter().filter_map(|network| Some((network, network.figures.as_ref()?)));
+    let all = || report.networks.iter().filter_map(|network| Some((network, network.of.figures.as_ref()?)));
     if all().all(|(_, judged)| judged.trainings < 2) {
         return Ok(());
     }
@@ -175,8 +175,8 @@ fn svg(report: &Report) -> String {
         grouped(report.data.events)
     );
     let period_ms = report.period_us as f64 / 1e3;
-    let panel = |network: &NetworkReport, number: usize| {
-        let trace = &network.traces[number];
+    let panel = |network: &NetworkReport<ForceFigures>, number: usize| {
+        let trace = &network.of.traces[number];
         let series = |name: String, colour: usize, style: Style, of: fn(&(f64, f64)) -> f64| Series {
             name,
             colour,
@@ -202,8 +202,8 @@ fn svg(report: &Report) -> String {
             ],
         })
     };
-    let row = |network: &NetworkReport| -> Vec<Panel<'static>> {
-        (0..network.traces.len().min(DRAWN)).map(|number| panel(network, number)).collect()
+    let row = |network: &NetworkReport<ForceFigures>| -> Vec<Panel<'static>> {
+        (0..network.of.traces.len().min(DRAWN)).map(|number| panel(network, number)).collect()
     };
     let rows: Vec<Vec<Panel<'_>>> = report.networks.iter().map(row).collect();
     page("Force over time", &about, &rows)

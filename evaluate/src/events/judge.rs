@@ -6,13 +6,14 @@
 //! so the number of threads changes no bit.
 
 use std::collections::BTreeMap;
+use std::marker::PhantomData;
 use std::path::Path;
 use std::sync::Arc;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use meissner_engine::{EngineError, Event};
 use meissner_io::datasets::Split;
-use meissner_models::{AnyDescription, Description, ModelError, TensorFile};
+use meissner_models::{Description, ModelError, TensorFile};
 use meissner_pipeline::approximations::Approximations;
 use meissner_pipeline::losses::LossWarning;
 use meissner_pipeline::predictor::{EventPredictor, Mode};
@@ -22,8 +23,8 @@ use serde_json::json;
 
 use super::{EventData, EventTask, lost};
 use crate::error::{EvaluateError, weights_error};
-use crate::judged;
-use crate::judged::Figures;
+use crate::judge::{Judge, JudgedTrial, NetworkReport, judge};
+use crate::judged::{self, Figures};
 use crate::metrics::{Confusion, MeanStd, mean_interval, predicted, wilson_95};
 use crate::trainings::{Candidate, Evaluation, Request, Training, candidates};
 use crate::trials::Trial;
@@ -57,7 +58,7 @@ pub struct Report {
     pub every_us: i64,
     /// Times of predictions from the first event of a recording on. The last one is at or after the end of every recording.
     pub times_us: Vec<i64>,
-    pub networks: Vec<NetworkReport>,
+    pub networks: Vec<NetworkReport<Protocols>>,
 }
 
 /// The data set that networks are judged on.
@@ -77,13 +78,7 @@ pub struct DataReport {
 
 /// Figures of a network.
 #[derive(Serialize)]
-pub struct NetworkReport {
-    /// Network and weights.
-    #[serde(flatten)]
-    pub card: ModelCard,
-    /// Source of its weights.
-    #[serde(skip)]
-    pub weights: String,
+pub struct Protocols {
     /// Every `stride`-th event was pushed.
     pub stride: usize,
     /// Whole trainings on the split test.
@@ -117,7 +112,7 @@ pub struct OverTime<T = f64> {
     pub settled: Vec<Option<i64>>,
 }
 
-impl NetworkReport {
+impl Protocols {
     /// Names and figures of the protocols: whole trainings on the split test, folds on the recordings that they held out.
     pub fn protocols(&self) -> [(&'static str, Option<&Judged>); 2] {
         [("test split", self.test.as_ref()), ("cross-validation", self.cross_validation.as_ref())]
@@ -133,45 +128,25 @@ pub fn evaluate<T: EventTask>(
     folder: &Path,
     options: &Options<'_>,
     workers: &Workers,
-    mut done: impl FnMut(&str, Duration),
+    done: impl FnMut(&str, Duration),
 ) -> Result<Evaluation<Report>, EvaluateError> {
     let (candidates, notes) = candidates::<T>(options.request)?;
-    let stride = |candidate: &Candidate<_>| {
-        let own = candidate.stride();
-        options.stride.map_or(own, Ok)
-    };
-    let strides = candidates.iter().map(stride).collect::<Result<Vec<_>, _>>()?;
     let data = T::read(folder)?;
-    let trials = candidates.iter().map(|candidate| {
-        let trials = data.trials(&candidate.trainings, options.folds)?;
-        data.has_test(&trials)?;
-        Ok(trials)
-    });
-    let trials = trials.collect::<Result<Vec<_>, EvaluateError>>()?;
-
-    let start = Instant::now();
     let test = data.of(Split::Test);
     let names: Vec<&str> = data.recordings.iter().map(|recording| recording.name.as_str()).collect();
     let names_of_test: Vec<&str> = test.iter().map(|&i| names[i]).collect();
     let metadata = [("recordings", json!(names)), ("test", json!(names_of_test))];
     let metadata = metadata.map(|(key, value)| (key.to_owned(), value.to_string()));
-    let mut logits = TensorFile::new(BTreeMap::from(metadata));
+    let logits = TensorFile::new(BTreeMap::from(metadata));
     let times_us = data.times(options.every_us);
-    workers.expect(trials.iter().flatten().map(Trial::cases).sum());
-    let judge = Judge { data: &data, workers, options, times: times_us.len() };
-    let mut done = |training: &Training| done(&training.label, start.elapsed());
-    let plans = candidates.iter().zip(strides).zip(&trials);
-    let networks = plans.map(|((candidate, stride), trials)| {
-        judge.network(candidate, stride, trials, &mut logits, &mut done)
-    });
-    let networks = networks.collect::<Result<_, _>>()?;
-    let took = start.elapsed();
+    let of_task = OfEvents { data: &data, options, times: times_us.len(), task: PhantomData::<T> };
+    let judged = judge(&of_task, &candidates, logits, workers, done)?;
 
     let name = folder.display().to_string();
     let input = InputCard::events(&name, &data.set.name, data.set.sensor, Some(data.events()));
     let stride = options.stride.unwrap_or(1);
     let streams = data.recordings.iter().map(|recording| recording.events.iter().step_by(stride));
-    let report = Report {
+    Ok(judged.evaluation(|networks| Report {
         header: Header::of_many(data.set.command, input),
         data: DataReport {
             recordings: names.len(),
@@ -187,17 +162,16 @@ pub fn evaluate<T: EventTask>(
         every_us: options.every_us,
         times_us,
         networks,
-    };
-    Ok(Evaluation { report, logits, took })
+    }))
 }
 
 /// Judges networks on one data set.
-struct Judge<'a> {
+struct OfEvents<'a, T> {
     data: &'a EventData,
-    workers: &'a Workers,
     options: &'a Options<'a>,
     /// Number of times of predictions.
     times: usize,
+    task: PhantomData<T>,
 }
 
 /// Predictions for a recording.
@@ -211,63 +185,64 @@ struct Outcome {
     end_us: i64,
 }
 
-impl Judge<'_> {
-    fn network(
-        &self,
-        candidate: &Candidate<Description>,
-        stride: usize,
-        trials: &[Trial],
-        logits: &mut TensorFile,
-        mut done: impl FnMut(&Training),
-    ) -> Result<NetworkReport, EvaluateError> {
-        let Candidate { description, trainings } = candidate;
-        let classes = self.data.set.classes.len();
-        let (mut test, mut cross_validation) = (Vec::new(), Vec::new());
-        for trial in trials {
-            let outcomes = trial.outcomes(&mut done, |training, chosen| {
-                self.outcomes(description, training, stride, chosen)
-            })?;
-            let values: Vec<f32> =
-                outcomes.iter().flat_map(|(_, outcome)| outcome.logits.iter().copied()).collect();
-            trial.write(description.name(), classes, &values, logits);
-            let class = |recording: usize| self.data.recordings[recording].class;
-            let outcomes: Vec<_> = outcomes.iter().map(|(case, outcome)| (class(*case), outcome)).collect();
-            let figures = OverTime::new(classes, &outcomes, self.options.every_us, self.times);
-            if trial.scheme.is_some() { &mut cross_validation } else { &mut test }.push((trial, figures));
-        }
-        let weights = candidate.weights();
-        let described = AnyDescription::Events(description.clone());
-        let mut card = ModelCard::new(&described, &trainings[0].weights, weights.clone())?;
-        card.network.stride = stride;
-        Ok(NetworkReport {
-            card,
-            weights,
-            stride,
-            test: Judged::new(test),
-            cross_validation: Judged::new(cross_validation),
-        })
+impl<T: EventTask> Judge for OfEvents<'_, T> {
+    type Task = T;
+    /// Every this many events one is pushed.
+    type Plan = usize;
+    type Engine = EventPredictor;
+    type Outcome = Outcome;
+    type Figures = Option<OverTime>;
+    type Network = Protocols;
+
+    fn plan(&self, candidate: &Candidate<Description>) -> Result<(usize, Vec<Trial>), EvaluateError> {
+        let own = candidate.stride();
+        let stride = self.options.stride.map_or(own, Ok)?;
+        let trials = self.data.trials(&candidate.trainings, self.options.folds)?;
+        self.data.has_test(&trials)?;
+        Ok((stride, trials))
     }
 
-    /// The outcomes of the recordings `chosen` with the weights of `training`.
-    fn outcomes(
+    fn engine(
         &self,
         description: &Description,
+        _: &usize,
         training: &Training,
-        stride: usize,
-        chosen: &[usize],
-    ) -> Result<Vec<Outcome>, EvaluateError> {
+    ) -> Result<EventPredictor, EvaluateError> {
         let failed = weights_error(&training.label);
-        let Options { mode, every_us, .. } = *self.options;
         let network = Arc::new(description.network(&training.weights).map_err(&failed)?);
-        let (sensor, exact) = (self.data.set.sensor, Approximations::default());
-        let predictor =
-            EventPredictor::new(mode, network, sensor, &exact, meissner_engine::Options::default());
-        let work = |predictor: &mut EventPredictor, &recording: &usize| {
-            outcome(predictor, &self.data.recordings[recording].events, stride, every_us)
-                .map_err(|source| failed(ModelError::Engine(source)))
-        };
-        let predictor = predictor.map_err(|source| failed(ModelError::Engine(source)))?;
-        self.workers.for_each(&predictor, chosen, work)
+        let (mode, exact) = (self.options.mode, Approximations::default());
+        EventPredictor::new(mode, network, self.data.set.sensor, &exact, meissner_engine::Options::default())
+            .map_err(|source| failed(ModelError::Engine(source)))
+    }
+
+    fn outcome(
+        &self,
+        &stride: &usize,
+        predictor: &mut EventPredictor,
+        case: usize,
+    ) -> Result<Outcome, EvaluateError> {
+        Ok(outcome(predictor, &self.data.recordings[case].events, stride, self.options.every_us)?)
+    }
+
+    fn figures(&self, _: &usize, mut judged: JudgedTrial<'_, Outcome>) -> Option<OverTime> {
+        let classes = self.data.set.classes.len();
+        judged.write(classes, |outcome| outcome.logits.clone());
+        let class = |recording: usize| self.data.recordings[recording].class;
+        let outcomes: Vec<_> =
+            judged.outcomes.iter().map(|(case, outcome)| (class(*case), outcome)).collect();
+        OverTime::new(classes, &outcomes, self.options.every_us, self.times)
+    }
+
+    fn network(
+        &self,
+        stride: usize,
+        card: &mut ModelCard,
+        judged: Vec<(Trial, Option<OverTime>)>,
+    ) -> Protocols {
+        card.network.stride = stride;
+        let (folds, test): (Vec<_>, Vec<_>) =
+            judged.into_iter().partition(|(trial, _)| trial.scheme.is_some());
+        Protocols { stride, test: Judged::new(test), cross_validation: Judged::new(folds) }
     }
 }
 

@@ -134,9 +134,9 @@ impl<'a> FramesNetwork<'a> {
 
     fn outputs(&self, setting: FrameSetting) -> Result<Outputs, EvaluateError> {
         let steps = steps(setting, self.windows.steps);
-        let failed = EvaluateError::from;
-        let of =
-            |parts| self.windows.logits(self.workers, &engine(setting, parts)?, &self.unseen, steps, failed);
+        let windows = &self.windows;
+        let logits = |engine: &mut FrameEngine, &window: &usize| windows.logits(engine, window, steps);
+        let of = |parts| self.workers.for_each(&engine(setting, parts)?, &self.unseen, logits);
         self.trainings.iter().map(of).collect()
     }
 

@@ -23,7 +23,7 @@ use super::task_error::{ErrorKind, TaskError};
 use super::{NetworkReport, NetworkStudy, Options, Study};
 use crate::error::{EvaluateError, RequestPart, weights_error};
 use crate::events::lost;
-use crate::force::recording::{FORCE, Outcome, judge};
+use crate::force::recording::{FORCE, Outcome, run};
 use crate::force::{Force, PERIOD_US, PartErrors};
 use crate::regression::engine::{Count, HowCounts, PressEngine};
 use crate::regression::press::Presses;
@@ -207,8 +207,8 @@ impl GraspsNetwork<'_> {
     }
 
     /// What `engine` says about a recording, with a prediction at the end of each frame.
-    fn judge(&self, engine: &mut PressEngine, number: usize) -> Result<Outcome, EvaluateError> {
-        judge(engine, &self.recordings, number, self.stride, (PERIOD_US, PERIOD_US))
+    fn run(&self, engine: &mut PressEngine, number: usize) -> Result<Outcome, EvaluateError> {
+        run(engine, &self.recordings, number, self.stride, (PERIOD_US, PERIOD_US))
     }
 
     fn measure(&self, setting: usize) -> Result<Measurement, EvaluateError> {
@@ -251,7 +251,7 @@ impl GraspsNetwork<'_> {
     /// Times the recordings `chosen`.
     fn time(&self, timed: &mut Timed, chosen: &[usize], lap: &mut Lap) -> Result<(), EvaluateError> {
         for &number in chosen {
-            let outcome = self.judge(&mut timed.engine, number)?;
+            let outcome = self.run(&mut timed.engine, number)?;
             let all = outcome.update_ns.iter().sum();
             lap.push((Duration::from_nanos(outcome.push_ns), Duration::from_nanos(all)));
             timed.last = Some(outcome);
@@ -267,8 +267,7 @@ impl GraspsNetwork<'_> {
                 |_| (),
                 |training, chosen| {
                     let engine = self.engine(training, setting)?;
-                    self.workers
-                        .for_each(&engine, chosen, |engine, &number: &usize| self.judge(engine, number))
+                    self.workers.for_each(&engine, chosen, |engine, &number: &usize| self.run(engine, number))
                 },
             )?;
             let outcomes: Vec<Outcome> = outcomes.into_iter().map(|(_, outcome)| outcome).collect();

@@ -1,6 +1,7 @@
 //! Presses: streams of events with the truth along time, and a network on each.
 
 use std::path::Path;
+use std::sync::Arc;
 use std::time::Instant;
 
 use meissner_engine::Event;
@@ -9,6 +10,8 @@ use super::engine::{Count, PressEngine};
 use super::quantity::Quantity;
 use crate::error::{EvaluateError, RequestPart, StreamsError};
 use crate::streams::Streams;
+use crate::trainings::Training;
+use crate::trials::{Cases, Trial};
 use crate::truth::Truth;
 
 /// The label whose rise is the contact.
@@ -82,6 +85,17 @@ impl Presses {
                 Err(EvaluateError::request(RequestPart::Networks, expected, found))
             }
         }
+    }
+
+    /// The trials of `trainings`: to a whole one, all presses are unseen.
+    ///
+    /// # Errors
+    /// A fold held out a press that is not in the file, or one that another fold held out.
+    pub(crate) fn trials(&self, trainings: &[Arc<Training>]) -> Result<Vec<Trial>, EvaluateError> {
+        let mut cases = Cases::default();
+        (0..self.len()).for_each(|press| cases.push(&press.to_string(), 1));
+        let all: Vec<usize> = (0..self.len()).collect();
+        cases.trials(trainings, &all, |_| Ok(()))
     }
 
     /// Contact and end of `press`.

@@ -6,11 +6,11 @@
 
 use std::collections::BTreeMap;
 use std::path::Path;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use meissner_engine::frames::{Convolution, FrameEngine};
 use meissner_models::systems::slip::{CLASSES, ObjectSet, REFERENCES, Reference};
-use meissner_models::{AnyDescription, FrameDescription, ModelError, TensorFile};
+use meissner_models::{FrameDescription, TensorFile};
 use meissner_pipeline::model::frame_network;
 use meissner_pipeline::provenance::{Header, InputCard, ModelCard};
 use meissner_pipeline::text::grouped;
@@ -18,11 +18,12 @@ use serde::{Serialize, Serializer};
 use serde_json::{Value, json};
 
 use super::{Slip, SlipData, Windows, trained_on_basic};
-use crate::error::{EvaluateError, TrainingError, weights_error};
+use crate::error::{EvaluateError, TrainingError};
+use crate::judge::{Judge, JudgedTrial, NetworkReport, judge};
 use crate::judged::{self, Figures};
 use crate::metrics::{Confusion, MeanStd, Scores, predicted};
-use crate::trainings::Scheme;
-use crate::trainings::{Candidate, Evaluation, Metadata, Request, Training, candidates};
+use crate::trainings::{Candidate, Evaluation, Metadata, Request, Scheme, Training, candidates};
+use crate::trials::Trial;
 use crate::workers::Workers;
 
 /// Figures of all networks, with the keys of the JSON report.
@@ -32,7 +33,7 @@ pub struct Report {
     pub header: Header,
     pub data: DataReport,
     pub classes: [&'static str; CLASSES.len()],
-    pub networks: Vec<NetworkReport>,
+    pub networks: Vec<NetworkReport<SlipFigures>>,
     /// Accuracies of other methods.
     #[serde(serialize_with = "named")]
     pub references: [Reference; REFERENCES.len()],
@@ -51,19 +52,16 @@ pub struct DataReport {
 
 /// Figures of a network.
 #[derive(Serialize)]
-pub struct NetworkReport {
-    /// Network and weights.
-    #[serde(flatten)]
-    pub card: ModelCard,
+pub struct SlipFigures {
     /// How its frames are made.
     pub preparation: Value,
-    /// Source of its weights.
-    #[serde(skip)]
-    pub weights: String,
     /// Whole trainings on each set of the data.
     pub sets: Vec<SetReport>,
     /// Folds, by scheme.
     pub cross_validation: Vec<ValidationReport>,
+    /// Remarks about folds that hold out a part of the windows only.
+    #[serde(skip)]
+    partial: Vec<String>,
 }
 
 /// Figures of whole trainings on one set.
@@ -142,101 +140,152 @@ pub fn evaluate(
     folder: &Path,
     request: Request<'_>,
     workers: &Workers,
-    mut done: impl FnMut(&str, Duration),
+    done: impl FnMut(&str, Duration),
 ) -> Result<Evaluation<Report>, EvaluateError> {
     let (candidates, notes) = candidates::<Slip>(request)?;
     let data = SlipData::read(folder)?;
-    let start = Instant::now();
-    let mut judge = Judge {
-        data: &data,
-        workers,
-        logits: TensorFile::new(BTreeMap::new()),
-        notes: data.notes.iter().cloned().chain(notes).collect(),
-    };
-    let mut done = |training: &Training| done(&training.label, start.elapsed());
-    let networks = candidates.iter().map(|candidate| judge.network(candidate, &mut done));
-    let networks = networks.collect::<Result<_, _>>()?;
-    let took = start.elapsed();
+    let of_slip = OfSlip { data: &data };
+    let judged = judge(&of_slip, &candidates, TensorFile::new(BTreeMap::new()), workers, done)?;
+    let partial = judged.networks.iter().flat_map(|network| &network.of.partial).cloned();
+    let notes = data.notes.iter().cloned().chain(notes).chain(partial).collect();
     let name = folder.display().to_string();
-    let report = Report {
+    Ok(judged.evaluation(|networks| Report {
         header: Header::of_many("eval slip", InputCard::other(&name, "readings of 24 electrodes")),
         data: DataReport {
             folder: name,
             recordings: data.recordings.len(),
             readings: data.recordings.iter().map(|recording| recording.readings.len()).sum(),
-            notes: judge.notes,
+            notes,
         },
         classes: CLASSES,
         networks,
         references: REFERENCES,
-    };
-    Ok(Evaluation { report, logits: judge.logits, took })
+    }))
 }
 
 /// Judges networks on one data set.
-struct Judge<'a> {
+struct OfSlip<'a> {
     data: &'a SlipData,
-    workers: &'a Workers,
-    /// Outputs of whole trainings.
-    logits: TensorFile,
-    notes: Vec<String>,
 }
 
-impl Judge<'_> {
-    fn network(
-        &mut self,
-        candidate: &Candidate<FrameDescription>,
-        mut done: impl FnMut(&Training),
-    ) -> Result<NetworkReport, EvaluateError> {
+/// The windows that a network reads.
+struct Plan {
+    windows: Windows,
+    preparation: Value,
+    /// Number of windows of the set Basic.
+    of_basic: usize,
+    /// Whether a training was on the set Basic.
+    on_basic: bool,
+}
+
+/// Figures of a whole training on each set, or of the folds of a scheme.
+enum OfTrial {
+    Sets(Vec<Option<Classified>>),
+    Folds(Scheme, Option<Classified>),
+}
+
+impl OfSlip<'_> {
+    fn set(&self, windows: &Windows, window: usize) -> ObjectSet {
+        self.data.objects[windows.cases.recording(window)].set
+    }
+
+    /// Whether a fold held out windows of the set Basic only.
+    fn is_of_basic(&self, windows: &Windows, chosen: &[usize]) -> Result<(), TrainingError> {
+        let other = chosen.iter().find(|&&window| self.set(windows, window) != ObjectSet::Basic);
+        other.map_or(Ok(()), |&window| {
+            let recording = &self.data.recordings[windows.cases.recording(window)].name;
+            let expected = "recordings of the set Basic, which it was trained on".to_owned();
+            let found = format!("{recording:?} of {}", self.set(windows, window));
+            Err(TrainingError::HeldOut { expected, found })
+        })
+    }
+}
+
+impl Judge for OfSlip<'_> {
+    type Task = Slip;
+    type Plan = Plan;
+    type Engine = FrameEngine;
+    /// The logits of a window.
+    type Outcome = Vec<f32>;
+    type Figures = OfTrial;
+    type Network = SlipFigures;
+
+    fn plan(&self, candidate: &Candidate<FrameDescription>) -> Result<(Plan, Vec<Trial>), EvaluateError> {
         let Candidate { description, trainings } = candidate;
-        let (data, name) = (self.data, description.name());
-        let windows = Windows::cut(data, description)?;
-        let class = |window: usize| data.recordings[windows.cases.recording(window)].class;
-        let set = |window: usize| data.objects[windows.cases.recording(window)].set;
+        let windows = Windows::cut(self.data, description)?;
         let all: Vec<usize> = (0..windows.cases.len()).collect();
-        let of_basic = all.iter().filter(|&&window| set(window) == ObjectSet::Basic).count();
-        let is_basic = |chosen: &[usize]| match chosen.iter().find(|&&window| set(window) != ObjectSet::Basic)
-        {
-            None => Ok(()),
-            Some(&window) => {
-                let recording = &data.recordings[windows.cases.recording(window)].name;
-                let expected = "recordings of the set Basic, which it was trained on".to_owned();
-                let found = format!("{recording:?} of {}", set(window));
-                Err(TrainingError::HeldOut { expected, found })
-            }
-        };
-        let trials = windows.cases.trials(trainings, &all, is_basic)?;
-        let mut sets: BTreeMap<ObjectSet, Vec<_>> = BTreeMap::new();
-        let mut schemes: BTreeMap<Scheme, Vec<_>> = BTreeMap::new();
-        for trial in &trials {
-            let outputs = trial.outcomes(&mut done, |training, chosen| {
-                self.outputs(description, training, &windows, chosen)
-            })?;
-            let of = |chosen: &dyn Fn(usize) -> bool| {
-                let outputs = outputs.iter().filter(|(window, _)| chosen(*window));
-                (trial, Classified::new(outputs.map(|(window, values)| (class(*window), values))))
-            };
-            let Some(scheme) = trial.scheme else {
-                for of_set in ObjectSet::ALL {
-                    sets.entry(of_set).or_default().push(of(&|window| set(window) == of_set));
-                }
-                let values =
-                    outputs.iter().flat_map(|(_, values)| values.iter().copied()).collect::<Vec<_>>();
-                trial.write(name, CLASSES.len(), &values, &mut self.logits);
-                continue;
-            };
-            if trial.cases() != of_basic {
-                let (folds, seed) = (trial.folds.len(), trial.seed.unwrap_or_default());
-                self.notes.push(format!(
-                    "{name}: the {folds} folds of seed {seed} hold out {} of the {} windows of Basic",
-                    grouped(trial.cases() as u64),
-                    grouped(of_basic as u64)
-                ));
-            }
-            schemes.entry(scheme).or_default().push(of(&|_| true));
-        }
+        let of_basic = all.iter().filter(|&&window| self.set(&windows, window) == ObjectSet::Basic).count();
+        let trials = windows.cases.trials(trainings, &all, |chosen| self.is_of_basic(&windows, chosen))?;
+        let preparation = description.preparation().and_then(|text| serde_json::from_str(&text).ok());
+        let preparation = preparation.unwrap_or(Value::Null);
         let on_basic =
             trainings.iter().any(|training| trained_on_basic(Metadata(training.weights.metadata())));
+        Ok((Plan { windows, preparation, of_basic, on_basic }, trials))
+    }
+
+    fn engine(
+        &self,
+        description: &FrameDescription,
+        _: &Plan,
+        training: &Training,
+    ) -> Result<FrameEngine, EvaluateError> {
+        let weights = (&training.weights, training.label.clone());
+        let (network, _) = frame_network(description, weights, Convolution::Direct, false)?;
+        Ok(FrameEngine::new(network)?)
+    }
+
+    fn outcome(
+        &self,
+        Plan { windows, .. }: &Plan,
+        engine: &mut FrameEngine,
+        window: usize,
+    ) -> Result<Vec<f32>, EvaluateError> {
+        Ok(windows.logits(engine, window, windows.steps)?)
+    }
+
+    /// Only whole trainings have outputs for every window, and write them.
+    fn figures(&self, Plan { windows, .. }: &Plan, mut judged: JudgedTrial<'_, Vec<f32>>) -> OfTrial {
+        if judged.trial.scheme.is_none() {
+            judged.write(CLASSES.len(), Vec::clone);
+        }
+        let class = |window: usize| self.data.recordings[windows.cases.recording(window)].class;
+        let of = |chosen: &dyn Fn(usize) -> bool| {
+            let outcomes = judged.outcomes.iter().filter(|(window, _)| chosen(*window));
+            Classified::new(outcomes.map(|(window, values)| (class(*window), values)))
+        };
+        if let Some(scheme) = judged.trial.scheme {
+            return OfTrial::Folds(scheme, of(&|_| true));
+        }
+        let on = |of_set| of(&|window| self.set(windows, window) == of_set);
+        OfTrial::Sets(ObjectSet::ALL.into_iter().map(on).collect())
+    }
+
+    fn network(&self, plan: Plan, card: &mut ModelCard, judged: Vec<(Trial, OfTrial)>) -> SlipFigures {
+        let Plan { preparation, of_basic, on_basic, .. } = plan;
+        let mut sets: BTreeMap<ObjectSet, Vec<_>> = BTreeMap::new();
+        let mut schemes: BTreeMap<Scheme, Vec<_>> = BTreeMap::new();
+        let mut partial = Vec::new();
+        for (trial, figures) in judged {
+            match figures {
+                OfTrial::Sets(figures) => {
+                    for (set, figures) in ObjectSet::ALL.into_iter().zip(figures) {
+                        sets.entry(set).or_default().push((trial.clone(), figures));
+                    }
+                }
+                OfTrial::Folds(scheme, figures) => {
+                    if trial.cases() != of_basic {
+                        let (folds, seed) = (trial.folds.len(), trial.seed.unwrap_or_default());
+                        partial.push(format!(
+                            "{}: the {folds} folds of seed {seed} hold out {} of the {} windows of Basic",
+                            card.network.name,
+                            grouped(trial.cases() as u64),
+                            grouped(of_basic as u64)
+                        ));
+                    }
+                    schemes.entry(scheme).or_default().push((trial, figures));
+                }
+            }
+        }
         let sets = sets.into_iter().filter_map(|(set, each)| {
             let trained_on = set == ObjectSet::Basic && on_basic;
             Some(SetReport { set: set.name(), trained_on, judged: Judged::new(each)? })
@@ -244,35 +293,12 @@ impl Judge<'_> {
         let validations = schemes.into_iter().filter_map(|(scheme, each)| {
             Some(ValidationReport { scheme, of_basic: of_basic as u64, judged: Judged::new(each)? })
         });
-        let described = AnyDescription::Frames(description.clone());
-        let preparation = description.preparation().and_then(|text| serde_json::from_str(&text).ok());
-        Ok(NetworkReport {
-            card: ModelCard::new(&described, &trainings[0].weights, candidate.weights())?,
-            preparation: preparation.unwrap_or(Value::Null),
-            weights: candidate.weights(),
-            sets: sets.collect(),
-            cross_validation: validations.collect(),
-        })
-    }
-
-    /// The outputs for the windows `chosen` with the weights of `training`.
-    fn outputs(
-        &self,
-        description: &FrameDescription,
-        training: &Training,
-        windows: &Windows,
-        chosen: &[usize],
-    ) -> Result<Vec<Vec<f32>>, EvaluateError> {
-        let weights = (&training.weights, training.label.clone());
-        let (network, _) = frame_network(description, weights, Convolution::Direct, false)?;
-        let engine = FrameEngine::new(network)?;
-        let failed = weights_error(&training.label);
-        let failed = |source| failed(ModelError::Engine(source));
-        windows.logits(self.workers, &engine, chosen, windows.steps, failed)
+        let (sets, cross_validation) = (sets.collect(), validations.collect());
+        SlipFigures { preparation, sets, cross_validation, partial }
     }
 }
 
-impl NetworkReport {
+impl SlipFigures {
     /// The figures on `set`, if there are any.
     pub fn on(&self, set: ObjectSet) -> Option<&SetReport> {
         self.sets.iter().find(|report| report.set == set.name())

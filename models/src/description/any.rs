@@ -24,6 +24,18 @@ pub enum AnyDescription {
     Frames(FrameDescription),
 }
 
+impl From<Description> for AnyDescription {
+    fn from(description: Description) -> Self {
+        Self::Events(description)
+    }
+}
+
+impl From<FrameDescription> for AnyDescription {
+    fn from(description: FrameDescription) -> Self {
+        Self::Frames(description)
+    }
+}
+
 /// The result of an expression for the description of either kind.
 macro_rules! either {
     ($any:expr, $description:ident => $result:expr) => {

@@ -1,0 +1,196 @@
+//! The frame of every evaluation: networks of a task with their trainings, judged on labelled data.
+//!
+//! Enters: candidates, and a [`Judge`], which knows the data and the figures of its task. Leaves: the
+//! report of each network, and the outputs of the trainings. Everything that can be refused is refused
+//! before a network runs. Cases are shared by threads and their outcomes are taken in order, so that the
+//! number of threads changes no bit, except in measured times and in what depends on them.
+
+use std::time::{Duration, Instant};
+
+use meissner_models::{AnyDescription, ModelError, TensorFile};
+use meissner_pipeline::PipelineError;
+use meissner_pipeline::provenance::ModelCard;
+use serde::Serialize;
+
+use crate::error::{EvaluateError, weights_error};
+use crate::trainings::{Candidate, Evaluation, Task, Training};
+use crate::trials::Trial;
+use crate::workers::Workers;
+
+/// The description of the networks that `J` judges.
+type Description<J> = <<J as Judge>::Task as Task>::Description;
+
+/// The data of a task, and how one network is judged on them.
+pub(crate) trait Judge: Sync {
+    /// The task.
+    type Task: Task<Description: Clone + Into<AnyDescription> + Sync>;
+    /// What the task knows of a network before it runs.
+    type Plan: Sync;
+    /// A network with the weights of a training.
+    type Engine: Clone + Sync;
+    /// What a network made of a case.
+    type Outcome: Send;
+    /// Figures of the outcomes of a trial.
+    type Figures;
+    /// Figures of a network.
+    type Network;
+
+    /// Plans the trials of `candidate`.
+    ///
+    /// # Errors
+    /// The network or a training does not fit the data.
+    fn plan(
+        &self,
+        candidate: &Candidate<Description<Self>>,
+    ) -> Result<(Self::Plan, Vec<Trial>), EvaluateError>;
+
+    /// The network of `description` with the weights of `training`.
+    ///
+    /// # Errors
+    /// The weights do not fit.
+    fn engine(
+        &self,
+        description: &Description<Self>,
+        plan: &Self::Plan,
+        training: &Training,
+    ) -> Result<Self::Engine, EvaluateError>;
+
+    /// Runs a network over a case.
+    ///
+    /// # Errors
+    /// The engine fails.
+    fn outcome(
+        &self,
+        plan: &Self::Plan,
+        engine: &mut Self::Engine,
+        case: usize,
+    ) -> Result<Self::Outcome, EvaluateError>;
+
+    /// The figures of a trial, whose outputs are written too.
+    fn figures(&self, plan: &Self::Plan, judged: JudgedTrial<'_, Self::Outcome>) -> Self::Figures;
+
+    /// The figures of a network from those of its trials. The card can be completed.
+    fn network(
+        &self,
+        plan: Self::Plan,
+        card: &mut ModelCard,
+        judged: Vec<(Trial, Self::Figures)>,
+    ) -> Self::Network;
+
+    /// Cases that the caller runs itself, beside those of the networks.
+    fn more_cases(&self) -> usize {
+        0
+    }
+}
+
+/// A trial with the outcomes of its cases, in their order.
+pub(crate) struct JudgedTrial<'a, O> {
+    pub(crate) network: &'a str,
+    pub(crate) trial: &'a Trial,
+    pub(crate) outcomes: Vec<(usize, O)>,
+    pub(crate) logits: &'a mut TensorFile,
+}
+
+impl<O> JudgedTrial<'_, O> {
+    /// Adds the `outputs` values of each case to the file of outputs.
+    pub(crate) fn write(&mut self, outputs: usize, values: impl FnMut(&O) -> Vec<f32>) {
+        let values: Vec<f32> = self.outcomes.iter().map(|(_, outcome)| outcome).flat_map(values).collect();
+        self.trial.write(self.network, outputs, &values, self.logits);
+    }
+
+    /// The outcomes alone.
+    pub(crate) fn into_outcomes(self) -> Vec<O> {
+        self.outcomes.into_iter().map(|(_, outcome)| outcome).collect()
+    }
+}
+
+/// Figures of a network, with the keys of the JSON report.
+#[derive(Serialize)]
+pub struct NetworkReport<F> {
+    /// Network and weights.
+    #[serde(flatten)]
+    pub card: ModelCard,
+    /// Source of its weights.
+    #[serde(skip)]
+    pub weights: String,
+    /// The figures.
+    #[serde(flatten)]
+    pub of: F,
+}
+
+/// The networks of a task that were judged.
+pub(crate) struct JudgedNetworks<F> {
+    pub(crate) networks: Vec<NetworkReport<F>>,
+    logits: TensorFile,
+    start: Instant,
+}
+
+impl<F> JudgedNetworks<F> {
+    /// The evaluation with the report that `report` makes of the networks.
+    pub(crate) fn evaluation<R>(self, report: impl FnOnce(Vec<NetworkReport<F>>) -> R) -> Evaluation<R> {
+        let took = self.start.elapsed();
+        Evaluation { report: report(self.networks), logits: self.logits, took }
+    }
+}
+
+/// Judges `candidates` with the threads of `workers`, and adds their outputs to `logits`. `done` is called
+/// after each training with its label and the time since judging began.
+///
+/// # Errors
+/// A candidate does not fit the data, before any network runs; an engine fails.
+pub(crate) fn judge<J: Judge>(
+    judge: &J,
+    candidates: &[Candidate<Description<J>>],
+    mut logits: TensorFile,
+    workers: &Workers,
+    mut done: impl FnMut(&str, Duration),
+) -> Result<JudgedNetworks<J::Network>, EvaluateError> {
+    let mut plans = Vec::new();
+    for candidate in candidates {
+        let (plan, trials) = judge.plan(candidate)?;
+        for training in &candidate.trainings {
+            judge.engine(&candidate.description, &plan, training)?;
+        }
+        plans.push((candidate, plan, trials));
+    }
+    let cases: usize = plans.iter().flat_map(|(.., trials)| trials).map(Trial::cases).sum();
+    workers.expect(cases + judge.more_cases());
+
+    let start = Instant::now();
+    let mut networks = Vec::new();
+    for (candidate, plan, trials) in plans {
+        let Candidate { description, trainings } = candidate;
+        let mut judged = Vec::new();
+        for trial in trials {
+            let outcomes = trial.outcomes(
+                |training| done(&training.label, start.elapsed()),
+                |training, chosen| {
+                    let engine = judge.engine(description, &plan, training)?;
+                    let work = |engine: &mut J::Engine, &case: &usize| judge.outcome(&plan, engine, case);
+                    let named = |error| of_weights(&training.label, error);
+                    workers.for_each(&engine, chosen, work).map_err(named)
+                },
+            )?;
+            let (network, trial, logits) = (J::Task::name(description), &trial, &mut logits);
+            let figures = judge.figures(&plan, JudgedTrial { network, trial, outcomes, logits });
+            judged.push((trial.clone(), figures));
+        }
+        let weights = candidate.weights();
+        let mut card = ModelCard::new(&description.clone().into(), &trainings[0].weights, weights.clone())?;
+        let of = judge.network(plan, &mut card, judged);
+        networks.push(NetworkReport { card, weights, of });
+    }
+    Ok(JudgedNetworks { networks, logits, start })
+}
+
+/// An engine's `error`, which names the weights.
+fn of_weights(label: &str, error: EvaluateError) -> EvaluateError {
+    let EvaluateError::Pipeline(error) = error else { return error };
+    match *error {
+        PipelineError::Engine(source) => weights_error(label)(ModelError::Engine(source)),
+        other => other.into(),
+    }
+}
+
+#[cfg(test)]
+mod tests;
