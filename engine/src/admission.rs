@@ -98,29 +98,42 @@ impl Admission {
         self.admit_node(event).map(|node| Event { t_us: self.epoch_us().unwrap_or(0) + node.t, ..event })
     }
 
-    pub(crate) fn admit_node(&mut self, event: Event) -> Result<Node, DropReason> {
-        self.counters.pushed += 1;
+    /// The time at which `event` would enter; `None` if it would be dropped.
+    pub fn arrival_us(&self, event: Event) -> Option<i64> {
+        self.arrival(event).ok().map(|(epoch, t)| epoch + t)
+    }
+
+    /// The epoch, and the time relative to it, at which `event` would enter.
+    #[inline]
+    fn arrival(&self, event: Event) -> Result<(i64, i64), DropReason> {
         if !self.sensor.contains(event.x, event.y) {
-            self.counters.outside_sensor += 1;
             return Err(DropReason::OutsideSensor);
         }
         let (epoch, now) = self.clock.unwrap_or((event.t_us, 0));
-        let t = match event.t_us.checked_sub(epoch) {
-            Some(t) if t >= now => t,
+        match event.t_us.checked_sub(epoch) {
+            Some(t) if t >= now => Ok((epoch, t)),
             // The difference overflows: upwards from an epoch before 0, or downwards, which is simply late.
-            None if epoch < 0 => {
-                self.counters.time_out_of_range += 1;
-                return Err(DropReason::TimeOutOfRange);
-            }
-            _ if self.late == LatePolicy::Clamp => {
-                self.counters.clamped += 1;
-                now
-            }
-            _ => {
-                self.counters.late += 1;
-                return Err(DropReason::Late);
+            None if epoch < 0 => Err(DropReason::TimeOutOfRange),
+            _ if self.late == LatePolicy::Clamp => Ok((epoch, now)),
+            _ => Err(DropReason::Late),
+        }
+    }
+
+    #[inline]
+    pub(crate) fn admit_node(&mut self, event: Event) -> Result<Node, DropReason> {
+        self.counters.pushed += 1;
+        let (epoch, t) = match self.arrival(event) {
+            Ok(arrival) => arrival,
+            Err(reason) => {
+                match reason {
+                    DropReason::OutsideSensor => self.counters.outside_sensor += 1,
+                    DropReason::TimeOutOfRange => self.counters.time_out_of_range += 1,
+                    _ => self.counters.late += 1,
+                }
+                return Err(reason);
             }
         };
+        self.counters.clamped += u64::from(epoch.wrapping_add(t) != event.t_us);
         self.counters.accepted += 1;
         self.clock = Some((epoch, t));
         Ok(Node::new(event, t))

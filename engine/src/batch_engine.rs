@@ -155,6 +155,11 @@ impl BatchEngine {
         Outcome::Accepted
     }
 
+    /// As [`Engine::arrival_us`](crate::Engine::arrival_us).
+    pub fn arrival_us(&self, event: Event) -> Option<i64> {
+        self.admission.arrival_us(event)
+    }
+
     /// Inserts events in order; returns the number of accepted events.
     pub fn push_slice(&mut self, events: &[Event]) -> usize {
         let before = self.event_counters().accepted;

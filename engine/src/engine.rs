@@ -217,6 +217,12 @@ impl Engine {
         Outcome::Accepted
     }
 
+    /// The time at which `event` would enter; `None` if it would be dropped. An event that would be
+    /// [held](Outcome::Held) is taken for one that is not.
+    pub fn arrival_us(&self, event: Event) -> Option<i64> {
+        self.admission.arrival_us(event)
+    }
+
     /// Advances the clock to `t_us`, in the events' time, without an event; events older than the span expire. Earlier
     /// times, any time before the first event, and times whose distance from the epoch does not fit 64 bits change
     /// nothing.

@@ -85,6 +85,11 @@ impl Approximations {
         StaleReadout::new(Engine::with_options(network, sensor, options)?, self.staleness())
     }
 
+    /// Whether predictions may be repeated.
+    pub(crate) fn is_stale(&self) -> bool {
+        self.staleness() != Staleness::default()
+    }
+
     /// The largest age of a prediction.
     fn staleness(&self) -> Staleness {
         Staleness::new().with_events(self.stale_events).with_us(self.stale_us)
@@ -104,7 +109,7 @@ impl Approximations {
             rows_within_tolerance: self.tolerance.map(|_| within()),
             stale_events: self.stale_events,
             stale_us: self.stale_us,
-            stale_predictions: (self.staleness() != Staleness::default()).then_some(stale),
+            stale_predictions: self.is_stale().then_some(stale),
         })
     }
 }

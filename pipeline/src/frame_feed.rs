@@ -1,9 +1,9 @@
 //! Makes the frames that a network reads from events.
 //!
 //! Enters: events in order of arrival. Leaves: the frames that the `[input]` of a description defines, (channels, rows,
-//! columns), each with its time on the clock of the events. Consecutive empty frames are one run, independently of the
-//! length of the silence. Invariant: frames come in order of time, and every accepted event inside the crop is or will
-//! be in a frame.
+//! columns), each with its time on the clock of the events. Of a silence, as many empty frames come as [`Silence`] lets
+//! through, and then the news of how many were left out: its cost does not depend on its length. Invariant: frames come in
+//! order of time, and every accepted event inside the crop is or will be in a frame.
 //!
 //! The frame of a consecutive window comes once, when time has passed the end of the window. That end is the time of
 //! the frame. A sliding window is read when [`Every`] says, and the time of its frame is the time of reading.
@@ -26,6 +26,7 @@ use meissner_models::description::frames::SignedTiming;
 use meissner_models::{FrameDescription, FrameSource};
 
 use crate::schedule::{Every, Last, Schedule};
+use crate::silence::{EmptyFrames, Silence};
 pub(crate) use state::FeedState;
 
 /// Makes the frames of one stream of events.
@@ -36,6 +37,9 @@ pub(crate) struct FrameFeed {
     /// Decides about restarts of the clock.
     watch: ClockWatch,
     frames: Frames,
+    silence: Silence,
+    /// The values of an empty frame.
+    zeros: Vec<f32>,
     /// Events that later frames will cover, if the state will be needed.
     kept: Option<VecDeque<Event>>,
     /// Events that were accepted before this input.
@@ -52,26 +56,33 @@ enum Frames {
 /// An item that a feed delivers.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum FeedOutput<'a> {
-    /// A frame with at least one event.
+    /// A frame.
     Frame {
         /// (channels, rows, columns), row-major.
         values: &'a [f32],
         /// Time at which its window ends or is read, in microseconds.
         t_us: i64,
-        /// Number of events in it.
+        /// Number of events in it; 0 for an empty frame.
         events: u64,
     },
-    /// At least one frame of zeros.
-    Empty {
+    /// Empty frames that no network takes, since the silence is too long.
+    LeftOut {
         /// Number of frames.
         count: u64,
-        /// Time at which the first of them ends or is read, in microseconds.
-        t_us: i64,
-        /// Time from one to the next, in microseconds.
-        period_us: i64,
+        /// Whether a network's state is reset: with the first of them.
+        resets: bool,
     },
     /// The clock of the sensor has restarted: what came before is forgotten.
     Restart,
+}
+
+/// What windows make.
+#[derive(Clone, Copy)]
+enum Made<'a> {
+    /// A frame with events.
+    Frame { values: &'a [f32], t_us: i64, events: u64 },
+    /// Empty frames: the time of the first, and from one to the next.
+    Empty { count: u64, t_us: i64, period_us: i64 },
 }
 
 /// A step back of the clock that is no restart, at least: frames may be shorter than a packet of events is late.
@@ -80,12 +91,13 @@ const MIN_RESTART_US: i64 = 100_000;
 impl FrameFeed {
     /// A feed for the network of `description` on `sensor`; `None` if its frames are not made of events. `every` says
     /// when a sliding window is read, and has no effect on consecutive windows. The feed continues from `state` if it
-    /// is given. The sensor must have the pixels that a frame covers.
+    /// is given, with `silence` as it stood. The sensor must have the pixels that a frame covers.
     pub(crate) fn new(
         description: &FrameDescription,
         sensor: Sensor,
         (late, restart): (LatePolicy, RestartPolicy),
         every: Every,
+        silence: Silence,
         state: Option<&FeedState>,
     ) -> Result<Option<Self>, RepresentationError> {
         let start_us = state.and_then(|state| state.open_us);
@@ -117,7 +129,9 @@ impl FrameFeed {
         let (Frames::Consecutive { period_us: window_us, .. }
         | Frames::Sliding(Sliding { span_us: window_us, .. })) = frames;
         let watch = ClockWatch::new(restart, sensor, window_us.max(MIN_RESTART_US));
-        let mut feed = Self { gate, watch, frames, kept: None, before: 0, shown_before: [0; 2] };
+        let zeros = vec![0.0; description.input().values()];
+        let (before, shown_before) = (0, [0; 2]);
+        let mut feed = Self { gate, watch, frames, silence, zeros, kept: None, before, shown_before };
         if let Some(state) = state {
             feed.resume(state);
         }
@@ -191,6 +205,7 @@ impl FrameFeed {
                 }
             }
             self.kept.iter_mut().for_each(VecDeque::clear);
+            self.silence.end();
             sink(FeedOutput::Restart)?;
         }
         let mut last = Outcome::Held;
@@ -212,13 +227,14 @@ impl FrameFeed {
         };
         let mut done = Ok(());
         let mut completed = false;
-        let mut sink = |output: FeedOutput<'_>| {
+        let (silence, zeros) = (&mut self.silence, &self.zeros);
+        let mut sink = |made: Made<'_>| {
             completed = true;
-            sink(output)
+            deliver(made, silence, zeros, sink)
         };
         match &mut self.frames {
             Frames::Consecutive { windows, period_us } => {
-                windows.push(event, |completed| deliver(completed, *period_us, &mut done, &mut sink));
+                windows.push(event, |window| hand_over(window, *period_us, &mut done, &mut sink));
             }
             Frames::Sliding(sliding) => done = sliding.push(event, &mut sink),
         }
@@ -249,12 +265,14 @@ impl FrameFeed {
         self.gate.advance(t_us);
         let Some(now_us) = self.gate.now_us() else { return Ok(()) };
         let mut done = Ok(());
+        let (silence, zeros) = (&mut self.silence, &self.zeros);
+        let mut sink = |made: Made<'_>| deliver(made, silence, zeros, &mut sink);
         match &mut self.frames {
             Frames::Consecutive { windows, period_us } => {
                 let mut completed = false;
                 windows.advance(now_us, |window| {
                     completed = true;
-                    deliver(window, *period_us, &mut done, &mut sink);
+                    hand_over(window, *period_us, &mut done, &mut sink);
                 });
                 if let Some(kept) = self.kept.as_mut().filter(|_| completed) {
                     kept.clear();
@@ -271,13 +289,14 @@ impl FrameFeed {
         &mut self,
         mut sink: impl FnMut(FeedOutput<'_>) -> Result<(), E>,
     ) -> Result<(), E> {
+        let now_us = self.gate.now_us();
+        let (silence, zeros) = (&mut self.silence, &self.zeros);
+        let mut sink = |made: Made<'_>| deliver(made, silence, zeros, &mut sink);
         let (open, period_us) = match &mut self.frames {
             Frames::Consecutive { windows, period_us } => (windows.open(), *period_us),
-            Frames::Sliding(sliding) => return sliding.finish(self.gate.now_us(), &mut sink),
+            Frames::Sliding(sliding) => return sliding.finish(now_us, &mut sink),
         };
-        open.map_or(Ok(()), |frame| {
-            sink(feed_output(&frame, frame.start_us.saturating_add(period_us), period_us))
-        })
+        open.map_or(Ok(()), |frame| sink(made(&frame, frame.start_us.saturating_add(period_us), period_us)))
     }
 
     /// From now on, keeps the events that [`Self::state`] needs.
@@ -300,6 +319,11 @@ impl FrameFeed {
             events,
             held: self.watch.held().iter().map(|e| (e.t_us, e.x, e.y, e.on)).collect(),
         })
+    }
+
+    /// Empty frames since the last one with events.
+    pub(crate) fn silence(&self) -> u64 {
+        self.silence.frames()
     }
 
     /// The newest time; `None` before the first event.
@@ -339,16 +363,12 @@ struct Sliding {
 
 impl Sliding {
     /// Takes an accepted event.
-    fn push<E>(
-        &mut self,
-        event: Event,
-        sink: &mut impl FnMut(FeedOutput<'_>) -> Result<(), E>,
-    ) -> Result<(), E> {
+    fn push<E>(&mut self, event: Event, sink: &mut impl FnMut(Made<'_>) -> Result<(), E>) -> Result<(), E> {
         self.schedule.begin(event.t_us);
         self.read_before(event.t_us, sink)?;
         self.window.push(event);
         if self.schedule.is_due_after_event() {
-            sink(feed_output(&self.window.frame(), event.t_us, 0))?;
+            sink(made(&self.window.frame(), event.t_us, 0))?;
         }
         Ok(())
     }
@@ -357,7 +377,7 @@ impl Sliding {
     fn read_before<E>(
         &mut self,
         t_us: i64,
-        sink: &mut impl FnMut(FeedOutput<'_>) -> Result<(), E>,
+        sink: &mut impl FnMut(Made<'_>) -> Result<(), E>,
     ) -> Result<(), E> {
         let period_us = self.schedule.period_us().unwrap_or(0);
         while let Some(due_us) = self.schedule.due_before(t_us) {
@@ -365,9 +385,9 @@ impl Sliding {
             let frame = self.window.frame();
             if frame.is_empty() {
                 let count = 1 + self.schedule.skip_to(t_us);
-                sink(FeedOutput::Empty { count, t_us: due_us, period_us })?;
+                sink(Made::Empty { count, t_us: due_us, period_us })?;
             } else {
-                sink(feed_output(&frame, due_us, period_us))?;
+                sink(made(&frame, due_us, period_us))?;
             }
         }
         Ok(())
@@ -376,7 +396,7 @@ impl Sliding {
     fn finish<E>(
         &mut self,
         now_us: Option<i64>,
-        sink: &mut impl FnMut(FeedOutput<'_>) -> Result<(), E>,
+        sink: &mut impl FnMut(Made<'_>) -> Result<(), E>,
     ) -> Result<(), E> {
         let t_us = match self.schedule.last() {
             Last::Nothing => None,
@@ -385,36 +405,59 @@ impl Sliding {
         };
         let Some(t_us) = t_us else { return Ok(()) };
         self.window.advance(t_us);
-        sink(feed_output(&self.window.frame(), t_us, self.schedule.period_us().unwrap_or(0)))
+        sink(made(&self.window.frame(), t_us, self.schedule.period_us().unwrap_or(0)))
     }
 }
 
-/// A delivered frame.
-fn feed_output<'a>(frame: &EventFrame<'a>, t_us: i64, period_us: i64) -> FeedOutput<'a> {
+/// What a window made.
+fn made<'a>(frame: &EventFrame<'a>, t_us: i64, period_us: i64) -> Made<'a> {
     if frame.is_empty() {
-        FeedOutput::Empty { count: 1, t_us, period_us }
+        Made::Empty { count: 1, t_us, period_us }
     } else {
-        FeedOutput::Frame { values: frame.values, t_us, events: frame.events[0] + frame.events[1] }
+        Made::Frame { values: frame.values, t_us, events: frame.events[0] + frame.events[1] }
     }
 }
 
-/// Hands completed frames to the sink, up to its first error.
-fn deliver<E>(
+/// Hands completed windows to the sink, up to its first error.
+fn hand_over<E>(
     completed: Completed<'_>,
     period_us: i64,
     done: &mut Result<(), E>,
-    sink: &mut impl FnMut(FeedOutput<'_>) -> Result<(), E>,
+    sink: &mut impl FnMut(Made<'_>) -> Result<(), E>,
 ) {
     if done.is_ok() {
         *done = match completed {
             Completed::Frame(frame) => {
-                sink(feed_output(&frame, frame.start_us.saturating_add(period_us), period_us))
+                sink(made(&frame, frame.start_us.saturating_add(period_us), period_us))
             }
             Completed::Empty(run) => {
                 let t_us = run.start_us.saturating_add(period_us);
-                sink(FeedOutput::Empty { count: run.count, t_us, period_us })
+                sink(Made::Empty { count: run.count, t_us, period_us })
             }
         };
+    }
+}
+
+/// Delivers what windows made, as far as `silence` lets empty frames through.
+fn deliver<E>(
+    made: Made<'_>,
+    silence: &mut Silence,
+    zeros: &[f32],
+    sink: &mut impl FnMut(FeedOutput<'_>) -> Result<(), E>,
+) -> Result<(), E> {
+    match made {
+        Made::Frame { values, t_us, events } => {
+            silence.end();
+            sink(FeedOutput::Frame { values, t_us, events })
+        }
+        Made::Empty { count, t_us, period_us } => {
+            let EmptyFrames { taken, left_out, resets } = silence.take(count);
+            for i in 0..taken {
+                let t_us = t_us.saturating_add(period_us.saturating_mul(i as i64));
+                sink(FeedOutput::Frame { values: zeros, t_us, events: 0 })?;
+            }
+            if left_out > 0 { sink(FeedOutput::LeftOut { count: left_out, resets }) } else { Ok(()) }
+        }
     }
 }
 

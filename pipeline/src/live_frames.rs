@@ -38,8 +38,6 @@ pub type Dropped = [(DropReason, u64); EventCounters::DROP_REASONS];
 /// The engine and what it was given.
 struct Frames {
     engine: FrameEngine,
-    silence: Silence,
-    zeros: Vec<f32>,
     /// Time of the newest frame.
     newest_us: Option<i64>,
     /// Why a frame was refused; the next prediction returns it.
@@ -66,11 +64,9 @@ impl LiveFrames {
     /// # Errors
     /// The frames of the model are not made of events, the sensor lacks pixels that they cover, or the engine refuses an option.
     pub fn new(model: Arc<FrameModel>, sensor: Sensor, options: FrameOptions) -> Result<Self, PipelineError> {
-        let feed = feed(&model, sensor, None)?;
+        let feed = feed(&model, sensor, 0, None)?;
         let frames = Frames {
             engine: FrameEngine::with_options(Arc::clone(&model.network), options)?,
-            silence: Silence::new(None, 0),
-            zeros: vec![0.0; model.description.input().values()],
             newest_us: None,
             refused: None,
         };
@@ -93,7 +89,7 @@ impl LiveFrames {
         let note = Note {
             made: self.made(),
             feed: self.feed.state(),
-            silence: self.frames.silence.frames(),
+            silence: self.feed.silence(),
             newest_us: self.frames.newest_us,
             dropped: self.dropped().map(|(_, count)| count),
             caller: note.to_vec(),
@@ -125,17 +121,16 @@ impl LiveFrames {
             return Err(misfit(what, expected, found));
         }
         self.frames.engine.restore_bytes(bytes)?;
-        self.feed_from(note.feed.as_ref());
-        self.frames.silence = Silence::new(None, note.silence);
+        self.feed_from(note.silence, note.feed.as_ref());
         (self.frames.newest_us, self.frames.refused) = (note.newest_us, None);
         self.dropped = self.feed.counters().dropped();
         self.dropped.iter_mut().zip(note.dropped).for_each(|((_, count), before)| *count = before);
         Ok(())
     }
 
-    /// Goes on from the events of `state`.
-    fn feed_from(&mut self, state: Option<&FeedState>) {
-        self.feed = feed(&self.model, self.sensor, state).expect("this sensor has a feed");
+    /// Goes on from the events of `state`, after a silence of so many frames.
+    fn feed_from(&mut self, silence: u64, state: Option<&FeedState>) {
+        self.feed = feed(&self.model, self.sensor, silence, state).expect("this sensor has a feed");
     }
 
     fn made(&self) -> String {
@@ -144,9 +139,15 @@ impl LiveFrames {
 }
 
 /// A feed for the frames of `model` that keeps the events of its state.
-fn feed(model: &FrameModel, sensor: Sensor, state: Option<&FeedState>) -> Result<FrameFeed, PipelineError> {
-    let feed =
-        FrameFeed::new(&model.description, sensor, (LatePolicy::Drop, RestartPolicy::Reset), EVERY, state);
+fn feed(
+    model: &FrameModel,
+    sensor: Sensor,
+    silence: u64,
+    state: Option<&FeedState>,
+) -> Result<FrameFeed, PipelineError> {
+    let policies = (LatePolicy::Drop, RestartPolicy::Reset);
+    let silence = Silence::new(None, silence);
+    let feed = FrameFeed::new(&model.description, sensor, policies, EVERY, silence, state);
     let network = &model.name;
     let feed = feed.map_err(|source| PipelineError::Frames { network: network.clone(), source })?;
     let mut feed = feed.ok_or_else(|| {
@@ -176,24 +177,12 @@ impl Frames {
     fn take(&mut self, output: FeedOutput<'_>) -> Result<(), EngineError> {
         match output {
             FeedOutput::Frame { values, t_us, .. } => {
-                self.silence.end();
                 self.engine.push(values)?;
                 self.newest_us = Some(t_us);
             }
-            FeedOutput::Empty { count, t_us, period_us } => {
-                let empty = self.silence.take(count);
-                for _ in 0..empty.taken {
-                    self.engine.push(&self.zeros)?;
-                }
-                if let Some(last) = empty.taken.checked_sub(1) {
-                    self.newest_us = Some(t_us.saturating_add(period_us.saturating_mul(last as i64)));
-                }
-                if empty.resets {
-                    self.engine.reset();
-                }
-            }
+            FeedOutput::LeftOut { resets: true, .. } => self.engine.reset(),
+            FeedOutput::LeftOut { resets: false, .. } => {}
             FeedOutput::Restart => {
-                self.silence.end();
                 self.engine.reset();
                 self.newest_us = None;
             }
@@ -233,9 +222,8 @@ impl Predictor for LiveFrames {
     /// Forgets all events; counts of dropped events go on.
     fn reset(&mut self) {
         self.dropped = self.dropped();
-        self.feed_from(None);
+        self.feed_from(0, None);
         self.frames.engine.reset();
-        self.frames.silence.end();
         (self.frames.newest_us, self.frames.refused) = (None, None);
     }
 

@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 use meissner_engine::filters::{Chain, EventFilter};
 use meissner_engine::{
     BatchEngine, Counters, Decision, Engine, EngineError, Event, EventCounters, Network, Options, Outcome,
-    Prediction, Predictor, Search, Sensor, StaleReadout, Staleness,
+    Prediction, Search, Sensor, StaleReadout,
 };
 
 use crate::approximations::{ApproximationReport, Approximations};
@@ -43,25 +43,39 @@ impl Mode {
     }
 }
 
-/// The engine of a mode.
+/// The engine of a mode. Each wraps the one before it only where that is asked for.
 #[derive(Clone)]
 enum Backend {
-    Incremental(Box<StaleReadout>),
+    Incremental(Box<Engine>),
+    Stale(Box<StaleReadout>),
     Batch(Box<BatchEngine>),
 }
 
+/// The result of an expression for any engine.
+macro_rules! any {
+    ($backend:expr, $engine:ident => $result:expr) => {
+        match $backend {
+            Backend::Incremental($engine) => $result,
+            Backend::Stale($engine) => $result,
+            Backend::Batch($engine) => $result,
+        }
+    };
+}
+
 impl Backend {
-    fn predictor(&mut self) -> &mut dyn Predictor<Input = Event> {
+    fn engine(&self) -> Option<&Engine> {
         match self {
-            Self::Incremental(readout) => &mut **readout,
-            Self::Batch(batch) => &mut **batch,
+            Self::Incremental(engine) => Some(engine),
+            Self::Stale(readout) => Some(readout.engine()),
+            Self::Batch(_) => None,
         }
     }
 
     fn counters(&self) -> Counters {
         match self {
-            Self::Incremental(readout) => readout.engine().counters(),
             Self::Batch(batch) => batch.counters(),
+            Self::Incremental(engine) => engine.counters(),
+            Self::Stale(readout) => readout.engine().counters(),
         }
     }
 }
@@ -81,8 +95,12 @@ impl EventPredictor {
         options: Options,
     ) -> Result<Self, EngineError> {
         let backend = match mode {
+            Mode::Incremental if approximations.is_stale() => {
+                Backend::Stale(Box::new(approximations.readout(network, sensor, options)?))
+            }
             Mode::Incremental => {
-                Backend::Incremental(Box::new(approximations.readout(network, sensor, options)?))
+                let options = options.with_tolerance(approximations.tolerance.unwrap_or(0.0));
+                Backend::Incremental(Box::new(Engine::with_options(network, sensor, options)?))
             }
             Mode::Batch => {
                 let batch =
@@ -100,27 +118,35 @@ impl EventPredictor {
     /// # Errors
     /// As [`Engine::restore_bytes`].
     pub fn resume(mut self, bytes: &[u8]) -> Result<Self, EngineError> {
-        let Backend::Incremental(readout) = self.backend else { return Ok(self) };
-        let mut engine = readout.into_engine();
+        let mut engine = match self.backend {
+            Backend::Incremental(engine) => engine,
+            Backend::Stale(readout) => Box::new(readout.into_engine()),
+            Backend::Batch(_) => return Ok(self),
+        };
         engine.restore_bytes(bytes)?;
         self.before = engine.counters();
-        self.backend = Backend::Incremental(Box::new(StaleReadout::new(engine, Staleness::default())?));
+        self.backend = Backend::Incremental(engine);
         Ok(self)
     }
 
     /// The engine, in [`Mode::Incremental`].
     pub fn engine(&self) -> Option<&Engine> {
-        match &self.backend {
-            Backend::Incremental(readout) => Some(readout.engine()),
-            Backend::Batch(_) => None,
-        }
+        self.backend.engine()
     }
 
     /// Current time, as [`Engine::now_us`].
     pub fn now_us(&self) -> Option<i64> {
         match &self.backend {
-            Backend::Incremental(readout) => readout.engine().now_us(),
             Backend::Batch(batch) => batch.now_us(),
+            incremental => incremental.engine()?.now_us(),
+        }
+    }
+
+    /// The time at which `event` would enter, as [`Engine::arrival_us`].
+    pub fn arrival_us(&self, event: Event) -> Option<i64> {
+        match &self.backend {
+            Backend::Batch(batch) => batch.arrival_us(event),
+            incremental => incremental.engine()?.arrival_us(event),
         }
     }
 
@@ -137,7 +163,7 @@ impl EventPredictor {
     /// Forgets all events; counters continue.
     pub fn reset(&mut self) {
         self.chain.reset();
-        self.backend.predictor().reset();
+        any!(&mut self.backend, engine => engine.reset());
     }
 
     /// Whether `event` passes the filters, and how long they took: zero without filters.
@@ -152,21 +178,22 @@ impl EventPredictor {
 
     /// Pushes `event`, which has passed the filters.
     pub fn push(&mut self, event: Event) -> Outcome {
-        self.backend.predictor().push(event)
+        any!(&mut self.backend, engine => engine.push(event))
     }
 
     /// Pushes those of `events` that pass the filters.
     pub fn push_slice(&mut self, events: &[Event]) {
         let passing = events.iter().copied().filter(|&event| self.chain.admit(event));
         match &mut self.backend {
-            Backend::Incremental(readout) => readout.push_all(passing),
+            Backend::Incremental(engine) => engine.push_all(passing),
+            Backend::Stale(readout) => readout.push_all(passing),
             Backend::Batch(batch) => passing.filter(|&event| batch.push(event) == Outcome::Accepted).count(),
         };
     }
 
     /// Advances the clock to `t_us`.
     pub fn advance(&mut self, t_us: i64) {
-        self.backend.predictor().advance(t_us);
+        any!(&mut self.backend, engine => engine.advance(t_us));
     }
 
     /// Predicts from the window.
@@ -174,13 +201,14 @@ impl EventPredictor {
     /// # Errors
     /// As [`Engine::predict`].
     pub fn predict(&mut self) -> Result<Prediction<'_>, EngineError> {
-        self.backend.predictor().predict()
+        any!(&mut self.backend, engine => engine.predict())
     }
 
     /// Events in the window.
     pub fn nodes(&self) -> usize {
         match &self.backend {
-            Backend::Incremental(readout) => readout.engine().nodes(),
+            Backend::Incremental(engine) => engine.nodes(),
+            Backend::Stale(readout) => readout.engine().nodes(),
             Backend::Batch(batch) => batch.nodes(),
         }
     }
@@ -215,8 +243,8 @@ impl EventPredictor {
     /// The number of repeated predictions.
     fn stale(&self) -> u64 {
         match &self.backend {
-            Backend::Incremental(readout) => readout.stale(),
-            Backend::Batch(_) => 0,
+            Backend::Stale(readout) => readout.stale(),
+            Backend::Incremental(_) | Backend::Batch(_) => 0,
         }
     }
 }

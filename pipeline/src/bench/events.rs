@@ -305,7 +305,6 @@ impl Passes<'_> {
         into: &mut Measured,
     ) -> Result<EventPredictor, PipelineError> {
         let mut engine = self.engine(stage_times)?;
-        let mut gate = Admission::new(self.sensor, self.options.late);
         let mut schedule = Schedule::new(self.options.every.unwrap_or(Every::Events(1)));
         for (index, &event) in events.iter().enumerate() {
             let phase = match phases.of(index) {
@@ -315,7 +314,7 @@ impl Passes<'_> {
             let mut both = Duration::ZERO;
             let (passes, filtering) = engine.admit(event);
             // Dropped events do not advance the clock.
-            if passes && let Some(t_us) = schedule.arrival_us(&mut gate, event) {
+            if passes && let Some(t_us) = schedule.arrival_us(|| engine.arrival_us(event)) {
                 schedule.each_due_before(t_us, |due_us| phase.read(&mut engine, Some(due_us), &mut both))?;
             }
             let start = Instant::now();
@@ -360,7 +359,7 @@ impl Passes<'_> {
         let mut deadline = Deadline::new(period_us);
         let mut waiting = Vec::new();
         for &event in events {
-            if let Some(t_us) = schedule.arrival_us(&mut gate, event) {
+            if let Some(t_us) = schedule.arrival_us(|| Some(gate.admit(event).ok()?.t_us)) {
                 schedule.each_due_before(t_us, |end_us| {
                     period(&mut deadline, &mut engine, &mut waiting, end_us)
                 })?;

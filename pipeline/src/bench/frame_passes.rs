@@ -19,6 +19,7 @@ use crate::frame_feed::{FeedOutput, FrameFeed};
 use crate::latency::{CallLatencies, Latency};
 use crate::model::{FrameModel, LayerCost};
 use crate::schedule::Every;
+use crate::silence::Silence;
 use crate::text::display_us;
 
 /// The default time from frame to frame: 10 ms, as in the force networks.
@@ -109,6 +110,7 @@ impl EventFrameModel {
             field.around(),
             (LatePolicy::Drop, RestartPolicy::Keep),
             every,
+            Silence::new(Some(u64::MAX), 0),
             None,
         )
         .map_err(|source| PipelineError::Frames { network: name.to_owned(), source })?;
@@ -192,7 +194,6 @@ pub(super) struct Pass {
 /// An engine, its measurements, and the start of its next frame.
 struct InProgress<'a> {
     engine: FrameEngine,
-    zeros: Vec<f32>,
     into: &'a mut FrameLatencies,
     look: &'a mut dyn FnMut(Predicted<'_>),
     /// Number of frames that are still allowed.
@@ -212,9 +213,8 @@ impl FramePasses<'_> {
     ) -> Result<Pass, PipelineError> {
         let options = FrameOptions::new().with_skip(skip).with_sparse(true).with_two_threads(false);
         let engine = FrameEngine::with_options(self.model.model.network.clone(), options)?;
-        let zeros = vec![0.0; self.model.model.network.input().values()];
         let mut feed = self.model.feed(self.field, self.moments.period_us)?;
-        let mut run = InProgress { engine, zeros, into, look, left: frames, since: Instant::now() };
+        let mut run = InProgress { engine, into, look, left: frames, since: Instant::now() };
         for &event in &self.moments.events {
             feed.push(event, |output| run.take(output))?;
             if run.left == 0 {
@@ -231,25 +231,20 @@ impl InProgress<'_> {
     /// Takes the complete frames.
     fn take(&mut self, output: FeedOutput<'_>) -> Result<(), PipelineError> {
         match output {
-            FeedOutput::Frame { values, t_us, .. } => self.frame(Some(values), t_us)?,
-            FeedOutput::Empty { count, t_us, period_us } => {
-                for (_, number) in (0..count.min(self.left)).zip(0..) {
-                    self.frame(None, t_us + number * period_us)?;
-                }
+            FeedOutput::Frame { values, t_us, .. } => self.frame(values, t_us),
+            FeedOutput::LeftOut { .. } | FeedOutput::Restart => {
+                unreachable!("every frame is wanted, and the clock goes on")
             }
-            FeedOutput::Restart => self.engine.reset(),
         }
-        Ok(())
     }
 
-    /// Takes a frame; `None` is a frame of zeros.
-    fn frame(&mut self, values: Option<&[f32]>, t_us: i64) -> Result<(), PipelineError> {
+    fn frame(&mut self, values: &[f32], t_us: i64) -> Result<(), PipelineError> {
         if self.left == 0 {
             return Ok(());
         }
         self.left -= 1;
         let begin = Instant::now();
-        self.engine.push(values.unwrap_or(&self.zeros))?;
+        self.engine.push(values)?;
         let pushed = Instant::now();
         let prediction = self.engine.predict()?;
         let end = Instant::now();
@@ -276,11 +271,8 @@ mod tests {
         let mut times = Vec::new();
         let mut note = |output: FeedOutput<'_>| {
             match output {
-                FeedOutput::Restart => unreachable!("the feed keeps its clock"),
                 FeedOutput::Frame { t_us, .. } => times.push(t_us),
-                FeedOutput::Empty { count, t_us, period_us } => {
-                    times.extend((0..count as i64).map(|number| t_us + number * period_us));
-                }
+                other => unreachable!("{other:?}: every frame is wanted, and the clock goes on"),
             }
             Ok::<_, PipelineError>(())
         };

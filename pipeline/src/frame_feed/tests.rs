@@ -4,11 +4,17 @@ use proptest::prelude::*;
 
 use super::{FeedOutput, FrameFeed};
 use crate::schedule::Every;
+use crate::silence::Silence;
 use meissner_engine::{Event, LatePolicy, RestartPolicy, Sensor};
 use meissner_models::FrameDescription;
 
-/// A feed of frames of two columns and one row; `lines` are the lines of its `[input]` table.
+/// A feed of frames of two columns and one row; `lines` are the lines of its `[input]` table. Of a silence, four empty
+/// frames come.
 fn feed(channels: usize, lines: &str, every: Every) -> FrameFeed {
+    feed_with(4, channels, lines, every)
+}
+
+fn feed_with(longest_silence: u64, channels: usize, lines: &str, every: Every) -> FrameFeed {
     let text = format!(
         "[network]\nname = \"n\"\n[input]\nkind = \"image\"\nchannels = {channels}\nheight = 1\nwidth = 2\n\
          {lines}\n[[layer]]\nname = \"l\"\nkind = \"sum\"\n[output]\nnames = {:?}\nunit = \"N\"\n",
@@ -20,6 +26,7 @@ fn feed(channels: usize, lines: &str, every: Every) -> FrameFeed {
         Sensor::new(4, 1),
         (LatePolicy::Clamp, RestartPolicy::Reset),
         every,
+        Silence::new(Some(longest_silence), 0),
         None,
     );
     feed.expect("the crop fits").expect("frames of events")
@@ -31,7 +38,9 @@ fn told(feed: &mut FrameFeed, events: &[(i64, u16)]) -> Vec<String> {
     let mut tell = |output: FeedOutput<'_>| {
         out.push(match output {
             FeedOutput::Frame { values, t_us, events } => format!("{t_us}: {values:?} {events}"),
-            FeedOutput::Empty { count, t_us, period_us } => format!("{t_us}: {count} of {period_us}"),
+            FeedOutput::LeftOut { count, resets } => {
+                format!("{count} left out{}", if resets { ", reset" } else { "" })
+            }
             FeedOutput::Restart => "restart".to_owned(),
         });
         Ok::<_, ()>(())
@@ -47,18 +56,22 @@ const COUNTS: &str = "frames = \"event-counts\"\nperiod_us = 10\nmaximum = 4";
 const SLIDING: &str = "frames = \"signed\"\nspan_us = 15";
 
 #[test]
-fn a_window_comes_with_its_end_a_silence_as_one_run_and_the_open_window_at_last() {
+fn a_window_comes_with_its_end_empty_windows_one_by_one_and_the_open_window_at_last() {
     let mut feed = feed(2, COUNTS, Every::Events(1));
     let out = told(&mut feed, &[(5, 1), (6, 1), (8, 0), (60, 2)]);
-    assert_eq!(out, ["15: [0.0, 0.0, 0.5, 0.0] 2", "25: 4 of 10", "65: [0.0, 0.0, 0.0, 0.25] 1"]);
+    let empty = [25, 35, 45, 55].map(|t_us| format!("{t_us}: [0.0, 0.0, 0.0, 0.0] 0"));
+    assert_eq!(out[0], "15: [0.0, 0.0, 0.5, 0.0] 2");
+    assert_eq!((&out[1..5], out[5..].concat().as_str()), (&empty[..], "65: [0.0, 0.0, 0.0, 0.25] 1"));
     assert_eq!((feed.outside_crop(), feed.period_us()), (1, Some(10)));
 }
 
 #[test]
-fn a_sliding_window_is_read_on_its_grid_and_a_silence_is_one_run() {
+fn a_sliding_window_is_read_on_its_grid_and_the_rest_of_a_long_silence_is_left_out() {
     let mut feed = feed(1, SLIDING, Every::StreamUs(10));
     let out = told(&mut feed, &[(0, 1), (10, 2), (101, 1)]);
-    assert_eq!(out, ["10: [1.0, 1.0] 2", "20: [0.0, 1.0] 1", "30: 8 of 10", "110: [1.0, 0.0] 1"]);
+    assert_eq!(out[..2], ["10: [1.0, 1.0] 2", "20: [0.0, 1.0] 1"]);
+    assert_eq!(out[2..6], [30, 40, 50, 60].map(|t_us| format!("{t_us}: [0.0, 0.0] 0")));
+    assert_eq!(out[6..], ["4 left out, reset", "110: [1.0, 0.0] 1"]);
 }
 
 #[test]
@@ -81,8 +94,9 @@ fn silences_of_any_length_are_counted_to_the_clocks_end() {
     let mut feed = feed(1, SLIDING, Every::StreamUs(1));
     // The second event confirms the first.
     let out = told(&mut feed, &[(0, 1), (i64::MAX, 1), (i64::MAX, 1)]);
-    assert_eq!(out[15], format!("16: {} of 1", i64::MAX - 16));
-    assert_eq!(out.len(), 17, "{out:?}");
+    assert_eq!(out[15], "16: [0.0, 0.0] 0");
+    assert_eq!(out[19], format!("{} left out, reset", i64::MAX - 20));
+    assert_eq!(out.len(), 21, "{out:?}");
 }
 
 #[test]
@@ -91,16 +105,13 @@ fn nothing_has_no_frames() {
     assert!(told(&mut feed(1, SLIDING, Every::StreamUs(5)), &[]).is_empty());
 }
 
-/// Times of frames with their values, every empty one by itself.
-fn expanded(feed: &mut FrameFeed, events: &[(i64, u16, bool)], values: usize) -> Vec<(i64, Vec<f32>)> {
+/// Times of frames with their values.
+fn all_frames(feed: &mut FrameFeed, events: &[(i64, u16, bool)]) -> Vec<(i64, Vec<f32>)> {
     let mut out = vec![];
     let mut tell = |output: FeedOutput<'_>| {
         match output {
-            FeedOutput::Restart => unreachable!("time goes on"),
             FeedOutput::Frame { values, t_us, .. } => out.push((t_us, values.to_vec())),
-            FeedOutput::Empty { count, t_us, period_us } => {
-                out.extend((0..count as i64).map(|i| (t_us + i * period_us, vec![0.0; values])));
-            }
+            other => unreachable!("{other:?}: every frame is wanted, and time goes on"),
         }
         Ok::<_, ()>(())
     };
@@ -147,7 +158,7 @@ proptest! {
             (due, frame)
         }).collect();
         let lines = format!("frames = \"signed\"\nspan_us = {span}");
-        let found = expanded(&mut feed(1, &lines, Every::StreamUs(period)), &events, 2);
+        let found = all_frames(&mut feed_with(u64::MAX, 1, &lines, Every::StreamUs(period)), &events);
         prop_assert_eq!(found, expected);
     }
 
@@ -162,7 +173,7 @@ proptest! {
             }
         }
         let lines = format!("frames = \"event-counts\"\nperiod_us = {period}\nmaximum = 4");
-        let found = expanded(&mut feed(2, &lines, Every::End), &events, 4);
+        let found = all_frames(&mut feed_with(u64::MAX, 2, &lines, Every::End), &events);
         prop_assert_eq!(found, expected);
     }
 }

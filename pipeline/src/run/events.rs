@@ -3,9 +3,7 @@
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use meissner_engine::{
-    Admission, ClockWatch, Decision, Engine, Event, Options, Outcome, RestartPolicy, Sensor,
-};
+use meissner_engine::{ClockWatch, Decision, Engine, Event, Options, Outcome, RestartPolicy, Sensor};
 
 use super::prediction::{EventPrediction, Observer, Prediction};
 use super::state::{EVERY, RunOptions, Saver};
@@ -35,8 +33,6 @@ pub struct EventSteps {
     schedule: Schedule,
     /// Decides about restarts in front of schedule and engine, so that each event reaches them at its own time.
     watch: ClockWatch,
-    /// Predicts for the schedule which events will be accepted, and at what time.
-    gate: Admission,
     classes: Classes,
     training: Training,
     passed: Passed,
@@ -71,13 +67,11 @@ impl EventRun {
             Options::new().with_late(late).with_restart(RestartPolicy::Keep).with_two_threads(two_threads);
         let mut predictor = EventPredictor::new(mode, network, sensor, &approximations, engine_options)?;
         let mut schedule = Schedule::new(every.unwrap_or(EVERY));
-        let mut gate = Admission::new(sensor, late);
         if let Some(bytes) = resume {
             predictor = predictor.resume(&bytes).map_err(PipelineError::Resume)?;
             if let Some(engine) = predictor.engine()
                 && let (Some(first_us), Some(now_us)) = (engine.epoch_us(), engine.now_us())
             {
-                gate.resume(first_us, now_us);
                 schedule.resume(first_us, now_us, engine.counters().events.accepted);
             }
         }
@@ -88,7 +82,6 @@ impl EventRun {
             layers,
             schedule,
             watch,
-            gate,
             classes: Classes::new(model.card.classes.clone()),
             training: Training::new(&model.card.outputs),
             passed: Passed::default(),
@@ -171,7 +164,6 @@ impl EventSteps {
         self.predictor.decided(decision);
         self.taken += decision.outliers;
         if decision.restarts {
-            self.gate.reset();
             self.schedule.restart();
             self.passed.restart();
             self.epoch_us = None;
@@ -186,7 +178,7 @@ impl EventSteps {
             self.pushed(filtering);
             return Ok(());
         }
-        if let Some(t_us) = self.schedule.arrival_us(&mut self.gate, event) {
+        if let Some(t_us) = self.schedule.arrival_us(|| self.predictor.arrival_us(event)) {
             while let Some(due_us) = self.schedule.due_before(t_us) {
                 if self.read(Some(due_us), observer)? == 0 {
                     self.schedule.skip_to(t_us);

@@ -19,7 +19,7 @@ use crate::latency::microseconds;
 use crate::losses::{InputLosses, LossWarning};
 use crate::model::FrameModel;
 use crate::schedule::{Every, Last, Schedule};
-use crate::silence::{EmptyFrames, Silence};
+use crate::silence::Silence;
 use crate::skips::dropped;
 use crate::source::Source;
 use crate::text::display_us;
@@ -41,12 +41,10 @@ struct Frames {
     /// Decides after which frames a prediction is due.
     schedule: Schedule,
     classes: Classes,
-    zeros: Vec<f32>,
     /// Time of the first accepted event.
     epoch_us: Option<i64>,
     /// Time and events of the newest frame.
     newest: Option<(i64, u64)>,
-    silence: Silence,
     /// Empty frames that were pushed.
     empty: u64,
     /// Empty frames that were skipped.
@@ -96,7 +94,9 @@ impl FrameRun {
             None => None,
         };
         let state = note.as_ref().and_then(|note| note.feed.as_ref());
-        let feed = FrameFeed::new(&model.description, sensor, (late, restart), every.unwrap_or(EVERY), state);
+        let silence = Silence::new(longest_silence, note.as_ref().map_or(0, |note| note.silence));
+        let every_us = every.unwrap_or(EVERY);
+        let feed = FrameFeed::new(&model.description, sensor, (late, restart), every_us, silence, state);
         let mut feed = feed
             .map_err(|source| PipelineError::Frames { network: network.clone(), source })?
             .ok_or_else(|| PipelineError::is_frame_network(network))?;
@@ -111,10 +111,8 @@ impl FrameRun {
             predictor,
             schedule,
             classes: Classes::new(model.card.classes.clone()),
-            zeros: vec![0.0; model.description.input().values()],
             epoch_us: state.map(|state| state.epoch_us),
             newest: None,
-            silence: Silence::new(longest_silence, note.as_ref().map_or(0, |note| note.silence)),
             empty: 0,
             left_out: 0,
             resets: 0,
@@ -162,7 +160,7 @@ impl Steps for FrameSteps {
 
     fn state(&mut self) -> Option<Vec<u8>> {
         let Self { feed, made, frames } = self;
-        let (silence, since) = (frames.silence.frames(), frames.schedule.since());
+        let (silence, since) = (feed.silence(), frames.schedule.since());
         let note = Note { made: made.clone(), feed: feed.state(), silence, since };
         let note = serde_json::to_vec(&note).expect("numbers and text are JSON");
         Some(frames.predictor.engine.to_bytes_with(&note))
@@ -259,50 +257,26 @@ impl Frames {
     fn take(&mut self, output: FeedOutput<'_>, observer: &mut dyn Observer) -> Result<(), PipelineError> {
         match output {
             FeedOutput::Frame { values, t_us, events } => {
-                self.silence.end();
                 self.predictor.push(values)?;
-                self.pushed(t_us, events, observer)
+                self.empty += u64::from(events == 0);
+                self.newest = Some((t_us, events));
+                if self.schedule.is_due_after_event() { self.predict(observer) } else { Ok(()) }
             }
-            FeedOutput::Empty { count, t_us, period_us } => {
-                self.take_silence(count, t_us, period_us, observer)
+            FeedOutput::LeftOut { count, resets } => {
+                if resets {
+                    self.predictor.reset();
+                    self.resets += 1;
+                }
+                self.left_out += count;
+                Ok(())
             }
             FeedOutput::Restart => {
-                self.silence.end();
                 self.predictor.reset();
                 self.predictor.passed.restart();
                 (self.epoch_us, self.newest) = (None, None);
                 Ok(())
             }
         }
-    }
-
-    /// Takes `count` empty frames.
-    fn take_silence(
-        &mut self,
-        count: u64,
-        t_us: i64,
-        period_us: i64,
-        observer: &mut dyn Observer,
-    ) -> Result<(), PipelineError> {
-        let EmptyFrames { taken, left_out, resets } = self.silence.take(count);
-        let zeros = std::mem::take(&mut self.zeros);
-        for i in 0..taken {
-            self.predictor.push(&zeros)?;
-            self.empty += 1;
-            self.pushed(t_us.saturating_add(period_us.saturating_mul(i as i64)), 0, observer)?;
-        }
-        self.zeros = zeros;
-        if resets {
-            self.predictor.reset();
-            self.resets += 1;
-        }
-        self.left_out += left_out;
-        Ok(())
-    }
-
-    fn pushed(&mut self, t_us: i64, events: u64, observer: &mut dyn Observer) -> Result<(), PipelineError> {
-        self.newest = Some((t_us, events));
-        if self.schedule.is_due_after_event() { self.predict(observer) } else { Ok(()) }
     }
 
     fn predict(&mut self, observer: &mut dyn Observer) -> Result<(), PipelineError> {
