@@ -15,7 +15,7 @@ use std::path::Path;
 use std::time::Instant;
 
 use meissner_benches::Result;
-use meissner_benches::answers::Deviation;
+use meissner_benches::answers::relative_error;
 use meissner_benches::timing::median_ms;
 use meissner_engine::frames::{Convolution, FrameEngine, FrameNetwork, FrameOptions, FrameShape, Skip};
 use meissner_engine::representations::{Crop, SignedRule, SlidingSigned};
@@ -113,7 +113,7 @@ impl<'a> Case<'a> {
             Ok(())
         };
         forward(&mut answer)?;
-        let worst = Deviation::between(y, &answer).max;
+        let worst = relative_error(y, &answer);
         if answer.len() != y.len() || worst > LARGEST_ERROR {
             return Err(format!("error {worst:e}, expected at most {LARGEST_ERROR:e}").into());
         }

@@ -10,7 +10,7 @@ use std::sync::Arc;
 
 use meissner_benches::streams::{self, Recording, SPAN_US, WINDOW};
 use meissner_benches::{Result, answers, networks, timing};
-use meissner_engine::{Batch, Candidates, EngineError, Network, Stream, Trace};
+use meissner_engine::{Batch, Candidates, ConvolutionScratch, EngineError, Network, Stream, Trace};
 use meissner_kernels::{Isa, Matrix};
 use meissner_models::{Tensor, Weights};
 use serde_json::json;
@@ -73,7 +73,17 @@ fn check(network: &Arc<Network>, window: &Recording, batch: &Batch, trace: &Trac
 /// The features of the event level, given its graph.
 fn event_layers(network: &Network, trace: &Trace) -> Vec<Matrix> {
     let level = &trace.levels[0];
-    networks::level_features(network.level(0), level, level.features[0].clone(), |_, _| ())
+    let mut scratch = ConvolutionScratch::default();
+    let mut features = vec![level.features[0].clone()];
+    for block in &network.level(0).blocks {
+        let mut out = Matrix::zeros(level.edges.rows(), block.conv.outputs());
+        let (input, skip) = (&features[block.input], block.skip.map(|skip| &features[skip]));
+        let row = |i| level.edges.read(i, input.row(i), skip.map(|skip| skip.row(i)));
+        let rows: Vec<_> = (0..out.rows()).map(row).collect();
+        block.conv.rows(Isa::best(), input, &rows, &mut scratch, out.lanes_mut());
+        features.push(out);
+    }
+    features
 }
 
 /// The window for a peer. Indices are f32 as well: below 2^24 they are exact.

@@ -3,43 +3,19 @@
 use std::sync::Arc;
 
 use meissner_engine::{Engine, Event, Network, Options, Search, Sensor};
-use meissner_kernels::FeatureMap;
 use meissner_reference::Difference;
 use meissner_verify::CheckedEngine;
 
-/// Distance of values from those expected.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Deviation {
-    /// Largest difference, relative to the largest expected magnitude.
-    pub max: f64,
-    /// Root of the mean squared difference, relative to that of the expected values.
-    pub rms: f64,
-    /// Largest difference, relative to the root of the mean of the squared expected values.
-    pub max_by_rms: f64,
-}
-
-impl Deviation {
-    /// Of `found` from `expected`, value by value. O(values).
-    pub fn between<'a>(
-        expected: impl IntoIterator<Item = &'a f32>,
-        found: impl IntoIterator<Item = &'a f32>,
-    ) -> Self {
-        let (mut difference, mut from_zero) = (Difference::default(), Difference::default());
-        for (&expected, &found) in expected.into_iter().zip(found) {
-            difference.add(found, expected.into());
-            from_zero.add(expected, 0.0);
-        }
-        let Difference { absolute, largest, .. } = difference;
-        let rms = from_zero.rms();
-        Self { max: absolute / largest, rms: difference.rms() / rms, max_by_rms: absolute / rms }
+/// The largest difference of `found` from `expected`, relative to the largest expected magnitude.
+pub fn relative_error<'a>(
+    expected: impl IntoIterator<Item = &'a f32>,
+    found: impl IntoIterator<Item = &'a f32>,
+) -> f64 {
+    let mut difference = Difference::default();
+    for (&expected, &found) in expected.into_iter().zip(found) {
+        difference.add(found, expected.into());
     }
-
-    /// Of a map from the one expected.
-    pub fn between_maps(expected: &FeatureMap, found: &FeatureMap) -> Self {
-        let places = || (0..expected.height()).flat_map(|y| (0..expected.width()).map(move |x| (y, x)));
-        let values = |map| places().flat_map(move |(y, x)| FeatureMap::pixel(map, y, x));
-        Self::between(values(expected), values(found))
-    }
+    difference.relative()
 }
 
 /// An engine that took `events`. Its neighbourhoods, its rows and its prediction have the bits of the batch, which compares

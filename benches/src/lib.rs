@@ -3,7 +3,6 @@
 #![forbid(unsafe_code)]
 
 pub mod answers;
-pub mod conv_cases;
 pub mod cost;
 pub mod kernel_cases;
 pub mod networks;

@@ -2,10 +2,7 @@
 
 use std::sync::Arc;
 
-use meissner_engine::{
-    Batch, Candidates, ConvolutionScratch, GraphRule, Level, LevelTrace, Network, Reach, Search, Sensor,
-};
-use meissner_kernels::{Isa, Matrix};
+use meissner_engine::{Batch, Candidates, GraphRule, Network, Reach, Search, Sensor};
 use meissner_models::{Description, Weights};
 use meissner_verify::networks::{BlockShape, ConvolutionShape, NetworkShape, PoolShape};
 
@@ -46,34 +43,8 @@ pub fn grid_batch(network: &Arc<Network>, sensor: Sensor) -> Batch {
 /// The search with a k-d tree, which shares nothing with the engine's. Its neighbours are in the same exact order.
 pub const TREE: Search = Search::Proposed(meissner_reference::from_tree);
 
-/// The features that the blocks of `level` write over the graph of `trace`, after the one that enters the level.
-///
-/// `adjust` may change each feature after it is computed, and is told its block.
-pub fn level_features(
-    level: &Level,
-    trace: &LevelTrace,
-    entering: Matrix,
-    mut adjust: impl FnMut(usize, &mut Matrix),
-) -> Vec<Matrix> {
-    let mut scratch = ConvolutionScratch::default();
-    let mut features = vec![entering];
-    for (b, block) in level.blocks.iter().enumerate() {
-        let mut out = Matrix::zeros(trace.edges.rows(), block.conv.outputs());
-        let (input, skip) = (&features[block.input], block.skip.map(|skip| &features[skip]));
-        let row = |i| trace.edges.read(i, input.row(i), skip.map(|skip| skip.row(i)));
-        let rows: Vec<_> = (0..out.rows()).map(row).collect();
-        block.conv.rows(Isa::best(), input, &rows, &mut scratch, out.lanes_mut());
-        adjust(b, &mut out);
-        features.push(out);
-    }
-    features
-}
-
 /// A shipped network with other weights, whatever they were trained on: they are only timed.
-///
-/// # Panics
-/// If there is none of that name, or the weights do not fit it.
-pub fn with_weights(name: &str, weights: &Weights) -> Arc<Network> {
+fn with_weights(name: &str, weights: &Weights) -> Arc<Network> {
     let description = Description::shipped(name).expect("a shipped network");
     Arc::new(description.network_regardless(weights).expect("the weights fit"))
 }

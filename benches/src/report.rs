@@ -30,7 +30,7 @@ fn cell(row: &Value, (field, _, digits): &Column) -> String {
 }
 
 /// Prints `rows` as a table with aligned columns: texts to the left, numbers to the right.
-pub fn print_table(columns: &[Column], rows: &[Value]) {
+fn print_table(columns: &[Column], rows: &[Value]) {
     let mut lines = vec![columns.iter().map(|(_, title, _)| (*title).to_owned()).collect::<Vec<_>>()];
     lines.extend(rows.iter().map(|row| columns.iter().map(|column| cell(row, column)).collect()));
     let widths: Vec<usize> = (0..columns.len())
@@ -47,18 +47,6 @@ pub fn print_table(columns: &[Column], rows: &[Value]) {
         println!("{}", cells.collect::<Vec<_>>().join("  ").trim_end());
     }
     println!();
-}
-
-/// Prints the head of a Markdown table.
-pub fn print_markdown_head(columns: &[Column]) {
-    let titles: Vec<&str> = columns.iter().map(|(_, title, _)| *title).collect();
-    println!("| {} |\n|{}", titles.join(" | "), "---|".repeat(columns.len()));
-}
-
-/// Prints a row of a Markdown table.
-pub fn print_markdown_row(columns: &[Column], row: &Value) {
-    let cells: Vec<String> = columns.iter().map(|column| cell(row, column)).collect();
-    println!("| {} |", cells.join(" | "));
 }
 
 /// The command line and the loop of a roofline: `[--json] [--all-isas]`.

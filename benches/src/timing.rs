@@ -3,7 +3,6 @@
 use std::time::{Duration, Instant};
 
 const SAMPLES: usize = 9;
-const ROUNDS: usize = 41;
 
 /// Median nanoseconds of a call, over nine batches of at least `shortest` each, after a warm-up.
 pub fn median_ns(shortest: Duration, mut call: impl FnMut()) -> f64 {
@@ -29,27 +28,6 @@ pub fn median_ms<E>(runs: usize, mut call: impl FnMut() -> Result<(), E>) -> Res
         call().map(|()| start.elapsed().as_secs_f64() * 1e3)
     };
     Ok(median((0..runs).map(time).collect::<Result<_, _>>()?))
-}
-
-/// Median nanoseconds of a call of each, and the median of its ratios to the first one's time in the same round.
-///
-/// The computations take turns in every round, so that a slow moment of the machine affects all of them.
-///
-/// # Panics
-/// If there are no calls.
-pub fn interleaved_ns(calls: &mut [Box<dyn FnMut() + '_>]) -> Vec<[f64; 2]> {
-    let shortest = Duration::from_millis(1);
-    let counts: Vec<u32> = calls.iter_mut().map(|call| repeats(shortest, call)).collect();
-    let mut times = vec![Vec::new(); calls.len()];
-    for _ in 0..ROUNDS {
-        for ((call, &count), times) in calls.iter_mut().zip(&counts).zip(&mut times) {
-            // The first call brings its data into the caches.
-            call();
-            times.push(timed_ns(count, call));
-        }
-    }
-    let ratios = |own: &[f64]| median(own.iter().zip(&times[0]).map(|(t, first)| t / first).collect());
-    times.iter().map(|own| [median(own.clone()), ratios(own)]).collect()
 }
 
 fn samples_ns(samples: usize, shortest: Duration, call: &mut impl FnMut()) -> Vec<f64> {
