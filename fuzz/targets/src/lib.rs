@@ -1,6 +1,6 @@
 //! Fuzz targets: each takes bytes, and panics if a promise is broken.
 //!
-//! Each target is a plain function in [`TARGETS`], so that cargo-fuzz (`fuzz/fuzz_targets/`), the replay of the corpora
+//! Each target is a plain function in [`TARGETS`], so that cargo-fuzz (`fuzz/fuzz_target.rs`), the replay of the corpora
 //! (`tests/replay.rs`) and the mutator (`src/bin/mutate.rs`) check the same promises. `fuzz/README.md` says how to run them.
 mod c_interface;
 mod choices;
@@ -58,7 +58,7 @@ pub const TARGETS: [Target; 26] = [
     Target { name: "c_interface", run: c_interface },
 ];
 
-/// Runs a target on `bytes`, for cargo-fuzz.
+/// Runs the target of this name on `bytes`, for cargo-fuzz.
 ///
 /// # Panics
 /// If there is no target of this name, or a promise is broken.

@@ -59,15 +59,11 @@ fn a_mutation_depends_on_its_seed_and_index_alone() {
 
 #[test]
 fn cargo_fuzz_has_a_binary_for_every_target_and_no_other() {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
-    let manifest = std::fs::read_to_string(folder.join("Cargo.toml")).expect("cargo-fuzz's manifest");
-    assert_eq!(manifest.matches("[[bin]]").count(), TARGETS.len());
+    let manifest = Path::new(env!("CARGO_MANIFEST_DIR")).join("../Cargo.toml");
+    let manifest = std::fs::read_to_string(manifest).expect("cargo-fuzz's manifest");
+    let source = "path = \"fuzz_target.rs\"";
+    assert_eq!(manifest.matches(source).count(), TARGETS.len());
     for Target { name, .. } in TARGETS {
-        assert!(manifest.contains(&format!("name = \"{name}\"\n")), "{name} in the manifest");
-        let binary = std::fs::read_to_string(folder.join(format!("fuzz_targets/{name}.rs")));
-        assert!(
-            binary.is_ok_and(|text| text.contains(&format!("meissner_fuzz::run(\"{name}\", bytes)"))),
-            "{name}"
-        );
+        assert!(manifest.contains(&format!("name = \"{name}\", {source}")), "{name} in the manifest");
     }
 }
