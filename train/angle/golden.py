@@ -5,9 +5,8 @@
 Dots move over the sensor by fixed formulas; `meissner prepare graphs` makes the graphs.
 """
 
-import argparse
-import json
 import math
+import sys
 import tempfile
 from pathlib import Path
 
@@ -16,6 +15,9 @@ import torch
 from frames import Frames
 from graphs import Graphs, inspected
 from network import load
+
+sys.path.append(str(Path(__file__).resolve().parents[1]))
+import shared
 
 NETWORKS = [
     *("graphres", "graphres-published", "tactigraph", "tactigraph-frozen", "tactigraph-past"),
@@ -29,7 +31,7 @@ STREAMS = [(900, 140), (500, 110), (200, 30)]
 
 @torch.no_grad()
 def main():
-    args = arguments()
+    args = shared.parser(__doc__, "angle", out=None).parse_args()
     streams = [stream(number, *size) for number, size in enumerate(STREAMS)]
     ends = np.array([[made[-1][0]] for made in streams])
     found = {}
@@ -41,14 +43,13 @@ def main():
             graphs = Frames(said, SENSOR, events) if frames else Graphs(args.meissner, name, said, SENSOR, events, folder)
             network = load(args.weights / f"{name}.0.safetensors", said)
             found[name] = network(graphs.part(range(len(streams))).read(ends)).tolist()
-    args.out.write_text(json.dumps({"sensor": SENSOR, "streams": streams, "logits": found}) + "\n")
+    shared.write(args.out, {"sensor": SENSOR, "streams": streams, "logits": found})
 
 
 def stream(number, events, milliseconds):
     """Events (t in microseconds, x, y, on) of 36 dots that move away from the middle, with noise of a linear congruence."""
-    made, state = [], 11 + number
-    for i in range(events):
-        state = (1103515245 * state + 12345) % 2**31
+    made = []
+    for i, state in zip(range(events), shared.congruence(11 + number)):
         dot, on = state // 2**8 % 36, state // 2**20 % 2
         x, y = 14 + 20 * (dot % 6), 14 + 20 * (dot // 6)
         moved = (number + 1) * 4 * i / events
@@ -57,14 +58,6 @@ def stream(number, events, milliseconds):
         y += moved * math.sin(angle) + state // 2**15 % 3 - 1
         made.append([i * milliseconds * 1000 // events, round(x), round(y), on])
     return made
-
-
-def arguments():
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("out", type=Path)
-    parser.add_argument("--weights", type=Path, default=Path("models/weights/angle"), help="default: %(default)s")
-    parser.add_argument("--meissner", default="target/release/meissner", help="default: %(default)s")
-    return parser.parse_args()
 
 
 if __name__ == "__main__":

@@ -6,7 +6,6 @@
 Fails where a digit differs, or a logit by more than 1e-4 of the largest magnitude of its recording's logits (at least 1).
 """
 
-import argparse
 import sys
 import tempfile
 from pathlib import Path
@@ -19,11 +18,15 @@ from graphs import Graphs
 from recordings import prepare
 from safetensors import safe_open
 
-MOST = 1e-4
+sys.path.append(str(Path(__file__).resolve().parents[1]))
+import shared
+
+DATA = "folder with train/DIGIT/*.bin and test/DIGIT/*.bin"
+LOGITS = "what meissner eval digits --logits wrote"
 
 
 def main():
-    args = arguments()
+    args = shared.parser(__doc__, "digits", data=DATA, logits=LOGITS).parse_args()
     agreed = True
     with safe_open(args.logits, "pt") as engine, tempfile.TemporaryDirectory() as folder:
         recordings = prepare(args.meissner, args.data, 2, folder)
@@ -34,26 +37,9 @@ def main():
                 stride = int(file.metadata().get("stride", 1))
             streams = [recordings.events[i][::stride] for i in test]
             graphs = Graphs(args.meissner, name, recordings.sensor, streams, folder)
-            agreed &= agree(name, engine.get_tensor(f"{name}.0"), logits(load(path), graphs, len(streams)))
+            found = logits(load(path), graphs, len(streams))
+            agreed &= shared.agree(name, engine.get_tensor(f"{name}.0"), found, "recordings", "digits")
     sys.exit(0 if agreed else 1)
-
-
-def agree(name, engine, torch_logits):
-    """Whether both give the same, and a line that says so."""
-    scale = torch_logits.abs().amax(1, keepdim=True).clamp(min=1)
-    difference = ((engine - torch_logits).abs() / scale).max().item()
-    differ = int((engine.argmax(1) != torch_logits.argmax(1)).sum())
-    print(f"{name}: {len(engine)} recordings, {differ} digits differ, largest difference {difference:.1e}")
-    return differ == 0 and difference <= MOST
-
-
-def arguments():
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("data", type=Path, help="folder with train/DIGIT/*.bin and test/DIGIT/*.bin")
-    parser.add_argument("logits", type=Path, help="what meissner eval digits --logits wrote")
-    parser.add_argument("--weights", type=Path, default=Path("models/weights/digits"), help="default: %(default)s")
-    parser.add_argument("--meissner", default="target/release/meissner", help="default: %(default)s")
-    return parser.parse_args()
 
 
 if __name__ == "__main__":

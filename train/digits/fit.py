@@ -7,14 +7,18 @@ Algorithm 1).
 """
 
 import math
+import sys
 import time
+from pathlib import Path
 
 import torch
 import torch.nn.functional as F
-from torch import nn
 from augment import augment
 from graphs import Graphs
 from network import NEIGHBOURS, READOUT_CELLS
+
+sys.path.append(str(Path(__file__).resolve().parents[1]))
+from shared import WeightMean, gather_statistics
 
 BATCH = 32
 # Epochs in which the rate rises, the share of all at which it has fallen, and to what share of it.
@@ -30,7 +34,7 @@ def fit(network, recordings, seen, settings, random, graphs):
     optimiser = torch.optim.AdamW(network.parameters(), settings.rate, weight_decay=DECAY)
     steps = -(-len(seen) // BATCH)
     schedule = torch.optim.lr_scheduler.LambdaLR(optimiser, lambda step: share(step / steps, epochs))
-    mean, averaged = None, 0
+    mean = WeightMean()
     network.train()
     for epoch in range(epochs):
         started, total, right = time.time(), 0.0, 0
@@ -48,14 +52,11 @@ def fit(network, recordings, seen, settings, random, graphs):
             total += loss.item() * len(streams)
             right += (found.argmax(1) == label).sum().item()
         if epoch >= epochs // 2:
-            averaged += 1
-            mean = including(mean, network, averaged)
+            mean.add(network)
         loss, correct = total / len(order), right / len(order)
         print(f"  epoch {epoch + 1:2}  loss {loss:.4f}  right {correct:.4f}  {time.time() - started:.1f} s", flush=True)
-    with torch.no_grad():
-        for parameter, value in zip(network.parameters(), mean):
-            parameter.copy_(value)
-    gather_statistics(network, built, len(order))
+    mean.copy_to(network)
+    gather_statistics(network, lambda: logits(network, built, len(order)))
     return loss
 
 
@@ -65,25 +66,6 @@ def share(epoch, epochs):
         return 0.1 + 0.9 * epoch / RISE
     fallen = min(1.0, (epoch - RISE) / max(FALLEN * epochs - RISE, 1))
     return LEAST + (1 - LEAST) * (1 + math.cos(math.pi * fallen)) / 2
-
-
-def including(mean, network, count):
-    """The mean of the weights, with the `count`th sample."""
-    now = [parameter.detach().clone() for parameter in network.parameters()]
-    return now if mean is None else [old + (new - old) / count for old, new in zip(mean, now)]
-
-
-@torch.no_grad()
-def gather_statistics(network, built, streams):
-    """Running means and variances of batch norm over `streams` streams, without dropout; leaves `network` in evaluation."""
-    network.eval()
-    for norm in network.modules():
-        if isinstance(norm, (nn.BatchNorm1d, nn.BatchNorm2d)):
-            norm.reset_running_stats()
-            norm.momentum = None  # the plain mean over batches
-            norm.train()
-    logits(network, built, streams)
-    network.eval()
 
 
 @torch.no_grad()

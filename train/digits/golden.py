@@ -5,9 +5,9 @@
 Shapes move over the sensor by fixed formulas; `meissner prepare graphs` makes the graphs.
 """
 
-import argparse
 import json
 import math
+import sys
 import tempfile
 from pathlib import Path
 
@@ -17,13 +17,16 @@ from export import load
 from fit import logits
 from graphs import Graphs
 
+sys.path.append(str(Path(__file__).resolve().parents[1]))
+import shared
+
 SENSOR = [34, 34]
 # Longer than a window, and shorter.
 STREAMS = [(900, 550), (700, 290), (200, 310)]
 
 
 def main():
-    args = arguments()
+    args = shared.parser(__doc__, "digits", out=None).parse_args()
     streams = [stream(number, *size) for number, size in enumerate(STREAMS)]
     found = {}
     with tempfile.TemporaryDirectory() as folder:
@@ -31,15 +34,13 @@ def main():
             graphs = Graphs(args.meissner, name, json.dumps(SENSOR), [np.array(s) for s in streams], folder)
             network = load(args.weights / f"{name}.0.safetensors")
             found[name] = logits(network, graphs, len(streams)).tolist()
-    args.out.parent.mkdir(parents=True, exist_ok=True)
-    args.out.write_text(json.dumps({"sensor": SENSOR, "streams": streams, "logits": found}) + "\n")
+    shared.write(args.out, {"sensor": SENSOR, "streams": streams, "logits": found})
 
 
 def stream(number, events, milliseconds):
     """Events (t in microseconds, x, y, on) along a turning bar, a ring or a hook, with noise of a linear congruence."""
-    made, state = [], 7 + number
-    for i in range(events):
-        state = (1103515245 * state + 12345) % 2**31
+    made = []
+    for i, state in zip(range(events), shared.congruence(7 + number)):
         place, on = state // 2**8 % 64 / 64, state // 2**20 % 2
         x, y = SHAPES[number % len(SHAPES)](place, i / events)
         x += state // 2**13 % 3 - 1 + on
@@ -63,14 +64,6 @@ def hook(place, time):
 
 
 SHAPES = (bar, ring, hook)
-
-
-def arguments():
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("out", type=Path)
-    parser.add_argument("--weights", type=Path, default=Path("models/weights/digits"), help="default: %(default)s")
-    parser.add_argument("--meissner", default="target/release/meissner", help="default: %(default)s")
-    return parser.parse_args()
 
 
 if __name__ == "__main__":

@@ -5,7 +5,6 @@
 The streams are those of tests/golden/angles.json, which stand in no set of recordings.
 """
 
-import argparse
 import json
 import sys
 import tempfile
@@ -18,6 +17,9 @@ from safetensors.torch import load_file
 from train import MAXIMUM
 
 FOLDER = Path(__file__).resolve().parents[1]
+sys.path.append(str(FOLDER))
+import shared
+
 PERIOD_US = 10_000
 GRAPH = "force-graph"
 
@@ -33,7 +35,7 @@ def main():
         network.load_exported({name: tensor.float() for name, tensor in load_file(args.weights / f"{name}.0.safetensors").items()})
         forces[name] = [network(frames(stream, sensor)[None])[0].tolist() for stream in streams]
     forces[GRAPH] = of_graph(args, sensor, streams)
-    args.out.write_text(json.dumps({"forces": forces}) + "\n")
+    shared.write(args.out, {"forces": forces})
 
 
 def frames(stream, sensor):
@@ -63,12 +65,9 @@ def of_graph(args, sensor, streams):
 
 
 def arguments():
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("out", type=Path)
+    parser = shared.parser(__doc__, "force", out=None)
     parser.add_argument("--streams", type=Path, default=Path("tests/golden/angles.json"), help="default: %(default)s")
-    parser.add_argument("--weights", type=Path, default=Path("models/weights/force"), help="default: %(default)s")
     parser.add_argument("--description", default=f"models/networks/{GRAPH}.toml", help="default: %(default)s")
-    parser.add_argument("--meissner", default="target/release/meissner", help="default: %(default)s")
     return parser.parse_args()
 
 

@@ -6,7 +6,6 @@
 Fails where a class differs, or a logit by more than 1e-4 of the largest magnitude of its window's logits (at least 1).
 """
 
-import argparse
 import sys
 import tempfile
 from pathlib import Path
@@ -19,11 +18,15 @@ from recipes import RECIPES
 from safetensors import safe_open
 from safetensors.torch import load_file
 
-MOST = 1e-4
+sys.path.append(str(Path(__file__).resolve().parents[1]))
+import shared
+
+DATA = "folder of CLASS/OBJECTn.csv"
+LOGITS = "what meissner eval slip --logits wrote"
 
 
 def main():
-    args = arguments()
+    args = shared.parser(__doc__, "slip", data=DATA, logits=LOGITS).parse_args()
     agreed = True
     with safe_open(args.logits, "pt") as engine, tempfile.TemporaryDirectory() as folder:
         windows = {}
@@ -33,26 +36,9 @@ def main():
                 windows[name] = prepare(args.meissner, args.data, name, folder)
             tensors = load_file(args.weights / f"{key}.safetensors")
             network = load(RECIPES[name].network(None), tensors)
-            agreed &= agree(key, engine.get_tensor(key), logits(network, windows[name].frames))
+            found = logits(network, windows[name].frames)
+            agreed &= shared.agree(key, engine.get_tensor(key), found, "windows", "classes")
     sys.exit(0 if agreed else 1)
-
-
-def agree(key, engine, torch_logits):
-    """Whether both give the same, and a line that says so."""
-    scale = torch_logits.abs().amax(1, keepdim=True).clamp(min=1)
-    difference = ((engine - torch_logits).abs() / scale).max().item()
-    differ = int((engine.argmax(1) != torch_logits.argmax(1)).sum())
-    print(f"{key}: {len(engine)} windows, {differ} classes differ, largest difference {difference:.1e}")
-    return differ == 0 and difference <= MOST
-
-
-def arguments():
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("data", type=Path, help="folder of CLASS/OBJECTn.csv")
-    parser.add_argument("logits", type=Path, help="what meissner eval slip --logits wrote")
-    parser.add_argument("--weights", type=Path, default=Path("models/weights/slip"), help="default: %(default)s")
-    parser.add_argument("--meissner", default="target/release/meissner", help="default: %(default)s")
-    return parser.parse_args()
 
 
 if __name__ == "__main__":

@@ -8,11 +8,15 @@ batch norm.
 """
 
 import contextlib
+import sys
 import time
+from pathlib import Path
 
 import torch
 import torch.nn.functional as F
-from torch import nn
+
+sys.path.append(str(Path(__file__).resolve().parents[1]))
+from shared import WeightMean, gather_statistics
 
 
 def fit(network, recipe, frames, label, seed):
@@ -20,7 +24,7 @@ def fit(network, recipe, frames, label, seed):
     shuffled = torch.Generator().manual_seed(seed)
     # The gradient of the penalty l2 * w^2 is 2 l2 w.
     optimiser = torch.optim.Adam(network.parameters(), recipe.rate, weight_decay=2 * recipe.l2)
-    losses, mean, averaged = [], None, 0
+    losses, mean = [], WeightMean()
     for epoch in range(recipe.epochs):
         network.train()
         started, total = time.time(), 0.0
@@ -34,42 +38,24 @@ def fit(network, recipe, frames, label, seed):
             total += loss.item() * len(batch)
         losses.append(total / len(label))
         if epoch >= recipe.epochs // 2:
-            averaged += 1
-            mean = including(mean, network, averaged)
+            mean.add(network)
         print(f"  epoch {epoch + 1:2}  loss {losses[-1]:.4f}  {time.time() - started:.1f} s", flush=True)
-    with torch.no_grad():
-        for parameter, value in zip(network.parameters(), mean):
-            parameter.copy_(value)
-    gather_statistics(network, frames)
+    mean.copy_to(network)
+    gather_statistics(network, lambda: run(network, frames))
     return losses
+
+
+def run(network, frames):
+    """Runs `network` over all `frames`, for what it gathers meanwhile."""
+    for part in frames.split(256):
+        with fast():
+            network(part)
 
 
 def cross_entropy(logits, label, smoothing):
     """Mean over the batch; of a committee's logits, (members, batch, 7), the sum over its members."""
     members = logits if logits.dim() == 3 else logits[None]
     return sum(F.cross_entropy(each, label, label_smoothing=smoothing) for each in members)
-
-
-def including(mean, network, count):
-    """The mean of the weights, with the `count`th sample."""
-    now = [parameter.detach().clone() for parameter in network.parameters()]
-    return now if mean is None else [old + (new - old) / count for old, new in zip(mean, now)]
-
-
-@torch.no_grad()
-def gather_statistics(network, frames):
-    """Running means and variances of batch norm over all `frames`, without dropout; leaves `network` in evaluation."""
-    network.eval()
-    norms = [module for module in network.modules() if isinstance(module, nn.BatchNorm1d)]
-    for norm in norms:
-        norm.reset_running_stats()
-        norm.momentum = None  # the plain mean over batches
-        norm.train()
-    if norms:
-        for part in frames.split(256):
-            with fast():
-                network(part)
-    network.eval()
 
 
 def fast():

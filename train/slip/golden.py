@@ -5,8 +5,7 @@
 The readings wander like a press does, by a fixed formula; `meissner prepare slip` makes the windows.
 """
 
-import argparse
-import json
+import sys
 import tempfile
 from pathlib import Path
 
@@ -18,13 +17,16 @@ from prepared import prepare
 from recipes import RECIPES
 from safetensors.torch import load_file
 
+sys.path.append(str(Path(__file__).resolve().parents[1]))
+import shared
+
 READINGS = 40
 # Any object of Basic, since the layout of a data set asks for one.
 RECORDING = Path("n/pen0.csv")
 
 
 def main():
-    args = arguments()
+    args = shared.parser(__doc__, "slip", out=None).parse_args()
     readings = [[reading(time, electrode) for electrode in range(ELECTRODES)] for time in range(READINGS)]
     found = {}
     with tempfile.TemporaryDirectory() as folder:
@@ -36,22 +38,13 @@ def main():
             prepared = prepare(args.meissner, Path(folder) / "data", name, folder)
             network = load(recipe.network(None), load_file(args.weights / f"{name}.0.safetensors"))
             found[name] = logits(network, prepared.frames).tolist()
-    args.out.parent.mkdir(parents=True, exist_ok=True)
-    args.out.write_text(json.dumps({"readings": readings, "logits": found}) + "\n")
+    shared.write(args.out, {"readings": readings, "logits": found})
 
 
 def reading(time, electrode):
     """Counts of an electrode: a level of its own, a slow drift, and noise of a linear congruence."""
-    noise = (1103515245 * (time * ELECTRODES + electrode) + 12345) % 2**31 % 15
+    noise = next(shared.congruence(time * ELECTRODES + electrode)) % 15
     return 3000 + 29 * ((7 * electrode) % 24) + (time * (electrode % 5 - 2)) // 2 + noise
-
-
-def arguments():
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("out", type=Path)
-    parser.add_argument("--weights", type=Path, default=Path("models/weights/slip"), help="default: %(default)s")
-    parser.add_argument("--meissner", default="target/release/meissner", help="default: %(default)s")
-    return parser.parse_args()
 
 
 if __name__ == "__main__":

@@ -5,7 +5,6 @@
 Taxels spike by fixed formulas; `meissner prepare graphs` makes the graphs.
 """
 
-import argparse
 import json
 import sys
 import tempfile
@@ -17,6 +16,7 @@ from safetensors.torch import load_file
 
 TRAIN = Path(__file__).resolve().parents[1]
 sys.path += [str(TRAIN), str(TRAIN / "digits")]
+import shared
 from graphs import Graphs
 from network import Touch
 
@@ -26,7 +26,7 @@ STREAMS = [(900, 320), (700, 200), (400, 150), (300, 80), (120, 30)]
 
 
 def main():
-    args = arguments()
+    args = shared.parser(__doc__, "touch", out=None).parse_args()
     streams = [stream(number, *size) for number, size in enumerate(STREAMS)]
     found = {}
     with tempfile.TemporaryDirectory() as folder:
@@ -34,7 +34,7 @@ def main():
             graphs = Graphs(args.meissner, f"models/networks/{name}.toml", json.dumps(SENSOR), [np.array(s) for s in streams], folder)
             network = load(args.weights / f"{name}.0.safetensors")
             found[name] = network(network.features(graphs, len(streams))).tolist()
-    args.out.write_text(json.dumps({"sensor": SENSOR, "streams": streams, "logits": found}) + "\n")
+    shared.write(args.out, {"sensor": SENSOR, "streams": streams, "logits": found})
 
 
 def load(path):
@@ -47,20 +47,11 @@ def load(path):
 
 def stream(number, spikes, bins):
     """Spikes (t in microseconds, x, y, on) of 30 places that wake one after the other, by a linear congruence."""
-    made, state = [], 11 + number
-    for i in range(spikes):
-        state = (1103515245 * state + 12345) % 2**31
+    made = []
+    for i, state in zip(range(spikes), shared.congruence(11 + number)):
         place = min(state // 2**8 % 30, 29 * (i + 60) // spikes)
         made.append([i * bins // spikes * 20_000, 40 * (place % 6) + 7, 70 * (place // 6) + 20, state // 2**20 % 3 // 2])
     return made
-
-
-def arguments():
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("out", type=Path)
-    parser.add_argument("--weights", type=Path, default=Path("models/weights/touch"), help="default: %(default)s")
-    parser.add_argument("--meissner", default="target/release/meissner", help="default: %(default)s")
-    return parser.parse_args()
 
 
 if __name__ == "__main__":
