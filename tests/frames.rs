@@ -6,6 +6,7 @@ use meissner_engine::frames::{
     FrameShape, Skip,
 };
 use meissner_kernels::{Activation, Isa, WinogradTile};
+use meissner_tests::cases::cases;
 use meissner_verify::frame_networks::{Style, network, sequence};
 use meissner_verify::strategies::frame_style;
 use meissner_verify::{Random, bits};
@@ -20,12 +21,8 @@ fn predict(engine: &mut FrameEngine) -> Vec<u32> {
     bits(engine.predict().expect("finite values").values)
 }
 
-fn cases() -> u32 {
-    std::env::var("MEISSNER_CASES").ok().and_then(|n| n.parse().ok()).unwrap_or(100)
-}
-
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(cases()))]
+    #![proptest_config(cases(100))]
 
     #[test]
     fn what_is_skipped_changes_no_bit(

@@ -3,15 +3,15 @@
 //! `MEISSNER_CASES` sets the number of cases (5,000 without it).
 
 use meissner_engine::{Candidates, Event, GraphRule, Reach, Search, Sensor};
+use meissner_tests::cases::cases;
 use meissner_verify::networks::{NetworkShape, PoolShape};
 use meissner_verify::{CheckedEngine, strategies};
 use proptest::prelude::*;
 
 /// One case of so many.
 fn config(of: u32) -> ProptestConfig {
-    let cases =
-        std::env::var("MEISSNER_CASES").ok().and_then(|cases| cases.parse().ok()).unwrap_or(5_000_u32);
-    ProptestConfig { cases: cases.div_ceil(of), max_shrink_iters: 20_000, ..ProptestConfig::default() }
+    let all = cases(5_000);
+    ProptestConfig { cases: all.cases.div_ceil(of), ..all }
 }
 
 proptest! {

@@ -11,15 +11,11 @@ use meissner_engine::{
 };
 use meissner_kernels::{Activation, Dense, SplineConv, SplineParts, WinogradTile};
 use meissner_reference::{Difference, EventReference, EventTrace, FrameReference, ReferenceError};
+use meissner_tests::cases::cases;
 use meissner_verify::CheckedEngine;
 use meissner_verify::frame_networks::{self, Style};
 use meissner_verify::strategies::{network, script};
 use proptest::prelude::*;
-
-fn config() -> ProptestConfig {
-    let cases = std::env::var("MEISSNER_CASES").ok().and_then(|cases| cases.parse().ok()).unwrap_or(200);
-    ProptestConfig { cases, ..ProptestConfig::default() }
-}
 
 /// Largest difference, as a share of the largest magnitude so far: what a layer makes of a rounding error is a matter of its
 /// weights, and weights of these networks are of order 1. 2,000 random cases of each kind stay below 1.5e-6 (networks over
@@ -67,7 +63,7 @@ fn compare(got: &Trace, want: &EventTrace) -> Result<(), String> {
 }
 
 proptest! {
-    #![proptest_config(config())]
+    #![proptest_config(cases(200))]
 
     #[test]
     fn every_row_of_a_random_network_is_close_to_f64(shape in network(), script in script(40)) {

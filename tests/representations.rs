@@ -7,15 +7,11 @@ use meissner_engine::representations::{
     VoxelGrid, VoxelTime,
 };
 use meissner_engine::{Event, Sensor};
+use meissner_tests::cases::cases;
 use meissner_tests::event_frames::{FrameKind, History, Kept, keep, place, set};
 use meissner_tests::shared::shared;
 use meissner_verify::{Step, strategies};
 use proptest::prelude::*;
-
-fn config() -> ProptestConfig {
-    let cases = std::env::var("MEISSNER_CASES").ok().and_then(|cases| cases.parse().ok()).unwrap_or(2_000);
-    ProptestConfig { cases, ..ProptestConfig::default() }
-}
 
 /// A part of the sensor, from four numbers of any size.
 fn crop(sensor: Sensor, [x, y, width, height]: [u16; 4]) -> Crop {
@@ -47,7 +43,7 @@ fn what() -> impl Strategy<Value = FrameKind> {
 }
 
 proptest! {
-    #![proptest_config(config())]
+    #![proptest_config(cases(2_000))]
 
     #[test]
     fn consecutive_frames_equal_frames_from_all_events(

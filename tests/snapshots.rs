@@ -6,14 +6,10 @@
 use std::sync::Arc;
 
 use meissner_engine::{Engine, EngineError, Event, LatePolicy, Options, Snapshot};
+use meissner_tests::cases::cases;
 use meissner_verify::networks::NetworkShape;
 use meissner_verify::{Script, Step, bits, strategies};
 use proptest::prelude::*;
-
-fn config() -> ProptestConfig {
-    let cases = std::env::var("MEISSNER_CASES").ok().and_then(|cases| cases.parse().ok()).unwrap_or(1_000);
-    ProptestConfig { cases, max_shrink_iters: 20_000, ..ProptestConfig::default() }
-}
 
 fn options() -> impl Strategy<Value = Options> {
     (prop_oneof![Just(0.0f32), Just(0.02), Just(0.3)], any::<bool>()).prop_map(|(tolerance, clamps)| {
@@ -67,7 +63,7 @@ fn show(engine: &mut Engine) -> Shown {
 }
 
 proptest! {
-    #![proptest_config(config())]
+    #![proptest_config(cases(1_000))]
 
     #[test]
     fn an_engine_that_goes_on_from_bytes_has_the_same_bits(

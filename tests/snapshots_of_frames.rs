@@ -6,7 +6,8 @@ use meissner_engine::frames::{
     Skip,
 };
 use meissner_kernels::{Isa, WinogradTile};
-use meissner_tests::snapshots::sealed;
+use meissner_tests::cases::cases;
+use meissner_tests::snapshots::{Fields, sealed};
 use meissner_verify::bits;
 use meissner_verify::frame_networks::{Style, network, sequence};
 use meissner_verify::strategies::frame_style;
@@ -27,12 +28,8 @@ fn options() -> impl Strategy<Value = FrameOptions> {
     (skip, any::<bool>()).prop_map(|(skip, sparse)| FrameOptions::new().with_skip(skip).with_sparse(sparse))
 }
 
-fn cases() -> u32 {
-    std::env::var("MEISSNER_CASES").ok().and_then(|n| n.parse().ok()).unwrap_or(150)
-}
-
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(cases()))]
+    #![proptest_config(cases(150))]
 
     #[test]
     fn a_frame_engine_that_goes_on_from_bytes_has_the_same_bits(
@@ -133,9 +130,10 @@ proptest! {
 fn counts_that_were_made_up_leave_room_to_go_on() {
     let style = Style::Classifier;
     let (mut engine, bytes) = after_frames(style, FrameOptions::default(), 1);
-    let name = format!("{style:?}").len();
-    // Behind fingerprint, name, way to skip, counts of frames and number of layers: pixels that the pooling computed.
-    let at = 24 + 8 + (8 + name) + (1 + 4 + 1) + 3 * 8 + 8 + 3 * 8;
+    let fields = Fields::of(&bytes, |bytes| engine.restore_bytes(bytes));
+    // Pixels that the pooling computed, the second layer.
+    let (start, end) = (fields.at("count of pixels"), fields.end("count of pixels"));
+    let at = start + (end - start) / engine.counters().layers.len();
     let with = |count: u64| {
         let mut bytes = bytes.clone();
         bytes[at..at + 8].copy_from_slice(&count.to_le_bytes());

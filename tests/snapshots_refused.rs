@@ -1,26 +1,32 @@
 //! Snapshots that an engine refuses: with a typed error that names what is wrong, and the engine as it was.
 
-use std::sync::Arc;
+use std::sync::{Arc, LazyLock};
 
 use meissner_engine::{
     Candidates, DenseLayer, Engine, EngineError, Event, Fraction, GraphConvolution, GraphRule, LatePolicy,
     Lifetime, Network, NetworkParts, Normalisation, Options, Position, Reach, Sensor, snapshot_note,
 };
 use meissner_kernels::{Activation, Dense, Isa, PointNetConv, PointNetParts, SplineConv, SplineParts};
-use meissner_tests::snapshots::sealed;
+use meissner_tests::snapshots::{FOOTER, Fields, sealed};
 use meissner_verify::Random;
 use meissner_verify::bits;
 use meissner_verify::networks::{BlockShape, ConvolutionShape, NetworkShape, PoolShape};
 use proptest::prelude::*;
 
 const SENSOR: Sensor = Sensor { width: 20, height: 10 };
-/// Where the content of the snapshots below has its fields: the name is "random", there are three layers, and an epoch.
-const NAME: usize = 24 + 8;
-const SIZE: usize = NAME + 8 + 6;
-const COUNTS: usize = SIZE + 4 + 4 + 1;
-const LAYERS: usize = COUNTS + 10 * 8;
-const CLOCK: usize = LAYERS + 8 + 3 * 4 * 8 + 6 * 8;
-const WINDOW: usize = CLOCK + 1 + 3 * 8;
+/// Where the snapshots below have their fields. Up to the events of the window, those of all engines have the same.
+static FIELDS: LazyLock<Fields> = LazyLock::new(|| {
+    let (mut engine, bytes) = after_events(Candidates::Past(Lifetime::Frozen), 0.0);
+    Fields::of(&bytes, |bytes| engine.restore_bytes(bytes))
+});
+const COUNTS: &str = "count of events";
+const CLOCK: &str = "whether there is a clock";
+const WINDOW: &str = "number of events";
+
+/// The number that starts at `at`.
+fn number(bytes: &[u8], at: usize) -> u64 {
+    u64::from_le_bytes(bytes[at..at + 8].try_into().expect("8 bytes"))
+}
 
 fn block(channels: usize) -> BlockShape {
     BlockShape {
@@ -123,7 +129,7 @@ proptest! {
         tolerance in prop_oneof![Just(0.0f32), Just(0.1)],
         changes in proptest::collection::vec(
             (
-                prop_oneof![0usize..40, COUNTS..WINDOW + 200, 0usize..1 << 16],
+                prop_oneof![0usize..40, FIELDS.at(COUNTS)..FIELDS.at(WINDOW) + 200, 0usize..1 << 16],
                 1usize..9,
                 prop_oneof![Just(1u64 << 63), Just(u64::MAX), 0u64..64, any::<u64>()],
             ),
@@ -133,7 +139,7 @@ proptest! {
         let (mut engine, mut bytes) = after_events(candidates, tolerance);
         let mut untouched = engine.clone();
         for (place, count, word) in changes {
-            let at = COUNTS + place % (bytes.len() - 16 - COUNTS);
+            let at = FIELDS.at(COUNTS) + place % (bytes.len() - FOOTER - FIELDS.at(COUNTS));
             bytes[at..at + count].copy_from_slice(&word.to_le_bytes()[..count]);
         }
         if let Err(error) = engine.restore_bytes(&sealed(bytes)) {
@@ -172,52 +178,53 @@ fn a_content_that_does_not_fit_is_refused_with_place_expected_and_found() {
     let frozen = Candidates::Past(Lifetime::Frozen);
     let huge = (1u64 << 63).to_le_bytes();
     let (_, bytes) = after_events(frozen, 0.0);
-    let left = bytes.len() - 16 - (NAME + 8);
-    let events = u64::from_le_bytes(bytes[WINDOW..WINDOW + 8].try_into().expect("8 bytes")) as usize;
-    let newest = i64::from_le_bytes(bytes[CLOCK + 17..CLOCK + 25].try_into().expect("8 bytes")) - 1;
-    let first = WINDOW + 8;
-    let in_edges = first + 13 * events;
-    let rows = in_edges + events;
+    let name = FIELDS.at("network's name");
+    let left = bytes.len() - FOOTER - (name + 8);
+    let [counts, layers, clock, epoch] =
+        [COUNTS, "number of layers", CLOCK, "epoch"].map(|name| FIELDS.at(name));
+    let [now, last, window] = ["newest time", "newest event", WINDOW].map(|name| FIELDS.at(name));
+    let rows = FIELDS.at("number of rows of level 0");
+    let events = number(&bytes, window) as usize;
+    let newest = number(&bytes, last) as i64 - 1;
+    // Between the number of events and their rows: 13 bytes for each event, then its number of in-edges.
+    let (first, in_edges) = (window + 8, rows - events);
+    let after = |event: usize| first + event * (in_edges - first) / events;
     for (at, value, expected) in [
         (
-            NAME,
+            name,
             &huge[..],
             format!("network's name at byte 32: expected at most {left}, found 9223372036854775808"),
         ),
         (
-            COUNTS,
+            counts,
             &huge,
             "count of events at byte 55: expected a count below 2^56, found 9223372036854775808".into(),
         ),
         (
-            COUNTS + 8,
+            counts + 8,
             &(1u64 << 56).to_le_bytes(),
             "count of events at byte 63: expected a count below 2^56, found 72057594037927936".into(),
         ),
-        (LAYERS, &huge, format!("number of layers at byte {LAYERS}: expected 3, found 9223372036854775808")),
-        (CLOCK, &[2], format!("whether there is a clock at byte {CLOCK}: expected 0 or 1, found 2")),
-        (CLOCK + 1, &i64::MAX.to_le_bytes(), format!("newest time at byte {}", CLOCK + 9)),
+        (layers, &huge, format!("number of layers at byte {layers}: expected 3, found 9223372036854775808")),
+        (clock, &[2], format!("whether there is a clock at byte {clock}: expected 0 or 1, found 2")),
+        (epoch, &i64::MAX.to_le_bytes(), format!("newest time at byte {now}")),
+        (now, &(-1i64).to_le_bytes(), "expected a time from the epoch on that fits 64 bits, found -1".into()),
+        (last, &2_000i64.to_le_bytes(), format!("newest event at byte {last}")),
         (
-            CLOCK + 9,
-            &(-1i64).to_le_bytes(),
-            "expected a time from the epoch on that fits 64 bits, found -1".into(),
-        ),
-        (CLOCK + 17, &2_000i64.to_le_bytes(), format!("newest event at byte {}", CLOCK + 17)),
-        (
-            first + 13 * (events - 1),
+            after(events - 1),
             &newest.to_le_bytes(),
             format!("to {}, the last at its end, found {newest}", newest + 1),
         ),
         (
-            WINDOW,
+            window,
             &huge,
-            format!("number of events at byte {WINDOW}: expected at most 40, found 9223372036854775808"),
+            format!("number of events at byte {window}: expected at most 40, found 9223372036854775808"),
         ),
         (first, &0i64.to_le_bytes(), format!("time of event 0 at byte {first}: expected ")),
         (
             first,
             &newest.to_le_bytes(),
-            format!("time of event 1 at byte {}: expected {newest} to ", first + 13),
+            format!("time of event 1 at byte {}: expected {newest} to ", after(1)),
         ),
         (first + 8, &20u16.to_le_bytes(), format!("event 0 at byte {}: expected a pixel", first + 8)),
         (first + 12, &[7], "polarity of event 0".into()),
@@ -243,16 +250,17 @@ fn a_content_that_does_not_fit_is_refused_with_place_expected_and_found() {
 fn more_events_than_the_bytes_or_a_window_without_a_clock_can_hold_are_refused_before_they_are_read() {
     let (mut engine, mut bytes) = after_events(Candidates::Past(Lifetime::Frozen), 0.0);
     // Room for two events of 14 bytes, and for three of 13.
-    bytes.truncate(WINDOW + 8 + 3 * 13 + 16);
-    bytes[WINDOW..WINDOW + 8].copy_from_slice(&3u64.to_le_bytes());
-    let end = bytes.len() - 16;
+    let (window, clock) = (FIELDS.at(WINDOW), FIELDS.at(CLOCK));
+    bytes.truncate(window + 8 + 3 * 13 + FOOTER);
+    bytes[window..window + 8].copy_from_slice(&3u64.to_le_bytes());
+    let end = bytes.len() - FOOTER;
     bytes[end..].fill(0);
     let error = engine.restore_bytes(&sealed(bytes)).expect_err("an event is missing").to_string();
-    assert_eq!(error, format!("snapshot: number of events at byte {WINDOW}: expected at most 2, found 3"));
+    assert_eq!(error, format!("snapshot: number of events at byte {window}: expected at most 2, found 3"));
     let mut empty = engine_of(Candidates::All).to_bytes();
-    empty.splice(CLOCK + 1.., [1, 0, 0, 0, 0, 0, 0, 0].into_iter().chain([0; 13 + 16]));
+    empty.splice(clock + 1.., [1, 0, 0, 0, 0, 0, 0, 0].into_iter().chain([0; 13 + FOOTER]));
     let error = engine_of(Candidates::All).restore_bytes(&sealed(empty)).expect_err("no clock").to_string();
-    let at = CLOCK + 1;
+    let at = clock + 1;
     assert_eq!(error, format!("snapshot: number of events at byte {at}: expected at most 0, found 1"));
 }
 
@@ -262,7 +270,7 @@ fn bytes_too_few_for_any_snapshot_are_refused_whatever_they_say() {
     for length in 24..=40 {
         let mut bytes = bytes[..length].to_vec();
         bytes[16..24].copy_from_slice(&(length as u64).to_le_bytes());
-        let bytes = if length == 40 { sealed([&bytes[..24], &[0; 16]].concat()) } else { bytes };
+        let bytes = if length == 40 { sealed([&bytes[..24], &[0; FOOTER]].concat()) } else { bytes };
         let error = engine.restore_bytes(&bytes).expect_err("no content").to_string();
         let expected = if length < 40 { "length at byte 16" } else { "network at byte 24" };
         assert!(error.contains(expected), "{length}: {error}");
@@ -272,11 +280,12 @@ fn bytes_too_few_for_any_snapshot_are_refused_whatever_they_say() {
 #[test]
 fn a_snapshot_of_an_exact_engine_is_thirteen_bytes_an_event_and_one_with_a_tolerance_says_which() {
     let (_, bytes) = after_events(Candidates::All, 0.0);
-    let events = u64::from_le_bytes(bytes[WINDOW..WINDOW + 8].try_into().expect("8 bytes")) as usize;
+    let window = FIELDS.at(WINDOW);
+    let events = number(&bytes, window) as usize;
     // Then the number of held events, and of bytes of the note, and the checksum.
-    assert_eq!(bytes.len(), WINDOW + 8 + 13 * events + 24);
+    assert_eq!(bytes.len(), window + 8 + 13 * events + 8 + FOOTER);
     let (_, bytes) = after_events(Candidates::All, 0.1);
-    assert_eq!(bytes[SIZE + 4..SIZE + 8], 0.1f32.to_le_bytes());
+    assert_eq!(bytes[FIELDS.at("tolerance")..][..4], 0.1f32.to_le_bytes());
 }
 
 #[test]
@@ -326,7 +335,7 @@ fn a_snapshot_with_rows_that_are_not_finite_is_refused_by_their_name() {
 fn a_content_that_goes_on_behind_its_end_is_refused() {
     let (mut engine, mut bytes) = after_events(Candidates::All, 0.0);
     // Before the length of the note and the checksum.
-    let at = bytes.len() - 16;
+    let at = bytes.len() - FOOTER;
     bytes.splice(at..at, [0; 5]);
     let error = engine.restore_bytes(&sealed(bytes)).expect_err("five more bytes").to_string();
     assert_eq!(error, format!("snapshot: end at byte {at}: expected no more bytes, found 5"));
@@ -339,7 +348,7 @@ fn a_note_comes_back_and_one_that_is_longer_than_the_snapshot_is_refused() {
     assert_eq!(snapshot_note(&bytes), Ok(&b"a note"[..]));
     assert_eq!(engine.restore_bytes(&bytes), Ok(()));
     assert_eq!(snapshot_note(&engine.to_bytes()), Ok(&[][..]));
-    let at = bytes.len() - 16;
+    let at = bytes.len() - FOOTER;
     for length in [at as u64 - 23, 1 << 63, u64::MAX] {
         bytes[at..at + 8].copy_from_slice(&length.to_le_bytes());
         bytes = sealed(bytes);

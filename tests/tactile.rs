@@ -5,12 +5,8 @@
 use meissner_engine::representations::{
     ELECTRODES, Sampling, Scaling, TACTILE_CELLS, TactileForm, TactileLayout, TactileWindow,
 };
+use meissner_tests::cases::cases;
 use proptest::prelude::*;
-
-fn config() -> ProptestConfig {
-    let cases = std::env::var("MEISSNER_CASES").ok().and_then(|cases| cases.parse().ok()).unwrap_or(2_000);
-    ProptestConfig { cases, ..ProptestConfig::default() }
-}
 
 fn reading() -> impl Strategy<Value = [f32; ELECTRODES]> {
     let value = prop_oneof![9 => 0f32..3_600.0, 1 => Just(0.0f32)];
@@ -18,7 +14,7 @@ fn reading() -> impl Strategy<Value = [f32; ELECTRODES]> {
 }
 
 proptest! {
-    #![proptest_config(config())]
+    #![proptest_config(cases(2_000))]
 
     #[test]
     fn tactile_windows_equal_windows_cut_from_all_readings(

@@ -7,18 +7,14 @@ use meissner_engine::{
     Candidates, Engine, EngineError, Event, GraphRule, Lifetime, Options, Reach, Search, Sensor,
 };
 use meissner_models::{Description, Weights};
+use meissner_tests::cases::cases;
 use meissner_tests::within_tolerance;
 use meissner_verify::networks::{BlockShape, ConvolutionShape, NetworkShape};
 use meissner_verify::{CheckedEngine, Random, bits, strategies};
 use proptest::prelude::*;
 
-fn config() -> ProptestConfig {
-    let cases = std::env::var("MEISSNER_CASES").ok().and_then(|cases| cases.parse().ok()).unwrap_or(1_000);
-    ProptestConfig { cases, max_shrink_iters: 20_000, ..ProptestConfig::default() }
-}
-
 proptest! {
-    #![proptest_config(config())]
+    #![proptest_config(cases(1_000))]
 
     #[test]
     fn a_stored_row_is_within_the_tolerance_of_what_its_stored_inputs_give(

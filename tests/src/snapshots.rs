@@ -3,6 +3,12 @@
 use std::hash::Hasher;
 
 use fnv::FnvHasher;
+use meissner_engine::EngineError;
+
+/// Bytes before the content.
+const HEADER: usize = 24;
+/// Bytes after the content of a snapshot without a note: the length of the note, and the checksum.
+pub const FOOTER: usize = 16;
 
 /// `bytes`, a snapshot whose content was changed, with length and checksum that fit: FNV-1a over all before it.
 pub fn sealed(mut bytes: Vec<u8>) -> Vec<u8> {
@@ -13,4 +19,46 @@ pub fn sealed(mut bytes: Vec<u8>) -> Vec<u8> {
     checksum.write(&bytes);
     bytes.extend(checksum.finish().to_le_bytes());
     bytes
+}
+
+/// Where the fields of a snapshot start, as its reader names them.
+#[derive(Debug)]
+pub struct Fields(Vec<(String, usize)>);
+
+impl Fields {
+    /// The fields of `bytes`, which `restore` reads: each is missing where the content is cut before its end. Items
+    /// whose number is checked against the bytes that are left are part of the field that holds this number.
+    pub fn of(bytes: &[u8], mut restore: impl FnMut(&[u8]) -> Result<(), EngineError>) -> Self {
+        let mut fields: Vec<(String, usize)> = Vec::new();
+        for end in HEADER..bytes.len() - FOOTER {
+            let cut = sealed([&bytes[..end], &[0; FOOTER]].concat());
+            if let Err(EngineError::SnapshotBytes { what, at, .. }) = restore(&cut)
+                && fields.last().is_none_or(|(last, _)| *last != what)
+            {
+                fields.push((what, at));
+            }
+        }
+        Self(fields)
+    }
+
+    /// The first byte of a field.
+    ///
+    /// # Panics
+    /// If there is none of this name.
+    pub fn at(&self, name: &str) -> usize {
+        self.0[self.index(name)].1
+    }
+
+    /// The first byte after a field, or after several of one name that follow each other.
+    ///
+    /// # Panics
+    /// If there is none of this name, or it is the last.
+    pub fn end(&self, name: &str) -> usize {
+        self.0[self.index(name) + 1].1
+    }
+
+    fn index(&self, name: &str) -> usize {
+        let place = self.0.iter().position(|(field, _)| field == name);
+        place.unwrap_or_else(|| panic!("no field {name:?} in {:?}", self.0))
+    }
 }
