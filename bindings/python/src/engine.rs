@@ -12,6 +12,7 @@ use crate::error::{Failure, Outcome};
 use crate::events::Events;
 use crate::graph::{self, Graph};
 use crate::html;
+use crate::methods::{engine_methods, engine_over_events};
 use crate::prediction::{self, Outputs, Prediction};
 use crate::turn::turn;
 use crate::warned::{self, Losses};
@@ -66,12 +67,8 @@ impl Engine {
     }
 }
 
-impl Engine {
-    /// Warns of reasons for which many events were lost, each once.
-    pub(crate) fn warn_of_losses(&mut self, py: Python<'_>) -> Outcome<()> {
-        self.losses.look(py, self.engine.counters().events, self.engine.sensor())
-    }
-}
+engine_methods!(Engine);
+engine_over_events!(Engine, engine.sensor(), state_bytes);
 
 /// A network over events with its description, from the arguments of a constructor.
 pub(crate) fn network_of(
@@ -142,51 +139,6 @@ impl Engine {
         Ok(Self::new_from(engine, &outputs, &description))
     }
 
-    /// Inserts events in order; returns how many were accepted, with those that were held before. The others are held, or counted in
-    /// `counters`.
-    ///
-    /// Give a structured array with the fields t (microseconds or timedelta64), x, y, p (-1, 0, 1 or bool) of any integer types in
-    /// any order, four arrays `t=, x=, y=, p=`, or a `Recording`. The other names that files have are taken too: ts, time, timestamp,
-    /// each also with _us; pol, polarity, on. Arrays are read in place: strides, gaps and byte order are free; only durations in
-    /// another unit than microseconds are converted first. Empty lists are no event. While many events are pushed, other threads run, and Ctrl-C raises `KeyboardInterrupt` between two events: the
-    /// events before have then been inserted.
-    ///
-    /// Raises `InputError` or `DtypeError` before the first event is inserted.
-    #[pyo3(signature = (*args, **keywords), text_signature = "($self, events=None, *, t=None, x=None, y=None, p=None)")]
-    fn push<'py>(
-        slf: &Bound<'_, Self>,
-        py: Python<'py>,
-        args: &Bound<'py, PyTuple>,
-        keywords: Option<&Bound<'py, PyDict>>,
-    ) -> Outcome<usize> {
-        let mut this = turn(slf)?;
-        let events = Events::of_call(args, keywords)?;
-        let restarts = this.engine.event_counters().restarts;
-        let (engine, mut accepted) = (&mut this.engine, 0);
-        events.work(py, |part| {
-            accepted += engine.push_slice(part);
-            Ok(())
-        })?;
-        if accepted < events.len() || this.engine.event_counters().restarts > restarts {
-            this.warn_of_losses(py)?;
-        }
-        Ok(accepted)
-    }
-
-    /// Advances the clock to `t_us` without an event: older events expire. Earlier times change nothing.
-    fn advance(slf: &Bound<'_, Self>, t_us: i64) -> Outcome<()> {
-        let mut this = turn(slf)?;
-        this.engine.advance(t_us);
-        Ok(())
-    }
-
-    /// The prediction for the current window. Raises `NotANumberError`.
-    fn predict(slf: &Bound<'_, Self>, py: Python<'_>) -> Outcome<Prediction> {
-        let mut this = turn(slf)?;
-        let Self { engine, outputs, .. } = &mut *this;
-        prediction::computed(py, engine, None, outputs)
-    }
-
     /// Writes the prediction to `out`, a writable contiguous array of float32, and allocates nothing.
     ///
     /// Raises `InputError`, `DtypeError`, `NotANumberError`.
@@ -196,13 +148,6 @@ impl Engine {
         let out = prediction::out(out, values.len())?;
         py.detach(|| engine.predict().map(|prediction| values.copy_from_slice(prediction.values)))?;
         out.write(values)
-    }
-
-    /// Removes all events; the next one sets a new epoch. Counters are kept.
-    fn reset(slf: &Bound<'_, Self>) -> Outcome<()> {
-        let mut this = turn(slf)?;
-        this.engine.reset();
-        Ok(())
     }
 
     /// The state as bytes, for `restore` in this or another process.
@@ -217,13 +162,6 @@ impl Engine {
     fn restore(slf: &Bound<'_, Self>, snapshot: &[u8]) -> Outcome<()> {
         let mut this = turn(slf)?;
         Ok(this.engine.restore_bytes(snapshot)?)
-    }
-
-    /// Counts since the engine was made: of events, of rows by layer, of predictions.
-    #[getter]
-    fn counters<'py>(slf: &Bound<'_, Self>, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        let this = turn(slf)?;
-        counters(py, &this.engine.counters(), &this.outputs.layers)
     }
 
     /// The event graph of the window, for PyTorch Geometric.
@@ -246,27 +184,6 @@ impl Engine {
         graph::activations(py, this.engine.network(), |level, feature| this.engine.feature(level, feature))
     }
 
-    /// The description of the network.
-    #[getter]
-    fn description(slf: &Bound<'_, Self>) -> Outcome<Description> {
-        let this = turn(slf)?;
-        Ok(this.description.clone())
-    }
-
-    /// (width, height) of the sensor.
-    #[getter]
-    fn sensor(slf: &Bound<'_, Self>) -> Outcome<(u16, u16)> {
-        let this = turn(slf)?;
-        Ok(sides(this.engine.sensor()))
-    }
-
-    /// Current time in microseconds: that of the newest event, or of a later `advance`; None before the first event.
-    #[getter]
-    fn now_us(slf: &Bound<'_, Self>) -> Outcome<Option<i64>> {
-        let this = turn(slf)?;
-        Ok(this.engine.now_us())
-    }
-
     /// Time of the first event since the last reset.
     #[getter]
     fn epoch_us(slf: &Bound<'_, Self>) -> Outcome<Option<i64>> {
@@ -279,46 +196,6 @@ impl Engine {
     fn state_bytes(slf: &Bound<'_, Self>) -> Outcome<u128> {
         let this = turn(slf)?;
         Ok(this.engine.state_bytes())
-    }
-
-    fn __len__(slf: &Bound<'_, Self>) -> Outcome<usize> {
-        let this = turn(slf)?;
-        Ok(this.engine.nodes())
-    }
-
-    // An engine is true, events or not.
-    #[expect(clippy::unused_self, reason = "the protocol of Python")]
-    fn __bool__(&self) -> bool {
-        true
-    }
-
-    fn __copy__(&self) -> Self {
-        self.clone()
-    }
-
-    fn __deepcopy__(slf: &Bound<'_, Self>, _memo: &Bound<'_, PyAny>) -> Outcome<Self> {
-        let this = turn(slf)?;
-        Ok(this.clone())
-    }
-
-    fn _repr_html_(slf: &Bound<'_, Self>) -> Outcome<String> {
-        let this = turn(slf)?;
-        let engine = &this.engine;
-        let title = format!("Engine {:?} on {}", engine.network().name(), engine.sensor());
-        let mut rows = vec![
-            ["predicts".to_owned(), this.outputs.labels()],
-            ["events in the window".to_owned(), engine.nodes().to_string()],
-            ["time".to_owned(), engine.now_us().map_or("none yet".to_owned(), |t_us| format!("{t_us} us"))],
-        ];
-        rows.extend(html::of_events(engine.counters().events));
-        rows.push(["state".to_owned(), format!("{} bytes", engine.state_bytes())]);
-        Ok(html::table(&title, &rows))
-    }
-
-    fn __repr__(slf: &Bound<'_, Self>) -> Outcome<String> {
-        let this = turn(slf)?;
-        let (name, sensor, nodes) = (this.engine.network().name(), this.engine.sensor(), this.engine.nodes());
-        Ok(format!("<Engine {name:?} on {sensor}: {nodes} events, predicts {}>", this.outputs.labels()))
     }
 }
 

@@ -12,6 +12,7 @@ use crate::description::{Description, shape};
 use crate::error::{Failure, Outcome};
 use crate::fork::on_own_threads;
 use crate::html;
+use crate::methods::engine_methods;
 use crate::prediction::{self, Outputs, Prediction};
 use crate::representations::EventFrame;
 use crate::turn::turn;
@@ -143,6 +144,8 @@ impl FrameEngine {
     }
 }
 
+engine_methods!(FrameEngine);
+
 #[pymethods]
 impl FrameEngine {
     #[new]
@@ -259,13 +262,6 @@ impl FrameEngine {
         Ok(dict)
     }
 
-    /// The description of the network.
-    #[getter]
-    fn description(slf: &Bound<'_, Self>) -> Outcome<Description> {
-        let this = turn(slf)?;
-        Ok(this.description.clone())
-    }
-
     /// Shape of a frame: (channels, height, width) or (values,).
     #[getter]
     fn input_shape(slf: &Bound<'_, Self>) -> Outcome<Vec<usize>> {
@@ -297,20 +293,6 @@ impl FrameEngine {
     fn __len__(slf: &Bound<'_, Self>) -> Outcome<usize> {
         let this = turn(slf)?;
         Ok(this.taken as usize)
-    }
-
-    #[expect(clippy::unused_self, reason = "the protocol of Python")]
-    fn __bool__(&self) -> bool {
-        true
-    }
-
-    fn __copy__(&self) -> Self {
-        self.clone()
-    }
-
-    fn __deepcopy__(slf: &Bound<'_, Self>, _memo: &Bound<'_, PyAny>) -> Outcome<Self> {
-        let this = turn(slf)?;
-        Ok(this.clone())
     }
 
     fn _repr_html_(slf: &Bound<'_, Self>) -> Outcome<String> {

@@ -6,6 +6,7 @@
 //! | `arrays` | what several classes take and return |
 //! | `engine`, `batch`, `frames` | the engines |
 //! | `live` | an engine in a thread of its own |
+//! | `methods` | what several classes have |
 //! | `prediction`, `graph` | what they return |
 //! | `description`, `weights` | networks, from whatever a user has |
 //! | `representations`, `filters`, `recording`, `write` | frames of events; which events enter; files |
@@ -29,6 +30,7 @@ mod frames;
 mod graph;
 mod html;
 mod live;
+mod methods;
 mod metrics;
 mod prediction;
 mod recording;

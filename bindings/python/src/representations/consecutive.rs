@@ -9,6 +9,7 @@ use super::shared::{Rectangle, counted, crop_of, image, rule_of};
 use crate::arrays::Pixels;
 use crate::error::Outcome;
 use crate::events::Events;
+use crate::methods::representation;
 use crate::turn::turn;
 
 /// Frames over consecutive windows of equal length, as events complete them.
@@ -55,6 +56,8 @@ impl Done {
 fn objects(py: Python<'_>, found: Vec<Done>, shape: [usize; 3]) -> PyResult<Vec<EventFrame>> {
     found.into_iter().map(|done| done.into_object(py, shape)).collect()
 }
+
+representation!(EventFrames, frames);
 
 #[pymethods]
 impl EventFrames {
@@ -109,31 +112,5 @@ impl EventFrames {
             Ok(EventFrame { values, start_us: frame.start_us, events: frame.events, count: 1 })
         });
         frame.transpose()
-    }
-
-    /// Forgets time and all events. Counters go on.
-    fn reset(slf: &Bound<'_, Self>) -> Outcome<()> {
-        let mut this = turn(slf)?;
-        this.frames.reset();
-        Ok(())
-    }
-
-    /// (channels, height, width) of every frame.
-    #[getter]
-    fn shape(slf: &Bound<'_, Self>) -> Outcome<(usize, usize, usize)> {
-        let this = turn(slf)?;
-        Ok(this.frames.shape().into())
-    }
-
-    /// Counts of the events so far.
-    #[getter]
-    fn counters<'py>(slf: &Bound<'_, Self>, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        let this = turn(slf)?;
-        counted(py, this.frames.counters(), this.frames.outside_crop())
-    }
-
-    fn __repr__(slf: &Bound<'_, Self>) -> Outcome<String> {
-        let this = turn(slf)?;
-        Ok(format!("<EventFrames {:?}: {} events>", this.frames.shape(), this.frames.counters().accepted))
     }
 }

@@ -9,6 +9,7 @@ use super::shared::{Rectangle, counted, crop_of, image, rule_of};
 use crate::arrays::Pixels;
 use crate::error::{Failure, Outcome};
 use crate::events::Events;
+use crate::methods::{representation, sliding_representation};
 use crate::turn::turn;
 
 /// A frame (1, height, width) over the events of the last `span_us`, which can be read at any time.
@@ -20,6 +21,8 @@ use crate::turn::turn;
 pub(crate) struct SlidingFrame {
     pub(super) window: SlidingSigned,
 }
+
+sliding_representation!(SlidingFrame, window);
 
 #[pymethods]
 impl SlidingFrame {
@@ -38,59 +41,11 @@ impl SlidingFrame {
         Ok(Self { window: SlidingSigned::new(sensor.0, crop, rule, span_us, capacity)? })
     }
 
-    /// Takes events, as `Engine.push`.
-    #[pyo3(signature = (*args, **keywords), text_signature = "($self, events=None, *, t=None, x=None, y=None, p=None)")]
-    fn push<'py>(
-        slf: &Bound<'_, Self>,
-        py: Python<'py>,
-        args: &Bound<'py, PyTuple>,
-        keywords: Option<&Bound<'py, PyDict>>,
-    ) -> Outcome<()> {
-        let mut this = turn(slf)?;
-        let window = &mut this.window;
-        Events::of_call(args, keywords)?.each(py, |event| {
-            window.push(event);
-        })
-    }
-
-    /// Advances time to `t_us`: older events leave.
-    fn advance(slf: &Bound<'_, Self>, t_us: i64) -> Outcome<()> {
-        let mut this = turn(slf)?;
-        this.window.advance(t_us);
-        Ok(())
-    }
-
     /// The current frame.
     fn frame(slf: &Bound<'_, Self>, py: Python<'_>) -> PyResult<EventFrame> {
         let mut this = turn(slf)?;
         let frame = this.window.frame();
         let values = image(py, frame.values, frame.shape)?.unbind();
         Ok(EventFrame { values, start_us: frame.start_us, events: frame.events, count: 1 })
-    }
-
-    /// Forgets time and all events. Counters go on.
-    fn reset(slf: &Bound<'_, Self>) -> Outcome<()> {
-        let mut this = turn(slf)?;
-        this.window.reset();
-        Ok(())
-    }
-
-    /// (channels, height, width) of every frame.
-    #[getter]
-    fn shape(slf: &Bound<'_, Self>) -> Outcome<(usize, usize, usize)> {
-        let this = turn(slf)?;
-        Ok(this.window.shape().into())
-    }
-
-    /// Counts of the events so far.
-    #[getter]
-    fn counters<'py>(slf: &Bound<'_, Self>, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        let this = turn(slf)?;
-        counted(py, this.window.counters(), this.window.outside_crop())
-    }
-
-    fn __repr__(slf: &Bound<'_, Self>) -> Outcome<String> {
-        let this = turn(slf)?;
-        Ok(format!("<SlidingFrame {:?}: {} events>", this.window.shape(), this.window.counters().accepted))
     }
 }

@@ -8,6 +8,7 @@ use super::shared::{Rectangle, counted, crop_of, image};
 use crate::arrays::Pixels;
 use crate::error::{Failure, Outcome};
 use crate::events::Events;
+use crate::methods::{representation, sliding_representation};
 use crate::turn::turn;
 
 /// A time surface (2, height, width), OFF and ON: how long ago each pixel last saw an event, as a value from 1 down to 0.
@@ -19,6 +20,8 @@ use crate::turn::turn;
 pub(crate) struct TimeSurface {
     surface: Surface,
 }
+
+sliding_representation!(TimeSurface, surface);
 
 #[pymethods]
 impl TimeSurface {
@@ -38,51 +41,10 @@ impl TimeSurface {
         Ok(Self { surface: Surface::new(sensor.0, crop_of(crop, sensor.0), decay)? })
     }
 
-    /// Takes events, as `Engine.push`.
-    #[pyo3(signature = (*args, **keywords), text_signature = "($self, events=None, *, t=None, x=None, y=None, p=None)")]
-    fn push<'py>(
-        slf: &Bound<'_, Self>,
-        py: Python<'py>,
-        args: &Bound<'py, PyTuple>,
-        keywords: Option<&Bound<'py, PyDict>>,
-    ) -> Outcome<()> {
-        let mut this = turn(slf)?;
-        let surface = &mut this.surface;
-        Events::of_call(args, keywords)?.each(py, |event| {
-            surface.push(event);
-        })
-    }
-
-    /// Advances time to `t_us`.
-    fn advance(slf: &Bound<'_, Self>, t_us: i64) -> Outcome<()> {
-        let mut this = turn(slf)?;
-        this.surface.advance(t_us);
-        Ok(())
-    }
-
     /// The surface at the current time: float32 (2, height, width).
     fn frame<'py>(slf: &Bound<'_, Self>, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         let mut this = turn(slf)?;
         let surface = this.surface.surface();
         image(py, surface.values, surface.shape)
-    }
-
-    /// Forgets time and all events. Counters go on.
-    fn reset(slf: &Bound<'_, Self>) -> Outcome<()> {
-        let mut this = turn(slf)?;
-        this.surface.reset();
-        Ok(())
-    }
-
-    /// Counts of the events so far.
-    #[getter]
-    fn counters<'py>(slf: &Bound<'_, Self>, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        let this = turn(slf)?;
-        counted(py, this.surface.counters(), this.surface.outside_crop())
-    }
-
-    fn __repr__(slf: &Bound<'_, Self>) -> Outcome<String> {
-        let this = turn(slf)?;
-        Ok(format!("<TimeSurface {:?}: {} events>", this.surface.shape(), this.surface.counters().accepted))
     }
 }

@@ -1,0 +1,222 @@
+//! Methods that several classes have: each macro writes them for one class, with the same words.
+
+/// What every engine has, by its fields `description` and, for copies, all of them.
+macro_rules! engine_methods {
+    ($class:ident) => {
+        #[pymethods]
+        impl $class {
+            /// The description of the network.
+            #[getter]
+            fn description(slf: &Bound<'_, Self>) -> Outcome<Description> {
+                let this = turn(slf)?;
+                Ok(this.description.clone())
+            }
+
+            // An engine is true, events or not.
+            fn __bool__(&self) -> bool {
+                true
+            }
+
+            fn __copy__(&self) -> Self {
+                self.clone()
+            }
+
+            fn __deepcopy__(slf: &Bound<'_, Self>, _memo: &Bound<'_, PyAny>) -> Outcome<Self> {
+                let this = turn(slf)?;
+                Ok(this.clone())
+            }
+        }
+    };
+}
+
+/// What an engine over events has, by its fields `engine`, `outputs` and `losses`. After its name:
+/// the path to its sensor from `self`, and the method of `engine` for the bytes of its state, if a
+/// notebook shows them.
+macro_rules! engine_over_events {
+    ($class:ident, $field:ident $(.$part:ident())+ $(, $bytes:ident)?) => {
+        impl $class {
+            /// Warns of reasons for which many events were lost, each once.
+            pub(crate) fn warn_of_losses(&mut self, py: Python<'_>) -> Outcome<()> {
+                self.losses.look(py, *self.engine.event_counters(), self.$field$(.$part())+)
+            }
+        }
+
+        #[pymethods]
+        impl $class {
+            /// Inserts events in order; returns how many were accepted, with those that were held
+            /// before. The others are held, or counted in `counters`.
+            ///
+            /// Give a structured array with the fields t (microseconds or timedelta64), x, y, p
+            /// (-1, 0, 1 or bool) of any integer types in any order, four arrays `t=, x=, y=, p=`,
+            /// or a `Recording`. The other names that files have are taken too: ts, time,
+            /// timestamp, each also with _us; pol, polarity, on. Arrays are read in place: strides,
+            /// gaps and byte order are free; only durations in another unit than microseconds are
+            /// converted first. Empty lists are no event. While many events are pushed, other
+            /// threads run, and Ctrl-C raises `KeyboardInterrupt` between two events: the events
+            /// before have then been inserted.
+            ///
+            /// Raises `InputError` or `DtypeError` before the first event is inserted.
+            #[pyo3(signature = (*args, **keywords), text_signature = "($self, events=None, *, t=None, x=None, y=None, p=None)")]
+            fn push<'py>(
+                slf: &Bound<'_, Self>,
+                py: Python<'py>,
+                args: &Bound<'py, PyTuple>,
+                keywords: Option<&Bound<'py, PyDict>>,
+            ) -> Outcome<usize> {
+                let mut this = turn(slf)?;
+                let events = Events::of_call(args, keywords)?;
+                let restarts = this.engine.event_counters().restarts;
+                let (engine, mut accepted) = (&mut this.engine, 0);
+                events.work(py, |part| {
+                    accepted += engine.push_slice(part);
+                    Ok(())
+                })?;
+                if accepted < events.len() || this.engine.event_counters().restarts > restarts {
+                    this.warn_of_losses(py)?;
+                }
+                Ok(accepted)
+            }
+
+            /// Advances the clock to `t_us` without an event: older events expire. Earlier times
+            /// change nothing.
+            fn advance(slf: &Bound<'_, Self>, t_us: i64) -> Outcome<()> {
+                let mut this = turn(slf)?;
+                this.engine.advance(t_us);
+                Ok(())
+            }
+
+            /// The prediction for the current window. Raises `NotANumberError`.
+            fn predict(slf: &Bound<'_, Self>, py: Python<'_>) -> Outcome<Prediction> {
+                let mut this = turn(slf)?;
+                let Self { engine, outputs, .. } = &mut *this;
+                prediction::computed(py, engine, None, outputs)
+            }
+
+            /// Removes all events; the next one sets a new epoch. Counters are kept.
+            fn reset(slf: &Bound<'_, Self>) -> Outcome<()> {
+                let mut this = turn(slf)?;
+                this.engine.reset();
+                Ok(())
+            }
+
+            /// Counts since it was made: of events, of rows by layer (a `Batch` recomputes each),
+            /// of predictions.
+            #[getter]
+            fn counters<'py>(slf: &Bound<'_, Self>, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+                let this = turn(slf)?;
+                counters(py, &this.engine.counters(), &this.outputs.layers)
+            }
+
+            /// (width, height) of the sensor.
+            #[getter]
+            fn sensor(slf: &Bound<'_, Self>) -> Outcome<(u16, u16)> {
+                let this = turn(slf)?;
+                Ok(sides(this.$field$(.$part())+))
+            }
+
+            /// Current time in microseconds: that of the newest event, or of a later `advance`;
+            /// None before the first event.
+            #[getter]
+            fn now_us(slf: &Bound<'_, Self>) -> Outcome<Option<i64>> {
+                let this = turn(slf)?;
+                Ok(this.engine.now_us())
+            }
+
+            fn __len__(slf: &Bound<'_, Self>) -> Outcome<usize> {
+                let this = turn(slf)?;
+                Ok(this.engine.nodes())
+            }
+
+            fn _repr_html_(slf: &Bound<'_, Self>) -> Outcome<String> {
+                let this = turn(slf)?;
+                let engine = &this.engine;
+                let title =
+                    format!("{} {:?} on {}", stringify!($class), engine.network().name(), this.$field$(.$part())+);
+                let now = engine.now_us().map_or("none yet".to_owned(), |t_us| format!("{t_us} us"));
+                let mut rows = vec![
+                    ["predicts".to_owned(), this.outputs.labels()],
+                    ["events in the window".to_owned(), engine.nodes().to_string()],
+                    ["time".to_owned(), now],
+                ];
+                rows.extend(html::of_events(*engine.event_counters()));
+                $(rows.push(["state".to_owned(), format!("{} bytes", engine.$bytes())]);)?
+                Ok(html::table(&title, &rows))
+            }
+
+            fn __repr__(slf: &Bound<'_, Self>) -> Outcome<String> {
+                let this = turn(slf)?;
+                let (class, name, sensor) =
+                    (stringify!($class), this.engine.network().name(), this.$field$(.$part())+);
+                let (nodes, labels) = (this.engine.nodes(), this.outputs.labels());
+                Ok(format!("<{class} {name:?} on {sensor}: {nodes} events, predicts {labels}>"))
+            }
+        }
+    };
+}
+
+/// What each representation of events that goes on in time has, by its field `$field`.
+macro_rules! representation {
+    ($class:ident, $field:ident) => {
+        #[pymethods]
+        impl $class {
+            /// Forgets time and all events. Counters go on.
+            fn reset(slf: &Bound<'_, Self>) -> Outcome<()> {
+                let mut this = turn(slf)?;
+                this.$field.reset();
+                Ok(())
+            }
+
+            /// (channels, height, width) of every frame.
+            #[getter]
+            fn shape(slf: &Bound<'_, Self>) -> Outcome<(usize, usize, usize)> {
+                let this = turn(slf)?;
+                Ok(this.$field.shape().into())
+            }
+
+            /// Counts of the events so far.
+            #[getter]
+            fn counters<'py>(slf: &Bound<'_, Self>, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+                let this = turn(slf)?;
+                counted(py, this.$field.counters(), this.$field.outside_crop())
+            }
+
+            fn __repr__(slf: &Bound<'_, Self>) -> Outcome<String> {
+                let this = turn(slf)?;
+                let (class, accepted) = (stringify!($class), this.$field.counters().accepted);
+                Ok(format!("<{class} {:?}: {accepted} events>", this.$field.shape()))
+            }
+        }
+    };
+}
+
+/// What a representation has that can be read at any time, by its field `$field`.
+macro_rules! sliding_representation {
+    ($class:ident, $field:ident) => {
+        representation!($class, $field);
+
+        #[pymethods]
+        impl $class {
+            /// Takes events, as `Engine.push`.
+            #[pyo3(signature = (*args, **keywords), text_signature = "($self, events=None, *, t=None, x=None, y=None, p=None)")]
+            fn push<'py>(
+                slf: &Bound<'_, Self>,
+                py: Python<'py>,
+                args: &Bound<'py, PyTuple>,
+                keywords: Option<&Bound<'py, PyDict>>,
+            ) -> Outcome<()> {
+                let mut this = turn(slf)?;
+                let $field = &mut this.$field;
+                Events::of_call(args, keywords)?.each(py, |event| _ = $field.push(event))
+            }
+
+            /// Advances time to `t_us`: older events leave.
+            fn advance(slf: &Bound<'_, Self>, t_us: i64) -> Outcome<()> {
+                let mut this = turn(slf)?;
+                this.$field.advance(t_us);
+                Ok(())
+            }
+        }
+    };
+}
+
+pub(crate) use {engine_methods, engine_over_events, representation, sliding_representation};
