@@ -3,41 +3,16 @@
 
 use meissner_engine::{Event, Network, Search, Sensor};
 use meissner_models::{Description, draw};
+use meissner_tests::network_text::NetworkText;
 use meissner_verify::CheckedEngine;
 
 /// Cells of 100 us in a window of 300; the readout has four grids of one cell.
-const NETWORK: &str = r#"[network]
-name = "ages"
-span_us = 300
-
-[graph]
-kind = "knn"
-k = 2
-candidates = "all"
-scale = 0.5
-
-[[layer]]
-name = "pool"
-kind = "pool"
-cell = ["1/1", "1/1"]
-time = "1/3"
-scale = 0.5
-
-[[layer]]
-name = "grid"
-kind = "readout"
-grid = [1, 1]
-by_time = true
-
-[[layer]]
-name = "fc"
-kind = "dense"
-outputs = 3
-
-[output]
-names = ["a", "b", "c"]
-unit = "1"
-"#;
+fn network() -> String {
+    NetworkText::over_events("ages")
+        .network("span_us = 300")
+        .layer("pool", "pool", "cell = [\"1/1\", \"1/1\"]; time = \"1/3\"; scale = 0.5")
+        .readout("grid = [1, 1]; by_time = true", &["a", "b", "c"], "1")
+}
 
 /// An engine beside a batch, for a network with drawn weights on 4 x 4 pixels.
 pub(crate) fn checked(network: &str) -> CheckedEngine {
@@ -57,7 +32,7 @@ pub(crate) fn readout(checked: &mut CheckedEngine) -> Vec<f32> {
 
 #[test]
 fn what_time_moves_on_from_ages_and_leaves() {
-    let mut checked = checked(NETWORK);
+    let mut checked = checked(&network());
     checked.push(Event::new(1_000, 1, 1, false));
     assert_eq!(readout(&mut checked), [-1.0, 0.0, 0.0, 0.0]);
     checked.push(Event::new(1_120, 1, 1, true));
@@ -74,7 +49,7 @@ fn what_time_moves_on_from_ages_and_leaves() {
 
 #[test]
 fn the_prediction_follows_when_nothing_but_the_cell_in_time_changed() {
-    let mut checked = checked(NETWORK);
+    let mut checked = checked(&network());
     checked.push(Event::new(0, 1, 1, true));
     let mut seen = vec![checked.predict().expect("equal to batch")];
     for now in [99, 100, 199, 200, 299, 300] {
@@ -87,7 +62,7 @@ fn the_prediction_follows_when_nothing_but_the_cell_in_time_changed() {
 
 #[test]
 fn a_reset_begins_with_the_cell_of_the_next_event() {
-    let mut checked = checked(NETWORK);
+    let mut checked = checked(&network());
     checked.push(Event::new(0, 1, 1, true));
     checked.push(Event::new(250, 1, 1, true));
     checked.predict().expect("equal to batch");

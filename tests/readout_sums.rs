@@ -3,36 +3,16 @@
 
 use meissner_engine::{Aggregation, Event, Network};
 use meissner_models::{Description, draw};
+use meissner_tests::network_text::NetworkText;
 use meissner_verify::CheckedEngine;
 
 use crate::readout_by_time::{checked, readout};
 
 /// Two cells side by side; the readout sums polarities over 300 us.
-const NETWORK: &str = r#"[network]
-name = "sums"
-span_us = 300
-
-[graph]
-kind = "knn"
-k = 2
-candidates = "all"
-scale = 0.5
-
-[[layer]]
-name = "grid"
-kind = "readout"
-grid = [2, 1]
-aggregation = "sum"
-
-[[layer]]
-name = "fc"
-kind = "dense"
-outputs = 3
-
-[output]
-names = ["a", "b", "c"]
-unit = "1"
-"#;
+fn network() -> String {
+    let keys = "grid = [2, 1]; aggregation = \"sum\"";
+    NetworkText::over_events("sums").network("span_us = 300").readout(keys, &["a", "b", "c"], "1")
+}
 
 /// Cells that one more prediction recomputes.
 fn recomputed(checked: &mut CheckedEngine) -> u64 {
@@ -43,7 +23,7 @@ fn recomputed(checked: &mut CheckedEngine) -> u64 {
 
 #[test]
 fn sums_count_the_events_of_each_cell_while_they_are_in_the_window() {
-    let mut checked = checked(NETWORK);
+    let mut checked = checked(&network());
     for (t_us, x, on) in
         [(1_000, 0, true), (1_001, 1, true), (1_002, 3, false), (1_100, 0, true), (1_100, 3, false)]
     {
@@ -58,7 +38,7 @@ fn sums_count_the_events_of_each_cell_while_they_are_in_the_window() {
 
 #[test]
 fn only_the_cell_of_an_event_is_summed_when_it_enters_and_when_it_leaves() {
-    let mut checked = checked(NETWORK);
+    let mut checked = checked(&network());
     checked.push(Event::new(0, 0, 0, true));
     checked.push(Event::new(10, 3, 0, true));
     assert_eq!(recomputed(&mut checked), 2);
@@ -72,7 +52,7 @@ fn only_the_cell_of_an_event_is_summed_when_it_enters_and_when_it_leaves() {
 
 #[test]
 fn an_event_that_comes_and_goes_between_predictions_leaves_no_trace() {
-    let mut checked = checked(NETWORK);
+    let mut checked = checked(&network());
     checked.push(Event::new(0, 0, 0, true));
     checked.advance(301);
     checked.push(Event::new(302, 3, 3, true));

@@ -10,42 +10,17 @@ use meissner_kernels::{GraphRow, Isa, Lanes, Matrix, Neighbour};
 use meissner_models::{AnyDescription, Description, Tensor, Weights, draw, drawn_file};
 use serde_json::Value;
 use support::SMALL;
+use support::network_text::NetworkText;
 
 const PAGE: &str = include_str!("../../docs/weights-from-pytorch.md");
 
 /// A network of one spline block with nothing but its kernel.
-const STRIDES: &str = r#"[network]
-name = "strides"
-
-[graph]
-kind = "knn"
-k = 1
-candidates = "past"
-lifetime = "frozen"
-scale = 0.5
-
-[[layer]]
-name = "conv"
-kind = "spline"
-channels = 1
-kernel = [3, 2, 4]
-norm = false
-elu = false
-
-[[layer]]
-name = "grid"
-kind = "readout"
-grid = [1, 1]
-
-[[layer]]
-name = "fc"
-kind = "dense"
-outputs = 1
-
-[output]
-names = ["value"]
-unit = "1"
-"#;
+fn strides() -> String {
+    NetworkText::over_events("strides")
+        .graph("kind = \"knn\"; k = 1; candidates = \"past\"; lifetime = \"frozen\"; scale = 0.5")
+        .layer("conv", "spline", "channels = 1; kernel = [3, 2, 4]; norm = false; elu = false")
+        .readout("grid = [1, 1]", &["value"], "1")
+}
 
 /// What `meissner inspect --json` prints.
 fn listed(description: &AnyDescription) -> Value {
@@ -88,7 +63,7 @@ fn a_file_of_exactly_the_listed_names_and_shapes_is_accepted_by_every_shipped_ne
 
 #[test]
 fn the_listed_slot_strides_are_those_of_the_kernel() {
-    let description = Description::parse(STRIDES).expect("consistent");
+    let description = Description::parse(&strides()).expect("consistent");
     let summary = listed(&AnyDescription::Events(description.clone()));
     let kernel = &summary["tensors"][0];
     assert_eq!((kernel["layer"].as_str(), sizes(&kernel["shape"])), (Some("conv"), vec![24, 1, 1]));
@@ -149,7 +124,7 @@ fn the_page_on_weights_has_the_meaning_of_every_tensor_in_the_words_of_inspect()
 
 #[test]
 fn a_drawn_file_says_that_nothing_trained_it_and_is_the_same_for_the_same_seed() {
-    for text in [SMALL, STRIDES] {
+    for text in [SMALL, &strides()] {
         let description = AnyDescription::parse(text).expect("consistent");
         let bytes = drawn_file(&description, 7);
         assert!(bytes == drawn_file(&description, 7) && bytes != drawn_file(&description, 8));

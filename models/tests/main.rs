@@ -2,10 +2,8 @@
 
 mod convolutions;
 mod descriptions;
-mod frame_problems;
 mod frame_vectors;
 mod frames;
-mod head_problems;
 mod heads;
 mod hostile_descriptions;
 mod hostile_weights;

@@ -3,80 +3,66 @@
 use super::support;
 
 use std::collections::BTreeMap;
-use std::fmt::Write;
 
 use meissner_models::{AnyDescription, Description, FrameDescription, Tensor, Weights, draw};
 use proptest::prelude::*;
+use support::network_text::NetworkText;
 use support::torch::{View, file, state_dict};
 use support::{SMALL, SMALL_FRAMES};
 
 /// A description of levels with blocks; each block says its channels, kernel and whether it skips.
 fn description(levels: &[Vec<(usize, usize, bool, bool)>], hidden: Option<usize>) -> String {
-    let mut text = String::from(
-        "[network]\nname = \"any\"\n[graph]\nkind = \"radius\"\nr = 0.1\nmax = 9\ncandidates = \"past\"\nlifetime = \"window\"\nscale = 0.3\n",
-    );
+    let graph =
+        "kind = \"radius\"; r = 0.1; max = 9; candidates = \"past\"; lifetime = \"window\"; scale = 0.3";
+    let mut text = NetworkText::over_events("any").graph(graph);
     for (l, blocks) in levels.iter().enumerate() {
         let mut features: Vec<(String, usize)> = Vec::new();
         if l > 0 {
-            writeln!(
-                text,
-                "[[layer]]\nname = \"p{l}\"\nkind = \"pool\"\ncell = [\"{l}/9\", \"{l}/7\"]\nscale = 0.3"
-            )
-            .expect("a string");
+            let keys = format!("cell = [\"{l}/9\", \"{l}/7\"]; scale = 0.3");
+            text = text.layer(&format!("p{l}"), "pool", &keys);
         }
         for (b, &(channels, kernel, skip, root)) in blocks.iter().enumerate() {
-            let name = format!("b{l}-{b}");
-            writeln!(
-                text,
-                "[[layer]]\nname = \"{name}\"\nkind = \"spline\"\nchannels = {channels}\nkernel = {kernel}\nroot = {root}"
-            )
-            .expect("a string");
+            let mut keys = format!("channels = {channels}; kernel = {kernel}; root = {root}");
             if skip && let Some((other, _)) = features.iter().find(|(_, c)| *c == channels) {
-                writeln!(text, "skip = \"{other}\"").expect("a string");
+                keys += &format!("; skip = \"{other}\"");
             }
+            let name = format!("b{l}-{b}");
+            text = text.layer(&name, "spline", &keys);
             features.push((name, channels));
         }
     }
-    text.push_str("[[layer]]\nname = \"g\"\nkind = \"readout\"\ngrid = [3, 2]\n");
+    text = text.layer("g", "readout", "grid = [3, 2]");
     if let Some(hidden) = hidden {
-        writeln!(
-            text,
-            "[[layer]]\nname = \"h\"\nkind = \"dense\"\noutputs = {hidden}\nactivation = \"relu\""
-        )
-        .expect("a string");
+        text = text.layer("h", "dense", &format!("outputs = {hidden}; activation = \"relu\""));
     }
-    text.push_str(
-        "[[layer]]\nname = \"d\"\nkind = \"dense\"\noutputs = 1\n[output]\nnames = [\"y\"]\nunit = \"N\"\n",
-    );
-    text
+    text.dense(&["y"], "N")
 }
 
 /// A description of a frame network whose layers follow each other.
 fn chain(kinds: &[usize], channels: usize, height: usize, width: usize) -> String {
-    let mut text = format!(
-        "[network]\nname = \"any\"\n[input]\nkind = \"image\"\nchannels = 2\nheight = {height}\nwidth = {width}\nframes = \"event-counts\"\nmaximum = 3\n"
-    );
+    let size = format!("kind = \"image\"; channels = 2; height = {height}; width = {width}");
+    let mut text =
+        NetworkText::over_frames("any", &format!("{size}; frames = \"event-counts\"; maximum = 3"));
     for (i, &kind) in kinds.iter().enumerate() {
-        let keys = match kind {
-            0 => format!(
-                "\"conv\"\nkernel = 3\nchannels = {channels}\nnorm = \"norm{i}\"\nactivation = \"relu\""
-            ),
-            1 => format!("\"upconv\"\nchannels = {channels}"),
-            2 => "\"max_pool\"".to_owned(),
-            3 => "\"average_pool\"\nsize = 2".to_owned(),
-            4 => "\"concat\"\nwith = \"frame\"".to_owned(),
-            5 => "\"squeeze_excite\"\nreduction = 2".to_owned(),
-            _ => format!("\"conv_lstm\"\nhidden = {channels}\npeepholes = true"),
+        let (kind, keys) = match kind {
+            0 => {
+                let keys = "kernel = 3; activation = \"relu\"";
+                ("conv", format!("channels = {channels}; norm = \"norm{i}\"; {keys}"))
+            }
+            1 => ("upconv", format!("channels = {channels}")),
+            2 => ("max_pool", String::new()),
+            3 => ("average_pool", "size = 2".to_owned()),
+            4 => ("concat", "with = \"frame\"".to_owned()),
+            5 => ("squeeze_excite", "reduction = 2".to_owned()),
+            _ => ("conv_lstm", format!("hidden = {channels}; peepholes = true")),
         };
-        writeln!(text, "[[layer]]\nname = \"l{i}\"\nkind = {keys}").expect("a string");
+        text = text.layer(&format!("l{i}"), kind, &keys);
     }
-    text.push_str("[[layer]]\nname = \"flat\"\nkind = \"flatten\"\n");
-    text.push_str("[[layer]]\nname = \"past\"\nkind = \"delay\"\nframes = 2\n");
-    text.push_str("[[layer]]\nname = \"both\"\nkind = \"concat\"\nwith = \"flat\"\n");
-    text.push_str(
-        "[[layer]]\nname = \"y\"\nkind = \"lstm\"\nhidden = 1\n[output]\nnames = [\"y\"]\nunit = \"N\"\n",
-    );
-    text
+    text.layer("flat", "flatten", "")
+        .layer("past", "delay", "frames = 2")
+        .layer("both", "concat", "with = \"flat\"")
+        .layer("y", "lstm", "hidden = 1")
+        .predicting(&["y"], "N")
 }
 
 /// A state dict with two tensors of one storage.

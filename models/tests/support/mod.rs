@@ -1,6 +1,7 @@
 //! What the tests share: the folder of recorded references, and a writer of what `torch.save` writes.
 #![allow(dead_code, reason = "every test file uses a part of it")]
 
+pub(crate) mod network_text;
 #[path = "../../../tests/shared_files.rs"]
 mod shared_files;
 pub(crate) mod torch;
