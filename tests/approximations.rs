@@ -140,7 +140,7 @@ fn adaptations_out_of_range_are_refused() {
         assert!(matches!(refused, Err(EngineError::Option { .. })), "{neighbours}");
     }
     assert!(graphres().with_neighbours(most).is_ok());
-    for capacity in [0, Network::LARGEST_CAPACITY + 1] {
+    for capacity in [0, Network::MAX_CAPACITY + 1] {
         assert!(matches!(graphres().with_capacity(capacity), Err(EngineError::Option { .. })), "{capacity}");
     }
     assert!(matches!(graphres().with_span_us(0), Err(EngineError::Option { .. })));

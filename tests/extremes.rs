@@ -48,7 +48,7 @@ fn scale() -> impl Strategy<Value = f32> {
 }
 
 fn span() -> impl Strategy<Value = i64> {
-    prop_oneof![Just(1), Just(Network::LONGEST_SPAN_US), 1i64..5_000]
+    prop_oneof![Just(1), Just(Network::MAX_SPAN_US), 1i64..5_000]
 }
 
 fn radius() -> impl Strategy<Value = f64> {

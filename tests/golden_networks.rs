@@ -20,7 +20,7 @@ fn events(golden: &Golden) -> Vec<Event> {
 
 fn network(name: &str, weights: &Weights) -> Arc<Network> {
     let description = Description::shipped(name).expect("a shipped network");
-    Arc::new(description.network_regardless(weights).expect("the weights fit"))
+    Arc::new(description.network_ignoring_preparation(weights).expect("the weights fit"))
 }
 
 fn published() -> Weights {
@@ -177,7 +177,7 @@ fn pointnet_agrees_with_the_reference() {
     let golden = Golden::load("pointnet");
     let weights = Weights::load(shared("golden/pointnet.safetensors")).expect("readable weights");
     let description = Description::parse(POINTNET).expect("consistent");
-    let network = Arc::new(description.network_regardless(&weights).expect("the weights fit"));
+    let network = Arc::new(description.network_ignoring_preparation(&weights).expect("the weights fit"));
     for search in [Search::Exhaustive, Search::Grid] {
         let trace = forward(&network, &events(&golden), search);
         let [level0, level1] = &trace.levels[..] else { panic!("pointnet has two levels") };

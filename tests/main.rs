@@ -9,7 +9,7 @@ mod frames;
 mod golden_frames;
 mod golden_networks;
 mod golden_operators;
-mod imports;
+mod house;
 mod incremental;
 mod neighbours;
 mod out_of_range;

@@ -19,7 +19,7 @@ use meissner_engine::{
 use meissner_verify::networks::{BlockShape, ConvolutionShape, NetworkShape};
 
 const SENSOR: Sensor = Sensor { width: 6, height: 5 };
-const LARGEST: Sensor = Sensor { width: u16::MAX, height: u16::MAX };
+const MAX: Sensor = Sensor { width: u16::MAX, height: u16::MAX };
 const WITHOUT_PIXELS: [Sensor; 3] = [
     Sensor { width: 0, height: 0 },
     Sensor { width: 0, height: u16::MAX },
@@ -43,9 +43,9 @@ fn sensors_without_pixels_are_refused() {
 #[test]
 fn tables_of_gigabytes_for_the_largest_sensor_are_refused() {
     let refused = "pixels of a filter's sensor: expected 0 to 67108864, found 4294836225";
-    assert_eq!(BackgroundActivity::new(LARGEST, 1_250).expect_err("64 GiB").to_string(), refused);
-    assert_eq!(Refractory::new(LARGEST, 1_000).expect_err("64 GiB").to_string(), refused);
-    assert!(representations(LARGEST).iter().all(|r| matches!(r, Err(RepresentationError::Size { .. }))));
+    assert_eq!(BackgroundActivity::new(MAX, 1_250).expect_err("64 GiB").to_string(), refused);
+    assert_eq!(Refractory::new(MAX, 1_000).expect_err("64 GiB").to_string(), refused);
+    assert!(representations(MAX).iter().all(|r| matches!(r, Err(RepresentationError::Size { .. }))));
 }
 
 #[test]

@@ -28,7 +28,7 @@ fn trace(golden: &Golden, name: &str, weights: &Weights) -> EventTrace {
 }
 
 fn trace_of(golden: &Golden, description: &Description, weights: &Weights) -> EventTrace {
-    let network = Arc::new(description.network_regardless(weights).expect("the weights fit"));
+    let network = Arc::new(description.network_ignoring_preparation(weights).expect("the weights fit"));
     let rows = golden.integers("events").chunks_exact(4);
     let events: Vec<Event> = rows.map(|e| Event::new(e[0], e[1] as u16, e[2] as u16, e[3] == 1)).collect();
     EventReference::new(network, SENSOR, None).expect("fixed scales").forward(Stream::new(&events))

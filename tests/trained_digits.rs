@@ -13,7 +13,7 @@ use meissner_verify::bits;
 use serde_json::Value;
 
 /// Relative to the largest magnitude of a stream's logits, at least 1.
-const MOST: f64 = 1e-4;
+const MAX: f64 = 1e-4;
 
 /// Streams of events, and what `PyTorch` says at their ends.
 pub(crate) struct Golden {
@@ -116,7 +116,7 @@ pub(crate) fn agree(golden: &Golden) {
             let scale = expected.iter().fold(1f64, |scale, v| scale.max(v.abs()));
             for (found, expected) in found.iter().zip(expected) {
                 let difference = (found - expected).abs() / scale;
-                assert!(difference <= MOST, "{name}, stream {i}: {found} against {expected}");
+                assert!(difference <= MAX, "{name}, stream {i}: {found} against {expected}");
             }
         }
     }

@@ -12,7 +12,7 @@ use serde_json::Value;
 use crate::trained_digits::{Golden, network, read};
 
 /// In newtons.
-const MOST: f64 = 2e-4;
+const MAX: f64 = 2e-4;
 const NETWORKS: [&str; 5] = ["force-cnnlstm", "force-convlstm", "force-graph", "force-lstm", "force-tdnn"];
 
 /// Forces at the end of each frame, the open one too.
@@ -61,7 +61,7 @@ fn trained_networks_agree_with_pytorch_in_every_force() {
             let expected: Vec<f64> =
                 expected.as_array().expect("forces").iter().filter_map(Value::as_f64).collect();
             assert_eq!(found.len(), expected.len(), "{name}");
-            let close = |(a, b): (&f64, &f64)| (a - b).abs() < MOST * b.abs().max(1.0);
+            let close = |(a, b): (&f64, &f64)| (a - b).abs() < MAX * b.abs().max(1.0);
             assert!(found.iter().zip(&expected).all(close), "{name}: {found:?}, {expected:?}");
         }
     }

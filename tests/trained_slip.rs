@@ -8,7 +8,7 @@ use meissner_models::{FrameDescription, Weights};
 use serde_json::Value;
 
 /// Relative to the largest magnitude of a window's logits, at least 1.
-const MOST: f64 = 1e-4;
+const MAX: f64 = 1e-4;
 const STEPS: usize = 5;
 
 fn rows<const N: usize>(value: &Value) -> Vec<[f64; N]> {
@@ -61,7 +61,7 @@ fn trained_networks_agree_with_pytorch_in_class_and_logits() {
             let scale = expected.iter().fold(1f64, |scale, v| scale.max(v.abs()));
             for (found, expected) in found.iter().zip(expected) {
                 let difference = (found - expected).abs() / scale;
-                assert!(difference <= MOST, "{network}, window {window}: {found} against {expected}");
+                assert!(difference <= MAX, "{network}, window {window}: {found} against {expected}");
             }
         }
     }

@@ -61,7 +61,7 @@ fn main() -> Result<()> {
 /// The events of the fingertip of this number during a press and a lift.
 fn film(table: &PressTable, number: u32, duration_us: i64) -> Result<Vec<Event>> {
     let view = DomeView::new(&Dome::default(), SENSOR);
-    let (tilt, azimuth) = (PressTable::LARGEST_TILT * f64::from(number % 7) / 7.0, f64::from(number) * 2.4);
+    let (tilt, azimuth) = (PressTable::MAX_TILT * f64::from(number % 7) / 7.0, f64::from(number) * 2.4);
     let (mut markers, mut positions) = (Vec::new(), Vec::new());
     for step in 0..=STEPS {
         let share = step as f64 / STEPS as f64;

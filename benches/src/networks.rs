@@ -46,7 +46,7 @@ pub const TREE: Search = Search::Proposed(meissner_reference::from_tree);
 /// A shipped network with other weights, whatever they were trained on: they are only timed.
 fn with_weights(name: &str, weights: &Weights) -> Arc<Network> {
     let description = Description::shipped(name).expect("a shipped network");
-    Arc::new(description.network_regardless(weights).expect("the weights fit"))
+    Arc::new(description.network_ignoring_preparation(weights).expect("the weights fit"))
 }
 
 /// The event graph alone: polarities go straight to one cell and one output.

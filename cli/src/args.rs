@@ -224,7 +224,7 @@ pub(crate) struct Input {
     pub(crate) span_us: Option<i64>,
     /// Largest number of events in the window, in place of the description's.
     #[arg(long, value_name = "N", help_heading = NETWORK,
-          value_parser = clap::value_parser!(u32).range(1..=Network::LARGEST_CAPACITY as i64))]
+          value_parser = clap::value_parser!(u32).range(1..=Network::MAX_CAPACITY as i64))]
     pub(crate) capacity: Option<u32>,
     #[command(flatten)]
     pub(crate) approximations: ApproximationArgs,

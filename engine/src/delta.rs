@@ -1,20 +1,20 @@
 //! Changes of a graph in one step, passed downstream from level to level.
 
-use crate::memory::{Memory, Room};
+use crate::memory::{FixedVec, Memory};
 
 /// Changes of one level's graph by one insertion or some expiries. Downstream inserts rows first and removes rows last.
 #[derive(Clone, Debug)]
 pub(crate) struct Delta {
     /// New rows.
-    pub(crate) entered: Room<u32>,
+    pub(crate) entered: FixedVec<u32>,
     /// Removed edges (source, reader).
-    pub(crate) removed: Room<(u32, u32)>,
+    pub(crate) removed: FixedVec<(u32, u32)>,
     /// New edges (source, reader).
-    pub(crate) added: Room<(u32, u32)>,
+    pub(crate) added: FixedVec<(u32, u32)>,
     /// Removed rows; their slots still hold their positions.
-    pub(crate) left: Room<u32>,
+    pub(crate) left: FixedVec<u32>,
     /// Rows whose neighbourhood changed, including the entered rows. A row may occur twice.
-    pub(crate) rewired: Room<u32>,
+    pub(crate) rewired: FixedVec<u32>,
 }
 
 /// Number of removed edges at which the changes of a joint expiry are passed on in part.

@@ -17,7 +17,7 @@ use crate::options::Options;
 use crate::restart::{ClockWatch, Decision};
 use crate::snapshot::SnapshotOf;
 use crate::stages::Stage;
-use crate::step::Step;
+use crate::step::StageState;
 use crate::{EngineError, Event, Sensor};
 
 /// A prediction, and what it cost.
@@ -56,7 +56,7 @@ pub struct Engine {
     options: Options,
     watch: ClockWatch,
     admission: Admission,
-    step: Step,
+    step: StageState,
     /// Bytes of the state.
     bytes: u128,
     log: Log,
@@ -100,7 +100,7 @@ impl Engine {
             return Err(option("tolerance", "a finite number of at least 0", options.tolerance));
         }
         let layers = network.layers().len();
-        let needed = Memory::needed(|memory| Step::new(Arc::clone(&network), sensor, &options, memory));
+        let needed = Memory::needed(|memory| StageState::new(Arc::clone(&network), sensor, &options, memory));
         let of_layers = layers * (size_of::<LayerLog>() + 2 * size_of::<u64>());
         let bytes = needed.saturating_add(of_layers as u128);
         if bytes > options.memory_limit || bytes == u128::MAX {
@@ -114,7 +114,7 @@ impl Engine {
         }
         let log = LayerLog { rows: options.hooks.record_rows.then(Vec::new), ..LayerLog::default() };
         Ok(Self {
-            step: Step::new(Arc::clone(&network), sensor, &options, &mut Memory::default()),
+            step: StageState::new(Arc::clone(&network), sensor, &options, &mut Memory::default()),
             bytes,
             watch: ClockWatch::new(options.restart, sensor, network.parts().span_us),
             admission: Admission::new(sensor, options.late),

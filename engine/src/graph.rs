@@ -149,7 +149,7 @@ impl EventGraph {
             rule,
             metric: Metric::new(sensor, span_us, level.scale, memory),
             reach: memory.copies(0.0, grid.cells()),
-            extents: memory.copies(SMALLEST, grid.cells()),
+            extents: memory.copies(MIN, grid.cells()),
             grid,
             most,
             count: memory.copies(0, slots),
@@ -172,7 +172,7 @@ impl EventGraph {
     pub(crate) fn clear(&mut self, window: &Window) {
         self.grid.clear();
         self.reach.fill(0.0);
-        self.extents.fill(SMALLEST);
+        self.extents.fill(MIN);
         if self.keeps_readers {
             window.slots().for_each(|slot| self.readers.clear(slot));
         }
@@ -268,12 +268,12 @@ impl EventGraph {
         loop {
             found.begin(bound);
             isa.run(Find { grid, metric, window, node, found });
-            if found.len() == rule.reach.most() || bound >= LARGEST.min(limit) {
+            if found.len() == rule.reach.most() || bound >= MAX.min(limit) {
                 break;
             }
             bound = limit.min(bound * WIDER);
         }
-        *extent = found.bound().max(SMALLEST);
+        *extent = found.bound().max(MIN);
     }
 
     /// Offers the newest node to all others; those to which it is near enough take it as a neighbour.
@@ -384,7 +384,7 @@ impl EventGraph {
         }
         let node = window.node(reader);
         let times = if past { Times::Past } else { Times::All };
-        let mut bound = limit.min(GENEROUS * last.d2.max(SMALLEST));
+        let mut bound = limit.min(GENEROUS * last.d2.max(MIN));
         loop {
             let mut best: Option<Candidate> = None;
             let visit = |d2, slot| {
@@ -404,7 +404,7 @@ impl EventGraph {
             } else {
                 self.grid.search(&self.metric, node, times, bound, visit);
             }
-            if best.is_some() || bound >= limit.min(LARGEST) {
+            if best.is_some() || bound >= limit.min(MAX) {
                 return best;
             }
             bound = limit.min(bound * WIDER);
@@ -439,9 +439,9 @@ const GENEROUS: f64 = 1.5;
 /// Factor by which a search is widened that did not find enough.
 const WIDER: f64 = 4.0;
 /// The extent from which searches are widened at first: 1/64 of the sensor or of the span.
-const SMALLEST: f64 = 1.0 / 4096.0;
+const MIN: f64 = 1.0 / 4096.0;
 /// No d2 of two nodes of a window is larger: each of its three terms is at most 1.
-const LARGEST: f64 = 3.0;
+const MAX: f64 = 3.0;
 
 /// Number of candidates up to which they are compared one by one: a grid search would visit most of its cells.
 const FEW: u32 = 64;

@@ -19,7 +19,7 @@ use crate::queues::{Block, Cursor, Entry, NODES, Place, Queue, Queues};
 
 /// Largest number of cells. A search may visit all of them, and on a sensor with many more pixels than a window has
 /// nodes, most small cells would be empty.
-const MOST_CELLS: usize = 1 << 15;
+const MAX_CELLS: usize = 1 << 15;
 
 #[derive(Clone, Debug)]
 pub(crate) struct Grid {
@@ -53,7 +53,7 @@ impl Grid {
         let cells = |side_log2| {
             [sensor.width, sensor.height].map(|extent| usize::from(extent).div_ceil(1_usize << side_log2))
         };
-        let fits = |&side_log2: &u32| cells(side_log2).iter().product::<usize>() <= MOST_CELLS;
+        let fits = |&side_log2: &u32| cells(side_log2).iter().product::<usize>() <= MAX_CELLS;
         let side_log2 = (least_log2..u16::BITS).find(fits).unwrap_or(u16::BITS);
         (side_log2, cells(side_log2))
     }

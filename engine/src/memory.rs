@@ -54,8 +54,8 @@ impl Memory {
     }
 
     /// An empty list with room for `most` values.
-    pub(crate) fn room<T>(&mut self, most: usize) -> Room<T> {
-        Room(Vec::with_capacity(self.count::<T>(most)))
+    pub(crate) fn room<T>(&mut self, most: usize) -> FixedVec<T> {
+        FixedVec(Vec::with_capacity(self.count::<T>(most)))
     }
 
     /// `rows` x `columns` zeros.
@@ -76,9 +76,9 @@ impl Memory {
 
 /// A vector that keeps its capacity when cloned, because the clone of an engine must not allocate later either.
 #[derive(Debug)]
-pub(crate) struct Room<T>(Vec<T>);
+pub(crate) struct FixedVec<T>(Vec<T>);
 
-impl<T: Clone> Clone for Room<T> {
+impl<T: Clone> Clone for FixedVec<T> {
     fn clone(&self) -> Self {
         let mut values = Vec::with_capacity(self.0.capacity());
         values.extend_from_slice(&self.0);
@@ -86,7 +86,7 @@ impl<T: Clone> Clone for Room<T> {
     }
 }
 
-impl<T> Deref for Room<T> {
+impl<T> Deref for FixedVec<T> {
     type Target = Vec<T>;
 
     #[inline]
@@ -95,7 +95,7 @@ impl<T> Deref for Room<T> {
     }
 }
 
-impl<T> DerefMut for Room<T> {
+impl<T> DerefMut for FixedVec<T> {
     #[inline]
     fn deref_mut(&mut self) -> &mut Vec<T> {
         &mut self.0

@@ -5,7 +5,7 @@
 
 use std::ops::Range;
 
-use crate::memory::{Memory, Room};
+use crate::memory::{FixedVec, Memory};
 use crate::queues::NODES;
 
 /// Room for up to [`FEW`] and for up to [`SEVERAL`] nearest candidates. These are selected by counting, for each candidate, those before it.
@@ -35,7 +35,7 @@ pub(crate) struct Nearest {
     bound: f64,
     /// The last one of as many candidates as are wanted, at the distance of the bound; [`NONE`] before there are so many.
     last: u32,
-    sorted: Room<(f64, u32)>,
+    sorted: FixedVec<(f64, u32)>,
 }
 
 #[allow(clippy::inline_always, reason = "compiled for the instruction set that searches")]

@@ -32,13 +32,13 @@ pub struct Network {
 
 impl Network {
     /// Longest span, about 12 days: (time difference / span)^2 then stays far from f64's limits.
-    pub const LONGEST_SPAN_US: i64 = check::LONGEST_SPAN_US;
+    pub const MAX_SPAN_US: i64 = check::MAX_SPAN_US;
     /// Largest capacity of a window, in events.
-    pub const LARGEST_CAPACITY: usize = check::LARGEST_CAPACITY;
+    pub const MAX_CAPACITY: usize = check::MAX_CAPACITY;
     /// Largest number of in-edges of a node.
-    pub const MOST_NEIGHBOURS: usize = check::MOST_NEIGHBOURS;
+    pub const MAX_NEIGHBOURS: usize = check::MAX_NEIGHBOURS;
     /// Largest number of cells of a pooling.
-    pub const MOST_CELLS: usize = check::MOST_CELLS;
+    pub const MAX_CELLS: usize = check::MAX_CELLS;
 
     /// Checks that `parts` fit together.
     ///

@@ -16,7 +16,7 @@ use crate::counters::PredictionCounters;
 use crate::delta::Delta;
 use crate::graph::Adjacency;
 use crate::maxima::Maxima;
-use crate::memory::{Memory, Room};
+use crate::memory::{FixedVec, Memory};
 use crate::merged::{Extent, Merged};
 use crate::network::{Level, Network, Position};
 use crate::rows::RowSet;
@@ -106,7 +106,7 @@ pub(crate) struct PooledGraph {
     stale: RowSet,
     /// Cells whose position changed since `finish`.
     shifted: RowSet,
-    order: Room<(Key, u32)>,
+    order: FixedVec<(Key, u32)>,
 }
 
 impl PooledGraph {

@@ -6,7 +6,7 @@
 
 use std::ops::Range;
 
-use crate::memory::{Memory, Room};
+use crate::memory::{FixedVec, Memory};
 
 /// Nodes in a block.
 pub(crate) const NODES: usize = 8;
@@ -71,8 +71,8 @@ const EMPTY: Chain = Chain { first: NONE, last: NONE, nodes: 0, start: 0, end: N
 pub(crate) struct Queues {
     chains: Vec<Chain>,
     /// The blocks that have been used: memory that the queues never needed at once is never touched.
-    blocks: Room<Block>,
-    links: Room<Links>,
+    blocks: FixedVec<Block>,
+    links: FixedVec<Links>,
     most: usize,
     /// First free block; the number of blocks if none of them is free.
     free: u32,

@@ -1,12 +1,12 @@
 //! Sets of row indices.
 
-use crate::memory::{Memory, Room};
+use crate::memory::{FixedVec, Memory};
 
 /// A set of rows below a fixed bound: O(1) to insert, remove, test and clear, O(members) to iterate, no allocation
 /// after construction. The order of iteration depends on the history; results must not depend on it.
 #[derive(Clone, Debug)]
 pub(crate) struct RowSet {
-    members: Room<u32>,
+    members: FixedVec<u32>,
     /// For each row, its index in `members` if it is a member.
     index: Vec<u32>,
 }

@@ -74,7 +74,7 @@ impl StaleReadout {
             in_range("stale events", i64::try_from(events).unwrap_or(i64::MAX), 1, i64::MAX)?;
         }
         if let Some(us) = bound.us {
-            in_range("stale microseconds", us, 1, Network::LONGEST_SPAN_US)?;
+            in_range("stale microseconds", us, 1, Network::MAX_SPAN_US)?;
         }
         let network = engine.network();
         let (values, rows) = (vec![0.0; network.outputs()], vec![0; network.layers().len()]);

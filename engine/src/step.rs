@@ -15,7 +15,7 @@ use crate::counters::Log;
 use crate::delta::{Delta, PART};
 use crate::graph::{EventGraph, WAVE};
 use crate::input::Input;
-use crate::memory::{Memory, Room};
+use crate::memory::{FixedVec, Memory};
 use crate::metric::Node;
 use crate::network::Network;
 use crate::options::Options;
@@ -27,7 +27,7 @@ use crate::{EngineError, Sensor};
 
 /// The state that a stream of events has produced in an engine.
 #[derive(Clone, Debug)]
-pub(crate) struct Step {
+pub(crate) struct StageState {
     network: Arc<Network>,
     isa: Isa,
     poison: bool,
@@ -48,7 +48,7 @@ pub(crate) struct Step {
 /// so they can be computed together. They must be before a node leaves that one of them reads.
 #[derive(Clone, Debug)]
 struct Arrivals {
-    rows: Room<u32>,
+    rows: FixedVec<u32>,
     /// Index in the window of the earliest node that one of them is or reads; undefined if there are none.
     earliest: u32,
 }
@@ -76,7 +76,7 @@ impl Arrivals {
     }
 }
 
-impl Step {
+impl StageState {
     /// The state of an engine before its first event. If the rows are too many to be numbered, `memory` has counted
     /// [`u128::MAX`] bytes.
     pub(crate) fn new(network: Arc<Network>, sensor: Sensor, options: &Options, memory: &mut Memory) -> Self {

@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use crate::memory::{Memory, Room};
+use crate::memory::{FixedVec, Memory};
 use crate::metric::Node;
 
 /// Slots of a chunk.
@@ -16,10 +16,10 @@ const CHUNK_LOG2: u32 = 6;
 pub(crate) struct Window {
     capacity: u32,
     /// Of the chunks that have been used.
-    nodes: Room<Node>,
+    nodes: FixedVec<Node>,
     /// The number of the first node of each of these chunks, counted from the first node of all. Numbers wrap.
-    starts: Room<u32>,
-    free: Room<u32>,
+    starts: FixedVec<u32>,
+    free: FixedVec<u32>,
     /// The chunk of number n is at n / [`CHUNK`], modulo the length, which is a power of two.
     chunks: Vec<u32>,
     /// The number of the oldest node, or of the next one if there is none.

@@ -212,7 +212,7 @@ fn length_and_start(length: u64, start: &str) -> String {
 
 /// The first 40 bytes of a field for a message, quoted and escaped.
 pub(crate) fn shown(field: &[u8]) -> String {
-    const MOST: usize = 40;
-    let dots = if field.len() > MOST { ".." } else { "" };
-    format!("`{}{dots}`", field[..field.len().min(MOST)].escape_ascii())
+    const MAX: usize = 40;
+    let dots = if field.len() > MAX { ".." } else { "" };
+    format!("`{}{dots}`", field[..field.len().min(MAX)].escape_ascii())
 }

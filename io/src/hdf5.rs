@@ -41,7 +41,7 @@ pub(crate) const MAGIC: &[u8] = b"\x89HDF";
 /// Events that are decoded at once.
 const BLOCK: u64 = 1 << 14;
 /// Most bytes of a record in an array: Prophesee's has 16.
-const MOST_RECORD_BYTES: usize = 64;
+const MAX_RECORD_BYTES: usize = 64;
 /// Fewest bytes of an event: the arrays of DSEC.
 const EVENT_BYTES: u64 = 9;
 /// Decoded chunks that are kept for the next range, in bytes.
@@ -100,7 +100,7 @@ impl Events {
             .with_filter_registry(filters)
             .with_chunk_cache_bytes(CACHE_BYTES)
             .with_max_chunk_bytes(PACKET_BYTES as usize)
-            .with_max_read_bytes(BLOCK as usize * MOST_RECORD_BYTES);
+            .with_max_read_bytes(BLOCK as usize * MAX_RECORD_BYTES);
         let file = Hdf5File::from_storage_with_options(storage, options).map_err(unreadable)?;
         let root = file.root_group().map_err(unreadable)?;
 

@@ -63,7 +63,7 @@ pub enum KernelError {
 }
 
 /// Largest number of channels of a convolution.
-pub(crate) const MOST_CHANNELS: usize = 1 << 16;
+pub(crate) const MAX_CHANNELS: usize = 1 << 16;
 
 /// Refuses sizes of zero.
 ///
@@ -74,14 +74,14 @@ pub(crate) fn check_sizes<const N: usize>(sizes: [(&'static str, usize); N]) -> 
     zero.map_or(Ok(()), |(what, found)| Err(KernelError::Size { what, expected: "at least 1", found }))
 }
 
-/// Refuses numbers of channels of zero or above [`MOST_CHANNELS`].
+/// Refuses numbers of channels of zero or above [`MAX_CHANNELS`].
 ///
 /// # Errors
 /// [`KernelError::Size`].
 pub(crate) fn check_channels(inputs: &[usize], outputs: usize) -> Result<(), KernelError> {
     let sizes = inputs.iter().map(|&inputs| ("input channels", inputs)).chain([("output channels", outputs)]);
     for (what, found) in sizes {
-        if found == 0 || found > MOST_CHANNELS {
+        if found == 0 || found > MAX_CHANNELS {
             return Err(KernelError::Size { what, expected: "1 to 65536", found });
         }
     }

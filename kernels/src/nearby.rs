@@ -27,7 +27,7 @@ const FIRST: f32 = 0.4;
 /// S.
 const STEP: f32 = 0.08;
 /// L + 15 S, slightly rounded up.
-const LARGEST: f32 = 1.61;
+const MAX: f32 = 1.61;
 
 /// Finds points near a place; owns the working space for it.
 #[derive(Clone, Debug)]
@@ -41,7 +41,7 @@ impl Nearby {
     /// The number of points must be a multiple of this.
     pub const TOGETHER: usize = TOGETHER;
     /// Largest ratio of a bound to the guess.
-    pub const LARGEST_BOUND: f32 = LARGEST;
+    pub const MAX_BOUND: f32 = MAX;
 
     /// A search with weights w of the squared differences along x, y and t.
     pub fn new(weights: [f32; 3]) -> Self {

@@ -76,7 +76,7 @@ impl PointNetConv {
     /// Checks and packs `parts`.
     ///
     /// # Errors
-    /// A size of zero or beyond [`SplineConv::MOST_CHANNELS`](crate::SplineConv::MOST_CHANNELS), a tensor of the wrong length, or a value that is not finite.
+    /// A size of zero or beyond [`SplineConv::MAX_CHANNELS`](crate::SplineConv::MAX_CHANNELS), a tensor of the wrong length, or a value that is not finite.
     pub fn new(parts: &PointNetParts) -> Result<Self, KernelError> {
         let PointNetParts { inputs, outputs, .. } = *parts;
         check_channels(&[inputs], outputs)?;

@@ -60,12 +60,12 @@ impl fmt::Display for Overload {
 #[non_exhaustive]
 #[must_use]
 pub struct QueueOptions {
-    /// Most waiting events, 1 to [`Self::LARGEST`]. Default: 65,536. Each takes 16 bytes, allocated at the start.
+    /// Most waiting events, 1 to [`Self::MAX`]. Default: 65,536. Each takes 16 bytes, allocated at the start.
     pub capacity: usize,
     /// Rule for events that arrive faster than the engine takes them. Default: the oldest make room.
     pub overload: Overload,
     /// Largest number of events that the worker inserts before it checks whether a prediction is due, 1 to
-    /// [`Self::LARGEST`]. Default: 64.
+    /// [`Self::MAX`]. Default: 64.
     pub batch: usize,
     /// Core that the worker's thread is pinned to, one of [`cores`](crate::cores). Default: the system places it.
     pub core: Option<usize>,
@@ -83,7 +83,7 @@ impl Default for QueueOptions {
 
 impl QueueOptions {
     /// Largest capacity and batch.
-    pub const LARGEST: usize = 1 << 28;
+    pub const MAX: usize = 1 << 28;
 
     /// The default options.
     pub fn new() -> Self {
@@ -126,8 +126,8 @@ impl QueueOptions {
                 || LiveError::Option { what, expected: format!("1 to {largest}"), found: value.to_string() };
             if (1..=largest).contains(&value) { Ok(()) } else { Err(refusal()) }
         };
-        range("capacity of the queue in events", self.capacity, Self::LARGEST)?;
-        range("batch in events", self.batch, Self::LARGEST)?;
+        range("capacity of the queue in events", self.capacity, Self::MAX)?;
+        range("batch in events", self.batch, Self::MAX)?;
         if let Overload::Thin { stride } = self.overload {
             range("stride in events", stride as usize, u32::MAX as usize)?;
         }

@@ -24,7 +24,7 @@ use serde::Serialize;
 
 pub use any::AnyDescription;
 pub use convolution::ConvolutionKind;
-pub use layer::{Cell, Cost, FieldStart, FieldStep, Layer, LayerKind, Per, ReceptiveField};
+pub use layer::{Cell, Cost, CostUnit, FieldStart, FieldStep, Layer, LayerKind, ReceptiveField};
 pub use preparation::Agreement;
 pub use problem::{DescriptionError, Problem, ProblemKind};
 

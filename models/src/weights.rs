@@ -22,7 +22,7 @@ pub use safetensors::TensorFile;
 pub use tensor::Tensor;
 
 /// Largest file that is read.
-const LARGEST_FILE: u64 = 1 << 31;
+const MAX_FILE: u64 = 1 << 31;
 
 /// Named tensors, in the order of their names.
 ///
@@ -63,7 +63,7 @@ impl Weights {
     /// # Errors
     /// [`ModelError::Read`], [`ModelError::Large`] for more than 2 GiB, and as [`Self::from_bytes`].
     pub fn load(path: impl AsRef<Path>) -> Result<Self, ModelError> {
-        Ok(Self::from_bytes(&crate::bounded::read(path.as_ref(), LARGEST_FILE)?)?)
+        Ok(Self::from_bytes(&crate::bounded::read(path.as_ref(), MAX_FILE)?)?)
     }
 
     /// Reads weights from the bytes of a file.

@@ -6,7 +6,7 @@ use meissner_engine::{
     Aggregation, Candidates, Lifetime, Network, NetworkParts, Normalisation, Position, Reach,
 };
 use meissner_models::description::frames::FrameKind;
-use meissner_models::description::{FieldStart, Per};
+use meissner_models::description::{CostUnit, FieldStart};
 use meissner_models::{ConvolutionKind, Description, Layer, LayerKind, Weights, draw};
 use support::{SMALL, changed};
 
@@ -230,7 +230,7 @@ fn multiply_adds_are_those_that_the_kernels_count() {
                 let cost = layer(&description, &block.name).cost;
                 let edges = cost.in_edges.expect("a spline block has in-edges");
                 assert_eq!(edges, if level == 0 { network.parts().graph.reach.most() } else { 8 });
-                assert_eq!((cost.multiply_adds, cost.per), (block.conv.multiply_adds(edges), Per::Row));
+                assert_eq!((cost.multiply_adds, cost.per), (block.conv.multiply_adds(edges), CostUnit::Row));
             }
         }
     }

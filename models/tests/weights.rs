@@ -453,7 +453,7 @@ fn the_published_checkpoint_makes_graphres() {
     let weights = Weights::load(path).expect("readable");
     for name in ["graphres", "graphres-published"] {
         let description = Description::shipped(name).expect("shipped");
-        let network = description.network_regardless(&weights).expect("the published network");
+        let network = description.network_ignoring_preparation(&weights).expect("the published network");
         assert_eq!(network.outputs(), 2);
         assert!(description.unused_tensors(&weights).expect("no prefix").is_empty());
     }
@@ -479,7 +479,7 @@ fn the_published_checkpoint_is_recognised_and_graphres_refuses_it_by_name() {
         assert!(matches!(&error, ModelError::Preparation { published: Some("graphres-published"), .. }));
         let error = error.to_string();
         assert!(error.contains("published GraphRes checkpoint") && error.contains("per-graph"), "{error}");
-        assert!(description("graphres").network_regardless(&weights).is_ok());
+        assert!(description("graphres").network_ignoring_preparation(&weights).is_ok());
     }
 }
 

@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 use crate::interrupt;
 
 /// Longest interval on the wall clock that is represented: ten years.
-const LONGEST: Duration = Duration::from_hours(10 * 365 * 24);
+const MAX: Duration = Duration::from_hours(10 * 365 * 24);
 
 /// Longest time after an end until a wait notices it.
 const NAP: Duration = Duration::from_millis(5);
@@ -60,7 +60,7 @@ impl Clock {
     pub fn at(&self, t_us: i64) -> Instant {
         let us = i128::from(t_us) - i128::from(self.first_us);
         let seconds = us.max(0) as f64 / 1e6 / self.speed;
-        self.start + Duration::try_from_secs_f64(seconds).unwrap_or(LONGEST).min(LONGEST)
+        self.start + Duration::try_from_secs_f64(seconds).unwrap_or(MAX).min(MAX)
     }
 
     /// The stream time at `now`.

@@ -1,7 +1,7 @@
 //! Makes the frames that a network reads from events.
 //!
 //! Enters: events in order of arrival. Leaves: the frames that the `[input]` of a description defines, (channels, rows,
-//! columns), each with its time on the clock of the events. Of a silence, as many empty frames come as [`Silence`] lets
+//! columns), each with its time on the clock of the events. Of a silence, as many empty frames come as [`EmptyFrameLimit`] lets
 //! through, and then the news of how many were left out: its cost does not depend on its length. Invariant: frames come in
 //! order of time, and every accepted event inside the crop is or will be in a frame.
 //!
@@ -26,7 +26,7 @@ use meissner_models::description::frames::SignedTiming;
 use meissner_models::{FrameDescription, FrameSource};
 
 use crate::schedule::{Every, Last, Schedule};
-use crate::silence::{EmptyFrames, Silence};
+use crate::silence::{EmptyFrameLimit, EmptyFrames};
 pub(crate) use state::FeedState;
 
 /// Makes the frames of one stream of events.
@@ -37,7 +37,7 @@ pub(crate) struct FrameFeed {
     /// Decides about restarts of the clock.
     watch: ClockWatch,
     frames: Frames,
-    silence: Silence,
+    silence: EmptyFrameLimit,
     /// The values of an empty frame.
     zeros: Vec<f32>,
     /// Events that later frames will cover, if the state will be needed.
@@ -97,7 +97,7 @@ impl FrameFeed {
         sensor: Sensor,
         (late, restart): (LatePolicy, RestartPolicy),
         every: Every,
-        silence: Silence,
+        silence: EmptyFrameLimit,
         state: Option<&FeedState>,
     ) -> Result<Option<Self>, RepresentationError> {
         let start_us = state.and_then(|state| state.open_us);
@@ -441,7 +441,7 @@ fn hand_over<E>(
 /// Delivers what windows made, as far as `silence` lets empty frames through.
 fn deliver<E>(
     made: Made<'_>,
-    silence: &mut Silence,
+    silence: &mut EmptyFrameLimit,
     zeros: &[f32],
     sink: &mut impl FnMut(FeedOutput<'_>) -> Result<(), E>,
 ) -> Result<(), E> {

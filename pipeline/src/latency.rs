@@ -6,7 +6,7 @@ use hdrhistogram::Histogram;
 use serde::{Serialize, Serializer};
 
 /// Longest time that the histogram distinguishes: an hour, in nanoseconds.
-const LONGEST_NS: u64 = 3_600_000_000_000;
+const MAX_NS: u64 = 3_600_000_000_000;
 /// Significant digits of the histogram.
 const DIGITS: u8 = 3;
 /// Number of empty measurements whose mean is the overhead of the clock, and number of such means.
@@ -96,7 +96,7 @@ impl Serialize for Latency {
 impl Default for Latency {
     fn default() -> Self {
         let histogram =
-            Histogram::new_with_bounds(1, LONGEST_NS, DIGITS).expect("the bounds are constants that fit");
+            Histogram::new_with_bounds(1, MAX_NS, DIGITS).expect("the bounds are constants that fit");
         Self { histogram, max_ns: 0, total: Duration::ZERO }
     }
 }

@@ -17,7 +17,7 @@ use crate::error::PipelineError;
 use crate::frame_feed::{FeedOutput, FeedState, FrameFeed};
 use crate::model::FrameModel;
 use crate::run::EVERY;
-use crate::silence::Silence;
+use crate::silence::EmptyFrameLimit;
 
 /// A frame network over the events of one sensor.
 ///
@@ -146,7 +146,7 @@ fn feed(
     state: Option<&FeedState>,
 ) -> Result<FrameFeed, PipelineError> {
     let policies = (LatePolicy::Drop, RestartPolicy::Reset);
-    let silence = Silence::new(None, silence);
+    let silence = EmptyFrameLimit::new(None, silence);
     let feed = FrameFeed::new(&model.description, sensor, policies, EVERY, silence, state);
     let network = &model.name;
     let feed = feed.map_err(|source| PipelineError::Frames { network: network.clone(), source })?;

@@ -195,7 +195,7 @@ impl Model {
         ignore_preparation: bool,
     ) -> Result<Self, PipelineError> {
         let network = if ignore_preparation {
-            description.network_regardless(weights)
+            description.network_ignoring_preparation(weights)
         } else {
             description.network(weights)
         };

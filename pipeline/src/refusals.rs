@@ -18,7 +18,7 @@ const FIRST: u64 = 100;
 
 /// Counts of the refused and the taken lines of a text.
 #[derive(Debug)]
-pub(crate) struct Refusals {
+pub(crate) struct LineErrors {
     /// Name of the text, for messages.
     name: String,
     strict: bool,
@@ -32,7 +32,7 @@ pub(crate) struct Refusals {
     first: String,
 }
 
-impl Refusals {
+impl LineErrors {
     /// Counts for the text called `name`. With `strict`, the first refused line is an error.
     pub(crate) fn new(name: &str, strict: bool) -> Self {
         let (name, held, first) = (name.to_owned(), Vec::new(), String::new());
@@ -131,12 +131,12 @@ impl Refusals {
 
 #[cfg(test)]
 mod tests {
-    use super::{FIRST, Refusals};
+    use super::{FIRST, LineErrors};
     use crate::error::PipelineError;
 
     /// So many lines have been taken.
-    fn refusals(strict: bool, taken: u64) -> Refusals {
-        let mut refusals = Refusals::new("text", strict);
+    fn refusals(strict: bool, taken: u64) -> LineErrors {
+        let mut refusals = LineErrors::new("text", strict);
         (0..taken).for_each(|_| refusals.take());
         refusals
     }

@@ -120,7 +120,7 @@ impl Schedule {
         Ok(())
     }
 
-    /// Skips the times before `t_us`, and returns their number.
+    /// WorkCounts the times before `t_us`, and returns their number.
     pub(crate) fn skip_to(&mut self, t_us: i64) -> u64 {
         let Some((due, period)) = self.due_us.zip(self.period_us()) else { return 0 };
         let count = times_before(due, t_us, period);

@@ -4,11 +4,11 @@
 //! after them. Invariant: of a silence, a network takes at most the longest number of frames; the next one resets its state, once.
 
 /// The default for the largest number of consecutive empty frames that a network takes.
-const LONGEST: u64 = 6000;
+const MAX: u64 = 6000;
 
 /// Counts the empty frames since the last frame with events.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Silence {
+pub(crate) struct EmptyFrameLimit {
     longest: u64,
     frames: u64,
 }
@@ -24,10 +24,10 @@ pub(crate) struct EmptyFrames {
     pub(crate) resets: bool,
 }
 
-impl Silence {
+impl EmptyFrameLimit {
     /// A silence of `frames` empty frames so far. `longest` replaces the default of 6000 frames.
     pub(crate) fn new(longest: Option<u64>, frames: u64) -> Self {
-        Self { longest: longest.unwrap_or(LONGEST), frames }
+        Self { longest: longest.unwrap_or(MAX), frames }
     }
 
     /// Empty frames since the last one with events.
@@ -53,11 +53,11 @@ impl Silence {
 
 #[cfg(test)]
 mod tests {
-    use super::{EmptyFrames, Silence};
+    use super::{EmptyFrameLimit, EmptyFrames};
 
     #[test]
     fn frames_beyond_the_longest_silence_are_left_out_and_the_first_of_them_resets() {
-        let mut silence = Silence::new(Some(5), 0);
+        let mut silence = EmptyFrameLimit::new(Some(5), 0);
         let taken = [3, 2, 1, 4, u64::MAX].map(|count| {
             let EmptyFrames { taken, left_out, resets } = silence.take(count);
             (taken, left_out, resets)

@@ -8,7 +8,7 @@ use serde::Serialize;
 /// The counters of an engine over events.
 #[derive(Debug, Default, Serialize)]
 #[non_exhaustive]
-pub struct Skips {
+pub struct WorkCounts {
     /// Rows computed, over all layers.
     pub rows_recomputed: u64,
     /// Of these, rows whose values did not change.
@@ -53,7 +53,7 @@ pub struct LayerSkips {
     pub kept: u64,
 }
 
-impl Skips {
+impl WorkCounts {
     /// The counters of a network with these `layers`.
     pub fn new(counters: &Counters, layers: &[impl AsRef<str>]) -> Self {
         let layers: Vec<LayerSkips> = layers

@@ -16,14 +16,14 @@ use crate::error::{PipelineError, chain};
 use crate::interrupt;
 use crate::left_out;
 use crate::losses::{Advice, InputLosses, Salvaged};
-use crate::refusals::Refusals;
+use crate::refusals::LineErrors;
 use crate::streams;
 
 /// A simulated press and release; see `pipeline/assets/README.md`.
 const EMBEDDED: &[u8] = include_bytes!("../assets/dome_press.evt3");
 const EMBEDDED_NAME: &str = "dome_press.evt3 (embedded; simulated, not a real sensor)";
 /// Most events of a stream that is read as a whole.
-const MOST_EVENTS: u64 = STREAM_BYTES / RECORD_BYTES as u64;
+const MAX_EVENTS: u64 = STREAM_BYTES / RECORD_BYTES as u64;
 
 /// A stream of events with its name, format and geometry.
 ///
@@ -43,7 +43,7 @@ pub struct Source {
     events: Events,
     /// The range of the events that arrive, and the time of the first one once it is known.
     range: Option<(TimeRange, Option<i64>)>,
-    refusals: Refusals,
+    refusals: LineErrors,
     /// Lines of a text in a file that could not be read.
     lines_left_out: u64,
     /// Every `stride`-th event is taken.
@@ -70,14 +70,14 @@ enum Events {
 pub fn read(path: &Path, options: &ReadOptions) -> Result<Recording, PipelineError> {
     if streams::is_live(path) {
         let (mut arriving, mut events) = (arriving(path, options)?, Vec::new());
-        let mut refusals = Refusals::of(path, options.strict && !streams::is_of_datagrams(path));
+        let mut refusals = LineErrors::of(path, options.strict && !streams::is_of_datagrams(path));
         while let Some(event) = next(&mut arriving, &mut refusals) {
             events.push(event?);
             // A device gives events without end.
-            if events.len() as u64 > MOST_EVENTS {
+            if events.len() as u64 > MAX_EVENTS {
                 let (format, what, place, unit) =
-                    (arriving.format(), "stream", Place::Event(MOST_EVENTS), "events");
-                let (limit, actual, at_least) = (MOST_EVENTS, events.len() as u64, true);
+                    (arriving.format(), "stream", Place::Event(MAX_EVENTS), "events");
+                let (limit, actual, at_least) = (MAX_EVENTS, events.len() as u64, true);
                 let error = IoError::TooLarge { format, what, place, unit, limit, actual, at_least };
                 return Err(PipelineError::recording(refusals.name(), error));
             }
@@ -171,10 +171,10 @@ impl Source {
             None => {
                 let mut recording = embedded()?;
                 options.range.inspect(|range| range.cut(&mut recording));
-                Ok(Self::of(recording, Refusals::new(EMBEDDED_NAME, strict)))
+                Ok(Self::of(recording, LineErrors::new(EMBEDDED_NAME, strict)))
             }
             Some(path) if streams::is_live(path) => {
-                let mut refusals = Refusals::of(path, strict);
+                let mut refusals = LineErrors::of(path, strict);
                 let mut arriving = arriving(path, options)?;
                 let first =
                     if sensor_known { None } else { next(&mut arriving, &mut refusals).transpose()? };
@@ -185,12 +185,12 @@ impl Source {
             }
             Some(path) => {
                 let recording = read(path, &options.strict(strict))?;
-                Ok(Self::of(recording, Refusals::of(path, strict)))
+                Ok(Self::of(recording, LineErrors::of(path, strict)))
             }
         }
     }
 
-    fn of(recording: Recording, refusals: Refusals) -> Self {
+    fn of(recording: Recording, refusals: LineErrors) -> Self {
         let salvaged = Salvaged::of(&recording);
         let Recording { format, sensor, events, left_out, .. } = recording;
         let lines = left_out.iter().filter(|left_out| left_out.kind == LeftOutKind::Lines);
@@ -202,7 +202,7 @@ impl Source {
         }
     }
 
-    fn new(format: impl ToString, sensor: Option<Sensor>, events: Events, refusals: Refusals) -> Self {
+    fn new(format: impl ToString, sensor: Option<Sensor>, events: Events, refusals: LineErrors) -> Self {
         let recorded = match &events {
             Events::Read(events) => Some(events.len() as u64),
             Events::Arriving { .. } => None,
@@ -311,10 +311,10 @@ impl Iterator for Source {
 /// The next of `events`; `None` at the end, and if the program is asked to end. Lines of a text that are no events are passed over.
 ///
 /// # Errors
-/// The error that ends the events, and the errors of [`Refusals`].
+/// The error that ends the events, and the errors of [`LineErrors`].
 fn next(
     events: &mut impl Iterator<Item = Result<Event, IoError>>,
-    refusals: &mut Refusals,
+    refusals: &mut LineErrors,
 ) -> Option<Result<Event, PipelineError>> {
     loop {
         let refused = match events.next() {

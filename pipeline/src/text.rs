@@ -31,7 +31,7 @@ pub fn display_us(us: i64) -> String {
 
 fn within(text: &str, least: i64) -> Result<i64, String> {
     let us = microseconds(text).ok_or_else(|| format!("expected {TIME_FORMS}"))?;
-    let most = Network::LONGEST_SPAN_US;
+    let most = Network::MAX_SPAN_US;
     let range =
         || format!("expected a time from {least}us to {}, such as 500us, 1.5ms or 2s", display_us(most));
     if (least..=most).contains(&us) { Ok(us) } else { Err(range()) }

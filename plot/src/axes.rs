@@ -8,7 +8,7 @@ use crate::text::grouped;
 const GRID: &str = "#cccccc";
 const FINE_GRID: &str = "#efefef";
 /// Most intervals between the ticks of a linear axis.
-const MOST_INTERVALS: f64 = 8.0;
+const MAX_INTERVALS: f64 = 8.0;
 /// Margin at both ends of an axis, as a share of its length.
 const MARGIN: f64 = 0.05;
 /// Pixels at the low end of a logarithmic axis for the value 0.
@@ -68,7 +68,7 @@ impl Axis {
         let (low, high) = self.range;
         let steps = (-9..).flat_map(|power| [1.0, 2.0, 5.0].map(|digit| (power, digit * 10_f64.powi(power))));
         let (power, step) =
-            steps.into_iter().find(|(_, step)| (high - low) / step <= MOST_INTERVALS).unwrap_or((0, 1.0));
+            steps.into_iter().find(|(_, step)| (high - low) / step <= MAX_INTERVALS).unwrap_or((0, 1.0));
         let decimals = (-power).max(0) as usize;
         let tick = |i: i64| {
             let value = i as f64 * step;

@@ -8,7 +8,7 @@ use crate::text::grouped;
 
 const FIELD: Area = Area { left: 70.0, top: 4.0, right: 744.0, bottom: 304.0 };
 /// Smaller shares are drawn like 0: 10 to this power, in percent.
-const LEAST_POWER: f64 = -5.0;
+const MIN_POWER: f64 = -5.0;
 /// Steps shorter than this many pixels are drawn as one.
 const CLOSE: f64 = 1.0;
 /// Quantiles in the table below the field: a name, and the share of calls that took longer.
@@ -43,7 +43,7 @@ impl Distribution {
         let field = Field {
             area: FIELD,
             x: Axis::logarithmic(decades(points().map(|&(us, _)| us), (0.0, 3.0)), x),
-            y: Axis::logarithmic((least.max(LEAST_POWER), most), y),
+            y: Axis::logarithmic((least.max(MIN_POWER), most), y),
         };
         field.draw(svg, "latency (microseconds)", "share that took longer (%)");
         if self.curves.is_empty() {

@@ -68,10 +68,10 @@ pub fn page(title: &str, about: &str, rows: &[Vec<Panel<'_>>]) -> String {
     const LEFT: f64 = 24.0;
     const TITLE: f64 = 18.0;
     /// Least room for text, where the panels are narrow or there is none.
-    const LEAST: f64 = 420.0;
+    const MIN: f64 = 420.0;
     let rows: Vec<Vec<(Svg, (f64, f64))>> = rows.iter().map(|row| row.iter().map(drawn).collect()).collect();
     let widths = rows.iter().map(|row| row.iter().map(|(_, size)| size.0).sum::<f64>());
-    let room = widths.fold(LEAST.max(bold_width(title, TITLE)), f64::max);
+    let room = widths.fold(MIN.max(bold_width(title, TITLE)), f64::max);
     let mut svg = Svg::default();
     svg.text((LEFT, 34.0), title).size(TITLE).bold();
     let mut bottom = 56.0;

@@ -23,7 +23,7 @@ const LABEL: f64 = 24.0;
 /// Width of a band.
 const TOTAL: f64 = 752.0;
 /// Largest distance from the boxes to a curve.
-const LARGEST_BEND: f64 = 120.0;
+const MAX_BEND: f64 = 120.0;
 const LINE: &str = "#444444";
 /// Fill of bands.
 const BANDS: [&str; 2] = ["#eef4fb", "#f3f1fa"];
@@ -131,7 +131,7 @@ fn curve(svg: &mut Svg, from: &Area, to: &Area, mark: Option<&str>) {
     let (start, end) = (from.centre().1, to.centre().1);
     let (x, side, dashes) = if mark.is_some() { (LEFT + WIDTH, 1.0, "5 3") } else { (LEFT, -1.0, "") };
     // Longer curves bend further out, so that nested ones stay apart.
-    let out = x + side * (24.0 + (end - start) / 5.0).min(LARGEST_BEND);
+    let out = x + side * (24.0 + (end - start) / 5.0).min(MAX_BEND);
     svg.path(&format!("M{x} {start}C{out:.1} {start} {out:.1} {end} {x} {end}"), LINE).dashes(dashes);
     svg.shape(&format!("M{x} {end}l{} -4v8z", 8.0 * side), LINE);
     mark.map(|mark| svg.text((x + 12.0, end + 17.0), mark).fill(LINE));

@@ -20,7 +20,7 @@ const NEAR: f64 = 9.0;
 const KEY_LINE: f64 = 16.0;
 const KEY_COLUMNS: usize = 2;
 /// A linear axis is used up to this ratio of the largest to the smallest error.
-const MOST_LINEAR: f64 = 10.0;
+const MAX_LINEAR: f64 = 10.0;
 
 /// Settings of networks by run time and error, both better where smaller.
 #[derive(Clone, Debug)]
@@ -121,8 +121,7 @@ impl TradeOff {
             })
         };
         let pixels = (FIELD.bottom, FIELD.top);
-        let is_wide =
-            || ends(errors()).is_some_and(|(least, most)| least > 0.0 && most > MOST_LINEAR * least);
+        let is_wide = || ends(errors()).is_some_and(|(least, most)| least > 0.0 && most > MAX_LINEAR * least);
         // The greatest value, and the shortest linear axis: 2 points, or a tenth of the greatest error.
         let (most, least) = match self.errors {
             Errors::Percentages => (100.0, 2.0),

@@ -51,7 +51,7 @@ impl Difference {
 }
 
 /// 2^104, the distance of the two largest f32.
-const LARGEST_ULP: f64 = 20_282_409_603_651_670_423_947_251_286_016.0;
+const MAX_ULP: f64 = 20_282_409_603_651_670_423_947_251_286_016.0;
 
 /// Error of `got` in units in the last place of the f32 nearest to `want`: the distance from its magnitude to the next
 /// larger f32. 0 if `got` is that f32, or both are NaN; infinite if only one is NaN.
@@ -67,7 +67,7 @@ pub fn ulps(got: f32, want: f64) -> f64 {
     let ulp = if magnitude < f32::MAX {
         f64::from(f32::from_bits(magnitude.to_bits() + 1)) - f64::from(magnitude)
     } else {
-        LARGEST_ULP
+        MAX_ULP
     };
     (f64::from(got) - want).abs() / ulp
 }
@@ -116,8 +116,8 @@ mod tests {
 
     #[test]
     fn the_largest_value_and_infinity_are_as_far_apart_as_the_largest_two() {
-        assert_eq!(LARGEST_ULP, 2f64.powi(104));
+        assert_eq!(MAX_ULP, 2f64.powi(104));
         assert_eq!(ulps(f32::INFINITY, f64::from(f32::MAX)), f64::INFINITY);
-        assert_eq!(ulps(f32::MAX, f64::from(f32::MAX) - LARGEST_ULP), 1.0);
+        assert_eq!(ulps(f32::MAX, f64::from(f32::MAX) - MAX_ULP), 1.0);
     }
 }

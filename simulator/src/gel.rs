@@ -150,7 +150,7 @@ pub struct Slide {
 /// Change of the pressure in one iteration, relative to its sum, at which a contact is found.
 const TOLERANCE: f64 = 1e-7;
 /// Most iterations; contacts on 320 x 240 pixels take 10 to 50.
-const MOST_ITERATIONS: usize = 5000;
+const MAX_ITERATIONS: usize = 5000;
 
 /// Finds contacts of a gel on a grid. A press takes an iteration for each conjugate direction, O(pixels log pixels) each.
 #[derive(Clone)]
@@ -227,7 +227,7 @@ impl GelSolver {
         let area = self.grid.pitch_mm * self.grid.pitch_mm;
         let mut pressure = self.first_guess(heights_mm, load);
         let (mut direction, mut last_norm, mut is_conjugate) = (vec![0.0; pixels], 1.0, false);
-        for iterations in 0..MOST_ITERATIONS {
+        for iterations in 0..MAX_ITERATIONS {
             let total: f64 = pressure.iter().sum();
             if total <= 0.0 {
                 return match load {
@@ -286,7 +286,7 @@ impl GelSolver {
                 return Ok(self.contact(pressure, depth_mm, iterations));
             }
         }
-        Err(SimulatorError::NoContact { iterations: MOST_ITERATIONS })
+        Err(SimulatorError::NoContact { iterations: MAX_ITERATIONS })
     }
 
     /// The contact of a pressure that was found.

@@ -33,9 +33,9 @@ use view::View;
 /// The diameters of the bolts, in millimetres.
 pub const BOLTS_MM: [f64; 3] = [8.0, 12.0, 16.0];
 /// The greatest force, in newtons.
-pub const MOST_FORCE_N: f64 = 3.12;
+pub const MAX_FORCE_N: f64 = 3.12;
 
-/// Forces at the end of grasping. Vibration adds up to 3.5 %, which stays below [`MOST_FORCE_N`].
+/// Forces at the end of grasping. Vibration adds up to 3.5 %, which stays below [`MAX_FORCE_N`].
 const FORCE_N: [f64; 2] = [0.6, 3.0];
 /// The silicone relaxes by this share of its stiffness, with this time constant.
 const RELAXES: (f64, f64) = (0.25, 0.12);

@@ -1,6 +1,6 @@
 //! Presses of a dome at any tilt and depth, between presses that were computed before.
 //!
-//! Enters: a dome, the greatest depth. Leaves: the markers at any tilt up to [`PressTable::LARGEST_TILT`], direction and depth, in
+//! Enters: a dome, the greatest depth. Leaves: the markers at any tilt up to [`PressTable::MAX_TILT`], direction and depth, in
 //! microseconds in place of a second, for simulations at real speed.
 //!
 //! The mesh of a [`Dome`] looks the same after a turn by 60 degrees, so presses in a sixth of all directions are enough. Between them, the
@@ -36,7 +36,7 @@ pub struct PressTable {
 
 impl PressTable {
     /// The largest tilt of the plane, in radians: 10 degrees.
-    pub const LARGEST_TILT: f64 = PI / 18.0;
+    pub const MAX_TILT: f64 = PI / 18.0;
 
     /// Presses of `dome` to `deepest_mm` millimetres. All processors share the work.
     ///
@@ -47,7 +47,7 @@ impl PressTable {
             .chain((0..TILTS * DIRECTIONS).map(|i| {
                 let (tilt, direction) = (i / DIRECTIONS + 1, i % DIRECTIONS);
                 let share = |part: usize, of: usize| part as f64 / of as f64;
-                (Self::LARGEST_TILT * share(tilt, TILTS), FRAC_PI_3 * share(direction, DIRECTIONS))
+                (Self::MAX_TILT * share(tilt, TILTS), FRAC_PI_3 * share(direction, DIRECTIONS))
             }))
             .collect();
         let next = AtomicUsize::new(0);
@@ -76,7 +76,7 @@ impl PressTable {
     /// Writes the markers of a press to `markers`, in place of what it held, in the order of [`Press::markers`]. A tilt or depth beyond
     /// the table's is that of its end.
     pub fn markers(&self, tilt: f64, azimuth: f64, depth_mm: f64, markers: &mut Vec<Vector>) {
-        let (tilt, tilt_share) = split(tilt / Self::LARGEST_TILT * TILTS as f64, TILTS);
+        let (tilt, tilt_share) = split(tilt / Self::MAX_TILT * TILTS as f64, TILTS);
         let turns = azimuth.rem_euclid(2.0 * PI) / FRAC_PI_3 * DIRECTIONS as f64;
         let (direction, direction_share) = split(turns, 6 * DIRECTIONS);
         let (record, record_share) = split(depth_mm / STEP_MM, self.records - 1);

@@ -122,7 +122,7 @@ impl Kind {
             AnyDescription::Events(description) => {
                 only(options.convolution == 0, "convolution", "a frame network")?;
                 let mut network = if regardless {
-                    description.network_regardless(weights)?
+                    description.network_ignoring_preparation(weights)?
                 } else {
                     description.network(weights)?
                 };

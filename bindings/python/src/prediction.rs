@@ -13,7 +13,7 @@ use crate::error::{Failure, Outcome};
 use crate::html;
 
 /// Most values that a notebook shows.
-const MOST_ROWS: usize = 20;
+const MAX_ROWS: usize = 20;
 
 /// Names and units of what a network predicts.
 #[derive(Debug)]
@@ -218,14 +218,14 @@ impl Prediction {
         if let Ok(values) = this.values.bind(py).cast::<PyArray1<f32>>() {
             // The largest of many, such as the classes of a classifier.
             let mut values: Vec<(usize, f32)> = values.to_vec()?.into_iter().enumerate().collect();
-            let many = values.len() > MOST_ROWS;
+            let many = values.len() > MAX_ROWS;
             if many {
                 values.sort_by(|a, b| b.1.total_cmp(&a.1));
             }
             let row = |&(i, value): &(usize, f32)| [names[i].clone(), value.to_string(), units[i].clone()];
-            rows.extend(values.iter().take(MOST_ROWS).map(row));
+            rows.extend(values.iter().take(MAX_ROWS).map(row));
             if many {
-                rows.push([format!("{} more", values.len() - MOST_ROWS), String::new(), String::new()]);
+                rows.push([format!("{} more", values.len() - MAX_ROWS), String::new(), String::new()]);
             }
         } else {
             let shape = this.values.bind(py).getattr("shape")?.str()?.to_string();

@@ -56,7 +56,7 @@ pub(crate) struct PlayArgs {
     ///
     /// The reader and the engine each have a thread.
     #[arg(long, value_name = "N", default_value_t = 1 << 16, help_heading = QUEUE,
-          value_parser = clap::value_parser!(u32).range(1..=QueueOptions::LARGEST as i64))]
+          value_parser = clap::value_parser!(u32).range(1..=QueueOptions::MAX as i64))]
     pub(crate) queue: u32,
     /// Policy when events arrive faster than the engine takes them.
     ///

@@ -8,7 +8,7 @@ use meissner_pipeline::error::{PipelineError, chain};
 use meissner_pipeline::latency::{Latencies, Quantiles};
 use meissner_pipeline::play::PlaySummary;
 use meissner_pipeline::run::{ElectrodeCounts, EventCounts, EventSummary, FrameSummary, InputCounts, Pixels};
-use meissner_pipeline::skips::Skips;
+use meissner_pipeline::skips::WorkCounts;
 use meissner_pipeline::text::grouped;
 
 use super::rows::OUTSIDE;
@@ -122,7 +122,7 @@ pub(crate) fn approximations(out: &mut impl Write, report: &ApproximationReport)
 }
 
 /// Writes what the engine computed and skipped: a row for each layer, and the other counters.
-pub(crate) fn skips(out: &mut impl Write, skips: &Skips) -> io::Result<()> {
+pub(crate) fn skips(out: &mut impl Write, skips: &WorkCounts) -> io::Result<()> {
     let mut table =
         Table::new(&["layer (rows)", "recomputed", "of these unchanged", "kept from before", "kept (%)"]);
     let mut row = |name: &str, recomputed: u64, unchanged: u64, kept: u64| {

@@ -23,7 +23,7 @@ const SIDE_LOG2: u32 = 3;
 /// Factors by which a guess is widened before the grid is searched.
 const WIDER: [f64; 3] = [1.0, 3.0, 9.0];
 /// Largest time up to which all whole numbers are exact in f32.
-const LONGEST_US: i64 = 1 << 24;
+const MAX_US: i64 = 1 << 24;
 
 /// The nodes to search, and their distances.
 #[derive(Clone, Copy)]
@@ -38,7 +38,7 @@ pub(super) struct Space<'a> {
 impl Space<'_> {
     /// Whether the nodes are close enough in time for [`Self::nearest`].
     pub(super) fn is_short(&self) -> bool {
-        self.nodes.last().is_none_or(|last| last.t <= LONGEST_US)
+        self.nodes.last().is_none_or(|last| last.t <= MAX_US)
     }
 
     /// The `most` nearest others of every node, if the nodes are [close enough in time](Self::is_short).
@@ -95,8 +95,7 @@ impl Space<'_> {
         // Covers the filter's own slack and the rounding of times to f32.
         const GENEROUS: f64 = 1.0 + 1e-6;
         const ROUNDED_US: f32 = 4.0;
-        (self.span_us as f64 * (f64::from(Nearby::LARGEST_BOUND) * guess).sqrt() * GENEROUS) as f32
-            + ROUNDED_US
+        (self.span_us as f64 * (f64::from(Nearby::MAX_BOUND) * guess).sqrt() * GENEROUS) as f32 + ROUNDED_US
     }
 }
 

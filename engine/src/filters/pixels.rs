@@ -5,7 +5,7 @@ use crate::error::in_range;
 use crate::{EngineError, Event, Network, Sensor};
 
 /// Pixels of the largest sensor: 1 GiB of stamps.
-const MOST_PIXELS: i64 = 1 << 26;
+const MAX_PIXELS: i64 = 1 << 26;
 
 /// Passes an event if the latest event of one of the eight pixels around it is at most a given time away.
 ///
@@ -107,9 +107,9 @@ struct Stamps {
 impl Stamps {
     /// No stamps; `what` is the name of the time `us` in an error.
     fn new(sensor: Sensor, us: i64, what: &'static str) -> Result<Self, EngineError> {
-        in_range(what, us, 1, Network::LONGEST_SPAN_US)?;
+        in_range(what, us, 1, Network::MAX_SPAN_US)?;
         let pixels = i64::from(sensor.width) * i64::from(sensor.height);
-        in_range("pixels of a filter's sensor", pixels, 0, MOST_PIXELS)?;
+        in_range("pixels of a filter's sensor", pixels, 0, MAX_PIXELS)?;
         let stride = usize::from(sensor.width) + 2;
         let times = vec![None; stride * (usize::from(sensor.height) + 2)];
         Ok(Self { sensor, us: us.unsigned_abs(), stride, times })

@@ -8,7 +8,7 @@ use meissner_kernels::{FeatureMap, Lanes, Planes, PooledConv3x3};
 use super::buffer::Buffer;
 use super::changes::RECTANGLE;
 use super::changes::{Changes, Pending};
-use super::compile::{FrameNetwork, Kernel, Unit};
+use super::compile::{CompiledLayer, FrameNetwork, Kernel};
 use super::layers::{Memory, TILE};
 use super::network::FrameShape;
 use super::options::{FrameOptions, Skip};
@@ -23,7 +23,7 @@ impl FrameNetwork {
     /// Upper bound in bytes of the memory of a [`FrameEngine`](super::FrameEngine) of this network, without the
     /// parameters, which are shared. O(layers^2).
     pub fn engine_bytes(&self, options: FrameOptions) -> u128 {
-        let of_inputs = |of: &dyn Fn(&Unit, FrameShape) -> u128| -> u128 {
+        let of_inputs = |of: &dyn Fn(&CompiledLayer, FrameShape) -> u128| -> u128 {
             self.units.iter().map(|unit| of(unit, self.read_by(unit))).sum()
         };
         let marks = of_inputs(&|unit, from| of_flags(unit, from) + of_changes(from));
@@ -51,7 +51,7 @@ impl FrameNetwork {
     }
 
     /// Shape of the first input of `unit`.
-    fn read_by(&self, unit: &Unit) -> FrameShape {
+    fn read_by(&self, unit: &CompiledLayer) -> FrameShape {
         self.values[unit.from].shape
     }
 
@@ -76,7 +76,7 @@ impl FrameNetwork {
 }
 
 /// Bytes of each part of the working space of a layer.
-fn of_scratch(unit: &Unit, from: FrameShape, to: FrameShape, options: FrameOptions) -> [u128; 7] {
+fn of_scratch(unit: &CompiledLayer, from: FrameShape, to: FrameShape, options: FrameOptions) -> [u128; 7] {
     let ([_, height, width], [.., read]) = (to.sides(), from.sides());
     match &unit.kernel {
         Kernel::Winograd(conv) => {
@@ -108,7 +108,7 @@ fn of_buffer(shape: FrameShape, planar: bool) -> u128 {
 }
 
 /// Bytes of the memory of a layer whose input has shape `from`.
-fn of_memory(unit: &Unit, from: FrameShape) -> u128 {
+fn of_memory(unit: &CompiledLayer, from: FrameShape) -> u128 {
     match (&unit.kernel, from) {
         (Kernel::Lstm(lstm), _) => lstm.state_bytes() as u128,
         (Kernel::PlanarConvLstm(lstm), FrameShape::Image { height, width, .. }) => {
@@ -126,7 +126,7 @@ fn of_memory(unit: &Unit, from: FrameShape) -> u128 {
 }
 
 /// Bytes of the flags of occupied tiles, if the layer keeps them.
-fn of_flags(unit: &Unit, from: FrameShape) -> u128 {
+fn of_flags(unit: &CompiledLayer, from: FrameShape) -> u128 {
     let [_, height, width] = from.sides();
     let keeps = matches!(unit.kernel, Kernel::PlanarConvLstm(_));
     if keeps { (height as u128 + 2) * (width.div_ceil(TILE) as u128 + 2) } else { 0 }
@@ -139,7 +139,7 @@ fn of_changes(shape: FrameShape) -> u128 {
 }
 
 /// Number of values in a row of blocks, or a rectangle, that the layer's result is compared with.
-fn of_block(unit: &Unit, to: FrameShape) -> usize {
+fn of_block(unit: &CompiledLayer, to: FrameShape) -> usize {
     let (rows, rectangle) = match &unit.kernel {
         Kernel::PlanarConv(_) | Kernel::Winograd(_) => (4, 0),
         Kernel::Conv3(_) | Kernel::PooledConv(_) | Kernel::Kn2row(_) => (2, RECTANGLE),

@@ -20,7 +20,7 @@ const PLANAR_CHANNELS: usize = 4;
 #[derive(Clone, Debug)]
 pub struct FrameNetwork {
     pub(super) name: String,
-    pub(super) units: Vec<Unit>,
+    pub(super) units: Vec<CompiledLayer>,
     /// Shape and storage of the frame, then of each layer's output.
     pub(super) values: Vec<Value>,
     pub(super) buffers: Vec<FrameShape>,
@@ -40,7 +40,7 @@ pub(super) struct Value {
 
 /// A layer, ready to run.
 #[derive(Clone, Debug)]
-pub(super) struct Unit {
+pub(super) struct CompiledLayer {
     pub(super) name: String,
     pub(super) from: usize,
     /// The second input, if any.
@@ -52,7 +52,7 @@ pub(super) struct Unit {
     pub(super) multiply_adds: u64,
 }
 
-impl Unit {
+impl CompiledLayer {
     /// Indices of its inputs.
     pub(super) fn reads(&self) -> impl Iterator<Item = usize> + use<> {
         iter::once(self.from).chain(self.with)
@@ -76,7 +76,7 @@ pub(super) enum Kernel {
     Sum,
     /// Only passes on changes. Both images of a concatenation are already in its buffer, or the convolution runs fused
     /// with the only layer that reads it, a pooling.
-    PassOn,
+    Alias,
     /// Copies two vectors into one: a dense layer cannot write the second in place, as it starts within a lane.
     Append,
     SqueezeExcite(Box<SqueezeExcite>),
@@ -129,7 +129,7 @@ impl FrameNetwork {
             let (kernel, each) = kernel(layer, &shapes, planar, convolution)?;
             let multiply_adds = each * shapes[i + 1].pixels();
             let with = with(layer);
-            units.push(Unit {
+            units.push(CompiledLayer {
                 name: layer.name.clone(),
                 from: layer.from,
                 with,
@@ -285,7 +285,7 @@ fn kernel(
                 (3, Convolution::Winograd(tile)) => {
                     Kernel::Winograd(Box::new(WinogradConv3x3::new(&parts, tile).map_err(refused)?))
                 }
-                (3, Convolution::Kn2row) if *outputs <= Kn2rowConv3x3::MOST_OUTPUTS => {
+                (3, Convolution::Kn2row) if *outputs <= Kn2rowConv3x3::MAX_OUTPUTS => {
                     Kernel::Kn2row(Box::new(Kn2rowConv3x3::new(&parts).map_err(refused)?))
                 }
                 (3, _) => Kernel::Conv3(Box::new(Conv3x3::new(&parts).map_err(refused)?)),
@@ -303,7 +303,7 @@ fn kernel(
         Kind::GlobalAverage => (Kernel::GlobalAverage, 0),
         Kind::Sum => (Kernel::Sum, 0),
         Kind::Concat { .. } => match from {
-            FrameShape::Image { .. } => (Kernel::PassOn, 0),
+            FrameShape::Image { .. } => (Kernel::Alias, 0),
             FrameShape::Vector(_) => (Kernel::Append, 0),
         },
         Kind::SqueezeExcite { reduced, down, up } => {
@@ -369,17 +369,17 @@ fn squash(layer: &FrameLayer, activation: Activation) -> Result<Squash, EngineEr
 }
 
 /// Fuses a convolution with the pooling that alone reads it, so that the map between them is never written.
-fn fuse_poolings(units: &mut [Unit], values: &mut [Value]) {
+fn fuse_poolings(units: &mut [CompiledLayer], values: &mut [Value]) {
     for i in 1..units.len() {
         let Some(conv) = units[i].from.checked_sub(1) else { continue };
-        let read_by = |unit: &Unit| unit.from == conv + 1 || unit.with == Some(conv + 1);
+        let read_by = |unit: &CompiledLayer| unit.from == conv + 1 || unit.with == Some(conv + 1);
         let alone = units.iter().filter(|unit| read_by(unit)).count() == 1;
         let own = values[conv + 1].buffer == conv + 1;
         if alone
             && own
             && matches!((&units[conv].kernel, &units[i].kernel), (Kernel::Conv3(_), Kernel::MaxPool))
         {
-            let Kernel::Conv3(kernel) = std::mem::replace(&mut units[conv].kernel, Kernel::PassOn) else {
+            let Kernel::Conv3(kernel) = std::mem::replace(&mut units[conv].kernel, Kernel::Alias) else {
                 continue;
             };
             units[i].kernel = Kernel::PooledConv(Box::new(PooledConv3x3::new(*kernel)));
@@ -391,7 +391,7 @@ fn fuse_poolings(units: &mut [Unit], values: &mut [Value]) {
 }
 
 /// Marks the layers that a state depends on: they run for every frame.
-fn mark_eager(units: &mut [Unit]) {
+fn mark_eager(units: &mut [CompiledLayer]) {
     for i in (0..units.len()).rev() {
         let keeps_state = matches!(
             units[i].kernel,

@@ -8,7 +8,7 @@ use meissner_kernels::{
 
 use super::buffer::Buffer;
 use super::changes::{Changes, Pending};
-use super::compile::{ConvLstm, FrameNetwork, Kernel, Unit, Value};
+use super::compile::{CompiledLayer, ConvLstm, FrameNetwork, Kernel, Value};
 use super::network::FrameShape;
 use super::options::{FrameOptions, Skip};
 use super::patch::{MapPixels, Patch, PatchScratch};
@@ -47,7 +47,7 @@ pub(super) struct KeptProducts {
 }
 
 impl Memory {
-    pub(super) fn new(unit: &Unit, network: &FrameNetwork) -> Self {
+    pub(super) fn new(unit: &CompiledLayer, network: &FrameNetwork) -> Self {
         let from = network.values[unit.from].shape;
         match (&unit.kernel, from) {
             (Kernel::Lstm(lstm), _) => Self::Lstm(lstm.state()),
@@ -110,7 +110,7 @@ impl Scratch {
 
 /// One execution of a layer.
 pub(super) struct Run<'a> {
-    pub(super) unit: &'a Unit,
+    pub(super) unit: &'a CompiledLayer,
     pub(super) options: FrameOptions,
     pub(super) input: &'a Buffer,
     /// The second input, if any.
@@ -141,7 +141,7 @@ impl Run<'_> {
                 Buffer::Planes(planes) => self.planes(planes, changed),
                 _ => self.map(out.map_mut(), changed),
             },
-            Kernel::PassOn => {
+            Kernel::Alias => {
                 changed.clone_from(&self.pending.pixels);
                 true
             }
@@ -421,7 +421,7 @@ pub(super) fn spread(kernel: &Kernel, from: &Changes, to: &mut Changes, scratch:
             scratch.spread_of(from);
             to.shrunk_from(scratch, 2);
         }
-        Kernel::Conv1(_) | Kernel::PassOn => to.clone_from(from),
+        Kernel::Conv1(_) | Kernel::Alias => to.clone_from(from),
         // A global mean couples every pixel.
         _ if from.is_empty() => to.clear(),
         _ => to.set_all(),

@@ -182,6 +182,6 @@ pub enum Convolution {
     Winograd(WinogradTile),
     /// Nine products of each input pixel, which are kept, and their sums: as exact as [`Self::Direct`], in another order of
     /// additions. Fewer products where few pixels change, more memory. Layers with more than
-    /// [`Kn2rowConv3x3::MOST_OUTPUTS`](meissner_kernels::Kn2rowConv3x3::MOST_OUTPUTS) channels are computed directly.
+    /// [`Kn2rowConv3x3::MAX_OUTPUTS`](meissner_kernels::Kn2rowConv3x3::MAX_OUTPUTS) channels are computed directly.
     Kn2row,
 }

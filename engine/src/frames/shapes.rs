@@ -5,11 +5,11 @@ use crate::EngineError;
 use crate::error::misfit;
 
 /// Largest side and number of channels of an image.
-const LONGEST: usize = 1 << 14;
+const MAX: usize = 1 << 14;
 /// Largest number of values of an image or a vector.
-const MOST_VALUES: usize = 1 << 28;
+const MAX_VALUES: usize = 1 << 28;
 /// Largest number of vectors that a delay keeps.
-const LONGEST_DELAY: usize = 1 << 16;
+const MAX_DELAY: usize = 1 << 16;
 
 /// The second input of a layer, if any.
 pub(super) fn with(layer: &FrameLayer) -> Option<usize> {
@@ -22,8 +22,8 @@ pub(super) fn with(layer: &FrameLayer) -> Option<usize> {
 /// Refuses shapes that are empty or too large.
 pub(super) fn check_shape(layer: &str, shape: FrameShape) -> Result<(), EngineError> {
     let sides = shape.sides();
-    let long = matches!(shape, FrameShape::Image { .. }) && sides.iter().any(|&side| side > LONGEST);
-    if sides.contains(&0) || long || shape.values() > MOST_VALUES {
+    let long = matches!(shape, FrameShape::Image { .. }) && sides.iter().any(|&side| side > MAX);
+    if sides.contains(&0) || long || shape.values() > MAX_VALUES {
         let expected = "at least 1 value, at most 16,384 a side and 2^28 in all";
         return Err(misfit(layer, "shape", expected, shape));
     }
@@ -100,7 +100,7 @@ pub fn output_shape(layer: &FrameLayer, shapes: &[FrameShape]) -> Result<FrameSh
             FrameShape::Vector(*hidden)
         }
         Kind::Delay { frames } => {
-            if *frames == 0 || *frames > LONGEST_DELAY {
+            if *frames == 0 || *frames > MAX_DELAY {
                 return Err(misfit(&layer.name, "frames", "1 to 65,536", frames));
             }
             FrameShape::Vector(vector()?.saturating_mul(*frames))

@@ -190,7 +190,7 @@ impl State {
             return;
         }
         // The output buffer is taken out, so that all others can be borrowed.
-        let passes_on = matches!(unit.kernel, Kernel::PassOn);
+        let passes_on = matches!(unit.kernel, Kernel::Alias);
         let mut out = if passes_on {
             Buffer::Away
         } else {

@@ -7,16 +7,16 @@ use crate::error::{in_range, misfit, option};
 use crate::frames::FrameShape;
 use crate::{EngineError, Fraction, input};
 
-pub(super) const LONGEST_SPAN_US: i64 = 1 << 40;
-pub(super) const LARGEST_CAPACITY: usize = 1 << 24;
-pub(super) const MOST_NEIGHBOURS: usize = 255;
-pub(super) const MOST_CELLS: usize = 1 << 22;
+pub(super) const MAX_SPAN_US: i64 = 1 << 40;
+pub(super) const MAX_CAPACITY: usize = 1 << 24;
+pub(super) const MAX_NEIGHBOURS: usize = 255;
+pub(super) const MAX_CELLS: usize = 1 << 22;
 
 /// Channels of each feature of each level of `parts`, which must fit together.
 pub(super) fn channels(parts: &NetworkParts) -> Result<Vec<Vec<usize>>, EngineError> {
-    in_range("span in microseconds", parts.span_us, 1, LONGEST_SPAN_US)?;
-    in_range("capacity in events", parts.capacity as i64, 1, LARGEST_CAPACITY as i64)?;
-    in_range("neighbours of a node", parts.graph.reach.most() as i64, 1, MOST_NEIGHBOURS as i64)?;
+    in_range("span in microseconds", parts.span_us, 1, MAX_SPAN_US)?;
+    in_range("capacity in events", parts.capacity as i64, 1, MAX_CAPACITY as i64)?;
+    in_range("neighbours of a node", parts.graph.reach.most() as i64, 1, MAX_NEIGHBOURS as i64)?;
     if let Reach::Radius { r, .. } = parts.graph.reach
         && !(r.is_finite() && r > 0.0)
     {
@@ -124,11 +124,11 @@ fn check_pooling(pooling: &Pooling, below: Option<&Pooling>, span_us: i64) -> Re
     let [x, y] = pooling.cell;
     let cells = x.cells().saturating_mul(y.cells());
     let times = pooling.time.map_or(1, |t| t.cells() + 1);
-    if cells.saturating_mul(times) > MOST_CELLS {
+    if cells.saturating_mul(times) > MAX_CELLS {
         return Err(misfit(
             &pooling.name,
             "cells",
-            format!("at most {MOST_CELLS}"),
+            format!("at most {MAX_CELLS}"),
             cells.saturating_mul(times),
         ));
     }

@@ -8,7 +8,7 @@ use std::sync::Arc;
 use meissner_engine::frames::{Convolution, FrameEngine, FrameOptions, FrameShape};
 use meissner_engine::representations::{Completed, Consecutive, ConsecutiveFrames, SlidingSigned};
 use meissner_engine::{EngineError, Event, Network, Options, Sensor};
-use meissner_models::description::Per;
+use meissner_models::description::CostUnit;
 use meissner_models::description::frames::SignedTiming;
 use meissner_models::{AnyDescription, Description, FrameDescription, FrameSource, ModelError};
 use meissner_pipeline::PipelineError;
@@ -103,7 +103,7 @@ impl PressEngine {
     ) -> Result<Self, EvaluateError> {
         let model = Model::of(description, (&training.weights, training.label.clone()), false)?;
         let network = adapt(model.network)?;
-        let dense = description.layers().iter().filter(|layer| layer.cost.per == Per::Prediction);
+        let dense = description.layers().iter().filter(|layer| layer.cost.per == CostUnit::Prediction);
         let dense: usize = dense.map(|layer| layer.cost.multiply_adds).sum();
         let head: usize = description.head().iter().map(|layer| layer.multiply_adds).sum();
         // The grids of a readout by time move from age to age, so that a prediction may read all of them again.

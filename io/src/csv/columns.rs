@@ -38,7 +38,7 @@ impl ColumnOrder {
     /// Columns x, y, p, t, as Metavision's programs write them without a header.
     pub(super) const METAVISION: Self = Self { at: [3, 0, 1, 2], count: 4 };
     /// Longest order, in letters.
-    const MOST: usize = 64;
+    const MAX: usize = 64;
 
     /// Whether a line is a header: its first field starts as a name does.
     pub(super) fn is_header(line: &[u8]) -> bool {
@@ -116,7 +116,7 @@ impl FromStr for ColumnOrder {
     type Err = UnknownName;
 
     fn from_str(text: &str) -> Result<Self, UnknownName> {
-        let is_known = text.len() <= Self::MOST && text.bytes().all(|b| b"txyp_".contains(&b));
+        let is_known = text.len() <= Self::MAX && text.bytes().all(|b| b"txyp_".contains(&b));
         let once = |letter| text.find(letter).filter(|at| text.rfind(letter) == Some(*at));
         match LETTERS.map(once) {
             [Some(t), Some(x), Some(y), Some(p)] if is_known => {

@@ -32,7 +32,7 @@ const STORED: u8 = 1 << 1;
 const BITS_SHUFFLED: u8 = 1 << 2;
 const WHOLE_BLOCKS: u8 = 1 << 4;
 /// Elements with more bytes are not split.
-const MOST_STREAMS: usize = 16;
+const MAX_STREAMS: usize = 16;
 /// Blocks with fewer elements are not split.
 const FEWEST_ELEMENTS: usize = 128;
 
@@ -63,7 +63,7 @@ impl Decoder {
         for (index, out) in content.chunks_mut(block.max(1)).enumerate() {
             let at = chunk.u32("place of a block", HEADER + 4 * index)? as usize;
             let is_split = flags & WHOLE_BLOCKS == 0
-                && element <= MOST_STREAMS
+                && element <= MAX_STREAMS
                 && block / element >= FEWEST_ELEMENTS
                 && out.len() == block;
             let streams = if is_split { element } else { 1 };

@@ -24,7 +24,7 @@ use crate::error::IoError;
 pub(super) const FILTER: u16 = 0x8ecf;
 
 /// Most events of a chunk.
-const MOST_EVENTS: usize = 65535;
+const MAX_EVENTS: usize = 65535;
 /// Bytes of a record.
 const RECORD: usize = 16;
 
@@ -33,8 +33,8 @@ pub(super) fn decode(chunk: &[u8]) -> Result<Vec<u8>, IoError> {
     let mut input = Input { chunk: Bytes::file("ECF", chunk), at: 0 };
     let header = input.u32()?;
     let count = (header >> 2) as usize;
-    if count > MOST_EVENTS {
-        return Err(input.chunk.malformed("number of events", 0, format!("at most {MOST_EVENTS}"), count));
+    if count > MAX_EVENTS {
+        return Err(input.chunk.malformed("number of events", 0, format!("at most {MAX_EVENTS}"), count));
     }
     let times = input.times(count)?;
     let (mut pixels, mut rows) = (Vec::with_capacity(count + 5), Vec::new());

@@ -17,7 +17,7 @@ use crate::limits::JPEG_SCANS;
 
 /// Most pixels that a byte codes. Every block of 8 x 8 values takes at least a bit, and subsampled components have at least
 /// half as many blocks as one component of all pixels.
-const MOST_PIXELS_OF_A_BYTE: usize = 2 * 8 * 64;
+const MAX_PIXELS_OF_A_BYTE: usize = 2 * 8 * 64;
 
 /// Refuses sampling factors that the decoder does not support: it reads beyond its rows if a component has more columns or
 /// rows than the first. `content` is the content of the frame header at `at`.
@@ -104,7 +104,7 @@ pub(super) fn decode(file: Bytes<'_>) -> Result<Image, IoError> {
         return Err(file.malformed("header", 0, "the size of the image", "none"));
     };
     let count = pixels(file, width as u64, height as u64)?;
-    let least = count.div_ceil(MOST_PIXELS_OF_A_BYTE);
+    let least = count.div_ceil(MAX_PIXELS_OF_A_BYTE);
     if file.len() < least {
         let expected = format!("at least {least} bytes for {width}x{height} pixels");
         return Err(file.malformed("header", 0, expected, file.len()));

@@ -20,10 +20,10 @@ const SIGNATURE: usize = 8;
 const AROUND: usize = 12;
 
 /// Most bytes that deflate makes of one: 258 of two bits, and a little less for the block's header.
-const DEFLATE_MOST: u64 = 1032;
+const DEFLATE_MAX: u64 = 1032;
 
 /// Longest side that the format allows.
-const MOST_SIDE: u32 = (1 << 31) - 1;
+const MAX_SIDE: u32 = (1 << 31) - 1;
 
 /// Checks the chunks up to IEND; returns the number of bytes of all IDAT chunks.
 fn compressed_bytes(file: Bytes<'_>) -> Result<u64, IoError> {
@@ -59,7 +59,7 @@ pub(super) fn decode(file: Bytes<'_>) -> Result<Image, IoError> {
     let info = decoder.read_header_info().map_err(|e| file.malformed("header", 0, "a valid IHDR", e))?;
     let (width, height) = (info.width, info.height);
     let count = pixels(file, width.into(), height.into())?;
-    let least = (count as u64 * info.bits_per_pixel() as u64).div_ceil(8).div_ceil(DEFLATE_MOST);
+    let least = (count as u64 * info.bits_per_pixel() as u64).div_ceil(8).div_ceil(DEFLATE_MAX);
     if compressed < least {
         let expected = format!("at least {least} bytes for {width}x{height} pixels");
         return Err(file.malformed("compressed pixels", SIGNATURE, expected, compressed));
@@ -104,7 +104,7 @@ fn to_rgb(samples: &[u8], colour: ColorType, depth: BitDepth) -> Vec<u8> {
 /// # Panics
 /// Never: an image of this size can be encoded, and writing to memory does not fail.
 pub fn encode_png(width: usize, height: usize, rgb: &[u8]) -> Result<Vec<u8>, IoError> {
-    let side = |length: usize| u32::try_from(length).ok().filter(|&l| l > 0 && l <= MOST_SIDE);
+    let side = |length: usize| u32::try_from(length).ok().filter(|&l| l > 0 && l <= MAX_SIDE);
     let expected = (width as u64).saturating_mul(height as u64).saturating_mul(Image::CHANNELS as u64);
     let actual = rgb.len() as u64;
     let (Some(columns), Some(rows), true) = (side(width), side(height), expected == actual) else {

@@ -13,7 +13,7 @@ use super::shape::Region;
 use super::tiles::{Tiles, in_tiles, store_some};
 use super::view::{Band, Target, View};
 use super::weights::{BLOCK, ConvParts, Layout, Packed};
-use crate::error::{KernelError, MOST_CHANNELS};
+use crate::error::{KernelError, MAX_CHANNELS};
 use crate::isa::{Isa, Simd, Task, Vector, accumulate};
 use crate::lanes::Wide;
 
@@ -41,12 +41,12 @@ pub struct Kn2rowScratch {
 
 impl Kn2rowConv3x3 {
     /// Largest number of output channels.
-    pub const MOST_OUTPUTS: usize = MOST_CHANNELS / PLACES;
+    pub const MAX_OUTPUTS: usize = MAX_CHANNELS / PLACES;
 
     /// Packs a layer's parameters.
     ///
     /// # Errors
-    /// A size that is zero, more than [`Self::MOST_OUTPUTS`] outputs, more than one input map, a tensor of the wrong length,
+    /// A size that is zero, more than [`Self::MAX_OUTPUTS`] outputs, more than one input map, a tensor of the wrong length,
     /// or a value that is not finite.
     pub fn new(parts: &ConvParts) -> Result<Self, KernelError> {
         parts.check(PLACES)?;
@@ -55,7 +55,7 @@ impl Kn2rowConv3x3 {
             let found = parts.inputs.len();
             return Err(KernelError::Size { what: "input maps", expected: "1", found });
         };
-        if outputs > Self::MOST_OUTPUTS {
+        if outputs > Self::MAX_OUTPUTS {
             let expected = "at most 7281 output channels";
             return Err(KernelError::Size { what: "outputs", expected, found: outputs });
         }

@@ -9,12 +9,12 @@ pub(super) trait Tiles {
 }
 
 /// Positions of the largest tile on any instruction set.
-pub(super) const LARGEST: usize = 14;
+pub(super) const MAX: usize = 14;
 
 /// Positions of the largest tile on this instruction set.
 #[inline(always)]
 pub(super) fn most<S: Simd>() -> usize {
-    if S::WIDE { LARGEST } else { 6 }
+    if S::WIDE { MAX } else { 6 }
 }
 
 /// Covers `count` positions with the smallest number of tiles, of nearly equal size, all multiples of `unit` (1 or 2).

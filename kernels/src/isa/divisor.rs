@@ -21,14 +21,14 @@ pub struct Divisor {
 
 impl Divisor {
     /// The largest divisor.
-    pub const LARGEST: i64 = 1 << 48;
+    pub const MAX: i64 = 1 << 48;
 
     /// Division by `value`.
     ///
     /// # Panics
-    /// If `value` is not within 1 and [`Self::LARGEST`].
+    /// If `value` is not within 1 and [`Self::MAX`].
     pub fn new(value: i64) -> Self {
-        assert!((1..=Self::LARGEST).contains(&value), "a divisor is within its limits");
+        assert!((1..=Self::MAX).contains(&value), "a divisor is within its limits");
         Self { value: value as f64, inverse: 1.0 / value as f64 }
     }
 
@@ -91,7 +91,7 @@ mod tests {
         fn any_integer_is_divided_exactly(
             a in 0i64..1 << 53,
             short in 0u32..53,
-            b in 1..=Divisor::LARGEST,
+            b in 1..=Divisor::MAX,
             shorter in 0u32..48,
             near in -2i64..=2,
         ) {

@@ -1,6 +1,6 @@
 //! Checked and packed parameters of a spline block, with its sizes and costs.
 
-use crate::error::{KernelError, MOST_CHANNELS, check, check_channels};
+use crate::error::{KernelError, MAX_CHANNELS, check, check_channels};
 use crate::lanes::{LANES, Lanes};
 use crate::packed::{Affine, Packed};
 
@@ -46,11 +46,11 @@ impl SplineConv {
     /// each number.
     const FEW: usize = 4;
     /// Largest number of input or output channels.
-    pub const MOST_CHANNELS: usize = MOST_CHANNELS;
+    pub const MAX_CHANNELS: usize = MAX_CHANNELS;
     /// Largest kernel size of an axis.
-    pub const LARGEST_KERNEL: usize = 64;
+    pub const MAX_KERNEL: usize = 64;
     /// Largest product of kernel slots and input channels: the number of sums of one row.
-    pub const LARGEST_SUMS: usize = 1 << 22;
+    pub const MAX_SUMS: usize = 1 << 22;
 
     /// Checks and packs `parts`.
     ///
@@ -59,7 +59,7 @@ impl SplineConv {
     pub fn new(parts: &SplineParts) -> Result<Self, KernelError> {
         let SplineParts { inputs, outputs, kernel, .. } = *parts;
         check_channels(&[inputs], outputs)?;
-        if let Some(&size) = kernel.iter().find(|&&k| k == 0 || k > Self::LARGEST_KERNEL) {
+        if let Some(&size) = kernel.iter().find(|&&k| k == 0 || k > Self::MAX_KERNEL) {
             return Err(KernelError::Size {
                 what: "kernel size",
                 expected: "1 to 64 on each axis",
@@ -67,7 +67,7 @@ impl SplineConv {
             });
         }
         let slots: usize = kernel.iter().product();
-        if slots * inputs > Self::LARGEST_SUMS {
+        if slots * inputs > Self::MAX_SUMS {
             let expected = "at most 4194304 kernel slots times input channels";
             return Err(KernelError::Size { what: "kernel", expected, found: slots * inputs });
         }

@@ -25,7 +25,7 @@ impl Description {
     /// unless the engine's bounds are narrower than the description's.
     pub fn network(&self, weights: &Weights) -> Result<Network, ModelError> {
         self.check_preparation(weights)?;
-        self.network_regardless(weights)
+        self.network_ignoring_preparation(weights)
     }
 
     /// As [`Self::network`], whatever the weights say about the graphs of their training. Predictions then are not those that
@@ -33,7 +33,7 @@ impl Description {
     ///
     /// # Errors
     /// As [`Self::network`], without [`ModelError::Preparation`].
-    pub fn network_regardless(&self, weights: &Weights) -> Result<Network, ModelError> {
+    pub fn network_ignoring_preparation(&self, weights: &Weights) -> Result<Network, ModelError> {
         let mut tensors = Tensors::new(&self.name, &self.needed(), weights)?;
         let parts = self.parts(&mut tensors)?;
         Ok(Network::new(tensors.finish(parts)?)?)

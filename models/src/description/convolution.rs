@@ -22,7 +22,7 @@ use toml::de::DeValue;
 
 use super::problem::ProblemKind;
 use super::table::{Table, integer};
-use super::tensors::{LARGEST_TENSOR, Listing, Values};
+use super::tensors::{Listing, MAX_TENSOR, Values};
 
 /// What a block computes before batch norm and skip addition.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
@@ -53,7 +53,7 @@ pub(super) const KINDS: [(&str, Keys); 2] = [(SPLINE, spline), ("pointnet", |_| 
 const SPLINE: &str = "spline";
 
 /// What the kernels accept.
-const KERNELS: RangeInclusive<i64> = 1..=SplineConv::LARGEST_KERNEL as i64;
+const KERNELS: RangeInclusive<i64> = 1..=SplineConv::MAX_KERNEL as i64;
 
 fn spline(table: &mut Table<'_, '_>) -> ConvolutionKind {
     let expected = "a kernel size from 1 to 64, or two or three of them along x, y (and t)";
@@ -106,16 +106,16 @@ impl ConvolutionKind {
     pub(super) fn too_large(&self, inputs: usize, outputs: usize) -> Option<ProblemKind> {
         let (fits, key, expected, found) = match self {
             Self::Spline { kernel, .. } => {
-                let (slots, sums) = (kernel.iter().product::<usize>(), SplineConv::LARGEST_SUMS);
-                let fits = slots * inputs <= sums && slots * inputs * outputs <= LARGEST_TENSOR;
+                let (slots, sums) = (kernel.iter().product::<usize>(), SplineConv::MAX_SUMS);
+                let fits = slots * inputs <= sums && slots * inputs * outputs <= MAX_TENSOR;
                 let expected =
-                    format!("at most {sums} kernel slots times input channels, and {LARGEST_TENSOR} weights");
+                    format!("at most {sums} kernel slots times input channels, and {MAX_TENSOR} weights");
                 (fits, "kernel", expected, format!("{slots} slots of {inputs} x {outputs} channels"))
             }
             Self::PointNet => {
                 let (fits, found) =
-                    ((inputs + 3) * outputs <= LARGEST_TENSOR, format!("{} x {outputs}", inputs + 3));
-                (fits, "channels", format!("at most {LARGEST_TENSOR} weights"), found)
+                    ((inputs + 3) * outputs <= MAX_TENSOR, format!("{} x {outputs}", inputs + 3));
+                (fits, "channels", format!("at most {MAX_TENSOR} weights"), found)
             }
         };
         (!fits).then(|| ProblemKind::value(key, expected, found))

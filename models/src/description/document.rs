@@ -1,6 +1,6 @@
 //! The parts of a description file that every kind of network has: its text, its layers, its outputs.
 //!
-//! Enters: a file or its text. Leaves: [`FileLayer`]s and outputs, as they are written; references are not resolved.
+//! Enters: a file or its text. Leaves: [`ParsedLayer`]s and outputs, as they are written; references are not resolved.
 
 use std::collections::BTreeSet;
 use std::io;
@@ -9,13 +9,13 @@ use std::path::Path;
 use toml::de::{DeTable, DeValue};
 
 use super::problem::{DescriptionError, ProblemKind, Problems};
-use super::table::{self, Given, Lines, NAME, Table, name};
+use super::table::{self, Lines, NAME, Spanned, Table, name};
 use crate::bounded;
 use crate::error::ModelError;
 
 /// Largest description file that is read: the most layers that a network may have, at 256 bytes each. One wrong byte can
 /// take 700 bytes of messages, most of them from the TOML parser.
-const LARGEST_FILE: u64 = 1 << 18;
+const MAX_FILE: u64 = 1 << 18;
 /// The table that marks a frame network.
 pub(super) const INPUT: &str = "input";
 /// The names of the two kinds of networks in messages.
@@ -25,7 +25,7 @@ pub(super) const FRAME_NETWORK: &str = "a frame network, with a table [input]";
 pub(super) const LOGIT: &str = "logit";
 
 /// Most layers of a network; it bounds drawings and searches.
-const MOST_LAYERS: usize = 1024;
+const MAX_LAYERS: usize = 1024;
 /// The tables of layers.
 pub(super) const LAYER: &str = "layer";
 /// The tables of a frame network that reads the readout.
@@ -33,20 +33,20 @@ pub(super) const HEAD: &str = "head";
 
 /// A table `[[layer]]` or `[[head]]`, with the keys of its kind.
 #[derive(Debug)]
-pub(super) struct FileLayer<K> {
+pub(super) struct ParsedLayer<K> {
     pub(super) name: String,
     pub(super) line: usize,
     /// Its input; `None` is the layer before it.
-    pub(super) from: Option<Given<String>>,
+    pub(super) from: Option<Spanned<String>>,
     /// Its second input: what a skip adds, or what a concatenation joins.
-    pub(super) second: Option<Given<String>>,
+    pub(super) second: Option<Spanned<String>>,
     /// Prefix of its tensors.
     pub(super) weights: String,
     /// Its computation; `None` where a problem of it was reported.
     pub(super) kind: Option<K>,
 }
 
-impl<K> FileLayer<K> {
+impl<K> ParsedLayer<K> {
     /// Reads the prefix of the tensors; its default is the name.
     pub(super) fn read_weights(&mut self, table: &mut Table<'_, '_>) {
         let given = table.text("weights", "the prefix of the layer's tensor names");
@@ -62,14 +62,14 @@ impl<K> FileLayer<K> {
 /// The names of the predicted values, and the unit of each.
 #[derive(Debug, Default)]
 pub(super) struct Output {
-    pub(super) names: Option<Given<Vec<String>>>,
+    pub(super) names: Option<Spanned<Vec<String>>>,
     /// As many as names.
     pub(super) units: Vec<String>,
 }
 
 /// The text of the file at `path`.
 pub(super) fn text(path: &Path) -> Result<String, ModelError> {
-    String::from_utf8(bounded::read(path, LARGEST_FILE)?).map_err(|error| {
+    String::from_utf8(bounded::read(path, MAX_FILE)?).map_err(|error| {
         let at = error.utf8_error().valid_up_to();
         let found = format!("expected text in UTF-8, found other bytes at byte {at}");
         ModelError::Read { path: path.to_owned(), source: io::Error::new(io::ErrorKind::InvalidData, found) }
@@ -94,7 +94,7 @@ pub(super) fn checked<T>(
     }
 }
 
-/// The tables of `list`, at most [`MOST_LAYERS`]. Anything else in their place is reported. No layer may have the name
+/// The tables of `list`, at most [`MAX_LAYERS`]. Anything else in their place is reported. No layer may have the name
 /// `input`. `reference` describes the names that a layer can refer to. `read` reads the keys of a layer of one of `kinds`.
 pub(super) fn layers<K>(
     root: &mut Table<'_, '_>,
@@ -102,17 +102,17 @@ pub(super) fn layers<K>(
     input: &str,
     reference: &str,
     kinds: &[&'static str],
-    read: impl Fn(&'static str, Table<'_, '_>, &mut FileLayer<K>),
-) -> Vec<FileLayer<K>> {
+    read: impl Fn(&'static str, Table<'_, '_>, &mut ParsedLayer<K>),
+) -> Vec<ParsedLayer<K>> {
     let expected = format!("tables [[{list}]]");
     let tables = match list {
         LAYER => root.required(list, &expected, DeValue::as_array),
         _ => root.optional(list, &expected, DeValue::as_array),
     };
-    let Some(Given { value: tables, .. }) = tables else { return Vec::new() };
+    let Some(Spanned { value: tables, .. }) = tables else { return Vec::new() };
     let kinds: Vec<_> = kinds.iter().map(|&word| (word, word)).collect();
     let mut layers = Vec::new();
-    for value in tables.iter().take(MOST_LAYERS) {
+    for value in tables.iter().take(MAX_LAYERS) {
         let Some(mut table) = root.layer(list, value) else { continue };
         let given = table.required("name", NAME, name);
         if let Some(given) = given.as_ref().filter(|given| given.value == input) {
@@ -123,16 +123,16 @@ pub(super) fn layers<K>(
         let word = table.choice("kind", &kinds);
         let from = table.optional("from", reference, table::name);
         let (line, weights) = (table.line(), name.clone());
-        let mut layer = FileLayer { name, line, from, second: None, weights, kind: None };
+        let mut layer = ParsedLayer { name, line, from, second: None, weights, kind: None };
         // The keys of an unknown kind are unknown.
         if let Some(word) = word {
             read(word, table, &mut layer);
         }
         layers.push(layer);
     }
-    if let Some(more) = tables.get(MOST_LAYERS) {
+    if let Some(more) = tables.get(MAX_LAYERS) {
         let line = root.line_at(more);
-        root.refuse(line, list, format!("at most {MOST_LAYERS} layers"), tables.len().to_string());
+        root.refuse(line, list, format!("at most {MAX_LAYERS} layers"), tables.len().to_string());
     }
     layers
 }

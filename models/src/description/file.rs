@@ -12,10 +12,10 @@ use toml::de::DeValue;
 
 use super::Description;
 use super::convolution::KINDS as CONVOLUTIONS;
-use super::document::{FileLayer, HEAD, LAYER, layers, output};
+use super::document::{HEAD, LAYER, ParsedLayer, layers, output};
 use super::frames::{FrameKind, read_head};
 use super::layer::{Cell, LayerKind, activations};
-use super::table::{Given, NAME, Table, integer, name};
+use super::table::{NAME, Spanned, Table, integer, name};
 
 /// The input of a network: the name that layers refer to it by.
 pub(super) const EVENTS: &str = "events";
@@ -31,21 +31,21 @@ const DEFAULT_SPAN_US: i64 = 150_000;
 /// Default of the most events of a window.
 const DEFAULT_CAPACITY: i64 = 32_768;
 /// The ranges that the engine accepts.
-const SPANS_US: RangeInclusive<i64> = 1..=Network::LONGEST_SPAN_US;
-const CAPACITIES: RangeInclusive<i64> = 1..=Network::LARGEST_CAPACITY as i64;
-const NEIGHBOURS: RangeInclusive<i64> = 1..=Network::MOST_NEIGHBOURS as i64;
+const SPANS_US: RangeInclusive<i64> = 1..=Network::MAX_SPAN_US;
+const CAPACITIES: RangeInclusive<i64> = 1..=Network::MAX_CAPACITY as i64;
+const NEIGHBOURS: RangeInclusive<i64> = 1..=Network::MAX_NEIGHBOURS as i64;
 /// The ranges that the kernels accept.
-const CHANNELS: RangeInclusive<i64> = 1..=SplineConv::MOST_CHANNELS as i64;
+const CHANNELS: RangeInclusive<i64> = 1..=SplineConv::MAX_CHANNELS as i64;
 
 /// A file's tables.
 #[derive(Debug)]
 pub(super) struct File {
     /// The network without layers and names of outputs.
     pub(super) network: Description,
-    pub(super) layers: Vec<FileLayer<FileKind>>,
+    pub(super) layers: Vec<ParsedLayer<FileKind>>,
     /// The layers that read the readout in place of dense layers; empty for a network with dense layers.
-    pub(super) head: Vec<FileLayer<FrameKind>>,
-    pub(super) outputs: Option<Given<Vec<String>>>,
+    pub(super) head: Vec<ParsedLayer<FrameKind>>,
+    pub(super) outputs: Option<Spanned<Vec<String>>>,
 }
 
 /// The keys of a `[[layer]]` table that depend on its kind.
@@ -131,7 +131,7 @@ fn graph(mut table: Table<'_, '_>, network: &mut Description) {
 fn keys(
     word: &'static str,
     mut table: Table<'_, '_>,
-    layer: &mut FileLayer<FileKind>,
+    layer: &mut ParsedLayer<FileKind>,
     network: &Description,
 ) {
     let (mut outputs, mut time) = (None, None);
@@ -185,13 +185,13 @@ fn pool(table: &mut Table<'_, '_>, network: &Description) -> LayerKind {
         let times = time.as_ref().map_or(1, |time| time.value.cells() + 1);
         let [x, y] = cell.value.map(Fraction::cells);
         let cells = x.saturating_mul(y).saturating_mul(times);
-        if cells > Network::MOST_CELLS {
-            let expected = format!("a size that gives at most {} cells", Network::MOST_CELLS);
+        if cells > Network::MAX_CELLS {
+            let expected = format!("a size that gives at most {} cells", Network::MAX_CELLS);
             table.refuse(table.line(), "cell", expected, format!("{cells} cells"));
         }
     }
     let whole = Fraction::new(1, 1).expect("a fraction");
-    let time = time.map(|Given { value, line }| {
+    let time = time.map(|Spanned { value, line }| {
         let span_us = network.span_us;
         if i128::from(span_us) * i128::from(value.numerator()) < i128::from(value.denominator()) {
             let expected = format!("cells of at least 1 us of the span's {span_us}");

@@ -164,13 +164,13 @@ pub struct Cost {
     /// that touch one (8, or 26 with cells in time), an assumption: edges of events may reach further.
     pub in_edges: Option<usize>,
     /// The unit of the cost.
-    pub per: Per,
+    pub per: CostUnit,
 }
 
 /// The unit of a [`Cost`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
-pub enum Per {
+pub enum CostUnit {
     /// A row: an event, or a cell.
     Row,
     /// A prediction.
@@ -181,9 +181,9 @@ impl fmt::Display for Cost {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{}", self.multiply_adds)?;
         match (self.per, self.in_edges) {
-            (Per::Row, Some(edges)) => write!(f, " at {edges} in-edges"),
-            (Per::Row, None) => Ok(()),
-            (Per::Prediction, _) => write!(f, " a prediction"),
+            (CostUnit::Row, Some(edges)) => write!(f, " at {edges} in-edges"),
+            (CostUnit::Row, None) => Ok(()),
+            (CostUnit::Prediction, _) => write!(f, " a prediction"),
         }
     }
 }

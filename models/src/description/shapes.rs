@@ -7,17 +7,17 @@ use meissner_engine::Aggregation;
 use meissner_engine::frames::FrameShape;
 
 use super::convolution::ConvolutionKind;
-use super::document::FileLayer;
+use super::document::ParsedLayer;
 use super::file::{EVENTS, File, FileKind};
 use super::frames::{self, FrameLayer};
-use super::layer::{Cell, Cost, FieldStart, FieldStep, Layer, LayerKind, Per, ReceptiveField};
+use super::layer::{Cell, Cost, CostUnit, FieldStart, FieldStep, Layer, LayerKind, ReceptiveField};
 use super::problem::{ProblemKind, Problems};
-use super::table::Given;
-use super::tensors::{LARGEST_TENSOR, Needed};
+use super::table::Spanned;
+use super::tensors::{MAX_TENSOR, Needed};
 use super::wiring::{Scope, Wiring, check_names};
 
 /// Most parameters of a network: 1 GiB of f32.
-const MOST_PARAMETERS: usize = 1 << 28;
+const MAX_PARAMETERS: usize = 1 << 28;
 
 /// The known properties of a node's output.
 #[derive(Clone, Copy, Debug)]
@@ -60,7 +60,7 @@ pub(super) fn check(file: &File, wiring: &Wiring, problems: &mut Problems) -> Ve
         report_size(&layers, problems);
     }
     let prediction = wiring.prediction.map(|i| &file.layers[i]);
-    if let Some(FileLayer { name, kind: Some(kind), .. }) = prediction
+    if let Some(ParsedLayer { name, kind: Some(kind), .. }) = prediction
         && let (LayerKind::Dense { .. }, Some(outputs)) = (&kind.kind, kind.outputs)
     {
         check_names(file.outputs.as_ref(), name, outputs, problems);
@@ -73,8 +73,8 @@ fn report_size(layers: &[Layer], problems: &mut Problems) {
     let mut total = 0_usize;
     for layer in layers {
         total = total.saturating_add(layer.parameters);
-        if total > MOST_PARAMETERS {
-            let expected = format!("at most {MOST_PARAMETERS} parameters in the network up to this layer");
+        if total > MAX_PARAMETERS {
+            let expected = format!("at most {MAX_PARAMETERS} parameters in the network up to this layer");
             let kind = ProblemKind::Extent { expected, found: total.to_string() };
             return problems.add(layer.line, Some(&layer.name), kind);
         }
@@ -84,7 +84,7 @@ fn report_size(layers: &[Layer], problems: &mut Problems) {
 impl Shapes<'_> {
     fn refuse(
         &mut self,
-        layer: &FileLayer<FileKind>,
+        layer: &ParsedLayer<FileKind>,
         line: usize,
         key: &'static str,
         expected: impl Into<String>,
@@ -96,7 +96,7 @@ impl Shapes<'_> {
     /// What is known of the output of `node`, which must have rows (`rows`) or be a vector; reports the other.
     fn reads(
         &mut self,
-        layer: &FileLayer<FileKind>,
+        layer: &ParsedLayer<FileKind>,
         (key, line): (&'static str, usize),
         node: Option<usize>,
         rows: bool,
@@ -136,7 +136,7 @@ impl Shapes<'_> {
             inputs: 0,
             outputs: 0,
             parameters: 0,
-            cost: Cost { multiply_adds: 0, in_edges: None, per: Per::Row },
+            cost: Cost { multiply_adds: 0, in_edges: None, per: CostUnit::Row },
             field: ReceptiveField { steps: Vec::new(), from: FieldStart::Row },
             weights: layer.weights.clone(),
             reads: 0,
@@ -202,8 +202,8 @@ impl Shapes<'_> {
     /// The feature that a skip adds, if its level and channels are the same as the layer's.
     fn skip(
         &mut self,
-        layer: &FileLayer<FileKind>,
-        given: &Given<String>,
+        layer: &ParsedLayer<FileKind>,
+        given: &Spanned<String>,
         level: usize,
         channels: Option<usize>,
         output: Option<Output>,
@@ -269,14 +269,14 @@ impl Shapes<'_> {
         self.outputs[i + 1] = Some(Output::Values(outputs));
         (checked.inputs, checked.outputs, checked.reads) = (channels?, outputs?, index);
         checked.kind = LayerKind::Readout { columns, rows, aggregation, times: times? };
-        checked.cost.per = Per::Prediction;
+        checked.cost.per = CostUnit::Prediction;
         let from = FieldStart::ReadoutCell { columns, rows };
         checked.field = ReceptiveField { steps: self.field(level, hops), from };
         Some(())
     }
 
     /// Cells in time that a window can fill, where every pooling has the same.
-    fn times(&mut self, layer: &FileLayer<FileKind>) -> Option<usize> {
+    fn times(&mut self, layer: &ParsedLayer<FileKind>) -> Option<usize> {
         let mut sizes = self.levels.iter().filter_map(|level| level.cell).map(|cell| cell.time);
         if let Some(Some(size)) = sizes.next()
             && sizes.all(|other| other == Some(size))
@@ -296,12 +296,12 @@ impl Shapes<'_> {
         let Some(Output::Values(inputs)) = read else { return None };
         let (inputs, outputs) = (inputs?, outputs?);
         let multiply_adds = inputs.saturating_mul(outputs);
-        if multiply_adds > LARGEST_TENSOR {
-            let expected = format!("at most {LARGEST_TENSOR} weights");
+        if multiply_adds > MAX_TENSOR {
+            let expected = format!("at most {MAX_TENSOR} weights");
             self.refuse(layer, layer.line, "outputs", expected, format!("{inputs} x {outputs}"));
         }
         (checked.inputs, checked.outputs) = (inputs, outputs);
-        checked.cost = Cost { multiply_adds, in_edges: None, per: Per::Prediction };
+        checked.cost = Cost { multiply_adds, in_edges: None, per: CostUnit::Prediction };
         checked.field.from = FieldStart::Window;
         Some(())
     }

@@ -6,19 +6,18 @@
 
 use std::ops::RangeInclusive;
 
-use toml::Spanned;
 use toml::de::{DeArray, DeTable, DeValue};
 
 use super::problem::{ProblemKind, Problems};
 
 /// Longest name of a network, a layer or an output.
-const LONGEST_NAME: usize = 80;
+const MAX_NAME: usize = 80;
 /// The values that [`name`] accepts.
 pub(super) const NAME: &str = "a name of 1 to 80 printable characters";
 
 /// A value and the line it stands on.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Given<T> {
+pub(super) struct Spanned<T> {
     pub(super) value: T,
     pub(super) line: usize,
 }
@@ -73,7 +72,7 @@ impl<'t, 'i> Table<'t, 'i> {
 
     /// The table under `key`, which must be there.
     pub(super) fn table(&mut self, key: &'static str, expected: &str) -> Option<Table<'_, 'i>> {
-        let Given { value, line } = self.required(key, expected, DeValue::as_table)?;
+        let Spanned { value, line } = self.required(key, expected, DeValue::as_table)?;
         Some(self.within(value, line, None))
     }
 
@@ -81,7 +80,7 @@ impl<'t, 'i> Table<'t, 'i> {
     pub(super) fn layer(
         &mut self,
         list: &'static str,
-        value: &'t Spanned<DeValue<'i>>,
+        value: &'t toml::Spanned<DeValue<'i>>,
     ) -> Option<Table<'_, 'i>> {
         let line = self.line_at(value);
         let Some(entries) = value.get_ref().as_table() else {
@@ -114,7 +113,7 @@ impl<'t, 'i> Table<'t, 'i> {
     }
 
     /// The line that `value` starts on.
-    pub(super) fn line_at(&self, value: &Spanned<DeValue<'_>>) -> usize {
+    pub(super) fn line_at(&self, value: &toml::Spanned<DeValue<'_>>) -> usize {
         self.lines.of(value.span().start)
     }
 
@@ -136,15 +135,15 @@ impl<'t, 'i> Table<'t, 'i> {
         key: &'static str,
         expected: &str,
         read: impl FnOnce(&'t DeValue<'i>) -> Option<T>,
-    ) -> Option<Given<T>> {
+    ) -> Option<Spanned<T>> {
         self.asked.push(key);
-        let value: &'t Spanned<DeValue<'i>> = self.entries.get(key)?;
+        let value: &'t toml::Spanned<DeValue<'i>> = self.entries.get(key)?;
         let line = self.line_at(value);
         let read = read(value.get_ref());
         if read.is_none() {
             self.refuse(line, key, expected, shown(value.get_ref()));
         }
-        read.map(|value| Given { value, line })
+        read.map(|value| Spanned { value, line })
     }
 
     /// As [`Self::optional`], but absence is a problem.
@@ -153,7 +152,7 @@ impl<'t, 'i> Table<'t, 'i> {
         key: &'static str,
         expected: &str,
         read: impl FnOnce(&'t DeValue<'i>) -> Option<T>,
-    ) -> Option<Given<T>> {
+    ) -> Option<Spanned<T>> {
         if !self.entries.contains_key(key) {
             self.report(self.line, ProblemKind::MissingKey { key, expected: expected.to_owned() });
         }
@@ -271,7 +270,7 @@ fn chosen<T: Copy>(choices: &[(&str, T)], value: &DeValue<'_>) -> Option<T> {
 /// A name that messages and tables can show: see [`NAME`].
 pub(super) fn name(value: &DeValue<'_>) -> Option<String> {
     let name = value.as_str()?;
-    let fits = (1..=LONGEST_NAME).contains(&name.chars().count()) && !name.chars().any(char::is_control);
+    let fits = (1..=MAX_NAME).contains(&name.chars().count()) && !name.chars().any(char::is_control);
     fits.then(|| name.to_owned())
 }
 

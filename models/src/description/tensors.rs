@@ -17,7 +17,7 @@ use crate::{ModelError, Weights};
 const EPSILON: f64 = 1e-5;
 
 /// Most values of one tensor: 256 MiB of f32.
-pub(super) const LARGEST_TENSOR: usize = 1 << 26;
+pub(super) const MAX_TENSOR: usize = 1 << 26;
 
 /// A tensor that a layer needs.
 #[derive(Clone, Debug, PartialEq)]

@@ -1,6 +1,6 @@
 //! The inputs of layers: names are resolved, the graph is acyclic, and there is an order of evaluation.
 //!
-//! Enters: [`FileLayer`]s. Leaves: the inputs of each layer as numbers of *nodes*: node 0 is the input of the network, node
+//! Enters: [`ParsedLayer`]s. Leaves: the inputs of each layer as numbers of *nodes*: node 0 is the input of the network, node
 //! i + 1 is layer i of the file. For a network over events also a [`Wiring`]. Invariant: its `order` holds every layer that
 //! no cycle leads to, each after those it reads, ties in the order of the file.
 
@@ -9,11 +9,11 @@ use std::collections::BTreeMap;
 use petgraph::algo::kosaraju_scc;
 use petgraph::graph::DiGraph;
 
-use super::document::FileLayer;
+use super::document::ParsedLayer;
 use super::file::{EVENTS, File, FileKind};
 use super::layer::LayerKind;
 use super::problem::{ProblemKind, Problems};
-use super::table::Given;
+use super::table::Spanned;
 
 /// The nodes that a layer reads: its input and its second input. `None` where there is none, or where it was reported.
 pub(super) type Reads = [Option<usize>; 2];
@@ -33,7 +33,7 @@ pub(super) struct Scope<'a> {
 
 /// Resolves the references of `layers`. A second layer of a name is reported, and the first keeps the name.
 pub(super) fn references<K>(
-    layers: &[FileLayer<K>],
+    layers: &[ParsedLayer<K>],
     scope: Scope<'_>,
     problems: &mut Problems,
 ) -> Vec<Reads> {
@@ -47,7 +47,7 @@ pub(super) fn references<K>(
     }
     let mut reads = Vec::new();
     for (i, layer) in layers.iter().enumerate() {
-        let mut find = |key: &'static str, given: &Given<String>| {
+        let mut find = |key: &'static str, given: &Spanned<String>| {
             let found = given.value.clone();
             let kind = match names.get(found.as_str()) {
                 _ if found == scope.input => return Some(0),
@@ -71,7 +71,7 @@ pub(super) fn references<K>(
 
 /// Reports the layers that `prediction` does not depend on, unless they are `exempt`.
 pub(super) fn report_unused<K>(
-    layers: &[FileLayer<K>],
+    layers: &[ParsedLayer<K>],
     reads: &[Reads],
     prediction: usize,
     exempt: impl Fn(usize) -> bool,
@@ -93,7 +93,7 @@ pub(super) fn report_unused<K>(
 
 /// Reports that the layer `name`, which predicts, writes another number of values than there are `names`.
 pub(super) fn check_names(
-    names: Option<&Given<Vec<String>>>,
+    names: Option<&Spanned<Vec<String>>>,
     name: &str,
     expected: usize,
     problems: &mut Problems,
@@ -146,7 +146,7 @@ pub(super) fn wire(file: &File, problems: &mut Problems) -> Wiring {
 
 /// The layers whose kind `is` asks for.
 fn indices(file: &File, is: impl Fn(&LayerKind) -> bool) -> Vec<usize> {
-    let is = |layer: &FileLayer<FileKind>| layer.kind.as_ref().is_some_and(|kind| is(&kind.kind));
+    let is = |layer: &ParsedLayer<FileKind>| layer.kind.as_ref().is_some_and(|kind| is(&kind.kind));
     file.layers.iter().enumerate().filter(|(_, layer)| is(layer)).map(|(i, _)| i).collect()
 }
 
@@ -165,7 +165,7 @@ fn report_missing(
 }
 
 /// Reports one cycle of each set of layers that reach each other.
-fn report_cycles(layers: &[FileLayer<FileKind>], reads: &[Reads], problems: &mut Problems) {
+fn report_cycles(layers: &[ParsedLayer<FileKind>], reads: &[Reads], problems: &mut Problems) {
     let edges =
         |(i, reads): (usize, &Reads)| reads.iter().flatten().map(move |&read| (read, i + 1)).collect();
     let edges: Vec<(usize, usize)> = reads.iter().enumerate().flat_map::<Vec<_>, _>(edges).collect();

@@ -3,7 +3,7 @@
 //! Enters: a description of either kind. Leaves: a [`View`].
 
 use crate::description::frames::{FRAME, FrameDescription, FrameKind, FrameLayer};
-use crate::description::{Cost, Description, FieldStart, Layer, LayerKind, Needed, Per, ReceptiveField};
+use crate::description::{Cost, CostUnit, Description, FieldStart, Layer, LayerKind, Needed, ReceptiveField};
 use meissner_engine::Aggregation;
 
 /// A network as tables and pictures show it.
@@ -194,7 +194,7 @@ fn row(layer: &Layer) -> Row<'_> {
 
 /// The row of a layer of the head. All of it is evaluated for a prediction, which depends on the whole window.
 fn head_row(layer: &FrameLayer) -> Row<'_> {
-    let cost = Cost { multiply_adds: layer.multiply_adds, in_edges: None, per: Per::Prediction };
+    let cost = Cost { multiply_adds: layer.multiply_adds, in_edges: None, per: CostUnit::Prediction };
     let field = ReceptiveField { steps: Vec::new(), from: FieldStart::Window };
     Row { columns: [cost.to_string(), field.to_string()], ..frame_row(layer) }
 }

@@ -62,15 +62,15 @@ pub struct ImageSize {
 
 impl ImageSize {
     /// Pixels of an image, at most (4 Mi): sums of 3 x 255 a pixel over a whole image stay within 32 bits.
-    pub const MOST_PIXELS: usize = 4 << 20;
+    pub const MAX_PIXELS: usize = 4 << 20;
 
-    /// Number of pixels, 1 to [`Self::MOST_PIXELS`].
+    /// Number of pixels, 1 to [`Self::MAX_PIXELS`].
     ///
     /// # Errors
     /// [`ContactError::Setting`] where there are none or more.
     pub fn pixels(self) -> Result<usize, ContactError> {
         let pixels = self.width.saturating_mul(self.height);
-        let holds = (1..=Self::MOST_PIXELS).contains(&pixels);
+        let holds = (1..=Self::MAX_PIXELS).contains(&pixels);
         setting("pixels of an image", "1 to 4194304", pixels as f64, holds)?;
         Ok(pixels)
     }

@@ -53,9 +53,9 @@ impl FormatError {
 
 /// The start of a name, without control characters, for messages.
 pub(super) fn quoted(name: &str) -> String {
-    const MOST: usize = 120;
-    let mut quoted: String = name.chars().take(MOST).flat_map(char::escape_debug).collect();
-    if name.chars().nth(MOST).is_some() {
+    const MAX: usize = 120;
+    let mut quoted: String = name.chars().take(MAX).flat_map(char::escape_debug).collect();
+    if name.chars().nth(MAX).is_some() {
         quoted.push_str("..");
     }
     quoted

@@ -18,7 +18,7 @@ use super::error::{FormatError, quoted};
 use super::tensor::{Tensor, float, is_float};
 
 /// Longest header: about 100,000 tensors. One byte of a header can take ten bytes of memory.
-const LARGEST_HEADER: u64 = 1 << 24;
+const MAX_HEADER: u64 = 1 << 24;
 
 /// The tensors and the metadata of a safetensors file.
 type Contents = (BTreeMap<String, Tensor>, BTreeMap<String, String>);
@@ -27,8 +27,8 @@ type Contents = (BTreeMap<String, Tensor>, BTreeMap<String, String>);
 pub(super) fn read(bytes: &[u8]) -> Result<Contents, FormatError> {
     if let Some(&length) = bytes.first_chunk() {
         let length = u64::from_le_bytes(length);
-        if length > LARGEST_HEADER {
-            let found = format!("a header of at most {LARGEST_HEADER} bytes expected, {length} found");
+        if length > MAX_HEADER {
+            let found = format!("a header of at most {MAX_HEADER} bytes expected, {length} found");
             return Err(FormatError::Safetensors(found));
         }
     }

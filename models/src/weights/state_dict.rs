@@ -14,7 +14,7 @@ use super::zip;
 const NESTED: [&str; 3] = ["state_dict", "model_state_dict", "model"];
 
 /// Longest `data.pkl`: some 30,000 tensors. A byte of it may become a value of 72 bytes.
-const LARGEST_PICKLE: usize = 1 << 22;
+const MAX_PICKLE: usize = 1 << 22;
 
 /// Whether `bytes` start with the magic number that `torch.save` wrote before it wrote zip archives.
 pub(super) fn is_legacy(bytes: &[u8]) -> bool {
@@ -33,8 +33,8 @@ pub(super) fn read(bytes: &[u8]) -> Result<BTreeMap<String, Tensor>, FormatError
         Err(FormatError::zip(&format!("{root}{name}"), expected, found))
     };
     let pickle = entries[&format!("{root}data.pkl")];
-    if pickle.len() > LARGEST_PICKLE {
-        return refuse("data.pkl", format!("at most {LARGEST_PICKLE} bytes"), pickle.len().to_string());
+    if pickle.len() > MAX_PICKLE {
+        return refuse("data.pkl", format!("at most {MAX_PICKLE} bytes"), pickle.len().to_string());
     }
     if let Some(order) = entries.get(&format!("{root}byteorder"))
         && order.trim_ascii() != b"little"

@@ -16,7 +16,7 @@ use serde::Serialize;
 
 use super::frame_passes::{EventFrameModel, FrameLatencies, FramePasses, Pass, Predicted, WARMUP_FRAMES};
 use super::input::{BenchInput, BenchOptions, FrameInputReport, InputReport};
-use super::moments::Moments;
+use super::moments::PredictionTimes;
 use crate::error::PipelineError;
 use crate::latency::Latency;
 use crate::memory::peak_resident_bytes;
@@ -138,7 +138,8 @@ pub fn compare(
     options: &BenchOptions,
 ) -> Result<CompareReport, PipelineError> {
     let period_us = against.period_us(options.every)?;
-    let moments = Moments::new(&input.events, (input.sensor, options.late), period_us, against.end())?;
+    let moments =
+        PredictionTimes::new(&input.events, (input.sensor, options.late), period_us, against.end())?;
     let field = against.field(input.sensor);
     let frames = FramePasses { model: against, field, moments: &moments };
     if options.warmup > 0 {
@@ -213,7 +214,7 @@ impl Predictions {
 fn over_events(
     model: &Model,
     sensor: Sensor,
-    moments: &Moments,
+    moments: &PredictionTimes,
     most: usize,
 ) -> Result<SideReport, PipelineError> {
     let mut engine = Engine::new(Arc::new(model.network.clone()), sensor)?;

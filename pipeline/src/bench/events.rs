@@ -20,7 +20,7 @@ use crate::memory::peak_resident_bytes;
 use crate::model::Model;
 use crate::predictor::{EventPredictor, Mode};
 use crate::schedule::{Every, Last, Schedule};
-use crate::skips::Skips;
+use crate::skips::WorkCounts;
 
 /// The default period of the deadline report.
 const PERIOD_US: i64 = 1000;
@@ -58,7 +58,7 @@ pub struct EventReport {
     /// Bursts, and the other events.
     pub phases: PhasesReport,
     /// Counts of computed and skipped values.
-    pub skips: Skips,
+    pub skips: WorkCounts,
     /// The approximations, in one pass; `None` if results are exact.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub approximations: Option<ApproximationReport>,
@@ -238,7 +238,7 @@ impl<'a> EventBench<'a> {
             latency_us.add(&of.latency_us);
         }
         let seconds = latency_us.push_predict.total().as_secs_f64();
-        let skips = Skips::new(&counters, &model.network.layers());
+        let skips = WorkCounts::new(&counters, &model.network.layers());
         let count = counters.events.pushed;
         let losses = input.losses(engine.events());
         Ok(EventReport {
@@ -419,7 +419,7 @@ impl PhaseReport {
 }
 
 impl Work {
-    fn new(skips: &Skips, multiply_adds: &[u64], events: u64, staged: &Engine) -> Self {
+    fn new(skips: &WorkCounts, multiply_adds: &[u64], events: u64, staged: &Engine) -> Self {
         let per_event = |count: f64| if events > 0 { count / events as f64 } else { 0.0 };
         let layers: Vec<LayerWork> = skips
             .layers

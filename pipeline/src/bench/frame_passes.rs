@@ -13,13 +13,13 @@ use meissner_models::FrameSource;
 use meissner_models::description::frames::{CropPlace, SignedTiming};
 use serde::Serialize;
 
-use super::moments::{End, Moments};
+use super::moments::{End, PredictionTimes};
 use crate::error::PipelineError;
 use crate::frame_feed::{FeedOutput, FrameFeed};
 use crate::latency::{CallLatencies, Latency};
 use crate::model::{FrameModel, LayerCost};
 use crate::schedule::Every;
-use crate::silence::Silence;
+use crate::silence::EmptyFrameLimit;
 use crate::text::display_us;
 
 /// The default time from frame to frame: 10 ms, as in the force networks.
@@ -110,7 +110,7 @@ impl EventFrameModel {
             field.around(),
             (LatePolicy::Drop, RestartPolicy::Keep),
             every,
-            Silence::new(Some(u64::MAX), 0),
+            EmptyFrameLimit::new(Some(u64::MAX), 0),
             None,
         )
         .map_err(|source| PipelineError::Frames { network: name.to_owned(), source })?;
@@ -160,7 +160,7 @@ impl std::fmt::Display for Field {
 pub(super) struct FramePasses<'a> {
     pub(super) model: &'a EventFrameModel,
     pub(super) field: Field,
-    pub(super) moments: &'a Moments,
+    pub(super) moments: &'a PredictionTimes,
 }
 
 /// Durations of the parts of a frame, over any number of passes.
@@ -262,11 +262,11 @@ impl InProgress<'_> {
 mod tests {
     use meissner_engine::{Event, LatePolicy, Sensor};
 
-    use super::{EventFrameModel, FeedOutput, Moments};
+    use super::{EventFrameModel, FeedOutput, PredictionTimes};
     use crate::error::PipelineError;
 
     /// Times of the frames that the feed delivers for `moments`.
-    fn times(model: &EventFrameModel, moments: &Moments, sensor: Sensor) -> Vec<i64> {
+    fn times(model: &EventFrameModel, moments: &PredictionTimes, sensor: Sensor) -> Vec<i64> {
         let mut feed = model.feed(model.field(sensor), moments.period_us).expect("the field fits");
         let mut times = Vec::new();
         let mut note = |output: FeedOutput<'_>| {
@@ -296,7 +296,8 @@ mod tests {
                 let at = |i: u64| -5 + (0..=i).map(gap).sum::<i64>();
                 let events: Vec<Event> =
                     (0..30).map(|i| Event::new(at(i), (i * 6) as u16, (i * 3) as u16, i % 2 == 0)).collect();
-                let moments = Moments::new(&events, (sensor, LatePolicy::Drop), period_us, model.end());
+                let moments =
+                    PredictionTimes::new(&events, (sensor, LatePolicy::Drop), period_us, model.end());
                 let moments = moments.expect("there are few");
                 let expected: Vec<i64> = moments.iter().map(|moment| moment.t_us).collect();
                 assert_eq!(times(&model, &moments, sensor), expected, "{name}, seed {seed}");

@@ -6,7 +6,7 @@ use serde::Serialize;
 use super::deadline::{Deadline, DeadlineReport};
 use super::frame_passes::{EventFrameModel, FrameLatencies, FramePasses, WARMUP_FRAMES};
 use super::input::{BenchInput, BenchOptions, FrameInputReport, InputReport};
-use super::moments::Moments;
+use super::moments::PredictionTimes;
 use crate::error::PipelineError;
 use crate::latency::clock_us;
 use crate::memory::peak_resident_bytes;
@@ -49,7 +49,7 @@ pub fn bench_frames(
     options: &BenchOptions,
 ) -> Result<FrameReport, PipelineError> {
     let (period_us, repeat) = (model.period_us(options.every)?, options.repeat.max(1));
-    let moments = Moments::new(&input.events, (input.sensor, options.late), period_us, model.end())?;
+    let moments = PredictionTimes::new(&input.events, (input.sensor, options.late), period_us, model.end())?;
     let field = model.field(input.sensor);
     let passes = FramePasses { model, field, moments: &moments };
 

@@ -8,7 +8,7 @@ use meissner_io::TimeRange;
 use serde::Serialize;
 
 use super::frame_passes::{EventFrameModel, Field};
-use super::moments::Moments;
+use super::moments::PredictionTimes;
 use crate::approximations::Approximations;
 use crate::error::PipelineError;
 use crate::losses::{InputLosses, LossWarning};
@@ -167,7 +167,7 @@ impl FrameInputReport {
         input: &BenchInput,
         model: &EventFrameModel,
         field: Field,
-        moments: &Moments,
+        moments: &PredictionTimes,
         outside: u64,
     ) -> Self {
         Self {

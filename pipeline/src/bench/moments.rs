@@ -12,7 +12,7 @@ use crate::error::PipelineError;
 use crate::schedule::{Every, Last, Schedule, times_before};
 
 /// Largest number of moments in a benchmark. The frames of more would take too long.
-const MOST: u64 = 1_000_000;
+const MAX: u64 = 1_000_000;
 
 /// The rule for the events that belong to a moment.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -25,7 +25,7 @@ pub(super) enum End {
 
 /// Events and moments.
 #[derive(Debug)]
-pub(super) struct Moments {
+pub(super) struct PredictionTimes {
     /// The accepted events, with the times at which they enter.
     pub(super) events: Vec<Event>,
     pub(super) period_us: i64,
@@ -43,7 +43,7 @@ pub(super) struct Moment {
     pub(super) t_us: i64,
 }
 
-impl Moments {
+impl PredictionTimes {
     /// The moments of those `events` that `sensor` and `late` accept.
     pub(super) fn new(
         events: &[Event],
@@ -58,8 +58,8 @@ impl Moments {
             return Ok(moments);
         };
         let found = times_before(first.t_us, last.t_us, period_us).max(1);
-        if found > MOST {
-            return Err(PipelineError::ManyFrames { most: MOST, found, period_us });
+        if found > MAX {
+            return Err(PipelineError::ManyFrames { most: MAX, found, period_us });
         }
         let mut schedule = Schedule::new(Every::StreamUs(period_us));
         schedule.begin(first.t_us);
@@ -73,7 +73,7 @@ impl Moments {
         }
         // There is no moment beyond the end of the clock.
         let Last::At(last_us) = schedule.last() else {
-            return Err(PipelineError::ManyFrames { most: MOST, found, period_us });
+            return Err(PipelineError::ManyFrames { most: MAX, found, period_us });
         };
         moments.ends.push((last_us, moments.events.len()));
         Ok(moments)
@@ -98,16 +98,16 @@ impl Moments {
 
 #[cfg(test)]
 mod tests {
-    use super::{End, Moments};
+    use super::{End, PredictionTimes};
     use crate::error::PipelineError;
     use meissner_engine::{Event, LatePolicy, Sensor};
 
-    fn moments(times: &[i64], end: End) -> Moments {
+    fn moments(times: &[i64], end: End) -> PredictionTimes {
         let events: Vec<Event> = times.iter().map(|&t| Event::new(t, 0, 0, true)).collect();
-        Moments::new(&events, (Sensor::new(4, 4), LatePolicy::Drop), 10, end).expect("there are few")
+        PredictionTimes::new(&events, (Sensor::new(4, 4), LatePolicy::Drop), 10, end).expect("there are few")
     }
 
-    fn counted(moments: &Moments) -> Vec<(i64, usize)> {
+    fn counted(moments: &PredictionTimes) -> Vec<(i64, usize)> {
         moments.iter().map(|moment| (moment.t_us, moment.events.len())).collect()
     }
 
@@ -135,7 +135,7 @@ mod tests {
     #[test]
     fn more_frames_than_anybody_waits_for_are_refused() {
         let events = [0, i64::MAX / 2].map(|t| Event::new(t, 0, 0, true));
-        let refused = Moments::new(&events, (Sensor::new(4, 4), LatePolicy::Drop), 10, End::Included);
+        let refused = PredictionTimes::new(&events, (Sensor::new(4, 4), LatePolicy::Drop), 10, End::Included);
         assert!(matches!(refused, Err(PipelineError::ManyFrames { most: 1_000_000, .. })), "{refused:?}");
     }
 }

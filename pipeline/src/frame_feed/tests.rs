@@ -4,7 +4,7 @@ use proptest::prelude::*;
 
 use super::{FeedOutput, FrameFeed};
 use crate::schedule::Every;
-use crate::silence::Silence;
+use crate::silence::EmptyFrameLimit;
 use meissner_engine::{Event, LatePolicy, RestartPolicy, Sensor};
 use meissner_models::FrameDescription;
 
@@ -26,7 +26,7 @@ fn feed_with(longest_silence: u64, channels: usize, lines: &str, every: Every) -
         Sensor::new(4, 1),
         (LatePolicy::Clamp, RestartPolicy::Reset),
         every,
-        Silence::new(Some(longest_silence), 0),
+        EmptyFrameLimit::new(Some(longest_silence), 0),
         None,
     );
     feed.expect("the crop fits").expect("frames of events")

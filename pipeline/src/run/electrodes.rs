@@ -33,7 +33,7 @@ use crate::interrupt;
 use crate::latency::microseconds;
 use crate::losses::{Advice, InputLosses};
 use crate::model::FrameModel;
-use crate::refusals::Refusals;
+use crate::refusals::LineErrors;
 use crate::streams;
 
 /// Time from one reading to the next, in microseconds.
@@ -58,7 +58,7 @@ pub struct ElectrodeRun {
     rows: Electrodes<Box<dyn BufRead>>,
     /// The next row. It is read before anything is shown, so that a header that does not fit is found early.
     next: Option<Result<Reading, IoError>>,
-    refusals: Refusals,
+    refusals: LineErrors,
     limit: u64,
     advice: Advice,
     steps: usize,
@@ -106,7 +106,7 @@ impl ElectrodeRun {
         let ElectrodeOptions { strict, limit, decisions: filter, advice } = options;
         let windows = Windows { predictor, classes, window, filter, values: Vec::new(), decisions: 0 };
         Ok(Self {
-            refusals: Refusals::of(path, strict),
+            refusals: LineErrors::of(path, strict),
             live,
             rows,
             next,

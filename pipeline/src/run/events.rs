@@ -18,7 +18,7 @@ use crate::losses::{InputLosses, LossWarning};
 use crate::model::Model;
 use crate::predictor::EventPredictor;
 use crate::schedule::{Last, Schedule};
-use crate::skips::{Skips, dropped};
+use crate::skips::{WorkCounts, dropped};
 use crate::source::Source;
 use crate::training::Training;
 
@@ -151,7 +151,7 @@ impl Steps for EventSteps {
             events_per_s: (events > 0 && seconds > 0.0).then(|| events as f64 / seconds),
             real_time: self.passed.times_real_time(spent),
             outside_training: self.training.outside(),
-            skips: Skips::new(&counters, &self.layers),
+            skips: WorkCounts::new(&counters, &self.layers),
             warnings,
             approximations: self.predictor.report(&self.approximations),
             salvaged: source.salvaged,

@@ -19,7 +19,7 @@ use crate::latency::microseconds;
 use crate::losses::{InputLosses, LossWarning};
 use crate::model::FrameModel;
 use crate::schedule::{Every, Last, Schedule};
-use crate::silence::Silence;
+use crate::silence::EmptyFrameLimit;
 use crate::skips::dropped;
 use crate::source::Source;
 use crate::text::display_us;
@@ -94,7 +94,7 @@ impl FrameRun {
             None => None,
         };
         let state = note.as_ref().and_then(|note| note.feed.as_ref());
-        let silence = Silence::new(longest_silence, note.as_ref().map_or(0, |note| note.silence));
+        let silence = EmptyFrameLimit::new(longest_silence, note.as_ref().map_or(0, |note| note.silence));
         let every_us = every.unwrap_or(EVERY);
         let feed = FrameFeed::new(&model.description, sensor, (late, restart), every_us, silence, state);
         let mut feed = feed

@@ -10,7 +10,7 @@ use crate::approximations::ApproximationReport;
 use crate::error::PipelineError;
 use crate::latency::Latencies;
 use crate::losses::{LossWarning, Salvaged};
-use crate::skips::Skips;
+use crate::skips::WorkCounts;
 
 /// A run that has ended.
 #[derive(Debug)]
@@ -83,7 +83,7 @@ pub struct EventSummary {
     /// Predictions with a value outside the range of the training; `None` if the weights state no range.
     pub outside_training: Option<u64>,
     /// Counts of computed and skipped values.
-    pub skips: Skips,
+    pub skips: WorkCounts,
     /// Unintended losses of input.
     pub warnings: Vec<LossWarning>,
     /// The approximations; `None` if results are exact.

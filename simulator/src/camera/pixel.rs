@@ -11,7 +11,7 @@ use meissner_models::random::Random;
 use super::settings::CameraSettings;
 
 /// Least threshold, as in v2e: a spread cannot make a pixel fire forever.
-const THRESHOLD_LEAST: f64 = 0.01;
+const THRESHOLD_MIN: f64 = 0.01;
 
 /// A level is taken as equal to its light when the low-pass has only this much left to do.
 const SETTLED: f64 = 1e-9;
@@ -100,7 +100,7 @@ impl Pixel {
     pub(super) fn new(settings: &CameraSettings, mut random: Random) -> Self {
         let [on, off] = normal_pair(&mut random);
         let threshold =
-            |mean: f64, deviation: f64| (mean + settings.threshold_spread * deviation).max(THRESHOLD_LEAST);
+            |mean: f64, deviation: f64| (mean + settings.threshold_spread * deviation).max(THRESHOLD_MIN);
         let is_hot = random.uniform() < settings.hot_share;
         let hot_per_us = random.uniform() * settings.hot_hz / 1e6;
         Self {

@@ -4,7 +4,7 @@ use std::sync::OnceLock;
 
 use meissner_simulator::gel::Load;
 use meissner_simulator::grasp::{
-    BOLTS_MM, DURATION_US, Grasp, Grip, MOST_FORCE_N, PAD, Phase, PressedPad, SENSOR, STEP_US,
+    BOLTS_MM, DURATION_US, Grasp, Grip, MAX_FORCE_N, PAD, Phase, PressedPad, SENSOR, STEP_US,
 };
 use meissner_simulator::{CameraSettings, Cause, SimulatedEvent};
 
@@ -51,7 +51,7 @@ fn the_force_is_that_of_the_solved_contact_at_every_depth_of_the_table_and_betwe
 #[test]
 fn grasping_ends_with_the_force_that_was_asked_for_and_no_force_is_beyond_the_range() {
     for (number, (grasp, (_, grips))) in recordings().iter().enumerate() {
-        assert!(grips.iter().all(|grip| (0.0..=MOST_FORCE_N).contains(&grip.force_n)), "recording {number}");
+        assert!(grips.iter().all(|grip| (0.0..=MAX_FORCE_N).contains(&grip.force_n)), "recording {number}");
         let end = grips.iter().rfind(|grip| grip.phase == Phase::Grasping).expect("it is grasped");
         assert!((end.force_n - grasp.force_n).abs() < 0.05, "{number}: {}, {}", end.force_n, grasp.force_n);
         let (first, last) = (grips[0], grips[grips.len() - 1]);

@@ -12,7 +12,7 @@ use meissner_models::random::Random;
 use crate::error::VerifyError;
 
 /// Silences are below 2 to this power, in microseconds: some 9 minutes.
-const LONGEST: u64 = 29;
+const MAX: u64 = 29;
 
 /// A recording with at least one event.
 #[derive(Debug)]
@@ -76,7 +76,7 @@ impl Endless {
 
     /// Delays the next event by 1 us to some 9 minutes; all magnitudes are equally likely. Returns the middle of the silence.
     pub(super) fn fall_silent(&mut self) -> i64 {
-        let magnitude = 1 << self.random.below(LONGEST);
+        let magnitude = 1 << self.random.below(MAX);
         let silence = (magnitude + self.random.below(magnitude)) as i64;
         self.shift_us = self.shift_us.saturating_add(silence);
         self.silent_us = self.silent_us.saturating_add(silence);

@@ -72,9 +72,9 @@ pub(super) const SHAPES: &[Shape] = &[
         ..usual("span of 10 s", |i, _, random| spread(at(0, i, 40_000, random), random))
     },
     Shape {
-        span_us: Network::LONGEST_SPAN_US,
+        span_us: Network::MAX_SPAN_US,
         ..usual("span of 12 days, stamps around 2^53", |i, n, random| {
-            let mean = Network::LONGEST_SPAN_US / 250;
+            let mean = Network::MAX_SPAN_US / 250;
             spread(at((1 << 53) - n / 2 * mean, i, mean, random), random)
         })
     },

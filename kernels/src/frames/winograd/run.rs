@@ -4,7 +4,7 @@ use std::marker::PhantomData;
 
 use super::transform::Transform;
 use crate::frames::shape::Region;
-use crate::frames::tiles::{LARGEST, Tiles, in_tiles, most, store_some};
+use crate::frames::tiles::{MAX, Tiles, in_tiles, most, store_some};
 use crate::frames::view::{Target, View};
 use crate::frames::weights::{BLOCK, Packed};
 use crate::isa::{Simd, Task, Vector, accumulate_wide, flat_wide_mut};
@@ -294,7 +294,7 @@ pub(super) fn scratch_bytes(side: usize, channels: &[usize], tiles: u128) -> [u1
     let vectors = |channels: usize| channels.div_ceil(BLOCK) as u128;
     let all: u128 = channels.iter().map(|&channels| vectors(channels)).sum();
     let patch = place * channels.iter().map(|&channels| vectors(channels)).max().unwrap_or(0);
-    let at_hand = |blocks: u128| (AT_HAND as u128 / (place * (all + blocks))).max(LARGEST as u128).min(tiles);
+    let at_hand = |blocks: u128| (AT_HAND as u128 / (place * (all + blocks))).max(MAX as u128).min(tiles);
     let blocks = BLOCKS as u128;
     // One block leaves more space for inputs; two blocks have more sums.
     [patch, place * (at_hand(1) * all + 1), place * (at_hand(blocks) * blocks + 1)]

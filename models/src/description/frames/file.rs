@@ -7,7 +7,7 @@ use std::ops::RangeInclusive;
 use meissner_kernels::Activation;
 
 use super::layer::{CHANNELS, FRAME, FrameKind, SIDES};
-use crate::description::document::{FileLayer, LAYER, layers};
+use crate::description::document::{LAYER, ParsedLayer, layers};
 use crate::description::layer::activations;
 use crate::description::table::{Table, integer, name};
 
@@ -36,7 +36,7 @@ const KINDS: [&str; 13] = [
 ];
 
 /// Reads the tables `[[layer]]` of a frame network.
-pub(super) fn read_layers(root: &mut Table<'_, '_>) -> Vec<FileLayer<FrameKind>> {
+pub(super) fn read_layers(root: &mut Table<'_, '_>) -> Vec<ParsedLayer<FrameKind>> {
     let reference = "the name of a layer, or \"frame\"";
     layers(root, LAYER, FRAME, reference, &KINDS, |word, table, layer| keys(word, reference, table, layer))
 }
@@ -46,13 +46,13 @@ pub(in crate::description) fn read_head(
     root: &mut Table<'_, '_>,
     list: &'static str,
     input: &str,
-) -> Vec<FileLayer<FrameKind>> {
+) -> Vec<ParsedLayer<FrameKind>> {
     let reference = "the name of a layer, or the readout";
     layers(root, list, input, reference, &KINDS, |word, table, layer| keys(word, reference, table, layer))
 }
 
 /// Reads the keys of the kind `word`.
-fn keys(word: &str, reference: &str, mut table: Table<'_, '_>, layer: &mut FileLayer<FrameKind>) {
+fn keys(word: &str, reference: &str, mut table: Table<'_, '_>, layer: &mut ParsedLayer<FrameKind>) {
     if word == "concat" {
         layer.second = table.required("with", reference, name);
         let with = layer.second.as_ref().map(|given| given.value.clone());

@@ -12,10 +12,10 @@ use crate::description::tensors::{Listing, Needed};
 /// The input of a network: the name that layers refer to it by.
 pub(crate) const FRAME: &str = "frame";
 /// Bounds of images.
-pub(super) const LONGEST_SIDE: usize = 4096;
-pub(super) const MOST_CHANNELS: usize = 4096;
-pub(super) const SIDES: RangeInclusive<i64> = 1..=LONGEST_SIDE as i64;
-pub(super) const CHANNELS: RangeInclusive<i64> = 1..=MOST_CHANNELS as i64;
+pub(super) const MAX_SIDE: usize = 4096;
+pub(super) const MAX_CHANNELS: usize = 4096;
+pub(super) const SIDES: RangeInclusive<i64> = 1..=MAX_SIDE as i64;
+pub(super) const CHANNELS: RangeInclusive<i64> = 1..=MAX_CHANNELS as i64;
 
 /// A layer of a checked description of a frame network.
 #[derive(Clone, Debug, PartialEq, Serialize)]

@@ -5,15 +5,15 @@
 
 use meissner_engine::frames::FrameShape::{self, Image, Vector};
 
-use super::layer::{FrameKind, FrameLayer, LONGEST_SIDE, MOST_CHANNELS};
-use crate::description::document::FileLayer;
+use super::layer::{FrameKind, FrameLayer, MAX_CHANNELS, MAX_SIDE};
+use crate::description::document::ParsedLayer;
 use crate::description::problem::{ProblemKind, Problems};
-use crate::description::table::Given;
-use crate::description::tensors::{LARGEST_TENSOR, Needed};
+use crate::description::table::Spanned;
+use crate::description::tensors::{MAX_TENSOR, Needed};
 use crate::description::wiring::{Reads, Scope, check_names, references, report_unused};
 
 /// Most parameters of a network, and most values that its layers write and keep: 1 GiB of f32 each.
-const MOST_VALUES: usize = 1 << 28;
+const MAX_VALUES: usize = 1 << 28;
 
 /// The two shapes, as messages ask for them.
 const IMAGE: &str = "an image";
@@ -22,14 +22,14 @@ const VECTOR: &str = "a vector (an image becomes one in a flatten layer)";
 /// Layers as they are written, one above the other.
 #[derive(Clone, Copy, Debug)]
 pub(in crate::description) struct Stack<'a> {
-    pub(in crate::description) layers: &'a [FileLayer<FrameKind>],
+    pub(in crate::description) layers: &'a [ParsedLayer<FrameKind>],
     pub(in crate::description) scope: Scope<'a>,
     /// The shape of the input; `None` where a problem of it was reported.
     pub(in crate::description) shape: Option<FrameShape>,
     /// Whether layers may have state.
     pub(in crate::description) state: bool,
     /// Names of the predicted values.
-    pub(in crate::description) names: Option<&'a Given<Vec<String>>>,
+    pub(in crate::description) names: Option<&'a Spanned<Vec<String>>>,
     /// Whether an image that is predicted has a name for each channel, rather than for each value.
     pub(in crate::description) by_channel: bool,
 }
@@ -88,7 +88,7 @@ pub(in crate::description) fn check(stack: Stack<'_>, problems: &mut Problems) -
 }
 
 impl Shapes<'_> {
-    fn report(&mut self, line: usize, layer: &FileLayer<FrameKind>, kind: ProblemKind) {
+    fn report(&mut self, line: usize, layer: &ParsedLayer<FrameKind>, kind: ProblemKind) {
         self.problems.add(line, Some(&layer.name), kind);
     }
 
@@ -107,7 +107,7 @@ impl Shapes<'_> {
     /// Reports an input that is not as expected.
     fn refuse(
         &mut self,
-        layer: &FileLayer<FrameKind>,
+        layer: &ParsedLayer<FrameKind>,
         (key, line, read): Reference,
         expected: &str,
     ) -> Option<FrameShape> {
@@ -116,7 +116,7 @@ impl Shapes<'_> {
         None
     }
 
-    fn layer(&mut self, layer: &FileLayer<FrameKind>, [read, joined]: Reads) -> Option<FrameLayer> {
+    fn layer(&mut self, layer: &ParsedLayer<FrameKind>, [read, joined]: Reads) -> Option<FrameLayer> {
         let (kind, read) = (layer.kind.clone()?, read?);
         let output = self.output(layer, &kind, ("from", layer.reading_line(), read), joined)?;
         let input = self.known[read]?;
@@ -149,7 +149,7 @@ impl Shapes<'_> {
     /// Shape of the output of a layer of `kind`.
     fn output(
         &mut self,
-        layer: &FileLayer<FrameKind>,
+        layer: &ParsedLayer<FrameKind>,
         kind: &FrameKind,
         from: Reference,
         joined: Option<usize>,
@@ -197,7 +197,7 @@ impl Shapes<'_> {
     /// Shape of two images or of two vectors, one after the other.
     fn joined(
         &mut self,
-        layer: &FileLayer<FrameKind>,
+        layer: &ParsedLayer<FrameKind>,
         with: &str,
         input: FrameShape,
         joined: usize,
@@ -221,14 +221,14 @@ impl Shapes<'_> {
     }
 
     /// `checked`, unless the network is too large with it.
-    fn bounded(&mut self, layer: &FileLayer<FrameKind>, checked: FrameLayer) -> Option<FrameLayer> {
+    fn bounded(&mut self, layer: &ParsedLayer<FrameKind>, checked: FrameLayer) -> Option<FrameLayer> {
         let largest = checked.tensors().iter().map(Needed::values).max().unwrap_or(0);
         self.values = self.values.saturating_add(checked.output.values()).saturating_add(checked.state);
         self.parameters = self.parameters.saturating_add(checked.parameters);
         let bounds = [
-            (largest, LARGEST_TENSOR, "weights in a tensor"),
-            (self.parameters, MOST_VALUES, "parameters in the network up to this layer"),
-            (self.values, MOST_VALUES, "values in the layers up to this one"),
+            (largest, MAX_TENSOR, "weights in a tensor"),
+            (self.parameters, MAX_VALUES, "parameters in the network up to this layer"),
+            (self.values, MAX_VALUES, "values in the layers up to this one"),
         ];
         let exceeded = bounds.into_iter().find(|&(found, most, _)| found > most);
         let Some((found, most, what)) = exceeded else { return Some(checked) };
@@ -241,7 +241,7 @@ impl Shapes<'_> {
 /// The problem of an output of `shape` that does not [fit](fits).
 pub(in crate::description) fn extent(shape: FrameShape) -> ProblemKind {
     let expected = format!(
-        "an output of at most {MOST_CHANNELS} channels and 1 to {LONGEST_SIDE} pixels a side, or at most {MOST_VALUES} \
+        "an output of at most {MAX_CHANNELS} channels and 1 to {MAX_SIDE} pixels a side, or at most {MAX_VALUES} \
          values"
     );
     ProblemKind::Extent { expected, found: shape.to_string() }
@@ -250,10 +250,10 @@ pub(in crate::description) fn extent(shape: FrameShape) -> ProblemKind {
 /// Whether a value of `shape` is within bounds.
 pub(in crate::description) fn fits(shape: FrameShape) -> bool {
     match shape {
-        Vector(values) => values <= MOST_VALUES,
+        Vector(values) => values <= MAX_VALUES,
         Image { channels, height, width } => {
-            let side = 1..=LONGEST_SIDE;
-            channels <= MOST_CHANNELS && side.contains(&height) && side.contains(&width)
+            let side = 1..=MAX_SIDE;
+            channels <= MAX_CHANNELS && side.contains(&height) && side.contains(&width)
         }
     }
 }

@@ -44,7 +44,7 @@ fn weights_of_other_graphs_are_refused_and_taken_only_where_that_is_asked_for() 
         let error = graphres.network(&weights).expect_err(&found);
         assert!(matches!(&error, ModelError::Preparation { .. }), "{error}");
         assert!(error.to_string().contains(&found) && error.to_string().contains(&own), "{error}");
-        assert!(graphres.network_regardless(&weights).is_ok());
+        assert!(graphres.network_ignoring_preparation(&weights).is_ok());
     }
 }
 

@@ -1,25 +1,130 @@
-//! No circle of imports between the files of a crate: each file can be read after those that it imports from.
+//! The rules of the house: what a crate may use, no circle of imports, and files that can be read at a sitting.
+//!
+//! ARCHITECTURE.md states the rules as invariants.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
-const CRATES: [&str; 14] = [
-    "kernels",
-    "engine",
-    "live",
-    "models",
-    "io",
-    "reference",
-    "simulator",
-    "pipeline",
-    "evaluate",
-    "verify",
-    "plot",
-    "cli",
-    "meissner",
-    "examples/controller",
+/// Each crate with the crates of the house that it may use, its tests apart.
+const MAY_USE: [(&str, &[&str]); 14] = [
+    ("kernels", &[]),
+    ("engine", &["kernels"]),
+    ("live", &["engine"]),
+    ("models", &["kernels", "engine", "plot"]),
+    ("io", &["engine"]),
+    ("verify/reference", &["kernels", "engine"]),
+    ("simulator", &["kernels", "engine"]),
+    ("run", &["kernels", "engine", "live", "models", "io"]),
+    ("evaluate", &["kernels", "engine", "models", "io", "run", "simulator"]),
+    ("verify", &["kernels", "engine", "models", "run", "reference"]),
+    ("cli/plot", &[]),
+    (
+        "cli",
+        &[
+            "kernels",
+            "engine",
+            "live",
+            "models",
+            "io",
+            "run",
+            "evaluate",
+            "simulator",
+            "verify",
+            "reference",
+            "plot",
+        ],
+    ),
+    ("meissner", &["kernels", "engine", "live", "models", "io"]),
+    ("bindings/c", &["meissner", "run"]),
 ];
+
+/// A file that is longer than this is more than one idea.
+const MAX_LINES: usize = 500;
+
+/// The folder of the workspace.
+fn root() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("..")
+}
+
+/// The Rust files below `folder`, without what is built.
+fn sources(folder: &Path, all: &mut Vec<PathBuf>) {
+    for entry in fs::read_dir(folder).expect("the workspace can be read") {
+        let path = entry.expect("a folder can be read").path();
+        let name = path.file_name().and_then(|name| name.to_str()).unwrap_or_default();
+        if path.is_dir() && name != "target" && !name.starts_with('.') {
+            sources(&path, all);
+        } else if path.extension().is_some_and(|extension| extension == "rs") {
+            all.push(path);
+        }
+    }
+}
+
+#[test]
+fn a_crate_uses_only_those_below_it() {
+    for (name, may) in MAY_USE {
+        let manifest = root().join(name).join("Cargo.toml");
+        let text = fs::read_to_string(&manifest).expect("a crate has a manifest");
+        let mut section = "";
+        for line in text.lines() {
+            if line.starts_with('[') {
+                section = line;
+            }
+            let Some(used) = line.strip_prefix("meissner").filter(|_| section == "[dependencies]") else {
+                continue;
+            };
+            let used = used.split(['.', ' ', '=']).next().unwrap_or_default().trim_start_matches('-');
+            let used = if used.is_empty() { "meissner" } else { used };
+            assert!(may.contains(&used), "{name} uses {used}; it may use {may:?}");
+        }
+    }
+}
+
+#[test]
+fn no_file_is_longer_than_one_reads_at_a_sitting() {
+    let mut all = Vec::new();
+    sources(&root(), &mut all);
+    let lines = |path: &PathBuf| fs::read_to_string(path).expect("sources are text").lines().count();
+    let long: Vec<_> =
+        all.iter().map(|path| (lines(path), path)).filter(|(lines, _)| *lines > MAX_LINES).collect();
+    assert!(all.len() > 500 && long.is_empty(), "{long:?}");
+}
+
+#[test]
+fn limits_are_called_max_and_min() {
+    let mut all = Vec::new();
+    sources(&root(), &mut all);
+    let is_limit = |word: &str| {
+        let is_name =
+            word.len() > 4 && word.chars().all(|c| c.is_ascii_uppercase() || c.is_ascii_digit() || c == '_');
+        is_name
+            && word.split('_').any(|part| ["MOST", "LEAST", "LONGEST", "LARGEST", "SMALLEST"].contains(&part))
+    };
+    let mut found = Vec::new();
+    for path in all.iter().filter(|path| !path.ends_with("house.rs")) {
+        let text = fs::read_to_string(path).expect("sources are text");
+        let words = text.split(|c: char| !c.is_ascii_alphanumeric() && c != '_');
+        found.extend(words.filter(|word| is_limit(word)).map(|word| format!("{}: {word}", path.display())));
+    }
+    assert!(found.is_empty(), "{}", found.join("\n"));
+}
+
+#[test]
+fn the_map_of_the_house_is_short_and_names_every_folder() {
+    let text = fs::read_to_string(root().join("ARCHITECTURE.md")).expect("there is a map");
+    assert!(text.lines().count() <= 250);
+    let folders =
+        fs::read_dir(root()).expect("the workspace can be read").map(|entry| entry.expect("an entry").path());
+    let hidden = |name: &str| name.starts_with('.') || name == "target" || name.starts_with("failure-");
+    let named =
+        folders.filter(|path| path.is_dir()).filter_map(|path| Some(path.file_name()?.to_str()?.to_owned()));
+    for name in named.filter(|name| !hidden(name)) {
+        assert!(text.contains(&format!("| `{name}` |")), "ARCHITECTURE.md does not name {name}");
+    }
+    for path in text.split('`').skip(1).step_by(2).filter(|word| word.contains('/') && !word.contains("->")) {
+        assert!(root().join(path).exists(), "ARCHITECTURE.md names {path}, which is not there");
+    }
+}
 
 /// Module paths, as segments.
 type Module = Vec<String>;
@@ -138,11 +243,10 @@ fn graph(all: &BTreeMap<Module, String>) -> BTreeMap<&Module, BTreeSet<Module>> 
 
 #[test]
 fn no_file_imports_from_one_that_imports_from_it() {
-    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
     let mut circles = Vec::new();
-    for name in CRATES {
+    for (name, _) in MAY_USE {
         let mut all = BTreeMap::new();
-        modules(&root.join(name).join("src"), &Vec::new(), &mut all);
+        modules(&root().join(name).join("src"), &Vec::new(), &mut all);
         let mut graph = graph(&all);
         // Files that import from no other, and those that no other imports from, are removed: circles are left.
         loop {
