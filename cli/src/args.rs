@@ -57,11 +57,11 @@ Environment:
 /// A sensor of `simulate gel`.
 #[derive(Clone, Copy, Debug, ValueEnum)]
 pub(crate) enum GelSensorArg {
-    /// The one whose lights are fitted.
+    /// The calibrated sensor.
     First,
-    /// Another one of the same kind.
+    /// A second sensor of the same kind.
     Second,
-    /// Another one for each press.
+    /// A sensor drawn for each press.
     Drawn,
 }
 
@@ -111,7 +111,7 @@ pub(crate) struct ReadArgs {
     pub(crate) strict: bool,
     /// Chip of a recording in AEDAT 2 that names none, such as DAVIS346.
     ///
-    /// DVS128, DAVIS128, DAVIS208, DAVIS240, DAVIS346 or DAVIS640; it decides how addresses are read, in place of the header. --sensor
+    /// DVS128, DAVIS128, DAVIS208, DAVIS240, DAVIS346 or DAVIS640; it decides how addresses are read, instead of the header. --sensor
     /// decides it too, where it is given and only one chip has this size.
     #[arg(long, value_name = "NAME", help_heading = INPUT)]
     pub(crate) chip: Option<Chip>,
@@ -178,7 +178,7 @@ pub(crate) struct Input {
     /// or PGM file, a folder of them, or a text file with one path per line.
     #[arg(value_name = "INPUT")]
     pub(crate) recording: Option<PathBuf>,
-    /// Size of the sensor in pixels, in place of the recording's.
+    /// Size of the sensor in pixels, instead of the recording's.
     ///
     /// This option is required if the recording does not state the size. CSV states it in a line `# sensor WxH` before
     /// the first event, so on standard input the program waits for the first event unless this option is given. Events
@@ -219,10 +219,10 @@ pub(crate) struct Input {
     /// and every output says so.
     #[arg(long, help_heading = NETWORK)]
     pub(crate) ignore_preparation: bool,
-    /// Length of the window, in place of the description's.
+    /// Length of the window, instead of the description's.
     #[arg(long = "span", value_name = "TIME", value_parser = span_us, help_heading = NETWORK)]
     pub(crate) span_us: Option<i64>,
-    /// Largest number of events in the window, in place of the description's.
+    /// Largest number of events in the window, instead of the description's.
     #[arg(long, value_name = "N", help_heading = NETWORK,
           value_parser = clap::value_parser!(u32).range(1..=Network::MAX_CAPACITY as i64))]
     pub(crate) capacity: Option<u32>,

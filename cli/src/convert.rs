@@ -10,7 +10,7 @@ use crate::args::{Force, INPUT, OUTPUT, PartArgs, ReadArgs, STATUS, choice, sens
 use crate::error::CliError;
 use crate::output;
 use crate::progress::Progress;
-use crate::tell::tell;
+use crate::stderr::tell;
 use meissner_pipeline::PipelineError;
 use meissner_pipeline::text::grouped;
 
@@ -32,7 +32,7 @@ pub(crate) struct ConvertArgs {
     read: ReadArgs,
     #[command(flatten)]
     part: PartArgs,
-    /// Size of the sensor in pixels for the header, in place of the recording's.
+    /// Size of the sensor in pixels for the header, instead of the recording's.
     #[arg(long, value_name = "WxH", value_parser = sensor, help_heading = INPUT)]
     sensor: Option<Sensor>,
     /// Format to write [default: from the extension of OUT].

@@ -7,7 +7,7 @@ use meissner_models::drawn_file;
 use crate::args::{Force, MEASUREMENT, OUTPUT, STATUS};
 use crate::error::CliError;
 use crate::output;
-use crate::tell::tell;
+use crate::stderr::tell;
 use meissner_pipeline::model::describe_any;
 
 /// Examples, at the end of the long help.

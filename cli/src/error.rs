@@ -253,7 +253,7 @@ fn hint_of_recording(recording: &str, source: &IoError) -> Option<String> {
         IoError::OtherKind { found: Kind::Events(format), expected }
             if recording == STDIN_NAME && *expected != "readings of electrodes" =>
         {
-            return Some(format!("{format} is read from a file: give its path in place of -"));
+            return Some(format!("{format} is read from a file: give its path instead of -"));
         }
         IoError::OtherKind { found, .. } => return readers(*found),
         _ => return None,

@@ -32,7 +32,7 @@ use crate::args::{MEASUREMENT, OUTPUT, STATUS};
 use crate::error::CliError;
 use crate::output;
 use crate::progress::Progress;
-use crate::tell::tell;
+use crate::stderr::tell;
 use crate::text::{Table, percent};
 use crate::threads;
 

@@ -15,7 +15,7 @@ use meissner_pipeline::streams;
 
 use crate::args::{Input, ReadArgs, first_given};
 use crate::error::CliError;
-use crate::tell::tell;
+use crate::stderr::tell;
 
 impl ReadArgs {
     /// This part of the recording in the file at `path`, or of all of standard input if it is `-`. `sensor`: what is asked for.
@@ -103,7 +103,7 @@ impl Input {
         self.source_of(self.recording.as_deref(), card)
     }
 
-    /// The same with `recording` in place of the first one.
+    /// The same with `recording` instead of the first one.
     pub(crate) fn source_of(&self, recording: Option<&Path>, card: &ModelCard) -> Result<Source, CliError> {
         let source = self.read.open(recording, self.part.part(), self.sensor)?;
         Ok(source.every(card.network.stride).with_advice(advice))

@@ -8,7 +8,7 @@ use meissner_pipeline::model::describe_any;
 use crate::args::{OUTPUT, STATUS};
 use crate::error::CliError;
 use crate::output;
-use crate::tell::tell;
+use crate::stderr::tell;
 
 /// `meissner inspect`.
 #[derive(Debug, clap::Args)]
@@ -22,7 +22,7 @@ pub(crate) struct InspectArgs {
     /// Print the graph of the layers in Graphviz's DOT language.
     #[arg(long, conflicts_with = "json", help_heading = OUTPUT)]
     dot: bool,
-    /// Draw the network into this file, in place of the table.
+    /// Draw the network into this file, instead of the table.
     #[arg(long, value_name = "FILE", help_heading = OUTPUT)]
     svg: Option<PathBuf>,
     /// Print one JSON object.

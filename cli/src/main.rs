@@ -7,7 +7,7 @@
 //! | `kind` | the kinds of input of networks |
 //! | `report`, `header`, `text`, `progress` | results as text and as JSON |
 //! | `tasks`, `threads` | data sets, networks and trainings on the command line, for `eval` and `pareto`; threads that share work |
-//! | `output`, `tell` | standard output and files; messages on standard error |
+//! | `output`, `stderr` | standard output and files; messages on standard error |
 //! | `manual` | completions of shells, pages of the manual |
 //! | `error` | errors, hints, and the exit status |
 //!
@@ -43,7 +43,7 @@ mod simulate;
 mod soak;
 mod stress;
 mod tasks;
-mod tell;
+mod stderr;
 #[cfg(test)]
 mod tests;
 mod text;
@@ -57,7 +57,7 @@ use meissner_pipeline::interrupt;
 
 use crate::args::STATUS;
 use crate::error::CliError;
-use crate::tell::{tell, tell_messages};
+use crate::stderr::{install_logger, tell};
 
 /// Incremental inference for event cameras and event-based touch.
 #[derive(Debug, Parser)]
@@ -114,7 +114,7 @@ const UNOPTIMISED: &str = "note: this program was built without optimisation and
 
 fn main() -> ExitCode {
     interrupt::install();
-    tell_messages();
+    install_logger();
     let command = Args::parse().command;
     if cfg!(debug_assertions) && takes_long(&command) {
         tell(format_args!("{UNOPTIMISED}"));

@@ -16,7 +16,7 @@ use crate::args::{Force, NETWORK, OUTPUT, STATUS};
 use crate::error::CliError;
 use crate::progress::Progress;
 use crate::tasks::TouchData;
-use crate::tell::tell;
+use crate::stderr::tell;
 use crate::{output, threads};
 
 /// `meissner prepare`.

@@ -7,7 +7,7 @@ use meissner_pipeline::text::grouped;
 
 use crate::args::{INPUT, OUTPUT, PartArgs, QUEUE, ReadArgs, STATUS, sensor, speed};
 use crate::error::CliError;
-use crate::tell::tell;
+use crate::stderr::tell;
 use meissner_engine::Sensor;
 
 /// Examples, at the end of the long help.
@@ -36,13 +36,13 @@ pub(crate) struct SendArgs {
     read: ReadArgs,
     #[command(flatten)]
     part: PartArgs,
-    /// Size of the sensor in pixels for the text, in place of the recording's.
+    /// Size of the sensor in pixels for the text, instead of the recording's.
     #[arg(long, value_name = "WxH", value_parser = sensor, help_heading = INPUT)]
     sensor: Option<Sensor>,
     /// Seconds of the recording that are sent in one second.
     #[arg(long, value_name = "X", value_parser = speed, default_value = "1", help_heading = QUEUE)]
     speed: f64,
-    /// Send records of 16 bytes in place of lines of text.
+    /// Send records of 16 bytes instead of lines of text.
     ///
     /// A record has the time in microseconds (8 bytes), column and row (2 each) and polarity (1), least significant
     /// byte first, and three bytes of 0. It names no sensor: the receiver needs --sensor.

@@ -20,7 +20,7 @@ use meissner_simulator::{CameraSettings, MarkerScene};
 use crate::args::{Force, GelSensorArg, INPUT, MEASUREMENT, OUTPUT, STATUS, sensor};
 use crate::error::CliError;
 use crate::progress::Progress;
-use crate::tell::tell;
+use crate::stderr::tell;
 use crate::{output, threads};
 
 pub(crate) const CAMERA: &str = "Camera";
@@ -275,7 +275,7 @@ struct CameraArgs {
 }
 
 impl CameraArgs {
-    /// The settings: those that were given, in place of those of `base`.
+    /// The settings: those that were given, instead of those of `base`.
     fn settings(self, base: CameraSettings) -> CameraSettings {
         let base = if self.ideal { CameraSettings::ideal() } else { base };
         CameraSettings {

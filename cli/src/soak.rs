@@ -22,7 +22,7 @@ pub(crate) use args::SoakArgs;
 use crate::error::CliError;
 use crate::input::advice;
 use crate::progress::Progress;
-use crate::tell::tell;
+use crate::stderr::tell;
 use crate::{memory, output};
 
 /// The JSON object.

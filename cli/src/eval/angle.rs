@@ -19,7 +19,7 @@ use crate::tasks::PressTask;
 use crate::text::{Table, duration, file_name};
 
 /// Largest number of rows of the table of errors against time. JSON has all times.
-const MOST_TIMES: usize = 25;
+const MAX_TIMES: usize = 25;
 
 /// Colours of an embedding.
 const BANDS: usize = 6;
@@ -182,7 +182,7 @@ fn against_time(out: &mut dyn Write, report: &Report, judged: &[(&str, &Errors<M
     let names = all.iter().map(|(name, _)| name.as_str());
     let headings: Vec<&str> = std::iter::once("ms since contact").chain(names).collect();
     let times = &report.times_us;
-    let step = times.len().div_ceil(MOST_TIMES).max(1);
+    let step = times.len().div_ceil(MAX_TIMES).max(1);
     let shown = (0..times.len()).filter(|i| i % step == 0 || i + 1 == times.len());
     let rows = shown.map(|i| {
         let cells = all.iter().map(move |(_, output)| format!("{:.2}", output.mean_absolute_at[i].mean));

@@ -20,7 +20,7 @@ use crate::tasks::EventNetworks;
 use crate::text::{Table, file_name, interval, percent};
 
 /// Largest number of rows of the table of accuracies against time. JSON has all times.
-const MOST_TIMES: usize = 40;
+const MAX_TIMES: usize = 40;
 
 /// How networks are judged.
 #[derive(Debug, clap::Args)]
@@ -119,7 +119,7 @@ fn accuracies(out: &mut dyn Write, all: &[(String, &Judged)]) -> io::Result<()> 
         "accuracy (%)",
         "std",
         "95 % interval",
-        "half right for good by (ms)",
+        "median settling time (ms)",
     ];
     let row = |(name, Judged { trainings, mean: of, .. }): &(String, &Judged)| {
         let (count, [mean, std]) = (grouped(of.recordings), spread(of.accuracy));
@@ -134,7 +134,7 @@ fn seeds(out: &mut dyn Write, all: &[(String, &Judged)]) -> io::Result<()> {
     if all.iter().all(|(_, judged)| judged.trainings < 2) {
         return Ok(());
     }
-    let headings = ["each seed", "files", "accuracy (%)", "95 % interval", "half right for good by (ms)"];
+    let headings = ["each seed", "files", "accuracy (%)", "95 % interval", "median settling time (ms)"];
     let each = all.iter().flat_map(|(name, judged)| judged.each.iter().map(move |one| (name, one)));
     let rows = each.map(|(name, JudgedSeed { seed, files, figures })| {
         let (interval, settled) = (interval(figures.interval_95), settled(figures.settled_us));
@@ -149,7 +149,7 @@ fn against_time(out: &mut dyn Write, report: &Report, all: &[(String, &Judged)])
     let names = all.iter().map(|(name, _)| name.as_str());
     let headings: Vec<&str> = std::iter::once("accuracy (%) after (ms)").chain(names).collect();
     let times = &report.times_us;
-    let step = times.len().div_ceil(MOST_TIMES).max(1);
+    let step = times.len().div_ceil(MAX_TIMES).max(1);
     let shown = (0..times.len()).filter(|i| (i + 1) % step == 0 || i + 1 == times.len());
     let rows = shown.map(|i| {
         let cells = all.iter().map(move |(_, judged)| percent(judged.mean.accuracy_at[i].mean));

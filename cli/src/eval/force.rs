@@ -76,7 +76,7 @@ fn table(out: &mut dyn Write, report: &Report) -> io::Result<()> {
     let data = &report.data;
     let (recordings, events) = (grouped(data.recordings as u64), grouped(data.events));
     writeln!(out, "data         {}: {recordings} recordings, {events} events", data.file)?;
-    writeln!(out, "force        variance {:.4} N^2: the MSE of who always says the mean", data.variance)?;
+    writeln!(out, "force        variance {:.4} N^2: MSE of the mean predictor", data.variance)?;
     networks(out, &report.networks, &data.notes)?;
     let all: Vec<(&str, &ForceErrors<MeanStd>)> = judged(report).collect();
     parts(out, &all)?;

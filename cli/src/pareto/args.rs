@@ -96,7 +96,7 @@ pub(super) struct AngleArgs {
     /// Recording.
     #[arg(value_name = "RECORDING")]
     pub(super) recording: PathBuf,
-    /// Size of the sensor in pixels, in place of the recording's.
+    /// Size of the sensor in pixels, instead of the recording's.
     #[arg(long, value_name = "WxH", value_parser = sensor, help_heading = INPUT)]
     pub(super) sensor: Option<Sensor>,
     /// How the recording is read.

@@ -11,9 +11,9 @@ use meissner_pipeline::text::grouped;
 use meissner_pipeline::training::Output;
 
 /// Largest number of columns of values: a line of 80 characters has room for so many beside counts and times.
-const MOST_COLUMNS: usize = 2;
+const MAX_COLUMNS: usize = 2;
 /// Largest number of columns of values over electrodes.
-const MOST_ELECTRODE_COLUMNS: usize = 3;
+const MAX_ELECTRODE_COLUMNS: usize = 3;
 /// Width of a column of values.
 const WIDTH: usize = 11;
 /// The mark before a value outside the range of the training.
@@ -57,7 +57,7 @@ impl Columns {
 
     /// The headings of the table.
     pub(super) fn headings(&self) -> String {
-        let most = if self.kind == TableKind::Electrodes { MOST_ELECTRODE_COLUMNS } else { MOST_COLUMNS };
+        let most = if self.kind == TableKind::Electrodes { MAX_ELECTRODE_COLUMNS } else { MAX_COLUMNS };
         let names = || row_of(self.names.iter().take(most).map(|name| format!("  {name:>WIDTH$}")));
         let values = || {
             if self.has_classes {
@@ -131,7 +131,7 @@ impl Columns {
                         let width = self.class_width;
                         format!("  {class:>width$}  {probability:>11.4}  {decision:>width$}")
                     }
-                    None => self.columns(p.value.0, MOST_ELECTRODE_COLUMNS),
+                    None => self.columns(p.value.0, MAX_ELECTRODE_COLUMNS),
                 };
                 (p.line, format!("{:>7}  {time:>9}{values}  {:>11.1}", p.line, p.update_us))
             }
@@ -169,7 +169,7 @@ impl Columns {
         match answer {
             Some(answer) => format!("  {:>WIDTH$}  {:>WIDTH$.4}", answer.class, answer.probability()),
             None if self.has_classes => String::new(),
-            None => self.columns(values, MOST_COLUMNS),
+            None => self.columns(values, MAX_COLUMNS),
         }
     }
 
@@ -187,9 +187,9 @@ impl Columns {
     /// A line about the values that are not shown; `None` if all are.
     pub(super) fn left_out(&self) -> Option<String> {
         let all = self.names.len();
-        let some = !self.has_classes && all > MOST_COLUMNS;
+        let some = !self.has_classes && all > MAX_COLUMNS;
         let some = some && matches!(self.kind, TableKind::Events | TableKind::Reports);
-        some.then(|| format!("({MOST_COLUMNS} of {all} outputs shown; --json has all of them)"))
+        some.then(|| format!("({MAX_COLUMNS} of {all} outputs shown; --json has all of them)"))
     }
 }
 

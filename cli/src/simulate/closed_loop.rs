@@ -223,7 +223,7 @@ fn svg(report: &Report) -> String {
     let trade_off = TradeOff {
         time_title: "run time of a picture (ms)".to_owned(),
         error_title: format!("mean tracking error ({unit})"),
-        about: format!("with the truth in place of a network: {:.3} {unit}", report.truth.error),
+        about: format!("with the truth instead of a network: {:.3} {unit}", report.truth.error),
         errors: Errors::Quantities,
         networks: report.networks.iter().map(|network| network.card.network.name.clone()).collect(),
         points: rows(report).filter_map(point).collect(),

@@ -37,7 +37,7 @@ pub(crate) struct SoakArgs {
     /// press and release.
     #[arg(value_name = "RECORDING")]
     pub(super) recordings: Vec<PathBuf>,
-    /// Size of the sensor in pixels, in place of the recordings'.
+    /// Size of the sensor in pixels, instead of the recordings'.
     ///
     /// Events outside the sensor are dropped.
     #[arg(long, value_name = "WxH", value_parser = sensor, help_heading = INPUT)]
@@ -90,8 +90,8 @@ pub(crate) struct SoakArgs {
 /// Reads a whole number above 0, also in the form 1e8.
 fn count(text: &str) -> Result<u64, String> {
     /// Largest number up to which every whole number is exact as a double.
-    const MOST: f64 = 9_007_199_254_740_992.0;
-    let number = text.parse::<f64>().ok().filter(|n| n.fract() == 0.0 && (1.0..=MOST).contains(n));
+    const MAX: f64 = 9_007_199_254_740_992.0;
+    let number = text.parse::<f64>().ok().filter(|n| n.fract() == 0.0 && (1.0..=MAX).contains(n));
     number
         .map(|n| n as u64)
         .ok_or_else(|| "expected a whole number of at least 1, such as 100000 or 1e5".to_owned())

@@ -103,7 +103,7 @@ fn cells(row: &CaseResult) -> Vec<String> {
     ]
 }
 
-/// The text in place of an error if not all predictions are finite.
+/// The text instead of an error if not all predictions are finite.
 fn outcome(row: &CaseResult) -> Option<String> {
     let refused = (row.refused > 0).then(|| format!("{} refused (NaN)", row.refused));
     let infinite = (row.infinite + row.infinite_inside > 0)

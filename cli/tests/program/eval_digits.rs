@@ -194,7 +194,7 @@ fn the_text_shows_figures_at_the_end_and_before() {
         "1 files are no recordings",
         "own, test split",
         "95 % interval",
-        "half right for good by (ms)",
+        "median settling time (ms)",
         "accuracy (%) after (ms)",
         "\n  20 ",
         "own, test split: true class by row",

@@ -138,7 +138,7 @@ fn a_binary_recording_on_standard_input_is_named_and_its_path_asked_for() {
             fails(
                 &meissner_reading(arguments, &bytes),
                 1,
-                &["standard input", &name, "its path in place of -"],
+                &["standard input", &name, "its path instead of -"],
             );
         }
     }

@@ -5,7 +5,7 @@ use serde_json::Value;
 use crate::exit_status::fails;
 use crate::support::{argument, file, lines, meissner, meissner_reading, message, text, times};
 
-/// A hundred events, 100 us apart, with `bad` in place of every `nth`.
+/// A hundred events, 100 us apart, with `bad` instead of every `nth`.
 fn events(nth: usize, bad: &str) -> String {
     let line = |i: usize| {
         if (i + 1).is_multiple_of(nth) {

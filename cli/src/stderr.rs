@@ -39,7 +39,7 @@ impl log::Log for Messages {
 pub(crate) const LOG: &str = "MEISSNER_LOG";
 
 /// Writes messages of libraries to standard error from now on: warnings, or what [`LOG`] says.
-pub(crate) fn tell_messages() {
+pub(crate) fn install_logger() {
     let asked = std::env::var(LOG).ok();
     let level = asked.as_deref().map_or(Some(log::LevelFilter::Warn), |level| level.parse().ok());
     // Fails only if another logger is installed. That logger then gets the messages.
