@@ -18,6 +18,9 @@ pub(crate) use meissner_pipeline::text::sensor;
 use meissner_pipeline::text::{length_us, span_us};
 use meissner_simulator::gel::GelSensor;
 
+use crate::error::CliError;
+use crate::output;
+
 // Headings of the help. Each option names its heading, because the heading of a group of arguments would also apply to
 // the options that follow the group.
 pub(crate) const INPUT: &str = "Input";
@@ -31,7 +34,49 @@ pub(crate) const ELECTRODES: &str = "Electrodes";
 pub(crate) const APPROXIMATIONS: &str = "Approximations";
 pub(crate) const OUTPUT: &str = "Output";
 
-/// Whether a result may take the place of an existing file.
+/// The output as JSON.
+#[derive(Clone, Copy, Debug, clap::Args)]
+pub(crate) struct JsonArgs {
+    /// Print JSON instead of text.
+    ///
+    /// docs/json.md explains the keys. `run` and `play` print one object per line, the other commands print one value.
+    #[arg(long, help_heading = OUTPUT)]
+    pub(crate) json: bool,
+}
+
+/// Where a report goes.
+#[derive(Debug, clap::Args)]
+pub(crate) struct ReportArgs {
+    #[command(flatten)]
+    pub(crate) format: JsonArgs,
+    /// Also write the report to this file, as one JSON object.
+    #[arg(long, value_name = "FILE", help_heading = OUTPUT)]
+    pub(crate) out: Option<PathBuf>,
+}
+
+/// The file that a command makes.
+#[derive(Debug, clap::Args)]
+pub(crate) struct OutArgs {
+    /// File to write (safetensors).
+    #[arg(long, value_name = "FILE", help_heading = OUTPUT)]
+    pub(crate) out: PathBuf,
+    #[command(flatten)]
+    force: Force,
+}
+
+impl OutArgs {
+    /// Checks before minutes of work that the file can be written.
+    pub(crate) fn check(&self) -> Result<(), CliError> {
+        output::check_result(&self.out, self.force)
+    }
+
+    /// Writes the file, unless `content` is an error.
+    pub(crate) fn write(&self, content: impl AsRef<[u8]>) -> Result<(), CliError> {
+        output::write(&self.out, content)
+    }
+}
+
+/// Whether a result may replace an existing file.
 #[derive(Clone, Copy, Debug, clap::Args)]
 pub(crate) struct Force {
     /// Replace the file if it exists.
@@ -48,7 +93,7 @@ Exit status:
   1    bad input: a file that cannot be read or does not fit, or a broken promise
   2    bad usage: an unknown option, a wrong value, options that do not fit
   130  a signal (SIGINT from Ctrl-C, SIGTERM or SIGHUP) ended the program
-  run, play, send and soak end their stream at the first signal, and write the summary and the state, also if nobody reads the output. The other subcommands end at once, and these four at the second signal, or when the state is written. pareto --state keeps finished measurements.
+  run, play, send and verify --soak end their stream at the first signal, and write the summary and the state, also if nobody reads the output. The other subcommands end at once, and these four at the second signal, or when the state is written. pareto --state keeps finished measurements.
 
 Environment:
   MEISSNER_LOG  off, error, warn (the default), info, debug or trace: what is told on standard error
@@ -79,6 +124,13 @@ impl GelSensorArg {
 /// How a recording is read.
 #[derive(Clone, Copy, Debug, clap::Args)]
 pub(crate) struct ReadArgs {
+    /// Size of the sensor in pixels, instead of the recording's.
+    ///
+    /// This option is required if the recording does not state the size. CSV states it in a line `# sensor WxH` before
+    /// the first event, so on standard input the program waits for the first event unless this option is given. Events
+    /// outside the sensor are dropped and counted.
+    #[arg(long, value_name = "WxH", value_parser = sensor, help_heading = INPUT)]
+    pub(crate) sensor: Option<Sensor>,
     /// Order of the columns of a text of events, such as xytp.
     ///
     /// The letters are t, x, y, p, and _ for every other column. Without this option, the order is read from the
@@ -121,22 +173,11 @@ pub(crate) struct ReadArgs {
 }
 
 impl ReadArgs {
-    /// The options for the reader of a recording from `sensor`, as far as the caller knows it.
-    pub(crate) fn options(self, sensor: Option<Sensor>) -> ReadOptions {
+    /// The options for the reader of a recording.
+    pub(crate) fn options(self) -> ReadOptions {
         let text = TextOptions::default().columns(self.columns).time_unit(self.time_unit);
         let options = ReadOptions::default().text(text).salvage(self.salvage).strict(self.strict);
-        options.chip(self.chip).stream(self.stream).sensor(sensor)
-    }
-
-    /// Each option that is for events alone, and whether it was given.
-    pub(crate) fn given(self) -> [(&'static str, bool); 5] {
-        [
-            ("--columns", self.columns.is_some()),
-            ("--time-unit", self.time_unit.is_some()),
-            ("--salvage", self.salvage),
-            ("--chip", self.chip.is_some()),
-            ("--stream", self.stream.is_some()),
-        ]
+        options.chip(self.chip).stream(self.stream).sensor(self.sensor)
     }
 }
 
@@ -178,13 +219,6 @@ pub(crate) struct Input {
     /// or PGM file, a folder of them, or a text file with one path per line.
     #[arg(value_name = "INPUT")]
     pub(crate) recording: Option<PathBuf>,
-    /// Size of the sensor in pixels, instead of the recording's.
-    ///
-    /// This option is required if the recording does not state the size. CSV states it in a line `# sensor WxH` before
-    /// the first event, so on standard input the program waits for the first event unless this option is given. Events
-    /// outside the sensor are dropped and counted.
-    #[arg(long, value_name = "WxH", value_parser = sensor, help_heading = INPUT)]
-    pub(crate) sensor: Option<Sensor>,
     /// Read at most N events of the recording.
     #[arg(long, value_name = "N", help_heading = INPUT)]
     pub(crate) limit: Option<u64>,
@@ -207,18 +241,8 @@ pub(crate) struct Input {
     /// `meissner networks` lists the shipped networks. A description file needs --weights.
     #[arg(long, value_name = "NETWORK", help_heading = NETWORK)]
     pub(crate) network: Option<String>,
-    /// Weights [default: those shipped with the network].
-    ///
-    /// The file is safetensors, or a state dict that PyTorch saved.
-    #[arg(long, value_name = "FILE", help_heading = NETWORK)]
-    pub(crate) weights: Option<PathBuf>,
-    /// Run weights that were trained on another preparation of the input.
-    ///
-    /// The preparation is the graph with its scales, span and cells, or the way in which frames are made. Without this
-    /// option, such weights are refused. With it, the predictions are not the ones that the weights were trained for,
-    /// and every output says so.
-    #[arg(long, help_heading = NETWORK)]
-    pub(crate) ignore_preparation: bool,
+    #[command(flatten)]
+    pub(crate) weights: NetworkWeights,
     /// Length of the window, instead of the description's.
     #[arg(long = "span", value_name = "TIME", value_parser = span_us, help_heading = NETWORK)]
     pub(crate) span_us: Option<i64>,
@@ -228,6 +252,23 @@ pub(crate) struct Input {
     pub(crate) capacity: Option<u32>,
     #[command(flatten)]
     pub(crate) approximations: ApproximationArgs,
+}
+
+/// The weights of a network.
+#[derive(Debug, clap::Args)]
+pub(crate) struct NetworkWeights {
+    /// Weights [default: those shipped with the network].
+    ///
+    /// The file is safetensors, or a state dict that PyTorch saved. `verify` draws weights for a description file from --seed.
+    #[arg(id = "weights", long = "weights", value_name = "FILE", help_heading = NETWORK)]
+    pub(crate) file: Option<PathBuf>,
+    /// Run weights that were trained on another preparation of the input.
+    ///
+    /// The preparation is the graph with its scales, span and cells, or the way in which frames are made. Without this
+    /// option, such weights are refused. With it, the predictions are not the ones that the weights were trained for,
+    /// and every output says so.
+    #[arg(long, help_heading = NETWORK)]
+    pub(crate) ignore_preparation: bool,
 }
 
 /// Approximations, which make results cheaper and less exact.
@@ -296,33 +337,6 @@ impl FilterArgs {
 }
 
 impl ApproximationArgs {
-    /// The given option that makes a prediction depend on earlier predictions, if there is one.
-    pub(crate) fn reuses(&self) -> Option<&'static str> {
-        first_given([
-            ("--tolerance", self.tolerance.is_some()),
-            ("--stale-events", self.stale_events.is_some()),
-            ("--stale-time", self.stale_us.is_some()),
-        ])
-    }
-
-    /// The options that apply only to networks over events, and whether each was given.
-    pub(crate) fn given(&self) -> [(&'static str, bool); 7] {
-        [
-            ("--neighbours", self.neighbours.is_some()),
-            ("--activity-filter", self.filters.activity_filter_us.is_some()),
-            ("--refractory", self.filters.refractory_us.is_some()),
-            ("--rate-limit", self.filters.rate_limit.is_some()),
-            ("--stride", self.filters.stride.is_some()),
-            ("--stale-events", self.stale_events.is_some()),
-            ("--stale-time", self.stale_us.is_some()),
-        ]
-    }
-
-    /// The first given option that keeps events or predictions outside the engine.
-    pub(crate) fn remembers(&self) -> Option<&'static str> {
-        first_given(self.given().into_iter().filter(|&(option, _)| option != "--neighbours"))
-    }
-
     /// The approximations that were asked for.
     pub(crate) fn values(&self) -> Approximations {
         Approximations {
@@ -334,6 +348,14 @@ impl ApproximationArgs {
         }
     }
 }
+
+/// Options of [`ReadArgs`] that are for events alone.
+pub(crate) const READING: &[&str] = &["--columns", "--time-unit", "--salvage", "--chip", "--stream"];
+/// Approximations that make a prediction depend on earlier predictions.
+pub(crate) const REUSES: &[&str] = &["--tolerance", "--stale-events", "--stale-time"];
+/// Approximations that keep events or predictions outside the engine.
+pub(crate) const REMEMBERS: &[&str] =
+    &["--activity-filter", "--refractory", "--rate-limit", "--stride", "--stale-events", "--stale-time"];
 
 /// The names of modes, with their help.
 pub(crate) const MODES: &[(&str, &str, Mode)] = &[
@@ -362,11 +384,6 @@ pub(crate) fn choice<T: Copy + Send + Sync>(
         let choice = choices.iter().find(|&&(name, ..)| name == chosen);
         choice.expect("clap accepts only these names").2
     })
-}
-
-/// The first of the options that was given.
-pub(crate) fn first_given(options: impl IntoIterator<Item = (&'static str, bool)>) -> Option<&'static str> {
-    options.into_iter().find(|&(_, given)| given).map(|(option, _)| option)
 }
 
 /// Reads a finite number of at least 0.

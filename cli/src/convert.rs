@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use meissner_engine::{Event, Sensor};
 use meissner_io::{Format, IoError};
 
-use crate::args::{Force, INPUT, OUTPUT, PartArgs, ReadArgs, STATUS, choice, sensor};
+use crate::args::{Force, OUTPUT, PartArgs, ReadArgs, choice};
 use crate::error::CliError;
 use crate::output;
 use crate::progress::Progress;
@@ -16,7 +16,6 @@ use meissner_pipeline::text::grouped;
 
 /// `meissner convert`.
 #[derive(Debug, clap::Args)]
-#[command(after_help = STATUS)]
 pub(crate) struct ConvertArgs {
     /// Recording to read, or - for text on standard input.
     #[arg(value_name = "IN")]
@@ -32,9 +31,6 @@ pub(crate) struct ConvertArgs {
     read: ReadArgs,
     #[command(flatten)]
     part: PartArgs,
-    /// Size of the sensor in pixels for the header, instead of the recording's.
-    #[arg(long, value_name = "WxH", value_parser = sensor, help_heading = INPUT)]
-    sensor: Option<Sensor>,
     /// Format to write [default: from the extension of OUT].
     ///
     /// The extensions are .csv, .npy, .dat, .es, .evt3 and .raw (EVT3).
@@ -65,8 +61,8 @@ pub(crate) fn convert(args: &ConvertArgs) -> Result<(), CliError> {
         output::check_result(&args.output, args.force)?;
     }
     let progress = Progress::busy(|| "converting".to_owned());
-    let recording = args.read.read(&args.input, args.part.part(), args.sensor)?;
-    let sensor = args.sensor.or(recording.sensor);
+    let recording = args.read.read(&args.input, args.part.part())?;
+    let sensor = args.read.sensor.or(recording.sensor);
     let output = if to_stdout { "standard output".to_owned() } else { args.output.display().to_string() };
     if to_stdout {
         print(format, sensor, &recording.events, &output)?;

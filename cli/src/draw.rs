@@ -1,12 +1,9 @@
 //! `meissner draw`: draws weights from a seed, so that a new description can run before it is trained.
 
-use std::path::PathBuf;
-
 use meissner_models::drawn_file;
 
-use crate::args::{Force, MEASUREMENT, OUTPUT, STATUS};
+use crate::args::{MEASUREMENT, OutArgs};
 use crate::error::CliError;
-use crate::output;
 use crate::stderr::tell;
 use meissner_pipeline::model::describe_any;
 
@@ -18,7 +15,7 @@ Examples:
 
 /// `meissner draw`.
 #[derive(Debug, clap::Args)]
-#[command(after_help = STATUS, after_long_help = format!("{EXAMPLES}\n\n{STATUS}"))]
+#[command(after_long_help = EXAMPLES)]
 pub(crate) struct DrawArgs {
     /// Name of a shipped network, or a description file (.toml).
     #[arg(value_name = "NETWORK")]
@@ -26,14 +23,8 @@ pub(crate) struct DrawArgs {
     /// Seed; equal seeds give equal bytes on every machine.
     #[arg(long, value_name = "N", default_value_t = 1, help_heading = MEASUREMENT)]
     pub(crate) seed: u64,
-    /// File to write (safetensors).
-    ///
-    /// The metadata says that the weights are drawn. They are useful for measuring latency and testing equality, but
-    /// the predictions are meaningless.
-    #[arg(long, value_name = "FILE", help_heading = OUTPUT)]
-    pub(crate) out: PathBuf,
     #[command(flatten)]
-    pub(crate) force: Force,
+    file: OutArgs,
 }
 
 /// Draws the weights and writes them.
@@ -41,9 +32,9 @@ pub(crate) fn draw(args: &DrawArgs) -> Result<(), CliError> {
     let (description, _) = describe_any(&args.network)?;
     let bytes = drawn_file(&description, args.seed);
     // Training may have taken hours.
-    output::check_result(&args.out, args.force)?;
-    output::write(&args.out, bytes)?;
-    let (name, out) = (description.name(), args.out.display());
+    args.file.check()?;
+    args.file.write(bytes)?;
+    let (name, out) = (description.name(), args.file.out.display());
     tell(format_args!("{out}: weights for {name} drawn from seed {}; nothing trained them", args.seed));
     Ok(())
 }

@@ -36,7 +36,7 @@ pub(crate) enum CliError {
     /// The option does not apply to the kind of network.
     #[error("{option} is for {fits}: network {network} is {kind}")]
     Misfit {
-        option: &'static str,
+        option: String,
         /// The kinds of networks that it applies to.
         fits: String,
         network: String,

@@ -28,17 +28,16 @@ use meissner_pipeline::text::grouped;
 use meissner_plot::{Matrix, Panel};
 use serde::Serialize;
 
-use crate::args::{MEASUREMENT, OUTPUT, STATUS};
+use crate::args::{OUTPUT, ReportArgs};
 use crate::error::CliError;
 use crate::output;
 use crate::progress::Progress;
 use crate::stderr::tell;
 use crate::text::{Table, percent};
-use crate::threads;
+use crate::threads::Threads;
 
 /// `meissner eval`.
 #[derive(Debug, clap::Args)]
-#[command(after_help = STATUS)]
 pub(crate) struct EvalArgs {
     #[command(subcommand)]
     task: TaskArgs,
@@ -65,16 +64,10 @@ enum TaskArgs {
 /// Threads and files of all tasks.
 #[derive(Debug, clap::Args)]
 struct OutputArgs {
-    /// Threads that share the recordings [default: the machine's cores].
-    ///
-    /// The results are the same for any number.
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=512), help_heading = MEASUREMENT)]
-    threads: Option<u16>,
-    /// Write one JSON object to this file; - for standard output.
-    ///
-    /// It also contains the figures of each training. On standard output it replaces the text.
-    #[arg(long, value_name = "FILE", help_heading = OUTPUT)]
-    json: Option<PathBuf>,
+    #[command(flatten)]
+    threads: Threads,
+    #[command(flatten)]
+    report: ReportArgs,
     /// Draw the figures into this file.
     #[arg(long, value_name = "FILE", help_heading = OUTPUT)]
     svg: Option<PathBuf>,
@@ -103,9 +96,9 @@ fn write<R: Serialize>(
     table: impl Fn(&mut dyn Write, &R) -> io::Result<()>,
     evaluate: impl FnOnce(&Workers, fn(&str, Duration)) -> Result<Evaluation<R>, EvaluateError>,
 ) -> Result<(), CliError> {
-    output::check_all_writable([&args.json, &args.svg, &args.logits])?;
+    output::check_all_writable([&args.report.out, &args.svg, &args.logits])?;
     let watch = Watch::default();
-    let workers = Workers::new(threads::pool(args.threads)?, watch.clone());
+    let workers = Workers::new(args.threads.pool()?, watch.clone());
     let progress = Progress::busy(move || match watch.total() {
         0 => "reading".to_owned(),
         total => format!("{} of {total} judged", watch.done()),
@@ -122,7 +115,7 @@ fn write<R: Serialize>(
     if let Some(path) = &args.logits {
         output::write(path, logits.into_bytes())?;
     }
-    output::report(args.json.as_deref(), &report, |out| {
+    output::report(&args.report, &report, |out| {
         table(out, &report)?;
         let (seconds, threads) = (took.as_secs_f64(), workers.threads());
         writeln!(out, "\njudged in {seconds:.1} s on {threads} threads")

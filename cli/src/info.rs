@@ -3,11 +3,11 @@
 use std::io::{self, Write};
 use std::path::PathBuf;
 
-use meissner_engine::{Event, Sensor};
+use meissner_engine::Event;
 use meissner_io::Recording;
 use serde::Serialize;
 
-use crate::args::{INPUT, OUTPUT, PartArgs, ReadArgs, STATUS, sensor};
+use crate::args::{JsonArgs, PartArgs, ReadArgs};
 use crate::error::CliError;
 use crate::output;
 use crate::progress::Progress;
@@ -19,7 +19,6 @@ const PEAK_US: i64 = 1_000;
 
 /// `meissner info`.
 #[derive(Debug, clap::Args)]
-#[command(after_help = STATUS)]
 pub(crate) struct InfoArgs {
     /// Recording, or - for text on standard input.
     recording: PathBuf,
@@ -27,12 +26,8 @@ pub(crate) struct InfoArgs {
     read: ReadArgs,
     #[command(flatten)]
     part: PartArgs,
-    /// Size of the sensor in pixels, for a recording that does not name it.
-    #[arg(long, value_name = "WxH", value_parser = sensor, help_heading = INPUT)]
-    sensor: Option<Sensor>,
-    /// Print one JSON object.
-    #[arg(long, help_heading = OUTPUT)]
-    json: bool,
+    #[command(flatten)]
+    format: JsonArgs,
 }
 
 /// The contents of a recording.
@@ -78,10 +73,10 @@ struct OtherStream {
 /// Prints the contents of the recording.
 pub(crate) fn info(args: &InfoArgs) -> Result<(), CliError> {
     let progress = Progress::busy(|| "reading".to_owned());
-    let recording = args.read.read(&args.recording, args.part.part(), args.sensor)?;
-    let info = Info::of(&Recording { sensor: recording.sensor.or(args.sensor), ..recording });
+    let recording = args.read.read(&args.recording, args.part.part())?;
+    let info = Info::of(&Recording { sensor: recording.sensor.or(args.read.sensor), ..recording });
     progress.finish();
-    output::print(args.json, &info, |out| info.write(out))
+    output::print(args.format.json, &info, |out| info.write(out))
 }
 
 impl Info {

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use meissner_engine::{EngineError, Sensor};
+use meissner_engine::EngineError;
 use meissner_io::{Format, Recording};
 use meissner_models::DEFAULT_NETWORK;
 use meissner_pipeline::PipelineError;
@@ -13,18 +13,18 @@ use meissner_pipeline::provenance::ModelCard;
 use meissner_pipeline::source::{self, Source};
 use meissner_pipeline::streams;
 
-use crate::args::{Input, ReadArgs, first_given};
+use crate::args::{Input, ReadArgs};
 use crate::error::CliError;
 use crate::stderr::tell;
 
 impl ReadArgs {
-    /// This part of the recording in the file at `path`, or of all of standard input if it is `-`. `sensor`: what is asked for.
+    /// This part of the recording in the file at `path`, or of all of standard input if it is `-`.
     ///
     /// # Errors
     /// It cannot be read, or options do not fit its format.
-    pub(crate) fn read(self, path: &Path, part: Part, sensor: Option<Sensor>) -> Result<Recording, CliError> {
+    pub(crate) fn read(self, path: &Path, part: Part) -> Result<Recording, CliError> {
         self.check(path)?;
-        let recording = source::read(path, &self.options(sensor).range(part.range()))?;
+        let recording = source::read(path, &self.options().range(part.range()))?;
         self.fits(&path.display().to_string(), &recording.format.to_string())?;
         Ok(recording)
     }
@@ -33,23 +33,18 @@ impl ReadArgs {
     ///
     /// # Errors
     /// As [`Self::read`].
-    pub(crate) fn open(
-        self,
-        recording: Option<&Path>,
-        part: Part,
-        sensor: Option<Sensor>,
-    ) -> Result<Source, CliError> {
+    pub(crate) fn open(self, recording: Option<&Path>, part: Part) -> Result<Source, CliError> {
         recording.map_or(Ok(()), |path| self.check(path))?;
-        let options = self.options(sensor).range(part.range());
-        if let Some(path) =
-            recording.filter(|path| streams::is_live(path) && !streams::is_stdin(path) && sensor.is_none())
+        let options = self.options().range(part.range());
+        if let Some(path) = recording
+            .filter(|path| streams::is_live(path) && !streams::is_stdin(path) && self.sensor.is_none())
         {
             tell(format_args!(
                 "note: {}: waits for the first event, before which a text may name the sensor; with --sensor WxH it begins at once",
                 streams::name(path)
             ));
         }
-        let source = Source::open(recording, &options, sensor.is_some(), self.strict)?;
+        let source = Source::open(recording, &options, self.sensor.is_some(), self.strict)?;
         recording.map_or(Ok(()), |_| self.fits(&source.name, &source.format))?;
         Ok(source)
     }
@@ -64,15 +59,15 @@ impl ReadArgs {
 
     /// Refuses options for one format if `name` has another `format`.
     fn fits(self, name: &str, format: &str) -> Result<(), CliError> {
-        let [columns, unit, _, chip, _] = self.given();
-        let found = || format!("{name}, which is {format}");
-        match (first_given([columns, unit]), first_given([chip])) {
-            (Some("--time-unit"), _) if format == Format::Npy.to_string() => Ok(()),
-            (Some(option), _) if !format.starts_with("CSV") => {
-                Err(CliError::usage(option, "a text of events", &found()))
-            }
-            (_, Some(option)) if format != Format::Aedat2.to_string() => {
-                Err(CliError::usage(option, "a recording in AEDAT2", &found()))
+        let (text, npy) = (format.starts_with("CSV"), format == Format::Npy.to_string());
+        let refused = |option: &str, expected: &str| {
+            Err(CliError::usage(option, expected, &format!("{name}, which is {format}")))
+        };
+        match self {
+            Self { columns: Some(_), .. } if !text => refused("--columns", "a text of events"),
+            Self { time_unit: Some(_), .. } if !text && !npy => refused("--time-unit", "a text of events"),
+            Self { chip: Some(_), .. } if format != Format::Aedat2.to_string() => {
+                refused("--chip", "a recording in AEDAT2")
             }
             _ => Ok(()),
         }
@@ -89,8 +84,8 @@ impl Input {
     pub(crate) fn model(&self) -> Result<Model, CliError> {
         let options = ModelOptions {
             network: self.network().to_owned(),
-            weights: self.weights.clone(),
-            ignore_preparation: self.ignore_preparation,
+            weights: self.weights.file.clone(),
+            ignore_preparation: self.weights.ignore_preparation,
             span_us: self.span_us,
             capacity: self.capacity.map(|capacity| capacity as usize),
             approximations: self.approximations.values(),
@@ -105,7 +100,7 @@ impl Input {
 
     /// The same with `recording` instead of the first one.
     pub(crate) fn source_of(&self, recording: Option<&Path>, card: &ModelCard) -> Result<Source, CliError> {
-        let source = self.read.open(recording, self.part.part(), self.sensor)?;
+        let source = self.read.open(recording, self.part.part())?;
         Ok(source.every(card.network.stride).with_advice(advice))
     }
 }

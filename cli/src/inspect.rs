@@ -5,14 +5,13 @@ use std::path::PathBuf;
 
 use meissner_pipeline::model::describe_any;
 
-use crate::args::{OUTPUT, STATUS};
+use crate::args::{JsonArgs, OUTPUT};
 use crate::error::CliError;
 use crate::output;
 use crate::stderr::tell;
 
 /// `meissner inspect`.
 #[derive(Debug, clap::Args)]
-#[command(after_help = STATUS)]
 pub(crate) struct InspectArgs {
     /// Name of a shipped network, or a description file (.toml).
     ///
@@ -25,9 +24,8 @@ pub(crate) struct InspectArgs {
     /// Draw the network into this file, instead of the table.
     #[arg(long, value_name = "FILE", help_heading = OUTPUT)]
     svg: Option<PathBuf>,
-    /// Print one JSON object.
-    #[arg(long, help_heading = OUTPUT)]
-    json: bool,
+    #[command(flatten)]
+    format: JsonArgs,
 }
 
 /// Prints the network in the requested form.
@@ -40,7 +38,7 @@ pub(crate) fn inspect(args: &InspectArgs) -> Result<(), CliError> {
     if args.dot {
         return Ok(stdout().lock().write_all(description.to_dot().as_bytes())?);
     }
-    output::print(args.json, &description.summary(), |out| match args.svg {
+    output::print(args.format.json, &description.summary(), |out| match args.svg {
         None => writeln!(out, "{}", description.to_table().trim_end()),
         Some(_) => Ok(()),
     })

@@ -2,8 +2,9 @@
 //!
 //! | file | contents |
 //! |---|---|
-//! | `run`, `play`, `bench`, `networks`, `inspect`, `draw`, `info`, `convert`, `send`, `eval`, `pareto`, `prepare`, `stress`, `soak`, `verify` | the subcommands, each with its arguments |
+//! | `run`, `play`, `bench`, `networks`, `inspect`, `draw`, `info`, `convert`, `send`, `eval`, `pareto`, `prepare`, `simulate`, `verify` | the subcommands, each with its arguments |
 //! | `args`, `input` | arguments that several subcommands share; the source and the network that they select |
+//! | `given`, `renamed` | which arguments were given; command lines of the version before |
 //! | `kind` | the kinds of input of networks |
 //! | `report`, `header`, `text`, `progress` | results as text and as JSON |
 //! | `tasks`, `threads` | data sets, networks and trainings on the command line, for `eval` and `pareto`; threads that share work |
@@ -23,6 +24,7 @@ mod convert;
 mod draw;
 mod error;
 mod eval;
+mod given;
 mod header;
 mod info;
 mod input;
@@ -36,14 +38,13 @@ mod pareto;
 mod play;
 mod prepare;
 mod progress;
+mod renamed;
 mod report;
 mod run;
 mod send;
 mod simulate;
-mod soak;
-mod stress;
-mod tasks;
 mod stderr;
+mod tasks;
 #[cfg(test)]
 mod tests;
 mod text;
@@ -52,16 +53,17 @@ mod verify;
 
 use std::process::ExitCode;
 
-use clap::{CommandFactory, Parser, Subcommand};
+use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 use meissner_pipeline::interrupt;
 
 use crate::args::STATUS;
 use crate::error::CliError;
+use crate::given::Given;
 use crate::stderr::{install_logger, tell};
 
 /// Incremental inference for event cameras and event-based touch.
 #[derive(Debug, Parser)]
-#[command(name = "meissner", version, max_term_width = 80, after_help = STATUS)]
+#[command(name = "meissner", version, max_term_width = 80)]
 struct Args {
     #[command(subcommand)]
     command: Command,
@@ -81,6 +83,9 @@ enum Command {
     /// Show the layers, shapes and costs of a network.
     Inspect(inspect::InspectArgs),
     /// Draw weights for a network from a seed.
+    ///
+    /// Drawn weights are useful for measuring latency and testing equality; the predictions are meaningless. The metadata
+    /// of the file says so.
     Draw(draw::DrawArgs),
     /// Show the contents of a recording in numbers.
     Info(info::InfoArgs),
@@ -96,16 +101,23 @@ enum Command {
     Prepare(prepare::PrepareArgs),
     /// Simulate an event camera.
     Simulate(simulate::SimulateArgs),
-    /// Check every promise on streams, weights and states designed to break it.
-    Stress(stress::StressArgs),
-    /// Run for a very long time, and check bits, memory and latencies.
-    Soak(soak::SoakArgs),
     /// Check that a network's incremental results equal full recomputation.
     Verify(verify::VerifyArgs),
     /// Print the completions of a shell.
     Completions(manual::CompletionsArgs),
     /// Write the pages of the manual.
     Man(manual::ManArgs),
+}
+
+/// The definition of the program, with [`STATUS`] at the end of every help text.
+fn program() -> clap::Command {
+    with_status(Args::command())
+}
+
+fn with_status(command: clap::Command) -> clap::Command {
+    let own = command.get_after_long_help().map_or_else(String::new, |own| format!("{own}\n\n"));
+    let long = format!("{own}{STATUS}");
+    command.after_help(STATUS).after_long_help(long).mut_subcommands(with_status)
 }
 
 /// The warning of a debug build, whose timings are meaningless.
@@ -115,11 +127,15 @@ const UNOPTIMISED: &str = "note: this program was built without optimisation and
 fn main() -> ExitCode {
     interrupt::install();
     install_logger();
-    let command = Args::parse().command;
+    let (program, words) = (program(), renamed::renamed(std::env::args_os()));
+    let matches = program.clone().try_get_matches_from(&words);
+    let matches = matches.unwrap_or_else(|error| renamed::with_tip(error, &words).exit());
+    let given = Given::of(&program, &matches);
+    let command = Args::from_arg_matches(&matches).unwrap_or_else(|error| error.exit()).command;
     if cfg!(debug_assertions) && takes_long(&command) {
         tell(format_args!("{UNOPTIMISED}"));
     }
-    match perform(&command) {
+    match perform(&command, &given) {
         Err(error) if !error.is_broken_pipe() => {
             tell(format_args!("error: {}", meissner_pipeline::error::chain(&error)));
             if let Some(hint) = error.hint() {
@@ -144,17 +160,15 @@ fn takes_long(command: &Command) -> bool {
             | Command::Prepare(_)
             | Command::Pareto(_)
             | Command::Simulate(_)
-            | Command::Stress(_)
-            | Command::Soak(_)
             | Command::Verify(_)
     )
 }
 
-fn perform(command: &Command) -> Result<(), CliError> {
+fn perform(command: &Command, given: &Given) -> Result<(), CliError> {
     match command {
-        Command::Run(args) => run::run(args),
-        Command::Play(args) => play::play(args),
-        Command::Bench(args) => bench::bench(args),
+        Command::Run(args) => run::run(args, given),
+        Command::Play(args) => play::play(args, given),
+        Command::Bench(args) => bench::bench(args, given),
         Command::Networks(args) => networks::networks(args),
         Command::Inspect(args) => inspect::inspect(args),
         Command::Draw(args) => draw::draw(args),
@@ -165,10 +179,8 @@ fn perform(command: &Command) -> Result<(), CliError> {
         Command::Prepare(args) => prepare::prepare(args),
         Command::Pareto(args) => pareto::pareto(args),
         Command::Simulate(args) => simulate::simulate(args),
-        Command::Stress(args) => stress::stress(args),
-        Command::Soak(args) => soak::soak(args),
-        Command::Verify(args) => verify::verify(args),
-        Command::Completions(args) => manual::completions(args, Args::command()),
-        Command::Man(args) => manual::man(args, Args::command()),
+        Command::Verify(args) => verify::verify(args, given),
+        Command::Completions(args) => manual::completions(args, program()),
+        Command::Man(args) => manual::man(args, program()),
     }
 }

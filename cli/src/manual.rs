@@ -7,7 +7,6 @@ use std::path::PathBuf;
 use clap::Command;
 use clap_complete::Shell;
 
-use crate::args::STATUS;
 use crate::error::CliError;
 use crate::output;
 
@@ -25,7 +24,7 @@ Examples:
 
 /// `meissner completions`.
 #[derive(Debug, clap::Args)]
-#[command(after_help = STATUS, after_long_help = format!("{COMPLETIONS}\n\n{STATUS}"))]
+#[command(after_long_help = COMPLETIONS)]
 pub(crate) struct CompletionsArgs {
     /// The shell.
     #[arg(value_name = "SHELL")]
@@ -34,7 +33,7 @@ pub(crate) struct CompletionsArgs {
 
 /// `meissner man`.
 #[derive(Debug, clap::Args)]
-#[command(after_help = STATUS, after_long_help = format!("{MAN}\n\n{STATUS}"))]
+#[command(after_long_help = MAN)]
 pub(crate) struct ManArgs {
     /// Folder for the pages, one for each command; it is made if it is missing.
     ///

@@ -7,7 +7,7 @@ use meissner_models::systems::slip;
 use meissner_models::{AnyDescription, Card};
 use serde::Serialize;
 
-use crate::args::{OUTPUT, STATUS};
+use crate::args::JsonArgs;
 use crate::error::CliError;
 use crate::kind::NetworkKind;
 use crate::output;
@@ -15,14 +15,9 @@ use crate::text::Table;
 
 /// `meissner networks`.
 #[derive(Debug, clap::Args)]
-#[command(after_help = STATUS)]
 pub(crate) struct NetworksArgs {
-    /// Print one JSON array.
-    ///
-    /// It has one object per network: {"name", "system", "purpose", "trained" (whether the shipped weights are),
-    /// "sensor": [columns, rows] in pixels (null if any size fits), "input", "outputs": list of names, "units": of each}.
-    #[arg(long, help_heading = OUTPUT)]
-    json: bool,
+    #[command(flatten)]
+    format: JsonArgs,
 }
 
 /// The systems, in the order of the list.
@@ -88,7 +83,7 @@ struct Entry {
 /// Lists the networks.
 pub(crate) fn networks(args: &NetworksArgs) -> Result<(), CliError> {
     let entries: Vec<Entry> = AnyDescription::shipped_names().filter_map(Entry::of).collect();
-    output::print(args.json, &entries, |out| write(out, &entries))
+    output::print(args.format.json, &entries, |out| write(out, &entries))
 }
 
 impl Entry {

@@ -3,11 +3,10 @@
 use std::io::{self, BufWriter, Stdout, Write, stdout};
 use std::path::{Path, PathBuf};
 
-use meissner_pipeline::streams::is_stdin;
 use meissner_pipeline::{PipelineError, interrupt};
 use serde::Serialize;
 
-use crate::args::Force;
+use crate::args::{Force, ReportArgs};
 use crate::error::CliError;
 use crate::text::Folded;
 
@@ -49,22 +48,21 @@ pub(crate) fn check_result(path: &Path, force: Force) -> Result<(), CliError> {
     check_writable(path)
 }
 
-/// [`check_writable`] for all of `paths` that are files.
+/// [`check_writable`] for all of `paths`.
 pub(crate) fn check_all_writable<const N: usize>(paths: [&Option<PathBuf>; N]) -> Result<(), CliError> {
-    paths.into_iter().flatten().filter(|path| !is_stdin(path)).try_for_each(|path| check_writable(path))
+    paths.into_iter().flatten().try_for_each(|path| check_writable(path))
 }
 
-/// Writes `report` as JSON to the file at `json`, and `text` to standard output, where JSON takes its place for -.
+/// Writes `report` to standard output, as JSON or as `text`, and as JSON to the file that `args` name.
 pub(crate) fn report(
-    json: Option<&Path>,
+    args: &ReportArgs,
     report: &impl Serialize,
-    text: impl FnOnce(&mut dyn Write) -> io::Result<()>,
+    text: impl FnOnce(&mut Out) -> io::Result<()>,
 ) -> Result<(), CliError> {
-    let prints_json = json.is_some_and(is_stdin);
-    if let Some(path) = json.filter(|_| !prints_json) {
-        write(path, self::json(report)?)?;
+    if let Some(path) = &args.out {
+        write(path, json(report)?)?;
     }
-    print(prints_json, report, |out| text(out))
+    print(args.format.json, report, text)
 }
 
 /// `report` as one line of JSON.

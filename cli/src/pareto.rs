@@ -19,43 +19,45 @@ use meissner_io::datasets::NeutouchSet;
 use meissner_pipeline::bench::Part;
 
 use crate::error::CliError;
+use crate::output;
 use crate::progress;
-use crate::tasks::{EventNetworks, TouchData};
-use crate::{output, threads};
+use crate::tasks::{EventNetworks, TouchData, TouchTask};
 pub(crate) use args::ParetoArgs;
-use args::{Common, StudyArgs, TouchArgs};
+use args::{Common, StudyArgs, StudyOf};
 
 /// Measures the networks that `args` name.
 pub(crate) fn pareto(args: &ParetoArgs) -> Result<(), CliError> {
     match &args.study {
         StudyArgs::Digits(args) => recordings::<Digits>(&args.task.data, &args.task.networks, &args.common),
-        StudyArgs::Touch(TouchArgs { data: TouchData { set, data }, networks, common }) => match set {
-            NeutouchSet::Objects => recordings::<TouchObjects>(data, networks, common),
-            NeutouchSet::Containers => recordings::<TouchContainers>(data, networks, common),
-        },
-        StudyArgs::Angle(args) => {
-            let source = args.read.open(Some(&args.recording), Part::default(), args.sensor)?;
+        StudyArgs::Touch(StudyOf { task: TouchTask { data: TouchData { set, data }, networks }, common }) => {
+            match set {
+                NeutouchSet::Objects => recordings::<TouchObjects>(data, networks, common),
+                NeutouchSet::Containers => recordings::<TouchContainers>(data, networks, common),
+            }
+        }
+        StudyArgs::Angle(StudyOf { task: args, common }) => {
+            let source = args.read.open(Some(&args.recording), Part::default())?;
             let asked = AngleOptions {
                 networks: &args.networks,
-                weights: args.weights.as_deref(),
-                ignore_preparation: args.ignore_preparation,
-                sensor: args.sensor,
+                weights: args.weights.file.as_deref(),
+                ignore_preparation: args.weights.ignore_preparation,
+                sensor: args.read.sensor,
                 from_us: args.from_us.unwrap_or(0),
             };
-            write(angle(source, asked, &args.common.options())?, &args.common)
+            write(angle(source, asked, &common.options())?, common)
         }
         StudyArgs::Slip(args) => {
-            let workers = threads::pool(args.common.threads)?.into();
+            let workers = args.common.threads.pool()?.into();
             let options = args.common.options();
             write(slip(&args.task.data, args.task.request(), &options, &workers)?, &args.common)
         }
         StudyArgs::Area(args) => {
-            let workers = threads::pool(args.common.threads)?.into();
+            let workers = args.common.threads.pool()?.into();
             let (request, options) = (args.task.networks.request(), args.common.options());
             write(area(&args.task.data, request, &options, &workers)?, &args.common)
         }
         StudyArgs::Force(args) => {
-            let workers = threads::pool(args.common.threads)?.into();
+            let workers = args.common.threads.pool()?.into();
             let (request, options) = (args.task.networks.request(), args.common.options());
             write(force(&args.task.events, request, &options, &workers)?, &args.common)
         }
@@ -68,20 +70,20 @@ fn recordings<T: EventTask>(
     networks: &EventNetworks,
     common: &Common,
 ) -> Result<(), CliError> {
-    let workers = threads::pool(common.threads)?.into();
+    let workers = common.threads.pool()?.into();
     let (request, folds) = (networks.request(), networks.folds());
     write(events::<T>(folder, request, folds, &common.options(), &workers)?, common)
 }
 
 /// Runs `study`, and writes its files and text.
 fn write(study: Study<'_>, common: &Common) -> Result<(), CliError> {
-    output::check_all_writable([&common.json, &common.csv, &common.svg])?;
+    output::check_all_writable([&common.report.out, &common.csv, &common.svg])?;
     let mut state = State::open(common.state.as_deref())?;
     let mut bar = None;
     let report = study.run(&common.options(), &mut state, |progress| {
         match (progress, &bar) {
             (Progress::Missing(count), _) => {
-                bar = Some(progress::Progress::tasks(count, common.prints_json()));
+                bar = Some(progress::Progress::tasks(count, common.report.format.json));
             }
             (Progress::Started { network, setting }, Some(bar)) => bar.start(format!("{network}, {setting}")),
             (Progress::Finished, Some(bar)) => bar.done(),
@@ -98,5 +100,5 @@ fn write(study: Study<'_>, common: &Common) -> Result<(), CliError> {
     if let Some(path) = &common.csv {
         output::write(path, table::csv(&report))?;
     }
-    output::report(common.json.as_deref(), &report, |out| table::write(out, &report))
+    output::report(&common.report, &report, |out| table::write(out, &report))
 }

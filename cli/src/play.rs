@@ -7,13 +7,15 @@ use meissner_pipeline::play::{Play, PlayInput};
 use meissner_pipeline::provenance::InputCard;
 use meissner_pipeline::streams;
 
+use crate::args::REUSES;
 use crate::error::CliError;
+use crate::given::Given;
 use crate::report::{About, Report, TableKind};
 pub(crate) use args::PlayArgs;
 
 /// Plays the recordings as `args` say, and writes the reports to standard output.
-pub(crate) fn play(args: &PlayArgs) -> Result<(), CliError> {
-    check(args)?;
+pub(crate) fn play(args: &PlayArgs, given: &Given) -> Result<(), CliError> {
+    check(args, given)?;
     let model = args.input.model()?;
     let mut inputs = vec![args.open(args.input.recording.as_deref(), &model.card)?];
     for other in &args.others {
@@ -27,7 +29,7 @@ pub(crate) fn play(args: &PlayArgs) -> Result<(), CliError> {
     let play = Play::new(&model, inputs, args.options())?;
     let about = About {
         command: "play",
-        json: args.json,
+        json: args.format.json,
         live: true,
         inputs: cards,
         card: &model.card,
@@ -53,7 +55,7 @@ pub(crate) fn play(args: &PlayArgs) -> Result<(), CliError> {
 }
 
 /// Refuses cores that are not there, streams among several inputs, and approximations that `--verify` cannot check.
-fn check(args: &PlayArgs) -> Result<(), CliError> {
+fn check(args: &PlayArgs, given: &Given) -> Result<(), CliError> {
     let there = cores();
     if let Some(core) = args.pin.iter().find(|core| !there.contains(core)) {
         return Err(CliError::usage("--pin", &format!("cores of {there:?}"), &core.to_string()));
@@ -68,7 +70,7 @@ fn check(args: &PlayArgs) -> Result<(), CliError> {
             return Err(CliError::usage("--repeat", "a recording", &name));
         }
     }
-    match args.input.approximations.reuses().filter(|_| args.verify) {
+    match given.first(REUSES).filter(|_| args.verify) {
         None => Ok(()),
         Some(option) => Err(CliError::usage(
             "--verify",

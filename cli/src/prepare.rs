@@ -1,7 +1,7 @@
 //! `meissner prepare`: inputs of networks with labels, in a file for training.
 
 use std::io::{Write, stdout};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use clap::Subcommand;
 use meissner_evaluate::digits::Digits;
@@ -12,16 +12,15 @@ use meissner_evaluate::touch::{TouchContainers, TouchObjects};
 use meissner_io::datasets::NeutouchSet;
 use meissner_pipeline::model::{describe, describe_frames};
 
-use crate::args::{Force, NETWORK, OUTPUT, STATUS};
+use crate::args::{NETWORK, OUTPUT, OutArgs};
 use crate::error::CliError;
 use crate::progress::Progress;
-use crate::tasks::TouchData;
 use crate::stderr::tell;
-use crate::{output, threads};
+use crate::tasks::TouchData;
+use crate::threads::Threads;
 
 /// `meissner prepare`.
 #[derive(Debug, clap::Args)]
-#[command(after_help = STATUS)]
 pub(crate) struct PrepareArgs {
     #[command(subcommand)]
     input: InputArgs,
@@ -57,7 +56,7 @@ Examples:
 
 /// `meissner prepare slip`.
 #[derive(Debug, clap::Args)]
-#[command(after_help = STATUS, after_long_help = format!("{EXAMPLES}\n\n{SLIP}\n\n{STATUS}"))]
+#[command(after_long_help = format!("{EXAMPLES}\n\n{SLIP}"))]
 struct SlipArgs {
     /// Folder of the data set, with a folder for each class.
     ///
@@ -69,11 +68,8 @@ struct SlipArgs {
     /// Its table `input` has the kind of the frames, the number of readings in a window, and their scaling.
     #[arg(long, value_name = "NETWORK", help_heading = NETWORK)]
     network: String,
-    /// File to write (safetensors).
-    #[arg(long, value_name = "FILE", help_heading = OUTPUT)]
-    out: PathBuf,
     #[command(flatten)]
-    force: Force,
+    file: OutArgs,
 }
 
 /// Tensors of the file.
@@ -98,7 +94,7 @@ Metadata, each JSON:
 
 /// `meissner prepare graphs`.
 #[derive(Debug, clap::Args)]
-#[command(after_help = STATUS, after_long_help = format!("{GRAPHS}\n\n{STATUS}"))]
+#[command(after_long_help = GRAPHS)]
 struct GraphsArgs {
     /// File with the streams (safetensors), such as `prepare digits` writes.
     #[arg(value_name = "EVENTS")]
@@ -106,11 +102,8 @@ struct GraphsArgs {
     /// Name of a shipped network over events, or a description file (.toml).
     #[arg(long, value_name = "NAME", help_heading = NETWORK)]
     network: String,
-    /// File to write (safetensors).
-    #[arg(long, value_name = "FILE", help_heading = OUTPUT)]
-    out: PathBuf,
     #[command(flatten)]
-    force: Force,
+    file: OutArgs,
 }
 
 /// Tensors of the input and of the output.
@@ -168,7 +161,7 @@ Metadata, each JSON:
 
 /// `meissner prepare digits`.
 #[derive(Debug, clap::Args)]
-#[command(after_help = STATUS, after_long_help = format!("{DIGITS}\n\n{LABELLED}\n\n{STATUS}"))]
+#[command(after_long_help = format!("{DIGITS}\n\n{LABELLED}"))]
 struct DigitsArgs {
     /// Folder of the data set, with folders train and test.
     ///
@@ -181,7 +174,7 @@ struct DigitsArgs {
 
 /// `meissner prepare touch`.
 #[derive(Debug, clap::Args)]
-#[command(after_help = STATUS, after_long_help = format!("{TOUCH}\n\n{LABELLED}\n\n{STATUS}"))]
+#[command(after_long_help = format!("{TOUCH}\n\n{LABELLED}"))]
 struct TouchArgs {
     #[command(flatten)]
     data: TouchData,
@@ -192,11 +185,8 @@ struct TouchArgs {
 /// A file of labelled events.
 #[derive(Debug, clap::Args)]
 struct LabelledArgs {
-    /// File to write (safetensors).
-    #[arg(long, value_name = "FILE", help_heading = OUTPUT)]
-    out: PathBuf,
     #[command(flatten)]
-    force: Force,
+    file: OutArgs,
     /// Number of folds of the cross-validation.
     ///
     /// Every recording is held out by one fold, and each fold has about the same number of recordings of every class.
@@ -207,13 +197,13 @@ struct LabelledArgs {
 
 /// Writes the file that `args` select.
 pub(crate) fn prepare(args: &PrepareArgs) -> Result<(), CliError> {
-    let (out, force) = args.out();
-    output::check_result(out, force)?;
+    let file = args.file();
+    file.check()?;
     let progress = Progress::busy(|| "preparing".to_owned());
     let (notes, prepared) = match &args.input {
         InputArgs::Graphs(args) => {
             let (description, _) = describe(&args.network)?;
-            (Vec::new(), graphs(&args.events, &description, &threads::pool(None)?)?)
+            (Vec::new(), graphs(&args.events, &description, &Threads::default().pool()?)?)
         }
         InputArgs::Slip(args) => {
             let (description, _) = describe_frames(&args.network)?;
@@ -230,22 +220,22 @@ pub(crate) fn prepare(args: &PrepareArgs) -> Result<(), CliError> {
             })?
         }
     };
-    output::write(out, prepared.file.into_bytes())?;
+    file.write(prepared.file.into_bytes())?;
     progress.finish();
     notes.iter().for_each(|note| tell(format_args!("note: {note}")));
     let mut standard = stdout().lock();
-    writeln!(standard, "{}: {}", out.display(), prepared.contents)?;
+    writeln!(standard, "{}: {}", file.out.display(), prepared.contents)?;
     Ok(standard.flush()?)
 }
 
 impl PrepareArgs {
-    /// The file to write, and whether it may be replaced.
-    fn out(&self) -> (&Path, Force) {
+    /// The file to write.
+    fn file(&self) -> &OutArgs {
         match &self.input {
-            InputArgs::Graphs(args) => (&args.out, args.force),
-            InputArgs::Slip(args) => (&args.out, args.force),
+            InputArgs::Graphs(args) => &args.file,
+            InputArgs::Slip(args) => &args.file,
             InputArgs::Digits(DigitsArgs { labelled, .. }) | InputArgs::Touch(TouchArgs { labelled, .. }) => {
-                (&labelled.out, labelled.force)
+                &labelled.file
             }
         }
     }

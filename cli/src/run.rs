@@ -17,17 +17,16 @@ use meissner_pipeline::source::Source;
 use meissner_pipeline::streams;
 use meissner_pipeline::text::grouped;
 
-use crate::args::first_given;
 use crate::error::CliError;
+use crate::given::Given;
 use crate::input::advice;
 use crate::kind::NetworkKind;
 use crate::report::{About, Report, TableKind};
-use crate::threads;
 pub(crate) use args::RunArgs;
 
 /// Runs the network as `args` say, and writes the results to standard output.
-pub(crate) fn run(args: &RunArgs) -> Result<(), CliError> {
-    if args.is_bare() {
+pub(crate) fn run(args: &RunArgs, given: &Given) -> Result<(), CliError> {
+    if given.is_within(&["--svg"]) {
         return press::run(args.svg.as_deref());
     }
     if args.svg.is_some() {
@@ -37,36 +36,37 @@ pub(crate) fn run(args: &RunArgs) -> Result<(), CliError> {
             "others",
         ));
     }
-    let _shared = threads::shared(args.threads)?;
+    let _shared = args.threads.shared()?;
     let (description, _) = describe_any(args.input.network())?;
     let kind = NetworkKind::of(&description);
-    args.check(kind)?;
+    args.check(given, kind)?;
     if kind == NetworkKind::EventGraph {
-        return run_events(args);
+        return run_events(args, given);
     }
     let input = &args.input;
-    let (weights, convolution) = (input.weights.as_deref(), args.frames.convolution());
-    let model = FrameModel::named(input.network(), weights, convolution, input.ignore_preparation)?;
+    let (weights, convolution) = (&input.weights, args.frames.convolution());
+    let file = weights.file.as_deref();
+    let model = FrameModel::named(input.network(), file, convolution, weights.ignore_preparation)?;
     let model = match args.electrodes.sampling {
         Some(sampling) => model.with_sampling(sampling),
         None => model,
     };
     match kind {
-        NetworkKind::Electrodes => run_electrodes(args, &model),
+        NetworkKind::Electrodes => run_electrodes(args, given, &model),
         NetworkKind::Pictures => run_pictures(args, &model),
         _ => run_frames(args, &model),
     }
 }
 
 /// Runs a network over events.
-fn run_events(args: &RunArgs) -> Result<(), CliError> {
-    args.check_state()?;
+fn run_events(args: &RunArgs, given: &Given) -> Result<(), CliError> {
+    args.check_state(given)?;
     let model = args.input.model()?;
-    args.check_stride(&model.card)?;
+    RunArgs::check_stride(given, &model.card)?;
     let (source, sensor, input) = open(args, &model.card)?;
     let run = EventRun::new(&model, source, sensor, args.options()?).map_err(|error| args.refused(error))?;
     let mode = match args.mode {
-        Mode::Incremental if args.threads == Some(2) => "incremental, two threads",
+        Mode::Incremental if args.threads.are_two() => "incremental, two threads",
         Mode::Incremental => "incremental",
         Mode::Batch => "batch: every row at every prediction",
     };
@@ -86,12 +86,11 @@ fn run_frames(args: &RunArgs, model: &FrameModel) -> Result<(), CliError> {
 }
 
 /// Runs a network over electrodes.
-fn run_electrodes(args: &RunArgs, model: &FrameModel) -> Result<(), CliError> {
+fn run_electrodes(args: &RunArgs, given: &Given, model: &FrameModel) -> Result<(), CliError> {
     let path = args.recording("CSV with a column for each of 24 electrodes, in a file or as -")?;
     let asked = &args.electrodes;
-    let given =
-        [("--hold", asked.hold.is_some()), ("--least-probability", asked.least_probability.is_some())];
-    if let Some(option) = first_given(given).filter(|_| model.card.classes.is_none()) {
+    let decides = given.first(&["--hold", "--least-probability"]);
+    if let Some(option) = decides.filter(|_| model.card.classes.is_none()) {
         let expected = format!("network {} to predict classes, in logit", args.input.network());
         let found = model.description.labelled_outputs();
         return Err(CliError::usage(option, &expected, &found));
@@ -134,7 +133,7 @@ fn run_pictures(args: &RunArgs, model: &FrameModel) -> Result<(), CliError> {
 fn open(args: &RunArgs, card: &ModelCard) -> Result<(Source, Sensor, InputCard), CliError> {
     let source = args.input.source(card)?;
     interrupt::listen();
-    let sensor = source.sensor(args.input.sensor)?;
+    let sensor = source.sensor(args.input.read.sensor)?;
     let input = InputCard::events(&source.name, &source.format, sensor, source.recorded());
     Ok((source, sensor, input))
 }

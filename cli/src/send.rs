@@ -5,10 +5,9 @@ use std::path::PathBuf;
 use meissner_pipeline::send::{SendOptions, SendSummary, send as send_events};
 use meissner_pipeline::text::grouped;
 
-use crate::args::{INPUT, OUTPUT, PartArgs, QUEUE, ReadArgs, STATUS, sensor, speed};
+use crate::args::{OUTPUT, PartArgs, QUEUE, ReadArgs, speed};
 use crate::error::CliError;
 use crate::stderr::tell;
-use meissner_engine::Sensor;
 
 /// Examples, at the end of the long help.
 const EXAMPLES: &str = "\
@@ -21,7 +20,7 @@ Examples:
 
 /// `meissner send`.
 #[derive(Debug, clap::Args)]
-#[command(after_help = STATUS, after_long_help = format!("{EXAMPLES}\n\n{STATUS}"))]
+#[command(after_long_help = EXAMPLES)]
 pub(crate) struct SendArgs {
     /// The recording, or - for text on standard input.
     #[arg(value_name = "INPUT")]
@@ -36,9 +35,6 @@ pub(crate) struct SendArgs {
     read: ReadArgs,
     #[command(flatten)]
     part: PartArgs,
-    /// Size of the sensor in pixels for the text, instead of the recording's.
-    #[arg(long, value_name = "WxH", value_parser = sensor, help_heading = INPUT)]
-    sensor: Option<Sensor>,
     /// Seconds of the recording that are sent in one second.
     #[arg(long, value_name = "X", value_parser = speed, default_value = "1", help_heading = QUEUE)]
     speed: f64,
@@ -52,9 +48,9 @@ pub(crate) struct SendArgs {
 
 /// Sends the recording.
 pub(crate) fn send(args: &SendArgs) -> Result<(), CliError> {
-    let recording = args.read.read(&args.input, args.part.part(), args.sensor)?;
+    let recording = args.read.read(&args.input, args.part.part())?;
     let options = SendOptions { speed: args.speed, records: args.records };
-    let sent = send_events(&recording.events, args.sensor.or(recording.sensor), &args.to, options)?;
+    let sent = send_events(&recording.events, args.read.sensor.or(recording.sensor), &args.to, options)?;
     let SendSummary { events, bytes, lag_us, seconds } = sent;
     let (to, events, bytes) = (args.to.display(), grouped(events), grouped(bytes));
     tell(format_args!("{to}: {events} events, {bytes} bytes in {seconds:.3} s; at most {lag_us:.0} us late"));

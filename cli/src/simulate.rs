@@ -6,7 +6,7 @@ mod grasp;
 use std::io::{Write, stdout};
 use std::path::PathBuf;
 
-use clap::{Subcommand, ValueEnum};
+use clap::{Arg, Subcommand, ValueEnum};
 use meissner_engine::Sensor;
 use meissner_evaluate::EvaluateError;
 use meissner_evaluate::prepare::{
@@ -17,18 +17,17 @@ use meissner_pipeline::PipelineError;
 use meissner_pipeline::text::{grouped, span_us};
 use meissner_simulator::{CameraSettings, MarkerScene};
 
-use crate::args::{Force, GelSensorArg, INPUT, MEASUREMENT, OUTPUT, STATUS, sensor};
+use crate::args::{GelSensorArg, INPUT, MEASUREMENT, OutArgs, sensor};
 use crate::error::CliError;
 use crate::progress::Progress;
 use crate::stderr::tell;
-use crate::{output, threads};
+use crate::threads::Threads;
 
 pub(crate) const CAMERA: &str = "Camera";
 pub(crate) const MARKERS: &str = "Markers";
 
 /// `meissner simulate`.
 #[derive(Debug, clap::Args)]
-#[command(after_help = STATUS)]
 pub(crate) struct SimulateArgs {
     #[command(subcommand)]
     input: InputArgs,
@@ -83,7 +82,7 @@ With labels also, for `eval angle`:
 
 /// `meissner simulate markers`.
 #[derive(Debug, clap::Args)]
-#[command(after_help = STATUS, after_long_help = format!("{TENSORS}\n\n{STATUS}"))]
+#[command(after_long_help = TENSORS)]
 struct MarkersArgs {
     /// File with the tracks (safetensors).
     #[arg(value_name = "TRACKS")]
@@ -105,16 +104,13 @@ struct MarkersArgs {
     ground: f32,
     #[command(flatten)]
     camera: CameraArgs,
-    /// File to write (safetensors).
-    #[arg(long, value_name = "FILE", help_heading = OUTPUT)]
-    out: PathBuf,
     #[command(flatten)]
-    force: Force,
+    file: OutArgs,
 }
 
 /// `meissner simulate images`.
 #[derive(Debug, clap::Args)]
-#[command(after_help = STATUS)]
+#[command(mut_arg("out", of_images))]
 struct ImagesArgs {
     /// Folder of images, or a text with a path on each line.
     ///
@@ -129,14 +125,15 @@ struct ImagesArgs {
     interval: i64,
     #[command(flatten)]
     camera: CameraArgs,
-    /// Recording to write.
-    ///
-    /// The extensions are .csv, .npy, .dat, .evt3 and .raw (EVT3). A file that ends in .safetensors has the cause of each
-    /// event too, for `eval filters`; `simulate markers --help` has its tensors.
-    #[arg(long, value_name = "FILE", help_heading = OUTPUT)]
-    out: PathBuf,
     #[command(flatten)]
-    force: Force,
+    file: OutArgs,
+}
+
+/// `--out` for images.
+fn of_images(arg: Arg) -> Arg {
+    let more = "The extensions are .csv, .npy, .dat, .evt3 and .raw (EVT3). A file that ends in .safetensors has the cause of \
+                each event too, for `eval filters`; `simulate markers --help` has its tensors.";
+    arg.help("Recording to write").long_help(format!("Recording to write.\n\n{more}"))
 }
 
 /// Tensors of the file.
@@ -150,7 +147,7 @@ Writes, of T times one press after the other:
 
 /// `meissner simulate dome`.
 #[derive(Debug, clap::Args)]
-#[command(after_help = STATUS, after_long_help = format!("{DOME}\n\n{STATUS}"))]
+#[command(after_long_help = DOME)]
 struct DomeArgs {
     /// Presses for each of 10 tilts and 20 directions: N = 1 makes 200.
     ///
@@ -163,11 +160,8 @@ struct DomeArgs {
     /// Seed of depths and durations.
     #[arg(long, value_name = "N", default_value_t = 0, help_heading = MEASUREMENT)]
     seed: u64,
-    /// File to write (safetensors).
-    #[arg(long, value_name = "FILE", help_heading = OUTPUT)]
-    out: PathBuf,
     #[command(flatten)]
-    force: Force,
+    file: OutArgs,
 }
 
 /// Tensors of the file.
@@ -184,7 +178,7 @@ Between `reference` and `picture` the light drifts, smoothly over the picture.";
 
 /// `meissner simulate gel`.
 #[derive(Debug, clap::Args)]
-#[command(after_help = STATUS, after_long_help = format!("{GEL}\n\n{STATUS}"))]
+#[command(after_long_help = GEL)]
 struct GelArgs {
     /// Presses, with an indenter, a place and a force each.
     #[arg(long, value_name = "N", default_value_t = 100, value_parser = clap::value_parser!(u32).range(1..), help_heading = MEASUREMENT)]
@@ -209,11 +203,8 @@ struct GelArgs {
     /// Seed of everything that is drawn.
     #[arg(long, value_name = "N", default_value_t = 0, help_heading = MEASUREMENT)]
     seed: u64,
-    /// File to write (safetensors).
-    #[arg(long, value_name = "FILE", help_heading = OUTPUT)]
-    out: PathBuf,
     #[command(flatten)]
-    force: Force,
+    file: OutArgs,
 }
 
 #[derive(Clone, Copy, Debug, ValueEnum)]
@@ -300,11 +291,11 @@ impl CameraArgs {
 pub(crate) fn simulate(args: &SimulateArgs) -> Result<(), CliError> {
     let progress = Progress::busy(|| "simulating".to_owned());
     let (path, contents) = match &args.input {
-        InputArgs::Markers(args) => (&args.out, markers(args)?),
-        InputArgs::Images(args) => (&args.out, images(args)?),
-        InputArgs::Dome(args) => (&args.out, dome(args)?),
-        InputArgs::Gel(args) => (&args.out, gel(args)?),
-        InputArgs::Grasp(args) => (&args.out, grasp::grasp(args)?),
+        InputArgs::Markers(args) => (&args.file.out, markers(args)?),
+        InputArgs::Images(args) => (&args.file.out, images(args)?),
+        InputArgs::Dome(args) => (&args.file.out, dome(args)?),
+        InputArgs::Gel(args) => (&args.file.out, gel(args)?),
+        InputArgs::Grasp(args) => (&args.file.out, grasp::grasp(args)?),
         InputArgs::Loop(args) => return closed_loop::closed_loop(args, &progress),
     };
     progress.finish();
@@ -314,23 +305,23 @@ pub(crate) fn simulate(args: &SimulateArgs) -> Result<(), CliError> {
 }
 
 fn markers(args: &MarkersArgs) -> Result<String, CliError> {
-    output::check_result(&args.out, args.force)?;
+    args.file.check()?;
     let scene =
         MarkerScene { radius: args.radius, edge: args.edge, marker: args.marker, ground: args.ground };
-    let (settings, pool) = (args.camera.settings(CameraSettings::tactile()), threads::pool(None)?);
+    let (settings, pool) = (args.camera.settings(CameraSettings::tactile()), Threads::default().pool()?);
     let prepared = film_markers(&args.tracks, args.sensor, &scene, settings, args.camera.seed, &pool)?;
-    output::write(&args.out, prepared.file.into_bytes())?;
+    args.file.write(prepared.file.into_bytes())?;
     Ok(prepared.contents)
 }
 
 fn images(args: &ImagesArgs) -> Result<String, CliError> {
-    let with_causes = args.out.extension().is_some_and(|extension| extension == "safetensors");
-    let format = Format::from_path(&args.out).ok().filter(|format| format.is_writable());
+    let with_causes = args.file.out.extension().is_some_and(|extension| extension == "safetensors");
+    let format = Format::from_path(&args.file.out).ok().filter(|format| format.is_writable());
     if format.is_none() && !with_causes {
         let expected = "a file that ends in .csv, .npy, .dat, .evt3, .raw or .safetensors";
-        return Err(CliError::usage("--out", expected, &args.out.display().to_string()));
+        return Err(CliError::usage("--out", expected, &args.file.out.display().to_string()));
     }
-    output::check_result(&args.out, args.force)?;
+    args.file.check()?;
     let images = ImageSequence::open(&args.images).map_err(PipelineError::from)?;
     let count = images.len();
     let (sensor, simulated) = film_images(
@@ -341,12 +332,12 @@ fn images(args: &ImagesArgs) -> Result<String, CliError> {
     )?;
     let about = format!("{} events of {count} images, {sensor}", grouped(simulated.len() as u64));
     let Some(format) = format else {
-        output::write(&args.out, prepare::with_causes(sensor, &[simulated]).file.into_bytes())?;
+        args.file.write(prepare::with_causes(sensor, &[simulated]).file.into_bytes())?;
         return Ok(format!("{about}, with their causes"));
     };
     let events: Vec<_> = simulated.iter().map(|simulated| simulated.event).collect();
-    meissner_io::write(&args.out, format, Some(sensor), &events)
-        .map_err(|error| PipelineError::recording(&args.out.display().to_string(), error))?;
+    meissner_io::write(&args.file.out, format, Some(sensor), &events)
+        .map_err(|error| PipelineError::recording(&args.file.out.display().to_string(), error))?;
     Ok(format!("{about}, as {format}"))
 }
 
@@ -357,8 +348,8 @@ const TRACK_BYTES: f64 = 31e3;
 const FILM_BYTES: f64 = 2.6e6;
 
 fn dome(args: &DomeArgs) -> Result<String, CliError> {
-    output::check_result(&args.out, args.force)?;
-    let pool = threads::pool(None)?;
+    args.file.check()?;
+    let pool = Threads::default().pool()?;
     let presses = u64::from(args.each) * DOME_KINDS as u64;
     let megabytes = |each: f64| grouped((presses as f64 * each / 1e6).ceil() as u64);
     tell(format_args!(
@@ -369,12 +360,12 @@ fn dome(args: &DomeArgs) -> Result<String, CliError> {
         megabytes(FILM_BYTES),
     ));
     let prepared = dome_presses(args.each.into(), args.sensor, args.seed, &pool);
-    output::write(&args.out, prepared.file.into_bytes())?;
+    args.file.write(prepared.file.into_bytes())?;
     Ok(prepared.contents)
 }
 
 fn gel(args: &GelArgs) -> Result<String, CliError> {
-    output::check_result(&args.out, args.force)?;
+    args.file.check()?;
     let plan = GelPlan {
         sensor: args.sensor.fixed(),
         shapes: match args.indenters {
@@ -387,7 +378,7 @@ fn gel(args: &GelArgs) -> Result<String, CliError> {
         coarseness: args.coarseness.into(),
         seed: args.seed,
     };
-    let prepared = gel_presses(&plan, &threads::pool(None)?).map_err(EvaluateError::from)?;
-    output::write(&args.out, prepared.file.into_bytes())?;
+    let prepared = gel_presses(&plan, &Threads::default().pool()?).map_err(EvaluateError::from)?;
+    args.file.write(prepared.file.into_bytes())?;
     Ok(prepared.contents)
 }

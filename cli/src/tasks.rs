@@ -1,10 +1,12 @@
 //! Arguments of `eval` and `pareto` for data sets, networks and trainings.
 #![expect(clippy::doc_markdown, reason = "these comments are the help text, which would show the backticks")]
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
+use clap::Arg;
 use meissner_evaluate::trainings::Request;
 use meissner_io::datasets::NeutouchSet;
+use meissner_models::DEFAULT_NETWORK;
 
 use crate::args::{NETWORK, choice};
 
@@ -39,25 +41,50 @@ const SETS: &[(&str, &str, NeutouchSet)] = &[
     ("containers", "4 containers with 5 fillings each, grasped and lifted", NeutouchSet::Containers),
 ];
 
-/// Networks over events, with their trainings.
+/// A set of recordings of touch, and networks over events.
 #[derive(Debug, clap::Args)]
-pub(crate) struct EventNetworks {
+pub(crate) struct TouchTask {
+    #[command(flatten)]
+    pub(crate) data: TouchData,
+    #[command(flatten)]
+    pub(crate) networks: EventNetworks,
+}
+
+/// Networks of a task, with trainings.
+#[derive(Debug, clap::Args)]
+pub(crate) struct Networks {
     /// Network [default: every shipped network for the task].
     ///
-    /// The name of a shipped network, or a description file, which needs --weights or --trainings. It may be given
-    /// several times. With --trainings, the default is every shipped network with trainings in the folder.
+    /// The name of a shipped network, or a description file, which needs weights or trainings. It may be given several
+    /// times. With --trainings, the default is every shipped network with trainings in the folder.
     #[arg(long = "network", value_name = "NETWORK", help_heading = NETWORK)]
     networks: Vec<String>,
-    /// Weights of the only network [default: those shipped with it].
-    ///
-    /// The file is safetensors, or a state dict that PyTorch saved. The weights must be trained on the split train.
-    #[arg(long, value_name = "FILE", conflicts_with = "trainings", help_heading = NETWORK)]
-    weights: Option<PathBuf>,
     /// Folder of safetensors files, each a training of a network.
     ///
-    /// `meissner eval digits --help` explains their metadata.
+    /// The long help of `meissner eval` for the task explains their metadata. Without this option, the shipped weights are
+    /// used.
     #[arg(long, value_name = "DIR", help_heading = NETWORK)]
     trainings: Option<PathBuf>,
+}
+
+/// Networks of a task, with weights or trainings.
+#[derive(Debug, clap::Args)]
+pub(crate) struct TrainedNetworks {
+    #[command(flatten)]
+    networks: Networks,
+    /// Weights of the only network [default: those shipped with it].
+    ///
+    /// The file is safetensors, or a state dict that PyTorch saved. For digits and touch, the weights must be trained on
+    /// the split train.
+    #[arg(long, value_name = "FILE", conflicts_with = "trainings", help_heading = NETWORK)]
+    weights: Option<PathBuf>,
+}
+
+/// Networks over events, with weights, trainings or the folds of a cross-validation.
+#[derive(Debug, clap::Args)]
+pub(crate) struct EventNetworks {
+    #[command(flatten)]
+    trained: TrainedNetworks,
     /// Number of folds of the cross-validation in --trainings.
     ///
     /// The folds must be those that `meissner prepare` writes for the task with --folds N.
@@ -74,40 +101,26 @@ pub(crate) struct SlipTask {
     /// The classes are aw (anticlockwise), cw (clockwise), e, n, s, w (directions) and t (touch without slip). Recordings are files such as n/pen178.csv.
     #[arg(value_name = "DATA")]
     pub(crate) data: PathBuf,
-    /// Network [default: every shipped network for slip].
-    ///
-    /// The name of a shipped network, or a description file, which needs --trainings. It may be given several times.
-    /// With --trainings, the default is every shipped network with trainings in the folder.
-    #[arg(long = "network", value_name = "NETWORK", help_heading = NETWORK)]
-    networks: Vec<String>,
-    /// Folder of safetensors files, each a training of a network.
-    ///
-    /// `meissner eval slip --help` explains their metadata. Without this option, the shipped weights are used.
-    #[arg(long, value_name = "DIR", help_heading = NETWORK)]
-    trainings: Option<PathBuf>,
+    #[command(flatten)]
+    networks: Networks,
 }
 
 /// Quantities of presses.
 #[derive(Debug, clap::Args)]
+#[command(mut_arg("networks", of_presses))]
 pub(crate) struct PressTask {
     /// Presses with labels along time (safetensors), such as `simulate markers` writes.
     #[arg(value_name = "EVENTS")]
     pub(crate) events: PathBuf,
-    /// Network: the name of a shipped network, or a description file.
-    ///
-    /// A description file needs --weights or --trainings. The option may be given several times.
-    #[arg(long = "network", value_name = "NETWORK", default_value = "tactigraph-past", help_heading = NETWORK)]
-    networks: Vec<String>,
-    /// Weights of the only network [default: those shipped with it].
-    ///
-    /// The file is safetensors, or a state dict that PyTorch saved.
-    #[arg(long, value_name = "FILE", conflicts_with = "trainings", help_heading = NETWORK)]
-    weights: Option<PathBuf>,
-    /// Folder of safetensors files, each a training of a network.
-    ///
-    /// `meissner eval angle --help` explains their metadata.
-    #[arg(long, value_name = "DIR", help_heading = NETWORK)]
-    trainings: Option<PathBuf>,
+    #[command(flatten)]
+    networks: TrainedNetworks,
+}
+
+/// `--network` for presses.
+fn of_presses(arg: Arg) -> Arg {
+    let help = "Network: the name of a shipped network, or a description file";
+    let more = "A description file needs --weights or --trainings. The option may be given several times.";
+    arg.default_value(DEFAULT_NETWORK).help(help).long_help(format!("{help}.\n\n{more}"))
 }
 
 /// Forces of grasps.
@@ -132,31 +145,21 @@ pub(crate) struct AreaTask {
     pub(crate) networks: TrainedNetworks,
 }
 
-/// Networks of a task, with weights or trainings.
-#[derive(Debug, clap::Args)]
-pub(crate) struct TrainedNetworks {
-    /// Network [default: every shipped network for the task].
-    ///
-    /// The name of a shipped network, or a description file, which needs --weights or --trainings. It may be given
-    /// several times. With --trainings, the default is every shipped network with trainings in the folder.
-    #[arg(long = "network", value_name = "NETWORK", help_heading = NETWORK)]
-    networks: Vec<String>,
-    /// Weights of the only network [default: those shipped with it].
-    ///
-    /// The file is safetensors, or a state dict that PyTorch saved.
-    #[arg(long, value_name = "FILE", conflicts_with = "trainings", help_heading = NETWORK)]
-    weights: Option<PathBuf>,
-    /// Folder of safetensors files, each a training of a network.
-    ///
-    /// `meissner eval area --help` and `meissner eval force --help` explain their metadata.
-    #[arg(long, value_name = "DIR", help_heading = NETWORK)]
-    trainings: Option<PathBuf>,
+impl Networks {
+    fn request<'a>(&'a self, weights: Option<&'a Path>) -> Request<'a> {
+        Request { networks: &self.networks, weights, trainings: self.trainings.as_deref() }
+    }
+}
+
+impl TrainedNetworks {
+    pub(crate) fn request(&self) -> Request<'_> {
+        self.networks.request(self.weights.as_deref())
+    }
 }
 
 impl EventNetworks {
     pub(crate) fn request(&self) -> Request<'_> {
-        let (weights, trainings) = (self.weights.as_deref(), self.trainings.as_deref());
-        Request { networks: &self.networks, weights, trainings }
+        self.trained.request()
     }
 
     pub(crate) fn folds(&self) -> Option<usize> {
@@ -166,20 +169,12 @@ impl EventNetworks {
 
 impl SlipTask {
     pub(crate) fn request(&self) -> Request<'_> {
-        Request { networks: &self.networks, weights: None, trainings: self.trainings.as_deref() }
+        self.networks.request(None)
     }
 }
 
 impl PressTask {
     pub(crate) fn request(&self) -> Request<'_> {
-        let (weights, trainings) = (self.weights.as_deref(), self.trainings.as_deref());
-        Request { networks: &self.networks, weights, trainings }
-    }
-}
-
-impl TrainedNetworks {
-    pub(crate) fn request(&self) -> Request<'_> {
-        let (weights, trainings) = (self.weights.as_deref(), self.trainings.as_deref());
-        Request { networks: &self.networks, weights, trainings }
+        self.networks.request()
     }
 }

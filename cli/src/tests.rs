@@ -1,11 +1,11 @@
 //! What the help looks like, and what is read.
 
-use clap::{Arg, Command, CommandFactory};
+use clap::{Arg, Command};
 
-use crate::Args;
 use crate::args::{
     APPROXIMATIONS, ELECTRODES, Every, FRAMES, INPUT, MEASUREMENT, NETWORK, OUTPUT, PREDICTIONS, QUEUE, STATE,
 };
+use crate::program;
 use crate::simulate::{CAMERA, MARKERS};
 
 /// Where each option stands, in whatever subcommand.
@@ -140,7 +140,7 @@ fn each(command: &Command, name: &str, all: &mut Vec<(String, Command)>) {
 }
 
 fn subcommands() -> Vec<(String, Command)> {
-    let mut command = Args::command();
+    let mut command = program();
     command.build();
     let mut all = Vec::new();
     each(&command, "", &mut all);
@@ -150,7 +150,7 @@ fn subcommands() -> Vec<(String, Command)> {
 
 #[test]
 fn the_arguments_are_consistent() {
-    Args::command().debug_assert();
+    program().debug_assert();
 }
 
 #[test]

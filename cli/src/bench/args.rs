@@ -2,7 +2,8 @@
 
 use std::path::PathBuf;
 
-use crate::args::{Every, Input, MEASUREMENT, NETWORK, OUTPUT, PREDICTIONS, STATUS};
+use crate::args::{Every, Input, JsonArgs, MEASUREMENT, NETWORK, OUTPUT, PREDICTIONS};
+use crate::threads::{self, Threads};
 use meissner_pipeline::bench::BenchOptions;
 use meissner_pipeline::text::{TIME_FORMS, span_us};
 
@@ -31,15 +32,9 @@ Frame networks (with frames made of events):
 Comparison (--compare):
   The network over events runs first, then the frame network without skipping, then the frame network with skipping. All run on one thread over the same events, and predict at the times of the frames. Compute is all work between an event and a prediction: entering the event into a window or a frame, making the frame, and the layers. The fastest of --repeat passes counts. The ratio is the ratio of compute. The predictions of the two frame passes are compared bit for bit, and the differences are counted. All three leave out events that the sensor or --late drops.";
 
-/// The keys that `--json` prints.
-const JSON: &str = "\
-JSON (--json): one object.
-  Times are in microseconds if the name of the key ends in _us. A distribution is {\"count\", \"mean\", \"p50\", \"p90\", \"p99\", \"p999\", \"max\"} in microseconds, or null if nothing was measured. The object has \"header\" (network and input, docs/json.md), \"events\", \"accepted\", \"dropped\" and \"predictions\" of one pass, \"passes\", \"threads\", \"clock_us\" (overhead), \"latency_us\" {\"push\", \"predict\", \"push_predict\"}, \"phases\" {\"idle\", \"burst\": the same, with events and rows}, \"skips\" (as `run`), \"approximations\" (as `run`), \"work\" (rows and multiply-adds by layer), \"stages\" (shares add up to 1), \"memory\", \"slices\" (\"events\" of a slice, \"events_per_s\", \"latency_us\" of a slice with its prediction) and \"deadline\".
-  For a frame network: \"frames\", and for \"skipping\" and \"everything\" the latencies of a frame, the \"layers\" with pixels \"computed\", \"skipped\" and \"absorbed\", \"multiply_adds\" and \"state_bytes\". With --compare: \"ways\", with the keys \"events\", \"frames_everything\" and \"frames_skipping\", each with \"compute_s\" and its parts, \"compute_s_per_s\" of stream and \"multiply_adds\"; \"ratio_percent\" of the first to each of the others; \"predictions_that_differ\" between the two others.";
-
 /// `meissner bench`.
 #[derive(Debug, clap::Args)]
-#[command(after_help = STATUS, after_long_help = format!("{METHOD}\n\n{JSON}\n\n{STATUS}"))]
+#[command(after_long_help = METHOD, mut_arg("threads", threads::of_one_engine))]
 pub(crate) struct BenchArgs {
     /// Events and network.
     #[command(flatten)]
@@ -78,9 +73,8 @@ pub(crate) struct BenchArgs {
     /// Events of a slice, in the passes that push slices [default: 64].
     #[arg(long, value_name = "EVENTS", value_parser = slice, help_heading = MEASUREMENT)]
     pub(crate) slice: Option<usize>,
-    /// Threads that share the work of a prediction, 1 or 2 [default: 1].
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8).range(1..=2), help_heading = MEASUREMENT)]
-    pub(crate) threads: Option<u8>,
+    #[command(flatten)]
+    pub(crate) threads: Threads,
     /// Number of latency passes over all events.
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..),
           help_heading = MEASUREMENT)]
@@ -93,11 +87,8 @@ pub(crate) struct BenchArgs {
     /// Draw the latency distribution into this file.
     #[arg(long, value_name = "FILE", help_heading = OUTPUT)]
     pub(crate) svg: Option<PathBuf>,
-    /// Print one JSON object.
-    ///
-    /// The keys are explained below.
-    #[arg(long, help_heading = OUTPUT)]
-    pub(crate) json: bool,
+    #[command(flatten)]
+    pub(crate) format: JsonArgs,
 }
 
 impl BenchArgs {
@@ -110,7 +101,7 @@ impl BenchArgs {
             restart: self.input.restart,
             every: self.every,
             approximations: self.input.approximations.values(),
-            two_threads: self.threads == Some(2),
+            two_threads: self.threads.are_two(),
             repeat: self.repeat,
             warmup: self.warmup,
             burst_rate: self.burst_rate,

@@ -13,7 +13,7 @@ use meissner_plot::{Panel, Plane, Series, Style, page};
 
 use super::events::every_us;
 use super::{NONE, OutputArgs, networks, write};
-use crate::args::{MODES, NETWORK, PREDICTIONS, STATUS, choice};
+use crate::args::{MODES, NETWORK, PREDICTIONS, choice};
 use crate::error::CliError;
 use crate::tasks::PressTask;
 use crate::text::{Table, duration, file_name};
@@ -41,11 +41,6 @@ Trainings (--trainings): every *.safetensors file of the folder is a training, w
   stride      N if the network was trained on every N-th event of a press,
               starting with the first; without this key: on all events
 
-JSON (--json):
-  {\"header\": the command and its input (docs/json.md), \"data\": {\"file\", \"presses\", \"events\", \"labels\", \"notes\", \"warnings\"}, \"mode\", \"every_us\", \"times_us\": [since contact], \"networks\": [{\"network\", \"weights\", \"outputs\", \"classes\", \"stride\", \"figures\": {\"trainings\", FIGURES, \"each\": [{\"seed\" (null where the weights name none), \"files\", FIGURES}]}}]}
-  FIGURES: \"presses\", \"outputs\": [OUTPUT], \"angles\": OUTPUT of all angles together (null for fewer than two), \"settled_share\": median (null where half or more never settle), \"work\": {\"presses\", \"events\", \"predictions\", \"rows\", \"multiply_adds\", \"update_us\": times for a prediction with the events since the one before it}
-  OUTPUT: \"name\", \"unit\", \"mean_absolute\" and \"std\" at the end of a press, \"newest\" (null where no prediction came in time), \"mean_absolute_at\": [for each of times_us]; outside of \"each\" these are {\"mean\", \"std\" (null for one training)} over the trainings
-
 Outputs (--logits), at the end of each press, as the network gives them:
   For every training a tensor NETWORK.SEED, or NETWORK.shipped where the weights name no seed, of shape (presses, outputs).
 
@@ -56,7 +51,7 @@ Examples:
 
 /// `meissner eval angle`.
 #[derive(Debug, clap::Args)]
-#[command(after_help = STATUS, after_long_help = format!("{METHOD}\n\n{STATUS}"))]
+#[command(after_long_help = METHOD)]
 pub(super) struct AngleArgs {
     #[command(flatten)]
     task: PressTask,

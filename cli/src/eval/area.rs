@@ -11,7 +11,7 @@ use meissner_pipeline::text::grouped;
 use meissner_plot::{Bar, Bars, Panel, Plane, Series, Style, page};
 
 use super::{NONE, OutputArgs, networks, write};
-use crate::args::{APPROXIMATIONS, STATUS};
+use crate::args::APPROXIMATIONS;
 use crate::error::CliError;
 use crate::tasks::AreaTask;
 use crate::text::{Table, file_name};
@@ -29,10 +29,6 @@ Trainings (--trainings): every *.safetensors file of the folder is a training, w
   network     name of the network
   seed        whole number
 
-JSON (--json):
-  {\"header\": the command and its input (docs/json.md), \"data\": [{\"file\", \"source\": \"simulated\" or \"real\", \"presses\", \"pictures\", \"force_n\": [least, greatest] (null for real pictures), \"difference\": {\"threshold\", \"iou\", \"centroid_mm\", \"area_mm2\"}}], \"notes\", \"networks\": [{\"network\", \"weights\", \"outputs\", \"classes\", \"trainings\": [{\"seed\" (null where the weights name none), \"files\", \"sets\": [{\"pictures\", \"iou\", \"force_n\", \"centroid_mm\", \"area_mm2\", \"kinds\": {indenter: {\"pictures\", \"iou\", \"force_n\"}}, \"multiply_adds\", \"update_us\"}]}]}]}
-  Each figure is {\"mean\", \"std\" (null for one picture)}, or null where it is not known. \"sets\" are in the order of \"data\".
-
 Maps (--logits):
   For every training and file a tensor NETWORK.SEED.FILE, or NETWORK.shipped.FILE where the weights name no seed, of shape (pictures, H, W): force on each pixel in N. FILE counts from 0.
 
@@ -46,7 +42,7 @@ const PAPER: &str = "the paper, on its own sensor, unseen indenters: IoU 0.718, 
 
 /// `meissner eval area`.
 #[derive(Debug, clap::Args)]
-#[command(after_help = STATUS, after_long_help = format!("{METHOD}\n\n{STATUS}"))]
+#[command(after_long_help = METHOD)]
 pub(super) struct AreaArgs {
     #[command(flatten)]
     task: AreaTask,

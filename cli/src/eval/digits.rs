@@ -3,7 +3,6 @@
 use meissner_evaluate::digits::Digits;
 
 use super::events::JudgeArgs;
-use crate::args::STATUS;
 use crate::error::CliError;
 use crate::tasks::DigitsTask;
 
@@ -25,10 +24,6 @@ Trainings (--trainings): every *.safetensors file of the folder is a training, w
               starting with the first; without this key: on all events
   The folds of a network and seed must hold out every recording exactly once, and give one accuracy together.
 
-JSON (--json), shares from 0 to 1:
-  {\"header\": the command and its input (docs/json.md), \"data\": {\"folder\", \"recordings\", \"train\", \"test\", \"events\", \"notes\"}, \"classes\", \"mode\", \"every_us\", \"times_us\": [the times at which predictions are read], \"networks\": [{\"network\", \"weights\", \"outputs\", \"classes\", \"stride\", \"test\": JUDGED or null, \"cross_validation\": JUDGED or null}]}
-  JUDGED: \"recordings\": judged per training, \"trainings\", \"accuracy\": {\"mean\", \"std\" (null for one training)}, \"interval_95\": [low, high], \"settled_us\": the median, null where half or more never settle, \"confusion\": rows true, columns predicted, summed over the trainings, \"accuracy_at\": [{\"mean\", \"std\"}], \"interval_95_at\": [[low, high]], both for each of times_us, \"each\": [{\"seed\" (null where the weights name none), \"files\", \"recordings\", \"accuracy\", \"interval_95\", \"settled_us\", \"confusion\", \"accuracy_at\": [share], \"interval_95_at\"}]
-
 Logits (--logits), at the end of each recording:
   For every whole training a tensor NETWORK.SEED, or NETWORK.shipped where the weights name no seed, of shape (recordings of the split test, 10). For the folds of a seed together a tensor NETWORK.SEED.folds of shape (recordings, 10). Metadata recordings and test: JSON lists of their names.
 
@@ -40,7 +35,7 @@ Examples:
 
 /// `meissner eval digits`.
 #[derive(Debug, clap::Args)]
-#[command(after_help = STATUS, after_long_help = format!("{METHOD}\n\n{STATUS}"))]
+#[command(after_long_help = METHOD)]
 pub(super) struct DigitsArgs {
     #[command(flatten)]
     task: DigitsTask,

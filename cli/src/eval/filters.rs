@@ -7,7 +7,7 @@ use meissner_evaluate::filters::{Kept, Report, judge};
 use meissner_pipeline::text::grouped;
 
 use super::NONE;
-use crate::args::{FilterArgs, OUTPUT, STATUS};
+use crate::args::{FilterArgs, ReportArgs};
 use crate::error::CliError;
 use crate::output;
 use crate::text::{Table, percent};
@@ -17,27 +17,21 @@ const METHOD: &str = "\
 How it judges:
   EVENTS has streams as `meissner simulate markers` writes them, or `simulate images` into a file that ends in .safetensors: each event has its cause. All streams pass all filters that are given; filters forget all events between two streams.
 
-JSON (--json):
-  {\"header\": the command and its input (docs/json.md), \"streams\": number, \"filters\": [name], \"causes\": [{\"cause\", \"events\", \"passed\"}]}
-
 Examples:
   meissner simulate images frames/ --lux 10 --out events.safetensors
   meissner eval filters events.safetensors --activity-filter 5ms";
 
 /// `meissner eval filters`.
 #[derive(Debug, clap::Args)]
-#[command(after_help = STATUS, after_long_help = format!("{METHOD}\n\n{STATUS}"))]
+#[command(after_long_help = METHOD)]
 pub(super) struct FiltersArgs {
     /// Simulated events with their causes (safetensors).
     #[arg(value_name = "EVENTS")]
     events: PathBuf,
     #[command(flatten)]
     filters: FilterArgs,
-    /// Write one JSON object to this file; - for standard output.
-    ///
-    /// On standard output it replaces the text.
-    #[arg(long, value_name = "FILE", help_heading = OUTPUT)]
-    json: Option<PathBuf>,
+    #[command(flatten)]
+    report: ReportArgs,
 }
 
 pub(super) fn eval(args: &FiltersArgs) -> Result<(), CliError> {
@@ -49,9 +43,9 @@ pub(super) fn eval(args: &FiltersArgs) -> Result<(), CliError> {
             "none",
         ));
     }
-    output::check_all_writable([&args.json])?;
+    output::check_all_writable([&args.report.out])?;
     let report = judge(&args.events, &filters)?;
-    output::report(args.json.as_deref(), &report, |out| table(out, &report))
+    output::report(&args.report, &report, |out| table(out, &report))
 }
 
 fn table(out: &mut dyn Write, report: &Report) -> io::Result<()> {

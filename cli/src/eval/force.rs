@@ -12,7 +12,7 @@ use meissner_plot::{Panel, Plane, Series, Style, page};
 
 use super::events::every_us;
 use super::{NONE, OutputArgs, networks, write};
-use crate::args::{MODES, PREDICTIONS, STATUS, choice};
+use crate::args::{MODES, PREDICTIONS, choice};
 use crate::error::CliError;
 use crate::tasks::ForceTask;
 use crate::text::{Table, duration, file_name};
@@ -36,10 +36,6 @@ Trainings (--trainings): every *.safetensors file of the folder is a training, w
   seed        whole number
   held_out    JSON list of the recordings of EVENTS that it has not seen, such as [\"17\"], for leave-one-out: all files of a seed together must hold out each recording once; without this key, it has seen no recording of EVENTS
 
-JSON (--json):
-  {\"header\": the command and its input (docs/json.md), \"data\": {\"file\", \"recordings\", \"events\", \"variance\" of the true force, \"notes\", \"warnings\"}, \"every_us\", \"period_us\", \"networks\": [{\"network\", \"weights\", \"outputs\", \"classes\", \"figures\": {\"trainings\", FIGURES, \"each\": [{\"seed\" (null where the weights name none), \"files\", FIGURES}]}}]}
-  FIGURES: \"recordings\", \"parts\": [{\"part\": all, a phase or a bolt, \"frames\", \"mse\", \"mse_std\" (N^2), \"mae\", \"mae_std\" (N)}], \"time_warping\", \"bhattacharyya\" (null where no bin is shared), \"newest\" (null where no prediction came in time), \"work\": as `eval angle` has it, for recordings as presses; outside of \"each\" figures are {\"mean\", \"std\" (null for one training)} over the trainings
-
 Outputs (--logits), at the end of each frame, recording after recording:
   For every training a tensor NETWORK.SEED, NETWORK.SEED.folds or NETWORK.shipped, of shape (frames, 1).
 
@@ -49,7 +45,7 @@ Examples:
 
 /// `meissner eval force`.
 #[derive(Debug, clap::Args)]
-#[command(after_help = STATUS, after_long_help = format!("{METHOD}\n\n{STATUS}"))]
+#[command(after_long_help = METHOD)]
 pub(super) struct ForceArgs {
     #[command(flatten)]
     task: ForceTask,

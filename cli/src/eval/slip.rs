@@ -10,7 +10,6 @@ use meissner_pipeline::text::grouped;
 use meissner_plot::{Bar, Bars, Panel, page};
 
 use super::{NONE, OutputArgs, accuracy_of, confusion, matrix, networks, spread};
-use crate::args::STATUS;
 use crate::error::CliError;
 use crate::tasks::SlipTask;
 use crate::text::{Table, file_name, percent};
@@ -35,10 +34,6 @@ Trainings (--trainings): every *.safetensors file of the folder is a training, w
   fold              whole number (optional)
   The folds of a network, seed and scheme give one accuracy together.
 
-JSON (--json), shares from 0 to 1:
-  {\"header\": the command and its input (docs/json.md), \"data\": {\"folder\", \"recordings\", \"readings\", \"notes\"}, \"classes\", \"networks\": [{\"network\", \"weights\", \"outputs\", \"classes\", \"preparation\", \"sets\": [{\"set\", \"trained_on\", JUDGED}], \"cross_validation\": [{\"scheme\", \"of_basic\": windows of Basic, JUDGED}]}], \"references\": [{\"name\", \"about\", \"accuracy\": {set: share}}]}
-  JUDGED: \"windows\": judged per training, \"trainings\", \"accuracy\", \"precision\", \"recall\", \"f1\": each {\"mean\", \"std\" (null for one training)}, \"confusion\": rows true, columns predicted, summed over the trainings, \"each\": [{\"seed\" (null where the weights name none), \"files\", \"windows\", \"accuracy\", \"precision\", \"recall\", \"f1\", \"confusion\"}]
-
 Logits (--logits), for all windows, in the order of `prepare slip`:
   For every whole training a tensor NETWORK.SEED, or NETWORK.shipped where the weights name no seed, of shape (windows, 7).
 
@@ -50,7 +45,7 @@ Examples:
 
 /// `meissner eval slip`.
 #[derive(Debug, clap::Args)]
-#[command(after_help = STATUS, after_long_help = format!("{METHOD}\n\n{STATUS}"))]
+#[command(after_long_help = METHOD)]
 pub(super) struct SlipArgs {
     #[command(flatten)]
     task: SlipTask,

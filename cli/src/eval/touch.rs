@@ -4,7 +4,6 @@ use meissner_evaluate::touch::{TouchContainers, TouchObjects};
 use meissner_io::datasets::NeutouchSet;
 
 use super::events::JudgeArgs;
-use crate::args::STATUS;
 use crate::error::CliError;
 use crate::tasks::{EventNetworks, TouchData};
 
@@ -18,7 +17,7 @@ Examples:
 
 /// `meissner eval touch`.
 #[derive(Debug, clap::Args)]
-#[command(after_help = STATUS, after_long_help = format!("{METHOD}\n\n{STATUS}"))]
+#[command(after_long_help = METHOD)]
 pub(super) struct TouchArgs {
     #[command(flatten)]
     data: TouchData,

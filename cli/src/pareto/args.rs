@@ -4,13 +4,12 @@
 use std::path::PathBuf;
 
 use clap::Subcommand;
-use meissner_engine::Sensor;
 use meissner_evaluate::pareto::Options;
-use meissner_pipeline::streams::is_stdin;
 use meissner_pipeline::text::length_us;
 
-use crate::args::{INPUT, MEASUREMENT, NETWORK, OUTPUT, ReadArgs, STATUS, sensor};
-use crate::tasks::{AreaTask, DigitsTask, EventNetworks, ForceTask, SlipTask, TouchData};
+use crate::args::{INPUT, MEASUREMENT, NETWORK, NetworkWeights, OUTPUT, ReadArgs, ReportArgs};
+use crate::tasks::{AreaTask, DigitsTask, ForceTask, SlipTask, TouchTask};
+use crate::threads::Threads;
 
 /// The method of measurement, at the end of the long help.
 const METHOD: &str = "\
@@ -36,16 +35,11 @@ Settings:
 State (--state):
   One line of JSON for each measurement: {\"key\": {\"system\", \"network\", \"weights\": fingerprint, \"setting\", \"data\": fingerprint, \"options\", \"version\"}, \"measurement\"}. A measurement in the file is not repeated. An unfinished last line is cut off. Any other line that cannot be read is an error. All times in a file should be from one machine.
 
-JSON (--json):
-  {\"header\": the command and its input (docs/json.md), \"system\", \"unit\", \"data\": {\"name\", \"recordings\", \"size\", \"timed\", \"fingerprint\"}, \"repeats\", \"isa\", \"notes\", \"compared\": the error that settings are compared by, \"networks\": [{\"network\", \"weights\", \"fingerprint\", \"settings\": [SETTING]}], \"fastest_within\": [{\"network\", \"within\", \"setting\", \"speed_up\", \"error\"}], \"words\": the last paragraph}
-  SETTING: \"setting\", \"us\": time as compared, \"speed_up\", \"error\": as compared, \"interval_95\" (null without labels, and for a single press or recording), \"on_front\", \"timed\", \"entered\": share that no filter dropped and no setting left out, \"push_us\" and \"push_predict_us\": {\"mean\", \"p50\", \"p99\"}, \"exact_us\": mean of the exact network in the same runs, \"ratio\", \"rows\", \"multiply_adds\", \"numerical\": {\"max\", \"rms\", \"relative_rms\", \"max_by_tenth\", \"rms_by_tenth\"}, \"task\": [{\"of\", \"kind\": wrong_answers or one_minus_iou (shares), squared_force (N^2) or absolute_force (N), \"error\", \"interval_95\", \"trials\", \"trainings\"}]
-
 CSV (--csv):
   The same figures, with a line for each setting, without the tenths. error_unit is share, N^2 or N; errors without labels have none.";
 
 /// `meissner pareto`.
 #[derive(Debug, clap::Args)]
-#[command(after_help = STATUS)]
 pub(crate) struct ParetoArgs {
     #[command(subcommand)]
     pub(super) study: StudyArgs,
@@ -54,51 +48,35 @@ pub(crate) struct ParetoArgs {
 #[derive(Debug, Subcommand)]
 pub(super) enum StudyArgs {
     /// Digits (N-MNIST), networks over events: time against wrong answers.
-    Digits(DigitsArgs),
+    Digits(StudyOf<DigitsTask>),
     /// Objects and containers under a tactile skin: time against wrong answers.
-    Touch(TouchArgs),
+    Touch(StudyOf<TouchTask>),
     /// A recording without labels, networks over events: time against numerical error.
-    Angle(AngleArgs),
+    Angle(StudyOf<AngleTask>),
     /// Direction of slip, frame networks: time against wrong answers on unseen objects.
-    Slip(SlipArgs),
+    Slip(StudyOf<SlipTask>),
     /// Contact area from pictures of a gel: time against what the IoU lacks to 1.
-    Area(AreaArgs),
+    Area(StudyOf<AreaTask>),
     /// Force of grasps, networks of both kinds: time against the mean squared error.
-    Force(ForceArgs),
+    Force(StudyOf<ForceTask>),
 }
 
-/// `meissner pareto digits`.
+/// The inputs of a study, and the options of all studies.
 #[derive(Debug, clap::Args)]
-#[command(after_help = STATUS, after_long_help = format!("{METHOD}\n\n{STATUS}"))]
-pub(super) struct DigitsArgs {
+#[command(after_long_help = METHOD)]
+pub(super) struct StudyOf<T: clap::Args> {
     #[command(flatten)]
-    pub(super) task: DigitsTask,
+    pub(super) task: T,
     #[command(flatten)]
     pub(super) common: Common,
 }
 
-/// `meissner pareto touch`.
+/// A recording and networks over events.
 #[derive(Debug, clap::Args)]
-#[command(after_help = STATUS, after_long_help = format!("{METHOD}\n\n{STATUS}"))]
-pub(super) struct TouchArgs {
-    #[command(flatten)]
-    pub(super) data: TouchData,
-    #[command(flatten)]
-    pub(super) networks: EventNetworks,
-    #[command(flatten)]
-    pub(super) common: Common,
-}
-
-/// `meissner pareto angle`.
-#[derive(Debug, clap::Args)]
-#[command(after_help = STATUS, after_long_help = format!("{METHOD}\n\n{STATUS}"))]
-pub(super) struct AngleArgs {
+pub(super) struct AngleTask {
     /// Recording.
     #[arg(value_name = "RECORDING")]
     pub(super) recording: PathBuf,
-    /// Size of the sensor in pixels, instead of the recording's.
-    #[arg(long, value_name = "WxH", value_parser = sensor, help_heading = INPUT)]
-    pub(super) sensor: Option<Sensor>,
     /// How the recording is read.
     #[command(flatten)]
     pub(super) read: ReadArgs,
@@ -110,48 +88,8 @@ pub(super) struct AngleArgs {
     /// The name of a shipped network, or a description file, which needs --weights. It may be given several times.
     #[arg(long = "network", value_name = "NETWORK", help_heading = NETWORK)]
     pub(super) networks: Vec<String>,
-    /// Weights of the only network [default: those shipped with it].
-    ///
-    /// The file is safetensors, or a state dict that PyTorch saved.
-    #[arg(long, value_name = "FILE", help_heading = NETWORK)]
-    pub(super) weights: Option<PathBuf>,
-    /// Run weights that were trained on another preparation of the input.
-    ///
-    /// Errors are differences from the same network without approximations, so the training does not matter.
-    #[arg(long, help_heading = NETWORK)]
-    pub(super) ignore_preparation: bool,
     #[command(flatten)]
-    pub(super) common: Common,
-}
-
-/// `meissner pareto slip`.
-#[derive(Debug, clap::Args)]
-#[command(after_help = STATUS, after_long_help = format!("{METHOD}\n\n{STATUS}"))]
-pub(super) struct SlipArgs {
-    #[command(flatten)]
-    pub(super) task: SlipTask,
-    #[command(flatten)]
-    pub(super) common: Common,
-}
-
-/// `meissner pareto area`.
-#[derive(Debug, clap::Args)]
-#[command(after_help = STATUS, after_long_help = format!("{METHOD}\n\n{STATUS}"))]
-pub(super) struct AreaArgs {
-    #[command(flatten)]
-    pub(super) task: AreaTask,
-    #[command(flatten)]
-    pub(super) common: Common,
-}
-
-/// `meissner pareto force`.
-#[derive(Debug, clap::Args)]
-#[command(after_help = STATUS, after_long_help = format!("{METHOD}\n\n{STATUS}"))]
-pub(super) struct ForceArgs {
-    #[command(flatten)]
-    pub(super) task: ForceTask,
-    #[command(flatten)]
-    pub(super) common: Common,
+    pub(super) weights: NetworkWeights,
 }
 
 /// Options of all studies.
@@ -175,16 +113,10 @@ pub(super) struct Common {
     #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..=1000),
           help_heading = MEASUREMENT)]
     repeat: u32,
-    /// Threads that judge answers [default: the machine's cores].
-    ///
-    /// The errors are the same for any number. Times are always measured on one thread.
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=512), help_heading = MEASUREMENT)]
-    pub(super) threads: Option<u16>,
-    /// Write one JSON object to this file; - for standard output.
-    ///
-    /// On standard output it replaces the text.
-    #[arg(long, value_name = "FILE", help_heading = OUTPUT)]
-    pub(super) json: Option<PathBuf>,
+    #[command(flatten)]
+    pub(super) threads: Threads,
+    #[command(flatten)]
+    pub(super) report: ReportArgs,
     /// Write a table to this file, a line for each setting.
     #[arg(long, value_name = "FILE", help_heading = OUTPUT)]
     pub(super) csv: Option<PathBuf>,
@@ -198,10 +130,5 @@ impl Common {
     pub(super) fn options(&self) -> Options {
         let timed = self.timed_events.map(|events| events as usize);
         Options { timed, repeats: self.repeat, only: self.only.clone() }
-    }
-
-    /// Whether JSON goes to standard output.
-    pub(super) fn prints_json(&self) -> bool {
-        self.json.as_deref().is_some_and(is_stdin)
     }
 }

@@ -10,7 +10,7 @@ use meissner_live::{Overload, QueueOptions};
 use meissner_pipeline::play::{PlayInput, PlayOptions};
 use meissner_pipeline::provenance::ModelCard;
 
-use crate::args::{INPUT, Input, OUTPUT, PREDICTIONS, QUEUE, STATUS, speed};
+use crate::args::{INPUT, Input, JsonArgs, PREDICTIONS, QUEUE, speed};
 use crate::error::CliError;
 use meissner_pipeline::text::{length_us, span_us};
 
@@ -23,15 +23,9 @@ Examples:
   meissner play thumb.dat index.dat ring.dat --pin 0,1 --report-every 1ms --deadline 3ms
   meissner play udp://127.0.0.1:5000 --sensor 346x260 --report-every 1ms --deadline 500us";
 
-/// The keys that `--json` prints.
-const JSON: &str = "\
-JSON (--json): one object per line: a header with network and input, reports, then a summary (docs/json.md). Several inputs have a header and a summary each, in their order.
-  A report: {\"input\": number of the input, from 0, \"at_us\": when it was due, \"t_us\": time of the newest event that its prediction covers (null before the first), \"value\": [each output], \"class\" and \"probabilities\" if the outputs are classes, \"nodes\": events in the window, \"state\": \"fresh\", \"behind\" or \"old\", \"behind_events\" and \"behind_us\": events and stream time that had entered the queue but are not covered, \"lost_events\", \"dropped_events\" and \"restarts\" since the report before: events that the engine did not take, events that the queue dropped, and restarts of the sensor's clock, \"age_us\": time since the start of the prediction, \"waited_us\": time since the request}.
-  The last line: {\"summary\": {\"input\", \"events\": taken from the recording, \"offered\": to the queue, \"delivered\": to the engine, \"accepted\", \"dropped\": {reason: count} by the queue (oldest, newest, thinned, filtered) and by the engine, \"restarts\": of the sensor's clock, \"queue\": {\"capacity\", \"overload\", \"high_water\": most events that waited, \"blocked_us\"}, \"reports\": {\"due\", \"made\", \"fresh\", \"behind\", \"old\", \"past_deadline\": returned after their deadline, \"past_deadline_max_us\", \"asked_late_max_us\": longest time from due to requested}, \"latency_us\": {\"waited\", \"age\", \"behind\", \"event\": from the offer of an event that no fresh report before covers to the report that does, {\"p50\", \"p90\", \"p99\", \"p999\", \"max\"}}, \"reader_lag_max_us\": from an event's time until it was offered, \"drain_us\": from the end of the recording until all waiting events were covered, \"final\": {\"t_us\", \"value\", \"nodes\"}, \"verified\": {\"events\": in the batch, \"equal\", \"batch_us\"} (null without --verify), \"bytes\": held by engine and queue from the start, \"peak_resident_bytes\", \"approximations\" (missing if there were none)}}, or, for one of several inputs whose engine failed, {\"failed\": {\"input\", \"error\"}}.";
-
 /// `meissner play`.
 #[derive(Debug, clap::Args)]
-#[command(after_help = STATUS, after_long_help = format!("{JSON}\n\n{EXAMPLES}\n\n{STATUS}"))]
+#[command(after_long_help = EXAMPLES)]
 pub(crate) struct PlayArgs {
     #[command(flatten)]
     pub(crate) input: Input,
@@ -108,11 +102,8 @@ pub(crate) struct PlayArgs {
     /// A difference ends the program with status 1.
     #[arg(long, help_heading = PREDICTIONS)]
     pub(crate) verify: bool,
-    /// Print JSON lines: the reports, then a summary.
-    ///
-    /// The keys are explained below.
-    #[arg(long, help_heading = OUTPUT)]
-    pub(crate) json: bool,
+    #[command(flatten)]
+    pub(crate) format: JsonArgs,
 }
 
 /// An overload policy, before the sensor is known.
@@ -131,7 +122,7 @@ impl PlayArgs {
     /// Opens `recording`.
     pub(super) fn open(&self, recording: Option<&Path>, card: &ModelCard) -> Result<PlayInput, CliError> {
         let source = self.input.source_of(recording, card)?;
-        let sensor = source.sensor(self.input.sensor)?;
+        let sensor = source.sensor(self.input.read.sensor)?;
         Ok(PlayInput { source, sensor, overload: self.overload.overload(sensor)? })
     }
 

@@ -4,7 +4,6 @@ use std::path::{Path, PathBuf};
 
 use meissner_engine::frames::{Convolution, FrameOptions, Skip};
 use meissner_engine::representations::Sampling;
-use meissner_engine::{LatePolicy, RestartPolicy};
 use meissner_kernels::WinogradTile;
 use meissner_pipeline::PipelineError;
 use meissner_pipeline::model::FrameModel;
@@ -14,11 +13,14 @@ use meissner_pipeline::run::{RunOptions, SaveState};
 use meissner_pipeline::text::span_us;
 
 use crate::args::{
-    ELECTRODES, Every, FRAMES, Input, MODES, OUTPUT, PREDICTIONS, STATE, STATUS, choice, first_given, number,
+    ELECTRODES, Every, FRAMES, Input, JsonArgs, MODES, OUTPUT, PREDICTIONS, READING, REMEMBERS, REUSES,
+    STATE, choice, number,
 };
 use crate::error::CliError;
-use crate::kind::NetworkKind;
+use crate::given::Given;
+use crate::kind::NetworkKind::{self, Electrodes, EventFrames, EventGraph, Pictures};
 use crate::report::{About, TableKind};
+use crate::threads::{self, Threads};
 
 /// Examples, at the end of the long help.
 const EXAMPLES: &str = "\
@@ -40,17 +42,9 @@ const STATE_MARK: &[u8] = b"MEISSNER";
 /// Largest state that is read, in bytes: 2 GiB, as for weights.
 const STATE_BYTES: u64 = 1 << 31;
 
-/// The keys that `--json` prints.
-const JSON: &str = "\
-JSON (--json): one object per line: a header with network and input, predictions, then a summary (docs/json.md).
-  A prediction: {\"t_us\": time of the newest event that it covers (null before the first), \"value\": [outputs, with the digits that restore each f32], \"class\" and \"probabilities\" if the outputs are classes, \"outside_training\": [names of outputs outside the range of the training by more than a tenth of it] (missing if there are none), \"nodes\": events in the window, \"rows\": [rows computed for each layer since the last prediction], \"update_us\": microseconds spent in pushes and predictions since the last prediction}.
-  The last line: {\"summary\": {\"events\": taken, \"accepted\", \"dropped\": {reason: count}, \"restarts\": of the sensor's clock, \"predictions\", \"nodes_max\": most events in the window, \"latency_us\": {\"push\", \"predict\": {\"p50\", \"p90\", \"p99\", \"p999\", \"max\"} (null if there was none)}, \"events_per_s\": events divided by the time spent in pushes and predictions, \"real_time\": stream time divided by this time (from 1 on the network keeps up), \"outside_training\": predictions with a value outside the range of the training (null if the weights state none), \"skips\": {counts of computed, unchanged and skipped values; \"layers\": [the same for each layer]}, \"approximations\": {the requested ones, \"filters\": [{\"name\", \"passed\", \"dropped\"}]} (missing if there were none), \"salvaged\": {\"events\": kept, \"what\": the incomplete part, \"place\": its start, \"bytes_not_read\"} (missing if the recording is complete)}}.
-  Frame networks: a prediction over events: {\"t_us\": end of the newest frame's window, \"value\", \"frames\": frames that the state has seen, \"events\": events in the newest frame, \"update_us\": microseconds spent since the last prediction in making frames and in the network}. Over electrodes: {\"line\" and \"time_s\" (null without a column of time) of the newest reading, \"value\", \"probabilities\": softmax of the values, \"class\": name of the largest, \"decision\": name of the decided class and \"held\": number of windows for which it has been held, from 1 (null before the first decision, see --hold), \"update_us\"}; if the unit is not \"logit\", probabilities, class, decision and held are null. Over pictures: {\"image\": path, \"area_mm2\", \"force_n\", \"median_force_n\", \"centroid\": {\"x_px\", \"y_px\", \"x_mm\", \"y_mm\"} (null without a contact), \"baseline\": {\"area_mm2\", \"centroid\"} (null without --reference), \"overlay\": path (null without --overlay), \"update_us\"}.
-  Their last line: {\"summary\": {counts of events, electrodes or pictures, \"frames\": pushed, \"predictions\", \"latency_us\": {\"prepare\": time to make a frame, for each event, reading or picture, \"push\" and \"predict\": as above, for each frame and prediction, \"decision\" (over electrodes, if there was a prediction): from the parsed line of a reading to the decision after it}, \"frames_per_s\": frames divided by the total of these times, \"real_time\" and \"outside_training\" as above, \"pixels\": {\"computed\", \"skipped\", \"absorbed\"}, \"layers\": [the same for each layer]}}.";
-
 /// `meissner run`.
 #[derive(Debug, clap::Args)]
-#[command(after_help = STATUS, after_long_help = format!("{JSON}\n\n{EXAMPLES}\n\n{STATUS}"))]
+#[command(after_long_help = EXAMPLES, mut_arg("threads", threads::of_one_engine))]
 pub(crate) struct RunArgs {
     #[command(flatten)]
     pub(super) input: Input,
@@ -71,17 +65,10 @@ pub(crate) struct RunArgs {
     /// due. Empty frames count like others (see --longest-silence).
     #[arg(long, value_name = "event|N|TIME|end", help_heading = PREDICTIONS)]
     pub(super) every: Option<Every>,
-    /// Threads that share the work of a prediction, 1 or 2 [default: 1].
-    ///
-    /// The second helps where a prediction takes hundreds of microseconds. The values are the same, bit for bit. Not with
-    /// --mode batch, whose predictions one thread computes.
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8).range(1..=2), help_heading = PREDICTIONS)]
-    pub(super) threads: Option<u8>,
-    /// Print JSON lines: the predictions, then a summary.
-    ///
-    /// The keys are explained below.
-    #[arg(long, help_heading = OUTPUT)]
-    pub(super) json: bool,
+    #[command(flatten)]
+    pub(super) threads: Threads,
+    #[command(flatten)]
+    pub(super) format: JsonArgs,
     /// Draw the angles of the press that the program holds into this file.
     ///
     /// `meissner run` without INPUT and other options shows this press: what a network predicts of it, and what is true.
@@ -204,12 +191,8 @@ pub(super) struct StateArgs {
     pub(super) resume: Option<PathBuf>,
 }
 
-impl StateArgs {
-    /// The first of the options that was given.
-    fn given(&self) -> Option<&'static str> {
-        first_given([("--save-state", self.save_state.is_some()), ("--resume", self.resume.is_some())])
-    }
-}
+/// Options of [`StateArgs`] that make a run part of a longer one.
+const STATES: &[&str] = &["--save-state", "--resume"];
 
 impl RunArgs {
     /// The options of a run over events.
@@ -224,7 +207,7 @@ impl RunArgs {
             late: self.input.late,
             restart: self.input.restart,
             approximations: self.input.approximations.values(),
-            two_threads: self.threads == Some(2),
+            two_threads: self.threads.are_two(),
             limit: self.input.limit,
             resume: self.state.resume.as_ref().map(read).transpose()?,
             save: self.state.save_state.clone().map(save),
@@ -247,7 +230,7 @@ impl RunArgs {
             None if self.frames.no_skip => Skip::Nothing,
             None => Skip::Exact,
         };
-        let two_threads = self.threads == Some(2);
+        let two_threads = self.threads.are_two();
         FrameOptions::new().with_skip(skip).with_sparse(sparse).with_two_threads(two_threads)
     }
 
@@ -279,7 +262,7 @@ impl RunArgs {
         (live, total): (bool, Option<u64>),
     ) -> About<'a> {
         let inputs = vec![input];
-        About { command: "run", json: self.json, live, inputs, card, mode, frames: None, table, total }
+        About { command: "run", json: self.format.json, live, inputs, card, mode, frames: None, table, total }
     }
 
     /// As [`Self::about`], for a frame network that runs with `options`.
@@ -305,77 +288,32 @@ impl RunArgs {
     }
 
     /// Refuses options that do not apply to a network of `kind`.
-    pub(super) fn check(&self, kind: NetworkKind) -> Result<(), CliError> {
-        let input = &self.input;
-        let misfit = self.given().into_iter().find(|(_, given, kinds)| *given && !kinds.contains(&kind));
-        misfit.map_or(Ok(()), |(option, _, kinds)| {
-            let fits = kinds.iter().map(|kind| kind.name()).collect::<Vec<_>>().join(" or ");
-            Err(CliError::Misfit { option, fits, network: input.network().to_owned(), kind: kind.name() })
-        })?;
+    pub(super) fn check(&self, given: &Given, kind: NetworkKind) -> Result<(), CliError> {
+        for (options, kinds) in OPTIONS_OF_KINDS.iter().filter(|(_, kinds)| !kinds.contains(&kind)) {
+            if let Some(option) = given.first(options) {
+                let (option, network) = (option.to_owned(), self.input.network().to_owned());
+                let fits = kinds.iter().map(|kind| kind.name()).collect::<Vec<_>>().join(" or ");
+                return Err(CliError::Misfit { option, fits, network, kind: kind.name() });
+            }
+        }
         // Hours later it would be too late.
         let state = self.state.save_state.as_deref();
         Ok(state.map_or(Ok(()), meissner_io::check_replaceable).map_err(PipelineError::File)?)
     }
 
-    /// Whether there is no input, and no option except --svg.
-    pub(super) fn is_bare(&self) -> bool {
-        let Input { recording, limit, network, weights, ignore_preparation, approximations, .. } =
-            &self.input;
-        let is_given = recording.is_some() || network.is_some() || weights.is_some() || limit.is_some();
-        let is_given = is_given || *ignore_preparation || self.json || approximations.tolerance.is_some();
-        let is_given = is_given || self.threads.is_some();
-        !is_given && self.given().iter().all(|(_, given, _)| !given)
-    }
-
-    /// The options that apply only to networks of some kinds, whether each was given, and the kinds.
-    fn given(&self) -> Vec<(&'static str, bool, &'static [NetworkKind])> {
-        use NetworkKind::{Electrodes, EventFrames, EventGraph, Pictures};
-        let Self { input, frames, electrodes, .. } = self;
-        let all_frames: &'static [NetworkKind] = &[EventFrames, Electrodes, Pictures];
-        let events: &'static [NetworkKind] = &[EventGraph, EventFrames];
-        let options: [(&'static str, bool, &'static [NetworkKind]); 21] = [
-            ("--sensor", input.sensor.is_some(), events),
-            ("--from", input.part.from_us.is_some(), events),
-            ("--for", input.part.for_us.is_some(), events),
-            ("--late clamp", input.late == LatePolicy::Clamp, events),
-            ("--restart keep", input.restart == RestartPolicy::Keep, events),
-            ("--strict", input.read.strict, &[EventGraph, EventFrames, Electrodes]),
-            ("--every", self.every.is_some(), events),
-            ("--save-state", self.state.save_state.is_some(), events),
-            ("--resume", self.state.resume.is_some(), events),
-            ("--span", input.span_us.is_some(), &[EventGraph]),
-            ("--capacity", input.capacity.is_some(), &[EventGraph]),
-            ("--mode batch", self.mode == Mode::Batch, &[EventGraph]),
-            ("--no-skip", frames.no_skip, all_frames),
-            ("--convolution", frames.convolution.is_some(), all_frames),
-            ("--longest-silence", frames.longest_silence.is_some(), &[EventFrames]),
-            ("--overlay", frames.overlay.is_some(), &[Pictures]),
-            ("--full-scale", frames.full_scale.is_some(), &[Pictures]),
-            ("--reference", frames.reference.is_some(), &[Pictures]),
-            ("--sampling", electrodes.sampling.is_some(), &[Electrodes]),
-            ("--hold", electrodes.hold.is_some(), &[Electrodes]),
-            ("--least-probability", electrodes.least_probability.is_some(), &[Electrodes]),
-        ];
-        let of_graphs =
-            input.approximations.given().map(|(option, given)| (option, given, &[EventGraph][..]));
-        let of_events = input.read.given().map(|(option, given)| (option, given, events));
-        options.into_iter().chain(of_graphs).chain(of_events).collect()
-    }
-
     /// Refuses approximations that reuse earlier results in batch mode, and states of runs with memory that the state
     /// does not contain.
-    pub(super) fn check_state(&self) -> Result<(), CliError> {
-        let approximations = &self.input.approximations;
+    pub(super) fn check_state(&self, given: &Given) -> Result<(), CliError> {
         let batch = self.mode == Mode::Batch;
-        if let Some(option) = approximations.reuses().filter(|_| batch) {
+        if let Some(option) = given.first(REUSES).filter(|_| batch) {
             return Err(CliError::usage(
                 option,
                 "--mode incremental with it, since it says what may be kept",
                 "--mode batch, which computes every row at every prediction",
             ));
         }
-        let Some(option) = self.state.given() else { return Ok(()) };
-        let found = match approximations.remembers() {
+        let Some(option) = given.first(STATES) else { return Ok(()) };
+        let found = match given.first(REMEMBERS) {
             _ if batch => "--mode batch, which keeps all events",
             Some(other) => &format!("{other}, which remembers what the state does not hold"),
             None => return Ok(()),
@@ -385,8 +323,8 @@ impl RunArgs {
     }
 
     /// Refuses a state of a run that skips events: the state does not say which event is next.
-    pub(super) fn check_stride(&self, card: &ModelCard) -> Result<(), CliError> {
-        match (self.state.given(), card.network.stride) {
+    pub(super) fn check_stride(given: &Given, card: &ModelCard) -> Result<(), CliError> {
+        match (given.first(STATES), card.network.stride) {
             (Some(option), stride @ 2..) => {
                 let found = format!("weights with metadata \"stride\" {stride}");
                 Err(CliError::usage(option, "weights of a network that takes every event", &found))
@@ -395,6 +333,20 @@ impl RunArgs {
         }
     }
 }
+
+/// Options that fit networks of some kinds only, and these kinds.
+pub(crate) const OPTIONS_OF_KINDS: &[(&[&str], &[NetworkKind])] = &[
+    (&["--sensor", "--from", "--for", "--late", "--restart", "--every"], &[EventGraph, EventFrames]),
+    (STATES, &[EventGraph, EventFrames]),
+    (READING, &[EventGraph, EventFrames]),
+    (&["--strict"], &[EventGraph, EventFrames, Electrodes]),
+    (&["--span", "--capacity", "--mode", "--neighbours"], &[EventGraph]),
+    (REMEMBERS, &[EventGraph]),
+    (&["--no-skip", "--convolution"], &[EventFrames, Electrodes, Pictures]),
+    (&["--longest-silence"], &[EventFrames]),
+    (&["--overlay", "--full-scale", "--reference"], &[Pictures]),
+    (&["--sampling", "--hold", "--least-probability"], &[Electrodes]),
+];
 
 /// Reads a number from 0 to 1.
 fn probability(text: &str) -> Result<f32, String> {

@@ -10,7 +10,7 @@ use meissner_pipeline::text::{grouped, span_us};
 use meissner_plot::{Errors, Panel, Plane, Series, Setting, Style, TradeOff, page};
 use meissner_simulator::gel::GelSensor;
 
-use crate::args::{APPROXIMATIONS, GelSensorArg, INPUT, MEASUREMENT, OUTPUT, STATUS};
+use crate::args::{APPROXIMATIONS, GelSensorArg, INPUT, MEASUREMENT, OUTPUT, ReportArgs};
 use crate::error::CliError;
 use crate::output;
 use crate::progress::Progress;
@@ -37,17 +37,13 @@ Columns:
   read, lost     pictures that the network took, and that were lost
   * on the front: no other loop has both a smaller run time and a smaller error.
 
-JSON (--json):
-  {\"header\": the command (docs/json.md), \"goal\", \"seconds\", \"rate_hz\", \"seed\", \"notes\", \"truth\": ROW, \"networks\": [{\"network\", \"weights\", \"outputs\", \"classes\", \"rows\": [ROW]}]}
-  ROW: \"tolerance\" (null where everything that changes is computed), \"slower\", \"stale_us\", \"lost\": share, \"error\", \"rms\", \"reading_error\", \"run_us\", \"age_us\" (null without readings), \"pictures\", \"read\", \"pictures_lost\", \"on_front\"
-
 Examples:
   meissner simulate loop --network canf-plain --svg loop.svg
   meissner simulate loop --goal marble --stale 50ms,100ms,200ms --drop 0.2,0.5";
 
 /// `meissner simulate loop`.
 #[derive(Debug, clap::Args)]
-#[command(after_help = STATUS, after_long_help = format!("{METHOD}\n\n{STATUS}"))]
+#[command(after_long_help = METHOD)]
 pub(super) struct LoopArgs {
     /// What is to be reached.
     #[arg(long, value_enum, default_value_t = GoalArg::SawTooth, help_heading = INPUT)]
@@ -80,11 +76,8 @@ pub(super) struct LoopArgs {
     /// Also with this share of the pictures lost.
     #[arg(long, value_name = "SHARE", value_delimiter = ',', default_values_t = [0.3], help_heading = INPUT)]
     drop: Vec<f64>,
-    /// Write one JSON object to this file; - for standard output.
-    ///
-    /// On standard output it replaces the text.
-    #[arg(long, value_name = "FILE", help_heading = OUTPUT)]
-    json: Option<PathBuf>,
+    #[command(flatten)]
+    report: ReportArgs,
     /// Draw error against run time, and the loops over time, into this file.
     #[arg(long, value_name = "FILE", help_heading = OUTPUT)]
     svg: Option<PathBuf>,
@@ -100,7 +93,7 @@ enum GoalArg {
 
 /// Runs the loops, and prints and draws what came of them.
 pub(super) fn closed_loop(args: &LoopArgs, progress: &Progress) -> Result<(), CliError> {
-    output::check_all_writable([&args.json, &args.svg])?;
+    output::check_all_writable([&args.report.out, &args.svg])?;
     let variations = args.variations();
     let plan = Plan {
         request: args.networks.request(),
@@ -119,7 +112,7 @@ pub(super) fn closed_loop(args: &LoopArgs, progress: &Progress) -> Result<(), Cl
     if let Some(path) = &args.svg {
         output::write(path, svg(&report))?;
     }
-    output::report(args.json.as_deref(), &report, |out| table(out, &report))
+    output::report(&args.report, &report, |out| table(out, &report))
 }
 
 impl LoopArgs {

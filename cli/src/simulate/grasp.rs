@@ -1,12 +1,10 @@
 //! `meissner simulate grasp`: fingers that grasp bolts in front of a camera.
 
-use std::path::PathBuf;
-
 use meissner_evaluate::prepare::grasps;
 
-use crate::args::{Force, MEASUREMENT, OUTPUT, STATUS};
+use crate::args::{MEASUREMENT, OutArgs};
 use crate::error::CliError;
-use crate::{output, threads};
+use crate::threads::Threads;
 
 /// Tensors of the file.
 const GRASP: &str = "\
@@ -29,7 +27,7 @@ Examples:
 
 /// `meissner simulate grasp`.
 #[derive(Debug, clap::Args)]
-#[command(after_help = STATUS, after_long_help = format!("{GRASP}\n\n{STATUS}"))]
+#[command(after_long_help = GRASP)]
 pub(super) struct GraspArgs {
     /// Recordings; the bolts of 8, 12 and 16 mm take turns.
     #[arg(long, value_name = "N", default_value_t = 92, value_parser = clap::value_parser!(u16).range(1..), help_heading = MEASUREMENT)]
@@ -37,17 +35,14 @@ pub(super) struct GraspArgs {
     /// Seed of motion, light, surfaces and noise.
     #[arg(long, value_name = "N", default_value_t = 0, help_heading = MEASUREMENT)]
     seed: u64,
-    /// File to write (safetensors).
-    #[arg(long, value_name = "FILE", help_heading = OUTPUT)]
-    pub(super) out: PathBuf,
     #[command(flatten)]
-    force: Force,
+    pub(super) file: OutArgs,
 }
 
 /// Simulates and writes the recordings.
 pub(super) fn grasp(args: &GraspArgs) -> Result<String, CliError> {
-    output::check_result(&args.out, args.force)?;
-    let prepared = grasps(args.recordings.into(), args.seed, &threads::pool(None)?)?;
-    output::write(&args.out, prepared.file.into_bytes())?;
+    args.file.check()?;
+    let prepared = grasps(args.recordings.into(), args.seed, &Threads::default().pool()?)?;
+    args.file.write(prepared.file.into_bytes())?;
     Ok(prepared.contents)
 }

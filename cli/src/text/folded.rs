@@ -20,6 +20,11 @@ impl<W: Write> Folded<W> {
         Self { out, folds: for_people, line: Vec::new() }
     }
 
+    /// Breaks no line from here on.
+    pub(crate) fn unfold(&mut self) {
+        self.folds = false;
+    }
+
     fn end_of_line(&mut self) -> io::Result<()> {
         let line = std::mem::take(&mut self.line);
         match str::from_utf8(&line) {

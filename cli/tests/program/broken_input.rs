@@ -93,9 +93,10 @@ fn a_recording_that_breaks_off_leaves_every_output_as_it_was() {
         let every = [&["run", "--every", "1ms", "--save-every", "1ms"], &strict[..]].concat();
         folder.stays(&every, &["--save-state"], &[name, place]);
         folder.stays(&[&["bench"], &strict[..]].concat(), &["--svg"], &[name, place]);
-        folder.stays(&["soak", path, "--events", "1000", "--strict"], &["--json"], &[name, place]);
+        let soak = ["verify", "tactigraph-past", path, "--soak", "--events", "1000", "--strict"];
+        folder.stays(&soak, &["--out"], &[name, place]);
         let angle = ["pareto", "angle", path, "--network", "tactigraph-past", "--strict"];
-        folder.stays(&angle, &["--svg", "--csv", "--json"], &[name, place]);
+        folder.stays(&angle, &["--svg", "--csv", "--out"], &[name, place]);
     }
 }
 
@@ -132,7 +133,7 @@ fn data_sets_that_break_off_leave_every_output_as_it_was() {
     let path = argument(data.path());
     let place = ["n/case1.csv", "line 17", "24 fields"];
     folder.stays(&["prepare", "slip", path, "--network", "slip-lstm", "--force"], &["--out"], &place);
-    let outputs = ["--svg", "--json", "--logits"];
+    let outputs = ["--svg", "--out", "--logits"];
     folder.stays(&["eval", "slip", path, "--network", "slip-lstm"], &outputs, &place);
 
     let (data, runs) = (DigitsFolder::new(), Runs::new());

@@ -35,7 +35,7 @@ fn presses_are_simulated_and_judged_with_errors_over_time_as_text_json_and_pictu
         ["simulate", "markers", argument(&tracks), "--sensor", "346x260", "--out", argument(&events)];
     assert!(meissner(&simulate).status.success());
     let arguments = ["eval", "angle", argument(&events), "--every", "5ms", "--svg", argument(&svg)];
-    let output = meissner(&[&arguments[..], &["--json", argument(&json)]].concat());
+    let output = meissner(&[&arguments[..], &["--out", argument(&json)]].concat());
     assert!(output.status.success(), "{}", message(&output));
     let said = words(&output);
     for expected in

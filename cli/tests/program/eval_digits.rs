@@ -12,7 +12,7 @@ use crate::support::{argument, meissner, message, text};
 
 /// The JSON object of a successful evaluation.
 pub(crate) fn report(arguments: &[&str]) -> Value {
-    let output = meissner(&[&["eval", "digits"][..], arguments, &["--json", "-"]].concat());
+    let output = meissner(&[&["eval", "digits"][..], arguments, &["--json"]].concat());
     assert!(output.status.success(), "{}", message(&output));
     serde_json::from_str(&text(&output)).expect("one JSON object")
 }
@@ -134,8 +134,7 @@ fn the_number_of_threads_reaches_no_bit() {
     let paths = paths(&runs);
     let run = |threads: &str| {
         let (logits, svg) = (runs.path().join("logits"), runs.path().join("svg"));
-        let more =
-            ["--threads", threads, "--logits", argument(&logits), "--svg", argument(&svg), "--json", "-"];
+        let more = ["--threads", threads, "--logits", argument(&logits), "--svg", argument(&svg), "--json"];
         let output = meissner(&[&["eval", "digits"], &arguments(&data, &paths)[..], &more].concat());
         assert!(output.status.success(), "{}", message(&output));
         (output.stdout, std::fs::read(logits).expect("written"), std::fs::read(svg).expect("written"))
@@ -223,7 +222,7 @@ fn the_drawing_has_a_line_and_a_matrix_for_each_network() {
         argument(runs.path()),
         "--svg",
         argument(&svg),
-        "--json",
+        "--out",
         argument(&json),
     ]);
     assert!(output.status.success() && text(&output).contains("other<, test split"), "{}", message(&output));

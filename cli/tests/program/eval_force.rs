@@ -17,7 +17,7 @@ fn grasps_are_simulated_and_judged_by_phase_and_size_as_text_json_and_picture() 
     let output = meissner(&simulate);
     assert!(output.status.success() && text(&output).contains("events of 3 streams"), "{}", message(&output));
     let arguments = ["eval", "force", argument(&events), "--network", NETWORK, "--svg", argument(&svg)];
-    let output = meissner(&[&arguments[..], &["--json", argument(&json)]].concat());
+    let output = meissner(&[&arguments[..], &["--out", argument(&json)]].concat());
     assert!(output.status.success(), "{}", message(&output));
     let said = words(&output);
     for expected in [

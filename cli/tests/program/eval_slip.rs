@@ -10,7 +10,7 @@ use crate::support::{argument, meissner, message, text, words};
 
 /// The JSON object of a successful evaluation.
 pub(crate) fn report(arguments: &[&str]) -> Value {
-    let output = meissner(&[&["eval", "slip"][..], arguments, &["--json", "-"]].concat());
+    let output = meissner(&[&["eval", "slip"][..], arguments, &["--json"]].concat());
     assert!(output.status.success(), "{}", message(&output));
     serde_json::from_str(&text(&output)).expect("one JSON object")
 }
@@ -120,7 +120,7 @@ fn the_drawing_has_a_matrix_for_each_network_and_set_and_bars() {
     let data = SlipFolder::new();
     let (svg, json) = (data.path().join("slip.svg"), data.path().join("slip.json"));
     let arguments =
-        ["eval", "slip", argument(data.path()), "--svg", argument(&svg), "--json", argument(&json)];
+        ["eval", "slip", argument(data.path()), "--svg", argument(&svg), "--out", argument(&json)];
     let output = meissner(&arguments);
     assert!(output.status.success() && text(&output).contains("accuracy"), "{}", message(&output));
     let report: Value = serde_json::from_slice(&std::fs::read(json).expect("written")).expect("JSON");

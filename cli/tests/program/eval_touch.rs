@@ -58,7 +58,7 @@ fn a_network_is_judged_on_the_set_whose_classes_it_predicts() {
         meissner(&[&own[..], &[argument(&weights)], more].concat())
     };
     let eval = |set: &str, more: &[&str]| of("eval", set, more);
-    let output = eval("containers", &["--every", "20ms", "--json", "-"]);
+    let output = eval("containers", &["--every", "20ms", "--json"]);
     assert!(output.status.success(), "{}", message(&output));
     let report: Value = serde_json::from_str(&text(&output)).expect("one JSON object");
     assert_eq!((&report["data"]["train"], &report["data"]["test"]), (&20.into(), &20.into()));
@@ -67,7 +67,7 @@ fn a_network_is_judged_on_the_set_whose_classes_it_predicts() {
     assert_eq!(report["networks"][0]["test"]["recordings"], 20);
     assert!(report["data"]["warnings"].as_array().is_some_and(Vec::is_empty), "every taxel is on the sensor");
     let accuracy = report["networks"][0]["test"]["accuracy"]["mean"].as_f64().expect("a share");
-    let output = of("pareto", "containers", &["--only", "exact", "--repeat", "1", "--json", "-"]);
+    let output = of("pareto", "containers", &["--only", "exact", "--repeat", "1", "--json"]);
     let report: Value = serde_json::from_str(&text(&output)).expect("one JSON object");
     assert_eq!(
         (&report["header"]["command"], &report["system"]),

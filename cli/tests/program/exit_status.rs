@@ -30,7 +30,9 @@ fn help_and_version_succeed() {
         &["pareto", "slip", "--help"],
         &["pareto", "area", "--help"],
         &["pareto", "force", "--help"],
+        &["verify", "--help"],
         &["stress", "--help"],
+        &["soak", "--help"],
         &["networks"],
         &["networks", "--json"],
     ] {
@@ -79,11 +81,16 @@ fn arguments_that_make_no_sense_are_bad_usage() {
         &["pareto", "slip", "data", "--threads", "0"],
         &["pareto", "area"],
         &["pareto", "force", "data", "--weights", "a", "--trainings", "b"],
+        &["eval", "digits", "data", "--json", "out.json"],
+        &["verify", "graphres", "--soak", "--stress"],
         &["nothing"],
     ] {
         fails(&meissner(arguments), 2, &["error: "]);
     }
     assert_eq!(meissner::<&str>(&[]).status.code(), Some(2));
+    for file in ["out.json", "-"] {
+        fails(&meissner(&["eval", "digits", "data", "--json", file]), 2, &[file, "--out FILE"]);
+    }
 }
 
 #[test]

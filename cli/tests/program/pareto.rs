@@ -14,7 +14,7 @@ const TIMED: usize = 1200;
 
 /// The JSON object of a successful run.
 pub(crate) fn report(arguments: &[&str]) -> Value {
-    let output = meissner(&[&["pareto"], arguments, &["--json", "-"]].concat());
+    let output = meissner(&[&["pareto"], arguments, &["--json"]].concat());
     assert!(output.status.success(), "{}", message(&output));
     serde_json::from_str(&text(&output)).expect("one JSON object")
 }
@@ -249,7 +249,7 @@ fn a_line_that_cannot_be_read_is_named_with_its_number() {
 fn the_drawing_names_the_front_and_the_table_has_every_setting() {
     let (folder, _) = state();
     let [svg, csv, json] = ["a.svg", "a.csv", "a.json"].map(|name| folder.path().join(name));
-    let files = ["--svg", argument(&svg), "--csv", argument(&csv), "--json", argument(&json)];
+    let files = ["--svg", argument(&svg), "--csv", argument(&csv), "--out", argument(&json)];
     let arguments = angle(&["stride", "stale"], &[&["--network", "tactigraph-past"], &files[..]].concat());
     let output =
         meissner(&[&["pareto"], &arguments.iter().map(String::as_str).collect::<Vec<_>>()[..]].concat());

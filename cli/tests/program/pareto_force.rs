@@ -33,7 +33,7 @@ fn written(folder: &Path, arguments: &[&str]) -> [String; 3] {
 }
 
 fn eval(arguments: &[&str]) -> Value {
-    let output = meissner(&[&["eval"], arguments, &["--json", "-"]].concat());
+    let output = meissner(&[&["eval"], arguments, &["--json"]].concat());
     assert!(output.status.success(), "{}", message(&output));
     serde_json::from_str(&text(&output)).expect("one JSON object")
 }

@@ -142,7 +142,7 @@ fn run_over_the_test_split_gives_the_classes_that_eval_gives_and_names_them() {
     let data = shared("data/nmnist");
     let folder = tempfile::tempdir().expect("there is a place for temporary files");
     let logits = folder.path().join("logits.safetensors");
-    let arguments = ["eval", "digits", argument(&data), "--network", "digits-past", "--json", "-"];
+    let arguments = ["eval", "digits", argument(&data), "--network", "digits-past", "--json"];
     let report = object(&meissner(&[&arguments[..], &["--logits", argument(&logits)]].concat()));
     let judged = std::fs::read(&logits).expect("it was written");
     let (_, metadata) = SafeTensors::read_metadata(&judged).expect("a valid file");
@@ -258,7 +258,7 @@ fn run_bench_play_eval_and_soak_share_one_schema() {
     let soak = ["soak", "--events", "2000", "--checkpoint-every", "1000", "--json", argument(&soaked)];
     assert!(meissner(&soak).status.success());
     let soak: Value = serde_json::from_slice(&std::fs::read(&soaked).expect("written")).expect("JSON");
-    let eval = object(&meissner(&["eval", "digits", argument(data.path()), "--json", "-"]));
+    let eval = object(&meissner(&["eval", "digits", argument(data.path()), "--json"]));
 
     let model = |value: &Value| {
         assert_eq!(keys(&value["network"]), "capacity fingerprint kind name preparation span_us stride");

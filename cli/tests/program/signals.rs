@@ -356,7 +356,7 @@ fn a_signal_ends_a_soak_with_a_last_checkpoint() {
     let folder = tempfile::tempdir().expect("there is a place for temporary files");
     let path = folder.path().join("soak.json");
     let arguments = ["soak", "--network", "tactigraph-past", "--events", "1e9", "--checkpoint-every", "2e3"];
-    let mut child = command(&[&arguments[..], &["--json", argument(&path)]].concat())
+    let mut child = command(&[&arguments[..], &["--out", argument(&path)]].concat())
         .stdout(Stdio::null())
         .stderr(Stdio::piped())
         .spawn()

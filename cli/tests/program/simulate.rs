@@ -130,7 +130,7 @@ fn filters_are_judged_by_the_causes_of_events() {
     made.i64("start", &[3], &[0, 3, 5]);
     let (_folder, events) = file("events.safetensors", made.into_bytes());
     let judge = |arguments: &[&str]| meissner(&[&["eval", "filters", argument(&events)], arguments].concat());
-    let output = judge(&["--activity-filter", "1ms", "--json", "-"]);
+    let output = judge(&["--activity-filter", "1ms", "--json"]);
     assert!(output.status.success(), "{}", message(&output));
     let report: serde_json::Value = serde_json::from_str(&text(&output)).expect("one object");
     assert_eq!(report["header"]["command"], "eval filters");
@@ -176,7 +176,7 @@ fn a_loop_has_a_row_for_each_variation_of_each_network() {
     let [json, svg] = ["loop.json", "loop.svg"].map(|name| folder.path().join(name));
     let common = ["simulate", "loop", "--goal", "marble", "--seconds", "1", "--network", argument(&network)];
     let weights = ["--weights", argument(&weights)];
-    let files = ["--json", argument(&json), "--svg", argument(&svg)];
+    let files = ["--out", argument(&json), "--svg", argument(&svg)];
     let varied = ["--tolerance", "0.05", "--slower", "2,1e6", "--stale", "80ms", "--drop", "1"];
     let output = meissner(&[&common[..], &weights, &varied, &files].concat());
     assert!(output.status.success(), "{}", message(&output));

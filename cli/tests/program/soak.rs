@@ -1,4 +1,4 @@
-//! `meissner soak` in its short form: bits, every kind of disturbance, and runs that are determined by their seed.
+//! `meissner verify --soak` in its short form: bits, every kind of disturbance, and runs that are determined by their seed.
 
 use serde_json::Value;
 
@@ -9,7 +9,7 @@ use crate::support::{argument, file, meissner, message, text};
 fn soak(arguments: &[&str]) -> Value {
     let folder = tempfile::tempdir().expect("there is a place for temporary files");
     let path = folder.path().join("soak.json");
-    let output = meissner(&[&["soak"], arguments, &["--json", argument(&path)]].concat());
+    let output = meissner(&[&["verify"], arguments, &["--soak", "--out", argument(&path)]].concat());
     assert!(output.status.success(), "{}\n{}", message(&output), text(&output));
     assert!(text(&output).contains("equal to the batch at"), "{}", text(&output));
     serde_json::from_slice(&std::fs::read(path).expect("it was written")).expect("one JSON object")
@@ -51,7 +51,7 @@ fn holds(report: &Value, checkpoints: usize) {
 
 #[test]
 fn a_network_over_the_past_soaks_without_a_changed_bit() {
-    let network = ["--network", "tactigraph-past", "--events", "2e5", "--checkpoint-every", "1e4"];
+    let network = ["tactigraph-past", "--events", "2e5", "--checkpoint-every", "1e4"];
     let report = soak(&[&network[..], &["--disturb-every", "5e3", "--memory-growth", "25"]].concat());
     holds(&report, 20);
     assert_eq!((count(&report["events"]), count(&report["rounds"])), (200_000, 6));
@@ -62,7 +62,7 @@ fn a_network_over_the_past_soaks_without_a_changed_bit() {
 
 #[test]
 fn a_network_over_all_neighbours_soaks_without_a_changed_bit() {
-    let network = ["--network", "graphres", "--events", "2e4", "--checkpoint-every", "2e3"];
+    let network = ["graphres", "--events", "2e4", "--checkpoint-every", "2e3"];
     let report = soak(&[&network[..], &["--disturb-every", "1e3", "--every", "10"]].concat());
     holds(&report, 10);
     assert_eq!(report["memory"], Value::Null, "ten checkpoints are too few");
@@ -71,7 +71,7 @@ fn a_network_over_all_neighbours_soaks_without_a_changed_bit() {
 #[test]
 fn a_run_is_its_seeds() {
     let run = |seed| {
-        let network = ["--network", "tactigraph-past", "--events", "3e4", "--checkpoint-every", "5e3"];
+        let network = ["tactigraph-past", "--events", "3e4", "--checkpoint-every", "5e3"];
         deterministic(&soak(
             &[&network[..], &["--disturb-every", "1e3", "--every", "100", "--seed", seed]].concat(),
         ))
@@ -85,9 +85,9 @@ fn a_run_is_its_seeds() {
 fn several_recordings_follow_one_another_on_the_largest_sensor() {
     let (_one, small) = file("small.csv", "# sensor 8x20\n0,1,1,1\n100,2,2,1\n90,3,3,0\n");
     let (_two, wide) = file("wide.csv", "# sensor 30x8\n5000000,29,7,1\n5000100,2,2,1\n");
-    let arguments = ["--network", "tactigraph-past", "--events", "1000", "--checkpoint-every", "100"];
-    let report =
-        soak(&[&[argument(&small), argument(&wide)], &arguments[..], &["--disturb-every", "10"]].concat());
+    let recordings = ["tactigraph-past", argument(&small), argument(&wide)];
+    let arguments = ["--events", "1000", "--checkpoint-every", "100", "--disturb-every", "10"];
+    let report = soak(&[&recordings[..], &arguments].concat());
     assert_eq!(report["header"]["input"]["sensor"].to_string(), "[30,20]");
     assert_eq!(
         (count(&report["rounds"]), count(&report["accepted"]) < 1_000),
@@ -100,7 +100,29 @@ fn several_recordings_follow_one_another_on_the_largest_sensor() {
 #[test]
 fn what_cannot_be_soaked_is_refused() {
     let (_folder, empty) = file("empty.csv", "# sensor 8x8\nt,x,y,p\n");
-    fails(&meissner(&["soak", argument(&empty), "--events", "10"]), 2, &["empty.csv", "events"]);
+    let soak = |network: &str, more: &[&str]| meissner(&[&["verify", network, "--soak"], more].concat());
+    fails(&soak("graphres", &[argument(&empty), "--events", "10"]), 2, &["empty.csv", "events"]);
+    fails(&soak("graphres", &["--events", "1.5"]), 2, &["--events"]);
+    fails(&soak("graphres", &[]), 2, &["--events"]);
+    fails(&soak("graphres", &["--events", "10", "--cases", "3"]), 2, &["--soak", "--cases"]);
+    fails(&soak("canf", &["--events", "10"]), 1, &["canf", "frame network"]);
+    fails(&meissner(&["verify", "graphres", "--events", "10"]), 2, &["--soak"]);
+}
+
+#[test]
+fn the_former_name_soaks_with_its_options() {
+    let folder = tempfile::tempdir().expect("there is a place for temporary files");
+    let path = folder.path().join("soak.json");
+    let options = ["--events", "3000", "--checkpoint-every", "1000", "--disturb-every", "500"];
+    let former = ["soak", "--network", "tactigraph-past", "--json", argument(&path)];
+    let output = meissner(&[&former[..], &options].concat());
+    assert!(
+        output.status.success() && text(&output).contains("equal to the batch at"),
+        "{}",
+        message(&output)
+    );
+    let former =
+        serde_json::from_slice(&std::fs::read(path).expect("it was written")).expect("one JSON object");
+    assert_eq!(deterministic(&former), deterministic(&soak(&[&["tactigraph-past"], &options[..]].concat())));
     fails(&meissner(&["soak", "--events", "1.5"]), 2, &["--events"]);
-    fails(&meissner(&["soak", "--events", "10", "--network", "canf"]), 1, &["canf", "frame network"]);
 }

@@ -1,4 +1,4 @@
-//! `meissner stress` in its short form: every promise holds, and errors are what they were when they were measured.
+//! `meissner verify --stress` in its short form: every promise holds, and errors are what they were when they were measured.
 
 use serde_json::Value;
 
@@ -14,7 +14,7 @@ const BOUNDS: [(&str, f64, f64); 4] =
 
 #[test]
 fn every_promise_holds_under_stress() {
-    let output = meissner(&["stress", "--quick", "--json"]);
+    let output = meissner(&["verify", "--stress", "--quick", "--json"]);
     assert!(output.status.success(), "{}\n{}", message(&output), text(&output));
     let report: Value = serde_json::from_str(&text(&output)).expect("one JSON object");
     assert_eq!((&report["broken"], &report["header"]["command"]), (&0.into(), &"stress".into()), "{report}");
@@ -44,24 +44,54 @@ fn every_promise_holds_under_stress() {
 
 #[test]
 fn cases_are_listed_and_chosen_by_their_names() {
-    let list = text(&meissner(&["stress", "--list"]));
+    let list = text(&meissner(&["verify", "--stress", "--list"]));
     for group in ["streams: one pixel: graphres", "weights: ", "recurrent: ", "winograd: ", "functions: tanh"]
     {
         assert!(list.contains(group), "{group}: {list}");
     }
-    let some = text(&meissner(&["stress", "--list", "--only", "one instant", "--only", "sigmoid"]));
+    let some =
+        text(&meissner(&["verify", "--stress", "--list", "--only", "one instant", "--only", "sigmoid"]));
     assert!(some.contains("streams: one instant: graphres") && some.contains("functions: sigmoid"), "{some}");
     assert!(!some.contains("recurrent"), "{some}");
 }
 
 #[test]
-fn a_name_of_no_case_is_bad_usage() {
+fn the_former_name_lists_the_same_cases() {
+    let list = |arguments: &[&str]| text(&meissner(arguments));
+    assert_eq!(
+        list(&["stress", "--list", "--only", "tanh"]),
+        list(&["verify", "--stress", "--list", "--only", "tanh"])
+    );
     fails(&meissner(&["stress", "--only", "nothing of that name"]), 2, &["--only", "nothing of that name"]);
 }
 
 #[test]
+fn only_its_own_options_go_with_stress() {
+    for more in [
+        &["graphres"][..],
+        &["--sensor", "8x8"],
+        &["--seed", "3"],
+        &["--events", "9"],
+        &["--cases", "9"],
+        &["--soak"],
+    ] {
+        fails(&meissner(&[&["verify", "--stress"], more].concat()), 2, &["--stress"]);
+    }
+    fails(&meissner(&["verify", "graphres", "--quick"]), 2, &["--stress"]);
+}
+
+#[test]
+fn a_name_of_no_case_is_bad_usage() {
+    fails(
+        &meissner(&["verify", "--stress", "--only", "nothing of that name"]),
+        2,
+        &["--only", "nothing of that name"],
+    );
+}
+
+#[test]
 fn tables_are_text_or_markdown() {
-    let only = ["stress", "--quick", "--only", "sensor of one pixel", "--only", "exp"];
+    let only = ["verify", "--stress", "--quick", "--only", "sensor of one pixel", "--only", "exp"];
     let plain = text(&meissner(&only));
     assert!(plain.contains("sensor of one pixel") && plain.contains("largest error (ULP)"), "{plain}");
     let markdown = text(&meissner(&[&only[..], &["--markdown"]].concat()));

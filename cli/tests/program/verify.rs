@@ -95,7 +95,7 @@ fn wrong_arguments_are_refused() {
     fails(&meissner(&["verify", "graphress"]), 1, &["graphress", "did you mean graphres?"]);
     fails(&meissner(&["verify", "graphres-published", "--cases", "1"]), 1, &["graphres-published"]);
     fails(
-        &meissner(&["verify", "graphres", "--out", "no/such/folder/file.csv"]),
+        &meissner(&["verify", "graphres", "--failure", "no/such/folder/file.csv"]),
         1,
         &["no/such/folder/file.csv"],
     );

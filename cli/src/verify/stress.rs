@@ -1,23 +1,19 @@
-//! `meissner stress`: runs streams, weights, states and images that strain the arithmetic. The cases come from
-//! [`meissner_verify::stress`].
+//! Streams, weights, states and images that strain the arithmetic. The cases come from [`meissner_verify::stress`].
 
-mod args;
 mod table;
 
-use std::io::{self, Write};
+use std::io::Write;
 
 use meissner_kernels::{Elementary, Isa};
 use meissner_pipeline::provenance::{Header, InputCard};
 use meissner_verify::stress::{Case, CaseResult, FunctionResult, cases, sweep};
 use serde::Serialize;
 
-pub(crate) use args::StressArgs;
-
+use super::VerifyArgs;
+use super::args::StressArgs;
 use crate::error::CliError;
 use crate::output;
 use crate::progress::Progress;
-use crate::text::Folded;
-use crate::threads;
 
 const FUNCTIONS: &str = "functions";
 
@@ -32,8 +28,9 @@ struct Document<'a> {
     broken: usize,
 }
 
-/// Runs the subcommand.
-pub(crate) fn stress(args: &StressArgs) -> Result<(), CliError> {
+/// Runs the cases, or lists them.
+pub(super) fn stress(args: &VerifyArgs) -> Result<(), CliError> {
+    let (VerifyArgs { cases: args, report, .. }, json) = (args, args.report.format.json);
     let asked = |names: &[&str]| {
         args.only.is_empty()
             || args.only.iter().any(|only| names.iter().any(|name| name.contains(only.as_str())))
@@ -46,17 +43,18 @@ pub(crate) fn stress(args: &StressArgs) -> Result<(), CliError> {
         let expected = "a part of the name of a group or case (--list shows them)";
         return Err(CliError::usage("--only", expected, &args.only.join(", ")));
     }
-    let mut out = Folded::new(io::stdout().lock(), !args.json && !args.markdown);
     if args.list {
+        let mut out = output::out(true);
         for case in &cases {
             writeln!(out, "{}", label(case))?;
         }
         for function in functions {
             writeln!(out, "{FUNCTIONS}: {}", function.name())?;
         }
-        return Ok(());
+        return Ok(out.flush()?);
     }
-    let tasks = Progress::tasks(cases.len() as u64, args.json);
+    output::check_all_writable([&report.out])?;
+    let tasks = Progress::tasks(cases.len() as u64, json);
     let mut rows = Vec::with_capacity(cases.len());
     for case in &cases {
         tasks.start(label(case));
@@ -64,19 +62,18 @@ pub(crate) fn stress(args: &StressArgs) -> Result<(), CliError> {
         tasks.done();
     }
     tasks.finish();
-    let functions = sweeps(args, &functions)?;
+    let functions = sweeps(args, &functions, json)?;
     let broken = rows.iter().map(|row| row.broken.len()).sum::<usize>()
         + functions.iter().map(|row| row.broken.len()).sum::<usize>();
-    if args.json {
-        let isa = Isa::best().name();
-        let header = Header::of_many("stress", InputCard::other("cases of the program", "drawn from seeds"));
-        let document =
-            Document { header, isa, quick: args.quick, cases: &rows, functions: &functions, broken };
-        out.write_all(&output::json(&document)?)?;
-    } else {
-        table::write(&mut out, &rows, &functions, args.markdown)?;
-    }
-    out.flush()?;
+    let header = Header::of_many("stress", InputCard::other("cases of the program", "drawn from seeds"));
+    let isa = Isa::best().name();
+    let document = Document { header, isa, quick: args.quick, cases: &rows, functions: &functions, broken };
+    output::report(report, &document, |out| {
+        if args.markdown {
+            out.unfold();
+        }
+        table::write(out, &rows, &functions, args.markdown)
+    })?;
     if broken > 0 { Err(CliError::Broken(broken)) } else { Ok(()) }
 }
 
@@ -86,12 +83,12 @@ fn label(case: &Case) -> String {
 }
 
 /// The largest errors of `functions`.
-fn sweeps(args: &StressArgs, functions: &[Elementary]) -> Result<Vec<FunctionResult>, CliError> {
+fn sweeps(args: &StressArgs, functions: &[Elementary], json: bool) -> Result<Vec<FunctionResult>, CliError> {
     if functions.is_empty() {
         return Ok(Vec::new());
     }
-    let pool = threads::pool(args.threads)?;
-    let tasks = Progress::tasks(if args.quick { 0 } else { 256 * functions.len() as u64 }, args.json);
+    let pool = args.threads.pool()?;
+    let tasks = Progress::tasks(if args.quick { 0 } else { 256 * functions.len() as u64 }, json);
     let rows = functions.iter().map(|&function| {
         tasks.start(format!("{FUNCTIONS}: {}", function.name()));
         pool.install(|| sweep(function, args.quick, || tasks.done()))

@@ -13,7 +13,7 @@ fn a_mismatch_is_written_as_a_stream_that_replays_and_is_an_error_with_its_place
     let folder = tempfile::tempdir().expect("there is a place for temporary files");
     let out = folder.path().join("failure.csv");
     let path = out.to_str().expect("temporary paths are text");
-    let parsed = Args::parse_from(["meissner", "verify", "own.toml", "--out", path]);
+    let parsed = Args::parse_from(["meissner", "verify", "own.toml", "--failure", path]);
     let Command::Verify(args) = parsed.command else { panic!("another command") };
     let stream = Stream {
         sensor: Some(Sensor::new(4, 3)),
@@ -36,7 +36,7 @@ fn a_mismatch_is_written_as_a_stream_that_replays_and_is_an_error_with_its_place
     let text = std::fs::read_to_string(&out).expect("it was written");
     assert_eq!(Stream::<Event>::parse(&text).expect("its own form"), stream, "{text}");
 
-    let error = report(&args, ModelCard::default(), &verified).expect_err("a mismatch");
+    let error = report(&args, &ModelCard::default(), &verified).expect_err("a mismatch");
     let (message, hint) = (error.to_string(), error.hint().expect("what to do next"));
     for part in ["random streams", "input 2", "layer conv2, row 1", "0.5 (0x3f000000)", "-0 (0x80000000)"] {
         assert!(message.contains(part), "{part}: {message}");

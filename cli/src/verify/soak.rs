@@ -1,10 +1,7 @@
-//! `meissner soak`: runs one engine over recordings in a loop, with frequent disturbances. [`meissner_verify::soak`]
-//! does the work.
+//! One engine over recordings in a loop, with frequent disturbances. [`meissner_verify::soak`] does the work.
 
-mod args;
 mod table;
 
-use std::io::Write;
 use std::path::Path;
 
 use meissner_engine::Sensor;
@@ -17,8 +14,8 @@ use meissner_pipeline::provenance::{Header, InputCard};
 use meissner_verify::soak::{Recording, Report, Settings, Soak};
 use serde::Serialize;
 
-pub(crate) use args::SoakArgs;
-
+use super::VerifyArgs;
+use super::args::SoakArgs;
 use crate::error::CliError;
 use crate::input::advice;
 use crate::progress::Progress;
@@ -34,20 +31,14 @@ struct Document {
     report: Report,
 }
 
-/// Runs the subcommand.
-pub(crate) fn soak(args: &SoakArgs) -> Result<(), CliError> {
-    let model = Model::named(&args.network, args.weights.as_deref(), args.ignore_preparation)?;
+/// Runs the loop, and writes the results.
+pub(super) fn soak(args: &VerifyArgs) -> Result<(), CliError> {
+    let weights = &args.weights;
+    let model = Model::named(args.network(), weights.file.as_deref(), weights.ignore_preparation)?;
     let (recordings, sensor) = recordings(args, model.card.network.stride)?;
-    if let Some(path) = &args.json {
-        output::check_writable(path)?;
-    }
+    output::check_all_writable([&args.report.out])?;
     let document = run(args, &model, recordings, sensor)?;
-    if let Some(path) = &args.json {
-        output::write(path, output::json(&document)?)?;
-    }
-    let mut out = output::out(false);
-    table::write(&mut out, &document.report, &model.card, sensor)?;
-    out.flush()?;
+    output::report(&args.report, &document, |out| table::write(out, &document.report, &model.card, sensor))?;
     match document.report.broken.len() {
         0 => Ok(()),
         broken => Err(CliError::Broken(broken)),
@@ -55,7 +46,7 @@ pub(crate) fn soak(args: &SoakArgs) -> Result<(), CliError> {
 }
 
 /// The recordings, and a sensor large enough for all of them.
-fn recordings(args: &SoakArgs, stride: usize) -> Result<(Vec<Recording>, Sensor), CliError> {
+fn recordings(args: &VerifyArgs, stride: usize) -> Result<(Vec<Recording>, Sensor), CliError> {
     let named: Vec<Option<&Path>> = if args.recordings.is_empty() {
         vec![None]
     } else {
@@ -64,8 +55,8 @@ fn recordings(args: &SoakArgs, stride: usize) -> Result<(Vec<Recording>, Sensor)
     let mut extent = Sensor::new(0, 0);
     let mut recordings = Vec::with_capacity(named.len());
     for recording in named {
-        let source = args.read.open(recording, Part::default(), args.sensor)?.every(stride);
-        let sensor = source.sensor(args.sensor)?;
+        let source = args.read.open(recording, Part::default())?.every(stride);
+        let sensor = source.sensor(args.read.sensor)?;
         extent = Sensor::new(extent.width.max(sensor.width), extent.height.max(sensor.height));
         let name = source.name.clone();
         let events = source.collect::<Result<Vec<_>, _>>()?;
@@ -75,19 +66,22 @@ fn recordings(args: &SoakArgs, stride: usize) -> Result<(Vec<Recording>, Sensor)
 }
 
 fn run(
-    args: &SoakArgs,
+    args: &VerifyArgs,
     model: &Model,
     recordings: Vec<Recording>,
     sensor: Sensor,
 ) -> Result<Document, CliError> {
-    let checkpoints = args.events.div_ceil(args.checkpoint_every);
-    let settings =
-        Settings { seed: args.seed, every: args.every, disturb_every: args.disturb_every, checkpoints };
+    let VerifyArgs { seed, every, long: SoakArgs { events, checkpoint_every, disturb_every, .. }, .. } =
+        *args;
+    // Clap requires the number with --soak.
+    let events = events.unwrap_or(1);
+    let checkpoints = events.div_ceil(checkpoint_every);
+    let settings = Settings { seed, every: every.unwrap_or(1), disturb_every, checkpoints };
     let mut soak = Soak::new(model.network.clone(), sensor, recordings, settings)?;
-    let progress = Progress::new(Some(args.events), false);
+    let progress = Progress::new(Some(events), args.report.format.json);
     interrupt::listen();
     for number in 1..=checkpoints {
-        let until = args.events.min(number.saturating_mul(args.checkpoint_every));
+        let until = events.min(number.saturating_mul(checkpoint_every));
         while soak.events() < until && !interrupt::requested() {
             soak.push()?;
             progress.set(soak.events());
@@ -100,7 +94,7 @@ fn run(
     }
     progress.finish();
     let losses = InputLosses::of_events(soak.counters(), sensor).with_advice(advice);
-    let report = soak.report(args.memory_growth, peak_resident_bytes());
+    let report = soak.report(args.long.memory_growth, peak_resident_bytes());
     let names = report.recordings.join(", ");
     let input = InputCard::events(&names, &"recordings in a loop", sensor, None);
     let header = Header::new("soak", input, model.card.clone());
