@@ -46,7 +46,7 @@ fn given(arg: &Arg, matches: &ArgMatches) -> Option<(String, String)> {
         return Some((name.clone(), name));
     }
     let values: Vec<_> = matches.get_raw(id)?.collect();
-    let differ = !values.iter().copied().eq(defaults.iter().map(|value| value.as_os_str()));
+    let differ = !values.iter().copied().eq(defaults.iter().map(clap::builder::OsStr::as_os_str));
     let shown = values.iter().map(|value| value.to_string_lossy()).collect::<Vec<_>>().join(",");
     differ.then(|| (name.clone(), format!("{name} {shown}")))
 }

@@ -22,6 +22,8 @@ use crate::given::Given;
 use crate::input::advice;
 use crate::kind::NetworkKind;
 use crate::report::{About, Report, TableKind};
+#[cfg(test)]
+pub(crate) use args::OPTIONS_OF_KINDS;
 pub(crate) use args::RunArgs;
 
 /// Runs the network as `args` say, and writes the results to standard output.

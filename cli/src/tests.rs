@@ -3,7 +3,8 @@
 use clap::{Arg, Command};
 
 use crate::args::{
-    APPROXIMATIONS, ELECTRODES, Every, FRAMES, INPUT, MEASUREMENT, NETWORK, OUTPUT, PREDICTIONS, QUEUE, STATE,
+    APPROXIMATIONS, ELECTRODES, Every, FRAMES, INPUT, MEASUREMENT, NETWORK, OUTPUT, PREDICTIONS, QUEUE,
+    READING, REMEMBERS, REUSES, STATE,
 };
 use crate::program;
 use crate::simulate::{CAMERA, MARKERS};
@@ -119,6 +120,7 @@ const HEADINGS: &[(&str, &[&str])] = &[
 /// Options that stand elsewhere in some subcommand.
 const ELSEWHERE: &[(&str, &str, &str)] = &[
     ("run", "threads", PREDICTIONS),
+    ("bench", "threads", PREDICTIONS),
     ("play", "repeat", INPUT),
     ("eval digits", "stride", NETWORK),
     ("eval angle", "stride", NETWORK),
@@ -163,6 +165,24 @@ fn every_option_stands_under_its_heading() {
             let expected = elsewhere.map(|(_, _, heading)| heading).or(heading.map(|(heading, _)| heading));
             let expected = expected.unwrap_or_else(|| panic!("{name} --{option}: add it to a heading here"));
             assert_eq!(arg.get_help_heading(), Some(*expected), "{name} --{option}");
+        }
+    }
+}
+
+#[test]
+fn options_that_fit_some_networks_or_forms_exist() {
+    let of_kinds = crate::run::OPTIONS_OF_KINDS.iter().flat_map(|(options, _)| *options);
+    let lists = [
+        ("run", of_kinds.copied().collect::<Vec<_>>()),
+        ("play", REUSES.to_vec()),
+        ("bench", [crate::bench::FOR_EVENTS, REMEMBERS].concat()),
+        ("verify", [crate::verify::FOR_EVENTS, crate::verify::OF_STRESS, READING].concat()),
+    ];
+    for (name, options) in lists {
+        let (_, command) = subcommands().into_iter().find(|(of, _)| of == name).expect(name);
+        let all: Vec<String> = command.get_arguments().map(crate::given::name).collect();
+        for option in options {
+            assert!(all.iter().any(|name| name == option), "{name} {option}");
         }
     }
 }

@@ -21,6 +21,19 @@ pub(crate) fn duration(us: f64) -> String {
     format!("{us:.decimals$}")
 }
 
+/// The cell of a missing value.
+pub(crate) const NONE: &str = "-";
+
+/// The cell of `value`, if there is one.
+pub(crate) fn cell<T>(value: Option<T>, text: impl FnOnce(T) -> String) -> String {
+    value.map_or_else(|| NONE.to_owned(), text)
+}
+
+/// `bytes` in units of 2^20.
+pub(crate) fn mebibytes(bytes: u64) -> String {
+    format!("{:.1} MiB", bytes as f64 / f64::from(1 << 20))
+}
+
 /// `share` in percent.
 pub(crate) fn percent(share: f64) -> String {
     format!("{:.2}", 100.0 * share)

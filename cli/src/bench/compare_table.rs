@@ -5,8 +5,8 @@ use std::io::{self, Write};
 use meissner_pipeline::bench::{CompareReport, Ratios, SideReport};
 use meissner_pipeline::text::grouped;
 
-use super::table::{framed, mebibytes, peak, recording, write_apart, write_latencies};
-use crate::text::Table;
+use super::table::{framed, peak, recording, write_apart, write_latencies};
+use crate::text::{Table, cell, mebibytes};
 
 /// Writes the report of a comparison.
 pub(super) fn write(out: &mut impl Write, report: &CompareReport) -> io::Result<()> {
@@ -63,15 +63,14 @@ fn compute(out: &mut impl Write, report: &CompareReport) -> io::Result<()> {
         "multiply-adds (M)",
     ]);
     for (name, way) in ways(report) {
-        let or_none = |text: Option<String>| text.unwrap_or_else(|| "-".to_owned());
         table.row([
             name.to_owned(),
             format!("{:.4}", way.compute_s),
-            or_none(way.compute_s_per_s.map(|s| format!("{s:.5}"))),
+            cell(way.compute_s_per_s, |s| format!("{s:.5}")),
             format!("{:.4}", way.events_s),
-            or_none(way.push_s.map(|s| format!("{s:.4}"))),
+            cell(way.push_s, |s| format!("{s:.4}")),
             format!("{:.4}", way.predict_s),
-            or_none(way.frames.map(grouped)),
+            cell(way.frames, grouped),
             grouped(way.predictions),
             format!("{:.1}", way.multiply_adds as f64 / 1e6),
         ]);
@@ -85,7 +84,7 @@ fn compute(out: &mut impl Write, report: &CompareReport) -> io::Result<()> {
     let of = |ratios: &Ratios| [ratios.frames_everything, ratios.frames_skipping];
     let both = of(&report.ratio_percent).into_iter().zip(of(&report.multiply_adds_ratio_percent));
     for ((name, _), (compute, multiply_adds)) in ways(report)[1..].iter().zip(both) {
-        let percent = |ratio: Option<f64>| ratio.map_or_else(|| "-".to_owned(), |r| format!("{r:.3}"));
+        let percent = |ratio: Option<f64>| cell(ratio, |ratio| format!("{ratio:.3}"));
         table.row([(*name).to_owned(), percent(compute), percent(multiply_adds)]);
     }
     table.write(out)?;

@@ -5,8 +5,8 @@ use std::io::{self, Write};
 use meissner_pipeline::bench::{FrameLatencies, FrameModeReport, FrameReport};
 use meissner_pipeline::text::grouped;
 
-use super::table::{deadline, framed, mebibytes, passes, peak, recording, write_apart, write_latencies};
-use crate::text::Table;
+use super::table::{deadline, framed, passes, peak, recording, write_apart, write_latencies};
+use crate::text::{Table, mebibytes};
 
 /// Writes the report of a frame network.
 pub(super) fn write(out: &mut impl Write, report: &FrameReport) -> io::Result<()> {

@@ -11,7 +11,7 @@ use meissner_pipeline::text::grouped;
 
 use crate::header::write_model;
 use crate::report::summary;
-use crate::text::{Table, duration};
+use crate::text::{Table, cell, duration, mebibytes};
 
 /// Writes the report of a network over events.
 pub(super) fn write(out: &mut impl Write, report: &EventReport) -> io::Result<()> {
@@ -141,7 +141,7 @@ fn phases(out: &mut impl Write, phases: &PhasesReport) -> io::Result<()> {
     for (name, PhaseReport { events, rows_per_event, .. }) in
         [("idle", &phases.idle), ("burst", &phases.burst)]
     {
-        let rows = rows_per_event.map_or_else(|| "-".to_owned(), |rows| format!("{rows:.2}"));
+        let rows = cell(*rows_per_event, |rows| format!("{rows:.2}"));
         table.row([name.to_owned(), grouped(*events), rows]);
     }
     write_apart(out, &table)?;
@@ -187,11 +187,6 @@ fn stages(out: &mut impl Write, report: &EventReport) -> io::Result<()> {
     }
     write_apart(out, &table)?;
     writeln!(out, "  in a pass of its own, with a clock around each stage")
-}
-
-/// `bytes` in units of 2^20.
-pub(super) fn mebibytes(bytes: u64) -> String {
-    format!("{:.1} MiB", bytes as f64 / f64::from(1 << 20))
 }
 
 /// Writes the latency of slices.

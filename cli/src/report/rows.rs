@@ -10,6 +10,8 @@ use meissner_pipeline::run::Prediction;
 use meissner_pipeline::text::grouped;
 use meissner_pipeline::training::Output;
 
+use crate::text::cell;
+
 /// Largest number of columns of values: a line of 80 characters has room for so many beside counts and times.
 const MAX_COLUMNS: usize = 2;
 /// Largest number of columns of values over electrodes.
@@ -108,8 +110,7 @@ impl Columns {
         match prediction {
             Prediction::Events(p) => {
                 let values = self.values(p.value.0, p.answer.as_ref());
-                let time =
-                    p.elapsed_us.map_or_else(|| "-".to_owned(), |us| format!("{:.3}", us as f64 / 1e3));
+                let time = cell(p.elapsed_us, |us| format!("{:.3}", us as f64 / 1e3));
                 let (nodes, rows) = (grouped(p.nodes as u64), grouped(p.rows.iter().sum()));
                 let (done, update_us) = (done(p.taken), p.update_us);
                 let row = format!("{done:>5}  {time:>11}{values}  {nodes:>8}  {rows:>9}  {update_us:>11.1}");
@@ -122,7 +123,7 @@ impl Columns {
                 (p.taken, format!("{done:>5}  {time_ms:>13.3}{values}  {events:>8}  {update_us:>11.1}"))
             }
             Prediction::Electrodes(p) => {
-                let time = p.time_s.map_or_else(|| "-".to_owned(), |s| format!("{s:.3}"));
+                let time = cell(p.time_s, |s| format!("{s:.3}"));
                 let values = match p.class.zip(p.probabilities) {
                     Some((class, probabilities)) => {
                         let probability = probabilities.0.iter().copied().fold(0.0, f32::max);
@@ -205,7 +206,7 @@ fn row_of(cells: impl Iterator<Item = String>) -> String {
 }
 
 fn place(centroid: Option<Centroid>) -> String {
-    centroid.map_or_else(|| "-".to_owned(), |c| format!("{:.1}, {:.1}", c.x_px, c.y_px))
+    cell(centroid, |c| format!("{:.1}, {:.1}", c.x_px, c.y_px))
 }
 
 /// The value of each of `outputs`, or for an image the mean of its channel.

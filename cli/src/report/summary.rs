@@ -12,7 +12,7 @@ use meissner_pipeline::skips::WorkCounts;
 use meissner_pipeline::text::grouped;
 
 use super::rows::OUTSIDE;
-use crate::text::{Table, duration};
+use crate::text::{NONE, Table, duration, mebibytes};
 
 /// Reasons for which the queue drops events. All other reasons are those of the engine.
 const QUEUE_REASONS: [&str; 4] = ["oldest", "newest", "thinned", "filtered"];
@@ -127,7 +127,8 @@ pub(crate) fn skips(out: &mut impl Write, skips: &WorkCounts) -> io::Result<()> 
         Table::new(&["layer (rows)", "recomputed", "of these unchanged", "kept from before", "kept (%)"]);
     let mut row = |name: &str, recomputed: u64, unchanged: u64, kept: u64| {
         let all = recomputed + kept;
-        let share = if all > 0 { format!("{:.2}", kept as f64 / all as f64 * 100.0) } else { "-".to_owned() };
+        let share =
+            if all > 0 { format!("{:.2}", kept as f64 / all as f64 * 100.0) } else { NONE.to_owned() };
         table.row([name.to_owned(), grouped(recomputed), grouped(unchanged), grouped(kept), share]);
     };
     for layer in &skips.layers {
@@ -180,7 +181,7 @@ pub(super) fn frames(out: &mut impl Write, summary: &FrameSummary) -> io::Result
     let mut table = Table::new(&["layer (pixels)", "computed", "skipped", "absorbed", "computed (%)"]);
     let mut row = |name: &str, &Pixels { computed, skipped, absorbed, .. }: &Pixels| {
         let share = match computed + skipped + absorbed {
-            0 => "-".to_owned(),
+            0 => NONE.to_owned(),
             all => format!("{:.2}", computed as f64 / all as f64 * 100.0),
         };
         table.row([name.to_owned(), grouped(computed), grouped(skipped), grouped(absorbed), share]);
@@ -240,7 +241,7 @@ pub(super) fn plays(out: &mut impl Write, ended: &[Result<PlaySummary, PipelineE
         let event =
             latencies.iter().find(|&&(name, _)| name == "event").and_then(|&(_, quantiles)| quantiles);
         let [p50, p99, max] = event.map_or_else(
-            || std::array::from_fn(|_| "-".to_owned()),
+            || std::array::from_fn(|_| NONE.to_owned()),
             |event| [event.p50, event.p99, event.max].map(duration),
         );
         let fresh = summary.reports.fresh as f64 / summary.reports.made.max(1) as f64 * 100.0;
@@ -275,11 +276,10 @@ pub(super) fn plays(out: &mut impl Write, ended: &[Result<PlaySummary, PipelineE
         )?;
     }
     let declared: u64 = summaries().map(|summary| summary.bytes).sum();
-    let mebibytes = |bytes: u64| bytes as f64 / f64::from(1 << 20);
-    write!(out, "memory       engines and queues {:.1} MiB", mebibytes(declared))?;
+    write!(out, "memory       engines and queues {}", mebibytes(declared))?;
     match summaries().last().and_then(|summary| summary.peak_resident_bytes) {
         Some(bytes) => {
-            writeln!(out, "; the process at most {:.1} MiB, recordings included", mebibytes(bytes))
+            writeln!(out, "; the process at most {}, recordings included", mebibytes(bytes))
         }
         None => writeln!(out),
     }
@@ -328,8 +328,7 @@ pub(super) fn play(out: &mut impl Write, summary: &PlaySummary) -> io::Result<()
     )?;
     writeln!(out, "drained      {:.1} ms after the end", summary.drain_us / 1e3)?;
     if let Some(bytes) = summary.peak_resident_bytes {
-        let mebibytes = bytes as f64 / f64::from(1 << 20);
-        writeln!(out, "memory       at most {mebibytes:.1} MiB, the recording included")?;
+        writeln!(out, "memory       at most {}, the recording included", mebibytes(bytes))?;
     }
     if let Some(verified) = &summary.verified {
         let events = grouped(verified.events as u64);

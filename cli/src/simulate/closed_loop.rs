@@ -15,10 +15,7 @@ use crate::error::CliError;
 use crate::output;
 use crate::progress::Progress;
 use crate::tasks::TrainedNetworks;
-use crate::text::Table;
-
-/// What stands in a cell without a value.
-const NONE: &str = "-";
+use crate::text::{Table, cell};
 
 /// At the end of the long help.
 const METHOD: &str = "\
@@ -162,8 +159,8 @@ fn table(out: &mut dyn Write, report: &Report) -> io::Result<()> {
     let headings =
         [title(report.goal), &error, &rms, &reading, "run (ms)", "age (ms)", "pictures", "read", "lost"];
     let cells = |name: String, row: &Row| {
-        let time = |us: Option<f64>| us.map_or_else(|| NONE.to_owned(), |us| format!("{:.1}", us / 1e3));
-        let reading = row.reading_error.map_or_else(|| NONE.to_owned(), |error| format!("{error:.3}"));
+        let time = |us: Option<f64>| cell(us, |us| format!("{:.1}", us / 1e3));
+        let reading = cell(row.reading_error, |error| format!("{error:.3}"));
         let [pictures, read, lost] = [row.pictures, row.read, row.pictures_lost].map(grouped);
         let (run, age) = (time(row.run_us), time(row.age_us));
         [

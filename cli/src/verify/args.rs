@@ -1,5 +1,4 @@
 //! Arguments of `meissner verify`.
-#![expect(clippy::doc_markdown, reason = "these comments are the help text, which would show the backticks")]
 
 use std::path::PathBuf;
 
@@ -47,7 +46,7 @@ Examples:
 
 /// `meissner verify`.
 #[derive(Debug, clap::Args)]
-#[command(after_long_help = METHOD, mut_arg("threads", of_the_sweep))]
+#[command(after_long_help = METHOD, mut_arg("threads", of_the_sweep), mut_args(of_its_form))]
 pub(crate) struct VerifyArgs {
     /// Name of a shipped network, or a description file (.toml).
     ///
@@ -58,11 +57,10 @@ pub(crate) struct VerifyArgs {
     #[arg(value_name = "RECORDING")]
     pub(super) recordings: Vec<PathBuf>,
     /// Run cases of the program that strain the arithmetic.
-    #[arg(long, help_heading = MEASUREMENT,
-          conflicts_with_all = ["network", "recordings", "ReadArgs", "NetworkWeights", "every", "seed", "soak", "SoakArgs", "StreamArgs"])]
+    #[arg(long, help_heading = MEASUREMENT)]
     pub(super) stress: bool,
     /// Run one engine for a very long time, and check bits, memory and latencies.
-    #[arg(long, requires = "events", conflicts_with = "StreamArgs", help_heading = MEASUREMENT)]
+    #[arg(long, requires = "events", help_heading = MEASUREMENT)]
     pub(super) soak: bool,
     /// How the recordings are read.
     #[command(flatten)]
@@ -110,20 +108,20 @@ pub(super) struct StressArgs {
     /// With --stress, run only the groups and cases whose name contains NAME.
     ///
     /// The option may be given several times.
-    #[arg(long, value_name = "NAME", requires = "stress", help_heading = MEASUREMENT)]
+    #[arg(long, value_name = "NAME", help_heading = MEASUREMENT)]
     pub(super) only: Vec<String>,
     /// With --stress, take fewer events, frames and inputs, and one timing pass.
     ///
     /// For functions, every 4099th of the 2^32 inputs is taken, and the inputs near special values.
-    #[arg(long, requires = "stress", help_heading = MEASUREMENT)]
+    #[arg(long, help_heading = MEASUREMENT)]
     pub(super) quick: bool,
     #[command(flatten)]
     pub(super) threads: Threads,
     /// With --stress, list the cases without running them.
-    #[arg(long, requires = "stress", help_heading = OUTPUT)]
+    #[arg(long, help_heading = OUTPUT)]
     pub(super) list: bool,
     /// With --stress, print the tables in Markdown.
-    #[arg(long, requires = "stress", conflicts_with = "json", help_heading = OUTPUT)]
+    #[arg(long, conflicts_with = "json", help_heading = OUTPUT)]
     pub(super) markdown: bool,
 }
 
@@ -149,7 +147,20 @@ pub(super) struct SoakArgs {
 /// `--threads` of `--stress`.
 fn of_the_sweep(arg: Arg) -> Arg {
     let help = "With --stress, threads of the sweep over all inputs [default: all cores]";
-    arg.requires("stress").help(help).long_help(format!("{help}.\n\nEverything else runs on one thread."))
+    arg.help(help).long_help(format!("{help}.\n\nEverything else runs on one thread."))
+}
+
+/// Options of `--stress`, which the other forms refuse.
+pub(crate) const OF_STRESS: &[&str] = &["--only", "--quick", "--threads", "--list", "--markdown"];
+
+/// An argument that no form takes to which it does not belong. `requires` would not do for those of `--stress`: clap
+/// does not require what conflicts with an argument that is there, and NETWORK is.
+fn of_its_form(arg: Arg) -> Arg {
+    match arg.get_id().as_str() {
+        "stress" | "only" | "quick" | "threads" | "list" | "markdown" | "json" | "out" => arg,
+        "replay" | "cases" | "failure" => arg.conflicts_with_all(["stress", "soak"]),
+        _ => arg.conflicts_with("stress"),
+    }
 }
 
 impl VerifyArgs {

@@ -3,7 +3,7 @@
 use serde_json::Value;
 
 use crate::exit_status::fails;
-use crate::support::{bits, file, lines, meissner, message, text, times};
+use crate::support::{bits, file, lines, meissner, message, object, text, times};
 
 /// Predictions and summary of `graphres` over the first events of the default recording.
 fn run(more: &[&str]) -> (Vec<Value>, Value) {
@@ -166,7 +166,7 @@ fn both_programs_tell_people_what_was_approximated() {
 #[test]
 fn a_benchmark_counts_the_events_that_came() {
     let output = meissner(&["bench", "--json", "--limit", "1500", "--stride", "3", "--tolerance", "0.01"]);
-    let report: Value = serde_json::from_slice(&output.stdout).expect("JSON");
+    let report = object(&output);
     assert_eq!((count(&report["events"]), count(&report["accepted"])), (1500, 500));
     assert_eq!(report["latency_us"]["push"]["count"], 1500);
     assert_eq!(report["approximations"]["filters"][0]["dropped"], 1000);

@@ -3,7 +3,7 @@
 use serde_json::Value;
 
 use crate::exit_status::fails;
-use crate::support::{argument, file, meissner, meissner_reading, message, text};
+use crate::support::{argument, file, keys, meissner, meissner_reading, object, text};
 
 /// The object that a benchmark of the first events of the embedded recording prints.
 fn bench(more: &[&str]) -> Value {
@@ -13,15 +13,6 @@ fn bench(more: &[&str]) -> Value {
 fn bench_of(network: &str, more: &[&str]) -> Value {
     let arguments = ["bench", "--network", network, "--limit", "1500", "--warmup", "100", "--json"];
     object(&meissner(&[&arguments[..], more].concat()))
-}
-
-fn object(output: &std::process::Output) -> Value {
-    assert!(output.status.success(), "{}", message(output));
-    serde_json::from_slice(&output.stdout).expect("it is one JSON object")
-}
-
-fn keys(value: &Value) -> String {
-    value.as_object().expect("an object").keys().cloned().collect::<Vec<_>>().join(" ")
 }
 
 fn number(value: &Value) -> f64 {

@@ -2,19 +2,13 @@
 
 use serde_json::Value;
 
-use crate::support::{argument, default_recording, file, meissner, message, text};
+use crate::support::{argument, default_recording, file, keys, meissner, message, text};
 
 /// Two presses on 8 x 6 pixels with a silence between, the last event at 200 ms.
 const PRESSES: &str = "# sensor 8x6\n0,1,1,1\n100,2,2,1\n9000,3,3,0\n30000,3,3,1\n200000,7,5,0\n";
 
 fn object(arguments: &[&str]) -> Value {
-    let output = meissner(arguments);
-    assert!(output.status.success(), "{}", message(&output));
-    serde_json::from_slice(&output.stdout).expect("it is one JSON object")
-}
-
-fn keys(value: &Value) -> String {
-    value.as_object().expect("an object").keys().cloned().collect::<Vec<_>>().join(" ")
+    crate::support::object(&meissner(arguments))
 }
 
 fn count(value: &Value) -> u64 {

@@ -4,9 +4,8 @@ use std::fs;
 use std::path::Path;
 
 use meissner_models::Weights;
-use serde_json::Value;
 
-use crate::support::{argument, default_recording, file, lines, meissner, message, text};
+use crate::support::{argument, default_recording, file, lines, meissner, message, object, text};
 
 /// A description that nobody has weights for.
 const OWN: &str = r#"[network]
@@ -106,7 +105,7 @@ fn a_description_file_without_weights_is_told_how_to_draw_some() {
 fn inspect_lists_every_tensor_with_layer_shape_type_meaning_and_slot_order() {
     let (_folder, network) = file("own.toml", OWN);
     let output = meissner(&["inspect", argument(&network), "--json"]);
-    let summary: Value = serde_json::from_str(&text(&output)).expect("JSON");
+    let summary = object(&output);
     let kernel = &summary["tensors"][5];
     assert_eq!(kernel["name"], "conv2.conv.weight");
     assert_eq!(kernel["layer"], "conv2");

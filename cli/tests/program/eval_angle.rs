@@ -1,10 +1,9 @@
 //! Networks judged on presses: a small simulation of markers, and what the program says of it.
 
 use meissner_models::TensorFile;
-use serde_json::Value;
 
 use crate::exit_status::fails;
-use crate::support::{argument, file, meissner, message, text, words};
+use crate::support::{argument, file, meissner, message, text, words, written};
 
 /// Two presses of a few markers that move outwards from 10 ms on.
 fn tracks(labels: &[&str]) -> Vec<u8> {
@@ -49,7 +48,7 @@ fn presses_are_simulated_and_judged_with_errors_over_time_as_text_json_and_pictu
         roxmltree::Document::parse(&picture).is_ok() && picture.contains("Mean absolute error against time")
     );
 
-    let report: Value = serde_json::from_slice(&std::fs::read(&json).expect("it was written")).expect("JSON");
+    let report = written(&json);
     assert_eq!(report["header"]["command"], "eval angle");
     assert_eq!(report["data"]["labels"], serde_json::json!(["depth", "pitch", "roll"]));
     assert_eq!(report["times_us"], serde_json::json!([0, 5_000, 10_000, 15_000, 20_000, 25_000, 30_000]));

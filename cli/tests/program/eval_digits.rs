@@ -8,13 +8,11 @@ use serde_json::Value;
 use crate::digits_data::{DigitsFolder, RECORDINGS, Runs, Said, TEST, TRAIN, all_said, digits, small};
 use crate::exit_status::fails;
 use crate::shared_files::shared;
-use crate::support::{argument, meissner, message, text};
+use crate::support::{argument, meissner, message, object, text, written};
 
 /// The JSON object of a successful evaluation.
 pub(crate) fn report(arguments: &[&str]) -> Value {
-    let output = meissner(&[&["eval", "digits"][..], arguments, &["--json"]].concat());
-    assert!(output.status.success(), "{}", message(&output));
-    serde_json::from_str(&text(&output)).expect("one JSON object")
+    object(&meissner(&[&["eval", "digits"][..], arguments, &["--json"]].concat()))
 }
 
 pub(crate) fn number(value: &Value) -> f64 {
@@ -226,7 +224,7 @@ fn the_drawing_has_a_line_and_a_matrix_for_each_network() {
         argument(&json),
     ]);
     assert!(output.status.success() && text(&output).contains("other<, test split"), "{}", message(&output));
-    let report: Value = serde_json::from_slice(&std::fs::read(json).expect("written")).expect("JSON");
+    let report = written(&json);
     let svg = std::fs::read_to_string(svg).expect("it was written");
     let document = roxmltree::Document::parse(&svg).expect("it is well-formed XML");
     let count = |tag: &str| document.descendants().filter(|node| node.has_tag_name(tag)).count();

@@ -1,10 +1,9 @@
 //! Networks judged on grasps: a few simulated recordings, and what the program says of them.
 
 use meissner_models::{AnyDescription, Weights, draw};
-use serde_json::Value;
 
 use crate::exit_status::fails;
-use crate::support::{argument, meissner, message, text, words};
+use crate::support::{argument, meissner, message, text, words, written};
 
 const NETWORK: &str = "force-tdnn";
 
@@ -33,7 +32,7 @@ fn grasps_are_simulated_and_judged_by_phase_and_size_as_text_json_and_picture() 
     assert!(text(&output).lines().all(|line| line.chars().count() <= 80), "{}", text(&output));
     let picture = std::fs::read_to_string(&svg).expect("it was written");
     assert!(roxmltree::Document::parse(&picture).is_ok() && picture.contains("force-tdnn, recording 2"));
-    let report: Value = serde_json::from_slice(&std::fs::read(&json).expect("it was written")).expect("JSON");
+    let report = written(&json);
     assert_eq!(report["header"]["command"], "eval force");
     let figures = &report["networks"][0]["figures"];
     assert_eq!(figures["parts"].as_array().map(Vec::len), Some(7));

@@ -6,13 +6,11 @@ use serde_json::Value;
 use crate::exit_status::fails;
 use crate::shared_files::shared;
 use crate::slip_data::{CLASSES, SlipFolder, class, outputs};
-use crate::support::{argument, meissner, message, text, words};
+use crate::support::{argument, meissner, message, object, text, words, written};
 
 /// The JSON object of a successful evaluation.
 pub(crate) fn report(arguments: &[&str]) -> Value {
-    let output = meissner(&[&["eval", "slip"][..], arguments, &["--json"]].concat());
-    assert!(output.status.success(), "{}", message(&output));
-    serde_json::from_str(&text(&output)).expect("one JSON object")
+    object(&meissner(&[&["eval", "slip"][..], arguments, &["--json"]].concat()))
 }
 
 /// The confusion matrix of the engine's own predictions on the recordings of object `object`.
@@ -123,7 +121,7 @@ fn the_drawing_has_a_matrix_for_each_network_and_set_and_bars() {
         ["eval", "slip", argument(data.path()), "--svg", argument(&svg), "--out", argument(&json)];
     let output = meissner(&arguments);
     assert!(output.status.success() && text(&output).contains("accuracy"), "{}", message(&output));
-    let report: Value = serde_json::from_slice(&std::fs::read(json).expect("written")).expect("JSON");
+    let report = written(&json);
     let svg = std::fs::read_to_string(svg).expect("it was written");
     let document = roxmltree::Document::parse(&svg).expect("it is well-formed XML");
     let texts: Vec<&str> = document.descendants().filter_map(|node| node.text()).collect();

@@ -2,9 +2,8 @@
 
 use meissner_models::{Description, draw};
 use safetensors::SafeTensors;
-use serde_json::Value;
 
-use crate::support::{argument, meissner, message, text};
+use crate::support::{argument, meissner, message, object, text};
 use crate::touch_data::touch_folder;
 
 const CLASSES: usize = 20;
@@ -59,8 +58,7 @@ fn a_network_is_judged_on_the_set_whose_classes_it_predicts() {
     };
     let eval = |set: &str, more: &[&str]| of("eval", set, more);
     let output = eval("containers", &["--every", "20ms", "--json"]);
-    assert!(output.status.success(), "{}", message(&output));
-    let report: Value = serde_json::from_str(&text(&output)).expect("one JSON object");
+    let report = object(&output);
     assert_eq!((&report["data"]["train"], &report["data"]["test"]), (&20.into(), &20.into()));
     assert_eq!(report["classes"].as_array().map(Vec::len), Some(CLASSES));
     assert_eq!(report["header"]["command"], "eval touch containers");
@@ -68,7 +66,7 @@ fn a_network_is_judged_on_the_set_whose_classes_it_predicts() {
     assert!(report["data"]["warnings"].as_array().is_some_and(Vec::is_empty), "every taxel is on the sensor");
     let accuracy = report["networks"][0]["test"]["accuracy"]["mean"].as_f64().expect("a share");
     let output = of("pareto", "containers", &["--only", "exact", "--repeat", "1", "--json"]);
-    let report: Value = serde_json::from_str(&text(&output)).expect("one JSON object");
+    let report = object(&output);
     assert_eq!(
         (&report["header"]["command"], &report["system"]),
         (&"pareto".into(), &"touch containers".into())

@@ -5,7 +5,7 @@ use std::path::Path;
 use meissner_engine::Sensor;
 use meissner_io::Format;
 
-use crate::support::{argument, default_recording, file, meissner, meissner_reading, message, text};
+use crate::support::{argument, default_recording, file, meissner, meissner_reading, message, object, text};
 
 fn convert(from: &Path, to: &Path, more: &[&str]) {
     let output = meissner(&[&["convert", argument(from), argument(to)], more].concat());
@@ -143,7 +143,7 @@ fn a_lost_geometry_is_mentioned() {
 fn info_counts_what_a_recording_holds() {
     let (_folder, path) = file("events.csv", "# sensor 8x6\n100,1,2,1\n400,7,3,0\n300,2,5,1\n1600,2,2,1\n");
     let output = meissner(&["info", argument(&path), "--json"]);
-    let info: serde_json::Value = serde_json::from_slice(&output.stdout).expect("it is JSON");
+    let info = object(&output);
     let expected = serde_json::json!({
         "format": "CSV", "sensor": [8, 6], "events": 4, "on": 3, "off": 1, "first_t_us": 100, "last_t_us": 1600,
         "span_us": 1500, "events_per_s": 4.0 / 1.5e-3, "peak_events_per_ms": 3, "late": 1, "largest_xy": [7, 5],

@@ -7,7 +7,9 @@ use meissner_engine::{Event, Sensor};
 use meissner_io::{Format, encode};
 
 use crate::exit_status::fails;
-use crate::support::{argument, default_recording, file, lines, meissner, meissner_reading, message, text};
+use crate::support::{
+    argument, default_recording, file, lines, meissner, meissner_reading, message, object, text,
+};
 
 fn scene() -> Vec<Event> {
     (0..300_u16)
@@ -66,7 +68,7 @@ fn an_ambiguous_text_is_bad_usage_that_shows_the_line_and_the_options() {
         assert!(message(&arriving).contains(expected), "{}", message(&arriving));
     }
     let output = meissner(&["info", argument(&path), "--columns", "xytp", "--json"]);
-    let info: serde_json::Value = serde_json::from_slice(&output.stdout).expect("it is JSON");
+    let info = object(&output);
     assert_eq!((&info["first_t_us"], &info["last_t_us"]), (&38.into(), &39.into()));
     for wrong in [&["--columns", "xyt"][..], &["--time-unit", "min"]] {
         fails(&meissner(&[&["info", argument(&path)], wrong].concat()), 2, &["error: "]);
@@ -156,7 +158,7 @@ fn a_recording_that_was_cut_short_names_salvage_and_salvage_counts_what_is_whole
         fails(&meissner(&["run", path, "--sensor", "128x128", "--strict"]), 1, &["cut", "--salvage"]);
         let output = meissner(&["info", path, "--salvage", "--json"]);
         assert!(output.status.success(), "{}", message(&output));
-        let info: serde_json::Value = serde_json::from_slice(&output.stdout).expect("it is JSON");
+        let info = object(&output);
         let (salvaged, events) = (&info["salvaged"], info["events"].as_u64().expect("a count"));
         assert!((290..300).contains(&events), "{format}: {events}");
         assert_eq!(salvaged["events"], events);

@@ -2,11 +2,10 @@
 
 use meissner_engine::Event;
 use meissner_engine::frames::FrameEngine;
-use serde_json::Value;
 
 use crate::exit_status::fails;
 use crate::frames::{OwnNetwork, predicted, shipped_engine};
-use crate::support::{argument, bits, file, lines, meissner, meissner_reading, text};
+use crate::support::{argument, bits, file, keys, lines, meissner, meissner_reading, text};
 
 /// Windows of the force networks.
 const PERIOD_US: i64 = 10_000;
@@ -75,8 +74,6 @@ fn a_line_and_the_summary_have_the_documented_keys() {
     let (_folder, path) = file("events.csv", csv(&events()));
     let arguments = ["run", argument(&path), "--sensor", "120x120", "--network", "force-lstm", "--json"];
     let (predictions, summary) = lines(&meissner(&arguments));
-    let keys =
-        |value: &Value| value.as_object().expect("an object").keys().cloned().collect::<Vec<_>>().join(" ");
     assert_eq!(keys(&predictions[0]), "events frames t_us update_us value");
     assert!(predictions.iter().all(|line| line["update_us"].as_f64() > Some(0.0)));
     let expected = "accepted clamped dropped empty_frames empty_frames_left_out events evicted frames frames_per_s latency_us \

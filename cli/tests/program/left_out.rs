@@ -1,7 +1,7 @@
 //! What is odd in a recording is left out and told, and refused with `--strict`; what a recording does not say can be given.
 
 use crate::exit_status::fails;
-use crate::support::{argument, default_recording, file, lines, meissner, message, text};
+use crate::support::{argument, default_recording, file, lines, meissner, message, object, text};
 
 #[test]
 fn info_convert_and_run_tell_what_is_left_out_and_refuse_it_when_they_are_strict() {
@@ -22,7 +22,7 @@ fn info_convert_and_run_tell_what_is_left_out_and_refuse_it_when_they_are_strict
         let (folder, path) = file("odd", content);
         let (path, to) = (argument(&path), folder.path().join("to.csv"));
         let output = meissner(&["info", path, "--json"]);
-        let info: serde_json::Value = serde_json::from_slice(&output.stdout).expect("it is JSON");
+        let info = object(&output);
         let left_out = info["left_out"].as_array().expect("a list");
         let found: Vec<_> =
             left_out.iter().map(|kind| (kind["kind"].as_str(), kind["count"].as_u64())).collect();

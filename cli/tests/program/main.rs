@@ -24,6 +24,7 @@ mod frames_decisions;
 mod frames_electrodes;
 mod frames_events;
 mod frames_pictures;
+mod json_page;
 mod left_out;
 mod live;
 mod lost;

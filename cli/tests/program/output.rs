@@ -3,14 +3,11 @@
 use meissner_models::{AnyDescription, Description, FrameDescription};
 
 use crate::exit_status::fails;
-use crate::support::{command as command_of, lines, meissner, message, text, words};
+use crate::support::{command as command_of, keys, lines, meissner, message, text, words};
 
 #[test]
 fn a_json_line_has_the_documented_keys_and_no_others() {
     let (predictions, summary) = lines(&meissner(&["run", "--every", "50000us", "--json"]));
-    let keys = |value: &serde_json::Value| {
-        value.as_object().expect("an object").keys().cloned().collect::<Vec<_>>().join(" ")
-    };
     for line in &predictions {
         assert_eq!(keys(line), "nodes rows t_us update_us value");
         assert!(line["update_us"].as_f64() > Some(0.0));

@@ -7,16 +7,14 @@ use serde_json::Value;
 use tempfile::TempDir;
 
 use crate::exit_status::fails;
-use crate::support::{argument, default_recording, meissner, message, text};
+use crate::support::{argument, default_recording, meissner, message, object, text, written};
 
 /// Events that are timed here.
 const TIMED: usize = 1200;
 
 /// The JSON object of a successful run.
 pub(crate) fn report(arguments: &[&str]) -> Value {
-    let output = meissner(&[&["pareto"], arguments, &["--json"]].concat());
-    assert!(output.status.success(), "{}", message(&output));
-    serde_json::from_str(&text(&output)).expect("one JSON object")
+    object(&meissner(&[&["pareto"], arguments, &["--json"]].concat()))
 }
 
 /// Settings of the network at `place`.
@@ -254,7 +252,7 @@ fn the_drawing_names_the_front_and_the_table_has_every_setting() {
     let output =
         meissner(&[&["pareto"], &arguments.iter().map(String::as_str).collect::<Vec<_>>()[..]].concat());
     assert!(output.status.success(), "{}", message(&output));
-    let report: Value = serde_json::from_slice(&std::fs::read(json).expect("written")).expect("JSON");
+    let report = written(&json);
     let svg = std::fs::read_to_string(svg).expect("it was written");
     let document = roxmltree::Document::parse(&svg).expect("it is well-formed XML");
     let texts: Vec<&str> = document.descendants().filter_map(|node| node.text()).collect();

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use crate::exit_status::fails;
 use crate::pareto::{errors, is_a_front, number, report, setting, settings};
-use crate::support::{argument, meissner, message, picture_network, text};
+use crate::support::{argument, meissner, message, object, picture_network, text};
 
 /// What `simulate` writes with these arguments.
 fn simulated(folder: &Path, arguments: &[&str]) -> PathBuf {
@@ -33,9 +33,7 @@ fn written(folder: &Path, arguments: &[&str]) -> [String; 3] {
 }
 
 fn eval(arguments: &[&str]) -> Value {
-    let output = meissner(&[&["eval"], arguments, &["--json"]].concat());
-    assert!(output.status.success(), "{}", message(&output));
-    serde_json::from_str(&text(&output)).expect("one JSON object")
+    object(&meissner(&[&["eval"], arguments, &["--json"]].concat()))
 }
 
 #[test]

@@ -10,7 +10,8 @@ use serde_json::Value;
 use super::digits_data::{DigitsFolder, Runs, digits, said, small};
 use crate::shared_files::shared;
 use crate::support::{
-    argument, bits, default_recording, file, headed_lines, lines, meissner, message, text, words,
+    argument, bits, default_recording, file, headed_lines, keys, lines, meissner, message, object, text,
+    words, written,
 };
 
 /// Weights of `name` that say these things about themselves, as a file.
@@ -19,11 +20,6 @@ fn weights(name: &str, remarks: &[(&str, &str)]) -> (tempfile::TempDir, PathBuf)
     let remarks: BTreeMap<String, String> =
         remarks.iter().map(|&(key, value)| (key.to_owned(), value.to_owned())).collect();
     file("weights.safetensors", draw(&description, 3).to_safetensors(&remarks))
-}
-
-fn object(output: &std::process::Output) -> Value {
-    assert!(output.status.success(), "{}", message(output));
-    serde_json::from_slice(&output.stdout).expect("one JSON object")
 }
 
 /// What runs a network over events for a moment, with JSON.
@@ -250,14 +246,12 @@ fn values_outside_the_range_of_the_training_are_marked_and_counted_and_angles_ar
 
 #[test]
 fn run_bench_play_eval_and_soak_share_one_schema() {
-    let keys =
-        |value: &Value| value.as_object().expect("an object").keys().cloned().collect::<Vec<_>>().join(" ");
     let data = DigitsFolder::new();
     let folder = tempfile::tempdir().expect("there is a place for temporary files");
     let soaked = folder.path().join("soak.json");
     let soak = ["soak", "--events", "2000", "--checkpoint-every", "1000", "--json", argument(&soaked)];
     assert!(meissner(&soak).status.success());
-    let soak: Value = serde_json::from_slice(&std::fs::read(&soaked).expect("written")).expect("JSON");
+    let soak = written(&soaked);
     let eval = object(&meissner(&["eval", "digits", argument(data.path()), "--json"]));
 
     let model = |value: &Value| {

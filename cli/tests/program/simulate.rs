@@ -6,7 +6,7 @@ use meissner_models::TensorFile;
 use safetensors::SafeTensors;
 
 use crate::exit_status::fails;
-use crate::support::{argument, file, meissner, message, picture_network, text};
+use crate::support::{argument, file, meissner, message, object, picture_network, text, written};
 
 /// Two streams: a marker that rests, and one that moves 8 pixels to the right.
 fn tracks() -> Vec<u8> {
@@ -132,7 +132,7 @@ fn filters_are_judged_by_the_causes_of_events() {
     let judge = |arguments: &[&str]| meissner(&[&["eval", "filters", argument(&events)], arguments].concat());
     let output = judge(&["--activity-filter", "1ms", "--json"]);
     assert!(output.status.success(), "{}", message(&output));
-    let report: serde_json::Value = serde_json::from_str(&text(&output)).expect("one object");
+    let report = object(&output);
     assert_eq!(report["header"]["command"], "eval filters");
     assert_eq!((&report["streams"], &report["filters"][0]), (&2.into(), &"activity_filter".into()));
     let counts =
@@ -184,8 +184,7 @@ fn a_loop_has_a_row_for_each_variation_of_each_network() {
     for row in ["as it is", "tolerance 0.05", "2 times slower", "80 ms later", "100 % lost", "the truth"] {
         assert!(shown.contains(row), "{row}: {shown}");
     }
-    let report: serde_json::Value =
-        serde_json::from_slice(&std::fs::read(&json).expect("it was written")).expect("it is JSON");
+    let report = written(&json);
     let rows = report["networks"][0]["rows"].as_array().expect("a list");
     assert_eq!(
         (report["goal"].as_str(), rows.len(), rows[0]["pictures"].as_u64()),

@@ -3,7 +3,7 @@
 use serde_json::Value;
 
 use crate::exit_status::fails;
-use crate::support::{argument, file, meissner, message, text};
+use crate::support::{argument, file, meissner, message, text, written};
 
 /// A run that ends well, and what it wrote.
 fn soak(arguments: &[&str]) -> Value {
@@ -12,7 +12,7 @@ fn soak(arguments: &[&str]) -> Value {
     let output = meissner(&[&["verify"], arguments, &["--soak", "--out", argument(&path)]].concat());
     assert!(output.status.success(), "{}\n{}", message(&output), text(&output));
     assert!(text(&output).contains("equal to the batch at"), "{}", text(&output));
-    serde_json::from_slice(&std::fs::read(path).expect("it was written")).expect("one JSON object")
+    written(&path)
 }
 
 fn count(value: &Value) -> u64 {
@@ -121,8 +121,7 @@ fn the_former_name_soaks_with_its_options() {
         "{}",
         message(&output)
     );
-    let former =
-        serde_json::from_slice(&std::fs::read(path).expect("it was written")).expect("one JSON object");
+    let former = written(&path);
     assert_eq!(deterministic(&former), deterministic(&soak(&[&["tactigraph-past"], &options[..]].concat())));
     fails(&meissner(&["soak", "--events", "1.5"]), 2, &["--events"]);
 }

@@ -3,7 +3,7 @@
 use serde_json::Value;
 
 use crate::exit_status::fails;
-use crate::support::{meissner, message, text};
+use crate::support::{meissner, message, object, text};
 
 /// Largest relative error of a prediction that each group may show in its short form. Measured, with AVX-512: 7e-7 over
 /// streams, 9e-7 over weights (3.4e-4 where activations are denormal: trained weights are small, so that fewer bits are left;
@@ -16,7 +16,7 @@ const BOUNDS: [(&str, f64, f64); 4] =
 fn every_promise_holds_under_stress() {
     let output = meissner(&["verify", "--stress", "--quick", "--json"]);
     assert!(output.status.success(), "{}\n{}", message(&output), text(&output));
-    let report: Value = serde_json::from_str(&text(&output)).expect("one JSON object");
+    let report = object(&output);
     assert_eq!((&report["broken"], &report["header"]["command"]), (&0.into(), &"stress".into()), "{report}");
     let cases = report["cases"].as_array().expect("cases");
     for (group, bound, denormal) in BOUNDS {

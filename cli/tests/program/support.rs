@@ -9,6 +9,8 @@ use meissner_models::{FrameDescription, draw};
 use serde_json::Value;
 use tempfile::TempDir;
 
+use crate::json_page::documented;
+
 /// The shipped networks that run incrementally.
 pub(crate) const INCREMENTAL: [&str; 4] = ["graphres", "tactigraph", "tactigraph-frozen", "tactigraph-past"];
 
@@ -74,7 +76,33 @@ pub(crate) fn headed_lines(output: &Output) -> (Value, Vec<Value>, Value) {
     assert!(summary.is_object(), "the last line is the summary");
     let header = lines.remove(0)["header"].clone();
     assert!(header.is_object(), "the first line is the header");
+    let command = header["command"].as_str().expect("the header names the command");
+    lines.iter().chain([&summary]).for_each(|line| documented(command, line));
     (header, lines, summary)
+}
+
+/// The JSON value that a successful run prints. A report has only keys that the page on JSON has.
+pub(crate) fn object(output: &Output) -> Value {
+    assert!(output.status.success(), "{}", message(output));
+    parsed(&output.stdout)
+}
+
+/// The report in the file at `path`, as [`object`].
+pub(crate) fn written(path: &Path) -> Value {
+    parsed(&std::fs::read(path).expect("it was written"))
+}
+
+fn parsed(json: &[u8]) -> Value {
+    let value: Value = serde_json::from_slice(json).expect("one JSON value");
+    if let Some(command) = value["header"]["command"].as_str() {
+        documented(command, &value);
+    }
+    value
+}
+
+/// The keys of an object.
+pub(crate) fn keys(value: &Value) -> String {
+    value.as_object().expect("an object").keys().cloned().collect::<Vec<_>>().join(" ")
 }
 
 /// Bits of a prediction's values.

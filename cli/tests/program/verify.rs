@@ -4,13 +4,12 @@ use serde_json::Value;
 
 use super::digits_data::small;
 use crate::exit_status::fails;
-use crate::support::{argument, file, meissner, message, text, words};
+use crate::support::{argument, file, meissner, message, object, words};
 
 /// The object that a successful run prints.
 fn verified(arguments: &[&str]) -> Value {
     let output = meissner(&[&["verify"], arguments, &["--json"]].concat());
-    assert!(output.status.success(), "{}", message(&output));
-    let report: Value = serde_json::from_str(&text(&output)).expect("one JSON object");
+    let report = object(&output);
     assert_eq!((&report["mismatch"], &report["header"]["command"]), (&Value::Null, &"verify".into()));
     report
 }

@@ -46,7 +46,7 @@ def _cell(value: Any) -> str:
 class Evaluation:
     """Figures of networks on a data set. `pandas.DataFrame(evaluation.records)` is a table of them.
 
-    - `report`: what `meissner eval TASK --json` writes; `meissner eval TASK --help` explains its keys.
+    - `report`: what `meissner eval TASK --json` writes; `docs/json.md` explains its keys.
     - `records`: a dict for each training of each network (on each part of the data, or for each output).
     - `over_time`: a dict for each of these and each time of a prediction; empty for slip and area.
     - `logits`: float32 outputs of the networks by the name NETWORK.SEED: (recordings, classes) or (presses, outputs); for area

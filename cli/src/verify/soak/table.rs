@@ -8,19 +8,19 @@ use meissner_pipeline::provenance::ModelCard;
 use meissner_pipeline::text::grouped;
 use meissner_verify::soak::{Checkpoint, PartReport, Report};
 
-use crate::text::Table;
+use crate::text::{NONE, Table, cell, mebibytes};
 
 /// A checkpoint in one line.
 pub(super) fn line(row: &Checkpoint) -> String {
-    let p50 = |quantiles: Option<Quantiles>| quantiles.map_or("-".to_owned(), |q| format!("{:.2}", q.p50));
+    let p50 = |quantiles: Option<Quantiles>| cell(quantiles, |q| format!("{:.2}", q.p50));
     format!(
         "{} events in {:.0} s, {} with the batch over {}, {} live, {} resident, push {} us, predict {} us in the median",
         grouped(row.events),
         row.seconds,
         if row.equal { "equal" } else { "NOT EQUAL" },
         grouped(row.compared as u64),
-        mebibytes(row.live_bytes),
-        mebibytes(row.resident_bytes),
+        resident(row.live_bytes),
+        resident(row.resident_bytes),
         p50(row.latency_us.push),
         p50(row.latency_us.predict),
     )
@@ -62,9 +62,9 @@ pub(super) fn write(
             out,
             "memory       live {:+.1} % after warm-up: {} to {}; resident at most {}",
             memory.growth_percent,
-            mebibytes(Some(memory.warm_bytes)),
-            mebibytes(Some(memory.end_bytes)),
-            mebibytes(report.peak_resident_bytes)
+            mebibytes(memory.warm_bytes),
+            mebibytes(memory.end_bytes),
+            resident(report.peak_resident_bytes)
         )?,
         None => writeln!(out, "memory       not judged: too few checkpoints")?,
     }
@@ -83,15 +83,14 @@ fn cells(name: &str, part: &PartReport) -> Vec<Vec<String>> {
         let mut cells = vec![format!("{name}, {call}")];
         match quantiles {
             Some(q) => cells.extend([q.p50, q.p90, q.p99, q.p999, q.max].map(|us| format!("{us:.2}"))),
-            None => cells.extend([(); 5].map(|()| "-".to_owned())),
+            None => cells.extend([(); 5].map(|()| NONE.to_owned())),
         }
-        cells.push(mebibytes(part.resident_bytes));
+        cells.push(resident(part.resident_bytes));
         cells
     };
     calls.map(row).to_vec()
 }
 
-fn mebibytes(bytes: Option<u64>) -> String {
-    bytes
-        .map_or_else(|| "unknown".to_owned(), |bytes| format!("{:.1} MiB", bytes as f64 / f64::from(1 << 20)))
+fn resident(bytes: Option<u64>) -> String {
+    bytes.map_or_else(|| "unknown".to_owned(), mebibytes)
 }

@@ -5,7 +5,7 @@ use std::io::{self, Write};
 use meissner_pipeline::text::grouped;
 use meissner_verify::stress::{CaseResult, FunctionResult};
 
-use crate::text::Table;
+use crate::text::{NONE, Table, cell};
 
 const CASES: [&str; 11] = [
     "case",
@@ -78,14 +78,13 @@ fn short(value: f64) -> String {
 }
 
 fn cells(row: &CaseResult) -> Vec<String> {
-    let nothing = || "-".to_owned();
     let errors = row.prediction.as_ref();
     let equal = match (row.compared, row.different) {
-        (0, _) => nothing(),
+        (0, _) => NONE.to_owned(),
         (_, 0) => "all".to_owned(),
         (_, different) => format!("not {different}"),
     };
-    let of = |value: Option<f64>| value.map_or_else(nothing, short);
+    let of = |value: Option<f64>| cell(value, short);
     let layer = row.layer.as_ref().map(|l| format!("{} {}", l.layer, short(l.relative)));
     let time = row.us.zip(row.times_ordinary);
     vec![
@@ -97,9 +96,9 @@ fn cells(row: &CaseResult) -> Vec<String> {
         outcome(row).unwrap_or_else(|| of(errors.map(|e| e.absolute))),
         of(errors.map(|e| e.relative)),
         of(errors.map(|e| e.rms)),
-        layer.unwrap_or_else(nothing),
+        layer.unwrap_or_else(|| NONE.to_owned()),
         short(row.largest_activation),
-        time.map_or_else(nothing, |(us, times)| format!("{us:.1} ({times:.2})")),
+        cell(time, |(us, times)| format!("{us:.1} ({times:.2})")),
     ]
 }
 
