@@ -72,6 +72,8 @@ const HEADINGS: &[(&str, &[&str])] = &[
             "checkpoint-every",
             "disturb-every",
             "memory-growth",
+            "stress",
+            "soak",
             "presses",
             "each",
             "pictures",
@@ -114,7 +116,13 @@ const HEADINGS: &[(&str, &[&str])] = &[
             "jitter",
         ],
     ),
-    (OUTPUT, &["json", "csv", "svg", "dot", "logits", "out", "to", "list", "markdown", "force", "records"]),
+    (
+        OUTPUT,
+        &[
+            "json", "csv", "svg", "dot", "logits", "out", "to", "failure", "list", "markdown", "force",
+            "records",
+        ],
+    ),
 ];
 
 /// Options that stand elsewhere in some subcommand.
