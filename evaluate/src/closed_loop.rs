@@ -16,7 +16,6 @@
 //! loops with dead time"), and the rest of the error is to vanish in two pictures.
 
 mod line;
-mod plant;
 
 use std::f64::consts::TAU;
 
@@ -28,6 +27,7 @@ use meissner_pipeline::model::FrameModel;
 use meissner_pipeline::provenance::{Header, InputCard, ModelCard};
 use meissner_pipeline::run::ContactPredictor;
 use meissner_simulator::gel::GelSensor;
+use meissner_simulator::plants::{BallContact, BallOnGel, ball_depth_mm};
 use serde::Serialize;
 
 use crate::area::{Area, model};
@@ -37,7 +37,6 @@ use crate::pareto::pareto_front;
 use crate::trainings::{Candidate, Request, candidates};
 pub use line::Delays;
 use line::{Line, Timed};
-use plant::{Plant, Reading, depth_mm};
 
 /// What the controller is to reach.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
@@ -60,8 +59,8 @@ impl Goal {
 }
 
 /// Ends of the saw-tooth in newtons.
-const LEAST_N: f64 = 0.4;
-const MOST_N: f64 = 1.6;
+const MIN_N: f64 = 0.4;
+const MAX_N: f64 = 1.6;
 /// Time of a tooth in seconds.
 const PERIOD_S: f64 = 4.0;
 /// Time from one push of the marble to the next, in seconds.
@@ -77,7 +76,7 @@ const SETTLED_S: f64 = 1.0;
 /// Pictures in which an error is to vanish.
 const STEPS: f64 = 2.0;
 /// Greatest speeds of the ball into the gel, and of the contact along it, in millimetres a second.
-const MOST_MM_PER_S: [f64; 2] = [10.0, 20.0];
+const MAX_MM_PER_S: [f64; 2] = [10.0, 20.0];
 
 /// What is controlled, by which networks, and for how long.
 #[derive(Clone, Copy, Debug)]
@@ -237,7 +236,7 @@ fn drive(
     size: [usize; 2],
     mut network: Option<&mut ContactPredictor>,
 ) -> Result<Row, EvaluateError> {
-    let (mut plant, at_rest) = Plant::new(&plan.sensor, BALL_MM, size, plan.seed)?;
+    let (mut plant, at_rest) = BallOnGel::new(&plan.sensor, BALL_MM, size, plan.seed)?;
     if let Some(predictor) = &mut network {
         predictor.set_reference(&at_rest);
     }
@@ -311,7 +310,7 @@ fn drive(
 
 impl Goal {
     /// The goal at a time in seconds, and what is true in its place.
-    fn compared(self, truth: Reading, at_s: f64) -> (f64, f64) {
+    fn compared(self, truth: BallContact, at_s: f64) -> (f64, f64) {
         match self {
             Self::SawTooth => (saw_tooth(at_s), truth.force_n),
             Self::Marble => (0.0, truth.middle_mm.map_or(PUSHED_MM, |[x, y]| hypot(x, y))),
@@ -319,7 +318,7 @@ impl Goal {
     }
 
     /// How far a reading is from the truth; `None` where one of both has no contact to be compared.
-    fn missed(self, reading: Reading, truth: Reading) -> Option<f64> {
+    fn missed(self, reading: BallContact, truth: BallContact) -> Option<f64> {
         match self {
             Self::SawTooth => Some((reading.force_n - truth.force_n).abs()),
             Self::Marble => {
@@ -332,7 +331,7 @@ impl Goal {
 
 /// The force that is asked for at a time in seconds.
 fn saw_tooth(at_s: f64) -> f64 {
-    LEAST_N + (MOST_N - LEAST_N) * (at_s / PERIOD_S).fract()
+    MIN_N + (MAX_N - MIN_N) * (at_s / PERIOD_S).fract()
 }
 
 /// Turns readings into motions of the contact.
@@ -346,16 +345,16 @@ struct Controller {
 
 impl Controller {
     fn new(plan: &Plan<'_>, size: [usize; 2]) -> Result<Self, EvaluateError> {
-        let middle_n = f64::midpoint(LEAST_N, MOST_N);
-        let depth_mm = depth_mm(&GelSensor::default(), BALL_MM, size, middle_n)?;
+        let middle_n = f64::midpoint(MIN_N, MAX_N);
+        let depth_mm = ball_depth_mm(&GelSensor::default(), BALL_MM, size, middle_n)?;
         let reference_mm = depth_mm / two_thirds(middle_n);
         Ok(Self { goal: plan.goal, step_s: 1.0 / plan.rate_hz, reference_mm })
     }
 
     /// How far the contact is to move in the next step, deeper and along x and y, when `reading` is the newest one, the contact has
     /// been moved by `since` after its picture, and the step ends at `end_s`.
-    fn motion(&self, reading: Reading, since: [f64; 3], end_s: f64) -> [f64; 3] {
-        let [into, along] = MOST_MM_PER_S.map(|speed| speed * self.step_s);
+    fn motion(&self, reading: BallContact, since: [f64; 3], end_s: f64) -> [f64; 3] {
+        let [into, along] = MAX_MM_PER_S.map(|speed| speed * self.step_s);
         match (self.goal, reading.middle_mm) {
             (Goal::SawTooth, _) => {
                 let depth = |force_n: f64| self.reference_mm * two_thirds(force_n.max(0.0));
@@ -392,13 +391,13 @@ fn read(
     predictor: &mut ContactPredictor,
     rgb: &[u8],
     (pixel_mm, scale): (f64, f64),
-) -> Result<Reading, EvaluateError> {
+) -> Result<BallContact, EvaluateError> {
     let report = predictor.measure(rgb)?;
     let size = predictor.size();
     let from_middle = |at_px: f64, side: usize| (at_px - (side - 1) as f64 / 2.0) * pixel_mm;
     let middle_mm =
         report.centroid.map(|at| [from_middle(at.x_px, size.width), from_middle(at.y_px, size.height)]);
-    Ok(Reading { force_n: report.force_n * scale, middle_mm })
+    Ok(BallContact { force_n: report.force_n * scale, middle_mm })
 }
 
 #[cfg(test)]

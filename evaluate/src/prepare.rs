@@ -10,7 +10,6 @@ mod grasp;
 
 pub use dome::{DOME_KINDS, dome_presses};
 pub use filmed::{film_images, film_markers, with_causes};
-pub(crate) use gel::{DEEPEST, Drift, bytes};
 pub use gel::{GelPlan, Shapes, gel_presses};
 pub use grasp::grasps;
 

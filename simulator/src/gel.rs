@@ -29,6 +29,7 @@
 //! ```
 
 mod convolution;
+mod drift;
 mod indenters;
 mod kernel;
 mod lens;
@@ -38,11 +39,15 @@ mod sensor;
 
 use crate::error::SimulatorError;
 use convolution::Convolution;
+pub use drift::{Drift, picture_bytes};
 pub use indenters::{Indenter, LETTERS, Placed};
 pub use lens::Lens;
 pub use picture::{GelCamera, Light};
 pub use relaxation::Relaxation;
 pub use sensor::GelSensor;
+
+/// Greatest depth of an indenter, as a share of the gel's thickness: beyond it a linear gel is too soft.
+pub const MAX_DEPTH_SHARE: f64 = 0.3;
 
 /// Material and thickness of a gel. The default is a soft silicone of 4 mm.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -8,6 +8,7 @@
 //! tactile sensor. [`Press`] moves the markers of a soft dome, and [`DomeView`] is where its camera sees them; [`PressTable`] has its
 //! presses at real speed. [`gel`] presses indenters of any shape into a flat gel, and shows
 //! it under coloured lights. [`grasp`] has two fingers grasp a bolt in front of a camera, with the force along time.
+//! [`plants`] are what controllers move.
 //!
 //! ```
 //! use meissner_engine::Sensor;
@@ -32,6 +33,7 @@ pub mod gel;
 pub mod grasp;
 mod markers;
 mod membrane;
+pub mod plants;
 mod table;
 mod view;
 

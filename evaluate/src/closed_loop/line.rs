@@ -5,9 +5,8 @@
 use std::time::Duration;
 
 use meissner_models::random::Random;
+use meissner_simulator::plants::BallContact;
 use serde::Serialize;
-
-use super::plant::Reading;
 
 /// What happens to pictures and readings on their way.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
@@ -27,7 +26,7 @@ impl Default for Delays {
 }
 
 /// What a network says of a picture, and the time that it took.
-pub(super) type Estimate<'a, E> = dyn FnMut(&[u8]) -> Result<(Reading, Duration), E> + 'a;
+pub(super) type Estimate<'a, E> = dyn FnMut(&[u8]) -> Result<(BallContact, Duration), E> + 'a;
 
 /// A reading with its times in microseconds.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -38,7 +37,7 @@ pub(super) struct Timed {
     pub(super) ready_us: f64,
     /// How long the network took.
     pub(super) run_us: f64,
-    pub(super) reading: Reading,
+    pub(super) reading: BallContact,
 }
 
 /// Pictures on their way, and readings that came of them.
@@ -101,12 +100,12 @@ mod tests {
     use std::convert::Infallible;
     use std::time::Duration;
 
-    use super::{Delays, Line, Reading};
+    use super::{BallContact, Delays, Line};
 
     /// A network that takes a millisecond and says the first byte of a picture.
     #[expect(clippy::unnecessary_wraps, reason = "networks may fail")]
-    fn says(picture: &[u8]) -> Result<(Reading, Duration), Infallible> {
-        let reading = Reading { force_n: picture[0].into(), middle_mm: None };
+    fn says(picture: &[u8]) -> Result<(BallContact, Duration), Infallible> {
+        let reading = BallContact { force_n: picture[0].into(), middle_mm: None };
         Ok((reading, Duration::from_millis(1)))
     }
 

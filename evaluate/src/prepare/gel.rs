@@ -10,7 +10,9 @@ use meissner_models::TensorFile;
 use meissner_models::random::Random;
 use meissner_pipeline::text::grouped;
 use meissner_simulator::SimulatorError;
-use meissner_simulator::gel::{Contact, GelSensor, GelSolver, Indenter, LETTERS, Load, Placed};
+use meissner_simulator::gel::{
+    Contact, Drift, GelSensor, GelSolver, Indenter, LETTERS, Load, MAX_DEPTH_SHARE, Placed, picture_bytes,
+};
 use rayon::ThreadPool;
 use rayon::prelude::*;
 use serde_json::json;
@@ -48,13 +50,6 @@ pub struct GelPlan {
 
 /// Range of the greatest force of a press, in newtons.
 const FORCE_N: [f64; 2] = [0.2, 8.0];
-/// Greatest depth of an indenter, as a share of the gel's thickness: beyond it a linear gel is too soft.
-pub(crate) const DEEPEST: f64 = 0.3;
-/// Standard deviations of the drift of the light between the picture at rest and those of a press, in grey levels, for each term of a
-/// quadratic in the place from -1 to 1: those of the 20 real pictures that the lights are fitted to, away from their contacts, with equal
-/// values for terms of equal degree.
-const DRIFT: [f64; 6] = [12.0, 12.0, 12.0, 7.0, 7.0, 7.0];
-
 /// Pictures of the presses of `plan`.
 ///
 /// | tensor | type and shape | values |
@@ -134,7 +129,7 @@ fn press(plan: &GelPlan, i: usize) -> Result<Press, SimulatorError> {
         pictures: Vec::new(),
         forces: Vec::new(),
         depths: Vec::new(),
-        reference: bytes(&reference, plan.size, None),
+        reference: picture_bytes(&reference, plan.size, None),
         pixel_mm: (sensor.width_mm / plan.size[0] as f64) as f32,
         indenter: name,
     };
@@ -146,7 +141,7 @@ fn press(plan: &GelPlan, i: usize) -> Result<Press, SimulatorError> {
             solver.press(&heights, Load::Force(peak.force_n * rise * rise))?
         };
         let seen = sensor.camera.picture(&grid, &contact.displacement_mm, plan.size, Some(random))?;
-        press.pictures.extend(bytes(&seen, plan.size, Some(&drift)));
+        press.pictures.extend(picture_bytes(&seen, plan.size, Some(&drift)));
         let forces = sensor.camera.lens.forces(&grid, &contact.pressure_mpa, plan.size);
         press.forces.extend(forces.iter().map(|&force| force as f32));
         press.depths.push(contact.depth_mm as f32);
@@ -154,38 +149,9 @@ fn press(plan: &GelPlan, i: usize) -> Result<Press, SimulatorError> {
     Ok(press)
 }
 
-/// How the light of a sensor has changed since its picture at rest: a quadratic in the place, for each colour, in grey levels.
-pub(crate) struct Drift([[f64; 3]; 6]);
-
-impl Drift {
-    /// A change as large as those of the real sensor.
-    pub(crate) fn drawn(random: &mut Random) -> Self {
-        Self(DRIFT.map(|deviation| [(); 3].map(|()| deviation * normal(random))))
-    }
-
-    /// The change of red, green and blue at a place from -1 to 1.
-    fn at(&self, [u, v]: [f64; 2]) -> [f64; 3] {
-        let terms = [1.0, u, v, u * u, u * v, v * v];
-        [0, 1, 2].map(|channel| terms.iter().zip(&self.0).map(|(term, drift)| term * drift[channel]).sum())
-    }
-}
-
-/// The bytes of a picture of this width and height, from its grey levels, in a light that has drifted.
-pub(crate) fn bytes(levels: &[[f32; 3]], size: [usize; 2], drift: Option<&Drift>) -> Vec<u8> {
-    let [width, height] = size.map(|side| side as f64);
-    let pixels = levels.iter().enumerate().flat_map(|(pixel, level)| {
-        let (column, row) = ((pixel % size[0]) as f64, (pixel / size[0]) as f64);
-        let place = [2.0 * column / width - 1.0, 2.0 * row / height - 1.0];
-        let drifted = drift.map_or([0.0; 3], |drift| drift.at(place));
-        [0, 1, 2]
-            .map(|channel| (f64::from(level[channel]) + drifted[channel]).round().clamp(0.0, 255.0) as u8)
-    });
-    pixels.collect()
-}
-
-/// The contact at this force, or at [`DEEPEST`] where that comes first.
+/// The contact at this force, or at [`MAX_DEPTH_SHARE`] where that comes first.
 fn deepest(solver: &mut GelSolver, heights: &[f64], force_n: f64) -> Result<Contact, SimulatorError> {
-    let deepest_mm = DEEPEST * solver.gel().thickness_mm;
+    let deepest_mm = MAX_DEPTH_SHARE * solver.gel().thickness_mm;
     let contact = solver.press(heights, Load::Depth(deepest_mm))?;
     if contact.force_n <= force_n { Ok(contact) } else { solver.press(heights, Load::Force(force_n)) }
 }
@@ -240,9 +206,4 @@ fn indenter(shapes: Shapes, random: &mut Random) -> (Indenter, &'static str) {
 /// Uniform between both.
 fn between(random: &mut Random, [low, high]: [f64; 2]) -> f64 {
     low + random.uniform() * (high - low)
-}
-
-/// Roughly normal: the sum of twelve uniform values less six, whose variance is 1.
-fn normal(random: &mut Random) -> f64 {
-    (0..12).map(|_| random.uniform()).sum::<f64>() - 6.0
 }

@@ -1,17 +1,17 @@
-//! The loop over a recording: every event arrives, every cycle is counted, and nothing is allocated. Alone in its program, because
-//! allocations are those of all threads.
+//! The loop over a recording: every event arrives, every cycle is counted, and nothing is allocated. Alone in its
+//! program, because allocations are those of all threads.
 
 use std::alloc::System;
+use std::net::UdpSocket;
 use std::path::Path;
-use std::time::Duration;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread;
+use std::time::{Duration, Instant};
 
 use meissner::live::{Live, QueueOptions};
 use meissner::{Description, Engine, Weights, io};
-use meissner_controller::control::{Alone, Rhythm, run};
-use meissner_controller::feed::{Feed, Source};
-use meissner_controller::metered::{Meter, Metered};
-use meissner_controller::realtime::{now, sleep_until};
-use meissner_controller::timing::Timing;
+use meissner_controller::run;
+use meissner_simulator::plants::{FingertipState, Phase, WristTarget};
 use stats_alloc::{INSTRUMENTED_SYSTEM, Region, StatsAlloc};
 
 #[global_allocator]
@@ -25,34 +25,41 @@ fn the_loop_over_a_recording_takes_all_its_events_and_allocates_nothing() {
     let weights = Weights::shipped("tactigraph-past").expect("its weights");
     let network = description.network(&weights).expect("they fit");
     let engine = Engine::new(network, recording.sensor.expect("a sensor")).expect("room for its state");
+    let (mut input, mut live) = Live::spawn(engine, QueueOptions::new()).expect("a thread");
+    let [robot, fingertip] = [(); 2].map(|()| UdpSocket::bind("127.0.0.1:0").expect("a free port"));
+    robot.connect(fingertip.local_addr().expect("it is bound")).expect("an address");
+    // A wrist on which the targets have no effect: always in a hold, at rest.
+    let state = FingertipState { phase: Phase::Hold, ..FingertipState::default() };
+    fingertip.send_to(&state.bytes(), robot.local_addr().expect("it is bound")).expect("it is there");
 
-    let meter = Meter::default();
-    let (input, mut live) =
-        Live::spawn(Metered::new(engine, meter.clone()), QueueOptions::new()).expect("a thread");
-    let events = recording.events.len() as u64;
-    let ready = now() + Duration::from_millis(200);
-    let start = ready + Duration::from_millis(50);
-    let feed = Feed::start(Source::Recording(recording.events), input, start).expect("a thread");
-    let rhythm = Rhythm {
-        start,
-        period: Duration::from_millis(1),
-        deadline: Duration::from_micros(900),
-        most: u64::MAX,
-    };
-    let (mut timing, mut robot) = (Timing::default(), Alone::default());
-    sleep_until(ready);
-    let allocations = Region::new(ALLOCATOR);
-    run(&mut live, &meter, &feed, &mut robot, rhythm, &mut timing).expect("finite predictions");
-    let change = allocations.change();
-
+    let (events, ended) = (&recording.events, AtomicBool::new(false));
+    let start = Instant::now() + Duration::from_millis(250);
+    let (timing, change) = thread::scope(|scope| {
+        scope.spawn(|| {
+            for part in events.chunks(20) {
+                let due = start + Duration::from_micros(part[0].t_us.abs_diff(events[0].t_us));
+                thread::sleep(due.saturating_duration_since(Instant::now()));
+                input.push_slice(part).expect("the engine lives");
+            }
+            ended.store(true, Ordering::Release);
+        });
+        // The threads have started by then.
+        thread::sleep(Duration::from_millis(200));
+        let allocations = Region::new(ALLOCATOR);
+        let rhythm = [1000, 900].map(Duration::from_micros);
+        let timing = run(&mut live, &robot, &ended, rhythm, u64::MAX).expect("finite predictions");
+        (timing, allocations.change())
+    });
     assert_eq!(change.allocations + change.reallocations, 0);
-    assert_eq!(feed.end().expect("the engine lives").events, events);
+    let events = events.len() as u64;
     live.predict(Duration::MAX).expect("a finite prediction");
     assert_eq!((live.counters().delivered, live.counters().dropped()), (events, 0));
     let engine = live.close().expect("the engine's thread did not panic");
-    assert_eq!(engine.engine().counters().events.accepted, events);
-    assert_eq!((timing.cycles, timing.cycles), (timing.wake_ns.len(), timing.answer_ns.len()));
+    assert_eq!(engine.counters().events.accepted, events);
     // The press takes 0.31 s; the last cycle may come late.
-    assert!(timing.cycles > 200, "{}", timing.cycles);
-    assert!(meter.read() > Duration::ZERO && robot.wrist.angles() != [0.0, 0.0]);
+    assert!(timing.cycles > 200 && timing.late + timing.stale <= timing.cycles, "{timing:?}");
+    assert!(timing.max_answer > Duration::ZERO);
+    let mut bytes = [0; WristTarget::BYTES];
+    fingertip.recv(&mut bytes).expect("a target in each cycle");
+    assert_eq!(WristTarget::read(&bytes).expect("a target").cycle, 0);
 }

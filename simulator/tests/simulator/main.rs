@@ -7,4 +7,5 @@ mod markers;
 mod membrane;
 mod noise;
 mod picture;
+mod plants;
 mod table;

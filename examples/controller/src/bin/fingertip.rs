@@ -6,19 +6,16 @@
 use std::error::Error;
 use std::io::ErrorKind;
 use std::net::{SocketAddr, UdpSocket};
-use std::time::Duration;
+use std::thread;
+use std::time::{Duration, Instant};
 
 use clap::Parser;
 use meissner::Event;
 use meissner::io::record;
-use meissner_controller::datagrams::{TARGET_BYTES, Target};
-use meissner_controller::fingertip::{Fingertip, TICK_US, presses};
-use meissner_controller::realtime::{now, priority, raise, sleep_until};
-use meissner_controller::surface::Surface;
-use meissner_controller::tap::TAP_US;
+use meissner_simulator::plants::{Fingertip, Surface, TAP_US, TICK_US, WristTarget, presses};
 
-/// Most records in a datagram: 1,400 bytes are passed on in one piece.
-const RECORDS: usize = 87;
+/// Greatest number of records in a datagram: 1,400 bytes are passed on in one piece.
+const MAX_RECORDS: usize = 87;
 
 /// A simulated soft dome on a wrist, which taps a tilted plane every 0.8 s.
 ///
@@ -61,7 +58,7 @@ impl Link {
 
     /// Sends events. Nobody may listen.
     fn send(&mut self, events: &[Event]) {
-        for events in events.chunks(RECORDS) {
+        for events in events.chunks(MAX_RECORDS) {
             self.bytes.clear();
             events.iter().for_each(|&event| self.bytes.extend_from_slice(&record(event)));
             drop(self.events.send(&self.bytes));
@@ -69,13 +66,13 @@ impl Link {
     }
 
     /// The newest target since the call before.
-    fn target(&mut self) -> std::io::Result<Option<Target>> {
+    fn target(&mut self) -> std::io::Result<Option<WristTarget>> {
         let mut newest = None;
-        let mut bytes = [0; TARGET_BYTES + 1];
+        let mut bytes = [0; WristTarget::BYTES + 1];
         loop {
             match self.targets.recv_from(&mut bytes) {
                 Ok((length, from)) => {
-                    let Some(target) = Target::read(&bytes[..length]) else { continue };
+                    let Some(target) = WristTarget::read(&bytes[..length]) else { continue };
                     // Another controller begins to count anew.
                     let is_old = |(address, cycle)| address == from && cycle > target.cycle;
                     if !self.controller.is_some_and(is_old) {
@@ -101,16 +98,13 @@ fn main() -> Result<(), Box<dyn Error>> {
     let mut link = Link::new(&arguments)?;
     eprintln!("computing the presses of the dome");
     let mut tip = Fingertip::new(presses(), surface, arguments.seed)?;
-    if let Err(reason) = raise(priority::FINGERTIP) {
-        eprintln!("without a fixed priority ({reason}), a busy machine slows the fingertip down");
-    }
     let mut events = Vec::new();
     // The first tap begins when a controller is there.
     eprintln!("waiting for a controller at {}", arguments.targets);
     while link.target()?.is_none() {
-        std::thread::sleep(Duration::from_millis(1));
+        thread::sleep(Duration::from_millis(1));
     }
-    let (start, mut lag) = (now(), Duration::ZERO);
+    let (start, mut lag) = (Instant::now(), Duration::ZERO);
     let tick = Duration::from_micros(TICK_US.unsigned_abs());
     println!(" tap  plane, wrist (roll, pitch in degrees)   error");
     for number in 0..i64::from(arguments.taps) * TAP_US / TICK_US {
@@ -121,8 +115,8 @@ fn main() -> Result<(), Box<dyn Error>> {
         }
         let due = start + tick * (number as u32 + 1);
         // What is decided is filmed while there is time.
-        while now() < due && tip.film_ahead()? {}
-        sleep_until(due);
+        while Instant::now() < due && tip.film_ahead()? {}
+        thread::sleep(due.saturating_duration_since(Instant::now()));
         if let Some(target) = link.target()? {
             tip.aim(target.angles);
         }
@@ -133,7 +127,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         if let Some((address, _)) = link.controller {
             drop(link.targets.send_to(&tip.state().bytes(), address));
         }
-        lag = lag.max(now().saturating_sub(due));
+        lag = lag.max(due.elapsed());
     }
     // The end of the events.
     drop(link.events.send(&[]));

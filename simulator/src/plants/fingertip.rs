@@ -2,24 +2,28 @@
 //!
 //! Enters: time, targets of the wrist. Leaves: events in order of time, and the fingertip's state. Equal input gives equal events.
 //!
-//! The wrist turns between two contacts only: the model of the dome has no turn of the plane during a press. What the camera sees in a tap
-//! is thus decided when the tap begins, a tenth of a second before the contact, and can be filmed ahead of real time.
+//! The wrist turns between two contacts only: the model of the dome has no turn of the plane during a press.
+//! What the camera sees in a tap is thus decided when the tap begins, a tenth of a second before the contact,
+//! and can be filmed ahead of real time.
 
 use std::sync::Arc;
 
-use meissner::{Event, Sensor};
-use meissner_simulator::{
-    Camera, CameraSettings, Dome, DomeView, MarkerScene, PressTable, SimulatedEvent, SimulatorError, Vector,
-};
+use meissner_engine::{Event, Sensor};
 
-use crate::datagrams::State;
-use crate::surface::Surface;
-use crate::tap::{DEPTH_MM, Phase, TAP_US, depth_mm};
-use crate::wrist::Wrist;
-use crate::{Angles, tilt};
+use super::datagrams::FingertipState;
+use super::surface::Surface;
+use super::tap::{DEPTH_MM, Phase, TAP_US, depth_mm};
+use super::wrist::Wrist;
+use super::{Angles, tilt};
+use crate::camera::{Camera, CameraSettings, SimulatedEvent};
+use crate::error::SimulatorError;
+use crate::markers::MarkerScene;
+use crate::membrane::{Dome, Vector};
+use crate::table::PressTable;
+use crate::view::DomeView;
 
 /// The camera's sensor, as in the training of `tactigraph-past`.
-pub const SENSOR: Sensor = Sensor { width: 346, height: 260 };
+pub const FINGERTIP_SENSOR: Sensor = Sensor { width: 346, height: 260 };
 
 /// Time between two turns of the wrist, in microseconds.
 pub const TICK_US: i64 = 1000;
@@ -69,12 +73,12 @@ impl Fingertip {
         // Those of the training, which agree with a real stream (docs/simulated-touch.md).
         let scene = MarkerScene::default();
         let mut film = Film {
-            view: DomeView::new(&Dome::default(), SENSOR),
+            view: DomeView::new(&Dome::default(), FINGERTIP_SENSOR),
             scene,
-            camera: Camera::new(SENSOR, CameraSettings::tactile(), seed)?,
+            camera: Camera::new(FINGERTIP_SENSOR, CameraSettings::tactile(), seed)?,
             markers: Vec::with_capacity(table.count()),
             places: Vec::with_capacity(table.count()),
-            image: vec![0.0; usize::from(SENSOR.width) * usize::from(SENSOR.height)],
+            image: vec![0.0; usize::from(FINGERTIP_SENSOR.width) * usize::from(FINGERTIP_SENSOR.height)],
             filmed_us: 0,
             events: Vec::new(),
             table,
@@ -128,8 +132,8 @@ impl Fingertip {
     }
 
     /// What it knows of itself.
-    pub fn state(&self) -> State {
-        State {
+    pub fn state(&self) -> FingertipState {
+        FingertipState {
             t_us: self.now_us,
             depth_mm: depth_mm(self.now_us),
             wrist: self.wrist.angles(),
@@ -168,7 +172,7 @@ impl Film {
         self.table.markers(tilt(contact), azimuth, depth_mm(t_us), &mut self.markers);
         self.places.clear();
         self.places.extend(self.markers.iter().map(|&marker| self.view.place(marker)));
-        self.scene.draw(SENSOR, &self.places, &mut self.image);
+        self.scene.draw(FINGERTIP_SENSOR, &self.places, &mut self.image);
         self.camera.push(t_us, &self.image, &mut self.events)?;
         self.filmed_us = t_us;
         Ok(())

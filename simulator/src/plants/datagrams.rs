@@ -1,7 +1,8 @@
 //! What fingertip and controller tell each other, beside the events.
 //!
-//! Events go to the controller as records of 16 bytes ([`meissner::io::record`]). The controller sends its target once in each cycle to
-//! the fingertip, which answers to where the newest target came from, once in each millisecond. Least significant byte first:
+//! Events go to the controller as records of 16 bytes (`meissner_io::record`). The controller sends its
+//! target once in each cycle to the fingertip, which answers to where the newest target came from, once in
+//! each millisecond. Least significant byte first:
 //!
 //! | bytes | target, 24 bytes | | bytes | state, 40 bytes |
 //! |---|---|---|---|---|
@@ -11,17 +12,12 @@
 //! | | | | 32-35 | phase, u32: 0 approach, 1 press, 2 hold, 3 lift, 4 free |
 //! | | | | 36-39 | number of the tap, u32 |
 
-use crate::Angles;
-use crate::tap::Phase;
-
-/// Bytes of a [`Target`].
-pub const TARGET_BYTES: usize = 24;
-/// Bytes of a [`State`].
-pub const STATE_BYTES: usize = 40;
+use super::Angles;
+use super::tap::Phase;
 
 /// Where the wrist should point.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Target {
+pub struct WristTarget {
     /// Number of the controller's cycle.
     pub cycle: u64,
     /// Roll and pitch in radians.
@@ -30,7 +26,7 @@ pub struct Target {
 
 /// What the fingertip knows of itself. The plane is not among it.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct State {
+pub struct FingertipState {
     /// Time in microseconds, on the clock of the events.
     pub t_us: i64,
     /// Depth of the dome in millimetres.
@@ -43,16 +39,19 @@ pub struct State {
     pub tap: u32,
 }
 
-impl Default for State {
+impl Default for FingertipState {
     fn default() -> Self {
         Self { t_us: 0, depth_mm: 0.0, wrist: [0.0; 2], phase: Phase::Approach, tap: 0 }
     }
 }
 
-impl Target {
+impl WristTarget {
+    /// Bytes of a datagram.
+    pub const BYTES: usize = 24;
+
     /// Its bytes.
-    pub fn bytes(&self) -> [u8; TARGET_BYTES] {
-        let mut bytes = [0; TARGET_BYTES];
+    pub fn bytes(&self) -> [u8; Self::BYTES] {
+        let mut bytes = [0; WristTarget::BYTES];
         bytes[..8].copy_from_slice(&self.cycle.to_le_bytes());
         for (place, angle) in bytes[8..].chunks_exact_mut(8).zip(self.angles) {
             place.copy_from_slice(&angle.to_le_bytes());
@@ -62,15 +61,18 @@ impl Target {
 
     /// The target in `bytes`; `None` for another length.
     pub fn read(bytes: &[u8]) -> Option<Self> {
-        let bytes: &[u8; TARGET_BYTES] = bytes.try_into().ok()?;
+        let bytes: &[u8; Self::BYTES] = bytes.try_into().ok()?;
         Some(Self { cycle: u64::from_le_bytes(part(bytes, 0)), angles: [8, 16].map(|at| float(bytes, at)) })
     }
 }
 
-impl State {
+impl FingertipState {
+    /// Bytes of a datagram.
+    pub const BYTES: usize = 40;
+
     /// Its bytes.
-    pub fn bytes(&self) -> [u8; STATE_BYTES] {
-        let mut bytes = [0; STATE_BYTES];
+    pub fn bytes(&self) -> [u8; Self::BYTES] {
+        let mut bytes = [0; FingertipState::BYTES];
         bytes[..8].copy_from_slice(&self.t_us.to_le_bytes());
         let floats = [self.depth_mm, self.wrist[0], self.wrist[1]];
         for (place, value) in bytes[8..32].chunks_exact_mut(8).zip(floats) {
@@ -83,7 +85,7 @@ impl State {
 
     /// The state in `bytes`; `None` for another length or an unknown phase.
     pub fn read(bytes: &[u8]) -> Option<Self> {
-        let bytes: &[u8; STATE_BYTES] = bytes.try_into().ok()?;
+        let bytes: &[u8; Self::BYTES] = bytes.try_into().ok()?;
         Some(Self {
             t_us: i64::from_le_bytes(part(bytes, 0)),
             depth_mm: float(bytes, 8),
@@ -100,21 +102,4 @@ fn float(bytes: &[u8], at: usize) -> f64 {
 
 fn part<const N: usize>(bytes: &[u8], at: usize) -> [u8; N] {
     bytes[at..at + N].try_into().expect("the length is N")
-}
-
-#[cfg(test)]
-mod tests {
-    use super::{State, Target};
-    use crate::tap::Phase;
-
-    #[test]
-    fn datagrams_are_read_as_they_were_written_and_others_are_refused() {
-        let target = Target { cycle: 7, angles: [0.25, -0.5] };
-        assert_eq!(Target::read(&target.bytes()), Some(target));
-        let state = State { t_us: -3, depth_mm: 1.5, wrist: [0.125, 2.0], phase: Phase::Lift, tap: 9 };
-        assert_eq!(State::read(&state.bytes()), Some(state));
-        let mut bytes = state.bytes();
-        bytes[32] = 5;
-        assert_eq!((State::read(&bytes), State::read(&bytes[1..]), Target::read(&bytes)), (None, None, None));
-    }
 }

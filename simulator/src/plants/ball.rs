@@ -1,26 +1,31 @@
-//! A ball on a simulated sensor, which a controller moves.
+//! A ball on a gel under a camera, which a controller moves.
+//!
+//! Enters: motions of the ball. Leaves: pictures, and what is true. Equal motions and an equal seed give
+//! equal pictures.
 
 use meissner_models::random::Random;
-use meissner_simulator::SimulatorError;
-use meissner_simulator::gel::{Contact, GelSensor, GelSolver, Grid, Indenter, Load, Placed};
 
-use crate::prepare::{DEEPEST, Drift, bytes};
+use crate::error::SimulatorError;
+use crate::gel::{
+    Contact, Drift, GelSensor, GelSolver, Grid, Indenter, Load, MAX_DEPTH_SHARE, Placed, picture_bytes,
+};
 
 /// Pixels of the picture for each one of the grid that contacts are solved on, along a side: a ball is smooth.
 const COARSENESS: usize = 4;
 /// The ball stays within this share of the surface around its middle, along each side.
 const WITHIN: f64 = 0.6;
 
-/// What is true, or what a network says of a picture.
+/// A contact: what is true, or what a network says of a picture.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(super) struct Reading {
-    pub(super) force_n: f64,
+pub struct BallContact {
+    /// The force in newtons.
+    pub force_n: f64,
     /// The middle of the contact from the middle of the picture, in millimetres; `None` without contact.
-    pub(super) middle_mm: Option<[f64; 2]>,
+    pub middle_mm: Option<[f64; 2]>,
 }
 
 /// A ball on a gel under a camera.
-pub(super) struct Plant {
+pub struct BallOnGel {
     sensor: GelSensor,
     solver: GelSolver,
     ball_mm: f64,
@@ -33,9 +38,13 @@ pub(super) struct Plant {
     contact: Option<Contact>,
 }
 
-impl Plant {
-    /// A ball of radius `ball_mm` that touches the sensor in its middle, and the sensor's picture at rest.
-    pub(super) fn new(
+impl BallOnGel {
+    /// A ball of radius `ball_mm` that touches the sensor in its middle, and the sensor's picture at rest,
+    /// of this width and height.
+    ///
+    /// # Errors
+    /// As [`GelSolver::new`].
+    pub fn new(
         sensor: &GelSensor,
         ball_mm: f64,
         size: [usize; 2],
@@ -48,21 +57,22 @@ impl Plant {
         let solver = GelSolver::new(sensor.gel, grid)?;
         let (depth_mm, at_mm, contact) = (0.0, [0.0; 2], None);
         let plant = Self { sensor: *sensor, solver, ball_mm, size, drift, random, depth_mm, at_mm, contact };
-        Ok((plant, bytes(&at_rest, size, None)))
+        Ok((plant, picture_bytes(&at_rest, size, None)))
     }
 
-    /// Moves the ball, as far as the surface and its greatest depth allow. Returns how far it went: deeper, then along x and y.
+    /// Moves the ball, as far as the surface and its greatest depth allow. Returns how far it went in
+    /// millimetres: deeper, then along x and y.
     ///
     /// # Errors
     /// As [`GelSolver::press`].
-    pub(super) fn move_by(&mut self, [deeper_mm, x_mm, y_mm]: [f64; 3]) -> Result<[f64; 3], SimulatorError> {
+    pub fn move_by(&mut self, [deeper_mm, x_mm, y_mm]: [f64; 3]) -> Result<[f64; 3], SimulatorError> {
         let grid = self.solver.grid();
-        let deepest_mm = DEEPEST * self.sensor.gel.thickness_mm;
+        let deepest_mm = MAX_DEPTH_SHARE * self.sensor.gel.thickness_mm;
         let depth_mm = (self.depth_mm + deeper_mm).clamp(-deepest_mm, deepest_mm);
-        let most = [grid.width, grid.height].map(|side| side as f64 * grid.pitch_mm * WITHIN / 2.0);
+        let reach = [grid.width, grid.height].map(|side| side as f64 * grid.pitch_mm * WITHIN / 2.0);
         let at_mm = [
-            (self.at_mm[0] + x_mm).clamp(-most[0], most[0]),
-            (self.at_mm[1] + y_mm).clamp(-most[1], most[1]),
+            (self.at_mm[0] + x_mm).clamp(-reach[0], reach[0]),
+            (self.at_mm[1] + y_mm).clamp(-reach[1], reach[1]),
         ];
         let moved = [depth_mm - self.depth_mm, at_mm[0] - self.at_mm[0], at_mm[1] - self.at_mm[1]];
         (self.depth_mm, self.at_mm) = (depth_mm, at_mm);
@@ -76,16 +86,16 @@ impl Plant {
     }
 
     /// What is true now.
-    pub(super) fn truth(&self) -> Reading {
-        let Some(contact) = &self.contact else { return Reading::default() };
-        Reading { force_n: contact.force_n, middle_mm: (contact.force_n > 0.0).then_some(self.at_mm) }
+    pub fn truth(&self) -> BallContact {
+        let Some(contact) = &self.contact else { return BallContact::default() };
+        BallContact { force_n: contact.force_n, middle_mm: (contact.force_n > 0.0).then_some(self.at_mm) }
     }
 
     /// What the camera sees now: red, green and blue of each pixel, row by row.
     ///
     /// # Errors
     /// None for a plant that was made.
-    pub(super) fn picture(&mut self) -> Result<Vec<u8>, SimulatorError> {
+    pub fn picture(&mut self) -> Result<Vec<u8>, SimulatorError> {
         let grid = self.solver.grid();
         let flat;
         let displacement_mm = if let Some(contact) = &self.contact {
@@ -95,7 +105,7 @@ impl Plant {
             &flat
         };
         let levels = self.sensor.camera.picture(&grid, displacement_mm, self.size, Some(&mut self.random))?;
-        Ok(bytes(&levels, self.size, Some(&self.drift)))
+        Ok(picture_bytes(&levels, self.size, Some(&self.drift)))
     }
 }
 
@@ -103,7 +113,7 @@ impl Plant {
 ///
 /// # Errors
 /// As [`GelSolver::press`].
-pub(super) fn depth_mm(
+pub fn ball_depth_mm(
     sensor: &GelSensor,
     ball_mm: f64,
     size: [usize; 2],
