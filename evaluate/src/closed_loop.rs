@@ -1,19 +1,24 @@
-//! Control by touch: a simulated sensor, a network on its pictures, and a controller that moves what touches it.
+//! Control by touch: a simulated sensor, a network on its pictures, and a controller that moves
+//! what touches it.
 //!
-//! Enters: networks, a goal, and what may be wrong between camera and controller. Leaves: a [`Report`] with the error of the
-//! controlled quantity beside the run time of the network, for each network and variation, and for a controller that knows the truth.
+//! Enters: networks, a goal, and what may be wrong between camera and controller. Leaves: a
+//! [`Report`] with the error of the controlled quantity beside the run time of the network, for
+//! each network and variation, and for a controller that knows the truth.
 //!
-//! The loop runs in simulated time, a step for each picture. A network that takes a millisecond on this machine delays its reading by
-//! a millisecond of the loop, so a slow network misses pictures. Run times differ from run to run; everything else is determined by
-//! the seed.
+//! The loop runs in simulated time, a step for each picture. A network that takes a millisecond on
+//! this machine delays its reading by a millisecond of the loop, so a slow network misses pictures.
+//! Run times differ from run to run; everything else is determined by the seed.
 //!
-//! Force: a ball is pressed so that its force follows a saw-tooth. The controller takes the force for that of Hertz (Johnson 1985, "Contact
-//! Mechanics", Eq. 4.23), depth = reference * force^(2/3), and knows the reference depth of the default gel. Marble: the ball lies
-//! under the sensor at constant depth, is pushed away every two seconds, and shall lie in the middle. When the sensor moves, the marble
-//! rolls, and the contact moves by half as much in the other direction.
+//! Force: a ball is pressed so that its force follows a saw-tooth. The controller takes the force
+//! for that of Hertz (Johnson 1985, "Contact Mechanics", Eq. 4.23), depth = reference *
+//! force^(2/3), and knows the reference depth of the default gel. Marble: the ball lies under the
+//! sensor at constant depth, is pushed away every two seconds, and shall lie in the middle. When
+//! the sensor moves, the marble rolls, and the contact moves by half as much in the other
+//! direction.
 //!
-//! What a reading says is brought up to date by the motion since its picture, which the controller knows (Smith 1957, "Closer control of
-//! loops with dead time"), and the rest of the error is to vanish in two pictures.
+//! What a reading says is brought up to date by the motion since its picture, which the controller
+//! knows (Smith 1957, "Closer control of loops with dead time"), and the rest of the error is to
+//! vanish in two pictures.
 
 mod line;
 
@@ -144,11 +149,14 @@ pub struct Row {
     pub error: f64,
     /// Root of the mean square distance.
     pub rms: f64,
-    /// Mean distance of readings from what was true when their pictures were taken; `None` without readings.
+    /// Mean distance of readings from what was true when their pictures were taken; `None` without
+    /// readings.
     pub reading_error: Option<f64>,
-    /// Median run time of the network for a picture in microseconds, as the loop saw it; `None` without readings.
+    /// Median run time of the network for a picture in microseconds, as the loop saw it; `None`
+    /// without readings.
     pub run_us: Option<f64>,
-    /// Mean age of the newest reading when the controller moves, in microseconds; `None` without readings.
+    /// Mean age of the newest reading when the controller moves, in microseconds; `None` without
+    /// readings.
     pub age_us: Option<f64>,
     /// Pictures that were taken.
     pub pictures: u64,
@@ -158,17 +166,20 @@ pub struct Row {
     pub pictures_lost: u64,
     /// Whether no other loop has both a smaller run time and a smaller error.
     pub on_front: bool,
-    /// At each picture: time in seconds, the goal, and the truth. For a marble, the distance from the middle.
+    /// At each picture: time in seconds, the goal, and the truth. For a marble, the distance from
+    /// the middle.
     #[serde(skip)]
     pub trace: Vec<(f64, f64, f64)>,
 }
 
 /// Runs the loops of `plan`, one after the other, so that none slows another.
 ///
-/// Complexity: a contact and a picture for each step, and a run of the network for each picture that it takes.
+/// Complexity: a contact and a picture for each step, and a run of the network for each picture
+/// that it takes.
 ///
 /// # Errors
-/// A network cannot be read or runs on other frames; the plan has no time, no pictures, or a share of lost pictures that is none.
+/// A network cannot be read or runs on other frames; the plan has no time, no pictures, or a share
+/// of lost pictures that is none.
 pub fn run(plan: &Plan<'_>) -> Result<Report, EvaluateError> {
     check(plan)?;
     let (candidates, notes) = candidates::<Area>(plan.request)?;
@@ -351,8 +362,9 @@ impl Controller {
         Ok(Self { goal: plan.goal, step_s: 1.0 / plan.rate_hz, reference_mm })
     }
 
-    /// How far the contact is to move in the next step, deeper and along x and y, when `reading` is the newest one, the contact has
-    /// been moved by `since` after its picture, and the step ends at `end_s`.
+    /// How far the contact is to move in the next step, deeper and along x and y, when `reading` is
+    /// the newest one, the contact has been moved by `since` after its picture, and the step ends
+    /// at `end_s`.
     fn motion(&self, reading: BallContact, since: [f64; 3], end_s: f64) -> [f64; 3] {
         let [into, along] = MAX_MM_PER_S.map(|speed| speed * self.step_s);
         match (self.goal, reading.middle_mm) {
@@ -379,7 +391,8 @@ fn two_thirds(x: f64) -> f64 {
     root * root
 }
 
-/// Width of a pixel of the sensor, and the factor from forces on pixels of the network's own size to forces on these.
+/// Width of a pixel of the sensor, and the factor from forces on pixels of the network's own size
+/// to forces on these.
 fn scale(sensor: &GelSensor, predictor: &ContactPredictor) -> (f64, f64) {
     let (own_mm, pixel_mm) =
         (predictor.pixel().sides_mm()[0], sensor.width_mm / predictor.size().width as f64);

@@ -1,7 +1,7 @@
 //! The plants of closed loops: what a controller moves, as a sensor sees it.
 //!
-//! Enters: what the controller does, and time. Leaves: what the sensor sees, and what is true, to judge the
-//! controller by. Equal input and an equal seed give equal output.
+//! Enters: what the controller does, and time. Leaves: what the sensor sees, and what is true, to
+//! judge the controller by. Equal input and an equal seed give equal output.
 //!
 //! | plant | moved by | seen by |
 //! |---|---|---|
@@ -22,8 +22,8 @@ pub use surface::{COURSE, Surface};
 pub use tap::{DEPTH_MM, Phase, TAP_US, depth_mm};
 pub use wrist::Wrist;
 
-/// Angles about x and y in radians: roll and pitch. They are small, so they are added and subtracted like
-/// vectors.
+/// Angles about x and y in radians: roll and pitch. They are small, so they are added and
+/// subtracted like vectors.
 pub type Angles = [f64; 2];
 
 /// The size of `angles` together: the tilt, in radians.

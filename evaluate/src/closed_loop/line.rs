@@ -1,6 +1,7 @@
 //! A network between a camera and a controller, in the time of the simulation.
 //!
-//! The network takes one picture at a time. A picture that comes while it is busy waits, in place of the one that waited before.
+//! The network takes one picture at a time. A picture that comes while it is busy waits, in place
+//! of the one that waited before.
 
 use std::time::Duration;
 

@@ -1,5 +1,5 @@
-//! A control loop of 1 kHz over live predictions: the wrist of a fingertip is turned until its dome stands
-//! upright on a plane. `src/bin/controller.rs` starts its threads.
+//! A control loop of 1 kHz over live predictions: the wrist of a fingertip is turned until its dome
+//! stands upright on a plane. `src/bin/controller.rs` starts its threads.
 #![forbid(unsafe_code)]
 #![deny(clippy::print_stdout, clippy::print_stderr)]
 
@@ -21,8 +21,9 @@ pub type Failure = Box<dyn Error + Send + Sync>;
 /// Share of the predicted angle by which the wrist is turned: below 1, single errors are averaged.
 pub const GAIN: f64 = 0.8;
 
-/// The law of levelling: the target of the wrist in radians; `None` if the target stays. While a press is
-/// held, the wrist is braked, and the prediction is the angle by which the dome must still be turned.
+/// The law of levelling: the target of the wrist in radians; `None` if the target stays. While a
+/// press is held, the wrist is braked, and the prediction is the angle by which the dome must still
+/// be turned.
 pub fn level(state: &FingertipState, predicted: &[f32]) -> Option<Angles> {
     let (Phase::Hold, &[roll, pitch]) = (state.phase, predicted) else { return None };
     Some([state.wrist[0] + GAIN * f64::from(roll), state.wrist[1] + GAIN * f64::from(pitch)])
@@ -58,7 +59,8 @@ pub fn feed(socket: &UdpSocket, input: &mut Input, ended: &AtomicBool) -> Result
 pub struct Timing {
     /// Cycles.
     pub cycles: u64,
-    /// Deadlines missed because the operating system woke the loop after half of the time to the deadline.
+    /// Deadlines missed because the operating system woke the loop after half of the time to the
+    /// deadline.
     pub late: u64,
     /// Deadlines by which no prediction of every event was at hand.
     pub stale: u64,
@@ -68,8 +70,8 @@ pub struct Timing {
     pub max_answer: Duration,
 }
 
-/// Runs cycles until `ended`, or the last of `cycles`: the newest state of the fingertip at the other end of
-/// `robot`, a prediction by the deadline, a target. Nothing is allocated.
+/// Runs cycles until `ended`, or the last of `cycles`: the newest state of the fingertip at the
+/// other end of `robot`, a prediction by the deadline, a target. Nothing is allocated.
 ///
 /// # Errors
 /// A prediction fails, or the socket does.

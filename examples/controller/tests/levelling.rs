@@ -28,8 +28,9 @@ fn engine() -> Engine {
     Engine::new(Arc::clone(&NETWORK), FINGERTIP_SENSOR).expect("room for its state")
 }
 
-/// A processor in simulated time: an engine that takes so many events in a millisecond, behind a queue for so
-/// many, from which the oldest make room. It is what `Live` does, without clocks and threads.
+/// A processor in simulated time: an engine that takes so many events in a millisecond, behind a
+/// queue for so many, from which the oldest make room. It is what `Live` does, without clocks and
+/// threads.
 struct Processor {
     engine: Engine,
     queue: VecDeque<Event>,
@@ -53,8 +54,8 @@ impl Processor {
     }
 }
 
-/// The angle at the contact of each tap in degrees, the greatest number of events that waited in a hold, and the
-/// number of those that were dropped.
+/// The angle at the contact of each tap in degrees, the greatest number of events that waited in a
+/// hold, and the number of those that were dropped.
 #[derive(Debug)]
 struct Levelled {
     at_contact: Vec<f64>,
@@ -63,7 +64,8 @@ struct Levelled {
 }
 
 impl Levelled {
-    /// Mean over the contacts for which the law is to blame: all but the first, and the first after each jump.
+    /// Mean over the contacts for which the law is to blame: all but the first, and the first after
+    /// each jump.
     fn mean(&self) -> f64 {
         let jumps = COURSE.map(|(tap, _)| tap as usize);
         let taps = self.at_contact.iter().enumerate().filter(|(tap, _)| !jumps[..3].contains(tap));
@@ -114,8 +116,8 @@ fn the_dome_is_brought_upright_from_any_side() {
 
 #[test]
 fn events_that_wait_or_are_dropped_make_levelling_worse() {
-    // The figures of the README. A few taps on one plane do not tell: there, exact and stale predictions err about
-    // alike, and the order changes with the weights and the plane.
+    // The figures of the README. A few taps on one plane do not tell: there, exact and stale
+    // predictions err about alike, and the order changes with the weights and the plane.
     let [exact, stale, drops] = [EXACT, STALE, DROPS].map(|case| levelled(Surface::Course, 1, case, 24));
     assert!(stale.waiting > 5_000 && stale.dropped == 0, "{} {}", stale.waiting, stale.dropped);
     assert!(drops.waiting <= DROPS[1] && drops.dropped > 10_000, "{} {}", drops.waiting, drops.dropped);

@@ -1,5 +1,5 @@
-//! The loop over a recording: every event arrives, every cycle is counted, and nothing is allocated. Alone in its
-//! program, because allocations are those of all threads.
+//! The loop over a recording: every event arrives, every cycle is counted, and nothing is
+//! allocated. Alone in its program, because allocations are those of all threads.
 
 use std::alloc::System;
 use std::net::UdpSocket;

@@ -1,22 +1,20 @@
 //! Whether a record accounts for every event, and has the bits of a single process.
 //!
-//! An engine in this process is given the events that the record says were accepted, and predicts where the record has a prediction. After a
-//! restart of the inference node, the record goes back to the event that the restored state ends with; so does this engine.
+//! An engine in this process ([`Replay`]) is given the events that the record says were accepted,
+//! and predicts where the record has a prediction.
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 use clap::Args;
-use meissner::live::Predictor;
 use meissner::{Event, Sensor};
-use meissner_pipeline::PipelineError;
+use meissner_packets::{AnyNetwork, Gap, Replay};
 use serde::Serialize;
 
-use crate::engine::{Engine, Network};
-use crate::message::{Loss, PredictionHeader};
+use crate::message::PredictionHeader;
 use crate::node::Failure;
 use crate::record::{Line, read};
-use crate::stream::StreamOptions;
+use crate::source::StreamOptions;
 
 /// Options of the check.
 #[derive(Clone, Debug, Args)]
@@ -57,9 +55,10 @@ pub(crate) struct Found {
 /// Checks the record, and prints what was found.
 ///
 /// # Errors
-/// An event is neither predicted on nor counted as dropped, a count is wrong, or a prediction has other bits.
+/// An event is neither predicted on nor counted as dropped, a count is wrong, or a prediction has
+/// other bits.
 pub(crate) fn run(options: &CheckOptions) -> Result<String, Failure> {
-    let network = Network::named(&options.network, options.weights.as_deref())?;
+    let network = AnyNetwork::named(&options.network, options.weights.as_deref())?;
     let (sensor, events) = options.stream.recorded()?;
     let found = check(&read(&options.record)?, &network, sensor, &events)?;
     Ok(serde_json::to_string(&found).expect("counts are written without errors"))
@@ -68,13 +67,13 @@ pub(crate) fn run(options: &CheckOptions) -> Result<String, Failure> {
 /// What the inference node said of a sensor, in the order in which it did.
 enum Said<'a> {
     Prediction(&'a PredictionHeader, &'a [f32]),
-    Loss(&'a Loss),
+    Loss(Gap),
 }
 
 /// Checks the lines of a record of sources that each sent `events` of `sensor`.
 pub(crate) fn check(
     lines: &[Line],
-    network: &Network,
+    network: &AnyNetwork,
     sensor: Sensor,
     events: &[Event],
 ) -> Result<Found, Failure> {
@@ -93,7 +92,7 @@ pub(crate) fn check(
 
 fn check_lines(
     lines: &[Line],
-    network: &Network,
+    network: &AnyNetwork,
     sensor: Sensor,
     events: &[Event],
 ) -> Result<Found, Failure> {
@@ -108,8 +107,9 @@ fn check_lines(
                 of_sensor.push(((header.boot, header.order), Said::Prediction(header, values)));
                 lives.push(header.boot);
             }
-            Line::Loss { sensor, stream, boot, order, loss } => {
-                said.entry((sensor, *stream)).or_default().push(((*boot, *order), Said::Loss(loss)));
+            Line::Loss { header, boot, gap } => {
+                let of_sensor = said.entry((&header.sensor, header.stream)).or_default();
+                of_sensor.push(((*boot, header.order), Said::Loss(*gap)));
             }
             Line::Counters { counters, .. } => {
                 told.extend(counters.iter().map(|c| ((&*c.sensor, &*c.name, &*c.reason), c.value)));
@@ -131,17 +131,20 @@ fn check_lines(
     for ((name, stream), mut said) in said {
         said.sort_by_key(|&(place, _)| place);
         let wrong = |what: String| Failure::Check(format!("{name}: {what}"));
-        let mut judge = Judge::new(network, sensor, events)?;
+        let mut replay = Replay::new(network, sensor, events)?;
         for (_, said) in said {
             match said {
-                Said::Loss(loss) => judge.lose(loss)?,
+                Said::Loss(gap) => replay.lose(gap)?,
                 Said::Prediction(header, values) => {
-                    judge.predict(header, values).map_err(wrong)?;
+                    let (place, state) =
+                        ((header.next, header.accepted), (values, header.t_us, header.nodes));
+                    replay.compare(place, state).map_err(wrong)?;
                     found.predictions += 1;
                 }
             }
         }
-        // A source that was restarted has several streams. How much of the earlier ones it sent is not known.
+        // A source that was restarted has several streams. How much of the earlier ones it sent is
+        // not known.
         if streams.iter().any(|&(other, later)| other == name && later > stream) {
             continue;
         }
@@ -149,10 +152,10 @@ fn check_lines(
         let count = |what: &str, reason: &str| told.get(&(name, what, reason)).copied();
         let sent =
             count("events_sent", "").ok_or_else(|| wrong("the source has told no count".to_owned()))?;
-        let accepted = judge.end(sent).map_err(wrong)?;
+        let accepted = replay.end(sent).map_err(wrong)?;
         let mut dropped = BTreeMap::new();
-        for loss in &judge.losses {
-            *dropped.entry(loss.reason.clone()).or_default() += loss.until - loss.from;
+        for gap in replay.gaps() {
+            *dropped.entry(gap.reason.name().to_owned()).or_default() += gap.until - gap.from;
         }
         let of_node = (count("events_known", ""), count("events_accepted", ""));
         if of_node != (Some(sent), Some(accepted)) {
@@ -173,100 +176,6 @@ fn check_lines(
         dropped.into_iter().for_each(|(reason, count)| *found.dropped.entry(reason).or_default() += count);
     }
     Ok(found)
-}
-
-/// The single process that a sensor's predictions are compared with.
-struct Judge<'a> {
-    network: &'a Network,
-    sensor: Sensor,
-    events: &'a [Event],
-    engine: Engine,
-    /// Number of the next event.
-    next: u64,
-    /// In order, without overlaps.
-    losses: Vec<Loss>,
-}
-
-impl<'a> Judge<'a> {
-    fn new(network: &'a Network, sensor: Sensor, events: &'a [Event]) -> Result<Self, PipelineError> {
-        let engine = network.engine(sensor)?;
-        Ok(Self { network, sensor, events, engine, next: 0, losses: Vec::new() })
-    }
-
-    /// Takes a loss. One that begins before what is known is that of a restored node, which knows nothing after the state that it restored.
-    fn lose(&mut self, loss: &Loss) -> Result<(), PipelineError> {
-        self.losses.retain(|known| known.from < loss.from);
-        if let Some(last) = self.losses.last_mut() {
-            last.until = last.until.min(loss.from);
-        }
-        if loss.from < self.next {
-            self.engine = self.network.engine(self.sensor)?;
-            self.next = 0;
-            self.advance(loss.from);
-        }
-        self.losses.push(loss.clone());
-        Ok(())
-    }
-
-    /// Events that were lost before the event of this number.
-    fn lost_before(&self, next: u64) -> u64 {
-        let losses = self.losses.iter().filter(|loss| loss.from < next);
-        losses.map(|loss| loss.until.min(next) - loss.from).sum()
-    }
-
-    /// Gives the engine the accepted events before the event of this number.
-    fn advance(&mut self, next: u64) {
-        for number in self.next..next {
-            let place = self.losses.partition_point(|loss| loss.until <= number);
-            if self.losses.get(place).is_none_or(|loss| number < loss.from) {
-                self.engine.push(self.events[number as usize]);
-            }
-        }
-        self.next = self.next.max(next);
-    }
-
-    /// Compares a prediction with that of the engine.
-    fn predict(&mut self, header: &PredictionHeader, values: &[f32]) -> Result<(), String> {
-        let PredictionHeader { next, accepted, .. } = *header;
-        let most = self.events.len() as u64;
-        if next < self.next || next > most {
-            return Err(format!("expected a prediction up to event {} to {most}, got {next}", self.next));
-        }
-        self.advance(next);
-        let expected = next - self.lost_before(next);
-        if accepted != expected {
-            return Err(format!("up to event {next}: expected {expected} accepted events, got {accepted}"));
-        }
-        let own = self.engine.predict().map_err(|error| error.to_string())?;
-        let bits = |values: &[f32]| values.iter().map(|value| value.to_bits()).collect::<Vec<_>>();
-        let (is_equal, t_us, nodes) = (bits(own.values) == bits(values), own.t_us, own.nodes as u64);
-        if (true, t_us, nodes) != (is_equal, header.t_us, header.nodes) {
-            let [own, found] = [own.values, values].map(|values| format!("{values:?}"));
-            return Err(format!(
-                "up to event {next}: expected {own} of {nodes} events at {t_us:?}, got {found} of {} at {:?}",
-                header.nodes, header.t_us
-            ));
-        }
-        Ok(())
-    }
-
-    /// Whether every one of `sent` events is predicted on or lost; the number of those that were accepted.
-    fn end(&self, sent: u64) -> Result<u64, String> {
-        let mut covered = self.next;
-        for loss in &self.losses {
-            if loss.from > covered {
-                return Err(format!(
-                    "events {covered} to {} are neither predicted on nor dropped",
-                    loss.from
-                ));
-            }
-            covered = covered.max(loss.until);
-        }
-        if covered != sent || sent > self.events.len() as u64 {
-            return Err(format!("expected {sent} events, of {}, got {covered}", self.events.len()));
-        }
-        Ok(sent - self.lost_before(sent))
-    }
 }
 
 #[cfg(test)]

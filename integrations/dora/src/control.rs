@@ -1,17 +1,19 @@
-//! The controller: in each cycle, the newest prediction of each sensor by a deadline, and a command from it.
+//! The controller: in each cycle, the newest prediction of each sensor by a deadline, and a command
+//! from it.
 //!
-//! A cycle waits for predictions until its deadline, or until every known sensor has a new one. A sensor whose prediction is new gets a command
-//! of the [law](crate::law). One whose newest prediction is of events older than the limit gets a command that turns nothing, so that what it
-//! moves stops; between the two, the command of a cycle without news turns nothing either, since its prediction was already acted on.
+//! A cycle waits for predictions until its deadline, or until every known sensor has a new one. A
+//! sensor whose prediction is new gets a command of the [`Law`]. One whose newest prediction is of
+//! events older than the limit gets a command that turns nothing, so that what it moves stops;
+//! between the two, the command of a cycle without news turns nothing either, since its prediction
+//! was already acted on.
 
 use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 
 use clap::Args;
-use dora_node_api::Parameter;
+use meissner_packets::now_ns;
 
-use crate::law::Law;
-use crate::message::{Counter, PredictionHeader, counters_array, metadata, now_ns, read_values, turn_array};
+use crate::message::{CommandHeader, Counter, PredictionHeader, read, read_values, texts_array, turn_array};
 use crate::node::{Failure, Inputs, Outputs, start};
 
 /// Options of the controller.
@@ -32,6 +34,31 @@ pub(crate) struct ControlOptions {
     /// Milliseconds after which events are too old to act on
     #[arg(long, value_name = "MS", default_value_t = 100)]
     oldest_ms: u64,
+}
+
+/// The law: from predicted angles to a turn.
+///
+/// A network for contact angles predicts by which roll and pitch the touched plane is tilted.
+/// Turning the fingertip by that levels it. The law turns by a share of the prediction, so that
+/// errors of single predictions are averaged, and by no more than a limit in one command.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Law {
+    /// Share of the predicted angle, for each command.
+    gain: f64,
+    /// Largest turn of a command in radians, in each direction.
+    limit: f64,
+}
+
+impl Law {
+    /// The turn in radians about x and y for a prediction of roll and pitch in radians. Without two
+    /// finite values there is no turn.
+    fn turn(&self, predicted: &[f32]) -> [f64; 2] {
+        let turn = |angle: f32| (self.gain * f64::from(angle)).clamp(-self.limit, self.limit);
+        match *predicted {
+            [roll, pitch] if roll.is_finite() && pitch.is_finite() => [turn(roll), turn(pitch)],
+            _ => [0.0; 2],
+        }
+    }
 }
 
 /// What the controller knows of a sensor.
@@ -90,9 +117,8 @@ fn wait(
             return;
         }
         for message in inputs.take(until - now) {
-            let read = PredictionHeader::read(&message.metadata)
-                .and_then(|header| Ok((header, read_values(&message.data)?)));
-            match read {
+            let read = read::<PredictionHeader>(&message.metadata);
+            match read.and_then(|header| Ok((header, read_values(&message.data)?))) {
                 Ok((header, values)) => {
                     let known = known.entry(header.sensor).or_default();
                     known.newest = Some((header.events_sent_ns, values));
@@ -117,12 +143,8 @@ fn command(
     let is_old = u128::try_from(age_ns).is_ok_and(|age| age > oldest.as_nanos());
     let fresh = std::mem::take(&mut known.is_new) && !is_old;
     known.cycles[if is_old { 2 } else { usize::from(!fresh) }] += 1;
-    let entries = metadata([
-        ("sensor", Parameter::String(sensor.to_owned())),
-        ("fresh", Parameter::Bool(fresh)),
-        ("age_ns", Parameter::Integer(age_ns)),
-    ]);
-    outputs.send("commands", entries, turn_array(if fresh { law.turn(values) } else { [0.0; 2] }))
+    let header = CommandHeader { sensor: sensor.to_owned(), fresh, age_ns };
+    outputs.send("commands", &header, turn_array(if fresh { law.turn(values) } else { [0.0; 2] }))
 }
 
 fn tell(outputs: &mut Outputs, known: &BTreeMap<String, Known>) -> Result<(), Failure> {
@@ -133,5 +155,20 @@ fn tell(outputs: &mut Outputs, known: &BTreeMap<String, Known>) -> Result<(), Fa
         counts.map(counter).collect::<Vec<_>>()
     };
     let counters: Vec<_> = known.iter().flat_map(cycles).collect();
-    outputs.send("counters", metadata([]), counters_array(&counters))
+    outputs.send("counters", &(), texts_array(&counters))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::Law;
+
+    #[test]
+    fn a_turn_is_a_share_of_the_prediction_within_the_limit_and_what_is_no_pair_of_angles_turns_nothing() {
+        let law = Law { gain: 0.5, limit: 0.1 };
+        assert_eq!(law.turn(&[0.125, -0.0625]), [0.0625, -0.03125]);
+        assert_eq!(law.turn(&[7.0, -7.0]), [0.1, -0.1]);
+        for predicted in [&[][..], &[0.1], &[0.1, 0.1, 0.1], &[f32::NAN, 0.1], &[0.1, f32::INFINITY]] {
+            assert_eq!(law.turn(predicted), [0.0; 2]);
+        }
+    }
 }

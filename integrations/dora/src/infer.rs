@@ -1,23 +1,19 @@
 //! The inference node: events of any number of sensors in, predictions, losses and counts out.
 //!
-//! Each input is a sensor. In each round the node takes every message that has arrived, then asks the engines of all sensors with news for a
-//! prediction, before it waits for the first answer. So a slow machine makes fewer predictions, of more events each.
+//! Each input is a sensor. In each round the node takes every message that has arrived, then asks
+//! the engines of all sensors with news for a prediction, before it waits for the first answer. So
+//! a slow machine makes fewer predictions, of more events each.
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
-use std::sync::mpsc::{Receiver, Sender, channel};
-use std::thread;
 use std::time::{Duration, Instant};
 
 use clap::Args;
-use dora_node_api::Parameter;
 use meissner::Event;
+use meissner_packets::{AnyNetwork, Gap, LiveOptions, LiveSensor, PacketError, Reason, StateWriter, now_ns};
 
-use crate::engine::Network;
-use crate::lane::{self, Lane, LaneError, LaneOptions};
 use crate::message::{
-    Counter, EventsHeader, Loss, PredictionHeader, counters_array, loss_array, metadata, now_ns, read_events,
-    values_array,
+    Counter, EventsHeader, LossHeader, PredictionHeader, Stamp, read, read_events, texts_array, values_array,
 };
 use crate::node::{Failure, Inputs, Message, Outputs, start};
 
@@ -39,7 +35,8 @@ pub(crate) struct InferOptions {
     /// Milliseconds between two predictions of a sensor; 0 predicts whenever there is news
     #[arg(long, value_name = "MS", default_value_t = 0)]
     every_ms: u64,
-    /// Most events of a sensor that wait for its engine; a message that does not fit is dropped and counted
+    /// Most events of a sensor that wait for its engine; a message that does not fit is dropped and
+    /// counted
     #[arg(long, value_name = "EVENTS", default_value_t = 65_536)]
     capacity: usize,
     /// Folder where the state of each sensor's engine is kept, from which a restarted node goes on
@@ -62,15 +59,15 @@ pub(crate) fn run(options: &InferOptions) -> Result<(), Failure> {
         std::fs::create_dir_all(folder)
             .map_err(|source| Failure::File { path: folder.display().to_string(), source })?;
     }
-    let lanes = LaneOptions {
-        network: Network::named(&options.network, options.weights.as_deref())?,
+    let sensors = LiveOptions {
+        network: AnyNetwork::named(&options.network, options.weights.as_deref())?,
         capacity: options.capacity,
         every: Duration::from_millis(options.every_ms),
         states: options.state.clone().map(|folder| (folder, Duration::from_millis(options.save_ms))),
     };
     let (outputs, mut inputs) = start()?;
     let deadline = Duration::from_millis(options.deadline_ms);
-    let mut node = Inference::new(outputs, lanes);
+    let mut node = Inference::new(outputs, sensors);
     let every = Duration::from_millis(options.counters_ms);
     let mut told = Instant::now();
     while !inputs.have_ended() {
@@ -89,53 +86,36 @@ pub(crate) fn run(options: &InferOptions) -> Result<(), Failure> {
     node.end()
 }
 
-/// The node with its lanes, by input.
+/// The node with its sensors, by input.
 struct Inference {
     outputs: Outputs,
-    options: LaneOptions,
-    lanes: BTreeMap<String, Lane>,
-    /// Messages that queues dropped before the input had a lane.
+    options: LiveOptions,
+    sensors: BTreeMap<String, LiveSensor>,
+    /// Messages that queues dropped before the input had a sensor.
     dropped: BTreeMap<String, u64>,
     /// Messages that could not be placed, by input.
     refused: BTreeMap<String, u64>,
     /// Messages sent, on any output.
     order: u64,
     events: Vec<Event>,
-    saver: Sender<(PathBuf, Vec<u8>)>,
-    failed: Receiver<LaneError>,
-    saving: thread::JoinHandle<()>,
+    writer: StateWriter,
+}
+
+/// An engine of `sensor` cannot go on.
+fn failed(sensor: &str) -> impl Fn(PacketError) -> Failure {
+    move |source| Failure::Sensor { sensor: sensor.to_owned(), source: source.into() }
 }
 
 impl Inference {
-    fn new(outputs: Outputs, options: LaneOptions) -> Self {
-        let (saver, states) = channel::<(PathBuf, Vec<u8>)>();
-        let (failing, failed) = channel();
-        // A disk may take longer than a prediction.
-        let saving = thread::spawn(move || {
-            for (path, state) in states {
-                // Nobody reads why any more if the node has ended.
-                let _ = lane::write(&path, &state).map_err(|error| failing.send(error));
-            }
-        });
-        let (lanes, dropped, refused) = Default::default();
-        Self {
-            outputs,
-            options,
-            lanes,
-            dropped,
-            refused,
-            order: 0,
-            events: Vec::new(),
-            saver,
-            failed,
-            saving,
-        }
+    fn new(outputs: Outputs, options: LiveOptions) -> Self {
+        let (sensors, dropped, refused, events, writer) = Default::default();
+        Self { outputs, options, sensors, dropped, refused, order: 0, events, writer }
     }
 
     fn note_dropped(&mut self, inputs: &mut Inputs) {
         for (input, count) in inputs.dropped() {
-            match self.lanes.get_mut(&input) {
-                Some(lane) => lane.dropped(count),
+            match self.sensors.get_mut(&input) {
+                Some(sensor) => sensor.dropped(count),
                 None => *self.dropped.entry(input).or_default() += count,
             }
         }
@@ -144,42 +124,47 @@ impl Inference {
     /// Takes a message of events.
     fn take(&mut self, message: &Message, deadline: Duration) -> Result<(), Failure> {
         let input = &message.input;
-        let header = match EventsHeader::read(&message.metadata) {
-            Ok(header) => header,
+        let headers = read::<Stamp>(&message.metadata)
+            .and_then(|stamp| Ok((stamp, read::<EventsHeader>(&message.metadata)?)));
+        let (stamp, header) = match headers {
+            Ok(headers) => headers,
             Err(error) => {
                 self.refuse(input, &error.to_string());
                 return Ok(());
             }
         };
-        let failed = |source: LaneError| Failure::Lane { sensor: input.clone(), source: source.into() };
-        if let Some(lane) = self.lanes.get(input).filter(|lane| lane.is_other(&header)) {
-            if header.boot <= lane.stream() {
-                // Of a life of the source that has ended, or of a sensor that changed its size in one life.
+        let geometry = header.sensor();
+        if let Some(sensor) = self.sensors.get(input).filter(|sensor| sensor.is_other(stamp.boot, geometry)) {
+            if stamp.boot <= sensor.stream() {
+                // Of a life of the source that has ended, or of a sensor that changed its size in
+                // one life.
                 self.refuse(input, "a message of another life of the source");
                 return Ok(());
             }
             // What the old life sent is predicted on before it is forgotten.
             self.predict(deadline.max(AT_THE_END), true)?;
-            self.lanes.remove(input).map_or(Ok(()), Lane::close).map_err(failed)?;
+            self.sensors.remove(input).map_or(Ok(()), LiveSensor::close).map_err(failed(input))?;
         }
-        if !self.lanes.contains_key(input) {
-            let (mut lane, refused) = Lane::start(input, &header, &self.options).map_err(failed)?;
-            lane.dropped(self.dropped.remove(input).unwrap_or(0));
-            self.lanes.insert(input.clone(), lane);
+        if !self.sensors.contains_key(input) {
+            let started = LiveSensor::start(input, stamp.boot, geometry, &self.options);
+            let (mut sensor, refused) = started.map_err(failed(input))?;
+            sensor.dropped(self.dropped.remove(input).unwrap_or(0));
+            self.sensors.insert(input.clone(), sensor);
             if let Some(error) = refused {
                 self.outputs.warn(&format!("{input}: the state is not used: {error}"));
             }
         }
-        let Some(lane) = self.lanes.get_mut(input) else { return Ok(()) };
+        let Some(sensor) = self.sensors.get_mut(input) else { return Ok(()) };
         self.events.clear();
-        let read = read_events(&message.data, &mut self.events);
-        let events = read.is_ok().then_some(&self.events[..]);
-        let losses = lane.take(&header, events, message.data.len(), message.received_ns);
-        let losses: Vec<Loss> = losses.map_err(failed)?.collect();
-        if let Err(error) = read {
+        let events = read_events(&message.data, &mut self.events);
+        let place = (stamp.number, header.first, message.data.len());
+        let times_ns = [stamp.sent_ns, message.received_ns];
+        let gaps = sensor.take(place, events.is_ok().then_some(&self.events[..]), times_ns);
+        let gaps: Vec<Gap> = gaps.map_err(failed(input))?.collect();
+        if let Err(error) = events {
             self.refuse(input, &error.to_string());
         }
-        losses.iter().try_for_each(|loss| self.lose(input, header.boot, loss))
+        gaps.into_iter().try_for_each(|gap| self.lose(input, stamp.boot, gap))
     }
 
     /// Counts a message that is none.
@@ -192,38 +177,32 @@ impl Inference {
         }
     }
 
-    fn order(&mut self) -> u64 {
+    fn lose(&mut self, sensor: &str, stream: i64, gap: Gap) -> Result<(), Failure> {
+        let header = LossHeader { sensor: sensor.to_owned(), stream, order: self.order };
         self.order += 1;
-        self.order - 1
-    }
-
-    fn lose(&mut self, sensor: &str, stream: i64, loss: &Loss) -> Result<(), Failure> {
-        let entries = metadata([
-            ("sensor", Parameter::String(sensor.to_owned())),
-            ("stream", Parameter::Integer(stream)),
-            ("order", Parameter::Integer(self.order() as i64)),
-        ]);
-        self.outputs.send("losses", entries, loss_array(loss))
+        self.outputs.send("losses", &header, texts_array(&[gap]))
     }
 
     /// Time until the first prediction is due.
     fn until_due(&self) -> Duration {
-        self.lanes.values().map(Lane::until_due).min().unwrap_or(Duration::MAX)
+        self.sensors.values().map(LiveSensor::until_due).min().unwrap_or(Duration::MAX)
     }
 
-    /// Sends a prediction of each sensor for which one is due; with `at_once`, of each sensor with news.
+    /// Sends a prediction of each sensor for which one is due; with `at_once`, of each sensor with
+    /// news.
     fn predict(&mut self, deadline: Duration, at_once: bool) -> Result<(), Failure> {
-        let is_due = |lane: &Lane| if at_once { lane.has_news() } else { lane.until_due().is_zero() };
-        let due = self.lanes.values_mut().filter(|lane| is_due(lane));
-        let asked: Vec<_> = due.map(|lane| (lane.ask(deadline), lane)).collect();
-        for (asked, lane) in asked {
-            let (sensor, stream) = (lane.sensor().to_owned(), lane.stream());
-            let answer = lane.answer(&asked, deadline);
-            let failed = |source: LaneError| Failure::Lane { sensor: sensor.clone(), source: source.into() };
-            let Some(predicted) = answer.map_err(failed)? else { continue };
+        let is_due = |sensor: &LiveSensor| {
+            if at_once { sensor.has_news() } else { sensor.until_due().is_zero() }
+        };
+        let due = self.sensors.values_mut().filter(|sensor| is_due(sensor));
+        let asked: Vec<_> = due.map(|sensor| (sensor.ask(deadline), sensor)).collect();
+        for (asked, sensor) in asked {
+            let (name, stream) = (sensor.name().to_owned(), sensor.stream());
+            let answer = sensor.answer(&asked, deadline).map_err(failed(&name))?;
+            let Some(predicted) = answer else { continue };
             let place = predicted.place;
             let header = PredictionHeader {
-                sensor,
+                sensor: name,
                 stream,
                 boot: self.outputs.boot(),
                 number: 0,
@@ -238,43 +217,49 @@ impl Inference {
                 sent_ns: now_ns(),
             };
             self.order += 1;
-            self.outputs.send("predictions", header.metadata(), values_array(predicted.values))?;
+            self.outputs.send("predictions", &header, values_array(predicted.values))?;
         }
         Ok(())
     }
 
     /// Has the newest states written.
     fn keep(&mut self) {
-        for lane in self.lanes.values_mut() {
-            if let Some(state) = lane.collect() {
-                // The thread ends with the node.
-                let _ = self.saver.send(state);
-            }
-        }
-        for error in self.failed.try_iter() {
+        self.sensors.values_mut().filter_map(LiveSensor::collect).for_each(|state| self.writer.write(state));
+        for error in self.writer.failures() {
             self.outputs.warn(&format!("a state is not kept: {error}"));
         }
     }
 
     /// Sends the counts.
     fn tell(&mut self) -> Result<(), Failure> {
-        let mut counters: Vec<_> = self.lanes.values().flat_map(Lane::counters).collect();
+        let mut all: Vec<_> = self.sensors.values().flat_map(counters).collect();
         let refused = self.refused.iter();
-        counters.extend(refused.map(|(input, &count)| Counter::new(input, "messages_refused", count)));
-        self.outputs.send("counters", metadata([]), counters_array(&counters))
+        all.extend(refused.map(|(input, &count)| Counter::new(input, "messages_refused", count)));
+        self.outputs.send("counters", &(), texts_array(&all))
     }
 
     /// Predicts on what is left, sends the last counts and writes the states.
     fn end(mut self) -> Result<(), Failure> {
         self.predict(AT_THE_END, true)?;
         self.tell()?;
-        let Self { lanes, saver, saving, .. } = self;
-        drop(saver);
-        // It has not panicked, or has said so.
-        let _ = saving.join();
-        for (sensor, lane) in lanes {
-            lane.close().map_err(|source| Failure::Lane { sensor, source: source.into() })?;
-        }
-        Ok(())
+        self.writer.close();
+        self.sensors.into_iter().try_for_each(|(name, sensor)| sensor.close().map_err(failed(&name)))
     }
+}
+
+/// Counts of a sensor since the start of its source.
+pub(crate) fn counters(sensor: &LiveSensor) -> Vec<Counter> {
+    let ((predictions, ignored), coverage, name) = (sensor.counts(), sensor.coverage(), sensor.name());
+    let mut counters = vec![
+        Counter::new(name, "events_known", coverage.next),
+        Counter::new(name, "events_accepted", coverage.accepted),
+        Counter::new(name, "messages_late", coverage.late),
+        Counter::new(name, "predictions", predictions),
+    ];
+    let dropped = Reason::ALL.into_iter().map(Reason::name).zip(coverage.lost.map(|lost| lost.events));
+    // Of the accepted events, those that the engine has no use for.
+    let ignored = ignored.into_iter().map(|(reason, count)| ("events_ignored", reason.name(), count));
+    let by_reason = dropped.map(|(reason, count)| ("events_dropped", reason, count)).chain(ignored);
+    counters.extend(by_reason.map(|(what, reason, count)| Counter::with_reason(name, what, reason, count)));
+    counters
 }

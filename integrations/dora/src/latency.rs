@@ -2,9 +2,10 @@
 
 use std::fmt::Write;
 use std::path::PathBuf;
+use std::time::Duration;
 
 use clap::Args;
-use hdrhistogram::Histogram;
+use meissner_pipeline::latency::Latency;
 
 use crate::node::Failure;
 use crate::record::{Line, read};
@@ -16,34 +17,31 @@ pub(crate) struct LatencyOptions {
     record: PathBuf,
 }
 
-/// Hops, in their order.
-const HOPS: [&str; 4] = ["source -> inference", "inference", "inference -> recorder", "all"];
-
-/// Longest time that is told from others, in nanoseconds: ten minutes.
-const LONGEST: u64 = 600_000_000_000;
+/// Hops with their ends, in their order.
+const HOPS: [(&str, usize, usize); 4] =
+    [("source -> inference", 0, 1), ("inference", 1, 2), ("inference -> recorder", 2, 3), ("all", 0, 3)];
 
 /// A table of the latencies in a record.
 ///
 /// # Errors
 /// It cannot be read.
 pub(crate) fn run(options: &LatencyOptions) -> Result<String, Failure> {
-    let empty = || Histogram::<u64>::new_with_bounds(1, LONGEST, 3).expect("the bounds are valid");
-    let mut hops = HOPS.map(|_| empty());
+    let (mut hops, mut predictions) = (HOPS.map(|_| Latency::new()), 0);
     for line in read(&options.record)? {
         let Line::Prediction { header, recorded_ns, .. } = line else { continue };
+        predictions += 1;
         let times = [header.events_sent_ns, header.events_received_ns, header.sent_ns, recorded_ns];
-        let ends = [(0, 1), (1, 2), (2, 3), (0, 3)];
-        for (hop, (from, to)) in hops.iter_mut().zip(ends) {
+        for (hop, (_, from, to)) in hops.iter_mut().zip(HOPS) {
             // A clock that was set back between the two makes no time negative.
-            hop.saturating_record((times[to] - times[from]).max(1) as u64);
+            hop.record(Duration::from_nanos((times[to] - times[from]).max(1) as u64));
         }
     }
     let mut table =
-        format!("| hop, {} predictions | p50 us | p99 us | largest us |\n|---|---|---|---|\n", hops[0].len());
-    for (name, hop) in HOPS.iter().zip(&hops) {
-        let us = |ns: u64| ns / 1000;
-        let (p50, p99) = (us(hop.value_at_quantile(0.5)), us(hop.value_at_quantile(0.99)));
-        writeln!(table, "| {name} | {p50} | {p99} | {} |", us(hop.max())).expect("a string takes everything");
+        format!("| hop, {predictions} predictions | p50 us | p99 us | largest us |\n|---|---|---|---|\n");
+    for ((name, ..), hop) in HOPS.iter().zip(&hops) {
+        let [p50, p99, largest] = hop.quantiles().map_or([0.0; 3], |found| [found.p50, found.p99, found.max]);
+        writeln!(table, "| {name} | {p50:.0} | {p99:.0} | {largest:.0} |")
+            .expect("a string takes everything");
     }
     Ok(table)
 }

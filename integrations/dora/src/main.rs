@@ -1,4 +1,5 @@
-//! Nodes of dora dataflows: events from sensors, inference with Meissner, control, records and metrics.
+//! Nodes of dora dataflows: events from sensors, inference with Meissner, control, records and
+//! metrics.
 //!
 //! ```text
 //! source --events--> infer --predictions--> control --commands--> record
@@ -10,38 +11,30 @@
 //! |---|---|
 //! | [`message`] | what the nodes send each other, as Arrow arrays |
 //! | [`node`] | numbered messages out and in |
-//! | [`source`], [`stream`] | events of a recording or a stream, when they are due |
-//! | [`infer`], [`lane`], [`engine`], [`coverage`], [`kept`] | networks and engines; which events they were given; states that a restarted node goes on from |
-//! | [`control`], [`law`] | commands by a deadline |
-//! | [`record`], [`metrics`], [`http`] | what was said, in a file and for Prometheus |
+//! | [`source`] | events of a recording or a stream, when they are due |
+//! | [`infer`] | an engine for each input: `meissner_packets`, between dora's inputs and outputs |
+//! | [`control`] | commands by a deadline |
+//! | [`record`], [`metrics`] | what was said, in a file and for Prometheus |
 //! | [`check`], [`latency`] | a record against a single process; how long hops took |
 //!
-//! Invariant: every event that a source sent is covered by a prediction or counted as dropped with a reason, and a prediction has the bits of an
-//! engine in one process that was given the same events.
+//! Invariant: every event that a source sent is covered by a prediction or counted as dropped with
+//! a reason, and a prediction has the bits of an engine in one process that was given the same
+//! events.
 
 mod check;
 mod control;
-mod coverage;
-mod engine;
-#[cfg(test)]
-mod harness;
-mod http;
 mod infer;
-mod kept;
-mod lane;
 mod latency;
-mod law;
 mod message;
 mod metrics;
 mod node;
 mod record;
 mod source;
-mod stream;
 
-use std::error::Error;
 use std::process::ExitCode;
 
 use clap::Parser;
+use meissner_pipeline::error::chain;
 
 /// Nodes of dora dataflows, and what to do with their records
 #[derive(Parser)]
@@ -76,15 +69,4 @@ fn main() -> ExitCode {
     let Err(error) = done else { return ExitCode::SUCCESS };
     eprintln!("error: {}", chain(&error));
     ExitCode::FAILURE
-}
-
-/// An error with its causes.
-fn chain(error: &dyn Error) -> String {
-    let mut text = error.to_string();
-    let mut source = error.source();
-    while let Some(error) = source {
-        text = format!("{text}: {error}");
-        source = error.source();
-    }
-    text
 }

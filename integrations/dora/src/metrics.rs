@@ -1,23 +1,28 @@
-//! The metrics node: counts and latencies of the other nodes, in Prometheus's text format over HTTP.
+//! The metrics node: counts and latencies of the other nodes, in Prometheus's text format over
+//! HTTP.
+//!
+//! One request at a time, of a bounded length and time; whatever else is asked than `GET /metrics`
+//! is answered with 404.
 
-use std::sync::atomic::{AtomicU64, Ordering};
+use std::collections::BTreeMap;
+use std::fmt::Write as _;
+use std::io::{self, Read, Write as _};
+use std::net::{SocketAddr, TcpListener, TcpStream};
 use std::sync::{Arc, Mutex, PoisonError};
-use std::time::Duration;
+use std::thread;
+use std::time::{Duration, Instant};
 
 use clap::Args;
-use prometheus_client::encoding::EncodeLabelSet;
-use prometheus_client::encoding::text::encode;
-use prometheus_client::metrics::counter::Counter as Total;
-use prometheus_client::metrics::family::Family;
-use prometheus_client::metrics::histogram::{Histogram, exponential_buckets};
-use prometheus_client::registry::{Registry, Unit};
 
-use crate::http;
-use crate::message::{Counter, MessageError, PredictionHeader, read_counters};
+use crate::message::{Counter, MessageError, PredictionHeader, read, read_texts};
 use crate::node::{Failure, Message, start};
 
 /// Longest wait for a message.
 const NAP: Duration = Duration::from_millis(100);
+/// Greatest number of bytes of a request.
+const MAX_REQUEST: usize = 8192;
+/// Longest wait for a part of a request, or for the reader of an answer.
+const PATIENCE: Duration = Duration::from_secs(1);
 
 /// Options of the metrics node.
 #[derive(Clone, Debug, Args)]
@@ -27,28 +32,8 @@ pub(crate) struct MetricsOptions {
     listen: String,
 }
 
-#[derive(Clone, Debug, PartialEq, Eq, Hash, EncodeLabelSet)]
-struct OfSensor {
-    sensor: String,
-}
-
-#[derive(Clone, Debug, PartialEq, Eq, Hash, EncodeLabelSet)]
-struct OfReason {
-    sensor: String,
-    reason: String,
-}
-
-#[derive(Clone, Debug, PartialEq, Eq, Hash, EncodeLabelSet)]
-struct OfHop {
-    sensor: String,
-    hop: &'static str,
-}
-
-type Totals<L> = Family<L, Total<u64, AtomicU64>>;
-type Latencies = Family<OfHop, Histogram, fn() -> Histogram>;
-
-/// Counts by sensor, with their help. A count of another name has no metric.
-const BY_SENSOR: [(&str, &str); 7] = [
+/// Counts with their help. A count of another name has no metric.
+const COUNTS: [(&str, &str); 11] = [
     ("events_sent", "Events that the source has sent"),
     ("messages_sent", "Messages that the source has sent"),
     ("events_known", "Events that the inference node has received or knows to be lost"),
@@ -56,82 +41,93 @@ const BY_SENSOR: [(&str, &str); 7] = [
     ("messages_late", "Messages whose events had been counted as lost, or came twice"),
     ("messages_refused", "Messages that are no events of this sensor"),
     ("predictions", "Predictions that were sent"),
-];
-
-/// Counts by sensor and reason.
-const BY_REASON: [(&str, &str); 3] = [
     ("events_dropped", "Events that no engine has seen, by reason"),
     ("events_ignored", "Events that the engine was given and has no use for, by reason"),
     ("control_cycles", "Cycles of the controller, by what they had"),
+    ("messages_missed", "Messages that did not reach the metrics node, by input and reason"),
 ];
 
-/// The metrics, and where they are registered.
+/// Upper bounds of the latencies' buckets: from 50 microseconds, each twice the one before, to 1.6
+/// seconds.
+const BUCKETS: usize = 16;
+
+/// Latencies of a hop: counts by bucket, the last for longer ones, and the sum in seconds.
+#[derive(Clone, Copy, Debug, Default)]
+struct Hop {
+    counts: [u64; BUCKETS + 1],
+    sum: f64,
+}
+
+/// What was told so far.
+#[derive(Debug, Default)]
 struct Metrics {
-    registry: Registry,
-    by_sensor: [(&'static str, Totals<OfSensor>); BY_SENSOR.len()],
-    by_reason: [(&'static str, Totals<OfReason>); BY_REASON.len()],
-    latencies: Latencies,
-    missed: Totals<OfReason>,
+    /// By name, sensor and reason.
+    counts: BTreeMap<(String, String, String), u64>,
+    /// By sensor and hop.
+    hops: BTreeMap<(String, &'static str), Hop>,
 }
 
 impl Metrics {
-    fn new() -> Self {
-        let mut registry = Registry::with_prefix("meissner");
-        let by_sensor = BY_SENSOR.map(|(name, help)| {
-            let totals = Totals::default();
-            registry.register(name, help, totals.clone());
-            (name, totals)
-        });
-        let by_reason = BY_REASON.map(|(name, help)| {
-            let totals = Totals::default();
-            registry.register(name, help, totals.clone());
-            (name, totals)
-        });
-        // From 50 microseconds to 1.6 seconds.
-        let latencies =
-            Latencies::new_with_constructor(|| Histogram::new(exponential_buckets(50e-6, 2.0, 16)));
-        let help = "Time that news of a sensor takes, by hop; meaningful if the clocks of both ends agree";
-        registry.register_with_unit("latency", help, Unit::Seconds, latencies.clone());
-        let missed = Totals::default();
-        let help = "Messages that did not reach the metrics node, by input and reason";
-        registry.register("messages_missed", help, missed.clone());
-        Self { registry, by_sensor, by_reason, latencies, missed }
-    }
-
     /// Takes what a node has counted.
-    fn count(&self, Counter { sensor, name, reason, value }: Counter) {
-        if let Some((_, totals)) = self.by_sensor.iter().find(|(known, _)| *known == name) {
-            totals.get_or_create(&OfSensor { sensor }).inner().store(value, Ordering::Relaxed);
-        } else if let Some((_, totals)) = self.by_reason.iter().find(|(known, _)| *known == name) {
-            totals.get_or_create(&OfReason { sensor, reason }).inner().store(value, Ordering::Relaxed);
-        }
+    fn count(&mut self, Counter { sensor, name, reason, value }: Counter) {
+        self.counts.insert((name, sensor, reason), value);
     }
 
     /// Takes the times of a prediction that arrived at `received_ns`.
-    fn time(&self, header: &PredictionHeader, received_ns: i64) {
+    fn time(&mut self, header: &PredictionHeader, received_ns: i64) {
         let times = [header.events_sent_ns, header.events_received_ns, header.sent_ns, received_ns];
-        for (hop, ends) in
-            ["source_to_inference", "inference", "inference_to_metrics"].into_iter().zip(times.windows(2))
-        {
-            let labels = OfHop { sensor: header.sensor.clone(), hop };
-            self.latencies.get_or_create(&labels).observe((ends[1] - ends[0]) as f64 / 1e9);
+        let names = ["source_to_inference", "inference", "inference_to_metrics"];
+        for (name, ends) in names.into_iter().zip(times.windows(2)) {
+            let seconds = (ends[1] - ends[0]) as f64 / 1e9;
+            let hop = self.hops.entry((header.sensor.clone(), name)).or_default();
+            hop.counts[(0..BUCKETS).take_while(|&bucket| seconds > bound(bucket)).count()] += 1;
+            hop.sum += seconds;
         }
     }
 
-    fn take(&self, message: &Message) -> Result<(), MessageError> {
+    fn take(&mut self, message: &Message) -> Result<(), MessageError> {
         if message.metadata.contains_key("next") {
-            self.time(&PredictionHeader::read(&message.metadata)?, message.received_ns);
+            self.time(&read(&message.metadata)?, message.received_ns);
         } else {
-            read_counters(&message.data)?.into_iter().for_each(|counter| self.count(counter));
+            read_texts(&message.data)?.into_iter().for_each(|counter| self.count(counter));
         }
         Ok(())
     }
 
-    fn text(&self) -> String {
+    /// The page.
+    fn text(&self) -> Result<String, std::fmt::Error> {
         let mut text = String::new();
-        encode(&mut text, &self.registry).expect("a string takes everything");
-        text
+        for (name, help) in COUNTS {
+            writeln!(text, "# HELP meissner_{name} {help}.\n# TYPE meissner_{name} counter")?;
+            for ((_, sensor, reason), value) in self.counts.iter().filter(|((known, ..), _)| known == name) {
+                write!(text, "meissner_{name}_total{{sensor={sensor:?}")?;
+                if !reason.is_empty() {
+                    write!(text, ",reason={reason:?}")?;
+                }
+                writeln!(text, "}} {value}")?;
+            }
+        }
+        let help = "Time that news of a sensor takes, by hop; meaningful if the clocks of both ends agree";
+        let name = "meissner_latency_seconds";
+        writeln!(text, "# HELP {name} {help}.\n# TYPE {name} histogram\n# UNIT {name} seconds")?;
+        for ((sensor, hop), found) in &self.hops {
+            let labels = format!("sensor={sensor:?},hop={hop:?}");
+            let mut sum = 0;
+            for (bucket, count) in found.counts.iter().enumerate() {
+                sum += count;
+                let bound = if bucket < BUCKETS { bound(bucket).to_string() } else { "+Inf".to_owned() };
+                writeln!(text, "{name}_bucket{{le=\"{bound}\",{labels}}} {sum}")?;
+            }
+            writeln!(text, "{name}_count{{{labels}}} {sum}\n{name}_sum{{{labels}}} {}", found.sum)?;
+        }
+        writeln!(text, "# EOF")?;
+        Ok(text)
     }
+}
+
+/// Upper bound of a bucket in seconds.
+fn bound(bucket: usize) -> f64 {
+    50e-6 * f64::from(1_u32 << bucket)
 }
 
 /// Runs the node until the dataflow ends.
@@ -139,19 +135,19 @@ impl Metrics {
 /// # Errors
 /// The address is taken, or the daemon cannot be reached.
 pub(crate) fn run(options: &MetricsOptions) -> Result<(), Failure> {
-    let metrics = Arc::new(Mutex::new(Metrics::new()));
+    let metrics = Arc::new(Mutex::new(Metrics::default()));
     let shown = Arc::clone(&metrics);
     let address = options.listen.clone();
-    http::serve(&options.listen, move || shown.lock().unwrap_or_else(PoisonError::into_inner).text())
-        .map_err(|source| Failure::Address { address, source })?;
+    let page = move || shown.lock().unwrap_or_else(PoisonError::into_inner).text().unwrap_or_default();
+    serve(&options.listen, page).map_err(|source| Failure::Address { address, source })?;
     let (outputs, mut inputs) = start()?;
     while !inputs.have_ended() {
         for message in inputs.take(NAP) {
             let missing = inputs.missing(&message);
-            let metrics = metrics.lock().unwrap_or_else(PoisonError::into_inner);
+            let mut metrics = metrics.lock().unwrap_or_else(PoisonError::into_inner);
             if let Ok(Some((messages, reason))) = missing {
-                let labels = OfReason { sensor: message.input.clone(), reason: reason.name().to_owned() };
-                metrics.missed.get_or_create(&labels).inc_by(messages);
+                let labels = ("messages_missed".to_owned(), message.input.clone(), reason.name().to_owned());
+                *metrics.counts.entry(labels).or_default() += messages;
             }
             if let Err(error) = missing.and_then(|_| metrics.take(&message)) {
                 outputs.warn(&format!("{}: {error}", message.input));
@@ -161,20 +157,82 @@ pub(crate) fn run(options: &MetricsOptions) -> Result<(), Failure> {
     Ok(())
 }
 
+/// Serves `page` at `address` in a thread of its own, for as long as the process lives.
+fn serve(address: &str, page: impl Fn() -> String + Send + 'static) -> io::Result<SocketAddr> {
+    let listener = TcpListener::bind(address)?;
+    let bound = listener.local_addr()?;
+    thread::spawn(move || {
+        for client in listener.incoming().flatten() {
+            // A client that has gone gets no answer; the next one is served.
+            let _ = answer(client, &page);
+        }
+    });
+    Ok(bound)
+}
+
+fn answer(mut client: TcpStream, page: impl Fn() -> String) -> io::Result<()> {
+    client.set_read_timeout(Some(PATIENCE))?;
+    client.set_write_timeout(Some(PATIENCE))?;
+    let mut request = Vec::new();
+    let mut part = [0; 1024];
+    let began = Instant::now();
+    let is_whole = |request: &[u8]| request.windows(4).any(|end| end == b"\r\n\r\n");
+    while !is_whole(&request) && request.len() < MAX_REQUEST && began.elapsed() < PATIENCE {
+        match client.read(&mut part)? {
+            0 => break,
+            length => request.extend_from_slice(&part[..length]),
+        }
+    }
+    let asked = request.starts_with(b"GET /metrics ") || request.starts_with(b"GET /metrics?");
+    let (status, body) = if asked { ("200 OK", page()) } else { ("404 Not Found", String::new()) };
+    // The type that OpenMetrics has: the text ends with its mark.
+    let kind = "application/openmetrics-text; version=1.0.0; charset=utf-8";
+    let length = body.len();
+    let head = format!(
+        "HTTP/1.1 {status}\r\nContent-Type: {kind}\r\nContent-Length: {length}\r\nConnection: close\r\n\r\n"
+    );
+    client.write_all(head.as_bytes())?;
+    client.write_all(body.as_bytes())
+}
+
 #[cfg(test)]
 mod tests {
-    use super::Metrics;
+    use std::io::{Read, Write};
+    use std::net::TcpStream;
+
+    use super::{Metrics, serve};
     use crate::message::Counter;
+
+    fn ask(address: std::net::SocketAddr, request: &[u8]) -> String {
+        let mut client = TcpStream::connect(address).unwrap();
+        client.write_all(request).unwrap();
+        let mut answer = String::new();
+        client.read_to_string(&mut answer).unwrap();
+        answer
+    }
+
+    #[test]
+    fn the_page_is_served_and_nothing_else() {
+        let address = serve("127.0.0.1:0", || "text".to_owned()).unwrap();
+        let answer = ask(address, b"GET /metrics HTTP/1.1\r\nHost: x\r\n\r\n");
+        assert!(answer.starts_with("HTTP/1.1 200 OK\r\n") && answer.ends_with("\r\n\r\ntext"), "{answer}");
+        for request in [&b"GET / HTTP/1.1\r\n\r\n"[..], b"\r\n\r\n", b"POST /metrics HTTP/1.1\r\n\r\n"] {
+            assert!(ask(address, request).starts_with("HTTP/1.1 404 "));
+        }
+        // One that says nothing does not keep the others waiting for ever.
+        let _silent = TcpStream::connect(address).unwrap();
+        assert!(ask(address, b"GET /metrics HTTP/1.1\r\n\r\n").ends_with("text"));
+    }
 
     #[test]
     fn counts_are_shown_as_they_were_last_told_and_unknown_ones_are_not() {
-        let metrics = Metrics::new();
+        let mut metrics = Metrics::default();
         for value in [3, 7] {
             metrics.count(Counter::new("finger", "events_sent", value));
             metrics.count(Counter::with_reason("finger", "events_dropped", "link", value));
             metrics.count(Counter::new("finger", "something", value));
         }
-        let text = metrics.text();
+        let text = metrics.text().unwrap();
         assert!(text.contains("meissner_events_sent_total{sensor=\"finger\"} 7\n"), "{text}");
         let dropped = "meissner_events_dropped_total{sensor=\"finger\",reason=\"link\"} 7\n";
         assert!(text.contains(dropped), "{text}");

@@ -5,12 +5,12 @@ use std::time::Duration;
 
 use dora_node_api::arrow_v59::array::ArrayRef;
 use dora_node_api::dora_core::config::DataId;
-use dora_node_api::{DoraArray, DoraNode, Event, EventStream, MetadataParameters, NodeError, Parameter};
+use dora_node_api::{DoraArray, DoraNode, Event, EventStream, MetadataParameters, NodeError};
+use meissner_packets::{Numbers, PacketError, Reason, now_ns};
+use serde::Serialize;
 use thiserror::Error;
 
-use crate::coverage::{Numbers, Reason};
-use crate::lane::LaneError;
-use crate::message::{self, MessageError, now_ns};
+use crate::message::{MessageError, Stamp, metadata, read};
 
 /// A node cannot go on.
 #[derive(Debug, Error)]
@@ -23,7 +23,7 @@ pub(crate) enum Failure {
     Pipeline(#[from] meissner_pipeline::PipelineError),
     /// An engine cannot go on.
     #[error("sensor {sensor}")]
-    Lane { sensor: String, source: Box<LaneError> },
+    Sensor { sensor: String, source: Box<PacketError> },
     /// A file cannot be used.
     #[error("{path}")]
     File { path: String, source: std::io::Error },
@@ -33,9 +33,6 @@ pub(crate) enum Failure {
     /// A line of a record cannot be read.
     #[error("line {line} of the record")]
     Record { line: usize, source: serde_json::Error },
-    /// An engine refuses a network or an event stream.
-    #[error(transparent)]
-    Engine(#[from] meissner::EngineError),
     /// A record is not what it should be.
     #[error("{0}")]
     Check(String),
@@ -69,24 +66,22 @@ impl Outputs {
         self.node.id().to_string()
     }
 
-    /// Sends `array` on `output`, with the metadata of every message. An output that the dataflow does not name is no error.
+    /// Sends `array` on `output`, with the fields of `header` and those of every message as
+    /// metadata. An output that the dataflow does not name is no error.
     ///
     /// # Errors
     /// The daemon cannot be reached.
     pub(crate) fn send(
         &mut self,
         output: &'static str,
-        mut metadata: MetadataParameters,
+        header: &impl Serialize,
         array: ArrayRef,
     ) -> Result<(), Failure> {
         let number = self.numbers.entry(output).or_default();
-        metadata.extend(message::metadata([
-            ("boot", Parameter::Integer(self.boot)),
-            ("number", Parameter::Integer(*number as i64)),
-            ("sent_ns", Parameter::Integer(now_ns())),
-        ]));
+        let mut entries = metadata(header);
+        entries.extend(metadata(&Stamp { boot: self.boot, number: *number, sent_ns: now_ns() }));
         *number += 1;
-        Ok(self.node.send_output(DataId::from(output.to_owned()), metadata, DoraArray::from(array))?)
+        Ok(self.node.send_output(DataId::from(output.to_owned()), entries, DoraArray::from(array))?)
     }
 
     /// Writes a warning to the log of the dataflow.
@@ -117,7 +112,8 @@ pub(crate) struct Inputs {
 }
 
 impl Inputs {
-    /// The messages that are there, in order of arrival on each input; waits at most `most` for the first. Empty if none has come.
+    /// The messages that are there, in order of arrival on each input; waits at most `most` for the
+    /// first. Empty if none has come.
     pub(crate) fn take(&mut self, most: Duration) -> Vec<Message> {
         let mut messages = Vec::new();
         if !most.is_zero() {
@@ -158,7 +154,8 @@ impl Inputs {
         self.events.drain_drop_counts().into_iter().map(|(input, count)| (input.to_string(), count))
     }
 
-    /// How many messages are missing before `message` on its input, and why; also notes what the queues dropped.
+    /// How many messages are missing before `message` on its input, and why; also notes what the
+    /// queues dropped.
     ///
     /// # Errors
     /// The message has no number.
@@ -166,8 +163,7 @@ impl Inputs {
         for (input, count) in self.dropped() {
             self.numbers.entry(input).or_default().1.dropped(count);
         }
-        let boot = message::integer(&message.metadata, "boot")?;
-        let number = message::count(&message.metadata, "number")?;
+        let Stamp { boot, number, .. } = read(&message.metadata)?;
         let (life, numbers) = self.numbers.entry(message.input.clone()).or_default();
         if boot > *life {
             (*life, *numbers) = (boot, Numbers::default());

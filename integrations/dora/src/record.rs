@@ -1,7 +1,7 @@
 //! The recorder: what the other nodes say, as lines of JSON in a file.
 //!
-//! Each line is a [`Line`], and is complete in the file before the recorder waits for the next message. A restarted recorder goes on at the end
-//! of the file.
+//! Each line is a [`Line`], and is complete in the file before the recorder waits for the next
+//! message. A restarted recorder goes on at the end of the file.
 
 use std::fs::{File, OpenOptions};
 use std::io::{BufWriter, Write};
@@ -9,11 +9,12 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use clap::Args;
+use meissner_packets::Gap;
 use serde::{Deserialize, Serialize};
 
 use crate::message::{
-    self, Counter, Loss, MessageError, PredictionHeader, count, integer, read_counters, read_losses,
-    read_values, text,
+    self, CommandHeader, Counter, LossHeader, MessageError, PredictionHeader, Stamp, read_texts, read_turn,
+    read_values,
 };
 use crate::node::{Failure, Inputs, Message, Outputs, start};
 
@@ -43,17 +44,14 @@ pub(crate) enum Line {
     },
     /// Events that no prediction covers.
     Loss {
-        /// Name of the sensor.
-        sensor: String,
-        /// Life of the source.
-        stream: i64,
+        /// Where they belong.
+        #[serde(flatten)]
+        header: LossHeader,
         /// Life of the inference node.
         boot: i64,
-        /// Place among all messages in this life of the inference node.
-        order: u64,
         /// Which events, and why.
         #[serde(flatten)]
-        loss: Loss,
+        gap: Gap,
     },
     /// Counts of a node.
     Counters {
@@ -64,14 +62,11 @@ pub(crate) enum Line {
     },
     /// A command of the controller.
     Command {
-        /// Name of the sensor.
-        sensor: String,
+        /// What it was made from.
+        #[serde(flatten)]
+        header: CommandHeader,
         /// When it was sent.
         sent_ns: i64,
-        /// Whether it was made from a new prediction.
-        fresh: bool,
-        /// Age of the events that it was made from, in nanoseconds.
-        age_ns: i64,
         /// Roll and pitch in radians.
         turn: Vec<f64>,
     },
@@ -90,27 +85,21 @@ impl Line {
     /// The lines that say what `message` says.
     fn of(message: &Message) -> Result<Vec<Self>, MessageError> {
         let Message { input, metadata, data, received_ns } = message;
+        let Stamp { boot, sent_ns, .. } = message::read(metadata)?;
         Ok(match output(input) {
             "predictions" => {
-                let header = PredictionHeader::read(metadata)?;
+                let header = message::read(metadata)?;
                 vec![Self::Prediction { header, recorded_ns: *received_ns, values: read_values(data)? }]
             }
             "losses" => {
-                let (stream, boot) = (integer(metadata, "stream")?, integer(metadata, "boot")?);
-                let (sensor, order) = (text(metadata, "sensor")?, count(metadata, "order")?);
-                let losses = read_losses(data)?.into_iter();
-                losses
-                    .map(|loss| Self::Loss { sensor: sensor.to_owned(), stream, boot, order, loss })
-                    .collect()
+                let header: LossHeader = message::read(metadata)?;
+                let gaps = read_texts(data)?.into_iter();
+                gaps.map(|gap| Self::Loss { header: header.clone(), boot, gap }).collect()
             }
-            "commands" => vec![Self::Command {
-                sensor: text(metadata, "sensor")?.to_owned(),
-                sent_ns: integer(metadata, "sent_ns")?,
-                fresh: message::flag(metadata, "fresh")?,
-                age_ns: integer(metadata, "age_ns")?,
-                turn: message::read_turn(data)?,
-            }],
-            _ => vec![Self::Counters { boot: integer(metadata, "boot")?, counters: read_counters(data)? }],
+            "commands" => {
+                vec![Self::Command { header: message::read(metadata)?, sent_ns, turn: read_turn(data)? }]
+            }
+            _ => vec![Self::Counters { boot, counters: read_texts(data)? }],
         })
     }
 }

@@ -1,4 +1,5 @@
-//! One service of iceoryx2: slices with a header from one publisher to several subscribers, and notifications that there are some.
+//! One service of iceoryx2: slices with a header from one publisher to several subscribers, and
+//! notifications that there are some.
 //!
 //! What is set here, and never left to a default:
 //!
@@ -56,14 +57,16 @@ pub struct Receiver<T: ZeroCopySend + Debug + 'static, H: ZeroCopySend + Debug +
     channel: Channel<T, H>,
 }
 
-/// A slice that was received. It lies in shared memory, and its place is used again when this is dropped.
+/// A slice that was received. It lies in shared memory, and its place is used again when this is
+/// dropped.
 pub type Received<T, H> = iceoryx2::sample::Sample<ipc::Service, [T], H>;
 
 impl<T: ZeroCopySend + Debug + 'static, H: ZeroCopySend + Debug + 'static> Channel<T, H> {
     /// Opens the service of this name, or creates it.
     ///
     /// # Errors
-    /// [`Error::OtherTypes`] for a service that carries other types, [`Error::Service`] where iceoryx2 cannot open it.
+    /// [`Error::OtherTypes`] for a service that carries other types, [`Error::Service`] where
+    /// iceoryx2 cannot open it.
     pub fn open(name: &str) -> Result<Self, Error> {
         let failed = |step, source: crate::error::Cause| Error::service(name, step, source);
         let service: ServiceName = name.try_into().map_err(|e| failed("use the name", Box::new(e)))?;
@@ -134,7 +137,8 @@ impl<T: ZeroCopySend + Debug + 'static, H: ZeroCopySend + Debug + 'static> Chann
     /// The end that receives, with room for `buffer` slices.
     ///
     /// # Errors
-    /// [`Error::Setting`] for a buffer without slices or of more than [`BUFFER`], [`Error::Service`] if there are too many subscribers.
+    /// [`Error::Setting`] for a buffer without slices or of more than [`BUFFER`],
+    /// [`Error::Service`] if there are too many subscribers.
     pub fn receiver(self, buffer: usize) -> Result<Receiver<T, H>, Error> {
         if !(1..=BUFFER).contains(&buffer) {
             let (expected, found) = (format!("1 to {BUFFER} slices"), buffer.to_string());
@@ -156,11 +160,12 @@ fn text(of: &TypeDetail) -> String {
 }
 
 impl<T: ZeroCopySend + Debug + Copy + 'static, H: ZeroCopySend + Debug + Default + 'static> Sender<T, H> {
-    /// Publishes `length` items and their header, written into shared memory by `item`, and notifies the subscribers. The subscribers that
-    /// are full lose their oldest slice.
+    /// Publishes `length` items and their header, written into shared memory by `item`, and
+    /// notifies the subscribers. The subscribers that are full lose their oldest slice.
     ///
     /// # Errors
-    /// [`Error::Service`] if there is no room: only where a slice is longer than declared, or a subscriber is broken.
+    /// [`Error::Service`] if there is no room: only where a slice is longer than declared, or a
+    /// subscriber is broken.
     pub fn publish(&self, header: H, length: usize, item: impl FnMut(usize) -> T) -> Result<(), Error> {
         let failed = |step, source: crate::error::Cause| Error::service(&self.channel.name, step, source);
         let loan = self.publisher.loan_slice_uninit(length);

@@ -8,7 +8,7 @@ use serde::Serialize;
 
 use crate::Error;
 use crate::channel::{BUFFER, Channel, Receiver};
-use crate::clock::{between, now_ns};
+use crate::driver::{between, now_ns};
 use crate::node::predictions_of;
 use crate::wire::PredictionHeader;
 
@@ -24,7 +24,8 @@ pub struct Summary {
     pub missing: u64,
     /// Starts of the inference.
     pub origins: u64,
-    /// From when the oldest event that a prediction is the first to cover was due until the driver published it.
+    /// From when the oldest event that a prediction is the first to cover was due until the driver
+    /// published it.
     pub due_to_published: Latency,
     /// From there until the inference had received it.
     pub published_to_received: Latency,
@@ -55,7 +56,8 @@ impl Summary {
     }
 }
 
-/// Takes predictions of this name, and shows each, until a run ends (`once`), or until the program is asked to end.
+/// Takes predictions of this name, and shows each, until a run ends (`once`), or until the program
+/// is asked to end.
 ///
 /// # Errors
 /// The service cannot be opened or breaks, or a prediction cannot be shown.

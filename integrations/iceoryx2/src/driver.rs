@@ -1,15 +1,29 @@
 //! Publishes events in slices.
 
+use std::time::{Duration, Instant};
+
 use crate::Error;
 use crate::channel::{Channel, Sender};
-use crate::clock::now_ns;
 use crate::wire::{EventRecord, SLICE, SliceHeader};
 use meissner_engine::{Event, Sensor};
+use rustix::time::{ClockId, clock_gettime};
 use serde::Serialize;
 
 /// The name of the service for the events of `name`.
 pub fn events_of(name: &str) -> String {
     format!("{name}/events")
+}
+
+/// Nanoseconds of `CLOCK_MONOTONIC`, which all processes of a host read alike.
+pub fn now_ns() -> u64 {
+    let now = clock_gettime(ClockId::Monotonic);
+    // It counts from the start of the machine: 584 years fit.
+    now.tv_sec as u64 * 1_000_000_000 + now.tv_nsec as u64
+}
+
+/// The time from `earlier_ns` to `later_ns`; zero if it is negative.
+pub fn between(earlier_ns: u64, later_ns: u64) -> Duration {
+    Duration::from_nanos(later_ns.saturating_sub(earlier_ns))
 }
 
 /// A sensor's driver, as far as the other processes can tell.
@@ -42,11 +56,12 @@ impl Driver {
         Ok(Self { sender, next: SliceHeader { run: now_ns(), width, height, ..SliceHeader::default() } })
     }
 
-    /// Publishes `events`, of which the first was due at `due_ns` of the shared clock, in slices of at most [`SLICE`].
+    /// Publishes `events`, of which the first was due at `due`, in slices of at most [`SLICE`].
     ///
     /// # Errors
     /// As [`Sender::publish`].
-    pub fn publish(&mut self, events: &[Event], due_ns: u64) -> Result<(), Error> {
+    pub fn publish(&mut self, events: &[Event], due: Instant) -> Result<(), Error> {
+        let due_ns = now_ns().saturating_sub(due.elapsed().as_nanos() as u64);
         for slice in events.chunks(SLICE) {
             let header = SliceHeader { due_ns, published_ns: now_ns(), ..self.next };
             self.sender.publish(header, slice.len(), |index| slice[index].into())?;

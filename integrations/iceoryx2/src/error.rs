@@ -2,7 +2,7 @@
 
 use std::error::Error as StdError;
 
-use meissner_engine::EngineError;
+use meissner_packets::PacketError;
 use meissner_pipeline::PipelineError;
 
 /// An error of iceoryx2.
@@ -12,7 +12,8 @@ pub type Cause = Box<dyn StdError + Send + Sync>;
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
-    /// A service of this name carries other types: another version of this program, or another program.
+    /// A service of this name carries other types: another version of this program, or another
+    /// program.
     #[error("service {service}: expected {expected}, got {found}")]
     OtherTypes {
         /// The service.
@@ -45,15 +46,18 @@ pub enum Error {
     /// The source or the network.
     #[error(transparent)]
     Pipeline(#[from] PipelineError),
-    /// The engine refuses a sensor.
+    /// The engine.
     #[error(transparent)]
-    Engine(#[from] EngineError),
-    /// The other process of a measurement.
-    #[error("the process that receives")]
-    Process(#[source] std::io::Error),
+    Packets(Box<PacketError>),
     /// A result cannot be shown.
     #[error("output")]
     Output(#[source] std::io::Error),
+}
+
+impl From<PacketError> for Error {
+    fn from(error: PacketError) -> Self {
+        Self::Packets(error.into())
+    }
 }
 
 impl Error {

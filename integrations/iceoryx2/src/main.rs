@@ -1,4 +1,4 @@
-//! The processes: a driver, an inference, a controller's side, and a measurement of one hop.
+//! The processes: a driver, an inference, and a controller's side.
 
 use std::io::{Write, stdout};
 use std::path::PathBuf;
@@ -10,11 +10,12 @@ use iceoryx2::prelude::{LogLevel, set_log_level_from_env_or};
 use meissner_engine::Sensor;
 use meissner_iceoryx2::driver::Driver;
 use meissner_iceoryx2::node::{self, News};
-use meissner_iceoryx2::{Error, channel, controller, feed, hop};
+use meissner_iceoryx2::wire::SLICE;
+use meissner_iceoryx2::{Error, channel, controller};
 use meissner_io::ReadOptions;
+use meissner_packets::{AnyNetwork, FeedOptions, Gap, feed};
 use meissner_pipeline::error::chain;
 use meissner_pipeline::interrupt;
-use meissner_pipeline::model::{Model, ModelOptions};
 use meissner_pipeline::source::Source;
 use meissner_pipeline::text::sensor;
 use serde::Serialize;
@@ -32,7 +33,8 @@ struct Arguments {
 enum Command {
     /// Publish the events of a recording at real speed, or of a live stream
     Drive {
-        /// A recording, or `-`, tcp://HOST:PORT, tcp-listen://HOST:PORT, udp://HOST:PORT; without it, the embedded recording
+        /// A recording, or `-`, tcp://HOST:PORT, tcp-listen://HOST:PORT, udp://HOST:PORT; without
+        /// it, the embedded recording
         source: Option<PathBuf>,
         /// Name that the processes share
         #[arg(long, default_value = "meissner")]
@@ -49,10 +51,10 @@ enum Command {
     },
     /// Take events, publish predictions
     Infer {
-        /// Shipped network, or file of a description
+        /// Shipped network over events or frames of them, or file of a description
         #[arg(default_value = "tactigraph-past")]
         network: String,
-        /// File with weights, in place of the shipped ones
+        /// File with weights, instead of the shipped ones
         #[arg(long)]
         weights: Option<PathBuf>,
         /// Name that the processes share
@@ -76,27 +78,6 @@ enum Command {
         /// End when a driver ends
         #[arg(long)]
         once: bool,
-    },
-    /// Measure one hop between two processes
-    Hop {
-        /// Name that the processes share
-        #[arg(long, default_value = "meissner-hop")]
-        name: String,
-        /// Events of a slice
-        #[arg(long, default_value_t = 64)]
-        events: usize,
-        /// Slices
-        #[arg(long, default_value_t = 10_000)]
-        slices: u64,
-        /// Microseconds from slice to slice
-        #[arg(long, default_value_t = 1000)]
-        period_us: u64,
-        /// The receiver asks without a pause, in place of sleeping until it is notified
-        #[arg(long)]
-        spin: bool,
-        /// Be the other process
-        #[arg(long, hide = true)]
-        receive: bool,
     },
 }
 
@@ -128,12 +109,15 @@ fn run(command: Command) -> Result<(), Error> {
             while driver.subscribers() < subscribers && !interrupt::requested() {
                 interrupt::sleep(Duration::from_millis(1));
             }
-            feed::feed(source, speed, &mut driver)?;
+            let is_live = source.is_live();
+            let [every, max_wait] = [0, 50].map(Duration::from_millis);
+            let options = FeedOptions { is_live, speed, every, max_wait, max_events: SLICE };
+            feed(source, options, interrupt::requested, |events, due| driver.publish(events, due))?;
             print(&driver.end()?)
         }
         Command::Infer { network, weights, name, buffer, once } => {
-            let model = Model::load(&ModelOptions { network, weights, ..ModelOptions::default() })?;
-            print(&node::infer(&name, model.network, node::Options { buffer, once }, tell)?)
+            let network = AnyNetwork::named(&network, weights.as_deref())?;
+            print(&node::infer(&name, network, node::Options { buffer, once }, tell)?)
         }
         Command::Watch { name, print: lines, once } => {
             let ready = || eprintln!("ready");
@@ -149,11 +133,6 @@ fn run(command: Command) -> Result<(), Error> {
             })?;
             print(&summary)
         }
-        Command::Hop { name, receive: true, spin, .. } => print(&hop::receive(&name, spin)?),
-        Command::Hop { name, events, slices, period_us, spin, .. } => {
-            let period = Duration::from_micros(period_us);
-            print(&hop::measure(&name, hop::Options { events, slices, period }, spin)?)
-        }
     }
 }
 
@@ -161,12 +140,8 @@ fn tell(news: News) {
     match news {
         News::Ready => eprintln!("ready"),
         News::Run(run) => eprintln!("run {run}: a driver has started"),
-        News::Gap(gap) => {
-            let lost = gap.lost;
-            eprintln!(
-                "run {}: {} events in {} slices lost: {:?}",
-                gap.run, lost.events, lost.slices, gap.reason
-            );
+        News::Gap(run, Gap { from, until, packets, reason }) => {
+            eprintln!("run {run}: {} events in {packets} slices lost: {}", until - from, reason.name());
         }
         News::Refused(why) => eprintln!("a slice was refused: {why}"),
         News::NoPrediction(why) => eprintln!("no prediction: {why}"),

@@ -1,18 +1,16 @@
 //! The process that infers: slices out of shared memory, predictions into it.
 
-use std::sync::Arc;
+use std::collections::BTreeMap;
 use std::time::Duration;
 
-use meissner_engine::{EventCounters, Network};
+use meissner_packets::{AnyNetwork, Counts, Gap, Lost, by_reason};
 use meissner_pipeline::interrupt;
 use serde::Serialize;
 
 use crate::Error;
 use crate::channel::{Channel, Receiver, Sender};
-use crate::clock::now_ns;
-use crate::driver::events_of;
-use crate::inference::{Counts, Inference, Taken};
-use crate::losses::{Gap, Losses};
+use crate::driver::{events_of, now_ns};
+use crate::inference::{Inference, Taken};
 use crate::wire::{EventRecord, PredictionHeader, SliceHeader};
 
 /// Longest wait until an end is noticed.
@@ -41,8 +39,8 @@ pub enum News {
     Ready,
     /// A driver has started.
     Run(u64),
-    /// Slices are missing.
-    Gap(Gap),
+    /// Slices of this run are missing.
+    Gap(u64, Gap),
     /// A slice was refused, with the reason.
     Refused(String),
     /// There is no prediction, with the reason.
@@ -57,45 +55,28 @@ pub struct Summary {
     /// What was taken.
     #[serde(flatten)]
     pub counts: Counts,
-    /// What is missing.
-    pub lost: Losses,
-    /// The first thousand gaps.
-    pub gaps: Vec<Gap>,
+    /// What is missing, by reason.
+    pub lost: BTreeMap<&'static str, Lost>,
+    /// The first thousand gaps, with their runs.
+    pub gaps: Vec<(u64, Gap)>,
     /// What the engine dropped since its sensor is known, by reason.
-    pub dropped: Dropped,
-}
-
-/// Events that an engine dropped.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-pub struct Dropped {
-    /// Outside the sensor.
-    pub outside_sensor: u64,
-    /// Earlier than one before them.
-    pub late: u64,
-    /// Too far in time from the first one.
-    pub time_out_of_range: u64,
-}
-
-impl From<EventCounters> for Dropped {
-    fn from(events: EventCounters) -> Self {
-        let EventCounters { outside_sensor, late, time_out_of_range, .. } = events;
-        Self { outside_sensor, late, time_out_of_range }
-    }
+    pub dropped: BTreeMap<&'static str, u64>,
 }
 
 /// Infers under this name until a driver ends (`once`), or until the program is asked to end.
 ///
 /// # Errors
-/// A service cannot be opened, or breaks. A slice that is refused is no error: it is counted and told.
+/// A service cannot be opened, or breaks. A slice that is refused is no error: it is counted and
+/// told.
 pub fn infer(
     name: &str,
-    network: impl Into<Arc<Network>>,
+    network: AnyNetwork,
     options: Options,
     mut tell: impl FnMut(News),
 ) -> Result<Summary, Error> {
+    let outputs = network.outputs();
     let mut inference = Inference::new(network, now_ns());
-    let predictions: Sender<f32, PredictionHeader> =
-        Channel::open(&predictions_of(name))?.sender(inference.outputs())?;
+    let predictions: Sender<f32, PredictionHeader> = Channel::open(&predictions_of(name))?.sender(outputs)?;
     let events: Receiver<EventRecord, SliceHeader> =
         Channel::open(&events_of(name))?.receiver(options.buffer)?;
     let mut gaps = Vec::new();
@@ -107,17 +88,14 @@ pub fn infer(
         // At most what fits: under a flood, predictions still appear.
         for _ in 0..options.buffer {
             let Some(slice) = events.take()? else { break };
+            let run = slice.user_header().run;
             match inference.take(slice.user_header(), slice.payload(), now_ns()) {
-                Ok(Taken { is_new_run, gap, is_end }) => {
-                    if is_new_run {
-                        tell(News::Run(slice.user_header().run));
-                    }
-                    if let Some(gap) = gap {
-                        tell(News::Gap(gap));
-                        if gaps.len() < GAPS {
-                            gaps.push(gap);
-                        }
-                    }
+                Ok(Taken { is_new_run, gap, refused, is_end }) => {
+                    let new_run = is_new_run.then_some(News::Run(run));
+                    let refused = refused.map(|why| News::Refused(why.to_string()));
+                    let missing = gap.map(|gap| News::Gap(run, gap));
+                    new_run.into_iter().chain(missing).chain(refused).for_each(&mut tell);
+                    gaps.extend(gap.filter(|_| gaps.len() < GAPS).map(|gap| (run, gap)));
                     has_ended = is_end;
                 }
                 Err(refused) => tell(News::Refused(refused.to_string())),
@@ -139,6 +117,7 @@ pub fn infer(
             is_over = options.once;
         }
     }
-    let (counts, lost) = (inference.counts(), inference.losses());
-    Ok(Summary { counts, lost, gaps, dropped: inference.engine_counters().into() })
+    let engine = inference.engine;
+    let dropped = engine.dropped().into_iter().map(|(reason, count)| (reason.name(), count)).collect();
+    Ok(Summary { counts: engine.counts(), lost: by_reason(&engine.losses()), gaps, dropped })
 }

@@ -1,7 +1,8 @@
 //! What lies in shared memory: records of events, and the headers of slices and predictions.
 //!
-//! Invariant: every type here is `repr(C)`, has no bytes that belong to no field, and means something for every bit pattern or is refused by
-//! a check. The number at the end of a type's name is its version: iceoryx2 connects only types of the same name, size and alignment.
+//! Invariant: every type here is `repr(C)`, has no bytes that belong to no field, and means
+//! something for every bit pattern or is refused by a check. The number at the end of a type's name
+//! is its version: iceoryx2 connects only types of the same name, size and alignment.
 
 use iceoryx2::prelude::ZeroCopySend;
 use meissner_engine::{Event, Sensor};
@@ -9,8 +10,8 @@ use meissner_engine::{Event, Sensor};
 /// Events of a slice at most.
 pub const SLICE: usize = 1024;
 
-/// An event in 16 bytes, with the layout of `meissner send --records` and of the C interface on machines whose least significant byte comes
-/// first.
+/// An event in 16 bytes, with the layout of `meissner send --records` and of the C interface on
+/// machines whose least significant byte comes first.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ZeroCopySend)]
 #[repr(C)]
 #[type_name("meissner_event_1")]
@@ -53,7 +54,8 @@ pub struct SliceHeader {
     pub sequence: u64,
     /// Events of the run before this slice.
     pub first_event: u64,
-    /// When its first event was due, in nanoseconds of the shared clock: for a live sensor, when it was received.
+    /// When its first event was due, in nanoseconds of the shared clock: for a live sensor, when it
+    /// was received.
     pub due_ns: u64,
     /// When the driver began to write the slice, in nanoseconds of the shared clock.
     pub published_ns: u64,
@@ -120,51 +122,46 @@ pub enum Malformed {
         /// The mark.
         end: u32,
     },
-    /// It is older than a slice before it.
-    #[error("expected slice {expected} of its run or a later one, got {found}")]
+    /// It was seen before, or counted as lost.
+    #[error("slice {found} of its run comes too late")]
     Repeated {
-        /// Number of the next slice.
-        expected: u64,
         /// Its number.
-        found: u64,
-    },
-    /// It counts fewer events before it than there were.
-    #[error("expected at least {expected} events before the slice, got {found}")]
-    Count {
-        /// Events up to the slice before it.
-        expected: u64,
-        /// What the header says.
         found: u64,
     },
 }
 
-/// Checks a slice by itself.
+/// Checks the header of a slice of so many events by itself.
 ///
 /// # Errors
 /// The first reason to refuse it.
-pub fn check(header: &SliceHeader, records: &[EventRecord]) -> Result<Sensor, Malformed> {
+pub fn check(header: &SliceHeader, events: usize) -> Result<Sensor, Malformed> {
     let &SliceHeader { width, height, end, .. } = header;
     let sensor = Sensor::new(width, height);
     if width == 0 || height == 0 {
         return Err(Malformed::Sensor(sensor));
     }
-    if end > 1 || (end == 1) != records.is_empty() {
-        return Err(Malformed::End { events: records.len(), end });
+    if end > 1 || (end == 1) != (events == 0) {
+        return Err(Malformed::End { events, end });
     }
-    match records.iter().position(|record| record.event().is_none()) {
-        Some(index) => {
-            let EventRecord { polarity, zero, .. } = records[index];
-            Err(Malformed::Record { index, polarity, zero })
-        }
-        None => Ok(sensor),
-    }
+    Ok(sensor)
+}
+
+/// Checks the records of a slice.
+///
+/// # Errors
+/// The first one that is no event.
+pub fn check_records(records: &[EventRecord]) -> Result<(), Malformed> {
+    records.iter().enumerate().try_for_each(|(index, record)| {
+        let EventRecord { polarity, zero, .. } = *record;
+        record.event().map(drop).ok_or(Malformed::Record { index, polarity, zero })
+    })
 }
 
 #[cfg(test)]
 mod tests {
     use meissner_engine::{Event, Sensor};
 
-    use super::{EventRecord, Malformed, PredictionHeader, SliceHeader, check};
+    use super::{EventRecord, Malformed, PredictionHeader, SliceHeader, check, check_records};
 
     #[test]
     fn a_record_is_that_of_meissner_send() {
@@ -189,19 +186,19 @@ mod tests {
     fn garbage_is_refused_with_its_reason() {
         let header = SliceHeader { width: 4, height: 4, ..SliceHeader::default() };
         let good = EventRecord::from(Event::new(1, 2, 3, false));
-        assert_eq!(check(&header, &[good; 3]), Ok(Sensor::new(4, 4)));
+        assert_eq!(check(&header, 3), Ok(Sensor::new(4, 4)));
         let flat = SliceHeader { height: 0, ..header };
-        assert_eq!(check(&flat, &[good]), Err(Malformed::Sensor(Sensor::new(4, 0))));
+        assert_eq!(check(&flat, 1), Err(Malformed::Sensor(Sensor::new(4, 0))));
         let bad = EventRecord { zero: [0, 7, 0], ..good };
         let expected = Malformed::Record { index: 1, polarity: 0, zero: [0, 7, 0] };
-        assert_eq!(check(&header, &[good, bad]), Err(expected));
+        assert_eq!((check_records(&[good; 3]), check_records(&[good, bad])), (Ok(()), Err(expected)));
         let bad = EventRecord { polarity: -1, ..good };
-        assert_eq!(check(&header, &[bad]), Err(Malformed::Record { index: 0, polarity: -1, zero: [0; 3] }));
-        assert_eq!(check(&header, &[]), Err(Malformed::End { events: 0, end: 0 }));
+        assert_eq!(check_records(&[bad]), Err(Malformed::Record { index: 0, polarity: -1, zero: [0; 3] }));
+        assert_eq!(check(&header, 0), Err(Malformed::End { events: 0, end: 0 }));
         let end = SliceHeader { end: 1, ..header };
-        assert_eq!(check(&end, &[]), Ok(Sensor::new(4, 4)));
-        assert_eq!(check(&end, &[good]), Err(Malformed::End { events: 1, end: 1 }));
+        assert_eq!(check(&end, 0), Ok(Sensor::new(4, 4)));
+        assert_eq!(check(&end, 1), Err(Malformed::End { events: 1, end: 1 }));
         let end = SliceHeader { end: 2, ..header };
-        assert_eq!(check(&end, &[]), Err(Malformed::End { events: 0, end: 2 }));
+        assert_eq!(check(&end, 0), Err(Malformed::End { events: 0, end: 2 }));
     }
 }

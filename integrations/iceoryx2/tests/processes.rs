@@ -1,4 +1,5 @@
-//! The processes together: predictions against a single process, floods, killed processes, other versions.
+//! The processes together: predictions against a single process, floods, killed processes, other
+//! versions.
 
 use std::io::{BufRead, BufReader};
 use std::process::{Child, Command, Output, Stdio};
@@ -13,6 +14,7 @@ use meissner_iceoryx2::driver::{Driver, events_of};
 use meissner_iceoryx2::wire::{EventRecord, PredictionHeader, SliceHeader};
 use meissner_iceoryx2::{Error, node};
 use meissner_io::ReadOptions;
+use meissner_packets::AnyNetwork;
 use meissner_pipeline::model::Model;
 use meissner_pipeline::source::Source;
 use rustix::process::{Pid, Signal, kill_process};
@@ -117,14 +119,14 @@ fn predictions_of_three_processes_are_those_of_one_bit_for_bit() {
 
     let (sensor, events) = embedded();
     assert_eq!(number(&published, "events"), events.len() as u64);
-    let lost = number(&summary["lost"]["overflow"], "events");
+    let lost = number(&summary["lost"]["queue"], "events");
     assert_eq!(lost + number(&summary, "events"), events.len() as u64, "{summary}");
     assert_eq!(number(&watched, "predictions"), predictions.len() as u64);
     // A busy machine may lose slices here too: what arrived is compared, and what did not is known.
     let mut arrived = events;
     for gap in summary["gaps"].as_array().expect("gaps").iter().rev() {
-        let first = number(gap, "first_event") as usize;
-        drop(arrived.drain(first..first + number(gap, "events") as usize));
+        let [from, until] = ["from", "until"].map(|end| number(&gap[1], end) as usize);
+        drop(arrived.drain(from..until));
     }
     let mut engine = Engine::new(network(), sensor).expect("the sensor fits");
     let mut done = 0;
@@ -150,27 +152,27 @@ fn a_flood_loses_the_oldest_slices_and_each_is_counted() {
     while driver.subscribers() == 0 {
         thread::sleep(Duration::from_millis(1));
     }
-    driver.publish(&events[..100], 0).expect("a slice");
+    driver.publish(&events[..100], Instant::now()).expect("a slice");
     infer.told("a driver has started");
     // While the process stands still, 29 slices come, of which it can hold 3 and the end.
     infer.signal(Signal::STOP);
     thread::sleep(Duration::from_millis(100));
     for slice in events[100..].chunks(100).take(29) {
-        driver.publish(slice, 0).expect("a driver never waits");
+        driver.publish(slice, Instant::now()).expect("a driver never waits");
     }
     driver.end().expect("the end");
     infer.signal(Signal::CONT);
     let summary = infer.output().remove(0);
-    let overflow = &summary["lost"]["overflow"];
+    let overflow = &summary["lost"]["queue"];
     let (taken, lost) = (number(&summary, "events") as usize, number(overflow, "events") as usize);
     assert_eq!(taken + lost, 3000, "{summary}");
-    assert!(lost >= 2400 && lost == 100 * number(overflow, "slices") as usize, "{summary}");
+    assert!(lost >= 2400 && lost == 100 * number(overflow, "packets") as usize, "{summary}");
     // It may have been stopped while it took a slice: gaps say which events are missing.
     let mut arrived = events[..3000].to_vec();
     for gap in summary["gaps"].as_array().expect("gaps").iter().rev() {
-        assert_eq!(gap["reason"], "overflow");
-        let first = number(gap, "first_event") as usize;
-        drop(arrived.drain(first..first + number(gap, "events") as usize));
+        assert_eq!(gap[1]["reason"], "queue");
+        let [from, until] = ["from", "until"].map(|end| number(&gap[1], end) as usize);
+        drop(arrived.drain(from..until));
     }
     assert_eq!(arrived.len(), taken);
     let mut predictions = watch.output();
@@ -195,19 +197,19 @@ fn killed_processes_are_replaced_and_what_follows_is_right() {
     killed.signal(Signal::KILL);
     drop(killed.child.wait_with_output());
     let mut driver = Driver::new(&name, sensor).expect("the place of a dead driver is free");
-    driver.publish(&events[..500], 0).expect("a slice");
+    driver.publish(&events[..500], Instant::now()).expect("a slice");
     first.told("a driver has started");
     // An inference that is killed leaves its memory, its place and its publisher behind.
     first.signal(Signal::KILL);
     drop(first.child.wait_with_output());
-    driver.publish(&events[500..700], 0).expect("a driver does not need anybody");
+    driver.publish(&events[500..700], Instant::now()).expect("a driver does not need anybody");
     let second = Process::start(&["infer", NETWORK, "--name", &name, "--once"]);
     second.told("ready");
-    driver.publish(&events[700..900], 0).expect("a slice");
+    driver.publish(&events[700..900], Instant::now()).expect("a slice");
     let published = driver.end().expect("the end");
     assert_eq!(published.events, 900);
     let summary = second.output().remove(0);
-    assert_eq!(number(&summary["lost"]["joined_late"], "events"), 700, "{summary}");
+    assert_eq!(number(&summary["lost"]["down"], "events"), 700, "{summary}");
     assert_eq!(number(&summary, "events"), 200);
 
     thread::sleep(Duration::from_millis(300));
@@ -230,7 +232,8 @@ fn a_second_driver_and_a_second_inference_are_refused_while_the_first_live() {
     let first = Process::start(&["infer", NETWORK, "--name", &name]);
     first.told("ready");
     let options = node::Options { buffer: 4, once: true };
-    let second = node::infer(&name, network(), options, drop).expect_err("there is one");
+    let second =
+        node::infer(&name, AnyNetwork::Events(network().into()), options, drop).expect_err("there is one");
     assert!(matches!(second, Error::Service { step: "publish to it", .. }), "{second:?}");
     first.signal(Signal::TERM);
     assert_eq!(number(&first.output()[0], "events"), 0);
@@ -276,10 +279,10 @@ fn another_version_is_refused_with_both_types_and_garbage_is_refused_and_counted
     infer.told("polarity 0 or 1 and three zeros, got 77 and [1, 2, 3]");
     infer.told("expected a sensor with pixels, got 0x180");
     let summary = infer.output().remove(0);
-    assert_eq!(number(&summary["lost"]["malformed"], "slices"), 2, "{summary}");
+    assert_eq!(number(&summary["lost"]["malformed"], "packets"), 2, "{summary}");
     assert_eq!((number(&summary, "events"), number(&summary, "accepted")), (2, 1));
     assert_eq!(number(&summary["dropped"], "outside_sensor"), 1);
-    assert_eq!(number(&summary["lost"]["overflow"], "slices"), 0);
+    assert_eq!(number(&summary["lost"]["queue"], "packets"), 0);
 }
 
 #[test]

@@ -2,8 +2,8 @@
 
 use std::error::Error as StdError;
 
-use meissner_engine::EngineError;
 use meissner_io::IoError;
+use meissner_packets::PacketError;
 use meissner_pipeline::PipelineError;
 
 /// The node cannot start, or cannot go on.
@@ -31,9 +31,6 @@ pub enum Error {
     /// The network.
     #[error(transparent)]
     Pipeline(#[from] PipelineError),
-    /// A thread cannot be started.
-    #[error("a thread")]
-    Thread(#[source] std::io::Error),
 }
 
 impl Error {
@@ -63,5 +60,5 @@ pub enum Refused {
     Events(#[from] IoError),
     /// The engine does not take its sensor.
     #[error(transparent)]
-    Engine(#[from] EngineError),
+    Packets(#[from] PacketError),
 }

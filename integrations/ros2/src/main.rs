@@ -4,13 +4,12 @@ use std::io::{Write, stdout};
 use std::net::IpAddr;
 use std::path::PathBuf;
 use std::process::ExitCode;
-use std::sync::Arc;
 use std::{panic, process};
 
 use clap::Parser;
+use meissner_packets::AnyNetwork;
 use meissner_pipeline::error::chain;
 use meissner_pipeline::interrupt;
-use meissner_pipeline::model::{Model, ModelOptions};
 use meissner_ros2::Error;
 use meissner_ros2::node::{self, News, Options};
 
@@ -18,16 +17,17 @@ use meissner_ros2::node::{self, News, Options};
 #[derive(Parser)]
 #[command(version)]
 struct Arguments {
-    /// Shipped network, or file of a description
+    /// Shipped network over events or frames of them, or file of a description
     #[arg(default_value = "tactigraph-past")]
     network: String,
-    /// File with weights, in place of the shipped ones
+    /// File with weights, instead of the shipped ones
     #[arg(long)]
     weights: Option<PathBuf>,
     /// Topic of the packets (event_camera_msgs/msg/EventPacket)
     #[arg(long, default_value = "/event_camera/events")]
     packets: String,
-    /// Topic of the predictions (geometry_msgs/msg/Vector3Stamped; std_msgs/msg/Float32MultiArray for more than three values)
+    /// Topic of the predictions (geometry_msgs/msg/Vector3Stamped; std_msgs/msg/Float32MultiArray
+    /// for more than three values)
     #[arg(long, default_value = "/meissner/prediction")]
     predictions: String,
     /// Name of the node
@@ -52,7 +52,8 @@ struct Arguments {
 
 fn main() -> ExitCode {
     let arguments = Arguments::parse();
-    // A thread of DDS that panics would leave a node that receives nothing: it ends, and who started it can start it again.
+    // A thread of DDS that panics would leave a node that receives nothing: it ends, and who
+    // started it can start it again.
     let tell_panic = panic::take_hook();
     panic::set_hook(Box::new(move |about| {
         tell_panic(about);
@@ -82,10 +83,10 @@ fn run(arguments: Arguments) -> Result<(), Error> {
         interfaces,
         domain,
     } = arguments;
-    let model = Model::load(&ModelOptions { network, weights, ..ModelOptions::default() })?;
+    let network = AnyNetwork::named(&network, weights.as_deref())?;
     let depth = depth as usize;
     let options = Options { domain, interfaces, namespace, name, packets, predictions, reliable, depth };
-    let summary = node::run(Arc::new(model.network), &options, tell)?;
+    let summary = node::run(network, &options, tell)?;
     let line = serde_json::to_string(&summary).map_err(|e| Error::ros("show the summary", e))?;
     writeln!(stdout(), "{line}").map_err(|e| Error::ros("show the summary", e))
 }

@@ -1,13 +1,12 @@
 //! The node: topics, quality of service, networks.
 
 use std::net::IpAddr;
-use std::sync::Arc;
 use std::thread;
 use std::time::Duration;
 
 use futures::future::{Either, select};
 use futures::{StreamExt, channel::oneshot, executor::block_on, pin_mut};
-use meissner_engine::Network;
+use meissner_packets::AnyNetwork;
 use meissner_pipeline::interrupt;
 use meissner_pipeline::latency::Latency;
 use ros2_client::qos::{History, QosProfile, WhenFull};
@@ -17,10 +16,11 @@ use serde::Serialize;
 
 use crate::Error;
 use crate::error::Refused;
-use crate::inference::{Counts, Inference, Taken};
+use crate::inference::{Inference, PacketCounts, Taken};
 use crate::messages::{EventPacket, Float32MultiArray, Header, Vector3Stamped};
 
-/// Bytes that the operating system is asked to keep for this process: a packet arrives in many datagrams at once.
+/// Bytes that the operating system is asked to keep for this process: a packet arrives in many
+/// datagrams at once.
 const RECEIVE_BUFFER: usize = 8 << 20;
 /// Longest wait until an end is noticed.
 const NAP: Duration = Duration::from_millis(100);
@@ -70,14 +70,16 @@ pub enum News {
 pub struct Summary {
     /// What was taken and lost.
     #[serde(flatten)]
-    pub counts: Counts,
+    pub counts: PacketCounts,
     /// Messages that are no packets.
     pub not_packets: u64,
     /// Predictions that no subscriber got, because one of them does not confirm any.
     pub unsent: u64,
-    /// From a packet at hand until its prediction was given to DDS, in microseconds: decoding, engine, writing.
+    /// From a packet at hand until its prediction was given to DDS, in microseconds: decoding,
+    /// engine, writing.
     pub packet_to_prediction_us: Latency,
-    /// From the publisher's stamp of a packet until it was at hand, in microseconds, where the stamp came along: clocks of one host.
+    /// From the publisher's stamp of a packet until it was at hand, in microseconds, where the
+    /// stamp came along: clocks of one host.
     pub publisher_to_packet_us: Latency,
 }
 
@@ -117,7 +119,8 @@ fn subscribe(node: &mut Node, options: &Options) -> Result<Subscription<EventPac
 }
 
 fn advertise(node: &mut Node, options: &Options, outputs: usize) -> Result<Predictions, Error> {
-    // A reliable publisher serves subscribers of both kinds. It never waits: a controller wants the next prediction, not the last one.
+    // A reliable publisher serves subscribers of both kinds. It never waits: a controller wants the
+    // next prediction, not the last one.
     let qos = QosProfile::subscription_default()
         .history(History::KeepLast { depth: PREDICTIONS })
         .reliability_reliable(WhenFull::Fail);
@@ -141,7 +144,7 @@ fn advertise(node: &mut Node, options: &Options, outputs: usize) -> Result<Predi
 ///
 /// # Errors
 /// The node cannot be made. A packet that is refused is no error: it is counted and told.
-pub fn run(network: Arc<Network>, options: &Options, mut tell: impl FnMut(News)) -> Result<Summary, Error> {
+pub fn run(network: AnyNetwork, options: &Options, mut tell: impl FnMut(News)) -> Result<Summary, Error> {
     let builder = DomainParticipantBuilder::new(options.domain).socket_receive_buffer_size(RECEIVE_BUFFER);
     let builder = if options.interfaces.is_empty() {
         builder
@@ -167,7 +170,7 @@ pub fn run(network: Arc<Network>, options: &Options, mut tell: impl FnMut(News))
 
     let mut inference = Inference::new(network);
     let mut summary = Summary {
-        counts: Counts::default(),
+        counts: PacketCounts::default(),
         not_packets: 0,
         unsent: 0,
         packet_to_prediction_us: Latency::new(),
@@ -197,7 +200,7 @@ pub fn run(network: Arc<Network>, options: &Options, mut tell: impl FnMut(News))
             summary.publisher_to_packet_us.record(Duration::from_nanos(ns.max(0) as u64));
         }
         match inference.take(about.publisher_gid(), &packet) {
-            Ok(Taken { is_new, lost, .. }) => {
+            Ok(Taken { is_new, lost }) => {
                 if is_new {
                     tell(News::Stream(packet.seq));
                 }

@@ -1,8 +1,9 @@
 //! Words of EVT 3.0 after a packet that was lost.
 //!
-//! The words of a packet change time, row and base column, which the next packet takes over. After a loss these are wrong until they are
-//! sent again: an event could get the row or the time of another one. Until then, words of events are left out and counted. A camera sends
-//! its time every 16 us at the latest, so that a few events are left out at most.
+//! The words of a packet change time, row and base column, which the next packet takes over. After
+//! a loss these are wrong until they are sent again: an event could get the row or the time of
+//! another one. Until then, words of events are left out and counted. A camera sends its time every
+//! 16 us at the latest, so that a few events are left out at most.
 
 use std::borrow::Cow;
 
@@ -35,7 +36,8 @@ impl Resync {
         self.high && self.low && self.row && self.base
     }
 
-    /// The words of the next packet without those whose place or time is unknown. The bytes as they are, once all is known.
+    /// The words of the next packet without those whose place or time is unknown. The bytes as they
+    /// are, once all is known.
     pub fn words<'a>(&mut self, bytes: &'a [u8]) -> Cow<'a, [u8]> {
         if self.is_done() {
             return bytes.into();
@@ -68,7 +70,8 @@ impl Resync {
                 word::VECTOR_8 => self.place(is_placed && self.base, (word & 0xff).count_ones()),
                 _ => true,
             };
-            // A vector moves its base, also where its events are left out; a vector without any does.
+            // A vector moves its base, also where its events are left out; a vector without any
+            // does.
             match word >> 12 {
                 _ if is_kept => kept.extend_from_slice(bytes),
                 kind @ (word::VECTOR_12 | word::VECTOR_8) if self.base => {
@@ -114,7 +117,8 @@ mod tests {
         let mut packets = EventPackets::new("evt3", sensor).expect("a known encoding");
         let first = bytes(&[0x8001, 0x6005, 0x0007, 0x2803]);
         assert_eq!(packets.decode(0, &first).expect("good words"), [Event::new(4101, 3, 7, true)]);
-        // The lost packet went on to time 0x002'000 and row 9. Each event before what is sent again is left out.
+        // The lost packet went on to time 0x002'000 and row 9. Each event before what is sent again
+        // is left out.
         let mut resync = Resync::default();
         let next = bytes(&[
             0x2804, 0x6007, 0x2804, 0x8002, 0x2804, 0x6001, 0x2804, 0x4003, 0x000a, 0x2005, 0x4007, 0x3010,

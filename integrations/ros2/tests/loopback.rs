@@ -1,7 +1,9 @@
-//! The node with a camera of another implementation of DDS, Eclipse Cyclone DDS, in a network namespace that has a loopback interface alone.
+//! The node with a camera of another implementation of DDS, Eclipse Cyclone DDS, in a network
+//! namespace that has a loopback interface alone.
 //!
-//! `MEISSNER_CYCLONE` names a Python that has the package `cyclonedds`; `.ci/ros2` installs one. Without it, or where no namespace can be
-//! made, these tests say so by name and test nothing; with `MEISSNER_REQUIRE_CYCLONE=1` they fail.
+//! `MEISSNER_CYCLONE` names a Python that has the package `cyclonedds`; `.ci/ros2` installs one.
+//! Without it, or where no namespace can be made, these tests say so by name and test nothing; with
+//! `MEISSNER_REQUIRE_CYCLONE=1` they fail.
 
 use std::io::{BufRead, BufReader, Write};
 use std::path::{Path, PathBuf};
@@ -27,7 +29,8 @@ const CYCLONE: &str = r#"<CycloneDDS><Domain id="any"><General><Interfaces><Netw
 struct Process {
     child: Child,
     lines: Receiver<String>,
-    /// Whether the lines are those of its standard error; its standard output is then what it says at the end.
+    /// Whether the lines are those of its standard error; its standard output is then what it says
+    /// at the end.
     is_err: bool,
 }
 
@@ -184,7 +187,8 @@ fn mono(events: &[Event], base_us: i64) -> Vec<u8> {
     events.iter().flat_map(|event| bits(event).to_le_bytes()).collect()
 }
 
-/// Packets of these events: `lengths` are their numbers of events, in turn. Those of `left_out` are not in the list.
+/// Packets of these events: `lengths` are their numbers of events, in turn. Those of `left_out` are
+/// not in the list.
 fn packets(
     encoding: &str,
     sensor: Sensor,
@@ -237,8 +241,8 @@ fn number(of: &Value, key: &str) -> u64 {
     of[key].as_u64().unwrap_or_else(|| panic!("expected a count {key} in {of}"))
 }
 
-/// Runs node and camera up to the prediction for packet `last_seq`; the predictions in order, and the summary. Where the camera waits the
-/// first time, the node stands still until it waits again.
+/// Runs node and camera up to the prediction for packet `last_seq`; the predictions in order, and
+/// the summary. Where the camera waits the first time, the node stands still until it waits again.
 fn run(node: Process, mut camera: Process, last_seq: usize) -> (Vec<Value>, Value) {
     node.line("connected");
     camera.order("go");

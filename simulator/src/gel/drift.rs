@@ -2,13 +2,14 @@
 
 use meissner_models::random::Random;
 
-/// Standard deviations of the drift of the light between the picture at rest and those of a press, in
-/// grey levels, for each term of a quadratic in the place from -1 to 1: those of the 20 real pictures
-/// that the lights are fitted to, away from their contacts, with equal values for terms of equal degree.
+/// Standard deviations of the drift of the light between the picture at rest and those of a press,
+/// in grey levels, for each term of a quadratic in the place from -1 to 1: those of the 20 real
+/// pictures that the lights are fitted to, away from their contacts, with equal values for terms of
+/// equal degree.
 const DRIFT: [f64; 6] = [12.0, 12.0, 12.0, 7.0, 7.0, 7.0];
 
-/// How the light of a sensor has changed since its picture at rest: a quadratic in the place, for each
-/// colour, in grey levels.
+/// How the light of a sensor has changed since its picture at rest: a quadratic in the place, for
+/// each colour, in grey levels.
 #[derive(Clone, Copy, Debug)]
 pub struct Drift([[f64; 3]; 6]);
 
@@ -25,8 +26,8 @@ impl Drift {
     }
 }
 
-/// The bytes of a picture of this width and height, from its grey levels, in a light that has drifted:
-/// red, green and blue of each pixel, row by row.
+/// The bytes of a picture of this width and height, from its grey levels, in a light that has
+/// drifted: red, green and blue of each pixel, row by row.
 pub fn picture_bytes(levels: &[[f32; 3]], size: [usize; 2], drift: Option<&Drift>) -> Vec<u8> {
     let [width, height] = size.map(|side| side as f64);
     let pixels = levels.iter().enumerate().flat_map(|(pixel, level)| {

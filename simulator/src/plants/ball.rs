@@ -1,7 +1,7 @@
 //! A ball on a gel under a camera, which a controller moves.
 //!
-//! Enters: motions of the ball. Leaves: pictures, and what is true. Equal motions and an equal seed give
-//! equal pictures.
+//! Enters: motions of the ball. Leaves: pictures, and what is true. Equal motions and an equal seed
+//! give equal pictures.
 
 use meissner_models::random::Random;
 
@@ -10,7 +10,8 @@ use crate::gel::{
     Contact, Drift, GelSensor, GelSolver, Grid, Indenter, Load, MAX_DEPTH_SHARE, Placed, picture_bytes,
 };
 
-/// Pixels of the picture for each one of the grid that contacts are solved on, along a side: a ball is smooth.
+/// Pixels of the picture for each one of the grid that contacts are solved on, along a side: a ball
+/// is smooth.
 const COARSENESS: usize = 4;
 /// The ball stays within this share of the surface around its middle, along each side.
 const WITHIN: f64 = 0.6;
@@ -20,7 +21,8 @@ const WITHIN: f64 = 0.6;
 pub struct BallContact {
     /// The force in newtons.
     pub force_n: f64,
-    /// The middle of the contact from the middle of the picture, in millimetres; `None` without contact.
+    /// The middle of the contact from the middle of the picture, in millimetres; `None` without
+    /// contact.
     pub middle_mm: Option<[f64; 2]>,
 }
 
@@ -39,8 +41,8 @@ pub struct BallOnGel {
 }
 
 impl BallOnGel {
-    /// A ball of radius `ball_mm` that touches the sensor in its middle, and the sensor's picture at rest,
-    /// of this width and height.
+    /// A ball of radius `ball_mm` that touches the sensor in its middle, and the sensor's picture
+    /// at rest, of this width and height.
     ///
     /// # Errors
     /// As [`GelSolver::new`].
@@ -60,8 +62,8 @@ impl BallOnGel {
         Ok((plant, picture_bytes(&at_rest, size, None)))
     }
 
-    /// Moves the ball, as far as the surface and its greatest depth allow. Returns how far it went in
-    /// millimetres: deeper, then along x and y.
+    /// Moves the ball, as far as the surface and its greatest depth allow. Returns how far it went
+    /// in millimetres: deeper, then along x and y.
     ///
     /// # Errors
     /// As [`GelSolver::press`].

@@ -1,8 +1,8 @@
 //! What fingertip and controller tell each other, beside the events.
 //!
-//! Events go to the controller as records of 16 bytes (`meissner_io::record`). The controller sends its
-//! target once in each cycle to the fingertip, which answers to where the newest target came from, once in
-//! each millisecond. Least significant byte first:
+//! Events go to the controller as records of 16 bytes (`meissner_io::record`). The controller sends
+//! its target once in each cycle to the fingertip, which answers to where the newest target came
+//! from, once in each millisecond. Least significant byte first:
 //!
 //! | bytes | target, 24 bytes | | bytes | state, 40 bytes |
 //! |---|---|---|---|---|

@@ -1,10 +1,11 @@
 //! The simulated fingertip: a soft dome on a wrist that taps a plane, and the events of its camera.
 //!
-//! Enters: time, targets of the wrist. Leaves: events in order of time, and the fingertip's state. Equal input gives equal events.
+//! Enters: time, targets of the wrist. Leaves: events in order of time, and the fingertip's state.
+//! Equal input gives equal events.
 //!
-//! The wrist turns between two contacts only: the model of the dome has no turn of the plane during a press.
-//! What the camera sees in a tap is thus decided when the tap begins, a tenth of a second before the contact,
-//! and can be filmed ahead of real time.
+//! The wrist turns between two contacts only: the model of the dome has no turn of the plane during
+//! a press. What the camera sees in a tap is thus decided when the tap begins, a tenth of a second
+//! before the contact, and can be filmed ahead of real time.
 
 use std::sync::Arc;
 
@@ -27,7 +28,8 @@ pub const FINGERTIP_SENSOR: Sensor = Sensor { width: 346, height: 260 };
 
 /// Time between two turns of the wrist, in microseconds.
 pub const TICK_US: i64 = 1000;
-/// Time between two images, in microseconds: while markers move, no marker moves more than about a fifth of a pixel.
+/// Time between two images, in microseconds: while markers move, no marker moves more than about a
+/// fifth of a pixel.
 const MOVING_US: i64 = 500;
 const RESTING_US: i64 = 10_000;
 
@@ -65,7 +67,8 @@ pub fn presses() -> Arc<PressTable> {
 }
 
 impl Fingertip {
-    /// A fingertip before its first tap, upright on its base. `seed` determines the camera's noise and thresholds.
+    /// A fingertip before its first tap, upright on its base. `seed` determines the camera's noise
+    /// and thresholds.
     ///
     /// # Errors
     /// Never: the camera's settings are in range.
@@ -104,7 +107,8 @@ impl Fingertip {
         }
     }
 
-    /// Films an image if what it shows is decided and the tap has not been filmed yet; whether it did.
+    /// Films an image if what it shows is decided and the tap has not been filmed yet; whether it
+    /// did.
     ///
     /// # Errors
     /// Never: images are finite and in order of time.
@@ -142,7 +146,8 @@ impl Fingertip {
         }
     }
 
-    /// The angle between the axis of the dome and the normal of the plane, in radians: the error of levelling.
+    /// The angle between the axis of the dome and the normal of the plane, in radians: the error of
+    /// levelling.
     pub fn error(&self) -> f64 {
         tilt(self.away())
     }

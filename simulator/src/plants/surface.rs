@@ -13,8 +13,8 @@ pub enum Surface {
     Course,
 }
 
-/// Number of a tap, and roll and pitch in degrees from it on: two jumps, then a slow turn, whose taps lie on a
-/// line between the last two.
+/// Number of a tap, and roll and pitch in degrees from it on: two jumps, then a slow turn, whose
+/// taps lie on a line between the last two.
 pub const COURSE: [(u32, Angles); 4] =
     [(0, [4.0, -3.0]), (6, [-1.5, 2.5]), (12, [2.0, 5.0]), (24, [-4.0, 0.0])];
 

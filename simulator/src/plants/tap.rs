@@ -2,9 +2,9 @@
 //!
 //! Enters: a time. Leaves: phase and depth.
 //!
-//! The times fit the networks for contact angles. They were trained on presses of 90 to 200 ms that begin at
-//! rest, and read the events of the last 150 ms: at the end of the hold they are those of this press alone,
-//! because the phases between two contacts are longer than the window.
+//! The times fit the networks for contact angles. They were trained on presses of 90 to 200 ms that
+//! begin at rest, and read the events of the last 150 ms: at the end of the hold they are those of
+//! this press alone, because the phases between two contacts are longer than the window.
 
 /// What the fingertip does.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -44,7 +44,8 @@ pub const TAP_US: i64 = {
 pub const DEPTH_MM: f64 = 10.0;
 
 impl Phase {
-    /// The phase at `t_us` microseconds after the start of the first tap, and its share that has passed.
+    /// The phase at `t_us` microseconds after the start of the first tap, and its share that has
+    /// passed.
     pub fn at(t_us: i64) -> (Self, f64) {
         let mut within = t_us.rem_euclid(TAP_US);
         for (phase, duration) in PHASES {

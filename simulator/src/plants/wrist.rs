@@ -1,7 +1,8 @@
 //! The simulated actuator: a wrist that turns the dome about two axes.
 //!
-//! Enters: a target, time that passes. Leaves: the angles. Each axis follows its target with a lag of first
-//! order and a limit of speed: `d angle / dt = clamp((target - angle) / lag, -speed, speed)`.
+//! Enters: a target, time that passes. Leaves: the angles. Each axis follows its target with a lag
+//! of first order and a limit of speed: `d angle / dt = clamp((target - angle) / lag, -speed,
+//! speed)`.
 
 use super::Angles;
 
@@ -25,7 +26,8 @@ impl Wrist {
         self.angles
     }
 
-    /// Sets the target. An angle that is not finite is ignored, and one out of range is moved to its end.
+    /// Sets the target. An angle that is not finite is ignored, and one out of range is moved to
+    /// its end.
     pub fn aim(&mut self, target: Angles) {
         for (own, angle) in self.target.iter_mut().zip(target).filter(|(_, angle)| angle.is_finite()) {
             *own = angle.clamp(-MAX_ANGLE, MAX_ANGLE);

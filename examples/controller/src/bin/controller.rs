@@ -1,4 +1,5 @@
-//! The controller: 1 kHz, events from UDP, predictions by a deadline, targets for the wrist of a fingertip.
+//! The controller: 1 kHz, events from UDP, predictions by a deadline, targets for the wrist of a
+//! fingertip.
 //!
 //!     cargo run --release -p meissner-controller --bin controller -- [CYCLES]
 use std::net::UdpSocket;
@@ -15,7 +16,7 @@ use meissner_simulator::plants::FINGERTIP_SENSOR;
 const EVENTS: &str = "127.0.0.1:5000";
 const FINGERTIP: &str = "127.0.0.1:5001";
 /// Time between two cycles, and from when a cycle is due until its prediction must be at hand.
-const RHYTHM: [Duration; 2] = [Duration::from_micros(1000), Duration::from_micros(900)];
+const RHYTHM: [Duration; 2] = [Duration::from_millis(1), Duration::from_micros(900)];
 
 fn main() -> Result<(), Failure> {
     let cycles = std::env::args().nth(1).map_or(Ok(u64::MAX), |cycles| cycles.parse())?;
@@ -24,10 +25,11 @@ fn main() -> Result<(), Failure> {
     let engine = Engine::new(description.network(&weights)?, FINGERTIP_SENSOR)?;
     let (events, robot) = (UdpSocket::bind(EVENTS)?, UdpSocket::bind("127.0.0.1:0")?);
     robot.connect(FINGERTIP)?;
-    // Where more events wait, the oldest make room. A prediction begins two batches before the deadline: short
-    // batches leave more time to events.
+    // Where more events wait, the oldest make room. A prediction begins two batches before the
+    // deadline: short batches leave more time to events.
     let options = QueueOptions::new().with_capacity(1 << 16).with_batch(8);
-    // A thread starts with the priority of the one that starts it; one that waits for another stands above it.
+    // A thread starts with the priority of the one that starts it; one that waits for another
+    // stands above it.
     raise("the engine's thread", 60);
     let (mut input, mut live) = Live::spawn(engine, options)?;
     raise("the sensor's thread", 70);

@@ -1,18 +1,65 @@
+use std::sync::OnceLock;
+use std::time::Duration;
+
+use meissner::{Event, Sensor};
+use meissner_packets::{AnyNetwork, LiveOptions, LiveSensor};
+
 use crate::check::check;
-use crate::harness::{Node, network, recording};
-use crate::message::Counter;
+use crate::infer::counters;
+use crate::message::{Counter, LossHeader, PredictionHeader};
 use crate::record::Line;
+use crate::source::StreamOptions;
+
+/// A small network, made once.
+fn network() -> AnyNetwork {
+    static NETWORK: OnceLock<AnyNetwork> = OnceLock::new();
+    NETWORK.get_or_init(|| AnyNetwork::named("tactigraph-past", None).unwrap()).clone()
+}
+
+/// The sensor and the first events of the embedded recording.
+fn recording(events: usize) -> (Sensor, Vec<Event>) {
+    let (sensor, mut all) = StreamOptions { runs: 1, ..StreamOptions::default() }.recorded().unwrap();
+    all.truncate(events);
+    (sensor, all)
+}
 
 /// A record with a gap, over 1000 events of which 900 arrived.
 fn record() -> Vec<Line> {
-    let (sensor, events) = recording(1000);
-    let mut node = Node::start(sensor, 1, 10_000, None);
+    let (geometry, events) = recording(1000);
+    let options = LiveOptions { network: network(), capacity: 10_000, every: Duration::ZERO, states: None };
+    let (mut sensor, _) = LiveSensor::start("finger", 7, geometry, &options).unwrap();
+    let (mut lines, deadline) = (Vec::new(), Duration::from_mins(2));
     for number in [0, 1, 2, 4, 5, 6, 7, 8, 9] {
-        let first = number * 100;
-        node.take(number as u64, first, &events[first..first + 100]);
-        node.predict();
+        let place = (number, 100 * number, 100);
+        let packet = &events[100 * number as usize..][..100];
+        for gap in sensor.take(place, Some(packet), [0; 2]).unwrap() {
+            let header = LossHeader { sensor: "finger".to_owned(), stream: 7, order: lines.len() as u64 };
+            lines.push(Line::Loss { header, boot: 1, gap });
+        }
+        let asked = sensor.ask(deadline);
+        let predicted = sensor.answer(&asked, deadline).unwrap().expect("news");
+        let (order, place) = (lines.len() as u64, predicted.place);
+        let header = PredictionHeader {
+            sensor: "finger".to_owned(),
+            stream: 7,
+            boot: 1,
+            number: order,
+            order,
+            next: place.next,
+            accepted: place.accepted,
+            t_us: predicted.t_us,
+            nodes: predicted.nodes as u64,
+            fresh: predicted.fresh,
+            events_sent_ns: 0,
+            events_received_ns: 0,
+            sent_ns: 0,
+        };
+        lines.push(Line::Prediction { header, recorded_ns: 0, values: predicted.values.to_vec() });
     }
-    node.record(1000)
+    let mut counters = counters(&sensor);
+    counters.push(Counter::new("finger", "events_sent", 1000));
+    lines.push(Line::Counters { boot: 1, counters });
+    lines
 }
 
 fn refusal(lines: &[Line]) -> String {

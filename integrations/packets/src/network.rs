@@ -1,31 +1,34 @@
-//! The networks that a node can run: over events, or over frames that are made of them.
+//! The networks that an integration can run: over events, or over frames that are made of them.
 
 use std::path::Path;
 use std::sync::Arc;
 
-use meissner::frames::{Convolution, FrameOptions};
-use meissner::live::Predictor;
-use meissner::models::AnyDescription;
-use meissner::{DropReason, EngineError, Event, EventCounters, Outcome, Prediction, Sensor, snapshot_note};
+use meissner_engine::frames::{Convolution, FrameOptions};
+use meissner_engine::{
+    DropReason, Engine, EngineError, Event, EventCounters, Network, Outcome, Prediction, Predictor, Sensor,
+    snapshot_note,
+};
+use meissner_models::AnyDescription;
 use meissner_pipeline::PipelineError;
 use meissner_pipeline::live_frames::LiveFrames;
 use meissner_pipeline::model::{FrameModel, Model, describe_any};
 
-/// A network with its weights.
+/// A network with its weights, which all of its engines share.
 #[derive(Clone)]
-pub(crate) enum Network {
+pub enum AnyNetwork {
     /// Over events.
-    Events(Arc<meissner::Network>),
+    Events(Arc<Network>),
     /// Over frames of events.
     Frames(Arc<FrameModel>),
 }
 
-impl Network {
-    /// The network called `name`, with the weights in the file at `weights` or its shipped weights.
+impl AnyNetwork {
+    /// The network called `name`, shipped or described in a file, with the weights in the file at
+    /// `weights` or its shipped weights.
     ///
     /// # Errors
     /// The network is unknown, or the weights do not fit.
-    pub(crate) fn named(name: &str, weights: Option<&Path>) -> Result<Self, PipelineError> {
+    pub fn named(name: &str, weights: Option<&Path>) -> Result<Self, PipelineError> {
         Ok(match describe_any(name)?.0 {
             AnyDescription::Events(_) => Self::Events(Model::named(name, weights, false)?.network.into()),
             AnyDescription::Frames(_) => {
@@ -34,41 +37,48 @@ impl Network {
         })
     }
 
+    /// Number of predicted values.
+    pub fn outputs(&self) -> usize {
+        match self {
+            Self::Events(network) => network.outputs(),
+            Self::Frames(model) => model.description.output().values(),
+        }
+    }
+
     /// An engine before the first event of `sensor`.
     ///
     /// # Errors
     /// The network does not fit the sensor, or reads other input than events.
-    pub(crate) fn engine(&self, sensor: Sensor) -> Result<Engine, PipelineError> {
+    pub fn engine(&self, sensor: Sensor) -> Result<AnyEngine, PipelineError> {
         Ok(match self {
-            Self::Events(network) => {
-                Engine::Events(Box::new(meissner::Engine::new(Arc::clone(network), sensor)?))
-            }
+            Self::Events(network) => AnyEngine::Events(Box::new(Engine::new(Arc::clone(network), sensor)?)),
             Self::Frames(model) => {
-                Engine::Frames(Box::new(LiveFrames::new(Arc::clone(model), sensor, FrameOptions::new())?))
+                let frames = LiveFrames::new(Arc::clone(model), sensor, FrameOptions::new())?;
+                AnyEngine::Frames(Box::new(frames))
             }
         })
     }
 }
 
 /// A network and its state.
-pub(crate) enum Engine {
+pub enum AnyEngine {
     /// Over events.
-    Events(Box<meissner::Engine>),
+    Events(Box<Engine>),
     /// Over frames of events.
     Frames(Box<LiveFrames>),
 }
 
-impl Engine {
+impl AnyEngine {
     /// Dropped events by reason.
-    pub(crate) fn dropped(&self) -> Vec<(DropReason, u64)> {
+    pub fn dropped(&self) -> [(DropReason, u64); EventCounters::DROP_REASONS] {
         match self {
-            Self::Events(engine) => engine.counters().events.dropped().to_vec(),
-            Self::Frames(frames) => frames.dropped().to_vec(),
+            Self::Events(engine) => engine.counters().events.dropped(),
+            Self::Frames(frames) => frames.dropped(),
         }
     }
 
     /// The state with a note, as bytes.
-    pub(crate) fn encoded(&mut self, note: &[u8]) -> Vec<u8> {
+    pub fn to_bytes_with(&mut self, note: &[u8]) -> Vec<u8> {
         match self {
             Self::Events(engine) => engine.to_bytes_with(note),
             Self::Frames(frames) => frames.to_bytes_with(note),
@@ -79,7 +89,7 @@ impl Engine {
     ///
     /// # Errors
     /// The bytes are no state.
-    pub(crate) fn note(&self, bytes: &[u8]) -> Result<Vec<u8>, EngineError> {
+    pub fn note(&self, bytes: &[u8]) -> Result<Vec<u8>, EngineError> {
         match self {
             Self::Events(_) => snapshot_note(bytes).map(<[u8]>::to_vec),
             Self::Frames(_) => LiveFrames::note(bytes),
@@ -90,10 +100,21 @@ impl Engine {
     ///
     /// # Errors
     /// It is of another network or sensor, or damaged.
-    pub(crate) fn restore_bytes(&mut self, bytes: &[u8]) -> Result<(), EngineError> {
+    pub fn restore_bytes(&mut self, bytes: &[u8]) -> Result<(), EngineError> {
         match self {
             Self::Events(engine) => engine.restore_bytes(bytes),
             Self::Frames(frames) => frames.restore_bytes(bytes),
+        }
+    }
+
+    /// Inserts events in order; returns the number of accepted events.
+    pub fn push_slice(&mut self, events: &[Event]) -> usize {
+        match self {
+            Self::Events(engine) => engine.push_slice(events),
+            Self::Frames(frames) => {
+                let mut pushed = events.iter().map(|&event| frames.push(event));
+                pushed.by_ref().filter(|&outcome| outcome == Outcome::Accepted).count()
+            }
         }
     }
 
@@ -105,7 +126,7 @@ impl Engine {
     }
 }
 
-impl Predictor for Engine {
+impl Predictor for AnyEngine {
     type Input = Event;
 
     fn push(&mut self, event: Event) -> Outcome {

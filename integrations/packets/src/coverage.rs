@@ -1,0 +1,238 @@
+//! Which events of a stream reached an engine, and what became of the others.
+//!
+//! Enters: the numbers of each packet, in order of arrival, and how many packets an input queue
+//! dropped. Leaves: the part of each packet that the engine takes, and the gaps. Invariant: `next =
+//! accepted + lost`, so that every event before `next` is in one of the two.
+//!
+//! A source numbers its packets and its events. A packet that does not begin at `next` proves that
+//! others are missing. What arrives after it was counted as lost stays lost: the engine takes
+//! events in order only.
+
+use std::collections::BTreeMap;
+
+use serde::{Deserialize, Serialize};
+
+/// Why an event did not reach the engine.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Reason {
+    /// The queue of the input was full.
+    Queue,
+    /// It was lost on the way, outside of this process.
+    Link,
+    /// In one gap, some packets were dropped by the queue and others lost on the way, or the
+    /// transport cannot tell.
+    QueueOrLink,
+    /// It was sent before the process was connected, while it was down, or after the state that it
+    /// restored.
+    Down,
+    /// The engine's own queue was full.
+    Overload,
+    /// The packet could not be read.
+    Malformed,
+}
+
+impl Reason {
+    /// All reasons, in the order of their counts.
+    pub const ALL: [Self; 6] =
+        [Self::Queue, Self::Link, Self::QueueOrLink, Self::Down, Self::Overload, Self::Malformed];
+
+    /// The name in messages, summaries and metrics.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Queue => "queue",
+            Self::Link => "link",
+            Self::QueueOrLink => "queue_or_link",
+            Self::Down => "down",
+            Self::Overload => "overload",
+            Self::Malformed => "malformed",
+        }
+    }
+}
+
+/// A number of packets, and of their events.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Lost {
+    /// Packets.
+    pub packets: u64,
+    /// Events in them.
+    pub events: u64,
+}
+
+/// What was lost, by [`Reason`] in its order.
+pub type Losses = [Lost; Reason::ALL.len()];
+
+/// What was lost by the name of its reason, for summaries.
+pub fn by_reason(losses: &Losses) -> BTreeMap<&'static str, Lost> {
+    Reason::ALL.into_iter().map(Reason::name).zip(losses.iter().copied()).collect()
+}
+
+/// Events that no prediction covers, by their numbers.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Gap {
+    /// The first.
+    pub from: u64,
+    /// The first after them.
+    pub until: u64,
+    /// Packets that held them.
+    pub packets: u64,
+    /// Why.
+    pub reason: Reason,
+}
+
+/// The packets of a stream by their numbers.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Numbers {
+    /// Number of the next packet; `None` before the first.
+    next: Option<u64>,
+    /// Packets that the queue dropped and that no gap has shown yet.
+    dropped: u64,
+    /// Why packets are missing before the first, and between two, where the queue has not said that
+    /// it dropped them.
+    reasons: [Reason; 2],
+}
+
+impl Default for Numbers {
+    fn default() -> Self {
+        Self::new(Reason::Link)
+    }
+}
+
+impl Numbers {
+    /// Packets from number 0 on, of which some get lost by `reason`.
+    pub fn new(reason: Reason) -> Self {
+        Self { next: None, dropped: 0, reasons: [Reason::Down, reason] }
+    }
+
+    /// Notes that the queue of the input dropped this many packets.
+    pub fn dropped(&mut self, packets: u64) {
+        self.dropped += packets;
+    }
+
+    /// The packet of this number has arrived: how many before it are missing, and why. `None` if it
+    /// is late or a repetition.
+    pub fn arrived(&mut self, number: u64) -> Option<(u64, Reason)> {
+        let missing = number.checked_sub(self.next.unwrap_or(0))?;
+        let [before, between] = self.reasons;
+        let reason = match self.next {
+            _ if missing <= self.dropped => Reason::Queue,
+            None => before,
+            Some(_) if self.dropped == 0 => between,
+            Some(_) => Reason::QueueOrLink,
+        };
+        self.next = Some(number.saturating_add(1));
+        self.dropped = self.dropped.saturating_sub(missing);
+        Some((missing, reason))
+    }
+}
+
+/// What is known of the events of one stream.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Coverage {
+    /// Number of the next event.
+    pub next: u64,
+    /// Events that the engine took.
+    pub accepted: u64,
+    /// Events that it did not.
+    pub lost: Losses,
+    /// Packets that came after their events had been counted as lost, or twice.
+    pub late: u64,
+    numbers: Numbers,
+}
+
+/// What becomes of a packet.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Placed {
+    /// What is missing before it.
+    pub gap: Option<Gap>,
+    /// Events at its beginning that are not taken: they are known already.
+    pub skip: usize,
+}
+
+impl Coverage {
+    /// A stream of whose packets some get lost by `reason`.
+    pub fn new(reason: Reason) -> Self {
+        Self { numbers: Numbers::new(reason), ..Self::default() }
+    }
+
+    /// What a state covered: nothing is known of later packets.
+    pub fn resumed(next: u64, accepted: u64, lost: Losses) -> Self {
+        Self { next, accepted, lost, ..Self::default() }
+    }
+
+    /// This process was connected before the stream began: its first packets get lost as the others
+    /// do.
+    #[must_use]
+    pub fn connected(mut self) -> Self {
+        self.numbers.reasons[0] = self.numbers.reasons[1];
+        self
+    }
+
+    /// The stream is known from the packet of this number on.
+    #[must_use]
+    pub fn from_packet(mut self, number: u64) -> Self {
+        self.numbers.next = Some(number);
+        self
+    }
+
+    /// Number of the next packet; `None` before the first.
+    pub fn next_packet(&self) -> Option<u64> {
+        self.numbers.next
+    }
+
+    /// Notes that the queue of the input dropped this many packets.
+    pub fn dropped(&mut self, packets: u64) {
+        self.numbers.dropped(packets);
+    }
+
+    /// Places the packet of this number, whose `len` events begin with `first`; `None` where a
+    /// source does not number its events. Its gap counts as lost from now on; the caller takes the
+    /// events ([`Self::take`]) or loses them ([`Self::lose`]). `None` if there is nothing new in
+    /// it.
+    pub fn place(&mut self, number: u64, first: Option<u64>, len: usize) -> Option<Placed> {
+        // A state does not know which packets it covered.
+        let is_known = self.next == 0 || self.next_packet().is_some();
+        let (arrived, numbered) = (self.numbers.arrived(number), first.is_some());
+        let first = first.unwrap_or(self.next);
+        let end = first.saturating_add(len as u64);
+        let is_new = if len == 0 { first >= self.next } else { end > self.next };
+        let Some((packets, reason)) = arrived.filter(|_| is_new) else {
+            self.late += 1;
+            return None;
+        };
+        let packets = if is_known { packets } else { 0 };
+        let is_missing = if numbered { first > self.next } else { packets > 0 };
+        let gap = is_missing.then(|| self.lose_until(first, packets, reason));
+        Some(Placed { gap, skip: self.next.saturating_sub(first) as usize })
+    }
+
+    /// The engine takes the next `events`.
+    pub fn take(&mut self, events: usize) {
+        self.next = self.next.saturating_add(events as u64);
+        self.accepted = self.accepted.saturating_add(events as u64);
+    }
+
+    /// The engine does not take the next `events`, which are one packet.
+    pub fn lose(&mut self, events: usize, reason: Reason) -> Gap {
+        self.lose_until(self.next.saturating_add(events as u64), 1, reason)
+    }
+
+    /// Counts a packet that does not say which events it holds.
+    pub fn refuse(&mut self) {
+        self.lost[Reason::Malformed as usize].packets += 1;
+    }
+
+    fn lose_until(&mut self, until: u64, packets: u64, reason: Reason) -> Gap {
+        let until = until.max(self.next);
+        let from = std::mem::replace(&mut self.next, until);
+        let lost = &mut self.lost[reason as usize];
+        lost.events = lost.events.saturating_add(until - from);
+        lost.packets = lost.packets.saturating_add(packets);
+        Gap { from, until, packets, reason }
+    }
+
+    /// Events that were lost, for any reason.
+    pub fn lost_events(&self) -> u64 {
+        self.lost.iter().map(|lost| lost.events).sum()
+    }
+}
