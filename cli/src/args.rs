@@ -1,5 +1,5 @@
-//! Groups of arguments that several subcommands share. Clap checks the value of each argument and exits with status 2
-//! if it is invalid.
+//! Groups of arguments that several subcommands share. Clap checks the value of each argument and
+//! exits with status 2 if it is invalid.
 #![expect(clippy::doc_markdown, reason = "these comments are the help text, which would show the backticks")]
 
 use std::num::NonZeroU16;
@@ -21,8 +21,8 @@ use meissner_simulator::gel::GelSensor;
 use crate::error::CliError;
 use crate::output;
 
-// Headings of the help. Each option names its heading, because the heading of a group of arguments would also apply to
-// the options that follow the group.
+// Headings of the help. Each option names its heading, because the heading of a group of arguments
+// would also apply to the options that follow the group.
 pub(crate) const INPUT: &str = "Input";
 pub(crate) const NETWORK: &str = "Network";
 pub(crate) const PREDICTIONS: &str = "Predictions";
@@ -39,7 +39,8 @@ pub(crate) const OUTPUT: &str = "Output";
 pub(crate) struct JsonArgs {
     /// Print JSON instead of text.
     ///
-    /// docs/json.md explains the keys. `run` and `play` print one object per line, the other commands print one value.
+    /// docs/json.md explains the keys. `run` and `play` print one object per line, the other
+    /// commands print one value.
     #[arg(long, help_heading = OUTPUT)]
     pub(crate) json: bool,
 }
@@ -96,7 +97,7 @@ Exit status:
   run, play, send and verify --soak end their stream at the first signal, and write the summary and the state, also if nobody reads the output. The other subcommands end at once, and these four at the second signal, or when the state is written. pareto --state keeps finished measurements.
 
 Environment:
-  MEISSNER_LOG  off, error, warn (the default), info, debug or trace: what is told on standard error
+  MEISSNER_LOG  off, error, warn (the default), info, debug or trace: level of messages on standard error
   NO_COLOR      no colours in the help";
 
 /// A sensor of `simulate gel`.
@@ -126,45 +127,49 @@ impl GelSensorArg {
 pub(crate) struct ReadArgs {
     /// Size of the sensor in pixels, instead of the recording's.
     ///
-    /// This option is required if the recording does not state the size. CSV states it in a line `# sensor WxH` before
-    /// the first event, so on standard input the program waits for the first event unless this option is given. Events
-    /// outside the sensor are dropped and counted.
+    /// This option is required if the recording does not state the size. CSV states it in a line `#
+    /// sensor WxH` before the first event, so on standard input the program waits for the first
+    /// event unless this option is given. Events outside the sensor are dropped and counted.
     #[arg(long, value_name = "WxH", value_parser = sensor, help_heading = INPUT)]
     pub(crate) sensor: Option<Sensor>,
     /// Order of the columns of a text of events, such as xytp.
     ///
-    /// The letters are t, x, y, p, and _ for every other column. Without this option, the order is read from the
-    /// header, or inferred from the values if only one order fits them; if several fit, the text is refused. On
-    /// standard input the first line decides: a line with commas is read as t,x,y,p if possible.
+    /// The letters are t, x, y, p, and _ for every other column. Without this option, the order is
+    /// read from the header, or inferred from the values if only one order fits them; if several
+    /// fit, the text is refused. On standard input the first line decides: a line with commas is
+    /// read as t,x,y,p if possible.
     #[arg(long, value_name = "ORDER", help_heading = INPUT)]
     pub(crate) columns: Option<ColumnOrder>,
     /// Unit of the times of a text of events.
     ///
-    /// Without this option, the unit is read from the header (such as t_ms). If the header has none, whole numbers are
-    /// microseconds, and numbers with at least four decimals are seconds; numbers with fewer decimals are refused.
-    /// Finer times are rounded to the nearest microsecond.
+    /// Without this option, the unit is read from the header (such as t_ms). If the header has
+    /// none, whole numbers are microseconds, and numbers with at least four decimals are seconds;
+    /// numbers with fewer decimals are refused. Finer times are rounded to the nearest microsecond.
     #[arg(long, value_name = "s|ms|us|ns", help_heading = INPUT)]
     pub(crate) time_unit: Option<TimeUnit>,
     /// Read the intact part of a truncated recording.
     ///
-    /// The part that is left out is counted.
+    /// The part that is skipped is counted.
     #[arg(long, help_heading = INPUT)]
     pub(crate) salvage: bool,
-    /// Refuse whatever would be left out of the recording.
+    /// Refuse what would be skipped in the recording.
     ///
-    /// Without this option, what is no event of the sensor is left out, counted by kind, and told: lines of a text that cannot be read
-    /// ("lines_refused"; the first five are told), events outside the sensor that the file names, words of a type that holds no events,
+    /// Without this option, anything that is not an event of the sensor is skipped, counted by
+    /// kind, and reported: lines of a text that cannot be read ("lines_refused"; the first five are
+    /// shown), events outside the sensor that the file names, words of a type that holds no events,
     /// such as padding, and events before the first time of a stream.
     ///
-    /// If more than half of the first 100 lines (or of a shorter text) cannot be read, the program ends with an error. With this
-    /// option, the first line, event or word that would be left out ends it: the summary of standard input covers what came before,
-    /// and a file is not run at all.
+    /// If more than half of the first 100 lines (or of a shorter text) cannot be read, the program
+    /// ends with an error. With this option, the first line, event or word that would be skipped
+    /// ends it: the summary of standard input covers what came before, and a file is not run at
+    /// all.
     #[arg(long, help_heading = INPUT)]
     pub(crate) strict: bool,
     /// Chip of a recording in AEDAT 2 that names none, such as DAVIS346.
     ///
-    /// DVS128, DAVIS128, DAVIS208, DAVIS240, DAVIS346 or DAVIS640; it decides how addresses are read, instead of the header. --sensor
-    /// decides it too, where it is given and only one chip has this size.
+    /// DVS128, DAVIS128, DAVIS208, DAVIS240, DAVIS346 or DAVIS640; it decides how addresses are
+    /// read, instead of the header. --sensor decides it too, where it is given and only one chip
+    /// has this size.
     #[arg(long, value_name = "NAME", help_heading = INPUT)]
     pub(crate) chip: Option<Chip>,
     /// Which stream of events of AEDAT 3 or 4 is read, counted from 1 [default: 1].
@@ -186,9 +191,9 @@ impl ReadArgs {
 pub(crate) struct PartArgs {
     /// Skip the first TIME of the recording.
     ///
-    /// TIME counts from the first event. The part outside --from and --for is not read at all if the recording is
-    /// AEDAT, EVT2, DAT or npy. Its damage is then not found, and an event that is more than 1 s earlier than one
-    /// before it may be missed.
+    /// TIME counts from the first event. The part outside --from and --for is not read at all if
+    /// the recording is AEDAT, EVT2, DAT or npy. Its damage is then not found, and an event that is
+    /// more than 1 s earlier than one before it may be missed.
     #[arg(long = "from", value_name = "TIME", value_parser = length_us, help_heading = INPUT)]
     pub(crate) from_us: Option<i64>,
     /// Read only TIME of the recording, starting at --from.
@@ -208,15 +213,16 @@ impl PartArgs {
 pub(crate) struct Input {
     /// Recording, or - for standard input [default: a small built-in recording].
     ///
-    /// Events: AEDAT 2, 3.1 or 4, EVT2, EVT3, DAT, Event Stream (.es), N-MNIST, CSV or npy, also inside gzip, or alone
-    /// in a zip archive. The built-in recording is a simulated press and release; `meissner run` without any option compares
-    /// its true angles with the predicted ones.
+    /// Events: AEDAT 2, 3.1 or 4, EVT2, EVT3, DAT, Event Stream (.es), N-MNIST, CSV or npy, also
+    /// inside gzip, or alone in a zip archive. The built-in recording is a simulated press and
+    /// release; `meissner run` without any option compares its true angles with the predicted ones.
     ///
-    /// Live events: - for standard input, tcp://HOST:PORT, tcp-listen://HOST:PORT or udp://HOST:PORT. CSV lines
-    /// (t_us,x,y,p) or records of 16 bytes (`meissner send --help`) are read as they arrive.
+    /// Live events: - for standard input, tcp://HOST:PORT, tcp-listen://HOST:PORT or
+    /// udp://HOST:PORT. CSV lines (t_us,x,y,p) or records of 16 bytes (`meissner send --help`) are
+    /// read as they arrive.
     ///
-    /// Electrodes: CSV with a column for each of the 24 electrodes, also live. Pictures: a PNG, JPEG, PPM
-    /// or PGM file, a folder of them, or a text file with one path per line.
+    /// Electrodes: CSV with a column for each of the 24 electrodes, also live. Pictures: a PNG,
+    /// JPEG, PPM or PGM file, a folder of them, or a text file with one path per line.
     #[arg(value_name = "INPUT")]
     pub(crate) recording: Option<PathBuf>,
     /// Read at most N events of the recording.
@@ -229,9 +235,10 @@ pub(crate) struct Input {
     pub(crate) late: LatePolicy,
     /// Policy for a clock of the sensor that restarts.
     ///
-    /// A sensor that was connected again, or whose counter began anew, starts a new clock: events in a row are earlier by
-    /// more than the window. Restarts are counted ("restarts"). With reset, a single event more than 10 s ahead is
-    /// dropped as an outlier unless the one after it confirms its time.
+    /// A sensor that was connected again, or whose counter began anew, starts a new clock: events
+    /// in a row are earlier by more than the window. Restarts are counted ("restarts"). With reset,
+    /// a single event more than 10 s ahead is dropped as an outlier unless the one after it
+    /// confirms its time.
     #[arg(long, value_parser = choice(RESTART_POLICIES), default_value = "reset", help_heading = INPUT)]
     pub(crate) restart: RestartPolicy,
     #[command(flatten)]
@@ -259,14 +266,15 @@ pub(crate) struct Input {
 pub(crate) struct NetworkWeights {
     /// Weights [default: those shipped with the network].
     ///
-    /// The file is safetensors, or a state dict that PyTorch saved. `verify` draws weights for a description file from --seed.
+    /// The file is safetensors, or a state dict that PyTorch saved. `verify` draws weights for a
+    /// description file from --seed.
     #[arg(id = "weights", long = "weights", value_name = "FILE", help_heading = NETWORK)]
     pub(crate) file: Option<PathBuf>,
     /// Run weights that were trained on another preparation of the input.
     ///
-    /// The preparation is the graph with its scales, span and cells, or the way in which frames are made. Without this
-    /// option, such weights are refused. With it, the predictions are not the ones that the weights were trained for,
-    /// and every output says so.
+    /// The preparation is the graph with its scales, span and cells, or the way in which frames are
+    /// made. Without this option, such weights are refused. With it, the predictions are not the
+    /// ones that the weights were trained for, and every output says so.
     #[arg(long, help_heading = NETWORK)]
     pub(crate) ignore_preparation: bool,
 }
@@ -276,10 +284,11 @@ pub(crate) struct NetworkWeights {
 pub(crate) struct ApproximationArgs {
     /// Keep the values of a row or pixel that changes by at most X.
     ///
-    /// X is the limit for every channel. Without this option every change counts, and results are exact. In networks
-    /// over events, a new row of a spline block is always stored, and pooled maxima and the readout are exact over the
-    /// stored rows, so errors do not grow with time. Rows that are computed once on arrival (the event level of
-    /// tactigraph-frozen and tactigraph-past) stay exact.
+    /// X is the limit for every channel. Without this option every change counts, and results are
+    /// exact. In networks over events, a new row of a spline block is always stored, and pooled
+    /// maxima and the readout are exact over the stored rows, so errors do not grow with time. Rows
+    /// that are computed once on arrival (the event level of tactigraph-frozen and tactigraph-past)
+    /// stay exact.
     #[arg(long, value_name = "X", value_parser = number, help_heading = APPROXIMATIONS)]
     pub(crate) tolerance: Option<f32>,
     /// Limit each node of the event graph to its first K neighbours.
@@ -289,8 +298,8 @@ pub(crate) struct ApproximationArgs {
     pub(crate) filters: FilterArgs,
     /// Recompute a prediction only after N more accepted events.
     ///
-    /// Until then the last prediction is repeated, with its time. With --stale-time too, a prediction is recomputed as
-    /// soon as either limit is reached.
+    /// Until then the last prediction is repeated, with its time. With --stale-time too, a
+    /// prediction is recomputed as soon as either limit is reached.
     #[arg(long, value_name = "N", help_heading = APPROXIMATIONS,
           value_parser = clap::value_parser!(u64).range(1..=i64::MAX as u64))]
     pub(crate) stale_events: Option<u64>,
@@ -304,9 +313,9 @@ pub(crate) struct ApproximationArgs {
 pub(crate) struct FilterArgs {
     /// Drop events as noise if no neighbouring pixel fired within TIME before.
     ///
-    /// The neighbours are the 8 pixels around the event. The contact-angle paper uses 1250us. Filters act in this
-    /// order: --activity-filter, --refractory, --rate-limit, --stride. Late events and events outside the sensor are
-    /// dropped after the filters.
+    /// The neighbours are the 8 pixels around the event. The contact-angle paper uses 1250us.
+    /// Filters act in this order: --activity-filter, --refractory, --rate-limit, --stride. Late
+    /// events and events outside the sensor are dropped after the filters.
     #[arg(long = "activity-filter", value_name = "TIME", value_parser = span_us, help_heading = APPROXIMATIONS)]
     pub(crate) activity_filter_us: Option<i64>,
     /// Drop events of a pixel within TIME after its last kept event.

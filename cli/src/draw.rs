@@ -1,4 +1,5 @@
-//! `meissner draw`: draws weights from a seed, so that a new description can run before it is trained.
+//! `meissner draw`: draws weights from a seed, so that a new description can run before it is
+//! trained.
 
 use meissner_models::drawn_file;
 

@@ -236,18 +236,18 @@ fn hint(error: &PipelineError) -> Option<String> {
 fn hint_of_recording(recording: &str, source: &IoError) -> Option<String> {
     let text = match source {
         IoError::Undecided { .. } => {
-            "say the order of the columns with --columns, such as --columns xytp (_ for any other column), and the unit \
+            "state the order of the columns with --columns, such as --columns xytp (_ for any other column), and the unit \
              of time with --time-unit s, ms, us or ns"
         }
         IoError::Lines { first, .. } => return hint_of_recording(recording, first),
         IoError::Malformed { format: "AEDAT2", what: "address" | "AEChip", .. } => {
-            "say the chip, such as --chip DAVIS346, or the size of its sensor, such as --sensor 346x260"
+            "state the chip, such as --chip DAVIS346, or the size of its sensor, such as --sensor 346x260"
         }
         IoError::UnknownFormat { start, length, .. } if *length > 0 && !start.contains("\\x") => {
-            "if it is a text of events, say the order of its columns, such as --columns xytp"
+            "if it is a text of events, state the order of its columns, such as --columns xytp"
         }
         IoError::Malformed { format: "CSV", what, .. } if !matches!(*what, "header" | "row" | "field") => {
-            "if the columns stand in another order or the times have another unit, say so: --columns, such as \
+            "if the columns are in another order or the times in another unit, use --columns, such as \
              --columns xytp, and --time-unit s, ms, us or ns"
         }
         IoError::OtherKind { found: Kind::Events(format), expected }

@@ -3,7 +3,8 @@
 use clap::parser::ValueSource;
 use clap::{Arg, ArgMatches, Command};
 
-/// The arguments of a subcommand whose values are not their defaults: names, and how messages show them.
+/// The arguments of a subcommand whose values are not their defaults: names, and how messages show
+/// them.
 #[derive(Debug)]
 pub(crate) struct Given(Vec<(String, String)>);
 

@@ -6,8 +6,8 @@ use meissner_pipeline::model::FrameModel;
 use meissner_pipeline::provenance::{InputCard, ModelCard};
 use meissner_pipeline::text::grouped;
 
-/// Writes the inputs, the network with its `mode`, the weights, and the window or the frames. `frames` is given for a
-/// frame network.
+/// Writes the inputs, the network with its `mode`, the weights, and the window or the frames.
+/// `frames` is given for a frame network.
 pub(crate) fn header(
     out: &mut impl Write,
     inputs: &[InputCard],
@@ -35,7 +35,8 @@ pub(crate) fn header(
     writeln!(out)
 }
 
-/// Writes the lines of network and weights: the first says what runs on which sensor and whether the weights are trained.
+/// Writes the lines of network and weights: the first says what runs on which sensor and whether
+/// the weights are trained.
 pub(crate) fn write_model(
     out: &mut impl Write,
     card: &ModelCard,

@@ -55,7 +55,8 @@ impl NetworkKind {
     }
 }
 
-/// A hint that names the shipped networks that read an input of kind `found`; `None` if there are none.
+/// A hint that names the shipped networks that read an input of kind `found`; `None` if there are
+/// none.
 pub(crate) fn readers(found: meissner_io::Kind) -> Option<String> {
     let (kinds, words): (&[NetworkKind], _) = match found {
         meissner_io::Kind::Events(_) => (&[EventGraph, EventFrames], "recordings of events"),

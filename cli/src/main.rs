@@ -2,20 +2,20 @@
 //!
 //! | file | contents |
 //! |---|---|
-//! | `run`, `play`, `bench`, `networks`, `inspect`, `draw`, `info`, `convert`, `send`, `eval`, `pareto`, `prepare`, `simulate`, `verify` | the subcommands, each with its arguments |
-//! | `args`, `input` | arguments that several subcommands share; the source and the network that they select |
+//! | `run`, `play`, `bench`, `networks` and others | a subcommand each, with its arguments |
+//! | `args`, `input` | arguments that several share; the source and the network that they select |
 //! | `given`, `renamed` | which arguments were given; command lines of the version before |
 //! | `kind` | the kinds of input of networks |
 //! | `report`, `header`, `text`, `progress` | results as text and as JSON |
-//! | `tasks`, `threads` | data sets, networks and trainings on the command line, for `eval` and `pareto`; threads that share work |
+//! | `tasks`, `threads` | data sets, networks and trainings; threads that share work |
 //! | `output`, `stderr` | standard output and files; messages on standard error |
 //! | `manual` | completions of shells, pages of the manual |
 //! | `error` | errors, hints, and the exit status |
 //!
 //! Results go to standard output, messages and progress to standard error.
 #![forbid(unsafe_code)]
-// These macros panic if the reader has closed the pipe. `tell` does not, and results go to a locked standard output,
-// which reports its errors.
+// These macros panic if the reader has closed the pipe. `tell` does not, and results go to a locked
+// standard output, which reports its errors.
 #![deny(clippy::print_stdout, clippy::print_stderr)]
 
 mod args;
@@ -84,8 +84,8 @@ enum Command {
     Inspect(inspect::InspectArgs),
     /// Draw weights for a network from a seed.
     ///
-    /// Drawn weights are useful for measuring latency and testing equality; the predictions are meaningless. The metadata
-    /// of the file says so.
+    /// Drawn weights are useful for measuring latency and testing equality; the predictions are
+    /// meaningless. The metadata of the file says so.
     Draw(draw::DrawArgs),
     /// Show the contents of a recording in numbers.
     Info(info::InfoArgs),

@@ -1,4 +1,5 @@
-//! `meissner completions` and `meissner man`: completions of a shell and pages of the manual, from the definitions of the arguments.
+//! `meissner completions` and `meissner man`: completions of a shell and pages of the manual, from
+//! the definitions of the arguments.
 
 use std::fs;
 use std::io::Write;

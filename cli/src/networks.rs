@@ -71,7 +71,8 @@ struct Entry {
     purpose: &'static str,
     /// Whether its shipped weights are trained.
     trained: bool,
-    /// Columns and rows in pixels of the sensor of the training, or of the part that is read; `None` if any size fits.
+    /// Columns and rows in pixels of the sensor of the training, or of the part that is read;
+    /// `None` if any size fits.
     sensor: Option<[usize; 2]>,
     input: &'static str,
     outputs: Vec<String>,

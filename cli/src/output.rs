@@ -33,7 +33,8 @@ pub(crate) fn print(
     Ok(out.flush()?)
 }
 
-/// Checks before minutes of work that the file at `path` can be written or replaced. Nothing is changed.
+/// Checks before minutes of work that the file at `path` can be written or replaced. Nothing is
+/// changed.
 pub(crate) fn check_writable(path: &Path) -> Result<(), CliError> {
     meissner_io::check_writable(path).map_err(|error| PipelineError::File(error).into())
 }
@@ -53,7 +54,8 @@ pub(crate) fn check_all_writable<const N: usize>(paths: [&Option<PathBuf>; N]) -
     paths.into_iter().flatten().try_for_each(|path| check_writable(path))
 }
 
-/// Writes `report` to standard output, as JSON or as `text`, and as JSON to the file that `args` name.
+/// Writes `report` to standard output, as JSON or as `text`, and as JSON to the file that `args`
+/// name.
 pub(crate) fn report(
     args: &ReportArgs,
     report: &impl Serialize,

@@ -1,4 +1,5 @@
-//! `meissner play`: plays recordings at real speed, or a stream, through bounded queues, with reports by their deadlines.
+//! `meissner play`: plays recordings at real speed, or a stream, through bounded queues, with
+//! reports by their deadlines.
 
 mod args;
 
@@ -54,7 +55,8 @@ pub(crate) fn play(args: &PlayArgs, given: &Given) -> Result<(), CliError> {
     Ok(())
 }
 
-/// Refuses cores that are not there, streams among several inputs, and approximations that `--verify` cannot check.
+/// Refuses cores that are not there, streams among several inputs, and approximations that
+/// `--verify` cannot check.
 fn check(args: &PlayArgs, given: &Given) -> Result<(), CliError> {
     let there = cores();
     if let Some(core) = args.pin.iter().find(|core| !there.contains(core)) {

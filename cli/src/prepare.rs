@@ -30,13 +30,14 @@ pub(crate) struct PrepareArgs {
 enum InputArgs {
     /// Graphs of streams of events, as a network over events reads them.
     ///
-    /// The file has neighbourhoods, cells and edges. The graph of a stream is the graph after a reset and all events of the
-    /// stream. It does not depend on the weights of the network.
+    /// The file has neighbourhoods, cells and edges. The graph of a stream is the graph after a
+    /// reset and all events of the stream. It does not depend on the weights of the network.
     Graphs(GraphsArgs),
     /// Windows of electrode readings, with the direction of slip as label.
     ///
-    /// Windows are consecutive and do not overlap, as in the paper; the `sampling` of the description is ignored. Readings
-    /// at the end of a recording that do not fill a window are left out. Equal data give equal bytes.
+    /// Windows are consecutive and do not overlap, as in the paper; the `sampling` of the
+    /// description is ignored. Readings at the end of a recording that do not fill a window are
+    /// left out. Equal data give equal bytes.
     Slip(SlipArgs),
     /// Events of the recordings of digits (N-MNIST), with labels, splits and folds.
     ///
@@ -65,7 +66,8 @@ struct SlipArgs {
     data: PathBuf,
     /// Name of a shipped network, or a description file (.toml).
     ///
-    /// Its table `input` has the kind of the frames, the number of readings in a window, and their scaling.
+    /// Its table `input` has the kind of the frames, the number of readings in a window, and their
+    /// scaling.
     #[arg(long, value_name = "NETWORK", help_heading = NETWORK)]
     network: String,
     #[command(flatten)]
@@ -189,7 +191,8 @@ struct LabelledArgs {
     file: OutArgs,
     /// Number of folds of the cross-validation.
     ///
-    /// Every recording is held out by one fold, and each fold has about the same number of recordings of every class.
+    /// Every recording is held out by one fold, and each fold has about the same number of
+    /// recordings of every class.
     #[arg(long, value_name = "N", default_value_t = 10, value_parser = clap::value_parser!(u32).range(2..),
           help_heading = OUTPUT)]
     folds: u32,

@@ -37,7 +37,8 @@ impl Progress {
         Self::unless_json(long, json, "{bar:30} {percent:>3} % of {human_len} events, {eta} left")
     }
 
-    /// A bar over `total` tasks that each take a while, with the name of the current one. None if `total` is 0.
+    /// A bar over `total` tasks that each take a while, with the name of the current one. None if
+    /// `total` is 0.
     pub(crate) fn tasks(total: u64, json: bool) -> Self {
         let some = Some(total).filter(|&total| total > 0);
         Self::unless_json(some, json, "{bar:30} {pos} of {len} measured, {eta} left: {msg}")

@@ -1,5 +1,5 @@
-//! Command lines of the version before: `stress` and `soak` were subcommands, and `--json` took a file in `soak`, `eval`,
-//! `pareto` and `simulate loop`. This file goes with the next version.
+//! Command lines of the version before: `stress` and `soak` were subcommands, and `--json` took a
+//! file in `soak`, `eval`, `pareto` and `simulate loop`. This file goes with the next version.
 
 use std::ffi::{OsStr, OsString};
 

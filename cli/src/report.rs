@@ -1,6 +1,7 @@
 //! The output of `run` and `play`: JSON lines for programs, or a table with a summary for people.
 //!
-//! The table shows some of the predictions of a file, all predictions of a live stream, and always the last one.
+//! The table shows some of the predictions of a file, all predictions of a live stream, and always
+//! the last one.
 
 mod rows;
 pub(crate) mod summary;

@@ -1,5 +1,5 @@
-//! `meissner run`: runs a network over an input, and writes predictions and measurements to standard output. Without arguments
-//! it shows a press that the program holds.
+//! `meissner run`: runs a network over an input, and writes predictions and measurements to
+//! standard output. Without arguments it shows a press that the program holds.
 
 mod args;
 mod press;

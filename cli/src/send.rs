@@ -27,8 +27,8 @@ pub(crate) struct SendArgs {
     input: PathBuf,
     /// Receiver: tcp://HOST:PORT, tcp-listen://HOST:PORT, udp://HOST:PORT or -.
     ///
-    /// tcp connects to a server, tcp-listen waits for the first client, and - is standard output. A receiver over TCP that
-    /// is slow makes the sender wait; over UDP, events are lost.
+    /// tcp connects to a server, tcp-listen waits for the first client, and - is standard output. A
+    /// receiver over TCP that is slow makes the sender wait; over UDP, events are lost.
     #[arg(value_name = "STREAM")]
     to: PathBuf,
     #[command(flatten)]

@@ -37,29 +37,32 @@ pub(crate) struct SimulateArgs {
 enum InputArgs {
     /// Events of markers that move, such as the pins of a tactile sensor.
     ///
-    /// Each stream of tracks is filmed by a camera of its own. Equal tracks, settings and seeds give equal bytes on every
-    /// machine.
+    /// Each stream of tracks is filmed by a camera of its own. Equal tracks, settings and seeds
+    /// give equal bytes on every machine.
     Markers(MarkersArgs),
     /// Events of a sequence of images, as a recording.
     Images(ImagesArgs),
     /// Tracks of the markers in a soft dome that is pressed on planes, with labels.
     ///
-    /// The planes have tilts of 0 to 9 degrees in 20 directions; depths are 5 to 15 mm, durations 90 to 200 ms. The dome is
-    /// the published one of 40 mm with 169 markers. `simulate markers` turns the tracks into events.
+    /// The planes have tilts of 0 to 9 degrees in 20 directions; depths are 5 to 15 mm, durations
+    /// 90 to 200 ms. The dome is the published one of 40 mm with 169 markers. `simulate markers`
+    /// turns the tracks into events.
     Dome(DomeArgs),
     /// Pictures of a gel that is pressed by indenters, with the force on each pixel.
     ///
-    /// The lights are fitted to pictures of a real sensor. `eval area` and `train/area` read the file.
+    /// The lights are fitted to pictures of a real sensor. `eval area` and `train/area` read the
+    /// file.
     Gel(GelArgs),
     /// Events of fingers that grasp and release a bolt, with the force along time.
     ///
-    /// A camera behind the transparent silicone of one finger sees a bolt of 8, 12 or 16 mm come, touch, vibrate and leave. Equal
-    /// numbers and seeds give equal bytes on every machine.
+    /// A camera behind the transparent silicone of one finger sees a bolt of 8, 12 or 16 mm come,
+    /// touch, vibrate and leave. Equal numbers and seeds give equal bytes on every machine.
     Grasp(grasp::GraspArgs),
-    /// Control by touch: what the error and the run time of a network do to it.
+    /// Control by touch: how the error and the run time of a network affect it.
     ///
-    /// A ball is pressed so that its force follows a saw-tooth, or a marble is brought back to the middle of the sensor. The sensor is
-    /// that of `simulate gel`, and the controller moves by what a network says of its pictures.
+    /// A ball is pressed so that its force follows a saw-tooth, or a marble is brought back to the
+    /// middle of the sensor. The sensor is that of `simulate gel`, and the controller moves by what
+    /// a network says of its pictures.
     Loop(closed_loop::LoopArgs),
 }
 
@@ -116,8 +119,9 @@ struct ImagesArgs {
     ///
     /// The images of a folder (PNG, JPEG, PPM, PGM) are taken in the order of their names.
     ///
-    /// The brightness of a pixel is taken as linear. Between two images its logarithm changes linearly, so that fast motion
-    /// needs many images: at most a pixel of motion from one to the next.
+    /// The brightness of a pixel is taken as linear. Between two images its logarithm changes
+    /// linearly, so that fast motion needs many images: at most a pixel of motion from one to the
+    /// next.
     #[arg(value_name = "IMAGES")]
     images: PathBuf,
     /// Time from one image to the next.
@@ -151,7 +155,8 @@ Writes, of T times one press after the other:
 struct DomeArgs {
     /// Presses for each of 10 tilts and 20 directions: N = 1 makes 200.
     ///
-    /// The shipped networks were trained on 12. The program says the time and the size before it starts.
+    /// The shipped networks were trained on 12. The program says the time and the size before it
+    /// starts.
     #[arg(long, alias = "presses", value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u16).range(1..), help_heading = MEASUREMENT)]
     each: u16,
     /// Size of the sensor in pixels.
@@ -215,8 +220,8 @@ enum ShapesArg {
     Unseen,
 }
 
-/// Parameters of the camera; those that are missing are the default's or, with --ideal, the ideal camera's. The defaults for markers
-/// are those of the training (`CameraSettings::tactile`).
+/// Parameters of the camera; those that are missing are the default's or, with --ideal, the ideal
+/// camera's. The defaults for markers are those of the training (`CameraSettings::tactile`).
 #[derive(Clone, Copy, Debug, clap::Args)]
 struct CameraArgs {
     /// A camera without noise, spread, delay and limit of bandwidth.
@@ -341,8 +346,8 @@ fn images(args: &ImagesArgs) -> Result<String, CliError> {
     Ok(format!("{about}, as {format}"))
 }
 
-/// Seconds of one core for a tilt and a direction, bytes of a press's track, and of its events on 346 x 260 pixels; of one run on a
-/// shared EPYC.
+/// Seconds of one core for a tilt and a direction, bytes of a press's track, and of its events on
+/// 346 x 260 pixels; of one run on a shared EPYC.
 const DOME_SECONDS: f64 = 2.0;
 const TRACK_BYTES: f64 = 31e3;
 const FILM_BYTES: f64 = 2.6e6;

@@ -55,14 +55,15 @@ pub(crate) struct TouchTask {
 pub(crate) struct Networks {
     /// Network [default: every shipped network for the task].
     ///
-    /// The name of a shipped network, or a description file, which needs weights or trainings. It may be given several
-    /// times. With --trainings, the default is every shipped network with trainings in the folder.
+    /// The name of a shipped network, or a description file, which needs weights or trainings. It
+    /// may be given several times. With --trainings, the default is every shipped network with
+    /// trainings in the folder.
     #[arg(long = "network", value_name = "NETWORK", help_heading = NETWORK)]
     networks: Vec<String>,
     /// Folder of safetensors files, each a training of a network.
     ///
-    /// The long help of `meissner eval` for the task explains their metadata. Without this option, the shipped weights are
-    /// used.
+    /// The long help of `meissner eval` for the task explains their metadata. Without this option,
+    /// the shipped weights are used.
     #[arg(long, value_name = "DIR", help_heading = NETWORK)]
     trainings: Option<PathBuf>,
 }
@@ -74,8 +75,8 @@ pub(crate) struct TrainedNetworks {
     networks: Networks,
     /// Weights of the only network [default: those shipped with it].
     ///
-    /// The file is safetensors, or a state dict that PyTorch saved. For digits and touch, the weights must be trained on
-    /// the split train.
+    /// The file is safetensors, or a state dict that PyTorch saved. For digits and touch, the
+    /// weights must be trained on the split train.
     #[arg(long, value_name = "FILE", conflicts_with = "trainings", help_heading = NETWORK)]
     weights: Option<PathBuf>,
 }
@@ -98,7 +99,8 @@ pub(crate) struct EventNetworks {
 pub(crate) struct SlipTask {
     /// Folder of the data set, with a folder for each class.
     ///
-    /// The classes are aw (anticlockwise), cw (clockwise), e, n, s, w (directions) and t (touch without slip). Recordings are files such as n/pen178.csv.
+    /// The classes are aw (anticlockwise), cw (clockwise), e, n, s, w (directions) and t (touch
+    /// without slip). Recordings are files such as n/pen178.csv.
     #[arg(value_name = "DATA")]
     pub(crate) data: PathBuf,
     #[command(flatten)]

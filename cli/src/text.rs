@@ -49,7 +49,8 @@ pub(crate) fn file_name(path: &str) -> &str {
     Path::new(path).file_name().and_then(OsStr::to_str).unwrap_or(path)
 }
 
-/// A table with indented lines. The first column is aligned to the left, the others to the right, two spaces apart.
+/// A table with indented lines. The first column is aligned to the left, the others to the right,
+/// two spaces apart.
 #[derive(Default)]
 pub(crate) struct Table {
     rows: Vec<Vec<String>>,
@@ -85,8 +86,8 @@ impl Table {
         self.rows.push(cells.into_iter().collect());
     }
 
-    /// All lines. A table wider than [`WIDTH`] is split into several tables with an empty line between them, each with
-    /// the first column.
+    /// All lines. A table wider than [`WIDTH`] is split into several tables with an empty line
+    /// between them, each with the first column.
     pub(crate) fn lines(&self) -> Vec<String> {
         let columns = self.rows.iter().map(Vec::len).max().unwrap_or(0);
         let width = |c: usize| self.rows.iter().filter_map(|r| r.get(c)).map(|s| s.chars().count()).max();

@@ -38,8 +38,8 @@ impl Threads {
         self.threads == Some(2)
     }
 
-    /// The pool whose two threads share the work of one engine, if there are two. The calling thread is one of them while the
-    /// pool is there.
+    /// The pool whose two threads share the work of one engine, if there are two. The calling
+    /// thread is one of them while the pool is there.
     pub(crate) fn shared(self) -> Result<Option<ThreadPool>, CliError> {
         let two = || ThreadPoolBuilder::new().num_threads(2).use_current_thread().build();
         self.are_two().then(two).transpose().map_err(|source| CliError::Threads { threads: 2, source })

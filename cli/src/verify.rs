@@ -1,4 +1,5 @@
-//! `meissner verify`: incremental against full recomputation, bit for bit. [`meissner_verify`] does the work.
+//! `meissner verify`: incremental against full recomputation, bit for bit. [`meissner_verify`] does
+//! the work.
 //!
 //! | file | contents |
 //! |---|---|

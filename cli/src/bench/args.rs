@@ -41,9 +41,10 @@ pub(crate) struct BenchArgs {
     pub(crate) input: Input,
     /// When to predict while latencies are measured [default: event].
     ///
-    /// event: after every accepted event. N: after every N accepted events. TIME: every TIME of stream time, as `run`
-    /// does. For a frame network, and with --compare, TIME is the time from frame to frame. The default is then the
-    /// length of the network's windows, or 10ms for a sliding window.
+    /// event: after every accepted event. N: after every N accepted events. TIME: every TIME of
+    /// stream time, as `run` does. For a frame network, and with --compare, TIME is the time from
+    /// frame to frame. The default is then the length of the network's windows, or 10ms for a
+    /// sliding window.
     #[arg(long, value_name = "event|N|TIME", value_parser = every, help_heading = PREDICTIONS)]
     pub(crate) every: Option<Every>,
     /// Compare with this frame network over the same events.

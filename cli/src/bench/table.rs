@@ -33,8 +33,8 @@ pub(super) fn write(out: &mut impl Write, report: &EventReport) -> io::Result<()
     deadline(out, &report.deadline)
 }
 
-/// Writes the recording and the network. `events` is the number of events in the recording; `part` is a line about the
-/// measured part.
+/// Writes the recording and the network. `events` is the number of events in the recording; `part`
+/// is a line about the measured part.
 pub(super) fn recording(
     out: &mut impl Write,
     input: &InputReport,

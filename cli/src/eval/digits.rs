@@ -30,7 +30,7 @@ Logits (--logits), at the end of each recording:
 Examples:
   meissner eval digits nmnist/
   meissner eval digits nmnist/ --network own.toml --weights own.safetensors
-  meissner eval digits nmnist/ --trainings runs/ --folds 10 --json - > out.json
+  meissner eval digits nmnist/ --trainings runs/ --folds 10 --json > out.json
   meissner eval digits nmnist/ --network digits-past --every 5ms --svg out.svg";
 
 /// `meissner eval digits`.

@@ -40,7 +40,7 @@ Logits (--logits), for all windows, in the order of `prepare slip`:
 Examples:
   meissner eval slip biotac_dos/
   meissner eval slip biotac_dos/ --network slip-lstm --threads 2 --svg slip.svg
-  meissner eval slip biotac_dos/ --trainings runs/ --json - > slip.json
+  meissner eval slip biotac_dos/ --trainings runs/ --json > slip.json
   meissner eval slip biotac_dos/ --network own.toml --trainings runs/";
 
 /// `meissner eval slip`.

@@ -55,7 +55,7 @@ pub(super) enum StudyArgs {
     Angle(StudyOf<AngleTask>),
     /// Direction of slip, frame networks: time against wrong answers on unseen objects.
     Slip(StudyOf<SlipTask>),
-    /// Contact area from pictures of a gel: time against what the IoU lacks to 1.
+    /// Contact area from pictures of a gel: time against 1 - IoU.
     Area(StudyOf<AreaTask>),
     /// Force of grasps, networks of both kinds: time against the mean squared error.
     Force(StudyOf<ForceTask>),
@@ -85,7 +85,8 @@ pub(super) struct AngleTask {
     pub(super) from_us: Option<i64>,
     /// Network over events to measure [default: tactigraph-past].
     ///
-    /// The name of a shipped network, or a description file, which needs --weights. It may be given several times.
+    /// The name of a shipped network, or a description file, which needs --weights. It may be given
+    /// several times.
     #[arg(long = "network", value_name = "NETWORK", help_heading = NETWORK)]
     pub(super) networks: Vec<String>,
     #[command(flatten)]
@@ -105,8 +106,9 @@ pub(super) struct Common {
     only: Vec<String>,
     /// Approximate number of events that are timed in each repeat [default: 20000].
     ///
-    /// `pareto digits` and `pareto touch` take whole recordings. For `pareto slip` it is the number of windows, 400 by default; for `pareto
-    /// area` that of pictures, of whole presses, 40 by default; for `pareto force` that of recordings, 20 by default.
+    /// `pareto digits` and `pareto touch` take whole recordings. For `pareto slip` it is the number
+    /// of windows, 400 by default; for `pareto area` that of pictures, of whole presses, 40 by
+    /// default; for `pareto force` that of recordings, 20 by default.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..), help_heading = MEASUREMENT)]
     timed_events: Option<u32>,
     /// Repeats of each measurement of time.

@@ -1,6 +1,7 @@
 //! The picture of `pareto --svg`: every setting as a point of run time against error.
 //!
-//! Settings on the front and exact settings have labels. Others have their name and figures as a tooltip.
+//! Settings on the front and exact settings have labels. Others have their name and figures as a
+//! tooltip.
 
 #[cfg(test)]
 mod tests;

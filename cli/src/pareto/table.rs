@@ -81,7 +81,8 @@ fn measured(setting: &SettingReport) -> [String; 9] {
     ]
 }
 
-/// Errors of each part of the data, a table for each kind; those that the settings are compared by only where there are several.
+/// Errors of each part of the data, a table for each kind; those that the settings are compared by
+/// only where there are several.
 fn tasks(out: &mut dyn Write, report: &Report) -> io::Result<()> {
     for network in &report.networks {
         let exact = &network.exact().measurement.task;
@@ -174,7 +175,8 @@ const COLUMNS: &[(&str, Field)] = &[
     ("error_unit", |report, _, _| error_unit(report).to_owned()),
 ];
 
-/// The unit of the errors that settings are compared by, as numbers: shares are not in percent here. Empty without labels.
+/// The unit of the errors that settings are compared by, as numbers: shares are not in percent
+/// here. Empty without labels.
 fn error_unit(report: &Report) -> &'static str {
     match report.compared {
         Compared::Task(kind) if kind.is_share() => "share",

@@ -31,9 +31,10 @@ pub(crate) struct PlayArgs {
     pub(crate) input: Input,
     /// Recordings of other sensors, played at the same time.
     ///
-    /// Each input has an engine in a thread of its own, with its own queue and counters, and a thread that offers its events. All engines
-    /// share one copy of the weights. Recordings begin together, whatever their times. An input whose engine fails ends there; the
-    /// others go on, and the exit status is 1. A stream can only be played alone.
+    /// Each input has an engine in a thread of its own, with its own queue and counters, and a
+    /// thread that offers its events. All engines share one copy of the weights. Recordings begin
+    /// together, whatever their times. An input whose engine fails ends there; the others go on,
+    /// and the exit status is 1. A stream can only be played alone.
     #[arg(value_name = "OTHER")]
     pub(crate) others: Vec<PathBuf>,
     /// Play each recording N times, one after the other, without a reset.
@@ -42,8 +43,8 @@ pub(crate) struct PlayArgs {
     pub(crate) repeat: u32,
     /// Speed of the recording: 1 is real time, 0.5 is half as fast.
     ///
-    /// Events of a stream are taken when they arrive. The time of its first event is that of its arrival; from there, X seconds of stream
-    /// time are taken to pass in a second.
+    /// Events of a stream are taken when they arrive. The time of its first event is that of its
+    /// arrival; from there, X seconds of stream time are taken to pass in a second.
     #[arg(long, value_name = "X", default_value_t = 1.0, value_parser = speed, help_heading = QUEUE)]
     pub(crate) speed: f64,
     /// Capacity of the queue between the reader and the engine, in events.
@@ -54,20 +55,23 @@ pub(crate) struct PlayArgs {
     pub(crate) queue: u32,
     /// Policy when events arrive faster than the engine takes them.
     ///
-    /// block: the reader waits until half of the queue is free, and falls behind real time. drop-oldest, drop-newest:
-    /// when the queue is full, the oldest waiting event or the new event is dropped. thin:N: only every Nth event
-    /// enters. filter:TIME: an event enters only if one of the 8 pixels around it fired within TIME before.
-    /// refractory:TIME: an event enters only if it is at least TIME after the last event of its pixel. rate:N: at most
-    /// N events enter per second.
+    /// block: the reader waits until half of the queue is free, and falls behind real time.
+    /// drop-oldest, drop-newest: when the queue is full, the oldest waiting event or the new event
+    /// is dropped. thin:N: only every Nth event enters. filter:TIME: an event enters only if one of
+    /// the 8 pixels around it fired within TIME before. refractory:TIME: an event enters only if it
+    /// is at least TIME after the last event of its pixel. rate:N: at most N events enter per
+    /// second.
     ///
-    /// The last four policies become active when the queue is more than half full, and inactive when it is at most a
-    /// quarter full. They drop the newest event when the queue is full. Every dropped event is counted by reason. The
-    /// filters among the approximations (--activity-filter and others) act before the queue, at all times.
+    /// The last four policies become active when the queue is more than half full, and inactive
+    /// when it is at most a quarter full. They drop the newest event when the queue is full. Every
+    /// dropped event is counted by reason. The filters among the approximations (--activity-filter
+    /// and others) act before the queue, at all times.
     #[arg(long, value_name = "POLICY", default_value = "drop-oldest", help_heading = QUEUE)]
     pub(crate) overload: Policy,
     /// Shortest time between two packets of events from a recording, on the wall clock.
     ///
-    /// A sensor sends what it has in packets. A packet wakes two threads: with many inputs on few cores, 1ms leaves time for the engines.
+    /// A sensor sends what it has in packets. A packet wakes two threads: with many inputs on few
+    /// cores, 1ms leaves time for the engines.
     #[arg(long, value_name = "TIME", default_value = "100us", value_parser = period, help_heading = QUEUE)]
     pub(crate) packet: Duration,
     /// Cores that the engines' threads are pinned to, in turn, such as 0,1.
@@ -77,29 +81,31 @@ pub(crate) struct PlayArgs {
     pub(crate) pin: Vec<usize>,
     /// Compute while no event waits and no report is due.
     ///
-    /// Reports then wait less for their predictions, and more is computed in total. Predictions have the same bits, unless an
-    /// approximation depends on when they are read.
+    /// Reports then wait less for their predictions, and more is computed in total. Predictions
+    /// have the same bits, unless an approximation depends on when they are read.
     #[arg(long, help_heading = PREDICTIONS)]
     pub(crate) ahead: bool,
     /// Stream time between two reports.
     ///
-    /// Reports are due at the first event's time + TIME, + 2 TIME and so on, up to the first due time at or after the
-    /// last event. They are due on the wall clock: every report is made, however far the engine lags. On a stream, reports are due until
-    /// it ends; no event leaves the window before a later one has arrived.
+    /// Reports are due at the first event's time + TIME, + 2 TIME and so on, up to the first due
+    /// time at or after the last event. They are due on the wall clock: every report is made,
+    /// however far the engine lags. On a stream, reports are due until it ends; no event leaves the
+    /// window before a later one has arrived.
     #[arg(long, value_name = "TIME", default_value = "10ms", value_parser = period, help_heading = PREDICTIONS)]
     pub(crate) report_every: Duration,
     /// Longest wait for the prediction of a report.
     ///
-    /// A prediction is fresh if it covers every event that has entered the queue. If the engine cannot finish in time,
-    /// it predicts from the events that it has taken (behind). If the report has no prediction of its own by the
-    /// deadline, it repeats the newest earlier one (old). Each report says how far it is behind, and its age.
+    /// A prediction is fresh if it covers every event that has entered the queue. If the engine
+    /// cannot finish in time, it predicts from the events that it has taken (behind). If the report
+    /// has no prediction of its own by the deadline, it repeats the newest earlier one (old). Each
+    /// report says how far it is behind, and its age.
     #[arg(long, value_name = "TIME", default_value = "5ms", value_parser = length, help_heading = PREDICTIONS)]
     pub(crate) deadline: Duration,
     /// Check the last prediction against a full recomputation, bit for bit.
     ///
-    /// The recomputation is over the accepted events: for networks with frozen in-edges the last (blocks + 1) x
-    /// capacity events, since a window can depend on no earlier ones, and for other networks the events of the window.
-    /// A difference ends the program with status 1.
+    /// The recomputation is over the accepted events: for networks with frozen in-edges the last
+    /// (blocks + 1) x capacity events, since a window can depend on no earlier ones, and for other
+    /// networks the events of the window. A difference ends the program with status 1.
     #[arg(long, help_heading = PREDICTIONS)]
     pub(crate) verify: bool,
     #[command(flatten)]

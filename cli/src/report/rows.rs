@@ -12,7 +12,8 @@ use meissner_pipeline::training::Output;
 
 use crate::text::cell;
 
-/// Largest number of columns of values: a line of 80 characters has room for so many beside counts and times.
+/// Largest number of columns of values: a line of 80 characters has room for so many beside counts
+/// and times.
 const MAX_COLUMNS: usize = 2;
 /// Largest number of columns of values over electrodes.
 const MAX_ELECTRODE_COLUMNS: usize = 3;
@@ -102,7 +103,8 @@ impl Columns {
         }
     }
 
-    /// The part of the input that had been taken at `prediction`, and the row. `total` is the size of the input.
+    /// The part of the input that had been taken at `prediction`, and the row. `total` is the size
+    /// of the input.
     pub(super) fn row(&self, prediction: &Prediction<'_>, total: Option<u64>) -> (u64, String) {
         let done = |taken: u64| {
             total.map_or_else(|| short(taken), |total| format!("{} %", taken * 100 / total.max(1)))
@@ -174,7 +176,8 @@ impl Columns {
         }
     }
 
-    /// The first values in the units for people; those outside the range of the training are marked.
+    /// The first values in the units for people; those outside the range of the training are
+    /// marked.
     fn columns(&self, values: &[f32], most: usize) -> String {
         let cells = self.outputs.iter().zip(values).take(most).map(|(output, &value)| {
             let mark = if output.is_outside(value) { OUTSIDE } else { "" };

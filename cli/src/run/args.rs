@@ -37,7 +37,8 @@ Examples:
   biotac | meissner run - --network slip-lstm --hold 5 --json
   meissner run images/ --network canf --overlay maps";
 
-/// First bytes of a state. What begins otherwise is not read any further: the engine refuses it for them.
+/// First bytes of a state. What begins otherwise is not read any further: the engine refuses it for
+/// them.
 const STATE_MARK: &[u8] = b"MEISSNER";
 /// Largest state that is read, in bytes: 2 GiB, as for weights.
 const STATE_BYTES: u64 = 1 << 31;
@@ -55,10 +56,11 @@ pub(crate) struct RunArgs {
     pub(super) mode: Mode,
     /// When to predict [default: 10ms, or every frame].
     ///
-    /// event: after every accepted event. N: after every N accepted events. end: once, at the end of the input. TIME:
-    /// at the first event's time + TIME, + 2 TIME and so on, as soon as a later event arrives, and once more at the
-    /// first due time at or after the last event. Each prediction is for the window at its due time, also in a gap
-    /// between events; due times are skipped while a gap leaves the window empty.
+    /// event: after every accepted event. N: after every N accepted events. end: once, at the end
+    /// of the input. TIME: at the first event's time + TIME, + 2 TIME and so on, as soon as a later
+    /// event arrives, and once more at the first due time at or after the last event. Each
+    /// prediction is for the window at its due time, also in a gap between events; due times are
+    /// skipped while a gap leaves the window empty.
     ///
     /// Frame networks over consecutive windows of events predict after every frame, at the end, or every TIME, which
     /// must be a multiple of the windows' length. Over a sliding window, a frame is formed whenever a prediction is
@@ -71,7 +73,8 @@ pub(crate) struct RunArgs {
     pub(super) format: JsonArgs,
     /// Draw the angles of the press that the program holds into this file.
     ///
-    /// `meissner run` without INPUT and other options shows this press: what a network predicts of it, and what is true.
+    /// `meissner run` without INPUT and other options shows this press: what a network predicts of
+    /// it, and what is true.
     #[arg(long, value_name = "FILE", help_heading = OUTPUT)]
     pub(super) svg: Option<PathBuf>,
     #[command(flatten)]
@@ -97,9 +100,9 @@ pub(super) struct FrameArgs {
     pub(super) convolution: Option<Convolution>,
     /// Largest number of consecutive empty frames that are pushed [default: 6000].
     ///
-    /// Each empty frame is a step of the network. After N of them, the state is reset to the one before the first
-    /// frame, and the remaining empty frames are skipped. 6000 is a minute of frames of 10 ms. The summary counts the
-    /// pushed and the skipped frames.
+    /// Each empty frame is a step of the network. After N of them, the state is reset to the one
+    /// before the first frame, and the remaining empty frames are skipped. 6000 is a minute of
+    /// frames of 10 ms. The summary counts the pushed and the skipped frames.
     #[arg(long, value_name = "N", help_heading = FRAMES)]
     pub(super) longest_silence: Option<u64>,
     /// Draw forces, outline and centroid over each picture, into this folder.
@@ -114,9 +117,10 @@ pub(super) struct FrameArgs {
     pub(super) full_scale: Option<f32>,
     /// Picture without contact, to compare with by plain differences.
     ///
-    /// The output then also has the area and the centroid of the region in which a picture differs from this one by
-    /// more than 10 of 255 levels, averaged over 5 x 5 pixels. Networks whose pictures enter as differences, canf and
-    /// canf-plain among them, take it instead of the first picture.
+    /// The output then also has the area and the centroid of the region in which a picture differs
+    /// from this one by more than 10 of 255 levels, averaged over 5 x 5 pixels. Networks whose
+    /// pictures enter as differences, canf and canf-plain among them, take it instead of the first
+    /// picture.
     #[arg(long, value_name = "IMAGE", help_heading = FRAMES)]
     pub(super) reference: Option<PathBuf>,
 }
@@ -126,20 +130,22 @@ pub(super) struct FrameArgs {
 pub(super) struct ElectrodeArgs {
     /// Readings that form a window [default: as in the network's description].
     ///
-    /// sliding: the newest readings, with a prediction at every reading, as a controller needs it (the shipped
-    /// networks' default). consecutive: windows that do not overlap, as the paper on direction of slip evaluates. N:
-    /// every Nth reading, in windows that do not overlap.
+    /// sliding: the newest readings, with a prediction at every reading, as a controller needs it
+    /// (the shipped networks' default). consecutive: windows that do not overlap, as the paper on
+    /// direction of slip evaluates. N: every Nth reading, in windows that do not overlap.
     ///
-    /// A line that is not a reading (too few fields, text, NaN: see --strict) starts a new window and clears the
-    /// decision. If the CSV has a column of time, so does a reading that is earlier than the one before it, or more
-    /// than 50 ms later. Nothing is printed while a new window fills. The summary counts these cases, and also values
-    /// outside 0 to 4095 and intervals that differ from 10 ms by more than 20 %, which are used unchanged.
+    /// A line that is not a reading (too few fields, text, NaN: see --strict) starts a new window
+    /// and clears the decision. If the CSV has a column of time, so does a reading that is earlier
+    /// than the one before it, or more than 50 ms later. Nothing is printed while a new window
+    /// fills. The summary counts these cases, and also values outside 0 to 4095 and intervals that
+    /// differ from 10 ms by more than 20 %, which are used unchanged.
     #[arg(long, value_name = "sliding|consecutive|N", value_parser = sampling, help_heading = ELECTRODES)]
     pub(super) sampling: Option<Sampling>,
     /// Change the decision only when N windows in a row agree [default: 1].
     ///
-    /// The first decision also needs N windows that agree; until then there is none. With sliding windows at 100 Hz,
-    /// this delays a decision by 10 (N - 1) ms. An interruption of the readings clears the decision (see --sampling).
+    /// The first decision also needs N windows that agree; until then there is none. With sliding
+    /// windows at 100 Hz, this delays a decision by 10 (N - 1) ms. An interruption of the readings
+    /// clears the decision (see --sampling).
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..), help_heading = ELECTRODES)]
     pub(super) hold: Option<u32>,
     /// Ignore windows whose largest probability is below P [default: 0].
@@ -168,13 +174,14 @@ impl FrameArgs {
 pub(super) struct StateArgs {
     /// Write the state after the last event to this file, for --resume.
     ///
-    /// For networks over events, and over frames of events. Results that are due only because the input ends (the
-    /// prediction of --every TIME, a frame whose window is still open) are left to the resumed run; --every end
-    /// predicts. The state is also written after Ctrl-C, SIGTERM and errors of input and output, but not after an error
-    /// of the engine or if most of a text is refused.
+    /// For networks over events, and over frames of events. Results that are due only because the
+    /// input ends (the prediction of --every TIME, a frame whose window is still open) are left to
+    /// the resumed run; --every end predicts. The state is also written after Ctrl-C, SIGTERM and
+    /// errors of input and output, but not after an error of the engine or if most of a text is
+    /// refused.
     ///
-    /// The file is replaced atomically: a crash leaves the previous one. What is no regular file, such as a device, is
-    /// refused before the run.
+    /// The file is replaced atomically: a crash leaves the previous one. What is no regular file,
+    /// such as a device, is refused before the run.
     #[arg(long, value_name = "FILE", help_heading = STATE)]
     pub(super) save_state: Option<PathBuf>,
     /// Also write the state after every TIME of stream time.
@@ -253,7 +260,8 @@ impl RunArgs {
         format!("{skip}{way}{threads}")
     }
 
-    /// The subject of a report about the network of `card`. `live` and `total` are those of [`About`].
+    /// The subject of a report about the network of `card`. `live` and `total` are those of
+    /// [`About`].
     pub(super) fn about<'a>(
         &self,
         table: TableKind,
@@ -301,8 +309,8 @@ impl RunArgs {
         Ok(state.map_or(Ok(()), meissner_io::check_replaceable).map_err(PipelineError::File)?)
     }
 
-    /// Refuses approximations that reuse earlier results in batch mode, and states of runs with memory that the state
-    /// does not contain.
+    /// Refuses approximations that reuse earlier results in batch mode, and states of runs with
+    /// memory that the state does not contain.
     pub(super) fn check_state(&self, given: &Given) -> Result<(), CliError> {
         let batch = self.mode == Mode::Batch;
         if let Some(option) = given.first(REUSES).filter(|_| batch) {

@@ -1,5 +1,5 @@
-//! `meissner run` without arguments: the embedded press, with predicted angles beside the true ones. The release is streamed too,
-//! but it is not judged: no training saw a release.
+//! `meissner run` without arguments: the embedded press, with predicted angles beside the true
+//! ones. The release is streamed too, but it is not judged: no training saw a release.
 
 use std::io::{self, Write};
 use std::path::Path;

@@ -61,7 +61,8 @@ pub(super) struct LoopArgs {
     seed: u64,
     /// Also compute only what changes by more than this between pictures.
     ///
-    /// It holds for the input, in which one grey level is 0.04 for the shipped networks, and for the values of every layer.
+    /// It holds for the input, in which one grey level is 0.04 for the shipped networks, and for
+    /// the values of every layer.
     #[arg(long, value_name = "CHANGE", value_delimiter = ',', default_values_t = [0.2, 0.4], help_heading = APPROXIMATIONS)]
     tolerance: Vec<f32>,
     /// Also with networks that take so many times as long.

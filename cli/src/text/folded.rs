@@ -4,8 +4,8 @@ use std::io::{self, Write};
 
 use super::WIDTH;
 
-/// Breaks lines of more than [`WIDTH`] characters between words. If a line begins with a key, the rest is indented to the
-/// text after the key.
+/// Breaks lines of more than [`WIDTH`] characters between words. If a line begins with a key, the
+/// rest is indented to the text after the key.
 pub(crate) struct Folded<W: Write> {
     out: W,
     /// Whether lines are broken. Lines for programs are not.

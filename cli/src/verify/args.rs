@@ -96,8 +96,8 @@ pub(super) struct StreamArgs {
     pub(super) cases: u64,
     /// File for the minimal stream of a mismatch.
     ///
-    /// A text of events (t,x,y,p) with the other steps as comments. It is written only at a mismatch, and replaces an
-    /// existing file.
+    /// A text of events (t,x,y,p) with the other steps as comments. It is written only at a
+    /// mismatch, and replaces an existing file.
     #[arg(long, value_name = "FILE", default_value = "meissner-verify-failure.csv", help_heading = OUTPUT)]
     pub(super) failure: PathBuf,
 }
@@ -153,8 +153,8 @@ fn of_the_sweep(arg: Arg) -> Arg {
 /// Options of `--stress`, which the other forms refuse.
 pub(crate) const OF_STRESS: &[&str] = &["--only", "--quick", "--threads", "--list", "--markdown"];
 
-/// An argument that no form takes to which it does not belong. `requires` would not do for those of `--stress`: clap
-/// does not require what conflicts with an argument that is there, and NETWORK is.
+/// An argument that no form takes to which it does not belong. `requires` would not do for those of
+/// `--stress`: clap does not require what conflicts with an argument that is there, and NETWORK is.
 fn of_its_form(arg: Arg) -> Arg {
     match arg.get_id().as_str() {
         "stress" | "only" | "quick" | "threads" | "list" | "markdown" | "json" | "out" => arg,

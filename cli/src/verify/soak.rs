@@ -1,4 +1,5 @@
-//! One engine over recordings in a loop, with frequent disturbances. [`meissner_verify::soak`] does the work.
+//! One engine over recordings in a loop, with frequent disturbances. [`meissner_verify::soak`] does
+//! the work.
 
 mod table;
 

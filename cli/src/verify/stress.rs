@@ -1,4 +1,5 @@
-//! Streams, weights, states and images that strain the arithmetic. The cases come from [`meissner_verify::stress`].
+//! Streams, weights, states and images that strain the arithmetic. The cases come from
+//! [`meissner_verify::stress`].
 
 mod table;
 

@@ -1,4 +1,5 @@
-//! `bench` of frame networks, and against them: counts and bits that fit together, whatever the times are.
+//! `bench` of frame networks, and against them: counts and bits that fit together, whatever the
+//! times are.
 
 use serde_json::Value;
 

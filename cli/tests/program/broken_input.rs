@@ -1,4 +1,5 @@
-//! Inputs that break off half-way: one message with the place, and every output of before as it was.
+//! Inputs that break off half-way: one message with the place, and every output of before as it
+//! was.
 
 use std::fs;
 use std::path::PathBuf;
@@ -32,8 +33,8 @@ impl Folder {
         self.path(name)
     }
 
-    /// Runs the program with each of `options`, first naming the file of before, then one that is not there: it fails with
-    /// `expected`, the file is as it was, and there is no other.
+    /// Runs the program with each of `options`, first naming the file of before, then one that is
+    /// not there: it fails with `expected`, the file is as it was, and there is no other.
     fn stays(&self, arguments: &[&str], options: &[&str], expected: &[&str]) {
         for option in options {
             for name in ["kept", "new"] {
@@ -51,7 +52,8 @@ impl Folder {
     }
 }
 
-/// The default recording in every format that is written, N-MNIST and others cut within an event; the message's place.
+/// The default recording in every format that is written, N-MNIST and others cut within an event;
+/// the message's place.
 fn broken(folder: &Folder) -> Vec<(PathBuf, &'static str)> {
     let recording = meissner_io::read(&default_recording()).expect("the recording is sound");
     let events = &recording.events[..2000];

@@ -1,4 +1,5 @@
-//! A small data set of digits, trainings of small networks over it, and what a network makes of it by engines alone.
+//! A small data set of digits, trainings of small networks over it, and what a network makes of it
+//! by engines alone.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -176,7 +177,8 @@ pub(crate) struct Said {
     pub(crate) end_us: i64,
 }
 
-/// What `description` with `weights` says of every `stride`-th of `events`: an engine of its own for every time.
+/// What `description` with `weights` says of every `stride`-th of `events`: an engine of its own
+/// for every time.
 pub(crate) fn said(description: &Description, weights: &Weights, events: &[Event], stride: usize) -> Said {
     let network = std::sync::Arc::new(description.network(weights).expect("they fit"));
     let events: Vec<Event> = events.iter().copied().step_by(stride).collect();

@@ -1,10 +1,12 @@
-//! Incremental and batch mode give the same values for the same windows at the same moments, bit for bit.
+//! Incremental and batch mode give the same values for the same windows at the same moments, bit
+//! for bit.
 
 use serde_json::Value;
 
 use crate::support::{INCREMENTAL, argument, bits, file, lines, meissner, nodes, times};
 
-/// The predictions of both modes for `arguments`, which must be equal; the incremental ones with their summary.
+/// The predictions of both modes for `arguments`, which must be equal; the incremental ones with
+/// their summary.
 fn both(arguments: &[&str]) -> (Vec<Value>, Value) {
     let run = |mode: &str| lines(&meissner(&[&["run", "--json", "--mode", mode], arguments].concat()));
     let ((incremental, summary), (batch, from_scratch)) = (run("incremental"), run("batch"));
@@ -65,7 +67,8 @@ fn they_agree_where_the_window_is_short_or_full() {
 fn they_agree_on_late_and_misplaced_events_and_over_gaps() {
     let mut rows = vec!["# sensor 20x10".to_owned()];
     for i in 0..400_i64 {
-        // Steps back in time, pixels outside the sensor asked for below, and gaps longer than the window.
+        // Steps back in time, pixels outside the sensor asked for below, and gaps longer than the
+        // window.
         let t = i * 700 - 5_000 * i64::from(i % 7 == 3) + 400_000 * (i / 150);
         rows.push(format!("{t},{},{},{}", i * 7 % 20, i * 3 % 10, i % 2));
     }

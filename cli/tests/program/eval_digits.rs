@@ -29,7 +29,8 @@ pub(crate) fn times() -> usize {
     (longest as usize).div_ceil(10_000)
 }
 
-/// Whether the answer for each of the recordings `chosen` is right at the `time`th time; behind its end the last one stands.
+/// Whether the answer for each of the recordings `chosen` is right at the `time`th time; behind its
+/// end the last one stands.
 pub(crate) fn right(said: &[Said], chosen: &[usize], time: usize) -> Vec<bool> {
     let digits = digits();
     let answer = |i: usize| *said[i].answers.get(time).unwrap_or(&said[i].answers[said[i].answers.len() - 1]);

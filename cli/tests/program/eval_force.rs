@@ -38,7 +38,8 @@ fn grasps_are_simulated_and_judged_by_phase_and_size_as_text_json_and_picture() 
     assert_eq!(figures["parts"].as_array().map(Vec::len), Some(7));
     assert!(figures["parts"][0]["mse"]["mean"].as_f64() > Some(0.0));
 
-    // Leave-one-out: each training has not seen the recordings that it names, and together they name each one once.
+    // Leave-one-out: each training has not seen the recordings that it names, and together they
+    // name each one once.
     let trainings = folder.path().join("trainings");
     std::fs::create_dir(&trainings).expect("a folder");
     let description = AnyDescription::shipped(NETWORK).expect("shipped");

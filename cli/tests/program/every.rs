@@ -48,7 +48,8 @@ fn in_a_gap_predictions_go_on_until_the_window_is_empty_and_resume_with_the_next
     let events = format!("0,1,1,1\n5,2,1,1\n{0},3,1,1\n{0},4,1,1\n", year_us + 3);
     let predictions = read(&events, "10us", &["--span", "25us"]);
     assert_eq!(times(&predictions), [Some(5), Some(5), Some(5), Some(5), Some(year_us + 3)]);
-    // Due at 10, 20, 30 (the event at 0 has left, the one at 5 is 25 us old), 40, and after the year.
+    // Due at 10, 20, 30 (the event at 0 has left, the one at 5 is 25 us old), 40, and after the
+    // year.
     assert_eq!(nodes(&predictions), [2, 2, 1, 0, 2]);
 }
 

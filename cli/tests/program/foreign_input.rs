@@ -1,5 +1,5 @@
-//! Inputs as people have them: texts in other layouts, inputs of another kind, recordings that were cut short, outputs that are
-//! there already.
+//! Inputs as people have them: texts in other layouts, inputs of another kind, recordings that were
+//! cut short, outputs that are there already.
 
 use std::fs;
 
@@ -154,7 +154,8 @@ fn a_recording_that_was_cut_short_names_salvage_and_salvage_counts_what_is_whole
         let path = argument(&path);
         fails(&meissner(&["info", path, "--strict"]), 1, &["cut", "--salvage"]);
         assert_eq!(meissner(&["info", path]).status.success(), format == Format::Csv);
-        // A text is read without its last line, which is counted as refused, unless it is to be strict.
+        // A text is read without its last line, which is counted as refused, unless it is to be
+        // strict.
         fails(&meissner(&["run", path, "--sensor", "128x128", "--strict"]), 1, &["cut", "--salvage"]);
         let output = meissner(&["info", path, "--salvage", "--json"]);
         assert!(output.status.success(), "{}", message(&output));
@@ -174,7 +175,8 @@ fn a_recording_that_was_cut_short_names_salvage_and_salvage_counts_what_is_whole
         }
         assert!(text(&meissner(&["info", path, "--salvage"])).contains("salvaged    "));
     }
-    // Whole recordings say nothing, and a damaged one is refused by a strict reader with it as without.
+    // Whole recordings say nothing, and a damaged one is refused by a strict reader with it as
+    // without.
     let recording = default_recording();
     let output = meissner(&["info", argument(&recording), "--salvage", "--json"]);
     assert!(text(&output).contains("\"salvaged\":null") && message(&output).is_empty());

@@ -181,7 +181,8 @@ fn line_ends_of_either_kind_or_none_at_the_end_change_nothing() {
 
 #[test]
 fn no_window_spans_a_gap_or_a_step_back_in_time() {
-    // Readings of 10 ms, but: 50 ms before index 6, 51 ms before 12, back by 5 ms before 18, twice the same at 24.
+    // Readings of 10 ms, but: 50 ms before index 6, 51 ms before 12, back by 5 ms before 18, twice
+    // the same at 24.
     let mut time_ms = 1_000_000;
     let rows = (0..30).map(|i| {
         time_ms += match i {

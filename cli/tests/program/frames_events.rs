@@ -11,7 +11,8 @@ use crate::support::{argument, bits, file, keys, lines, meissner, meissner_readi
 const PERIOD_US: i64 = 10_000;
 const SIDE: usize = 115;
 
-/// Events on 120 x 120 pixels: bursts, and a gap of some windows; a few beside the middle 115 x 115.
+/// Events on 120 x 120 pixels: bursts, and a gap of some windows; a few beside the middle 115 x
+/// 115.
 fn events() -> Vec<Event> {
     let mut events = Vec::new();
     for i in 0..600_i64 {

@@ -1,4 +1,5 @@
-//! The keys of JSON outputs against `docs/json.md`. Every report and every line that a test reads passes [`documented`].
+//! The keys of JSON outputs against `docs/json.md`. Every report and every line that a test reads
+//! passes [`documented`].
 
 use std::collections::BTreeSet;
 

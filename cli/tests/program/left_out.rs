@@ -1,11 +1,13 @@
-//! What is odd in a recording is left out and told, and refused with `--strict`; what a recording does not say can be given.
+//! What is odd in a recording is left out and told, and refused with `--strict`; what a recording
+//! does not say can be given.
 
 use crate::exit_status::fails;
 use crate::support::{argument, default_recording, file, lines, meissner, message, object, text};
 
 #[test]
 fn info_convert_and_run_tell_what_is_left_out_and_refuse_it_when_they_are_strict() {
-    // Time, row and an event; two words of padding; events in a row outside the sensor and of another system; a good one.
+    // Time, row and an event; two words of padding; events in a row outside the sensor and of
+    // another system; a good one.
     let words =
         [0x8000_u16, 0x6001, 0x0005, 0x2807, 0x9999, 0x9999, 0x07ff, 0x2001, 0x1005, 0x2002, 0x0004, 0x2803];
     let header = b"% evt 3.0\n% format EVT3;height=60;width=80\n% end\n";

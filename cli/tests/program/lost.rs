@@ -1,4 +1,5 @@
-//! Input that is lost without anybody having asked for it: told on standard error with the likely reason, and in JSON.
+//! Input that is lost without anybody having asked for it: told on standard error with the likely
+//! reason, and in JSON.
 
 use std::io::{BufRead, BufReader, Write};
 use std::process::{Output, Stdio};
@@ -97,7 +98,8 @@ fn a_live_stream_is_told_while_it_goes_on() {
     assert!(child.wait().expect("the program ends").success());
 }
 
-/// A sensor that is connected again after two seconds: 500 events of either clock, and one stamp far ahead.
+/// A sensor that is connected again after two seconds: 500 events of either clock, and one stamp
+/// far ahead.
 fn restarted() -> String {
     let line = |t: u32, i: u32| format!("{t},{},{},1\n", i % 100 + 20, i * 7 % 80 + 20);
     let old = (0..500).map(|i| line(2_000_000 + 100 * i, i));

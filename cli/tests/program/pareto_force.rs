@@ -1,4 +1,5 @@
-//! Time against the error of quantities: forces of simulated grasps, and contacts in simulated pictures.
+//! Time against the error of quantities: forces of simulated grasps, and contacts in simulated
+//! pictures.
 
 use serde_json::Value;
 use std::path::{Path, PathBuf};
@@ -19,7 +20,8 @@ fn read(path: &Path) -> String {
     std::fs::read_to_string(path).expect("it was written")
 }
 
-/// Runs with text for people, which must fit a terminal, and returns it with the picture and the comma-separated values.
+/// Runs with text for people, which must fit a terminal, and returns it with the picture and the
+/// comma-separated values.
 fn written(folder: &Path, arguments: &[&str]) -> [String; 3] {
     let [svg, csv] = ["front.svg", "front.csv"].map(|name| folder.join(name));
     let files = ["--svg", argument(&svg), "--csv", argument(&csv)];

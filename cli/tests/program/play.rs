@@ -1,4 +1,5 @@
-//! Recordings at real speed: every report is made, every event is counted, and the end equals batch.
+//! Recordings at real speed: every report is made, every event is counted, and the end equals
+//! batch.
 
 use serde_json::Value;
 
@@ -33,7 +34,8 @@ fn check(summary: &Value, reports: &[Value]) {
 
 #[test]
 fn under_every_policy_each_report_is_made_and_the_end_equals_batch() {
-    // 2,000 events in 20 ms at a hundred times their speed, through a queue of 100: most will not find room.
+    // 2,000 events in 20 ms at a hundred times their speed, through a queue of 100: most will not
+    // find room.
     let events: Vec<String> =
         (0..2000).map(|i| format!("{},{},{},{}\n", i * 10, i * 7 % 32, i / 9 % 24, i % 2)).collect();
     let (_folder, path) = file("events.csv", events.concat());

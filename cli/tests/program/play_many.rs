@@ -1,4 +1,5 @@
-//! Recordings of several sensors at once: each is reported and counted by itself, and none disturbs another.
+//! Recordings of several sensors at once: each is reported and counted by itself, and none disturbs
+//! another.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};

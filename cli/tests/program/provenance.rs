@@ -1,4 +1,5 @@
-//! Weights carry their preparation and results name themselves: what every output says about where its numbers come from.
+//! Weights carry their preparation and results name themselves: what every output says about where
+//! its numbers come from.
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;

@@ -1,4 +1,5 @@
-//! Lines of a text that are not what it should hold: passed over and counted, or an error with `--strict`.
+//! Lines of a text that are not what it should hold: passed over and counted, or an error with
+//! `--strict`.
 
 use serde_json::Value;
 

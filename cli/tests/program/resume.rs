@@ -42,7 +42,8 @@ fn told(lines: &[Value]) -> Vec<Value> {
     lines.iter().map(told).collect()
 }
 
-/// Runs `arguments`, the input's name in their place of `INPUT`, over all events and over both halves; what it printed.
+/// Runs `arguments`, the input's name in their place of `INPUT`, over all events and over both
+/// halves; what it printed.
 fn halves(folder: &Path, arguments: &[String]) -> (Vec<Value>, Vec<Value>) {
     let path = |name: &str| argument(&folder.join(name)).to_owned();
     let run = |input: &str, more: &[String]| {

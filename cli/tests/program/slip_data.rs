@@ -1,4 +1,5 @@
-//! A small data set of slips, trainings of networks over it, and what a network makes of it by the engine alone.
+//! A small data set of slips, trainings of networks over it, and what a network makes of it by the
+//! engine alone.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -11,7 +12,8 @@ use tempfile::TempDir;
 use crate::frames::{engine, predicted};
 
 pub(crate) const CLASSES: [&str; 7] = ["aw", "cw", "e", "n", "s", "t", "w"];
-/// An object of each set, with the number and the rows of its recording in each class; sorted by name.
+/// An object of each set, with the number and the rows of its recording in each class; sorted by
+/// name.
 pub(crate) const OBJECTS: [(&str, usize, usize); 4] =
     [("bottle", 2, 12), ("brush", 3, 10), ("case", 1, 16), ("strippes", 10, 5)];
 /// Windows of 5 readings of each of [`OBJECTS`], in each class.

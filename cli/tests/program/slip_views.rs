@@ -1,4 +1,5 @@
-//! Readings that are scaled in two ways, for a network whose members see one frame: prepared, judged and run alike.
+//! Readings that are scaled in two ways, for a network whose members see one frame: prepared,
+//! judged and run alike.
 
 use std::collections::BTreeMap;
 use std::path::Path;

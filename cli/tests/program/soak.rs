@@ -1,4 +1,5 @@
-//! `meissner verify --soak` in its short form: bits, every kind of disturbance, and runs that are determined by their seed.
+//! `meissner verify --soak` in its short form: bits, every kind of disturbance, and runs that are
+//! determined by their seed.
 
 use serde_json::Value;
 

@@ -213,7 +213,8 @@ fn a_play_takes_no_more_than_its_limit_from_a_stream() {
     assert!(reports.is_empty() && summary["events"] == 0, "{summary}");
 }
 
-/// What `meissner run` says of these datagrams, which are followed by the empty one, with the arguments `more`.
+/// What `meissner run` says of these datagrams, which are followed by the empty one, with the
+/// arguments `more`.
 fn of_datagrams(datagrams: &[Vec<u8>], more: &[&str]) -> Output {
     let address = free_address();
     let arguments = ["run", &format!("udp://{address}"), "--every", "event", "--json"];

@@ -1,14 +1,17 @@
-//! `meissner verify --stress` in its short form: every promise holds, and errors are what they were when they were measured.
+//! `meissner verify --stress` in its short form: every promise holds, and errors are what they were
+//! when they were measured.
 
 use serde_json::Value;
 
 use crate::exit_status::fails;
 use crate::support::{meissner, message, object, text};
 
-/// Largest relative error of a prediction that each group may show in its short form. Measured, with AVX-512: 7e-7 over
-/// streams, 9e-7 over weights (3.4e-4 where activations are denormal: trained weights are small, so that fewer bits are left;
-/// the case itself promises 1e-3), 1.1e-5 over states, 2.5e-6 over images (1.8e-3 where pixels are denormal). Other instruction sets give the same bits; what differs is the platform's f64 library, by 2^-29 of
-/// such errors. Five times is left for other networks and streams under the same names.
+/// Largest relative error of a prediction that each group may show in its short form. Measured,
+/// with AVX-512: 7e-7 over streams, 9e-7 over weights (3.4e-4 where activations are denormal:
+/// trained weights are small, so that fewer bits are left; the case itself promises 1e-3), 1.1e-5
+/// over states, 2.5e-6 over images (1.8e-3 where pixels are denormal). Other instruction sets give
+/// the same bits; what differs is the platform's f64 library, by 2^-29 of such errors. Five times
+/// is left for other networks and streams under the same names.
 const BOUNDS: [(&str, f64, f64); 4] =
     [("streams", 4e-6, 4e-6), ("weights", 5e-6, 1e-3), ("recurrent", 6e-5, 6e-5), ("winograd", 1.5e-5, 1e-2)];
 

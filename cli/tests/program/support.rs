@@ -41,7 +41,8 @@ pub(crate) fn meissner_reading(arguments: &[&str], input: &(impl AsRef<[u8]> + ?
     child.wait_with_output().expect("the program ends")
 }
 
-/// Standard error as text, without what a program that is built without optimisation says of itself.
+/// Standard error as text, without what a program that is built without optimisation says of
+/// itself.
 pub(crate) fn message(output: &Output) -> String {
     let text = String::from_utf8_lossy(&output.stderr);
     let is_said = |line: &&str| !line.starts_with("note: this program was built without optimisation");
@@ -172,7 +173,8 @@ names = ["force"]
 unit = "N per pixel"
 "#;
 
-/// Writes a small network over pictures with drawn weights into `folder`. Returns its description and its weights.
+/// Writes a small network over pictures with drawn weights into `folder`. Returns its description
+/// and its weights.
 pub(crate) fn picture_network(folder: &Path) -> [PathBuf; 2] {
     let [network, weights] = ["two.toml", "two.safetensors"].map(|name| folder.join(name));
     std::fs::write(&network, PICTURES).expect("it is written");

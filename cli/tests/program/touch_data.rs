@@ -4,7 +4,8 @@ use std::io::Write;
 
 use tempfile::TempDir;
 
-/// A folder with containers: of each class a recording of two spikes for training, and one for the test.
+/// A folder with containers: of each class a recording of two spikes for training, and one for the
+/// test.
 pub(crate) fn touch_folder(classes: usize) -> TempDir {
     let folder = tempfile::tempdir().expect("there is a place for temporary files");
     let mut arrays = Vec::new();

@@ -1,4 +1,5 @@
-//! `meissner verify`: shipped networks, an own description, a recording, a frame network, and streams to replay.
+//! `meissner verify`: shipped networks, an own description, a recording, a frame network, and
+//! streams to replay.
 
 use serde_json::Value;
 
