@@ -5,12 +5,12 @@ use std::hint::black_box;
 use std::time::Duration;
 
 use meissner_benches::timing::median_ns;
+use meissner_kernels::random::Random;
 use meissner_kernels::{
     Activation, Dense, FeatureMap, Isa, Lanes, Lstm, LstmParts, LstmState, Matrix, Occupancy, PlanarConv3x3,
     PlanarConvLstm, PlanarConvLstmState, Planes, Squash, SqueezeExcite, SqueezeScratch, lstm_update_rows,
     planar_average_pool, planar_max_pool,
 };
-use meissner_models::random::Random;
 
 const SHORTEST: Duration = Duration::from_millis(4);
 /// Force: frames of a grasp, and their size.

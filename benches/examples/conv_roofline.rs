@@ -9,10 +9,10 @@ use meissner_benches::answers::relative_error;
 use meissner_benches::peak::Peak;
 use meissner_benches::report::{Column, Digits, rooflines};
 use meissner_benches::timing::median_ns;
+use meissner_kernels::random::Random;
 use meissner_kernels::{
     Conv3x3, ConvParts, ConvScratch, FeatureMap, Isa, Region, View, WinogradConv3x3, WinogradTile,
 };
-use meissner_models::random::Random;
 use serde_json::{Value, json};
 
 /// Shortest batch of calls that is timed.

@@ -12,7 +12,7 @@ use std::time::Instant;
 use meissner_benches::streams::Recording;
 use meissner_benches::{Result, networks};
 use meissner_engine::{Engine, Event, Network, Sensor};
-use meissner_pipeline::memory::resident_bytes;
+use meissner_run::memory::resident_bytes;
 
 const ENGINES: [usize; 4] = [1, 8, 64, 512];
 /// Slices of all engines together.

@@ -19,8 +19,8 @@ use meissner_benches::answers::relative_error;
 use meissner_benches::timing::median_ms;
 use meissner_engine::frames::{Convolution, FrameEngine, FrameNetwork, FrameOptions, FrameShape, Skip};
 use meissner_engine::representations::{Crop, SignedRule, SlidingSigned};
+use meissner_kernels::random::Random;
 use meissner_kernels::{Isa, WinogradTile};
-use meissner_models::random::Random;
 use meissner_models::{FrameDescription, Weights};
 
 const LARGEST_ERROR: f64 = 1e-4;

@@ -9,7 +9,7 @@ use meissner_kernels::{
 use crate::cost::{self, Cost};
 use crate::networks;
 use crate::streams::Recording;
-use meissner_models::random::Random;
+use meissner_kernels::random::Random;
 use meissner_verify::bits;
 
 /// Most rows of a case: enough for many neighbourhoods, few enough to repeat often.

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 
 use meissner_engine::{Event, Sensor};
 
-use meissner_models::random::Random;
+use meissner_kernels::random::Random;
 
 /// Span of the shipped networks' windows in microseconds.
 pub const SPAN_US: i64 = 150_000;

@@ -10,12 +10,12 @@ use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use meissner_engine::filters::RateLimit;
 use meissner_engine::{LatePolicy, Network, RestartPolicy, Sensor};
 use meissner_io::{Chip, ColumnOrder, ReadOptions, TextOptions, TimeUnit};
-use meissner_pipeline::approximations::Approximations;
-use meissner_pipeline::bench::Part;
-use meissner_pipeline::predictor::Mode;
-pub(crate) use meissner_pipeline::schedule::Every;
-pub(crate) use meissner_pipeline::text::sensor;
-use meissner_pipeline::text::{length_us, span_us};
+use meissner_run::approximations::Approximations;
+use meissner_run::bench::Part;
+use meissner_run::predictor::Mode;
+pub(crate) use meissner_run::schedule::Every;
+pub(crate) use meissner_run::text::sensor;
+use meissner_run::text::{length_us, span_us};
 use meissner_simulator::gel::GelSensor;
 
 use crate::error::CliError;

@@ -7,10 +7,10 @@ mod plot;
 mod table;
 
 use meissner_models::AnyDescription;
-use meissner_pipeline::PipelineError;
-use meissner_pipeline::bench::{self, BenchInput, EventBench, EventFrameModel};
-use meissner_pipeline::model::describe_any;
-use meissner_pipeline::provenance::ModelCard;
+use meissner_run::PipelineError;
+use meissner_run::bench::{self, BenchInput, EventBench, EventFrameModel};
+use meissner_run::model::describe_any;
+use meissner_run::provenance::ModelCard;
 
 use crate::args::{NetworkWeights, REMEMBERS};
 use crate::error::CliError;

@@ -11,8 +11,8 @@ use crate::error::CliError;
 use crate::output;
 use crate::progress::Progress;
 use crate::stderr::tell;
-use meissner_pipeline::PipelineError;
-use meissner_pipeline::text::grouped;
+use meissner_run::PipelineError;
+use meissner_run::text::grouped;
 
 /// `meissner convert`.
 #[derive(Debug, clap::Args)]

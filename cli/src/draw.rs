@@ -6,7 +6,7 @@ use meissner_models::drawn_file;
 use crate::args::{MEASUREMENT, OutArgs};
 use crate::error::CliError;
 use crate::stderr::tell;
-use meissner_pipeline::model::describe_any;
+use meissner_run::model::describe_any;
 
 /// Examples, at the end of the long help.
 const EXAMPLES: &str = "\

@@ -9,8 +9,8 @@ use meissner_evaluate::{EvaluateError, RequestPart};
 use meissner_io::{IoError, Kind};
 use meissner_models::ModelError;
 use meissner_models::systems::slip::DecisionError;
-use meissner_pipeline::PipelineError;
-use meissner_pipeline::streams::STDIN_NAME;
+use meissner_run::PipelineError;
+use meissner_run::streams::STDIN_NAME;
 use meissner_verify::VerifyError;
 
 use crate::kind::readers;

@@ -24,8 +24,8 @@ use clap::Subcommand;
 use meissner_evaluate::metrics::{Confusion, MeanStd};
 use meissner_evaluate::trainings::Evaluation;
 use meissner_evaluate::{EvaluateError, NetworkReport, Watch, Workers};
-use meissner_pipeline::text::grouped;
 use meissner_plot::{Matrix, Panel};
+use meissner_run::text::grouped;
 use serde::Serialize;
 
 use crate::args::{OUTPUT, ReportArgs};

@@ -2,9 +2,9 @@
 
 use std::io::{self, Write};
 
-use meissner_pipeline::model::FrameModel;
-use meissner_pipeline::provenance::{InputCard, ModelCard};
-use meissner_pipeline::text::grouped;
+use meissner_run::model::FrameModel;
+use meissner_run::provenance::{InputCard, ModelCard};
+use meissner_run::text::grouped;
 
 /// Writes the inputs, the network with its `mode`, the weights, and the window or the frames.
 /// `frames` is given for a frame network.

@@ -11,9 +11,9 @@ use crate::args::{JsonArgs, PartArgs, ReadArgs};
 use crate::error::CliError;
 use crate::output;
 use crate::progress::Progress;
-use meissner_pipeline::left_out::{self, LeftOutSummary};
-use meissner_pipeline::losses::Salvaged;
-use meissner_pipeline::text::grouped;
+use meissner_run::left_out::{self, LeftOutSummary};
+use meissner_run::losses::Salvaged;
+use meissner_run::text::grouped;
 
 const PEAK_US: i64 = 1_000;
 

@@ -3,7 +3,7 @@
 use std::io::{Write, stdout};
 use std::path::PathBuf;
 
-use meissner_pipeline::model::describe_any;
+use meissner_run::model::describe_any;
 
 use crate::args::{JsonArgs, OUTPUT};
 use crate::error::CliError;

@@ -54,7 +54,7 @@ mod verify;
 use std::process::ExitCode;
 
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
-use meissner_pipeline::interrupt;
+use meissner_run::interrupt;
 
 use crate::args::STATUS;
 use crate::error::CliError;
@@ -137,7 +137,7 @@ fn main() -> ExitCode {
     }
     match perform(&command, &given) {
         Err(error) if !error.is_broken_pipe() => {
-            tell(format_args!("error: {}", meissner_pipeline::error::chain(&error)));
+            tell(format_args!("error: {}", meissner_run::error::chain(&error)));
             if let Some(hint) = error.hint() {
                 tell(format_args!("hint: {hint}"));
             }

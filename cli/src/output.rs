@@ -3,7 +3,7 @@
 use std::io::{self, BufWriter, Stdout, Write, stdout};
 use std::path::{Path, PathBuf};
 
-use meissner_pipeline::{PipelineError, interrupt};
+use meissner_run::{PipelineError, interrupt};
 use serde::Serialize;
 
 use crate::args::{Force, ReportArgs};

@@ -16,7 +16,7 @@ use meissner_evaluate::events::EventTask;
 use meissner_evaluate::pareto::{AngleOptions, Progress, State, Study, angle, area, events, force, slip};
 use meissner_evaluate::touch::{TouchContainers, TouchObjects};
 use meissner_io::datasets::NeutouchSet;
-use meissner_pipeline::bench::Part;
+use meissner_run::bench::Part;
 
 use crate::error::CliError;
 use crate::output;

@@ -4,9 +4,9 @@
 mod args;
 
 use meissner_live::cores;
-use meissner_pipeline::play::{Play, PlayInput};
-use meissner_pipeline::provenance::InputCard;
-use meissner_pipeline::streams;
+use meissner_run::play::{Play, PlayInput};
+use meissner_run::provenance::InputCard;
+use meissner_run::streams;
 
 use crate::args::REUSES;
 use crate::error::CliError;

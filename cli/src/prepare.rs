@@ -10,7 +10,7 @@ use meissner_evaluate::prepare::{Prepared, graphs, labelled_events, slip_windows
 use meissner_evaluate::slip::SlipData;
 use meissner_evaluate::touch::{TouchContainers, TouchObjects};
 use meissner_io::datasets::NeutouchSet;
-use meissner_pipeline::model::{describe, describe_frames};
+use meissner_run::model::{describe, describe_frames};
 
 use crate::args::{NETWORK, OUTPUT, OutArgs};
 use crate::error::CliError;

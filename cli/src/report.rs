@@ -9,12 +9,12 @@ pub(crate) mod summary;
 use std::collections::BTreeMap;
 use std::io::{self, Write};
 
-use meissner_pipeline::error::{PipelineError, chain};
-use meissner_pipeline::model::FrameModel;
-use meissner_pipeline::play::PlaySummary;
-use meissner_pipeline::provenance::{Header, InputCard, ModelCard};
-use meissner_pipeline::run::{Ended, Observer, Prediction, Summary};
-use meissner_pipeline::text::grouped;
+use meissner_run::error::{PipelineError, chain};
+use meissner_run::model::FrameModel;
+use meissner_run::play::PlaySummary;
+use meissner_run::provenance::{Header, InputCard, ModelCard};
+use meissner_run::run::{Ended, Observer, Prediction, Summary};
+use meissner_run::text::grouped;
 use serde::Serialize;
 
 use crate::error::CliError;

@@ -6,16 +6,16 @@ mod press;
 
 use meissner_engine::Sensor;
 use meissner_models::systems::slip::DecisionFilter;
-use meissner_pipeline::interrupt;
-use meissner_pipeline::model::{FrameModel, describe_any};
-use meissner_pipeline::predictor::Mode;
-use meissner_pipeline::provenance::{InputCard, ModelCard};
-use meissner_pipeline::run::{
+use meissner_run::interrupt;
+use meissner_run::model::{FrameModel, describe_any};
+use meissner_run::predictor::Mode;
+use meissner_run::provenance::{InputCard, ModelCard};
+use meissner_run::run::{
     ElectrodeOptions, ElectrodeRun, Ended, EventRun, FrameRun, PictureOptions, PictureRun,
 };
-use meissner_pipeline::source::Source;
-use meissner_pipeline::streams;
-use meissner_pipeline::text::grouped;
+use meissner_run::source::Source;
+use meissner_run::streams;
+use meissner_run::text::grouped;
 
 use crate::error::CliError;
 use crate::given::Given;

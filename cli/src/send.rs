@@ -2,8 +2,8 @@
 
 use std::path::PathBuf;
 
-use meissner_pipeline::send::{SendOptions, SendSummary, send as send_events};
-use meissner_pipeline::text::grouped;
+use meissner_run::send::{SendOptions, SendSummary, send as send_events};
+use meissner_run::text::grouped;
 
 use crate::args::{OUTPUT, PartArgs, QUEUE, ReadArgs, speed};
 use crate::error::CliError;

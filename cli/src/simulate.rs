@@ -13,8 +13,8 @@ use meissner_evaluate::prepare::{
     self, DOME_KINDS, GelPlan, Shapes, dome_presses, film_images, film_markers, gel_presses,
 };
 use meissner_io::{Format, ImageSequence};
-use meissner_pipeline::PipelineError;
-use meissner_pipeline::text::{grouped, span_us};
+use meissner_run::PipelineError;
+use meissner_run::text::{grouped, span_us};
 use meissner_simulator::{CameraSettings, MarkerScene};
 
 use crate::args::{GelSensorArg, INPUT, MEASUREMENT, OutArgs, sensor};
@@ -50,7 +50,7 @@ enum InputArgs {
     Dome(DomeArgs),
     /// Pictures of a gel that is pressed by indenters, with the force on each pixel.
     ///
-    /// The lights are fitted to pictures of a real sensor. `eval area` and `train/area` read the
+    /// The lights are fitted to pictures of a real sensor. `eval area` and `models/train/area` read the
     /// file.
     Gel(GelArgs),
     /// Events of fingers that grasp and release a bolt, with the force along time.

@@ -3,7 +3,7 @@
 use std::fmt::Display;
 use std::io::{Write, stderr};
 
-use meissner_pipeline::interrupt;
+use meissner_run::interrupt;
 
 use crate::progress::above;
 

@@ -15,9 +15,9 @@ use std::time::Duration;
 
 use meissner_engine::frames::{Convolution, FrameOptions};
 use meissner_models::{FrameDescription, FrameSource, TensorFile};
-use meissner_pipeline::model::{FrameModel, LayerCost, describe_frames};
-use meissner_pipeline::provenance::{Header, InputCard, ModelCard};
-use meissner_pipeline::run::ContactPredictor;
+use meissner_run::model::{FrameModel, LayerCost, describe_frames};
+use meissner_run::provenance::{Header, InputCard, ModelCard};
+use meissner_run::run::ContactPredictor;
 use serde::Serialize;
 
 pub use figures::{BaselineFigures, Figures, KindFigures};

@@ -26,11 +26,11 @@ use std::f64::consts::TAU;
 
 use libm::{cbrt, cos, hypot, sin};
 use meissner_engine::frames::{Convolution, FrameOptions, Skip};
+use meissner_kernels::random::Random;
 use meissner_models::FrameDescription;
-use meissner_models::random::Random;
-use meissner_pipeline::model::FrameModel;
-use meissner_pipeline::provenance::{Header, InputCard, ModelCard};
-use meissner_pipeline::run::ContactPredictor;
+use meissner_run::model::FrameModel;
+use meissner_run::provenance::{Header, InputCard, ModelCard};
+use meissner_run::run::ContactPredictor;
 use meissner_simulator::gel::GelSensor;
 use meissner_simulator::plants::{BallContact, BallOnGel, ball_depth_mm};
 use serde::Serialize;

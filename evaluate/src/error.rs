@@ -8,7 +8,7 @@ use meissner_io::IoError;
 use meissner_models::ModelError;
 use meissner_models::systems::OutputsError;
 use meissner_models::systems::slip::SlipError;
-use meissner_pipeline::PipelineError;
+use meissner_run::PipelineError;
 use meissner_simulator::SimulatorError;
 use safetensors::SafeTensorError;
 use thiserror::Error;

@@ -13,9 +13,9 @@ use meissner_io::IoError;
 use meissner_io::datasets::{Dataset, EventDataset, EventRecording, Split};
 use meissner_models::Description;
 use meissner_models::systems::check_outputs;
-use meissner_pipeline::losses::{InputLosses, LossWarning};
-use meissner_pipeline::model::describe;
-use meissner_pipeline::text::grouped;
+use meissner_run::losses::{InputLosses, LossWarning};
+use meissner_run::model::describe;
+use meissner_run::text::grouped;
 
 use crate::error::EvaluateError;
 use crate::trainings::{Task, Training};

@@ -6,8 +6,8 @@
 use std::path::Path;
 
 use meissner_engine::filters::EventFilter;
-use meissner_pipeline::approximations::Approximations;
-use meissner_pipeline::provenance::{Header, InputCard};
+use meissner_run::approximations::Approximations;
+use meissner_run::provenance::{Header, InputCard};
 use meissner_simulator::Cause;
 use serde::Serialize;
 

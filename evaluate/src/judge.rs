@@ -8,8 +8,8 @@
 use std::time::{Duration, Instant};
 
 use meissner_models::{AnyDescription, ModelError, TensorFile};
-use meissner_pipeline::PipelineError;
-use meissner_pipeline::provenance::ModelCard;
+use meissner_run::PipelineError;
+use meissner_run::provenance::ModelCard;
 use serde::Serialize;
 
 use crate::error::{EvaluateError, weights_error};

@@ -6,7 +6,7 @@
 mod clusters;
 
 pub(crate) use clusters::{Cluster, clustered_95};
-pub use meissner_pipeline::answer::largest;
+pub use meissner_run::answer::largest;
 use serde::ser::{Serialize, Serializer};
 
 /// The index of the largest of the `values` of a prediction. An engine gives no others.

@@ -23,7 +23,7 @@ use meissner_io::datasets::{SlipRecording, Split};
 use meissner_models::systems::slip;
 use meissner_models::systems::slip::ObjectSet;
 use meissner_models::{Description, FrameDescription, TensorFile, draw};
-use meissner_pipeline::text::grouped;
+use meissner_run::text::grouped;
 use rayon::ThreadPool;
 use rayon::prelude::*;
 use serde_json::{Value, json};

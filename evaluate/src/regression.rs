@@ -21,10 +21,10 @@ use std::path::Path;
 use std::time::Duration;
 
 use meissner_models::{AnyDescription, TensorFile};
-use meissner_pipeline::losses::LossWarning;
-use meissner_pipeline::model::describe_any;
-use meissner_pipeline::predictor::Mode;
-use meissner_pipeline::provenance::{Header, InputCard, ModelCard};
+use meissner_run::losses::LossWarning;
+use meissner_run::model::describe_any;
+use meissner_run::predictor::Mode;
+use meissner_run::provenance::{Header, InputCard, ModelCard};
 use serde::Serialize;
 
 pub use errors::{Errors, OutputErrors, Work};

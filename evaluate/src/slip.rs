@@ -11,8 +11,8 @@ use meissner_engine::frames::FrameEngine;
 use meissner_io::datasets::{BadRows, SlipDataset, SlipRecording};
 use meissner_models::FrameDescription;
 use meissner_models::systems::slip::{CLASSES, Object, ObjectSet, SlipWindows};
-use meissner_pipeline::model::describe_frames;
-use meissner_pipeline::text::grouped;
+use meissner_run::model::describe_frames;
+use meissner_run::text::grouped;
 
 use crate::error::{EvaluateError, TrainingError};
 use crate::events::passed_over_note;

@@ -7,7 +7,7 @@
 use std::path::Path;
 
 use meissner_engine::{Event, Sensor};
-use meissner_pipeline::PipelineError;
+use meissner_run::PipelineError;
 use meissner_simulator::Cause;
 use safetensors::SafeTensors;
 

@@ -9,8 +9,8 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use meissner_models::{AnyDescription, TensorFile, Weights};
-use meissner_pipeline::PipelineError;
-use meissner_pipeline::model::{labelled, weights};
+use meissner_run::PipelineError;
+use meissner_run::model::{labelled, weights};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 

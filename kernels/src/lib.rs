@@ -58,6 +58,7 @@ mod nearby;
 mod packed;
 mod planar;
 mod pointnet;
+pub mod random;
 mod recurrent;
 mod replace;
 mod spline;

@@ -9,7 +9,7 @@ use std::error::Error;
 use meissner::{Description, Engine, Weights, io};
 
 /// A simulated press and release.
-const DEFAULT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../pipeline/assets/dome_press.evt3");
+const DEFAULT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../run/assets/dome_press.evt3");
 
 fn main() -> Result<(), Box<dyn Error>> {
     let path = std::env::args().nth(1).unwrap_or_else(|| DEFAULT.to_owned());

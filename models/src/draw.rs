@@ -15,9 +15,9 @@ use std::hash::Hasher;
 use fnv::FnvHasher;
 
 use crate::description::Role;
-use crate::random::Random;
 use crate::weights::card::DRAWN_BY;
 use crate::weights::{Tensor, Weights};
+use meissner_kernels::random::Random;
 
 /// A description whose tensors can be drawn.
 pub trait Drawable: Needs {}
@@ -88,7 +88,7 @@ fn normal(random: &mut Random) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::{hash, normal};
-    use crate::random::Random;
+    use meissner_kernels::random::Random;
 
     #[test]
     fn the_hash_gives_its_published_value() {

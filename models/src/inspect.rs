@@ -10,3 +10,4 @@ pub(crate) mod view;
 pub use summary::{
     AnySummary, EdgeSummary, FrameSummary, GraphSummary, LevelSummary, Summary, TensorSummary,
 };
+pub use view::grouped;

@@ -8,7 +8,6 @@
 //! - [`inspect`]: a description as a table, as data, as DOT, as SVG
 //! - `shipped`: the networks that come with the crate, by name
 //! - [`draw()`]: weights from a seed
-//! - [`random`]: numbers from a seed, the same on every machine
 //! - [`systems`]: normalisation, windows, reports and overlays around a network
 //!
 //! ```
@@ -27,7 +26,6 @@ pub mod description;
 mod draw;
 mod error;
 pub mod inspect;
-pub mod random;
 mod shipped;
 pub mod systems;
 mod weights;
@@ -39,6 +37,6 @@ pub use description::{
 };
 pub use draw::{Drawable, draw, drawn_file};
 pub use error::{ModelError, TensorProblem, TensorProblemKind, in_part};
-pub use inspect::Summary;
+pub use inspect::{Summary, grouped};
 pub use shipped::DEFAULT_NETWORK;
 pub use weights::{Card, FormatError, Tensor, TensorFile, Weights};

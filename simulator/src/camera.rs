@@ -30,7 +30,7 @@ pub(crate) use pixel::normal_pair;
 pub use settings::CameraSettings;
 
 use meissner_engine::{Event, Sensor};
-use meissner_models::random::Random;
+use meissner_kernels::random::Random;
 
 use crate::SimulatorError;
 use pixel::{Firing, Pixel};

@@ -22,7 +22,7 @@ mod view;
 use std::f64::consts::{PI, TAU};
 
 use libm::{cos, exp, log, sin};
-use meissner_models::random::Random;
+use meissner_kernels::random::Random;
 
 use crate::gel::{Gel, GelSolver, Indenter, Placed};
 use crate::{Camera, CameraSettings, SimulatedEvent, SimulatorError};

@@ -1,8 +1,8 @@
 //! Results and errors of verification.
 
 use meissner_engine::{EngineError, Event};
-use meissner_pipeline::PipelineError;
 use meissner_reference::ReferenceError;
+use meissner_run::PipelineError;
 
 use crate::difference::Difference;
 use crate::step::Stream;

@@ -3,7 +3,7 @@
 use meissner_engine::frames::{FrameLayer, FrameLayerKind, FrameNetworkParts, FrameShape, output_shape};
 use meissner_kernels::Activation;
 
-use meissner_models::random::Random;
+use meissner_kernels::random::Random;
 
 /// The kind of a network, without sizes and weights.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

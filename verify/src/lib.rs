@@ -54,7 +54,7 @@ pub use checked::{CheckedEngine, poisoned};
 pub use difference::{Difference, bits};
 pub use error::{Mismatch, Summary, VerifyError};
 pub use incremental::{Incremental, IncrementalEvents};
-pub use meissner_models::random::Random;
+pub use meissner_kernels::random::Random;
 pub use random_stream::{random_frames, random_streams};
 pub use run::{verify, verify_frames, verify_stream};
 pub use step::{Script, Step, Stream};

@@ -10,7 +10,7 @@ use meissner_engine::{
 use meissner_kernels::{Activation, Dense, PointNetConv, PointNetParts, SplineConv, SplineParts};
 
 use crate::frame_networks;
-use meissner_models::random::Random;
+use meissner_kernels::random::Random;
 
 /// A convolution without its numbers.
 #[derive(Clone, Copy, Debug)]

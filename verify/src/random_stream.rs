@@ -1,7 +1,7 @@
 //! Random streams of events and of frames, with every case that an engine may get wrong.
 
 use meissner_engine::{Event, Network, Sensor};
-use meissner_models::random::Random;
+use meissner_kernels::random::Random;
 
 use crate::frame_networks::next_frame;
 use crate::step::{Step, Stream};

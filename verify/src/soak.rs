@@ -17,8 +17,8 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use meissner_engine::{BatchEngine, Engine, EngineError, EventCounters, Network, Options, Search, Sensor};
-use meissner_models::random::Random;
-use meissner_pipeline::latency::Latency;
+use meissner_kernels::random::Random;
+use meissner_run::latency::Latency;
 
 use crate::checked::CheckedEngine;
 use crate::difference::bits;

@@ -3,8 +3,8 @@
 use std::ffi::CString;
 
 use meissner::{EventCounters, Sensor, models};
-use meissner_pipeline::losses::{InputLosses, LossReason};
-use meissner_pipeline::provenance::ModelCard;
+use meissner_run::losses::{InputLosses, LossReason};
+use meissner_run::provenance::ModelCard;
 use pyo3::prelude::*;
 
 use crate::arrays::sides;

@@ -14,7 +14,7 @@ import meissner
 
 ROOT = Path(__file__).parents[3]
 CONTROLLER = ROOT / "examples/controller/controller.py"
-RECORDING = ROOT / "pipeline/assets/dome_press.evt3"
+RECORDING = ROOT / "run/assets/dome_press.evt3"
 HOLD, PRESS = 2, 1
 
 pytestmark = pytest.mark.skipif(not CONTROLLER.exists(), reason="the examples are not here")

@@ -12,7 +12,7 @@ from test_simulate import tensors
 import meissner
 from meissner import _progress
 
-RECORDING = __file__[: __file__.index("bindings")] + "pipeline/assets/dome_press.evt3"
+RECORDING = __file__[: __file__.index("bindings")] + "run/assets/dome_press.evt3"
 SKIN = (34, 34)
 
 

@@ -80,7 +80,7 @@ def test_the_programs_of_the_readme_run(program, tmp_path, monkeypatch, capsys):
         if name in program:
             pytest.importorskip(name)
     monkeypatch.chdir(tmp_path)
-    (tmp_path / "RECORDING").symlink_to(README.parents[2] / "pipeline" / "assets" / "dome_press.evt3")
+    (tmp_path / "RECORDING").symlink_to(README.parents[2] / "run" / "assets" / "dome_press.evt3")
     for digit in range(10 if "NMNIST" in program else 0):
         write_digit(tmp_path / f"NMNIST/test/{digit}/00001.bin", make_events(100, digit, (34, 34)))
     exec(compile(program, "README.md", "exec"), {"__name__": "__main__"})

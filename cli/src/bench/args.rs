@@ -4,8 +4,8 @@ use std::path::PathBuf;
 
 use crate::args::{Every, Input, JsonArgs, MEASUREMENT, NETWORK, OUTPUT, PREDICTIONS};
 use crate::threads::{self, Threads};
-use meissner_pipeline::bench::BenchOptions;
-use meissner_pipeline::text::{TIME_FORMS, span_us};
+use meissner_run::bench::BenchOptions;
+use meissner_run::text::{TIME_FORMS, span_us};
 
 /// The method of measurement, at the end of the long help.
 const METHOD: &str = "\

@@ -2,8 +2,8 @@
 
 use std::io::{self, Write};
 
-use meissner_pipeline::bench::{CompareReport, Ratios, SideReport};
-use meissner_pipeline::text::grouped;
+use meissner_run::bench::{CompareReport, Ratios, SideReport};
+use meissner_run::text::grouped;
 
 use super::table::{framed, peak, recording, write_apart, write_latencies};
 use crate::text::{Table, cell, mebibytes};

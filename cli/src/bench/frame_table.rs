@@ -2,8 +2,8 @@
 
 use std::io::{self, Write};
 
-use meissner_pipeline::bench::{FrameLatencies, FrameModeReport, FrameReport};
-use meissner_pipeline::text::grouped;
+use meissner_run::bench::{FrameLatencies, FrameModeReport, FrameReport};
+use meissner_run::text::grouped;
 
 use super::table::{deadline, framed, passes, peak, recording, write_apart, write_latencies};
 use crate::text::{Table, mebibytes};

@@ -1,9 +1,9 @@
 //! The plot of `bench --svg`: the latencies of all events, and of the events in each phase.
 
-use meissner_pipeline::bench::EventReport;
-use meissner_pipeline::latency::Latency;
-use meissner_pipeline::text::grouped;
 use meissner_plot::{Distribution, LatencyCurve, Panel, page};
+use meissner_run::bench::EventReport;
+use meissner_run::latency::Latency;
+use meissner_run::text::grouped;
 
 use crate::text::file_name;
 

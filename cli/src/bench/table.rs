@@ -2,12 +2,12 @@
 
 use std::io::{self, Write};
 
-use meissner_pipeline::bench::{
+use meissner_run::bench::{
     DeadlineReport, EventReport, FrameInputReport, InputReport, PhaseReport, PhasesReport, SlicesReport, Work,
 };
-use meissner_pipeline::latency::{Distribution, Latency, Quantiles};
-use meissner_pipeline::provenance::InputCard;
-use meissner_pipeline::text::grouped;
+use meissner_run::latency::{Distribution, Latency, Quantiles};
+use meissner_run::provenance::InputCard;
+use meissner_run::text::grouped;
 
 use crate::header::write_model;
 use crate::report::summary;

@@ -7,8 +7,8 @@ use meissner_evaluate::NetworkReport;
 use meissner_evaluate::area::{AreaFigures, DataReport, Figures, Options, Report, Source, evaluate};
 use meissner_evaluate::metrics::MeanStd;
 use meissner_evaluate::trainings::seed_name;
-use meissner_pipeline::text::grouped;
 use meissner_plot::{Bar, Bars, Panel, Plane, Series, Style, page};
+use meissner_run::text::grouped;
 
 use super::{NONE, OutputArgs, networks, write};
 use crate::args::APPROXIMATIONS;

@@ -9,9 +9,9 @@ use std::path::Path;
 use meissner_evaluate::events::{EventTask, Judged, Options, Report, evaluate};
 use meissner_evaluate::judged::JudgedSeed;
 use meissner_evaluate::trainings::seed_name;
-use meissner_pipeline::predictor::Mode;
-use meissner_pipeline::text::{self, grouped};
 use meissner_plot::{AccuracyCurve, Curves, Panel, page};
+use meissner_run::predictor::Mode;
+use meissner_run::text::{self, grouped};
 
 use super::{NONE, OutputArgs, accuracy_of, confusion, matrix, networks, spread, write};
 use crate::args::{MODES, NETWORK, PREDICTIONS, choice};

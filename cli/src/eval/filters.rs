@@ -4,7 +4,7 @@ use std::io::{self, Write};
 use std::path::PathBuf;
 
 use meissner_evaluate::filters::{Kept, Report, judge};
-use meissner_pipeline::text::grouped;
+use meissner_run::text::grouped;
 
 use super::NONE;
 use crate::args::{FilterArgs, ReportArgs};

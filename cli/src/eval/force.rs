@@ -6,9 +6,9 @@ use meissner_evaluate::NetworkReport;
 use meissner_evaluate::force::{ForceErrors, ForceFigures, Options, Report, evaluate};
 use meissner_evaluate::metrics::MeanStd;
 use meissner_evaluate::trainings::seed_name;
-use meissner_pipeline::predictor::Mode;
-use meissner_pipeline::text::grouped;
 use meissner_plot::{Panel, Plane, Series, Style, page};
+use meissner_run::predictor::Mode;
+use meissner_run::text::grouped;
 
 use super::events::every_us;
 use super::{NONE, OutputArgs, networks, write};

@@ -6,8 +6,8 @@ use meissner_evaluate::NetworkReport;
 use meissner_evaluate::slip::{Report, SetReport, SlipFigures, evaluate};
 use meissner_evaluate::trainings::Scheme;
 use meissner_models::systems::slip::{CLASSES, ObjectSet, WORDS};
-use meissner_pipeline::text::grouped;
 use meissner_plot::{Bar, Bars, Panel, page};
+use meissner_run::text::grouped;
 
 use super::{NONE, OutputArgs, accuracy_of, confusion, matrix, networks, spread};
 use crate::error::CliError;

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 
 use clap::Subcommand;
 use meissner_evaluate::pareto::Options;
-use meissner_pipeline::text::length_us;
+use meissner_run::text::length_us;
 
 use crate::args::{INPUT, MEASUREMENT, NETWORK, NetworkWeights, OUTPUT, ReadArgs, ReportArgs};
 use crate::tasks::{AreaTask, DigitsTask, ForceTask, SlipTask, TouchTask};

@@ -6,8 +6,8 @@
 #[cfg(test)]
 mod tests;
 
-use meissner_pipeline::text::grouped;
 use meissner_plot::{Errors, Panel, Setting, TradeOff, page};
+use meissner_run::text::grouped;
 
 use crate::text::file_name;
 use meissner_evaluate::pareto::{Compared, EXACT, Report, SettingReport};

@@ -3,7 +3,7 @@
 use std::io::{self, Write};
 
 use meissner_evaluate::pareto::{Compared, ErrorKind, NetworkReport, Report, SettingReport, TaskError};
-use meissner_pipeline::text::grouped;
+use meissner_run::text::grouped;
 
 use crate::text::{Table, file_name};
 

@@ -7,12 +7,12 @@ use std::time::Duration;
 use meissner_engine::filters::{BackgroundActivity, Chain, Filter, RateLimit, Refractory};
 use meissner_engine::{EngineError, Sensor};
 use meissner_live::{Overload, QueueOptions};
-use meissner_pipeline::play::{PlayInput, PlayOptions};
-use meissner_pipeline::provenance::ModelCard;
+use meissner_run::play::{PlayInput, PlayOptions};
+use meissner_run::provenance::ModelCard;
 
 use crate::args::{INPUT, Input, JsonArgs, PREDICTIONS, QUEUE, speed};
 use crate::error::CliError;
-use meissner_pipeline::text::{length_us, span_us};
+use meissner_run::text::{length_us, span_us};
 
 /// Examples, at the end of the long help.
 const EXAMPLES: &str = "\

@@ -4,11 +4,11 @@ use std::path::Path;
 
 use meissner_models::systems::contact_area::{Centroid, ContactReport};
 use meissner_models::systems::slip;
-use meissner_pipeline::answer::Answer;
-use meissner_pipeline::provenance::ModelCard;
-use meissner_pipeline::run::Prediction;
-use meissner_pipeline::text::grouped;
-use meissner_pipeline::training::Output;
+use meissner_run::answer::Answer;
+use meissner_run::provenance::ModelCard;
+use meissner_run::run::Prediction;
+use meissner_run::text::grouped;
+use meissner_run::training::Output;
 
 use crate::text::cell;
 

@@ -3,13 +3,13 @@
 use std::collections::BTreeMap;
 use std::io::{self, Write};
 
-use meissner_pipeline::approximations::{ApproximationReport, FilteredEvents};
-use meissner_pipeline::error::{PipelineError, chain};
-use meissner_pipeline::latency::{Latencies, Quantiles};
-use meissner_pipeline::play::PlaySummary;
-use meissner_pipeline::run::{ElectrodeCounts, EventCounts, EventSummary, FrameSummary, InputCounts, Pixels};
-use meissner_pipeline::skips::WorkCounts;
-use meissner_pipeline::text::grouped;
+use meissner_run::approximations::{ApproximationReport, FilteredEvents};
+use meissner_run::error::{PipelineError, chain};
+use meissner_run::latency::{Latencies, Quantiles};
+use meissner_run::play::PlaySummary;
+use meissner_run::run::{ElectrodeCounts, EventCounts, EventSummary, FrameSummary, InputCounts, Pixels};
+use meissner_run::skips::WorkCounts;
+use meissner_run::text::grouped;
 
 use super::rows::OUTSIDE;
 use crate::text::{NONE, Table, duration, mebibytes};

@@ -5,12 +5,12 @@ use std::path::{Path, PathBuf};
 use meissner_engine::frames::{Convolution, FrameOptions, Skip};
 use meissner_engine::representations::Sampling;
 use meissner_kernels::WinogradTile;
-use meissner_pipeline::PipelineError;
-use meissner_pipeline::model::FrameModel;
-use meissner_pipeline::predictor::Mode;
-use meissner_pipeline::provenance::{InputCard, ModelCard};
-use meissner_pipeline::run::{RunOptions, SaveState};
-use meissner_pipeline::text::span_us;
+use meissner_run::PipelineError;
+use meissner_run::model::FrameModel;
+use meissner_run::predictor::Mode;
+use meissner_run::provenance::{InputCard, ModelCard};
+use meissner_run::run::{RunOptions, SaveState};
+use meissner_run::text::span_us;
 
 use crate::args::{
     ELECTRODES, Every, FRAMES, Input, JsonArgs, MODES, OUTPUT, PREDICTIONS, READING, REMEMBERS, REUSES,

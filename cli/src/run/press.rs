@@ -6,15 +6,15 @@ use std::path::Path;
 
 use meissner_io::ReadOptions;
 use meissner_models::DEFAULT_NETWORK as NETWORK;
-use meissner_pipeline::interrupt;
-use meissner_pipeline::latency::Quantiles;
-use meissner_pipeline::model::Model;
-use meissner_pipeline::press::Press;
-use meissner_pipeline::run::{EventRun, EventSummary, Observer, Prediction, RunOptions, Summary};
-use meissner_pipeline::schedule::Every;
-use meissner_pipeline::source::Source;
-use meissner_pipeline::text::grouped;
 use meissner_plot::{Panel, Plane, Series, Style, page};
+use meissner_run::interrupt;
+use meissner_run::latency::Quantiles;
+use meissner_run::model::Model;
+use meissner_run::press::Press;
+use meissner_run::run::{EventRun, EventSummary, Observer, Prediction, RunOptions, Summary};
+use meissner_run::schedule::Every;
+use meissner_run::source::Source;
+use meissner_run::text::grouped;
 
 use crate::error::CliError;
 use crate::output;

@@ -5,9 +5,9 @@ use std::path::PathBuf;
 
 use clap::ValueEnum;
 use meissner_evaluate::closed_loop::{Delays, Goal, NetworkReport, Plan, Report, Row, Variation, run};
-use meissner_models::random::Random;
-use meissner_pipeline::text::{grouped, span_us};
+use meissner_kernels::random::Random;
 use meissner_plot::{Errors, Panel, Plane, Series, Setting, Style, TradeOff, page};
+use meissner_run::text::{grouped, span_us};
 use meissner_simulator::gel::GelSensor;
 
 use crate::args::{APPROXIMATIONS, GelSensorArg, INPUT, MEASUREMENT, OUTPUT, ReportArgs};

@@ -6,12 +6,12 @@ mod table;
 use std::path::Path;
 
 use meissner_engine::Sensor;
-use meissner_pipeline::bench::Part;
-use meissner_pipeline::interrupt;
-use meissner_pipeline::losses::{InputLosses, LossWarning};
-use meissner_pipeline::memory::{peak_resident_bytes, resident_bytes};
-use meissner_pipeline::model::Model;
-use meissner_pipeline::provenance::{Header, InputCard};
+use meissner_run::bench::Part;
+use meissner_run::interrupt;
+use meissner_run::losses::{InputLosses, LossWarning};
+use meissner_run::memory::{peak_resident_bytes, resident_bytes};
+use meissner_run::model::Model;
+use meissner_run::provenance::{Header, InputCard};
 use meissner_verify::soak::{Recording, Report, Settings, Soak};
 use serde::Serialize;
 

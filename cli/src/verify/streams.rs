@@ -11,11 +11,11 @@ use std::sync::Arc;
 use meissner_engine::Event;
 use meissner_engine::frames::{Convolution, FrameEngine, FrameNetwork};
 use meissner_models::{AnyDescription, Weights, drawn_file};
-use meissner_pipeline::PipelineError;
-use meissner_pipeline::bench::Part;
-use meissner_pipeline::model::{Model, describe_any, frame_network, weights};
-use meissner_pipeline::provenance::{Header, InputCard, ModelCard};
-use meissner_pipeline::text::grouped;
+use meissner_run::PipelineError;
+use meissner_run::bench::Part;
+use meissner_run::model::{Model, describe_any, frame_network, weights};
+use meissner_run::provenance::{Header, InputCard, ModelCard};
+use meissner_run::text::grouped;
 use meissner_verify::{
     Difference, Mismatch, Stream, Summary, VerifyError, poisoned, random_frames, random_streams,
     verify_frames, verify_stream,

@@ -6,7 +6,7 @@ mod table;
 use std::io::Write;
 
 use meissner_kernels::{Elementary, Isa};
-use meissner_pipeline::provenance::{Header, InputCard};
+use meissner_run::provenance::{Header, InputCard};
 use meissner_verify::stress::{Case, CaseResult, FunctionResult, cases, sweep};
 use serde::Serialize;
 

@@ -179,7 +179,7 @@ fn what_happens_is_told_where_it_is_asked_for() {
     let run = ["run", "--limit", "300", "--every", "event"];
     assert_eq!(told(&run, None), "");
     let all = told(&run, Some("trace"));
-    assert_eq!(all.matches("trace: meissner_pipeline::run::events: predicted").count(), 300, "{all}");
+    assert_eq!(all.matches("trace: meissner_run::run::events: predicted").count(), 300, "{all}");
     assert_eq!(told(&run, Some("debug")), "");
     assert!(told(&run, Some("loud")).contains("MEISSNER_LOG: expected off"));
     let live = told(&["play", "--limit", "300", "--speed", "1000", "--overload", "block"], Some("trace"));

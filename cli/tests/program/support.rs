@@ -137,7 +137,7 @@ pub(crate) fn argument(path: &Path) -> &str {
 
 /// The embedded recording as a file of the repository.
 pub(crate) fn default_recording() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("../pipeline/assets/dome_press.evt3")
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../run/assets/dome_press.evt3")
 }
 
 /// A network over pictures of 32 x 24 pixels.

@@ -8,10 +8,10 @@ use std::collections::BTreeMap;
 use meissner_models::systems::contact_area::{
     Centroid, DifferenceBaseline, DifferenceSettings, PixelSize, iou,
 };
-use meissner_pipeline::PipelineError;
-use meissner_pipeline::latency::microseconds;
-use meissner_pipeline::model::{FrameModel, LayerCost};
-use meissner_pipeline::run::BLUR_RADIUS;
+use meissner_run::PipelineError;
+use meissner_run::latency::microseconds;
+use meissner_run::model::{FrameModel, LayerCost};
+use meissner_run::run::BLUR_RADIUS;
 use serde::Serialize;
 
 use super::pictures::{Labelled, Press, Set, Truth};

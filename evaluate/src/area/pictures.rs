@@ -4,7 +4,7 @@ use std::path::Path;
 
 use meissner_io::datasets::BallPictures;
 use meissner_models::systems::contact_area::ImageSize;
-use meissner_pipeline::PipelineError;
+use meissner_run::PipelineError;
 use meissner_simulator::gel::Grid;
 use safetensors::tensor::{Dtype, SafeTensors, TensorView};
 use serde::Serialize;

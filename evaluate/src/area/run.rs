@@ -4,9 +4,9 @@ use std::time::{Duration, Instant};
 
 use meissner_engine::frames::FrameOptions;
 use meissner_models::systems::contact_area::ContactReport;
-use meissner_pipeline::PipelineError;
-use meissner_pipeline::model::FrameModel;
-use meissner_pipeline::run::ContactPredictor;
+use meissner_run::PipelineError;
+use meissner_run::model::FrameModel;
+use meissner_run::run::ContactPredictor;
 
 use super::pictures::Press;
 

@@ -5,7 +5,7 @@
 
 use std::time::Duration;
 
-use meissner_models::random::Random;
+use meissner_kernels::random::Random;
 use meissner_simulator::plants::BallContact;
 use serde::Serialize;
 

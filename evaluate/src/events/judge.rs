@@ -14,10 +14,10 @@ use std::time::Duration;
 use meissner_engine::{EngineError, Event};
 use meissner_io::datasets::Split;
 use meissner_models::{Description, ModelError, TensorFile};
-use meissner_pipeline::approximations::Approximations;
-use meissner_pipeline::losses::LossWarning;
-use meissner_pipeline::predictor::{EventPredictor, Mode};
-use meissner_pipeline::provenance::{Header, InputCard, ModelCard};
+use meissner_run::approximations::Approximations;
+use meissner_run::losses::LossWarning;
+use meissner_run::predictor::{EventPredictor, Mode};
+use meissner_run::provenance::{Header, InputCard, ModelCard};
 use serde::Serialize;
 use serde_json::json;
 

@@ -2,7 +2,7 @@ use std::path::Path;
 
 use meissner_engine::frames::{Convolution, FrameEngine, FrameNetwork};
 use meissner_models::{FrameDescription, Weights};
-use meissner_pipeline::predictor::Mode;
+use meissner_run::predictor::Mode;
 use rayon::ThreadPoolBuilder;
 
 use super::{Options, PERIOD_US, Report, evaluate};

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use meissner_models::{AnyDescription, TensorFile};
-use meissner_pipeline::provenance::ModelCard;
+use meissner_run::provenance::ModelCard;
 use rayon::ThreadPoolBuilder;
 
 use super::{Judge, JudgedTrial, judge};

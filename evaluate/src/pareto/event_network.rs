@@ -12,8 +12,8 @@ use std::time::{Duration, Instant};
 
 use meissner_engine::{Counters, EngineError, Event, Network, Options, Outcome, Sensor};
 use meissner_models::Description;
-use meissner_pipeline::approximations::Approximations;
-use meissner_pipeline::predictor::{EventPredictor, Mode};
+use meissner_run::approximations::Approximations;
+use meissner_run::predictor::{EventPredictor, Mode};
 
 use super::measurement::{Differences, Lap, Measurement, take_turns};
 use super::settings::{Setting, mean_rate, settings};

@@ -11,7 +11,7 @@ use std::time::Instant;
 use meissner_engine::EngineError;
 use meissner_engine::frames::{FrameEngine, FrameNetwork, FrameNetworkParts};
 use meissner_models::systems::slip::ObjectSet;
-use meissner_pipeline::model::LayerCost;
+use meissner_run::model::LayerCost;
 
 use super::frame_settings::{FrameSetting, Thinning, common, has_pixels_to_keep};
 use super::measurement::{Differences, Lap, Measurement, take_turns};

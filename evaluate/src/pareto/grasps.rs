@@ -11,7 +11,7 @@ use std::time::Duration;
 use meissner_engine::Event;
 use meissner_engine::frames::FrameNetworkParts;
 use meissner_models::{AnyDescription, Description, FrameDescription};
-use meissner_pipeline::predictor::Mode;
+use meissner_run::predictor::Mode;
 
 use super::frame_settings::{FrameSetting, Thinning, common, has_pixels_to_keep, notes};
 use super::measurement::{Differences, Lap, Measurement, take_turns};

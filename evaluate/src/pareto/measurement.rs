@@ -13,7 +13,7 @@
 
 use std::time::Duration;
 
-use meissner_pipeline::latency::{Latency, microseconds};
+use meissner_run::latency::{Latency, microseconds};
 use serde::{Deserialize, Serialize};
 
 use super::task_error::TaskError;

@@ -11,8 +11,8 @@ use std::sync::Arc;
 use meissner_engine::frames::{Convolution, FrameCounters, FrameNetworkParts};
 use meissner_kernels::WinogradTile;
 use meissner_models::FrameDescription;
-use meissner_pipeline::model::{FrameModel, LayerCost};
-use meissner_pipeline::run::ContactPredictor;
+use meissner_run::model::{FrameModel, LayerCost};
+use meissner_run::run::ContactPredictor;
 
 use super::frame_settings::{FrameSetting, Thinning, common, has_pixels_to_keep, has_winograd};
 use super::measurement::{Differences, Lap, Measurement, take_turns};

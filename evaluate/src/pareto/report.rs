@@ -5,7 +5,7 @@
 //! that is slower during one setting moves no point.
 
 use meissner_kernels::Isa;
-use meissner_pipeline::provenance::{Header, InputCard};
+use meissner_run::provenance::{Header, InputCard};
 use serde::{Serialize, Serializer};
 
 use super::measurement::{EXACT, Measurement};

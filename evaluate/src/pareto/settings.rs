@@ -3,7 +3,7 @@
 //! Enters: a network, and the mean rate of its events. Leaves: every setting that changes the network, after the exact one.
 
 use meissner_engine::{Event, Network};
-use meissner_pipeline::approximations::Approximations;
+use meissner_run::approximations::Approximations;
 
 use super::measurement::EXACT;
 use crate::error::EvaluateError;
@@ -172,7 +172,7 @@ mod tests {
     use crate::regression::engine::row_costs;
     use meissner_engine::Event;
     use meissner_models::{Description, Weights};
-    use meissner_pipeline::model::Model;
+    use meissner_run::model::Model;
 
     fn shipped(name: &str) -> meissner_engine::Network {
         let weights = Weights::shipped(name).expect("shipped");

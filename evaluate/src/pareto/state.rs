@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 use fnv::FnvHasher;
 use meissner_engine::Event;
 use meissner_models::Weights;
-use meissner_pipeline::PipelineError;
+use meissner_run::PipelineError;
 use serde::{Deserialize, Serialize};
 
 use super::measurement::Measurement;

@@ -10,8 +10,8 @@ use std::sync::Arc;
 use meissner_engine::{Event, Sensor};
 use meissner_models::DEFAULT_NETWORK;
 use meissner_models::systems::slip::ObjectSet;
-use meissner_pipeline::model::{LayerCost, Model, describe, labelled, weights};
-use meissner_pipeline::source::Source;
+use meissner_run::model::{LayerCost, Model, describe, labelled, weights};
+use meissner_run::source::Source;
 
 use super::event_network::{EventNetwork, Judge};
 use super::frame_network::FramesNetwork;

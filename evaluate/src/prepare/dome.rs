@@ -5,9 +5,9 @@
 use std::f64::consts::PI;
 
 use meissner_engine::Sensor;
+use meissner_kernels::random::Random;
 use meissner_models::TensorFile;
-use meissner_models::random::Random;
-use meissner_pipeline::text::grouped;
+use meissner_run::text::grouped;
 use meissner_simulator::{Dome, DomeView, Press};
 use rayon::ThreadPool;
 use rayon::prelude::*;

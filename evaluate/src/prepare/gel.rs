@@ -6,9 +6,9 @@
 use std::f64::consts::{PI, TAU};
 
 use libm::sin;
+use meissner_kernels::random::Random;
 use meissner_models::TensorFile;
-use meissner_models::random::Random;
-use meissner_pipeline::text::grouped;
+use meissner_run::text::grouped;
 use meissner_simulator::SimulatorError;
 use meissner_simulator::gel::{
     Contact, Drift, GelSensor, GelSolver, Indenter, LETTERS, Load, MAX_DEPTH_SHARE, Placed, picture_bytes,

@@ -4,7 +4,7 @@
 //! plane; distances between groups mean nothing (van der Maaten and Hinton 2008, "Visualizing data using t-SNE").
 
 use bhtsne::tSNE;
-use meissner_models::random::Random;
+use meissner_kernels::random::Random;
 use rayon::ThreadPoolBuilder;
 
 /// The number of neighbours that a point is placed among, of which a press has at least three times as many.
@@ -39,7 +39,7 @@ pub(super) fn embedding(readouts: &[Vec<f32>]) -> Option<Vec<(f64, f64)>> {
 #[cfg(test)]
 mod tests {
     use super::embedding;
-    use meissner_models::random::Random;
+    use meissner_kernels::random::Random;
 
     #[test]
     fn two_groups_stay_apart_and_the_same_presses_give_the_same_points() {

@@ -11,10 +11,10 @@ use meissner_engine::{EngineError, Event, Network, Options, Sensor};
 use meissner_models::description::CostUnit;
 use meissner_models::description::frames::SignedTiming;
 use meissner_models::{AnyDescription, Description, FrameDescription, FrameSource, ModelError};
-use meissner_pipeline::PipelineError;
-use meissner_pipeline::approximations::Approximations;
-use meissner_pipeline::model::{LayerCost, Model, frame_network};
-use meissner_pipeline::predictor::{EventPredictor, Mode};
+use meissner_run::PipelineError;
+use meissner_run::approximations::Approximations;
+use meissner_run::model::{LayerCost, Model, frame_network};
+use meissner_run::predictor::{EventPredictor, Mode};
 
 use crate::error::{EvaluateError, RequestPart, weights_error};
 use crate::trainings::Training;

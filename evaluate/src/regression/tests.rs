@@ -2,7 +2,7 @@ use std::path::Path;
 
 use meissner_engine::{Engine, Event, Sensor};
 use meissner_models::{Description, TensorFile, Weights};
-use meissner_pipeline::predictor::Mode;
+use meissner_run::predictor::Mode;
 use rayon::ThreadPoolBuilder;
 
 use super::{Options, Report, evaluate};
@@ -139,7 +139,7 @@ fn presses_without_labels_and_networks_of_other_quantities_are_refused() {
         let options =
             Options { request, stride: None, every_us: 1_000, mode: Mode::Incremental, embeds: false };
         let Err(error) = evaluate(&path, &options, &workers(1), |_, _| {}) else { panic!("{expected}") };
-        let text = meissner_pipeline::error::chain(&error);
+        let text = meissner_run::error::chain(&error);
         assert!(text.contains(expected), "{text}");
     };
     refused(&[], "tactigraph-past", "truth.t_us: expected labels along time");

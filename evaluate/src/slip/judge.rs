@@ -11,9 +11,9 @@ use std::time::Duration;
 use meissner_engine::frames::{Convolution, FrameEngine};
 use meissner_models::systems::slip::{CLASSES, ObjectSet, REFERENCES, Reference};
 use meissner_models::{FrameDescription, TensorFile};
-use meissner_pipeline::model::frame_network;
-use meissner_pipeline::provenance::{Header, InputCard, ModelCard};
-use meissner_pipeline::text::grouped;
+use meissner_run::model::frame_network;
+use meissner_run::provenance::{Header, InputCard, ModelCard};
+use meissner_run::text::grouped;
 use serde::{Serialize, Serializer};
 use serde_json::{Value, json};
 

@@ -139,7 +139,7 @@ fn the_target_moves_in_holds_only_and_not_with_the_number_of_cycles() {
 
 #[test]
 fn a_fingertip_gets_targets_by_the_law_and_the_end_of_the_events_ends_the_loop() {
-    let press = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../pipeline/assets/dome_press.evt3");
+    let press = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../run/assets/dome_press.evt3");
     let events = &io::read(&press).expect("it is part of the repository").events[..4000];
     let [sensor, robot, fingertip] = [(); 3].map(|()| UdpSocket::bind("127.0.0.1:0").expect("a free port"));
     let address = |socket: &UdpSocket| socket.local_addr().expect("it is bound");

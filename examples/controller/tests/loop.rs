@@ -19,7 +19,7 @@ static ALLOCATOR: &StatsAlloc<System> = &INSTRUMENTED_SYSTEM;
 
 #[test]
 fn the_loop_over_a_recording_takes_all_its_events_and_allocates_nothing() {
-    let press = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../pipeline/assets/dome_press.evt3");
+    let press = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../run/assets/dome_press.evt3");
     let recording = io::read(&press).expect("it is part of the repository");
     let description = Description::shipped("tactigraph-past").expect("a shipped network");
     let weights = Weights::shipped("tactigraph-past").expect("its weights");

@@ -146,6 +146,7 @@ macro_rules! common {
             }
 
             /// The network as a standalone SVG picture.
+            #[cfg(feature = "svg")]
             pub fn to_svg(&self) -> String {
                 picture::svg(&self.view())
             }

@@ -1,45 +1,9 @@
-//! Pictures of a network: text in the DOT language, and SVG.
+//! Pictures of a network: text in the DOT language, and, with the feature `svg`, SVG.
 
-use std::iter::once;
-
-use meissner_plot::{Network, Node, Panel, grouped, page};
+#[cfg(feature = "svg")]
+pub(crate) use drawn::svg;
 
 use super::view::View;
-
-/// The SVG picture of `view`.
-pub(crate) fn svg(view: &View<'_>) -> String {
-    let input = Node {
-        name: view.input.name,
-        kind: view.input.about.to_owned(),
-        shape: with_commas(&view.input.shape),
-        fill: "#ffffff",
-        band: view.input.band,
-        from: None,
-        joins: None,
-    };
-    let boxes = view.rows.iter().map(|row| {
-        let parameters =
-            (row.parameters > 0).then(|| format!(", {} parameters", grouped(row.parameters as u64)));
-        let shape = with_commas(&row.shapes.join(" \u{2192} ")) + &parameters.unwrap_or_default();
-        Node {
-            name: row.name,
-            kind: row.kind.clone(),
-            shape,
-            fill: row.fill,
-            band: row.band,
-            from: Some(row.from),
-            joins: row.joins.map(|(joins, [_, mark])| (joins, mark)),
-        }
-    });
-    let network = Network { bands: view.bands.clone(), boxes: once(input).chain(boxes).collect() };
-    page(view.name, &view.about, &[vec![Panel::Network(network)]])
-}
-
-/// A shape with a comma between thousands.
-fn with_commas(shape: &str) -> String {
-    let words = shape.split(' ').map(|word| word.parse().map_or_else(|_| word.to_owned(), grouped));
-    words.collect::<Vec<_>>().join(" ")
-}
 
 /// The DOT text of `view`: a cluster for each level, dashed edges for second inputs.
 pub(crate) fn dot(view: &View<'_>) -> String {
@@ -82,4 +46,48 @@ fn members(view: &View<'_>, band: Option<usize>) -> impl Iterator<Item = String>
 /// A quoted identifier or label.
 fn quoted(text: &str) -> String {
     format!("\"{}\"", text.replace('\\', "\\\\").replace('"', "\\\"").replace('\n', "\\n"))
+}
+
+#[cfg(feature = "svg")]
+mod drawn {
+    use std::iter::once;
+
+    use meissner_plot::{Network, Node, Panel, page};
+
+    use crate::inspect::view::{View, grouped};
+
+    /// The SVG picture of `view`.
+    pub(crate) fn svg(view: &View<'_>) -> String {
+        let input = Node {
+            name: view.input.name,
+            kind: view.input.about.to_owned(),
+            shape: with_commas(&view.input.shape),
+            fill: "#ffffff",
+            band: view.input.band,
+            from: None,
+            joins: None,
+        };
+        let boxes = view.rows.iter().map(|row| {
+            let parameters =
+                (row.parameters > 0).then(|| format!(", {} parameters", grouped(row.parameters as u64)));
+            let shape = with_commas(&row.shapes.join(" \u{2192} ")) + &parameters.unwrap_or_default();
+            Node {
+                name: row.name,
+                kind: row.kind.clone(),
+                shape,
+                fill: row.fill,
+                band: row.band,
+                from: Some(row.from),
+                joins: row.joins.map(|(joins, [_, mark])| (joins, mark)),
+            }
+        });
+        let network = Network { bands: view.bands.clone(), boxes: once(input).chain(boxes).collect() };
+        page(view.name, &view.about, &[vec![Panel::Network(network)]])
+    }
+
+    /// A shape with a comma between thousands.
+    fn with_commas(shape: &str) -> String {
+        let words = shape.split(' ').map(|word| word.parse().map_or_else(|_| word.to_owned(), grouped));
+        words.collect::<Vec<_>>().join(" ")
+    }
 }

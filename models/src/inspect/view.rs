@@ -46,6 +46,7 @@ pub(crate) struct Row<'a> {
     pub(crate) parameters: usize,
     /// The last two columns of a table.
     pub(crate) columns: [String; 2],
+    #[cfg_attr(not(feature = "svg"), expect(dead_code, reason = "only SVG has colours"))]
     pub(crate) fill: &'static str,
     pub(crate) band: Option<usize>,
 }
@@ -153,9 +154,16 @@ impl FrameDescription {
     }
 }
 
+/// A whole number with a comma between thousands.
+pub fn grouped(number: u64) -> String {
+    let digits = number.to_string();
+    let comma = |i: usize| i > 0 && (digits.len() - i).is_multiple_of(3);
+    digits.char_indices().flat_map(|(i, c)| comma(i).then_some(',').into_iter().chain([c])).collect()
+}
+
 /// A count with separators, for people.
 fn count(count: usize) -> String {
-    meissner_plot::grouped(count as u64)
+    grouped(count as u64)
 }
 
 fn sizes(parameters: usize, tensors: &[Needed]) -> String {

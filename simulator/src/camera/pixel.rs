@@ -6,7 +6,7 @@
 //! microseconds after the first image.
 
 use libm::{exp, log};
-use meissner_models::random::Random;
+use meissner_kernels::random::Random;
 
 use super::settings::CameraSettings;
 

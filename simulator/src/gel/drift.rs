@@ -1,6 +1,6 @@
 //! The light of a sensor, which drifts, and the bytes of a picture in it.
 
-use meissner_models::random::Random;
+use meissner_kernels::random::Random;
 
 /// Standard deviations of the drift of the light between the picture at rest and those of a press,
 /// in grey levels, for each term of a quadratic in the place from -1 to 1: those of the 20 real

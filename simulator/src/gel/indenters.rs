@@ -3,7 +3,7 @@
 use std::f64::consts::TAU;
 
 use libm::{atan2, cos, fabs, hypot, sin, sqrt, tan};
-use meissner_models::random::Random;
+use meissner_kernels::random::Random;
 
 use super::Grid;
 

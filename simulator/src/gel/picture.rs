@@ -9,7 +9,7 @@
 //! Left out: light that the surface reflects onto itself.
 
 use libm::{hypot, pow, sqrt};
-use meissner_models::random::Random;
+use meissner_kernels::random::Random;
 
 use super::Grid;
 use super::lens::Lens;
@@ -25,7 +25,7 @@ pub struct Light {
     pub colour: [f64; 3],
 }
 
-/// The lights and the camera of a sensor. The default is fitted to pictures of a real one (`train/area/lights.py`).
+/// The lights and the camera of a sensor. The default is fitted to pictures of a real one (`models/train/area/lights.py`).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct GelCamera {
     /// The lights.

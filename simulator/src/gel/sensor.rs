@@ -1,7 +1,7 @@
 //! Sensors of one kind: a gel and the lights and the camera behind it. No two are equal.
 
 use libm::{exp, log};
-use meissner_models::random::Random;
+use meissner_kernels::random::Random;
 
 use super::{Gel, GelCamera, Grid, Lens};
 use crate::camera::normal_pair;

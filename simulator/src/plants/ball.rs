@@ -3,7 +3,7 @@
 //! Enters: motions of the ball. Leaves: pictures, and what is true. Equal motions and an equal seed
 //! give equal pictures.
 
-use meissner_models::random::Random;
+use meissner_kernels::random::Random;
 
 use crate::error::SimulatorError;
 use crate::gel::{

@@ -1,6 +1,6 @@
 //! Pictures of a gel: the fitted lights against their twin in Python, and what a picture shows.
 
-use meissner_models::random::Random;
+use meissner_kernels::random::Random;
 use meissner_simulator::SimulatorError;
 use meissner_simulator::gel::{
     Gel, GelCamera, GelSensor, GelSolver, Grid, Indenter, Lens, Light, Load, Placed,
@@ -18,7 +18,7 @@ fn near(found: [f32; 3], expected: [f32; 3], most: f32) {
 
 #[test]
 fn slopes_have_the_levels_of_the_fit() {
-    // `lit` of train/area/lights.py, with the settings that it found, at a corner, in the middle, and at the other corner.
+    // `lit` of models/train/area/lights.py, with the settings that it found, at a corner, in the middle, and at the other corner.
     let golden = [
         ([0.0, 0.0], [[175.79, 153.63, 201.64], [162.43, 169.71, 188.77], [153.19, 201.2, 182.8]]),
         ([0.4, -0.2], [[219.45, 170.71, 171.13], [202.46, 196.96, 171.04], [190.35, 246.34, 185.2]]),

@@ -3,7 +3,7 @@
 //! Enters: a seed. Leaves: disturbances. Invariant: a shuffled deck of eight is dealt to its end before it is shuffled again,
 //! so that each kind comes once or twice in eight.
 
-use meissner_models::random::Random;
+use meissner_kernels::random::Random;
 
 /// A disturbance between two events.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -77,7 +77,7 @@ fn distance(random: &mut Random, mean: u64) -> u64 {
 #[cfg(test)]
 mod tests {
     use super::{Deck, Disturbance};
-    use meissner_models::random::Random;
+    use meissner_kernels::random::Random;
 
     fn disturbances(seed: u64, events: u64) -> Vec<(u64, Disturbance)> {
         let mut deck = Deck::new(Random::new(seed), 100);

@@ -7,7 +7,7 @@
 use std::sync::Arc;
 
 use meissner_engine::Event;
-use meissner_models::random::Random;
+use meissner_kernels::random::Random;
 
 use crate::error::VerifyError;
 
@@ -106,7 +106,7 @@ mod tests {
     use super::{Endless, Recording};
     use crate::error::VerifyError;
     use meissner_engine::Event;
-    use meissner_models::random::Random;
+    use meissner_kernels::random::Random;
 
     fn recording(times: &[i64]) -> Recording {
         let events = times.iter().map(|&t| Event::new(t, 0, 0, true)).collect();

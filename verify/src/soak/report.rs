@@ -1,7 +1,7 @@
 //! Results of a soak, and the promises that it breaks.
 
-use meissner_pipeline::latency::{Latency, Quantiles};
-use meissner_pipeline::text::grouped;
+use meissner_run::latency::{Latency, Quantiles};
+use meissner_run::text::grouped;
 use serde::Serialize;
 
 /// A value for each call of the engine.

@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use meissner_pipeline::latency::Latency;
+use meissner_run::latency::Latency;
 
 use super::report::{Calls, Checkpoint, Part, Report, judged, ratios};
 

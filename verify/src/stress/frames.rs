@@ -12,7 +12,7 @@ use meissner_reference::{Difference, FrameReference};
 use super::Run;
 use super::result::{CaseResult, Errors};
 use crate::error::VerifyError;
-use meissner_models::random::Random;
+use meissner_kernels::random::Random;
 
 /// The frame of a step.
 pub(super) type Frames = fn(step: u64, &mut Random, frame: &mut [f32]);

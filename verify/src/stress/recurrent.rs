@@ -2,7 +2,7 @@
 
 use meissner_engine::frames::{Convolution, FrameLayerKind, FrameNetworkParts, FrameShape};
 use meissner_kernels::Activation;
-use meissner_models::random::Random;
+use meissner_kernels::random::Random;
 
 use super::Prepared;
 use super::frames::{FrameRun, Frames, layer};

@@ -1,8 +1,8 @@
 //! The result of a case, and the promises that it breaks.
 
 use meissner_engine::EngineError;
-use meissner_pipeline::error::chain;
 use meissner_reference::Difference;
+use meissner_run::error::chain;
 use serde::Serialize;
 
 /// Largest relative error of a prediction against f64, unless a case states another.

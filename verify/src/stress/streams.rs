@@ -4,9 +4,9 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use meissner_engine::{Event, Network, Sensor};
+use meissner_kernels::random::Random;
 use meissner_models::Weights;
-use meissner_models::random::Random;
-use meissner_pipeline::PipelineError;
+use meissner_run::PipelineError;
 
 use super::Prepared;
 use super::events::EventRun;
@@ -121,7 +121,7 @@ fn events(shape: &Shape, count: usize) -> Vec<Event> {
 
 /// The shipped network `name` with capacity [`CAPACITY`].
 pub(super) fn network(name: &str, weights: &Weights) -> Result<Network, VerifyError> {
-    let (description, _) = meissner_pipeline::model::describe(name)?;
+    let (description, _) = meissner_run::model::describe(name)?;
     let network =
         description.network(weights).map_err(|source| PipelineError::weights(name.to_owned(), source))?;
     Ok(network.with_capacity(CAPACITY)?)
@@ -129,7 +129,7 @@ pub(super) fn network(name: &str, weights: &Weights) -> Result<Network, VerifyEr
 
 /// The shipped weights of `name`.
 pub(super) fn weights(name: &str) -> Result<Weights, VerifyError> {
-    Ok(meissner_pipeline::model::weights(name, true, None)?.0)
+    Ok(meissner_run::model::weights(name, true, None)?.0)
 }
 
 /// The ordinary stream through `network`.

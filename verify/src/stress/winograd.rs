@@ -3,7 +3,7 @@
 
 use meissner_engine::frames::{Convolution, FrameLayerKind, FrameNetworkParts, FrameShape};
 use meissner_kernels::WinogradTile;
-use meissner_models::random::Random;
+use meissner_kernels::random::Random;
 
 use super::Prepared;
 use super::frames::{FrameRun, Frames, layer};

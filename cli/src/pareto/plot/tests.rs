@@ -6,7 +6,7 @@ use super::svg;
 use meissner_evaluate::pareto::{
     Compared, DataReport, ErrorKind, Measurement, NetworkReport, Report, SettingReport, TaskError,
 };
-use meissner_pipeline::provenance::Header;
+use meissner_run::provenance::Header;
 
 /// Two networks with three settings each, compared by an error of `kind`.
 fn report(kind: ErrorKind) -> Report {

@@ -3,9 +3,9 @@
 use std::io::{self, Write};
 
 use meissner_engine::Sensor;
-use meissner_pipeline::latency::Quantiles;
-use meissner_pipeline::provenance::ModelCard;
-use meissner_pipeline::text::grouped;
+use meissner_run::latency::Quantiles;
+use meissner_run::provenance::ModelCard;
+use meissner_run::text::grouped;
 use meissner_verify::soak::{Checkpoint, PartReport, Report};
 
 use crate::text::{NONE, Table, cell, mebibytes};

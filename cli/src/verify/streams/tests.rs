@@ -2,7 +2,7 @@
 
 use clap::Parser;
 use meissner_engine::{Event, Sensor};
-use meissner_pipeline::provenance::ModelCard;
+use meissner_run::provenance::ModelCard;
 use meissner_verify::{Difference, Mismatch, Step, Stream, VerifyError};
 
 use super::{Verified, report};

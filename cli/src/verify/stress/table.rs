@@ -2,7 +2,7 @@
 
 use std::io::{self, Write};
 
-use meissner_pipeline::text::grouped;
+use meissner_run::text::grouped;
 use meissner_verify::stress::{CaseResult, FunctionResult};
 
 use crate::text::{NONE, Table, cell};

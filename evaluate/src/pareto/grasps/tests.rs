@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use meissner_engine::frames::{Convolution, FrameEngine, FrameNetwork};
 use meissner_models::{FrameDescription, TensorFile, Weights};
-use meissner_pipeline::predictor::Mode;
+use meissner_run::predictor::Mode;
 use rayon::ThreadPoolBuilder;
 
 use super::force;

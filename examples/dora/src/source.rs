@@ -1,0 +1,192 @@
+//! The source node: events of a recording at real speed or another, or those that arrive on a
+//! stream, as messages.
+//!
+//! Every event has a number, and each message that of its first event. While there is nothing to
+//! send, messages without events tell the number of the next one, so that a receiver knows what it
+//! has missed, also at the end.
+
+use std::path::PathBuf;
+use std::time::{Duration, Instant};
+
+use clap::Args;
+use meissner::io::ReadOptions;
+use meissner::{Event, Sensor};
+use meissner_packets::{FeedOptions, feed};
+use meissner_run::PipelineError;
+use meissner_run::source::Source;
+use meissner_run::text::sensor;
+
+use crate::message::{Counter, EventsHeader, events_array, texts_array};
+use crate::node::{Failure, Outputs, start};
+
+/// Longest time until an end of the dataflow is noticed.
+const NAP: Duration = Duration::from_millis(50);
+
+/// Stream time between two runs of a recording, in microseconds.
+const PAUSE_US: i64 = 10_000;
+
+/// Which events a source sends.
+#[derive(Clone, Debug, Args)]
+#[cfg_attr(test, derive(Default))]
+pub(crate) struct StreamOptions {
+    /// A recording, or a stream such as udp://HOST:PORT; without it, the embedded recording of a
+    /// simulated press
+    pub(crate) recording: Option<PathBuf>,
+    /// Columns and rows of the sensor, for a recording or a stream that does not state them
+    #[arg(long, value_name = "WIDTHxHEIGHT", value_parser = sensor)]
+    pub(crate) sensor: Option<Sensor>,
+    /// How often a recording is sent, one run after the other; its times go on
+    #[arg(long, default_value_t = 1)]
+    pub(crate) runs: u32,
+}
+
+impl StreamOptions {
+    /// The source and the geometry of its sensor. Waits for the first event of a stream unless that
+    /// is given.
+    fn open(&self) -> Result<(Sensor, Source), PipelineError> {
+        let source =
+            Source::open(self.recording.as_deref(), &ReadOptions::default(), self.sensor.is_some(), false)?;
+        Ok((source.sensor(self.sensor)?, source))
+    }
+
+    /// The sensor of a recording and all events of its runs.
+    ///
+    /// # Errors
+    /// The recording cannot be read, or its geometry is not known.
+    pub(crate) fn recorded(&self) -> Result<(Sensor, Vec<Event>), PipelineError> {
+        let (sensor, source) = self.open()?;
+        let events = source.collect::<Result<Vec<_>, _>>()?;
+        Ok((sensor, repeated(&events, self.runs)))
+    }
+}
+
+/// `events`, `runs` times; each run begins a pause after the end of the run before.
+fn repeated(events: &[Event], runs: u32) -> Vec<Event> {
+    let times = || events.iter().map(|event| event.t_us);
+    let (Some(first), Some(last)) = (times().min(), times().max()) else { return Vec::new() };
+    let span = last.saturating_sub(first).saturating_add(PAUSE_US);
+    let run = |run: u32| {
+        let later = span.saturating_mul(run.into());
+        events.iter().map(move |&event| Event { t_us: event.t_us.saturating_add(later), ..event })
+    };
+    (0..runs).flat_map(run).collect()
+}
+
+/// Options of the source node.
+#[derive(Clone, Debug, Args)]
+pub(crate) struct SourceOptions {
+    #[command(flatten)]
+    stream: StreamOptions,
+    /// Seconds of stream time per second; 0 sends a recording as fast as the node can
+    #[arg(long, default_value_t = 1.0, value_parser = speed)]
+    speed: f64,
+    /// Microseconds between two messages: events that come in this time are sent together
+    #[arg(long, value_name = "US", default_value_t = 1000)]
+    every_us: u64,
+    /// Most events of a message
+    #[arg(long, value_name = "EVENTS", default_value_t = 2048, value_parser = clap::value_parser!(u64).range(1..=1 << 20))]
+    most: u64,
+    /// Milliseconds between two messages without events, while there is nothing to send
+    #[arg(long, value_name = "MS", default_value_t = 100, value_parser = clap::value_parser!(u64).range(1..))]
+    idle_ms: u64,
+    /// Milliseconds for which messages without events are sent after the end
+    #[arg(long, value_name = "MS", default_value_t = 1000)]
+    linger_ms: u64,
+}
+
+fn speed(text: &str) -> Result<f64, String> {
+    let speed = text.parse().ok().filter(|speed: &f64| speed.is_finite() && *speed >= 0.0);
+    speed.ok_or_else(|| format!("expected a number of at least 0, got {text}"))
+}
+
+/// Runs the node until everything was sent, or the dataflow ends.
+///
+/// # Errors
+/// The recording cannot be read, or the daemon cannot be reached.
+pub(crate) fn run(options: &SourceOptions) -> Result<(), Failure> {
+    let (sensor, source) = options.stream.open()?;
+    let is_live = source.is_live();
+    let events: Box<dyn Iterator<Item = _> + Send> = if is_live {
+        Box::new(source)
+    } else {
+        let events = source.collect::<Result<Vec<_>, _>>()?;
+        Box::new(repeated(&events, options.stream.runs).into_iter().map(Ok))
+    };
+    let (outputs, mut inputs) = start()?;
+    let idle = Duration::from_millis(options.idle_ms);
+    let (now, name) = (Instant::now(), outputs.name());
+    let counts = [0, 0, 0];
+    let mut node = Node { outputs, sensor, name, idle, sent: now, told: now, counts };
+    // A source has no inputs; what comes is the end of the dataflow.
+    let mut has_ended = || {
+        inputs.take(Duration::ZERO);
+        inputs.have_ended()
+    };
+    let (every, max_wait) = (Duration::from_micros(options.every_us), idle.min(NAP));
+    let feeding =
+        FeedOptions { is_live, speed: options.speed, every, max_wait, max_events: options.most as usize };
+    feed(events, feeding, &mut has_ended, |events, due| node.pass_on(events, due))?;
+    let until = Instant::now() + Duration::from_millis(options.linger_ms);
+    while Instant::now() < until && !has_ended() {
+        node.pass_on(&[], Instant::now())?;
+        std::thread::sleep(max_wait);
+    }
+    node.tell()
+}
+
+/// Names of the counts of a [`Node`].
+const COUNTS: [&str; 3] = ["events_sent", "messages_sent", "lag_us"];
+
+struct Node {
+    outputs: Outputs,
+    sensor: Sensor,
+    name: String,
+    idle: Duration,
+    /// When the last message was sent, and the last counts.
+    sent: Instant,
+    told: Instant,
+    /// Events and messages that were sent, and the longest time from when an event was due until it
+    /// was sent, in microseconds.
+    counts: [u64; 3],
+}
+
+impl Node {
+    /// Sends events of which the first was due at `due`, or a message without events if it is time;
+    /// and counts.
+    fn pass_on(&mut self, events: &[Event], due: Instant) -> Result<(), Failure> {
+        if !events.is_empty() || self.sent.elapsed() >= self.idle {
+            let [width, height] = [self.sensor.width, self.sensor.height]
+                .map(|side| side.try_into().expect("a sensor has pixels"));
+            let header = EventsHeader { first: self.counts[0], width, height };
+            self.sent = Instant::now();
+            self.counts[2] = self.counts[2].max(due.elapsed().as_micros() as u64);
+            self.outputs.send("events", &header, events_array(events))?;
+            self.counts[0] += events.len() as u64;
+            self.counts[1] += 1;
+        }
+        if self.told.elapsed() >= self.idle { self.tell() } else { Ok(()) }
+    }
+
+    fn tell(&mut self) -> Result<(), Failure> {
+        self.told = Instant::now();
+        let counters =
+            COUNTS.iter().zip(self.counts).map(|(name, count)| Counter::new(&self.name, name, count));
+        self.outputs.send("counters", &(), texts_array(&counters.collect::<Vec<_>>()))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use meissner::Event;
+
+    use super::{PAUSE_US, repeated};
+
+    #[test]
+    fn the_times_of_a_second_run_go_on_after_a_pause() {
+        let events = [Event::new(5, 1, 1, true), Event::new(25, 2, 2, false)];
+        let times: Vec<_> = repeated(&events, 3).iter().map(|event| event.t_us).collect();
+        let later = 20 + PAUSE_US;
+        assert_eq!(times, [5, 25, 5 + later, 25 + later, 5 + 2 * later, 25 + 2 * later]);
+        assert!(repeated(&[], 3).is_empty() && repeated(&events, 0).is_empty());
+    }
+}

@@ -1,0 +1,40 @@
+//! The error of this crate.
+
+use meissner_engine::{EngineError, Sensor};
+use meissner_io::IoError;
+use meissner_live::LiveError;
+use meissner_run::PipelineError;
+
+/// An engine cannot start, or cannot go on.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum PacketError {
+    /// The network or the source.
+    #[error(transparent)]
+    Pipeline(#[from] PipelineError),
+    /// The engine refuses a sensor or a state, or its prediction is not a number.
+    #[error(transparent)]
+    Engine(#[from] EngineError),
+    /// The engine's thread has ended.
+    #[error(transparent)]
+    Live(#[from] LiveError),
+    /// A state cannot be written.
+    #[error(transparent)]
+    Write(#[from] IoError),
+    /// A state cannot be read.
+    #[error("the state in {path}")]
+    Read {
+        /// The file.
+        path: String,
+        /// The reason.
+        source: std::io::Error,
+    },
+    /// A sensor changes its size within a stream.
+    #[error("expected a sensor of {expected} in this stream, got {found}")]
+    Sensor {
+        /// The size of the packets before.
+        expected: Sensor,
+        /// The size of this one.
+        found: Sensor,
+    },
+}

@@ -1,0 +1,79 @@
+//! Drives an engine over a source: recordings and live streams in, predictions out. This crate does not parse arguments
+//! and does not print. Messages go to the `tracing` crate.
+//!
+//! This example runs a shipped network over the embedded recording, and prints a line of JSON for each prediction:
+//!
+//! ```
+//! use meissner_run::model::Model;
+//! use meissner_run::run::{EventRun, Observer, Prediction, RunOptions};
+//! use meissner_run::source::Source;
+//!
+//! struct Print;
+//!
+//! impl Observer for Print {
+//!     fn prediction(&mut self, prediction: &Prediction<'_>) -> std::io::Result<()> {
+//!         println!("{}", serde_json::to_string(prediction)?);
+//!         Ok(())
+//!     }
+//! }
+//!
+//! let model = Model::named("tactigraph-past", None, false)?;
+//! let source = Source::open(None, &Default::default(), false, false)?;
+//! let sensor = source.sensor(None)?;
+//! let options = RunOptions { limit: Some(500), ..RunOptions::default() };
+//! EventRun::new(&model, source, sensor, options)?.run(&mut Print).result?;
+//! # Ok::<(), meissner_run::PipelineError>(())
+//! ```
+//!
+//! | module | contents |
+//! |---|---|
+//! | [`source`], [`streams`] | events of a file, of the embedded recording, of standard input or a socket |
+//! | [`press`] | a simulated press with its truth |
+//! | [`losses`] | lost input, and truncated recordings |
+//! | [`model`] | networks and weights by name or from files |
+//! | [`provenance`] | network, weights and input of a result, for reports |
+//! | [`answer`] | classes and probabilities of predictions |
+//! | [`training`] | outputs, and the ranges that they had in the training |
+//! | [`approximations`] | approximations, and the report of their effects |
+//! | [`schedule`], [`text`] | when predictions are read; numbers and times as text |
+//! | [`predictor`] | incremental inference and inference from scratch, with the same methods |
+//! | [`live_frames`] | a frame network that takes events and predicts at any time |
+//! | [`run`] | a network over a whole input: predictions, summary, states |
+//! | [`play`] | recordings at real speed, each through a bounded queue |
+//! | [`send`](mod@send) | a recording at real speed to another program |
+//! | [`bench`](mod@bench) | latencies, work, deadlines and comparisons |
+//! | [`latency`], [`memory`], [`skips`] | measurements |
+//! | [`clock`] | stream time on the wall clock |
+//! | [`interrupt`] | signals that ask the process to end |
+#![forbid(unsafe_code)]
+#![deny(clippy::print_stdout, clippy::print_stderr)]
+
+pub mod answer;
+pub mod approximations;
+pub mod bench;
+pub mod clock;
+pub mod error;
+mod frame_feed;
+pub mod interrupt;
+pub mod latency;
+pub mod left_out;
+pub mod live_frames;
+pub mod losses;
+pub mod memory;
+pub mod model;
+pub mod play;
+pub mod predictor;
+pub mod press;
+pub mod provenance;
+mod refusals;
+pub mod run;
+pub mod schedule;
+pub mod send;
+mod silence;
+pub mod skips;
+pub mod source;
+pub mod streams;
+pub mod text;
+pub mod training;
+
+pub use error::PipelineError;

@@ -1,0 +1,256 @@
+//! When predictions are read: at every event, every N events, every period of stream time, or once at the end.
+//!
+//! Enters: the times of accepted events. Leaves: the times at which a prediction is due before an event enters, and
+//! whether one is due after it. All readers of predictions follow a `Schedule`, so that all modes and all passes of a
+//! benchmark predict at the same times. For frames, each frame counts as an event.
+
+use std::fmt;
+use std::str::FromStr;
+
+use crate::text::{TIME_FORMS, display_us, span_us};
+
+/// When a prediction is read.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Every {
+    /// Once, at the end.
+    End,
+    /// After this many accepted events.
+    Events(u64),
+    /// After this many microseconds of stream time.
+    StreamUs(i64),
+}
+
+impl FromStr for Every {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        match text {
+            "event" => Ok(Self::Events(1)),
+            "end" => Ok(Self::End),
+            _ => match text.parse() {
+                Ok(events @ 1..) => Ok(Self::Events(events)),
+                _ => span_us(text).map(Self::StreamUs).map_err(|_| {
+                    format!("expected `event`, `end`, a number of events such as 100, or {TIME_FORMS}")
+                }),
+            },
+        }
+    }
+}
+
+impl fmt::Display for Every {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match *self {
+            Self::End => f.write_str("end"),
+            Self::Events(1) => f.write_str("event"),
+            Self::Events(events) => write!(f, "{events}"),
+            Self::StreamUs(us) => f.write_str(&display_us(us)),
+        }
+    }
+}
+
+/// Decides when a prediction is read.
+#[derive(Clone, Debug)]
+pub(crate) struct Schedule {
+    every: Every,
+    /// Accepted events since the last prediction, for [`Every::Events`].
+    since: u64,
+    /// Whether an event has been accepted.
+    has_begun: bool,
+    /// Next time of [`Every::StreamUs`]; `None` before the first event and beyond the end of the clock.
+    due_us: Option<i64>,
+}
+
+impl Schedule {
+    /// A schedule before the first event.
+    pub(crate) fn new(every: Every) -> Self {
+        Self { every, since: 0, has_begun: false, due_us: None }
+    }
+
+    /// Continues a schedule that has seen `accepted` events, from the time of the first to `now_us`. Periods count from
+    /// the first event, even if the other schedule had another period.
+    pub(crate) fn resume(&mut self, first_us: i64, now_us: i64, accepted: u64) {
+        self.begin(first_us);
+        self.skip_to(now_us);
+        if let Every::Events(events) = self.every {
+            self.since = accepted % events;
+        }
+    }
+
+    /// Forgets the clock; the next event starts another. Events count on.
+    pub(crate) fn restart(&mut self) {
+        (self.has_begun, self.due_us) = (false, None);
+    }
+
+    /// Starts at the first event, accepted at `t_us`. Later calls have no effect.
+    pub(crate) fn begin(&mut self, t_us: i64) {
+        if let (Every::StreamUs(period), false) = (self.every, self.has_begun) {
+            self.due_us = t_us.checked_add(period);
+        }
+        self.has_begun = true;
+    }
+
+    /// The time at which the next event will enter, if stream time matters. `arrival_us` is asked for it; a
+    /// dropped event has none and does not advance the clock.
+    pub(crate) fn arrival_us(&mut self, arrival_us: impl FnOnce() -> Option<i64>) -> Option<i64> {
+        let Every::StreamUs(_) = self.every else { return None };
+        let t_us = arrival_us()?;
+        self.begin(t_us);
+        Some(t_us)
+    }
+
+    /// Takes the next time that is due before `t_us`. An event at a due time belongs to the window of that time.
+    pub(crate) fn due_before(&mut self, t_us: i64) -> Option<i64> {
+        let due = self.due_us.filter(|&due| due < t_us)?;
+        self.due_us = due.checked_add(self.period_us()?);
+        Some(due)
+    }
+
+    /// Calls `read` with each time due before `t_us`. `read` returns the number of events in the window. If it returns
+    /// 0, the window stays empty, and the other times are skipped.
+    pub(crate) fn each_due_before<E>(
+        &mut self,
+        t_us: i64,
+        mut read: impl FnMut(i64) -> Result<usize, E>,
+    ) -> Result<(), E> {
+        while let Some(due_us) = self.due_before(t_us) {
+            if read(due_us)? == 0 {
+                self.skip_to(t_us);
+            }
+        }
+        Ok(())
+    }
+
+    /// Skips the times before `t_us`, and returns their number.
+    pub(crate) fn skip_to(&mut self, t_us: i64) -> u64 {
+        let Some((due, period)) = self.due_us.zip(self.period_us()) else { return 0 };
+        let count = times_before(due, t_us, period);
+        self.due_us = i64::try_from(i128::from(due) + i128::from(count) * i128::from(period)).ok();
+        count
+    }
+
+    /// Counts an accepted event, and returns whether a prediction is due.
+    pub(crate) fn is_due_after_event(&mut self) -> bool {
+        let Every::Events(events) = self.every else { return false };
+        self.since += 1;
+        if self.since == events {
+            self.since = 0;
+        }
+        self.since == 0
+    }
+
+    /// Accepted events since the last prediction, for [`Every::Events`].
+    pub(crate) fn since(&self) -> u64 {
+        self.since
+    }
+
+    /// The period of [`Every::StreamUs`].
+    pub(crate) fn period_us(&self) -> Option<i64> {
+        if let Every::StreamUs(period) = self.every { Some(period) } else { None }
+    }
+
+    /// The prediction that is due after the last event.
+    pub(crate) fn last(&self) -> Last {
+        match self.every {
+            Every::End => Last::Now,
+            Every::Events(_) => Last::Nothing,
+            // All times before the last event are done, so this is the first time that covers it.
+            Every::StreamUs(_) => self.due_us.map_or(Last::Nothing, Last::At),
+        }
+    }
+}
+
+/// The number of the times `first`, `first + period`, ... before `end`.
+pub(crate) fn times_before(first: i64, end: i64, period: i64) -> u64 {
+    // The difference can exceed an i64 if times span its whole range.
+    let (span, period) = (i128::from(end) - i128::from(first), i128::from(period));
+    u64::try_from((span + period - 1).div_euclid(period)).unwrap_or(0)
+}
+
+/// The prediction that is due after the last event.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Last {
+    /// No prediction.
+    Nothing,
+    /// A prediction for the window as it is.
+    Now,
+    /// A prediction for the window at this time, in microseconds.
+    At(i64),
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{Every, Last, Schedule, times_before};
+
+    /// Due times before each of the events at `times`.
+    fn due(schedule: &mut Schedule, times: &[i64]) -> Vec<Vec<i64>> {
+        let before = |&t: &i64| {
+            let arrival = schedule.arrival_us(|| Some(t));
+            std::iter::from_fn(|| schedule.due_before(arrival?)).collect()
+        };
+        times.iter().map(before).collect()
+    }
+
+    #[test]
+    fn periods_count_from_the_first_event_and_hold_the_event_at_their_end() {
+        let mut schedule = Schedule::new(Every::StreamUs(10));
+        let due = due(&mut schedule, &[5, 15, 16, 40]);
+        assert_eq!(due, [vec![], vec![], vec![15], vec![25, 35]]);
+        assert_eq!(schedule.last(), Last::At(45));
+    }
+
+    #[test]
+    fn a_skipped_gap_resumes_on_the_same_grid() {
+        let mut schedule = Schedule::new(Every::StreamUs(10));
+        due(&mut schedule, &[5]);
+        for (t, next) in [(15, 15), (16, 25), (1_000_000, 1_000_005)] {
+            schedule.skip_to(t);
+            assert_eq!(schedule.last(), Last::At(next));
+        }
+        schedule.skip_to(i64::MAX);
+        assert_eq!(schedule.last(), Last::Nothing);
+    }
+
+    #[test]
+    fn a_resumed_schedule_is_due_when_one_that_went_on_is() {
+        for every in [Every::StreamUs(10), Every::Events(3)] {
+            for cut in 1..7 {
+                let times = [5, 6, 15, 15, 16, 40, 65];
+                let (mut whole, mut resumed) = (Schedule::new(every), Schedule::new(every));
+                due(&mut whole, &times[..cut]);
+                for _ in 0..cut {
+                    whole.is_due_after_event();
+                }
+                resumed.resume(5, times[cut - 1], cut as u64);
+                for i in cut..7 {
+                    assert_eq!(due(&mut resumed, &times[i..=i]), due(&mut whole, &times[i..=i]), "{cut} {i}");
+                    assert_eq!(resumed.is_due_after_event(), whole.is_due_after_event(), "{cut} {i}");
+                }
+                assert_eq!(resumed.last(), whole.last());
+            }
+        }
+    }
+
+    #[test]
+    fn a_dropped_event_does_not_advance_the_clock() {
+        let mut schedule = Schedule::new(Every::StreamUs(10));
+        due(&mut schedule, &[0]);
+        assert_eq!(schedule.arrival_us(|| None), None);
+        assert_eq!(schedule.last(), Last::At(10));
+    }
+
+    #[test]
+    fn events_are_counted_from_one_prediction_to_the_next() {
+        let mut schedule = Schedule::new(Every::Events(3));
+        let due: Vec<bool> = (0..7).map(|_| schedule.is_due_after_event()).collect();
+        assert_eq!(due, [false, false, true, false, false, true, false]);
+        assert_eq!(schedule.last(), Last::Nothing);
+    }
+
+    #[test]
+    fn times_before_an_end_are_counted_over_the_whole_clock() {
+        let counts =
+            [(5, 5), (5, 6), (5, 15), (5, 16), (5, -100)].map(|(first, end)| times_before(first, end, 10));
+        assert_eq!(counts, [0, 1, 1, 2, 0]);
+        assert_eq!(times_before(i64::MIN, i64::MAX, 1), u64::MAX);
+    }
+}

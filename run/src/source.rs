@@ -1,0 +1,361 @@
+//! Sources of events: a file, a stream on which they arrive, or the embedded recording.
+//!
+//! Invariant: what is no regular file, such as a pipe, is opened and read once. What was read is held until the recording is
+//! decoded, and what of it can be salvaged is found from there.
+
+use std::path::Path;
+
+use meissner_engine::{Event, EventCounters, Sensor};
+use meissner_io::limits::STREAM_BYTES;
+use meissner_io::{
+    Format, HeldContent, IoError, LeftOutKind, LiveEvents, Place, RECORD_BYTES, ReadOptions, Recording,
+    TimeRange,
+};
+
+use crate::error::{PipelineError, chain};
+use crate::interrupt;
+use crate::left_out;
+use crate::losses::{Advice, InputLosses, Salvaged};
+use crate::refusals::LineErrors;
+use crate::streams;
+
+/// A simulated press and release; see `run/assets/README.md`.
+const EMBEDDED: &[u8] = include_bytes!("../assets/dome_press.evt3");
+const EMBEDDED_NAME: &str = "dome_press.evt3 (embedded; simulated, not a real sensor)";
+/// Most events of a stream that is read as a whole.
+const MAX_EVENTS: u64 = STREAM_BYTES / RECORD_BYTES as u64;
+
+/// A stream of events with its name, format and geometry.
+///
+/// Lines of a text that cannot be read are skipped and counted, and words and events of a file that a recording leaves out, unless the
+/// source is strict.
+pub struct Source {
+    /// Name for messages and reports.
+    pub name: String,
+    /// The name of its format.
+    pub format: String,
+    /// The part of a truncated recording that was kept.
+    pub salvaged: Option<Salvaged>,
+    /// The geometry that the source states.
+    sensor: Option<Sensor>,
+    /// Number of events in the recording, if it is known.
+    recorded: Option<u64>,
+    events: Events,
+    /// The range of the events that arrive, and the time of the first one once it is known.
+    range: Option<(TimeRange, Option<i64>)>,
+    refusals: LineErrors,
+    /// Lines of a text in a file that could not be read.
+    lines_left_out: u64,
+    /// Every `stride`-th event is taken.
+    stride: usize,
+    /// Number of events to skip before the next one is taken.
+    pass_over: usize,
+    advice: Advice,
+}
+
+enum Events {
+    Read(std::vec::IntoIter<Event>),
+    Arriving {
+        /// The first event, if the source had to wait for it.
+        first: Option<Event>,
+        rest: Box<LiveEvents<interrupt::Input>>,
+    },
+}
+
+/// The recording in the file at `path`, or everything that arrives on the stream of this name. What is no event in a datagram is
+/// passed over: anybody can send.
+///
+/// # Errors
+/// The recording cannot be read, or a line of a text is malformed.
+pub fn read(path: &Path, options: &ReadOptions) -> Result<Recording, PipelineError> {
+    if streams::is_live(path) {
+        let (mut arriving, mut events) = (arriving(path, options)?, Vec::new());
+        let mut refusals = LineErrors::of(path, options.strict && !streams::is_of_datagrams(path));
+        while let Some(event) = next(&mut arriving, &mut refusals) {
+            events.push(event?);
+            // A device gives events without end.
+            if events.len() as u64 > MAX_EVENTS {
+                let (format, what, place, unit) =
+                    (arriving.format(), "stream", Place::Event(MAX_EVENTS), "events");
+                let (limit, actual, at_least) = (MAX_EVENTS, events.len() as u64, true);
+                let error = IoError::TooLarge { format, what, place, unit, limit, actual, at_least };
+                return Err(PipelineError::recording(refusals.name(), error));
+            }
+        }
+        let left_out = refusals.left_out();
+        return Ok(Recording { left_out, ..text(arriving.sensor(), events, options.range) });
+    }
+    InFile::open(path, options)?.read(options)
+}
+
+/// What is at a path.
+struct InFile<'a> {
+    path: &'a Path,
+    /// The content of what can be read only once.
+    held: Option<HeldContent>,
+}
+
+impl<'a> InFile<'a> {
+    fn open(path: &'a Path, options: &ReadOptions) -> Result<Self, PipelineError> {
+        let once = !path.is_file() && !path.is_dir();
+        let held = once.then(|| HeldContent::read(path, options.salvage)).transpose();
+        Ok(Self {
+            path,
+            held: held.map_err(|source| PipelineError::recording(&path.display().to_string(), source))?,
+        })
+    }
+
+    fn decode(&self, options: ReadOptions) -> Result<Recording, IoError> {
+        match &self.held {
+            Some(content) => content.decode(options),
+            None => meissner_io::read_with(self.path, options),
+        }
+    }
+
+    fn read(&self, options: &ReadOptions) -> Result<Recording, PipelineError> {
+        let recording = self.decode(*options).map_err(|source| self.refused(options, source))?;
+        if let Some(salvaged) = Salvaged::of(&recording) {
+            tracing::warn!("{}: salvaged: {salvaged}", self.path.display());
+        }
+        left_out::warn(&self.path.display().to_string(), &recording);
+        Ok(recording)
+    }
+
+    /// The error for the failed read `source`, with the part that can be salvaged.
+    fn refused(&self, options: &ReadOptions, source: IoError) -> PipelineError {
+        use IoError::{Malformed, Truncated};
+        let name = self.path.display().to_string();
+        let may_be_cut = matches!(source, Truncated { .. } | Malformed { place: Place::Line(_), .. });
+        if may_be_cut
+            && !options.salvage
+            && let Ok(recording) = self.decode(options.salvage(true))
+            && let Some(salvaged) = Salvaged::of(&recording)
+        {
+            let (source, salvaged) = (Box::new(source), Some(Box::new(salvaged)));
+            return PipelineError::Recording { recording: name.into(), source, salvaged };
+        }
+        PipelineError::recording(&name, source)
+    }
+}
+
+/// The embedded recording.
+pub(crate) fn embedded() -> Result<Recording, PipelineError> {
+    meissner_io::decode(EMBEDDED).map_err(|error| PipelineError::recording(EMBEDDED_NAME, error))
+}
+
+/// The events that arrive on the stream `path`.
+fn arriving(path: &Path, options: &ReadOptions) -> Result<LiveEvents<interrupt::Input>, PipelineError> {
+    let input = streams::open(path)?;
+    Ok(if streams::is_of_datagrams(path) {
+        LiveEvents::of_datagrams(input, options.text)
+    } else {
+        LiveEvents::new(input, options.text)
+    })
+}
+
+impl Source {
+    /// Opens `recording`, or the embedded recording for `None`. With `strict`, a line of a text that cannot be read is
+    /// an error. For a file it is returned here, for a stream when the line arrives.
+    ///
+    /// Without `sensor_known`, this waits for the first event of a stream, since a comment before it may state the geometry.
+    ///
+    /// # Errors
+    /// The recording cannot be read.
+    pub fn open(
+        recording: Option<&Path>,
+        options: &ReadOptions,
+        sensor_known: bool,
+        strict: bool,
+    ) -> Result<Self, PipelineError> {
+        match recording {
+            None => {
+                let mut recording = embedded()?;
+                options.range.inspect(|range| range.cut(&mut recording));
+                Ok(Self::of(recording, LineErrors::new(EMBEDDED_NAME, strict)))
+            }
+            Some(path) if streams::is_live(path) => {
+                let mut refusals = LineErrors::of(path, strict);
+                let mut arriving = arriving(path, options)?;
+                let first =
+                    if sensor_known { None } else { next(&mut arriving, &mut refusals).transpose()? };
+                let (format, sensor) = (arriving.format(), arriving.sensor());
+                let events = Events::Arriving { first, rest: Box::new(arriving) };
+                let range = options.range.map(|range| (range, None));
+                Ok(Self { range, ..Self::new(format, sensor, events, refusals) })
+            }
+            Some(path) => {
+                let recording = read(path, &options.strict(strict))?;
+                Ok(Self::of(recording, LineErrors::of(path, strict)))
+            }
+        }
+    }
+
+    fn of(recording: Recording, refusals: LineErrors) -> Self {
+        let salvaged = Salvaged::of(&recording);
+        let Recording { format, sensor, events, left_out, .. } = recording;
+        let lines = left_out.iter().filter(|left_out| left_out.kind == LeftOutKind::Lines);
+        let lines_left_out = lines.map(|lines| lines.count).sum();
+        Self {
+            salvaged,
+            lines_left_out,
+            ..Self::new(format, sensor, Events::Read(events.into_iter()), refusals)
+        }
+    }
+
+    fn new(format: impl ToString, sensor: Option<Sensor>, events: Events, refusals: LineErrors) -> Self {
+        let recorded = match &events {
+            Events::Read(events) => Some(events.len() as u64),
+            Events::Arriving { .. } => None,
+        };
+        Self {
+            name: refusals.name().to_owned(),
+            format: format.to_string(),
+            salvaged: None,
+            sensor,
+            recorded,
+            events,
+            range: None,
+            refusals,
+            lines_left_out: 0,
+            stride: 1,
+            pass_over: 0,
+            advice: |_| None,
+        }
+    }
+
+    /// The geometry: `asked`, or the one that the recording states.
+    ///
+    /// # Errors
+    /// Neither is known.
+    pub fn sensor(&self, asked: Option<Sensor>) -> Result<Sensor, PipelineError> {
+        asked.or(self.sensor).ok_or_else(|| PipelineError::NoGeometry {
+            recording: self.name.clone(),
+            format: self.format.clone(),
+        })
+    }
+
+    /// Takes only every `stride`-th event, beginning with the first.
+    #[must_use]
+    pub fn every(self, stride: usize) -> Self {
+        Self { stride: stride.max(1), ..self }
+    }
+
+    /// Adds `advice` at the end of each warning of lost input.
+    #[must_use]
+    pub fn with_advice(self, advice: Advice) -> Self {
+        Self { advice, ..self }
+    }
+
+    /// Whether events are read as they arrive.
+    pub fn is_live(&self) -> bool {
+        matches!(self.events, Events::Arriving { .. })
+    }
+
+    /// The losses so far of a run on `sensor`. `events` counts the events that reached the network.
+    pub fn losses(&self, events: EventCounters, sensor: Sensor) -> InputLosses {
+        let losses = InputLosses::of_events(events, sensor);
+        losses.with_lines_refused(self.lines_refused()).with_advice(self.advice)
+    }
+
+    /// The number of events in the recording, if it is known.
+    pub fn recorded(&self) -> Option<u64> {
+        self.recorded
+    }
+
+    /// The number of lines so far that could not be read.
+    pub fn lines_refused(&self) -> u64 {
+        self.refusals.count() + self.lines_left_out
+    }
+
+    /// The number of events left to take, if it is known.
+    pub fn remaining(&self) -> Option<u64> {
+        let Events::Read(events) = &self.events else { return None };
+        let rest = (events.len() as u64).saturating_sub(self.pass_over as u64);
+        Some(rest.div_ceil(self.stride as u64))
+    }
+
+    fn next_recorded(&mut self) -> Option<Result<Event, PipelineError>> {
+        loop {
+            let next = match &mut self.events {
+                Events::Read(events) => events.next().map(Ok),
+                Events::Arriving { first, rest } => {
+                    first.take().map(Ok).or_else(|| next(rest, &mut self.refusals))
+                }
+            };
+            if let Some(Ok(event)) = &next
+                && let Some((range, first_us)) = &mut self.range
+                && !range.contains(event.t_us, *first_us.get_or_insert(event.t_us))
+            {
+                continue;
+            }
+            return next;
+        }
+    }
+}
+
+impl Iterator for Source {
+    type Item = Result<Event, PipelineError>;
+
+    fn next(&mut self) -> Option<Self::Item> {
+        while self.pass_over > 0 {
+            self.pass_over -= 1;
+            if let Err(error) = self.next_recorded()? {
+                return Some(Err(error));
+            }
+        }
+        self.pass_over = self.stride - 1;
+        self.next_recorded()
+    }
+}
+
+/// The next of `events`; `None` at the end, and if the program is asked to end. Lines of a text that are no events are passed over.
+///
+/// # Errors
+/// The error that ends the events, and the errors of [`LineErrors`].
+fn next(
+    events: &mut impl Iterator<Item = Result<Event, IoError>>,
+    refusals: &mut LineErrors,
+) -> Option<Result<Event, PipelineError>> {
+    loop {
+        let refused = match events.next() {
+            None => refusals.end(),
+            Some(Ok(event)) => {
+                refusals.take();
+                return Some(Ok(event));
+            }
+            Some(Err(_)) if interrupt::requested() => return None,
+            Some(Err(error)) if error.is_about_a_line() => match refusals.refuse(chain(&error)) {
+                Ok(()) => continue,
+                refused => refused,
+            },
+            Some(Err(error)) => Err(PipelineError::recording(refusals.name(), error)),
+        };
+        return refused.err().map(Err);
+    }
+}
+
+/// The recording of these events of a text, without those outside `range`.
+fn text(sensor: Option<Sensor>, events: Vec<Event>, range: Option<TimeRange>) -> Recording {
+    let mut recording = Recording::of_events(Format::Csv, sensor, events);
+    range.inspect(|range| range.cut(&mut recording));
+    recording
+}
+
+#[cfg(test)]
+mod tests {
+    use super::Source;
+    use meissner_io::ReadOptions;
+
+    #[test]
+    fn every_so_many_events_are_those_of_step_by_and_are_counted_beforehand() {
+        let all: Vec<_> =
+            Source::open(None, &ReadOptions::default(), false, true).unwrap().map(Result::unwrap).collect();
+        for stride in [1, 2, 7, all.len(), all.len() + 1] {
+            let source = Source::open(None, &ReadOptions::default(), false, true).unwrap().every(stride);
+            assert_eq!(source.recorded(), Some(all.len() as u64));
+            let expected: Vec<_> = all.iter().copied().step_by(stride).collect();
+            assert_eq!(source.remaining(), Some(expected.len() as u64));
+            assert_eq!(source.map(Result::unwrap).collect::<Vec<_>>(), expected);
+        }
+    }
+}

@@ -1,0 +1,265 @@
+//! The rules of the house: what a crate may use, no circle of imports, and files that can be read at a sitting.
+//!
+//! ARCHITECTURE.md states the rules as invariants.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::fs;
+use std::path::{Path, PathBuf};
+
+/// Each crate with the crates of the house that it may use, its tests apart.
+const MAY_USE: [(&str, &[&str]); 15] = [
+    ("kernels", &[]),
+    ("engine", &["kernels"]),
+    ("live", &["engine"]),
+    ("models", &["kernels", "engine", "plot"]),
+    ("io", &["engine"]),
+    ("verify/reference", &["kernels", "engine"]),
+    ("simulator", &["kernels", "engine"]),
+    ("run", &["kernels", "engine", "live", "models", "io"]),
+    ("evaluate", &["kernels", "engine", "models", "io", "run", "simulator"]),
+    ("verify", &["kernels", "engine", "models", "run", "reference"]),
+    ("cli/plot", &[]),
+    (
+        "cli",
+        &[
+            "kernels",
+            "engine",
+            "live",
+            "models",
+            "io",
+            "run",
+            "evaluate",
+            "simulator",
+            "verify",
+            "reference",
+            "plot",
+        ],
+    ),
+    ("meissner", &["kernels", "engine", "live", "models", "io"]),
+    ("bindings/c", &["meissner", "run"]),
+    ("examples/packets", &["engine", "io", "live", "models", "run"]),
+];
+
+/// A file that is longer than this is more than one idea.
+const MAX_LINES: usize = 500;
+
+/// The folder of the workspace.
+fn root() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("..")
+}
+
+/// The Rust files below `folder`, without what is built.
+fn sources(folder: &Path, all: &mut Vec<PathBuf>) {
+    for entry in fs::read_dir(folder).expect("the workspace can be read") {
+        let path = entry.expect("a folder can be read").path();
+        let name = path.file_name().and_then(|name| name.to_str()).unwrap_or_default();
+        if path.is_dir() && name != "target" && !name.starts_with('.') {
+            sources(&path, all);
+        } else if path.extension().is_some_and(|extension| extension == "rs") {
+            all.push(path);
+        }
+    }
+}
+
+#[test]
+fn a_crate_uses_only_those_below_it() {
+    for (name, may) in MAY_USE {
+        let manifest = root().join(name).join("Cargo.toml");
+        let text = fs::read_to_string(&manifest).expect("a crate has a manifest");
+        let mut section = "";
+        for line in text.lines() {
+            if line.starts_with('[') {
+                section = line;
+            }
+            let Some(used) = line.strip_prefix("meissner").filter(|_| section == "[dependencies]") else {
+                continue;
+            };
+            let used = used.split(['.', ' ', '=']).next().unwrap_or_default().trim_start_matches('-');
+            let used = if used.is_empty() { "meissner" } else { used };
+            assert!(may.contains(&used), "{name} uses {used}; it may use {may:?}");
+        }
+    }
+}
+
+#[test]
+fn no_file_is_longer_than_one_reads_at_a_sitting() {
+    let mut all = Vec::new();
+    sources(&root(), &mut all);
+    let lines = |path: &PathBuf| fs::read_to_string(path).expect("sources are text").lines().count();
+    let long: Vec<_> =
+        all.iter().map(|path| (lines(path), path)).filter(|(lines, _)| *lines > MAX_LINES).collect();
+    assert!(all.len() > 500 && long.is_empty(), "{long:?}");
+}
+
+#[test]
+fn limits_are_called_max_and_min() {
+    let mut all = Vec::new();
+    sources(&root(), &mut all);
+    let is_limit = |word: &str| {
+        let is_name =
+            word.len() > 4 && word.chars().all(|c| c.is_ascii_uppercase() || c.is_ascii_digit() || c == '_');
+        is_name
+            && word.split('_').any(|part| ["MOST", "LEAST", "LONGEST", "LARGEST", "SMALLEST"].contains(&part))
+    };
+    let mut found = Vec::new();
+    for path in all.iter().filter(|path| !path.ends_with("house.rs")) {
+        let text = fs::read_to_string(path).expect("sources are text");
+        let words = text.split(|c: char| !c.is_ascii_alphanumeric() && c != '_');
+        found.extend(words.filter(|word| is_limit(word)).map(|word| format!("{}: {word}", path.display())));
+    }
+    assert!(found.is_empty(), "{}", found.join("\n"));
+}
+
+#[test]
+fn the_map_of_the_house_is_short_and_names_every_folder() {
+    let text = fs::read_to_string(root().join("ARCHITECTURE.md")).expect("there is a map");
+    assert!(text.lines().count() <= 250);
+    let folders =
+        fs::read_dir(root()).expect("the workspace can be read").map(|entry| entry.expect("an entry").path());
+    let hidden = |name: &str| name.starts_with('.') || name == "target" || name.starts_with("failure-");
+    let named =
+        folders.filter(|path| path.is_dir()).filter_map(|path| Some(path.file_name()?.to_str()?.to_owned()));
+    for name in named.filter(|name| !hidden(name)) {
+        assert!(text.contains(&format!("| `{name}` |")), "ARCHITECTURE.md does not name {name}");
+    }
+    for path in text.split('`').skip(1).step_by(2).filter(|word| word.contains('/') && !word.contains("->")) {
+        assert!(root().join(path).exists(), "ARCHITECTURE.md names {path}, which is not there");
+    }
+}
+
+/// Module paths, as segments.
+type Module = Vec<String>;
+
+/// The files of the crate at `folder` by module, without tests.
+fn modules(folder: &Path, at: &Module, all: &mut BTreeMap<Module, String>) {
+    for entry in fs::read_dir(folder).expect("the crate has a folder of sources") {
+        let path = entry.expect("a folder can be read").path();
+        let name = path.file_stem().and_then(|name| name.to_str()).expect("names are text").to_owned();
+        let mut module = at.clone();
+        if path.is_dir() {
+            module.push(name);
+            modules(&path, &module, all);
+        } else if path.extension().is_some_and(|extension| extension == "rs") && name != "tests" {
+            if !["lib", "main", "mod"].contains(&name.as_str()) {
+                module.push(name);
+            }
+            let text = fs::read_to_string(&path).expect("sources are text");
+            let code: Vec<&str> =
+                text.lines().map(|line| line.split("//").next().unwrap_or_default()).collect();
+            let tests = code.windows(2).position(|l| l[0].starts_with("#[cfg(test)]") && l[1].ends_with('{'));
+            all.insert(module, code[..tests.unwrap_or(code.len())].join("\n"));
+        }
+    }
+}
+
+/// The paths in the tree of a `use`, without braces.
+fn paths(tree: &str, prefix: &str, all: &mut Vec<String>) {
+    let (mut depth, mut start) = (0, 0);
+    for (i, c) in tree.char_indices().chain([(tree.len(), ',')]) {
+        match c {
+            '{' => depth += 1,
+            '}' => depth -= 1,
+            ',' if depth == 0 => {
+                let part = tree[start..i].trim();
+                start = i + 1;
+                match part.split_once('{') {
+                    Some((inner, rest)) => {
+                        paths(&rest[..rest.rfind('}').unwrap_or(0)], &format!("{prefix}{inner}"), all);
+                    }
+                    None if !part.is_empty() => {
+                        all.push(format!("{prefix}{}", part.split(" as ").next().unwrap_or(part)));
+                    }
+                    None => {}
+                }
+            }
+            _ => {}
+        }
+    }
+}
+
+/// The imports of `module`: the file that each path names, and whether it is re-exported.
+fn imports(module: &Module, text: &str, all: &BTreeMap<Module, String>) -> Vec<(Module, String, bool)> {
+    let mut found = Vec::new();
+    for statement in text.split(';') {
+        let Some((before, tree)) = statement.rsplit_once("use ") else { continue };
+        let visibility = before.lines().last().unwrap_or_default().trim();
+        if !(visibility.is_empty() || visibility.starts_with("pub")) {
+            continue;
+        }
+        let mut all_paths = Vec::new();
+        paths(&tree.replace('\n', " "), "", &mut all_paths);
+        for path in all_paths {
+            let mut parts: Vec<&str> = path.split("::").map(str::trim).collect();
+            let mut base = module.clone();
+            match parts[0] {
+                "crate" => base.clear(),
+                "self" => {}
+                "super" => {
+                    while parts.get(1) == Some(&"super") {
+                        parts.remove(0);
+                        base.pop();
+                    }
+                    base.pop();
+                }
+                child if all.contains_key(&[&base[..], &[child.to_owned()]].concat()) => {
+                    parts.insert(0, "self");
+                }
+                _ => continue,
+            }
+            for &part in &parts[1..] {
+                base.push(part.to_owned());
+                if !all.contains_key(&base) {
+                    base.pop();
+                    break;
+                }
+            }
+            let name = (*parts.last().expect("a path has parts")).to_owned();
+            found.push((base, name, visibility.starts_with("pub")));
+        }
+    }
+    found
+}
+
+/// The files that each file imports from. An item that a file re-exports is imported from where it is.
+fn graph(all: &BTreeMap<Module, String>) -> BTreeMap<&Module, BTreeSet<Module>> {
+    let imports: BTreeMap<&Module, _> = all.iter().map(|(m, text)| (m, imports(m, text, all))).collect();
+    let exported: BTreeMap<(&Module, &str), &Module> = imports
+        .iter()
+        .flat_map(|(m, list)| list.iter().filter(|i| i.2).map(move |i| ((*m, i.1.as_str()), &i.0)))
+        .filter(|((m, _), to)| *m != *to)
+        .collect();
+    let source = |to: &Module, name: &str| {
+        let mut to = to;
+        while let Some(next) = exported.get(&(to, name)) {
+            to = next;
+        }
+        to.clone()
+    };
+    let of = |m: &Module, list: &Vec<(Module, String, bool)>| {
+        let used = list.iter().filter(|(to, _, public)| !(*public && to.starts_with(m)));
+        used.map(|(to, name, _)| source(to, name)).filter(|to| to != m && !to.is_empty()).collect()
+    };
+    imports.iter().map(|(m, list)| (*m, of(m, list))).collect()
+}
+
+#[test]
+fn no_file_imports_from_one_that_imports_from_it() {
+    let mut circles = Vec::new();
+    for (name, _) in MAY_USE {
+        let mut all = BTreeMap::new();
+        modules(&root().join(name).join("src"), &Vec::new(), &mut all);
+        let mut graph = graph(&all);
+        // Files that import from no other, and those that no other imports from, are removed: circles are left.
+        loop {
+            let imported: BTreeSet<&Module> = graph.values().flatten().collect();
+            let outside = |(m, to): &(&&Module, &BTreeSet<Module>)| to.is_empty() || !imported.contains(**m);
+            let Some(outside) = graph.iter().find(outside).map(|(m, _)| (*m).clone()) else { break };
+            graph.remove(&outside);
+            for to in graph.values_mut() {
+                to.remove(&outside);
+            }
+        }
+        circles.extend(graph.into_iter().map(|(m, to)| format!("{name}: {} imports {to:?}", m.join("::"))));
+    }
+    assert!(circles.is_empty(), "{}", circles.join("\n"));
+}

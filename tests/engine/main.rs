@@ -1,0 +1,37 @@
+//! Whole-engine properties, oracles, golden files, determinism: one program, because linking one per file took most of the time.
+
+mod approximations;
+mod determinism;
+mod errors;
+mod extremes;
+mod filters;
+mod frames;
+mod golden_frames;
+mod golden_networks;
+mod golden_operators;
+mod house;
+mod incremental;
+mod neighbours;
+mod out_of_range;
+mod promises;
+mod readout_by_time;
+mod readout_sums;
+mod recomputed_rows;
+mod recordings;
+mod reference;
+mod reference_golden;
+mod representations;
+mod slices;
+mod snapshots;
+mod snapshots_damaged;
+mod snapshots_of_frames;
+mod snapshots_refused;
+mod stream;
+mod stress;
+mod tactile;
+mod tolerance;
+mod trained_angles;
+mod trained_digits;
+mod trained_force;
+mod trained_slip;
+mod trained_touch;
