@@ -24,7 +24,7 @@ fn description(levels: &[Vec<(usize, usize, bool, bool)>], hidden: Option<usize>
         for (b, &(channels, kernel, skip, root)) in blocks.iter().enumerate() {
             let mut keys = format!("channels = {channels}; kernel = {kernel}; root = {root}");
             if skip && let Some((other, _)) = features.iter().find(|(_, c)| *c == channels) {
-                keys += &format!("; skip = \"{other}\"");
+                keys.extend(["; skip = \"", other, "\""]);
             }
             let name = format!("b{l}-{b}");
             text = text.layer(&name, "spline", &keys);

@@ -12,6 +12,9 @@ mod golden_operators;
 mod house;
 mod incremental;
 mod neighbours;
+#[allow(dead_code, reason = "other tests use more of it")]
+#[path = "../models/tests/support/network_text.rs"]
+mod network_text;
 mod out_of_range;
 mod promises;
 mod readout_by_time;

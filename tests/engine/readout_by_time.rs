@@ -3,8 +3,9 @@
 
 use meissner_engine::{Event, Network, Search, Sensor};
 use meissner_models::{Description, draw};
-use meissner_tests::network_text::NetworkText;
 use meissner_verify::CheckedEngine;
+
+use crate::network_text::NetworkText;
 
 /// Cells of 100 us in a window of 300; the readout has four grids of one cell.
 fn network() -> String {

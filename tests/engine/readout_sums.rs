@@ -3,9 +3,9 @@
 
 use meissner_engine::{Aggregation, Event, Network};
 use meissner_models::{Description, draw};
-use meissner_tests::network_text::NetworkText;
 use meissner_verify::CheckedEngine;
 
+use crate::network_text::NetworkText;
 use crate::readout_by_time::{checked, readout};
 
 /// Two cells side by side; the readout sums polarities over 300 us.

@@ -5,8 +5,6 @@ pub mod cases;
 pub mod event_filters;
 pub mod event_frames;
 pub mod fixed_run;
-#[path = "../../models/tests/support/network_text.rs"]
-pub mod network_text;
 pub mod shared;
 pub mod snapshots;
 pub mod within_tolerance;

@@ -5,7 +5,7 @@ use std::fmt::Write;
 
 /// A description of a network in TOML. Keys are lines of their table, or separated by "; ".
 #[derive(Clone, Debug)]
-pub struct NetworkText {
+pub(crate) struct NetworkText {
     network: String,
     /// `[graph]` or `[input]`.
     source: String,
@@ -18,12 +18,12 @@ fn table(name: &str, keys: &str) -> String {
 
 impl NetworkText {
     /// A network over events, with in-edges from the two nearest of all.
-    pub fn over_events(name: &str) -> Self {
+    pub(crate) fn over_events(name: &str) -> Self {
         Self::new(name, String::new()).graph("kind = \"knn\"; k = 2; candidates = \"all\"; scale = 0.5")
     }
 
     /// A network over frames, which the keys of `[input]` describe.
-    pub fn over_frames(name: &str, input: &str) -> Self {
+    pub(crate) fn over_frames(name: &str, input: &str) -> Self {
         Self::new(name, table("input", input))
     }
 
@@ -33,37 +33,37 @@ impl NetworkText {
 
     /// The same with further keys of `[network]`.
     #[must_use]
-    pub fn network(mut self, keys: &str) -> Self {
+    pub(crate) fn network(mut self, keys: &str) -> Self {
         write!(self.network, "; {keys}").expect("a string");
         self
     }
 
     /// The same with these keys of `[graph]` instead.
     #[must_use]
-    pub fn graph(mut self, keys: &str) -> Self {
+    pub(crate) fn graph(mut self, keys: &str) -> Self {
         self.source = table("graph", keys);
         self
     }
 
     /// The same with a further layer.
     #[must_use]
-    pub fn layer(mut self, name: &str, kind: &str, keys: &str) -> Self {
+    pub(crate) fn layer(mut self, name: &str, kind: &str, keys: &str) -> Self {
         self.layers += &table("[layer]", &format!("name = \"{name}\"; kind = \"{kind}\"; {keys}"));
         self
     }
 
     /// The text of a network with a readout `grid` and a dense layer `fc`, which predicts values of these names.
-    pub fn readout(self, keys: &str, names: &[&str], unit: &str) -> String {
+    pub(crate) fn readout(self, keys: &str, names: &[&str], unit: &str) -> String {
         self.layer("grid", "readout", keys).dense(names, unit)
     }
 
     /// The text of a network that ends with a dense layer `fc`, which predicts values of these names.
-    pub fn dense(self, names: &[&str], unit: &str) -> String {
+    pub(crate) fn dense(self, names: &[&str], unit: &str) -> String {
         self.layer("fc", "dense", &format!("outputs = {}", names.len())).predicting(names, unit)
     }
 
     /// The text of a network whose last layer predicts values of these names.
-    pub fn predicting(self, names: &[&str], unit: &str) -> String {
+    pub(crate) fn predicting(self, names: &[&str], unit: &str) -> String {
         let output = table("output", &format!("names = {names:?}; unit = \"{unit}\""));
         [table("network", &self.network), self.source, self.layers, output].join("\n")
     }
