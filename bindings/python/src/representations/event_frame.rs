@@ -7,36 +7,24 @@ use crate::arrays::as_numpy;
 /// A frame of events, or a run of equal frames without any.
 #[pyclass(module = "meissner", name = "EventFrame", frozen)]
 pub(crate) struct EventFrame {
+    /// The values: float32 (channels, height, width).
+    #[pyo3(get)]
     pub(crate) values: Py<PyAny>,
+    /// Begin of the frame's window in microseconds.
+    #[pyo3(get)]
     pub(super) start_us: i64,
     pub(super) events: [u64; 2],
+    /// Number of equal consecutive frames: 1, or the length of a run of frames without events.
+    #[pyo3(get)]
     pub(crate) count: u64,
 }
 
 #[pymethods]
 impl EventFrame {
-    /// The values: float32 (channels, height, width).
-    #[getter]
-    fn values(&self, py: Python<'_>) -> Py<PyAny> {
-        self.values.clone_ref(py)
-    }
-
-    /// Begin of the frame's window in microseconds.
-    #[getter]
-    fn start_us(&self) -> i64 {
-        self.start_us
-    }
-
     /// Events inside by polarity: (OFF, ON).
     #[getter]
     fn events(&self) -> (u64, u64) {
         (self.events[0], self.events[1])
-    }
-
-    /// Number of equal consecutive frames: 1, or the length of a run of frames without events.
-    #[getter]
-    fn count(&self) -> u64 {
-        self.count
     }
 
     #[pyo3(signature = (dtype=None, copy=None))]
