@@ -12,7 +12,7 @@ use meissner_kernels::{
     planar_average_pool, planar_max_pool,
 };
 
-const SHORTEST: Duration = Duration::from_millis(4);
+const MIN: Duration = Duration::from_millis(4);
 /// Force: frames of a grasp, and their size.
 const FRAMES: usize = 41;
 const SIZE: usize = 115;
@@ -21,7 +21,7 @@ fn main() {
     for isa in Isa::available().into_iter().rev() {
         println!("{}", isa.name());
         let report = |what: &str, call: &mut dyn FnMut()| {
-            println!("  {what:<58} {:>12.2} us", median_ns(SHORTEST, call) / 1e3);
+            println!("  {what:<58} {:>12.2} us", median_ns(MIN, call) / 1e3);
         };
         slip_lstm(isa, report);
         slip_gates(isa, report);

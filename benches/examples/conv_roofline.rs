@@ -16,7 +16,7 @@ use meissner_kernels::{
 use serde_json::{Value, json};
 
 /// Shortest batch of calls that is timed.
-const SHORTEST: Duration = Duration::from_millis(10);
+const MIN: Duration = Duration::from_millis(10);
 
 /// A layer: network, channels of each input map, output channels, rows, pixels in a row.
 type Shape = (&'static str, &'static [usize], usize, usize, usize);
@@ -91,7 +91,7 @@ fn measure(peak: &Peak, case: &Case) -> Value {
     for (name, tile) in [("winograd_2", WinogradTile::Two), ("winograd_4", WinogradTile::Four)] {
         let conv = WinogradConv3x3::new(&case.parts, tile).expect("the case's parameters fit");
         let mut scratch = ConvScratch::default();
-        let ns = median_ns(SHORTEST, || {
+        let ns = median_ns(MIN, || {
             conv.run(peak.isa, &views, region, black_box(&mut out).band(), &mut scratch)
                 .expect("the case's maps fit");
         });
@@ -152,7 +152,7 @@ impl Case {
         let conv = Conv3x3::new(&self.parts).expect("the case's parameters fit");
         let inputs: Vec<View<'_>> = self.inputs.iter().map(FeatureMap::view).collect();
         let region = Region::all(out.height(), out.width());
-        median_ns(SHORTEST, || {
+        median_ns(MIN, || {
             conv.run(isa, &inputs, region, black_box(&mut *out).band()).expect("the case's maps fit");
         })
     }

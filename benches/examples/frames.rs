@@ -23,7 +23,7 @@ use meissner_kernels::random::Random;
 use meissner_kernels::{Isa, WinogradTile};
 use meissner_models::{FrameDescription, Weights};
 
-const LARGEST_ERROR: f64 = 1e-4;
+const MAX_ERROR: f64 = 1e-4;
 
 fn main() -> Result<()> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
@@ -114,8 +114,8 @@ impl<'a> Case<'a> {
         };
         forward(&mut answer)?;
         let worst = relative_error(y, &answer);
-        if answer.len() != y.len() || worst > LARGEST_ERROR {
-            return Err(format!("error {worst:e}, expected at most {LARGEST_ERROR:e}").into());
+        if answer.len() != y.len() || worst > MAX_ERROR {
+            return Err(format!("error {worst:e}, expected at most {MAX_ERROR:e}").into());
         }
         Ok((median_ms(runs, || forward(&mut answer))?, worst))
     }

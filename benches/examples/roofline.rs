@@ -13,7 +13,7 @@ use meissner_benches::{networks, streams};
 use meissner_kernels::{Isa, SplineScratch};
 use serde_json::{Value, json};
 
-const SHORTEST: Duration = Duration::from_millis(4);
+const MIN: Duration = Duration::from_millis(4);
 
 const COLUMNS: [Column; 10] = [
     ("network", "network", Digits::Fixed(0)),
@@ -52,7 +52,7 @@ fn measure(window: &Recording, peak: &Peak) -> Value {
     let kernels = splines.chain(denses()).map(|case| {
         case.check(isa);
         let (mut scratch, mut out) = (SplineScratch::default(), case.out());
-        let ns = median_ns(SHORTEST, || case.run(isa, &mut scratch, black_box(&mut out)));
+        let ns = median_ns(MIN, || case.run(isa, &mut scratch, black_box(&mut out)));
         let (cost, rows) = (case.cost, case.rows);
         // No row by itself is faster than its operations at the peak, or its bytes at the first cache's speed. Rows that
         // share weights in registers move fewer bytes.

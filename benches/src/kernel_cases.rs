@@ -13,7 +13,7 @@ use meissner_kernels::random::Random;
 use meissner_verify::bits;
 
 /// Most rows of a case: enough for many neighbourhoods, few enough to repeat often.
-const MOST_ROWS: usize = 1_024;
+const MAX_ROWS: usize = 1_024;
 
 /// One spline block over rows of a real graph, or one dense layer.
 #[derive(Clone, Debug)]
@@ -67,7 +67,7 @@ pub fn splines(name: &str, window: &Recording) -> Vec<KernelCase> {
     for (l, level) in trace.levels.iter().enumerate() {
         let count = level.edges.rows();
         // From the middle of a window: its first rows have few neighbours under `past`.
-        let taken = count.min(MOST_ROWS);
+        let taken = count.min(MAX_ROWS);
         let rows: Vec<(usize, Vec<Neighbour>)> = (0..taken)
             .map(|i| (count - taken) / 2 + i)
             .map(|row| (row, level.edges.row(row).to_vec()))

@@ -15,7 +15,7 @@ use meissner_kernels::{Isa, LANES, Simd, Task, Vector, Wide};
 use crate::timing::least_ns;
 
 const SAMPLES: usize = 15;
-const SHORTEST: Duration = Duration::from_micros(500);
+const MIN: Duration = Duration::from_micros(500);
 
 /// Limits of one instruction set.
 #[derive(Clone, Copy, Debug)]
@@ -43,7 +43,7 @@ impl Peak {
 /// GFLOP/s with `N` accumulators.
 fn chain<const N: usize>(isa: Isa) -> f64 {
     const ROUNDS: usize = 4_096;
-    let ns = least_ns(SAMPLES, SHORTEST, || {
+    let ns = least_ns(SAMPLES, MIN, || {
         black_box(isa.run(Chain::<N> {
             rounds: black_box(ROUNDS),
             factor: black_box(0.5),
@@ -95,7 +95,7 @@ impl Bandwidth {
     pub fn measure(isa: Isa, buffer: usize) -> Self {
         let values = vec![Wide([1.0; 2 * LANES]); buffer / size_of::<Wide>()];
         let samples = if buffer > 1 << 24 { 3 } else { SAMPLES };
-        let ns = least_ns(samples, SHORTEST, || {
+        let ns = least_ns(samples, MIN, || {
             black_box(isa.run(Read { values: black_box(&values) }));
         });
         Self { buffer, gb_s: buffer as f64 / ns }

@@ -18,9 +18,6 @@ pub(crate) use meissner_run::text::sensor;
 use meissner_run::text::{length_us, span_us};
 use meissner_simulator::gel::GelSensor;
 
-use crate::error::CliError;
-use crate::output;
-
 // Headings of the help. Each option names its heading, because the heading of a group of arguments
 // would also apply to the options that follow the group.
 pub(crate) const INPUT: &str = "Input";
@@ -43,48 +40,6 @@ pub(crate) struct JsonArgs {
     /// commands print one value.
     #[arg(long, help_heading = OUTPUT)]
     pub(crate) json: bool,
-}
-
-/// Where a report goes.
-#[derive(Debug, clap::Args)]
-pub(crate) struct ReportArgs {
-    #[command(flatten)]
-    pub(crate) format: JsonArgs,
-    /// Also write the report to this file, as one JSON object.
-    #[arg(long, value_name = "FILE", help_heading = OUTPUT)]
-    pub(crate) out: Option<PathBuf>,
-}
-
-/// The file that a command makes.
-#[derive(Debug, clap::Args)]
-pub(crate) struct OutArgs {
-    /// File to write (safetensors).
-    #[arg(long, value_name = "FILE", help_heading = OUTPUT)]
-    pub(crate) out: PathBuf,
-    #[command(flatten)]
-    force: Force,
-}
-
-impl OutArgs {
-    /// Checks before minutes of work that the file can be written.
-    pub(crate) fn check(&self) -> Result<(), CliError> {
-        output::check_result(&self.out, self.force)
-    }
-
-    /// Writes the file, unless `content` is an error.
-    pub(crate) fn write(&self, content: impl AsRef<[u8]>) -> Result<(), CliError> {
-        output::write(&self.out, content)
-    }
-}
-
-/// Whether a result may replace an existing file.
-#[derive(Clone, Copy, Debug, clap::Args)]
-pub(crate) struct Force {
-    /// Replace the file if it exists.
-    ///
-    /// Results of work are not replaced without this option. Reports, pictures and states are.
-    #[arg(long, short, help_heading = OUTPUT)]
-    pub(crate) force: bool,
 }
 
 /// The end of every help text.

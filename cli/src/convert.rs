@@ -6,9 +6,10 @@ use std::path::{Path, PathBuf};
 use meissner_engine::{Event, Sensor};
 use meissner_io::{Format, IoError};
 
-use crate::args::{Force, OUTPUT, PartArgs, ReadArgs, choice};
+use crate::args::{OUTPUT, PartArgs, ReadArgs, choice};
 use crate::error::CliError;
 use crate::output;
+use crate::output::Force;
 use crate::progress::Progress;
 use crate::stderr::tell;
 use meissner_run::PipelineError;

@@ -3,8 +3,9 @@
 
 use meissner_models::drawn_file;
 
-use crate::args::{MEASUREMENT, OutArgs};
+use crate::args::MEASUREMENT;
 use crate::error::CliError;
+use crate::output::OutArgs;
 use crate::stderr::tell;
 use meissner_run::model::describe_any;
 

@@ -28,9 +28,10 @@ use meissner_plot::{Matrix, Panel};
 use meissner_run::text::grouped;
 use serde::Serialize;
 
-use crate::args::{OUTPUT, ReportArgs};
+use crate::args::OUTPUT;
 use crate::error::CliError;
 use crate::output;
+use crate::output::ReportArgs;
 use crate::progress::Progress;
 use crate::stderr::tell;
 use crate::text::{Table, percent};

@@ -6,9 +6,51 @@ use std::path::{Path, PathBuf};
 use meissner_run::{PipelineError, interrupt};
 use serde::Serialize;
 
-use crate::args::{Force, ReportArgs};
+use crate::args::{JsonArgs, OUTPUT};
 use crate::error::CliError;
 use crate::text::Folded;
+
+/// Where a report goes.
+#[derive(Debug, clap::Args)]
+pub(crate) struct ReportArgs {
+    #[command(flatten)]
+    pub(crate) format: JsonArgs,
+    /// Also write the report to this file, as one JSON object.
+    #[arg(long, value_name = "FILE", help_heading = OUTPUT)]
+    pub(crate) out: Option<PathBuf>,
+}
+
+/// The file that a command makes.
+#[derive(Debug, clap::Args)]
+pub(crate) struct OutArgs {
+    /// File to write (safetensors).
+    #[arg(long, value_name = "FILE", help_heading = OUTPUT)]
+    pub(crate) out: PathBuf,
+    #[command(flatten)]
+    force: Force,
+}
+
+impl OutArgs {
+    /// Checks before minutes of work that the file can be written.
+    pub(crate) fn check(&self) -> Result<(), CliError> {
+        check_result(&self.out, self.force)
+    }
+
+    /// Writes the file, unless `content` is an error.
+    pub(crate) fn write(&self, content: impl AsRef<[u8]>) -> Result<(), CliError> {
+        write(&self.out, content)
+    }
+}
+
+/// Whether a result may replace an existing file.
+#[derive(Clone, Copy, Debug, clap::Args)]
+pub(crate) struct Force {
+    /// Replace the file if it exists.
+    ///
+    /// Results of work are not replaced without this option. Reports, pictures and states are.
+    #[arg(long, short, help_heading = OUTPUT)]
+    pub(crate) force: bool,
+}
 
 /// Standard output. A reader who does not read does not keep a signal from ending the program.
 pub(crate) type Out = Folded<BufWriter<interrupt::Output<Stdout>>>;

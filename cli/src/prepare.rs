@@ -12,8 +12,9 @@ use meissner_evaluate::touch::{TouchContainers, TouchObjects};
 use meissner_io::datasets::NeutouchSet;
 use meissner_run::model::{describe, describe_frames};
 
-use crate::args::{NETWORK, OUTPUT, OutArgs};
+use crate::args::{NETWORK, OUTPUT};
 use crate::error::CliError;
+use crate::output::OutArgs;
 use crate::progress::Progress;
 use crate::stderr::tell;
 use crate::tasks::TouchData;

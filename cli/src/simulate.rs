@@ -17,8 +17,9 @@ use meissner_run::PipelineError;
 use meissner_run::text::{grouped, span_us};
 use meissner_simulator::{CameraSettings, MarkerScene};
 
-use crate::args::{GelSensorArg, INPUT, MEASUREMENT, OutArgs, sensor};
+use crate::args::{GelSensorArg, INPUT, MEASUREMENT, sensor};
 use crate::error::CliError;
+use crate::output::OutArgs;
 use crate::progress::Progress;
 use crate::stderr::tell;
 use crate::threads::Threads;

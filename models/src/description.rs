@@ -14,6 +14,7 @@ pub mod frames;
 mod layer;
 mod preparation;
 mod problem;
+mod references;
 mod shapes;
 mod table;
 mod tensors;

@@ -122,7 +122,7 @@ fn the_map_of_the_house_is_short_and_names_every_folder() {
     for name in named.filter(|name| !hidden(name)) {
         assert!(text.contains(&format!("| `{name}` |")), "ARCHITECTURE.md does not name {name}");
     }
-    for path in text.split('`').skip(1).step_by(2).filter(|word| word.contains('/') && !word.contains("->")) {
+    for path in text.split('`').skip(1).step_by(2).filter(|word| word.contains('/') && !word.contains('\n')) {
         assert!(root().join(path).exists(), "ARCHITECTURE.md names {path}, which is not there");
     }
 }
@@ -177,6 +177,33 @@ fn paths(tree: &str, prefix: &str, all: &mut Vec<String>) {
     }
 }
 
+/// The file that `path` names in `module`, and the item; `None` for another crate.
+fn named(module: &Module, path: &str, all: &BTreeMap<Module, String>) -> Option<(Module, String)> {
+    let mut parts: Vec<&str> = path.split("::").map(str::trim).collect();
+    let mut base = module.clone();
+    match parts[0] {
+        "crate" => base.clear(),
+        "self" => {}
+        "super" => {
+            while parts.get(1) == Some(&"super") {
+                parts.remove(0);
+                base.pop();
+            }
+            base.pop();
+        }
+        child if all.contains_key(&[&base[..], &[child.to_owned()]].concat()) => parts.insert(0, "self"),
+        _ => return None,
+    }
+    for &part in &parts[1..] {
+        base.push(part.to_owned());
+        if !all.contains_key(&base) {
+            base.pop();
+            break;
+        }
+    }
+    Some((base, (*parts.last()?).to_owned()))
+}
+
 /// The imports of `module`: the file that each path names, and whether it is re-exported.
 fn imports(module: &Module, text: &str, all: &BTreeMap<Module, String>) -> Vec<(Module, String, bool)> {
     let mut found = Vec::new();
@@ -188,35 +215,16 @@ fn imports(module: &Module, text: &str, all: &BTreeMap<Module, String>) -> Vec<(
         }
         let mut all_paths = Vec::new();
         paths(&tree.replace('\n', " "), "", &mut all_paths);
-        for path in all_paths {
-            let mut parts: Vec<&str> = path.split("::").map(str::trim).collect();
-            let mut base = module.clone();
-            match parts[0] {
-                "crate" => base.clear(),
-                "self" => {}
-                "super" => {
-                    while parts.get(1) == Some(&"super") {
-                        parts.remove(0);
-                        base.pop();
-                    }
-                    base.pop();
-                }
-                child if all.contains_key(&[&base[..], &[child.to_owned()]].concat()) => {
-                    parts.insert(0, "self");
-                }
-                _ => continue,
-            }
-            for &part in &parts[1..] {
-                base.push(part.to_owned());
-                if !all.contains_key(&base) {
-                    base.pop();
-                    break;
-                }
-            }
-            let name = (*parts.last().expect("a path has parts")).to_owned();
-            found.push((base, name, visibility.starts_with("pub")));
-        }
+        let public = visibility.starts_with("pub");
+        found.extend(
+            all_paths.iter().filter_map(|path| named(module, path, all)).map(|(to, name)| (to, name, public)),
+        );
     }
+    // Paths in the code itself, such as `super::write(..)`.
+    let words = text.split(|c: char| !(c.is_ascii_alphanumeric() || c == '_' || c == ':'));
+    let inline = words.filter(|word| word.starts_with("super::") || word.starts_with("crate::"));
+    let inline = inline.map(|word| word.trim_end_matches(':')).filter(|word| word.contains("::"));
+    found.extend(inline.filter_map(|path| named(module, path, all)).map(|(to, name)| (to, name, false)));
     found
 }
 

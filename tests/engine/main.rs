@@ -5,6 +5,7 @@ mod determinism;
 mod errors;
 mod extremes;
 mod filters;
+mod fingerprints;
 mod frames;
 mod golden_frames;
 mod golden_networks;
@@ -13,7 +14,7 @@ mod house;
 mod incremental;
 mod neighbours;
 #[allow(dead_code, reason = "other tests use more of it")]
-#[path = "../models/tests/support/network_text.rs"]
+#[path = "../../models/tests/support/network_text.rs"]
 mod network_text;
 mod out_of_range;
 mod promises;
@@ -24,11 +25,13 @@ mod recordings;
 mod reference;
 mod reference_golden;
 mod representations;
+mod restarts;
 mod slices;
 mod snapshots;
 mod snapshots_damaged;
 mod snapshots_of_frames;
 mod snapshots_refused;
+mod stage_times;
 mod stream;
 mod stress;
 mod tactile;

@@ -1,24 +1,20 @@
 //! Which rows are recomputed, on graphs small enough to know the answer.
 
-use std::collections::BTreeSet;
-use std::time::{Duration, Instant};
-
 use meissner_engine::{
     Candidates, Counters, Engine, Event, GraphRule, LayerCounters, Lifetime, Network, Options, Reach, Sensor,
-    Stage,
 };
 use meissner_kernels::{PointNetConv, PointNetParts, SplineConv, SplineParts};
 use meissner_verify::networks::{BlockShape, ConvolutionShape, NetworkShape, PoolShape};
 
-const SENSOR: Sensor = Sensor { width: 100, height: 100 };
-const SPAN_US: i64 = 1_000;
+pub(crate) const SENSOR: Sensor = Sensor { width: 100, height: 100 };
+pub(crate) const SPAN_US: i64 = 1_000;
 
 /// Neighbours within 11 pixels at one instant.
-fn near(candidates: Candidates) -> GraphRule {
+pub(crate) fn near(candidates: Candidates) -> GraphRule {
     GraphRule { reach: Reach::Radius { r: 0.115, max: 8 }, candidates }
 }
 
-fn block() -> BlockShape {
+pub(crate) fn block() -> BlockShape {
     BlockShape {
         channels: 2,
         conv: ConvolutionShape::Spline([2, 2, 2]),
@@ -29,7 +25,7 @@ fn block() -> BlockShape {
 }
 
 /// A chain of `blocks` at the event level, and what is pooled above.
-fn shape(graph: GraphRule, blocks: usize, pooled: Vec<PoolShape>) -> NetworkShape {
+pub(crate) fn shape(graph: GraphRule, blocks: usize, pooled: Vec<PoolShape>) -> NetworkShape {
     NetworkShape {
         graph,
         span_us: SPAN_US,
@@ -46,18 +42,18 @@ fn shape(graph: GraphRule, blocks: usize, pooled: Vec<PoolShape>) -> NetworkShap
 }
 
 /// Ten by ten cells of the sensor, with a chain of blocks above.
-fn pool(from: usize, blocks: usize, mean: bool) -> PoolShape {
+pub(crate) fn pool(from: usize, blocks: usize, mean: bool) -> PoolShape {
     let blocks = (0..blocks).map(|input| BlockShape { input, ..block() }).collect();
     PoolShape { from, cell: [(1, 10), (1, 10)], time: None, mean, blocks }
 }
 
-fn engine(network: Network) -> Engine {
+pub(crate) fn engine(network: Network) -> Engine {
     let options = Options::new().with_poison(true).with_record_rows(true);
     Engine::with_options(network, SENSOR, options).expect("the network is exact")
 }
 
 /// Events at one instant at columns 0, 10, 20, ..., each a neighbour of the next alone, and their prediction.
-fn chain(shape: &NetworkShape, events: u16) -> Engine {
+pub(crate) fn chain(shape: &NetworkShape, events: u16) -> Engine {
     let mut engine = engine(shape.build());
     for i in 0..events {
         engine.push(Event::new(0, 10 * i, 50, true));
@@ -66,7 +62,7 @@ fn chain(shape: &NetworkShape, events: u16) -> Engine {
     engine
 }
 
-fn recomputed(engine: &mut Engine) -> Vec<Vec<usize>> {
+pub(crate) fn recomputed(engine: &mut Engine) -> Vec<Vec<usize>> {
     engine.predict().expect("finite");
     engine.recomputed()
 }
@@ -493,74 +489,4 @@ fn a_prediction_counts_the_cells_of_the_readout_that_it_took_again() {
         let p = engine.counters().predictions;
         assert_eq!([p.read, p.reused, p.cells_recomputed, p.cells_unchanged], expected, "column {x}");
     }
-}
-
-#[test]
-fn an_insertion_and_an_expiry_take_time_in_the_stages_that_they_run() {
-    let options = Options::new().with_stage_times(true);
-    let structure = vec![Stage::EventGraph, Stage::PooledGraphs];
-    let with_rows = vec![Stage::EventGraph, Stage::PooledGraphs, Stage::EventLayers];
-    for (candidates, inserting) in
-        [(Candidates::All, &structure), (Candidates::Past(Lifetime::Frozen), &with_rows)]
-    {
-        let shape = shape(near(candidates), 1, vec![pool(1, 1, true)]);
-        let mut engine = Engine::with_options(shape.build(), SENSOR, options).expect("the network is exact");
-        let mut during = |step: &mut dyn FnMut(&mut Engine)| -> Vec<Stage> {
-            let before = engine.stage_times();
-            step(&mut engine);
-            let stages = engine.stage_times().into_iter().zip(before);
-            stages.filter(|((_, after), (_, before))| after > before).map(|((stage, _), _)| stage).collect()
-        };
-        let mut push = |t_us| {
-            during(&mut |engine| {
-                engine.push(Event::new(t_us, 50, 50, true));
-            })
-        };
-        assert_eq!(&push(0), inserting);
-        assert_eq!(&push(500), inserting);
-        assert_eq!(during(&mut |engine| engine.advance(SPAN_US + 1)), structure);
-    }
-}
-
-#[test]
-fn every_stage_takes_time_and_none_of_it_between_the_calls() {
-    let options = Options::new().with_stage_times(true);
-    let pause = Duration::from_millis(20);
-    let attempt = || {
-        let shape = shape(near(Candidates::All), 2, vec![pool(2, 1, true)]);
-        let mut engine = Engine::with_options(shape.build(), SENSOR, options).expect("the network is exact");
-        let mut frozen = shape;
-        frozen.graph = near(Candidates::Past(Lifetime::Frozen));
-        let mut frozen = Engine::with_options(frozen.build(), SENSOR, options).expect("the network is exact");
-        let sum = |engine: &Engine| engine.stage_times().iter().map(|(_, time)| *time).sum::<Duration>();
-        let mut calls = Duration::ZERO;
-        for t_us in [0, 500, SPAN_US + 100] {
-            for engine in [&mut engine, &mut frozen] {
-                let began = Instant::now();
-                engine.push(Event::new(t_us, 10, 50, true));
-                calls += began.elapsed();
-                std::thread::sleep(pause);
-                let began = Instant::now();
-                engine.predict().expect("finite");
-                calls += began.elapsed();
-                std::thread::sleep(pause);
-                let began = Instant::now();
-                engine.advance(t_us + 100);
-                calls += began.elapsed();
-            }
-        }
-        assert!(sum(&engine) + sum(&frozen) <= calls);
-        for engine in [&mut engine, &mut frozen] {
-            let times = engine.stage_times();
-            assert!(times.iter().all(|(_, time)| !time.is_zero()), "{times:?}");
-            engine.restore_bytes(&engine.to_bytes()).expect("its own bytes");
-            assert!(engine.stage_times().iter().zip(&times).all(|(after, before)| after.1 >= before.1));
-        }
-        sum(&engine) + sum(&frozen) < pause
-    };
-    let names: BTreeSet<&str> = Stage::ALL.into_iter().map(Stage::name).collect();
-    assert_eq!(names.len(), Stage::ALL.len());
-    assert!(names.iter().all(|name| !name.is_empty()));
-    // Other programs may stop this one at any place, for as long as they like.
-    assert!((0..10).any(|_| attempt()));
 }

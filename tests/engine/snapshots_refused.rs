@@ -3,17 +3,17 @@
 use std::sync::{Arc, LazyLock};
 
 use meissner_engine::{
-    Candidates, DenseLayer, Engine, EngineError, Event, Fraction, GraphConvolution, GraphRule, LatePolicy,
-    Lifetime, Network, NetworkParts, Normalisation, Options, Position, Reach, Sensor, snapshot_note,
+    Candidates, DenseLayer, Engine, EngineError, Event, GraphRule, LatePolicy, Lifetime, Network, Options,
+    Reach, Sensor, snapshot_note,
 };
-use meissner_kernels::{Activation, Dense, Isa, PointNetConv, PointNetParts, SplineConv, SplineParts};
+use meissner_kernels::{Activation, Dense, Isa, SplineConv, SplineParts};
 use meissner_tests::snapshots::{FOOTER, Fields, sealed};
 use meissner_verify::Random;
 use meissner_verify::bits;
 use meissner_verify::networks::{BlockShape, ConvolutionShape, NetworkShape, PoolShape};
 use proptest::prelude::*;
 
-const SENSOR: Sensor = Sensor { width: 20, height: 10 };
+pub(crate) const SENSOR: Sensor = Sensor { width: 20, height: 10 };
 /// Where the snapshots below have their fields. Up to the events of the window, those of all engines have the same.
 static FIELDS: LazyLock<Fields> = LazyLock::new(|| {
     let (mut engine, bytes) = after_events(Candidates::Past(Lifetime::Frozen), 0.0);
@@ -24,11 +24,11 @@ const CLOCK: &str = "whether there is a clock";
 const WINDOW: &str = "number of events";
 
 /// The number that starts at `at`.
-fn number(bytes: &[u8], at: usize) -> u64 {
+pub(crate) fn number(bytes: &[u8], at: usize) -> u64 {
     u64::from_le_bytes(bytes[at..at + 8].try_into().expect("8 bytes"))
 }
 
-fn block(channels: usize) -> BlockShape {
+pub(crate) fn block(channels: usize) -> BlockShape {
     BlockShape {
         channels,
         conv: ConvolutionShape::Spline([2, 2, 2]),
@@ -39,7 +39,7 @@ fn block(channels: usize) -> BlockShape {
 }
 
 /// A block over events, a pooling with a block over its cells.
-fn shape(candidates: Candidates) -> NetworkShape {
+pub(crate) fn shape(candidates: Candidates) -> NetworkShape {
     let pool =
         PoolShape { from: 1, cell: [(1, 4), (1, 2)], time: Some((1, 2)), mean: true, blocks: vec![block(3)] };
     NetworkShape {
@@ -57,16 +57,21 @@ fn shape(candidates: Candidates) -> NetworkShape {
     }
 }
 
-fn engine_of(candidates: Candidates) -> Engine {
+pub(crate) fn engine_of(candidates: Candidates) -> Engine {
     engine(shape(candidates).build(), SENSOR, Options::default())
 }
 
-fn engine(network: Network, sensor: Sensor, options: Options) -> Engine {
+pub(crate) fn engine(network: Network, sensor: Sensor, options: Options) -> Engine {
     Engine::with_options(Arc::new(network), sensor, options).expect("admissible")
 }
 
 /// Pushes events and reads a prediction now and then; the predictions, or why there were none.
-fn run(engine: &mut Engine, from_us: i64, events: usize, seed: u64) -> Vec<Result<Vec<u32>, EngineError>> {
+pub(crate) fn run(
+    engine: &mut Engine,
+    from_us: i64,
+    events: usize,
+    seed: u64,
+) -> Vec<Result<Vec<u32>, EngineError>> {
     let mut random = Random::new(seed);
     let mut pixel = |extent: u16| random.below(extent.into()) as u16;
     let mut out = vec![];
@@ -464,82 +469,4 @@ fn options_that_reach_no_result_stay_the_engines_own_over_a_restore() {
         }
     }
     assert!(predictions.windows(2).all(|pair| pair[0] == pair[1]), "results are the same");
-}
-
-#[test]
-fn whatever_changes_predictions_changes_the_fingerprint() {
-    let flip = |values: &mut Vec<f32>| values[3] = f32::from_bits(values[3].to_bits() ^ 1);
-    let spline = |change: &dyn Fn(&mut SplineParts)| {
-        let values = |count, seed| Random::new(seed).values(count, 1.0);
-        let mut parts = SplineParts {
-            inputs: 1,
-            outputs: 4,
-            kernel: [2, 2, 2],
-            weight: values(32, 1),
-            root: Some(values(4, 2)),
-            bias: Some(values(4, 3)),
-            norm: Some((values(4, 4), values(4, 5))),
-            elu: true,
-        };
-        change(&mut parts);
-        GraphConvolution::from(SplineConv::new(&parts).expect("sizes fit"))
-    };
-    let fingerprint = |change: &dyn Fn(&mut NetworkParts), conv: GraphConvolution| {
-        let mut parts = shape(Candidates::All).build().parts().clone();
-        parts.events.blocks[0].conv = conv;
-        change(&mut parts);
-        Network::new(parts).expect("the parts fit").fingerprint()
-    };
-    let parameters: [&dyn Fn(&mut SplineParts); 8] = [
-        &|_| {},
-        &|parts| flip(&mut parts.weight),
-        &|parts| parts.root.iter_mut().for_each(flip),
-        &|parts| parts.root = None,
-        &|parts| parts.bias.iter_mut().for_each(flip),
-        &|parts| parts.norm.iter_mut().for_each(|(scale, _)| flip(scale)),
-        &|parts| parts.norm.iter_mut().for_each(|(_, shift)| flip(shift)),
-        &|parts| parts.elu = false,
-    ];
-    let structure: [&dyn Fn(&mut NetworkParts); 17] = [
-        &|parts| parts.name.push('2'),
-        &|parts| parts.span_us += 1,
-        &|parts| parts.capacity += 1,
-        &|parts| parts.graph.reach = Reach::Knn { k: 5 },
-        &|parts| parts.graph.reach = Reach::Radius { r: 0.5, max: 4 },
-        &|parts| parts.graph.reach = Reach::Radius { r: 0.6, max: 4 },
-        &|parts| parts.graph.candidates = Candidates::Past(Lifetime::Window),
-        &|parts| parts.graph.candidates = Candidates::Past(Lifetime::Frozen),
-        &|parts| parts.events.scale *= 2.0,
-        &|parts| parts.events.blocks[0].name.push('2'),
-        &|parts| parts.pooled[0].0.cell = [Fraction::new(1, 5).expect("positive"); 2],
-        &|parts| parts.pooled[0].0.time = None,
-        &|parts| parts.pooled[0].0.position = Position::Centre,
-        &|parts| parts.pooled[0].1.scale *= 2.0,
-        &|parts| (parts.readout.columns, parts.readout.rows) = (4, 1),
-        &|parts| (parts.readout.columns, parts.readout.rows) = (1, 4),
-        &|parts| parts.normalisation = Normalisation::PerGraph,
-    ];
-    let pointnet = |change: &dyn Fn(&mut PointNetParts)| {
-        let values = |count, seed| Random::new(seed).values(count, 1.0);
-        let (weight, bias, norm) = (values(16, 1), values(4, 3), Some((values(4, 4), values(4, 5))));
-        let mut parts = PointNetParts { inputs: 1, outputs: 4, weight, bias, norm };
-        change(&mut parts);
-        GraphConvolution::from(PointNetConv::new(&parts).expect("sizes fit"))
-    };
-    let of_pointnet: [&dyn Fn(&mut PointNetParts); 5] = [
-        &|_| {},
-        &|parts| flip(&mut parts.weight),
-        &|parts| flip(&mut parts.bias),
-        &|parts| parts.norm.iter_mut().for_each(|(scale, _)| flip(scale)),
-        &|parts| parts.norm.iter_mut().for_each(|(_, shift)| flip(shift)),
-    ];
-    let mut all: Vec<u64> = parameters.map(|change| fingerprint(&|_| {}, spline(change))).to_vec();
-    all.extend(structure.map(|change| fingerprint(change, spline(&|_| {}))));
-    all.extend(of_pointnet.map(|change| fingerprint(&|_| {}, pointnet(change))));
-    let again = fingerprint(&|_| {}, spline(&|_| {}));
-    assert_eq!(all[0], again, "equal networks have equal ones");
-    let count = all.len();
-    all.sort_unstable();
-    all.dedup();
-    assert_eq!(all.len(), count, "all are different");
 }

@@ -7,9 +7,10 @@ use meissner_evaluate::filters::{Kept, Report, judge};
 use meissner_run::text::grouped;
 
 use super::NONE;
-use crate::args::{FilterArgs, ReportArgs};
+use crate::args::FilterArgs;
 use crate::error::CliError;
 use crate::output;
+use crate::output::ReportArgs;
 use crate::text::{Table, percent};
 
 /// At the end of the long help.

@@ -7,7 +7,8 @@ use clap::Subcommand;
 use meissner_evaluate::pareto::Options;
 use meissner_run::text::length_us;
 
-use crate::args::{INPUT, MEASUREMENT, NETWORK, NetworkWeights, OUTPUT, ReadArgs, ReportArgs};
+use crate::args::{INPUT, MEASUREMENT, NETWORK, NetworkWeights, OUTPUT, ReadArgs};
+use crate::output::ReportArgs;
 use crate::tasks::{AreaTask, DigitsTask, ForceTask, SlipTask, TouchTask};
 use crate::threads::Threads;
 

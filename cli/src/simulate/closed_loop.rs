@@ -10,9 +10,10 @@ use meissner_plot::{Errors, Panel, Plane, Series, Setting, Style, TradeOff, page
 use meissner_run::text::{grouped, span_us};
 use meissner_simulator::gel::GelSensor;
 
-use crate::args::{APPROXIMATIONS, GelSensorArg, INPUT, MEASUREMENT, OUTPUT, ReportArgs};
+use crate::args::{APPROXIMATIONS, GelSensorArg, INPUT, MEASUREMENT, OUTPUT};
 use crate::error::CliError;
 use crate::output;
+use crate::output::ReportArgs;
 use crate::progress::Progress;
 use crate::tasks::TrainedNetworks;
 use crate::text::{Table, cell};

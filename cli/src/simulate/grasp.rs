@@ -2,8 +2,9 @@
 
 use meissner_evaluate::prepare::grasps;
 
-use crate::args::{MEASUREMENT, OutArgs};
+use crate::args::MEASUREMENT;
 use crate::error::CliError;
+use crate::output::OutArgs;
 use crate::threads::Threads;
 
 /// Tensors of the file.

@@ -4,7 +4,8 @@ use std::path::PathBuf;
 
 use clap::Arg;
 
-use crate::args::{INPUT, MEASUREMENT, NetworkWeights, OUTPUT, PREDICTIONS, ReadArgs, ReportArgs};
+use crate::args::{INPUT, MEASUREMENT, NetworkWeights, OUTPUT, PREDICTIONS, ReadArgs};
+use crate::output::ReportArgs;
 use crate::threads::Threads;
 
 /// The method of the three forms, at the end of the long help.

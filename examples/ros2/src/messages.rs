@@ -64,7 +64,7 @@ pub struct Vector3Stamped {
 
 impl Vector3Stamped {
     /// Values of a message.
-    pub const MOST: usize = 3;
+    pub const MAX: usize = 3;
 
     /// The message of a prediction; values after the third are left out.
     pub fn new(header: Header, values: &[f32]) -> Self {

@@ -125,7 +125,7 @@ fn advertise(node: &mut Node, options: &Options, outputs: usize) -> Result<Predi
         .history(History::KeepLast { depth: PREDICTIONS })
         .reliability_reliable(WhenFull::Fail);
     let name = topic("topic of predictions", "/meissner/prediction", &options.predictions)?;
-    let is_vector = outputs <= Vector3Stamped::MOST;
+    let is_vector = outputs <= Vector3Stamped::MAX;
     let kind = if is_vector {
         MessageTypeName::new("geometry_msgs", "Vector3Stamped")
     } else {

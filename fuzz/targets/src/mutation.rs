@@ -3,7 +3,7 @@
 use meissner_verify::Random;
 
 /// Longest input.
-const LONGEST: usize = 1 << 16;
+const MAX: usize = 1 << 16;
 /// Values that overwrite fields, cut to as many of their lowest bytes as the field has.
 const WORDS: [u64; 10] =
     [0, 1, 0x7f, 0x7fff_ffff, 1 << 31, u32::MAX as u64, 1 << 40, 1 << 63, (1 << 63) - 1, u64::MAX];
@@ -47,7 +47,7 @@ impl<'c> Mutator<'c> {
         for _ in 0..=random.below(6) {
             self.change(&mut bytes, &mut random);
         }
-        bytes.truncate(LONGEST);
+        bytes.truncate(MAX);
         bytes
     }
 

@@ -17,7 +17,7 @@ use meissner_verify::{Incremental, Random};
 use crate::target::Verdict;
 
 /// Shortest bytes that can be sealed: header, length of the note and checksum.
-const LEAST: usize = 40;
+const MIN: usize = 40;
 const SENSOR: Sensor = Sensor { width: 20, height: 10 };
 /// Channels, rows and columns of a frame.
 const FRAME: [usize; 3] = [2, 4, 6];
@@ -119,7 +119,7 @@ impl GoesOn for FrameEngine {
 /// The engine that the first byte picks, and the bytes of the snapshot.
 fn choose<'e, E>(engines: &'e [E], bytes: &[u8]) -> Option<(&'e E, Vec<u8>)> {
     let (&[which, seal], content) = bytes.split_first_chunk()?;
-    let seal = seal & 1 == 1 && content.len() >= LEAST;
+    let seal = seal & 1 == 1 && content.len() >= MIN;
     let content = if seal { sealed(content.to_vec()) } else { content.to_vec() };
     Some((&engines[usize::from(which) % engines.len()], content))
 }

@@ -15,9 +15,9 @@ use serde::Serialize;
 
 use super::document::{EVENT_NETWORK, FRAME_NETWORK, INPUT, output};
 use super::problem::ProblemKind;
+use super::references::Scope;
 use super::table::{self, NAME, Table};
 use super::tensors::{Needed, report_shared};
-use super::wiring::Scope;
 
 pub(super) use build::parts;
 pub(super) use file::read_head;

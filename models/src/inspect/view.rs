@@ -7,6 +7,7 @@ use crate::description::{Cost, CostUnit, Description, FieldStart, Layer, LayerKi
 use meissner_engine::Aggregation;
 
 /// A network as tables and pictures show it.
+#[cfg_attr(not(feature = "svg"), expect(dead_code, reason = "only SVG shows all of it"))]
 pub(crate) struct View<'a> {
     pub(crate) name: &'a str,
     /// Below the name of a picture.
@@ -24,6 +25,7 @@ pub(crate) struct View<'a> {
 }
 
 /// The input of a network.
+#[cfg_attr(not(feature = "svg"), expect(dead_code, reason = "only SVG shows all of it"))]
 pub(crate) struct Input {
     pub(crate) name: &'static str,
     /// One word about it.
@@ -35,6 +37,7 @@ pub(crate) struct Input {
 }
 
 /// A layer.
+#[cfg_attr(not(feature = "svg"), expect(dead_code, reason = "only SVG shows all of it"))]
 pub(crate) struct Row<'a> {
     pub(crate) name: &'a str,
     pub(crate) kind: String,
@@ -46,7 +49,6 @@ pub(crate) struct Row<'a> {
     pub(crate) parameters: usize,
     /// The last two columns of a table.
     pub(crate) columns: [String; 2],
-    #[cfg_attr(not(feature = "svg"), expect(dead_code, reason = "only SVG has colours"))]
     pub(crate) fill: &'static str,
     pub(crate) band: Option<usize>,
 }

@@ -16,9 +16,9 @@ use std::time::{Duration, Instant};
 use meissner_fuzz::{Mutator, TARGETS, Target, Verdict, corpus};
 
 /// Longest time of an input.
-const LONGEST: Duration = Duration::from_secs(10);
+const MAX: Duration = Duration::from_secs(10);
 /// Most memory of an input, in bytes.
-const MOST_BYTES: usize = 1 << 30;
+const MAX_BYTES: usize = 1 << 30;
 
 /// The system's allocator, counted.
 struct Counting;
@@ -137,7 +137,7 @@ fn watch() {
     loop {
         thread::sleep(Duration::from_secs(1));
         let running = RUNNING.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some(running) = running.as_ref().filter(|running| running.since.elapsed() > 3 * LONGEST) {
+        if let Some(running) = running.as_ref().filter(|running| running.since.elapsed() > 3 * MAX) {
             let file = keep(running.target, running.index, &running.input);
             eprintln!("{}: input {} has no end: {file}", running.target, running.index);
             std::process::exit(1);
@@ -167,7 +167,7 @@ fn run(target: Target, arguments: &Arguments) -> Result<Row, String> {
         row.accepted += u64::from(matches!(verdict, Ok(Verdict::Accepted)));
         row.longest = row.longest.max(elapsed);
         row.bytes = row.bytes.max(bytes);
-        if verdict.is_err() || elapsed > LONGEST || bytes > MOST_BYTES {
+        if verdict.is_err() || elapsed > MAX || bytes > MAX_BYTES {
             let file = keep(target.name, index, &input);
             let panicked = if verdict.is_err() { "panicked, " } else { "" };
             row.failures.push(format!("{panicked}{elapsed:.1?}, {bytes} bytes: {file}"));
