@@ -23,7 +23,7 @@ use std::time::Duration;
 use clap::Subcommand;
 use meissner_evaluate::metrics::{Confusion, MeanStd};
 use meissner_evaluate::trainings::Evaluation;
-use meissner_evaluate::{EvaluateError, NetworkReport, Watch, Workers};
+use meissner_evaluate::{EvaluateError, NetworkReport, ProgressHandle, Workers};
 use meissner_plot::{Matrix, Panel};
 use meissner_run::text::grouped;
 use serde::Serialize;
@@ -98,7 +98,7 @@ fn write<R: Serialize>(
     evaluate: impl FnOnce(&Workers, fn(&str, Duration)) -> Result<Evaluation<R>, EvaluateError>,
 ) -> Result<(), CliError> {
     output::check_all_writable([&args.report.out, &args.svg, &args.logits])?;
-    let watch = Watch::default();
+    let watch = ProgressHandle::default();
     let workers = Workers::new(args.threads.pool()?, watch.clone());
     let progress = Progress::busy(move || match watch.total() {
         0 => "reading".to_owned(),

@@ -2,6 +2,8 @@
 
 use clap::{Arg, Command};
 
+use meissner_evaluate::TaskName;
+
 use crate::args::{
     APPROXIMATIONS, ELECTRODES, Every, FRAMES, INPUT, MEASUREMENT, NETWORK, OUTPUT, PREDICTIONS, QUEUE,
     READING, REMEMBERS, REUSES, STATE,
@@ -268,5 +270,18 @@ fn every_reads_events_and_times_and_refuses_nothing_and_less() {
 fn every_is_shown_as_it_is_read() {
     for text in ["event", "end", "100", "10ms", "1500us", "2s"] {
         assert_eq!(text.parse::<Every>().map(|every| every.to_string()).as_deref(), Ok(text));
+    }
+}
+
+/// Python has one function for each: its match over the tasks is exhaustive.
+#[test]
+fn eval_pareto_and_prepare_know_every_task() {
+    let names: Vec<String> = subcommands().into_iter().map(|(name, _)| name).collect();
+    let has = |command: &str, task: &str| {
+        names.iter().any(|name| name.starts_with(command) && name.ends_with(task))
+    };
+    for task in TaskName::ALL {
+        assert!(has("eval ", task.name()) && has("pareto ", task.name()), "{task:?}: {names:?}");
+        assert!(task.prepared_by().is_none_or(|word| has("prepare ", word)), "{task:?}: {names:?}");
     }
 }

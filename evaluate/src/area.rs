@@ -26,13 +26,13 @@ pub use pictures::Source;
 use crate::error::{EvaluateError, RequestPart, TrainingError};
 use crate::judge::{Judge, JudgedTrial, NetworkReport, judge};
 use crate::trainings::{
-    Candidate, Evaluation, HeldOut, Metadata, Request, Task, Training, candidates, seed_name,
+    EvaluatedNetwork, Evaluation, HeldOut, Metadata, Request, Task, Training, candidates, seed_name,
 };
 use crate::trials::{Cases, Trial};
 use crate::workers::Workers;
 use figures::{Outcome, baseline};
 use pictures::{Press, Set};
-use run::How;
+use run::PressOptions;
 
 /// The task of contact area and normal force.
 #[derive(Clone, Copy, Debug)]
@@ -155,7 +155,10 @@ impl Judge for OfArea<'_> {
     type Figures = Vec<Figures>;
     type Network = AreaFigures;
 
-    fn plan(&self, candidate: &Candidate<FrameDescription>) -> Result<((), Vec<Trial>), EvaluateError> {
+    fn plan(
+        &self,
+        candidate: &EvaluatedNetwork<FrameDescription>,
+    ) -> Result<((), Vec<Trial>), EvaluateError> {
         let mut cases = Cases::default();
         self.presses().enumerate().for_each(|(press, _)| cases.push(&press.to_string(), 1));
         let all: Vec<usize> = (0..cases.len()).collect();
@@ -176,7 +179,7 @@ impl Judge for OfArea<'_> {
     }
 
     fn outcome(&self, (): &(), engine: &mut Self::Engine, case: usize) -> Result<Outcome, EvaluateError> {
-        let how = How { options: self.frames, every: 1 };
+        let how = PressOptions { options: self.frames, every: 1 };
         let press = self.presses().nth(case).expect("a case is a press");
         Outcome::of(&engine.0, how, &engine.1, press)
     }

@@ -39,7 +39,7 @@ use crate::area::{Area, model};
 use crate::error::{EvaluateError, RequestPart};
 use crate::metrics::MeanStd;
 use crate::pareto::pareto_front;
-use crate::trainings::{Candidate, Request, candidates};
+use crate::trainings::{EvaluatedNetwork, Request, candidates};
 pub use line::Delays;
 use line::{Line, Timed};
 
@@ -189,7 +189,7 @@ pub fn run(plan: &Plan<'_>) -> Result<Report, EvaluateError> {
             Ok((candidate, model))
         })
     });
-    let models: Vec<(&Candidate<FrameDescription>, FrameModel)> =
+    let models: Vec<(&EvaluatedNetwork<FrameDescription>, FrameModel)> =
         models.collect::<Result<_, EvaluateError>>()?;
     let mut networks = Vec::new();
     let mut size = [320, 240];

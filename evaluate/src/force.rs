@@ -25,10 +25,12 @@ use crate::error::{EvaluateError, RequestPart, TrainingError};
 use crate::events::lost;
 use crate::judge::{Judge, JudgedTrial, NetworkReport, judge};
 use crate::judged;
-use crate::regression::engine::{HowCounts, PressEngine};
+use crate::regression::engine::{CountsOptions, PressEngine};
 use crate::regression::press::Presses;
 use crate::regression::quantity::Quantity;
-use crate::trainings::{Candidate, Evaluation, HeldOut, Metadata, Request, Task, Training, candidates};
+use crate::trainings::{
+    EvaluatedNetwork, Evaluation, HeldOut, Metadata, Request, Task, Training, candidates,
+};
 use crate::trials::Trial;
 use crate::workers::Workers;
 use recording::{FORCE, Outcome, run};
@@ -197,7 +199,10 @@ impl Judge for OfForce<'_> {
     type Figures = (Option<ForceErrors>, Vec<Trace>);
     type Network = ForceFigures;
 
-    fn plan(&self, candidate: &Candidate<AnyDescription>) -> Result<(Plan, Vec<Trial>), EvaluateError> {
+    fn plan(
+        &self,
+        candidate: &EvaluatedNetwork<AnyDescription>,
+    ) -> Result<(Plan, Vec<Trial>), EvaluateError> {
         let description = &candidate.description;
         self.recordings.check(description.name(), &Quantity::of(description))?;
         let every_us = match description {
@@ -218,7 +223,7 @@ impl Judge for OfForce<'_> {
         match description {
             AnyDescription::Events(_) => PressEngine::new(description, training, sensor, self.options.mode),
             AnyDescription::Frames(frames) => {
-                PressEngine::counts(frames, training, sensor, HowCounts::default())
+                PressEngine::counts(frames, training, sensor, CountsOptions::default())
             }
         }
     }

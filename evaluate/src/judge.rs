@@ -13,7 +13,7 @@ use meissner_run::provenance::ModelCard;
 use serde::Serialize;
 
 use crate::error::{EvaluateError, weights_error};
-use crate::trainings::{Candidate, Evaluation, Task, Training};
+use crate::trainings::{EvaluatedNetwork, Evaluation, Task, Training};
 use crate::trials::Trial;
 use crate::workers::Workers;
 
@@ -41,7 +41,7 @@ pub(crate) trait Judge: Sync {
     /// The network or a training does not fit the data.
     fn plan(
         &self,
-        candidate: &Candidate<Description<Self>>,
+        candidate: &EvaluatedNetwork<Description<Self>>,
     ) -> Result<(Self::Plan, Vec<Trial>), EvaluateError>;
 
     /// The network of `description` with the weights of `training`.
@@ -140,7 +140,7 @@ impl<F> JudgedNetworks<F> {
 /// A candidate does not fit the data, before any network runs; an engine fails.
 pub(crate) fn judge<J: Judge>(
     judge: &J,
-    candidates: &[Candidate<Description<J>>],
+    candidates: &[EvaluatedNetwork<Description<J>>],
     mut logits: TensorFile,
     workers: &Workers,
     mut done: impl FnMut(&str, Duration),
@@ -159,7 +159,7 @@ pub(crate) fn judge<J: Judge>(
     let start = Instant::now();
     let mut networks = Vec::new();
     for (candidate, plan, trials) in plans {
-        let Candidate { description, trainings } = candidate;
+        let EvaluatedNetwork { description, trainings } = candidate;
         let mut judged = Vec::new();
         for trial in trials {
             let outcomes = trial.outcomes(

@@ -25,12 +25,12 @@ pub struct Judged<F: Figures> {
     #[serde(flatten)]
     pub mean: F::Mean,
     /// The trainings.
-    pub each: Vec<JudgedSeed<F>>,
+    pub each: Vec<TrainingFigures<F>>,
 }
 
 /// Figures of one training, or of the folds of one seed together.
 #[derive(Serialize)]
-pub struct JudgedSeed<F> {
+pub struct TrainingFigures<F> {
     /// Seed of the training, where the weights state it.
     pub seed: Option<i64>,
     /// Files of the weights; none for shipped ones.
@@ -44,9 +44,9 @@ impl<F: Figures> Judged<F> {
     /// The figures of `each` trial; `None` for no trials, and where a trial has no figures.
     pub(crate) fn new(each: impl IntoIterator<Item = (Trial, Option<F>)>) -> Option<Self> {
         let judged = |(trial, figures): (Trial, Option<F>)| {
-            Some(JudgedSeed { seed: trial.seed, files: trial.files(), figures: figures? })
+            Some(TrainingFigures { seed: trial.seed, files: trial.files(), figures: figures? })
         };
-        let each: Vec<JudgedSeed<F>> = each.into_iter().filter_map(judged).collect();
+        let each: Vec<TrainingFigures<F>> = each.into_iter().filter_map(judged).collect();
         let mean = F::mean(&each.iter().map(|one| &one.figures).collect::<Vec<_>>())?;
         Some(Self { trainings: each.len(), mean, each })
     }

@@ -20,7 +20,7 @@
 //! | [`pareto`] | run time against error, with each approximation |
 //!
 //! Recordings are shared by the threads of [`Workers`], which the caller passes. The number of threads changes no bit of a result.
-//! Another thread can see how far they are, and stop them, with a [`Watch`].
+//! Another thread can see how far they are, and stop them, with a [`ProgressHandle`].
 //!
 //! ```
 //! use meissner_evaluate::metrics::{Confusion, Scores, wilson_95};
@@ -57,6 +57,7 @@ pub mod prepare;
 pub mod regression;
 pub mod slip;
 pub mod streams;
+mod tasks;
 mod tensors;
 pub mod touch;
 pub mod trainings;
@@ -66,4 +67,5 @@ mod workers;
 
 pub use error::{EvaluateError, RequestPart, StreamsError, TrainingError};
 pub use judge::NetworkReport;
-pub use workers::{Watch, Workers};
+pub use tasks::TaskName;
+pub use workers::{ProgressHandle, Workers};

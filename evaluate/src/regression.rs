@@ -33,7 +33,9 @@ use crate::error::{EvaluateError, RequestPart, TrainingError};
 use crate::events::lost;
 use crate::judge::{Judge, JudgedTrial, NetworkReport, judge};
 use crate::judged;
-use crate::trainings::{Candidate, Evaluation, HeldOut, Metadata, Request, Task, Training, candidates};
+use crate::trainings::{
+    EvaluatedNetwork, Evaluation, HeldOut, Metadata, Request, Task, Training, candidates,
+};
 use crate::trials::Trial;
 use crate::workers::Workers;
 use embedding::embedding;
@@ -199,7 +201,10 @@ impl Judge for OfPresses<'_> {
     type Figures = OfTrial;
     type Network = PressFigures;
 
-    fn plan(&self, candidate: &Candidate<AnyDescription>) -> Result<(Plan, Vec<Trial>), EvaluateError> {
+    fn plan(
+        &self,
+        candidate: &EvaluatedNetwork<AnyDescription>,
+    ) -> Result<(Plan, Vec<Trial>), EvaluateError> {
         let quantities = Quantity::of(&candidate.description);
         self.presses.check(candidate.description.name(), &quantities)?;
         let own = candidate.stride();

@@ -96,13 +96,13 @@ pub struct Evaluation<R> {
 }
 
 /// A network with its trainings, of which there is at least one, by seed and then by file.
-pub(crate) struct Candidate<D> {
+pub(crate) struct EvaluatedNetwork<D> {
     pub(crate) description: D,
     pub(crate) trainings: Vec<Arc<Training>>,
 }
 
 /// The networks of a task, and notes about trainings that are left out.
-pub(crate) type Candidates<T> = (Vec<Candidate<<T as Task>::Description>>, Vec<String>);
+pub(crate) type Candidates<T> = (Vec<EvaluatedNetwork<<T as Task>::Description>>, Vec<String>);
 
 /// Weights with the data that they were trained on.
 #[derive(Clone, Debug)]
@@ -131,7 +131,7 @@ pub(crate) fn candidates<T: Task>(request: Request<'_>) -> Result<Candidates<T>,
     }
     let candidate = |(description, shipped): (T::Description, bool)| {
         let training = Training::whole(T::name(&description), shipped, request.weights)?;
-        Ok(Candidate { description, trainings: vec![Arc::new(training)] })
+        Ok(EvaluatedNetwork { description, trainings: vec![Arc::new(training)] })
     };
     Ok((descriptions.into_iter().map(candidate).collect::<Result<_, EvaluateError>>()?, Vec::new()))
 }
@@ -178,7 +178,7 @@ fn from_folder<T: Task>(
         match own.is_empty() {
             true if named => return Err(none(name.clone())),
             true => notes.push(format!("{}: no training in {}", T::name(&description), folder.display())),
-            false => candidates.push(Candidate { description, trainings: own }),
+            false => candidates.push(EvaluatedNetwork { description, trainings: own }),
         }
     }
     if candidates.is_empty() {
@@ -214,7 +214,7 @@ pub fn seed_name(seed: Option<i64>) -> String {
     seed.map_or_else(|| "shipped".to_owned(), |seed| seed.to_string())
 }
 
-impl<D> Candidate<D> {
+impl<D> EvaluatedNetwork<D> {
     /// Source of the weights, in one line.
     pub(crate) fn weights(&self) -> String {
         let folds = self.trainings.iter().filter(|training| training.held_out.is_some()).count();

@@ -10,7 +10,7 @@ use crate::error::EvaluateError;
 
 /// How far an evaluation is, for another thread, which can also stop it.
 #[derive(Clone, Debug, Default)]
-pub struct Watch(Arc<Counts>);
+pub struct ProgressHandle(Arc<Counts>);
 
 #[derive(Debug, Default)]
 struct Counts {
@@ -19,7 +19,7 @@ struct Counts {
     stopped: AtomicBool,
 }
 
-impl Watch {
+impl ProgressHandle {
     /// Recordings, presses or windows that are done, once for each training.
     pub fn done(&self) -> u64 {
         self.0.done.load(Ordering::Relaxed)
@@ -48,18 +48,18 @@ impl Watch {
 #[derive(Debug)]
 pub struct Workers {
     pool: ThreadPool,
-    pub(crate) watch: Watch,
+    pub(crate) watch: ProgressHandle,
 }
 
 impl From<ThreadPool> for Workers {
     fn from(pool: ThreadPool) -> Self {
-        Self { pool, watch: Watch::default() }
+        Self { pool, watch: ProgressHandle::default() }
     }
 }
 
 impl Workers {
     /// The threads of `pool`, which tell `watch`.
-    pub fn new(pool: ThreadPool, watch: Watch) -> Self {
+    pub fn new(pool: ThreadPool, watch: ProgressHandle) -> Self {
         Self { pool, watch }
     }
 

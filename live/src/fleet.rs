@@ -11,7 +11,7 @@
 use std::time::Duration;
 
 use crate::priority;
-use crate::{Asked, Input, Item, Live, LiveError, Predictor, QueueOptions, Timely};
+use crate::{Asked, Input, Item, Live, LiveError, Predictor, QueueOptions, TimedAnswer};
 
 /// Live engines of many sensors, which are asked for predictions together. Engines that were made of one
 /// `Arc<Network>` share one copy of its weights.
@@ -72,7 +72,7 @@ impl<P: Predictor<Input: Item>> Fleet<P> {
         &mut self,
         deadline: Duration,
         sensors: impl IntoIterator<Item = usize>,
-        mut each: impl FnMut(usize, Result<Timely<'_>, LiveError>),
+        mut each: impl FnMut(usize, Result<TimedAnswer<'_>, LiveError>),
     ) {
         let Self { sensors: all, asked } = self;
         asked.clear();

@@ -9,7 +9,7 @@
 //! | type | use |
 //! |---|---|
 //! | [`Input`] | sensor's side: offers events; waits only under [`Overload::Block`] |
-//! | [`Live`] | controller's side: [`Live::predict`] returns by a deadline with a [`Timely`] prediction and its age |
+//! | [`Live`] | controller's side: [`Live::predict`] returns by a deadline with a [`TimedAnswer`] prediction and its age |
 //! | [`Fleet`] | many sensors in one process, each with an engine, a queue and counters of its own |
 //! | [`Asked`] | a prediction that was asked for, for a caller that cannot only wait |
 //! | [`QueueOptions`], [`Overload`] | capacity of the queue, and the rule for events when it is full |
@@ -62,7 +62,7 @@ pub use error::LiveError;
 pub use fleet::Fleet;
 pub use input::Input;
 pub use intake::Item;
-pub use live::{Asked, Live, Timely};
+pub use live::{Asked, Live, TimedAnswer};
 pub use meissner_engine::Predictor;
 pub use overload::{Overload, QueueCounters, QueueOptions};
 pub use recorded::Recorded;

@@ -30,7 +30,7 @@ pub struct Live<P: Predictor<Input: Item>> {
 
 /// A prediction that is available by the deadline, with its age.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Timely<'a> {
+pub struct TimedAnswer<'a> {
     /// Outputs of the last dense layer.
     pub values: &'a [f32],
     /// Time of the newest event that it covers, as [`meissner_engine::Prediction::t_us`].
@@ -128,7 +128,7 @@ impl<P: Predictor<Input: Item>> Live<P> {
     /// # Errors
     /// [`LiveError::Engine`] if the newest computation failed; an older prediction is not returned in its place.
     /// [`LiveError::Panicked`] if the worker has ended.
-    pub fn predict(&mut self, deadline: Duration) -> Result<Timely<'_>, LiveError> {
+    pub fn predict(&mut self, deadline: Duration) -> Result<TimedAnswer<'_>, LiveError> {
         let asked = self.ask(deadline);
         self.wait(&asked, deadline)?;
         self.timely(&asked)
@@ -163,7 +163,7 @@ impl<P: Predictor<Input: Item>> Live<P> {
     ///
     /// # Errors
     /// As [`Self::predict`].
-    pub fn timely(&mut self, asked: &Asked) -> Result<Timely<'_>, LiveError> {
+    pub fn timely(&mut self, asked: &Asked) -> Result<TimedAnswer<'_>, LiveError> {
         let Asked { request, stamps_us, at } = asked;
         let state = self.shared.lock();
         if state.has_ended() {
@@ -187,7 +187,7 @@ impl<P: Predictor<Input: Item>> Live<P> {
         if !fresh {
             tracing::debug!(request.number, own, behind_events, behind_us, lost_events, "not fresh");
         }
-        Ok(Timely {
+        Ok(TimedAnswer {
             t_us: answer.t_us,
             nodes: answer.nodes,
             fresh,

@@ -25,8 +25,8 @@ use meissner_engine::{
 use meissner_models::description::frames::SignedTiming;
 use meissner_models::{FrameDescription, FrameSource};
 
+use crate::empty_frames::{EmptyFrameLimit, EmptyFrames};
 use crate::schedule::{Every, Last, Schedule};
-use crate::silence::{EmptyFrameLimit, EmptyFrames};
 pub(crate) use state::FeedState;
 
 /// Makes the frames of one stream of events.

@@ -42,7 +42,7 @@
 //! | [`play`] | recordings at real speed, each through a bounded queue |
 //! | [`send`](mod@send) | a recording at real speed to another program |
 //! | [`bench`](mod@bench) | latencies, work, deadlines and comparisons |
-//! | [`latency`], [`memory`], [`skips`] | measurements |
+//! | [`latency`], [`memory`], [`work_counts`] | measurements |
 //! | [`clock`] | stream time on the wall clock |
 //! | [`interrupt`] | signals that ask the process to end |
 #![forbid(unsafe_code)]
@@ -52,11 +52,13 @@ pub mod answer;
 pub mod approximations;
 pub mod bench;
 pub mod clock;
+mod empty_frames;
 pub mod error;
 mod frame_feed;
 pub mod interrupt;
 pub mod latency;
 pub mod left_out;
+mod line_errors;
 pub mod live_frames;
 pub mod losses;
 pub mod memory;
@@ -65,15 +67,13 @@ pub mod play;
 pub mod predictor;
 pub mod press;
 pub mod provenance;
-mod refusals;
 pub mod run;
 pub mod schedule;
 pub mod send;
-mod silence;
-pub mod skips;
 pub mod source;
 pub mod streams;
 pub mod text;
 pub mod training;
+pub mod work_counts;
 
 pub use error::PipelineError;

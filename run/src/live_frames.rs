@@ -13,11 +13,11 @@ use meissner_engine::{
 };
 use serde::{Deserialize, Serialize};
 
+use crate::empty_frames::EmptyFrameLimit;
 use crate::error::PipelineError;
 use crate::frame_feed::{FeedOutput, FeedState, FrameFeed};
 use crate::model::FrameModel;
 use crate::run::EVERY;
-use crate::silence::EmptyFrameLimit;
 
 /// A frame network over the events of one sensor.
 ///

@@ -18,7 +18,7 @@ use meissner_engine::{
     BatchEngine, Event, EventCounters, LatePolicy, Network, Options, Propose, RestartPolicy, Search, Sensor,
     StaleReadout,
 };
-use meissner_live::{Fleet, Input, Live, Overload, Predictor, QueueOptions, Recorded, Timely};
+use meissner_live::{Fleet, Input, Live, Overload, Predictor, QueueOptions, Recorded, TimedAnswer};
 
 use crate::answer::{Classes, Values};
 use crate::approximations::Approximations;
@@ -31,9 +31,9 @@ use crate::memory::peak_resident_bytes;
 use crate::model::Model;
 use crate::run::{Observer, Prediction, ReportPrediction};
 use crate::schedule::times_before;
-use crate::skips::dropped;
 use crate::source::Source;
 use crate::training::Training;
+use crate::work_counts::dropped;
 use reader::{Laps, Reader};
 pub use summary::{LastPrediction, PlaySummary, QueueReport, ReportCounts, Verified};
 use tally::{Tally, state};
@@ -354,7 +354,7 @@ fn report<'a>(
     input: usize,
     number: u64,
     due: Due,
-    timely: &Timely<'a>,
+    timely: &TimedAnswer<'a>,
     classes: &'a mut Classes,
     training: &'a Training,
 ) -> ReportPrediction<'a> {

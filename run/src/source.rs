@@ -15,8 +15,8 @@ use meissner_io::{
 use crate::error::{PipelineError, chain};
 use crate::interrupt;
 use crate::left_out;
+use crate::line_errors::LineErrors;
 use crate::losses::{Advice, InputLosses, Salvaged};
-use crate::refusals::LineErrors;
 use crate::streams;
 
 /// A simulated press and release; see `run/assets/README.md`.

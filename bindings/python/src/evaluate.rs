@@ -12,7 +12,7 @@ use meissner_evaluate::events::{self, EventTask};
 use meissner_evaluate::pareto::{self, AngleOptions, Progress, State, Study};
 use meissner_evaluate::touch::{TouchContainers, TouchObjects};
 use meissner_evaluate::trainings::{Evaluation, Request};
-use meissner_evaluate::{EvaluateError, Watch, Workers, area, regression, slip};
+use meissner_evaluate::{EvaluateError, TaskName, ProgressHandle, Workers, area, force, regression, slip};
 use meissner_run::predictor::Mode;
 use meissner_run::source::Source;
 use pyo3::prelude::*;
@@ -73,24 +73,6 @@ impl Asked {
     }
 }
 
-/// The task of recordings of events with this name.
-enum Recordings {
-    Digits,
-    Objects,
-    Containers,
-}
-
-impl Recordings {
-    fn of(task: &str) -> Option<Self> {
-        Some(match task {
-            "digits" => Self::Digits,
-            "objects" => Self::Objects,
-            "containers" => Self::Containers,
-            _ => return None,
-        })
-    }
-}
-
 /// A report as JSON, and the outputs of the networks as safetensors.
 type Judged = (String, Vec<u8>);
 
@@ -99,9 +81,12 @@ fn judged<R: Serialize>(evaluation: Evaluation<R>) -> Judged {
     (text, evaluation.logits.into_bytes())
 }
 
-fn unknown(task: &str) -> Failure {
-    let expected = "\"digits\", \"objects\", \"containers\", \"slip\", \"angle\" or \"area\" (or, for pareto, \"force\")";
-    Failure::input(format!("task: expected {expected}, found {task:?}"))
+/// The task called `name`.
+fn known(name: &str) -> Outcome<TaskName> {
+    TaskName::of(name).ok_or_else(|| {
+        let names = TaskName::ALL.map(|task| format!("{:?}", task.name())).join(", ");
+        Failure::input(format!("task: expected one of {names}, found {name:?}"))
+    })
 }
 
 /// The report of `task` on `data` as JSON, and the outputs of the networks as safetensors.
@@ -115,42 +100,44 @@ pub(crate) fn judge<'py>(
     tick: &Bound<'py, PyAny>,
 ) -> Outcome<(String, Bound<'py, PyBytes>)> {
     asked.check()?;
-    let (watch, parts) = (Watch::default(), Parts::default());
+    let (watch, parts) = (ProgressHandle::default(), Parts::default());
     let workers = workers(asked.threads, &watch)?;
     let mode = asked.mode()?;
     let done = |training: &str, _: Duration| parts.set(|seen| training.clone_into(&mut seen.name));
     let seen = || Seen { done: watch.done(), total: watch.total(), ..parts.get() };
     let run =
         |work: &(dyn Fn() -> Result<Judged, EvaluateError> + Sync)| watched(py, &watch, tick, seen, work);
-    let (report, logits) = match (task, Recordings::of(task)) {
-        (_, Some(recordings)) => {
-            let (request, stride, folds) = (asked.request(), asked.stride, asked.folds);
-            let every_us = asked.every_us(EVERY_US)?;
-            let options = events::Options { request, stride, folds, every_us, mode };
-            run(&|| match recordings {
-                Recordings::Digits => events::evaluate::<Digits>(&data, &options, &workers, done).map(judged),
-                Recordings::Objects => {
-                    events::evaluate::<TouchObjects>(&data, &options, &workers, done).map(judged)
-                }
-                Recordings::Containers => {
-                    events::evaluate::<TouchContainers>(&data, &options, &workers, done).map(judged)
-                }
-            })
+    let task = known(task)?;
+    let every_us = asked.every_us(match task {
+        TaskName::Angle | TaskName::Force => EVERY_OF_PRESSES_US,
+        _ => EVERY_US,
+    })?;
+    let (request, stride, folds) = (asked.request(), asked.stride, asked.folds);
+    let options = events::Options { request, stride, folds, every_us, mode };
+    let (report, logits) = match task {
+        TaskName::Digits => {
+            run(&|| events::evaluate::<Digits>(&data, &options, &workers, done).map(judged))
         }
-        ("slip", _) => run(&|| slip::evaluate(&data, asked.request(), &workers, done).map(judged)),
-        ("angle", _) => {
-            let (request, stride) = (asked.request(), asked.stride);
-            let every_us = asked.every_us(EVERY_OF_PRESSES_US)?;
+        TaskName::Objects => {
+            run(&|| events::evaluate::<TouchObjects>(&data, &options, &workers, done).map(judged))
+        }
+        TaskName::Containers => {
+            run(&|| events::evaluate::<TouchContainers>(&data, &options, &workers, done).map(judged))
+        }
+        TaskName::Slip => run(&|| slip::evaluate(&data, request, &workers, done).map(judged)),
+        TaskName::Angle => {
             let options = regression::Options { request, stride, every_us, mode, embeds: false };
             run(&|| regression::evaluate(&data, &options, &workers, done).map(judged))
         }
-        ("area", _) => {
+        TaskName::Area => {
             let data = [data];
-            let options =
-                area::Options { request: asked.request(), data: &data, frames: FrameOptions::new() };
+            let options = area::Options { request, data: &data, frames: FrameOptions::new() };
             run(&|| area::evaluate(&options, &workers, done).map(judged))
         }
-        _ => return Err(unknown(task)),
+        TaskName::Force => {
+            let options = force::Options { request, every_us, mode };
+            run(&|| force::evaluate(&data, &options, &workers, done).map(judged))
+        }
     }?;
     Ok((report, PyBytes::new(py, &logits)))
 }
@@ -182,31 +169,26 @@ pub(crate) fn measure(
     if measured.repeats == 0 {
         return Err(Failure::input("repeats: expected at least 1, found 0"));
     }
-    let known = Recordings::of(task);
-    if known.is_none() && !matches!(task, "slip" | "angle" | "area" | "force") {
-        return Err(unknown(task));
-    }
-    let (watch, parts) = (Watch::default(), Parts::default());
+    let task = known(task)?;
+    let (watch, parts) = (ProgressHandle::default(), Parts::default());
     let workers = workers(asked.threads, &watch)?;
     let Measured { only, timed, repeats, state, sensor, from_us } = measured;
     let options = pareto::Options { timed, repeats, only };
     let work = || {
         let run = |study: Study<'_>| run(study, &options, state.as_deref(), &watch, &parts);
-        match known {
-            Some(Recordings::Digits) => run(of_recordings::<Digits>(&data, &asked, &options, &workers)?),
-            Some(Recordings::Objects) => {
-                run(of_recordings::<TouchObjects>(&data, &asked, &options, &workers)?)
-            }
-            Some(Recordings::Containers) => {
+        match task {
+            TaskName::Digits => run(of_recordings::<Digits>(&data, &asked, &options, &workers)?),
+            TaskName::Objects => run(of_recordings::<TouchObjects>(&data, &asked, &options, &workers)?),
+            TaskName::Containers => {
                 run(of_recordings::<TouchContainers>(&data, &asked, &options, &workers)?)
             }
-            None if task == "slip" => run(pareto::slip(&data, asked.request(), &options, &workers)?),
-            None if task == "area" => {
+            TaskName::Slip => run(pareto::slip(&data, asked.request(), &options, &workers)?),
+            TaskName::Area => {
                 let files = std::slice::from_ref(&data);
                 run(pareto::area(files, asked.request(), &options, &workers)?)
             }
-            None if task == "force" => run(pareto::force(&data, asked.request(), &options, &workers)?),
-            None => {
+            TaskName::Force => run(pareto::force(&data, asked.request(), &options, &workers)?),
+            TaskName::Angle => {
                 let read = ReadOptions::default().sensor(sensor.as_ref().map(|pixels| pixels.0));
                 let source = Source::open(Some(&data), &read, sensor.is_some(), false)?;
                 let asked = AngleOptions {
@@ -237,7 +219,7 @@ fn run(
     study: Study<'_>,
     options: &pareto::Options,
     state: Option<&Path>,
-    watch: &Watch,
+    watch: &ProgressHandle,
     parts: &Parts,
 ) -> Result<String, EvaluateError> {
     let mut state = State::open(state)?;

@@ -3,7 +3,7 @@
 use std::sync::{Mutex, PoisonError};
 use std::time::Duration;
 
-use meissner_evaluate::{EvaluateError, Watch, Workers};
+use meissner_evaluate::{EvaluateError, ProgressHandle, Workers};
 use pyo3::prelude::*;
 use rayon::ThreadPoolBuilder;
 
@@ -39,7 +39,7 @@ impl Parts {
 }
 
 /// `threads` threads that tell `watch`, or as many as there are cores.
-pub(crate) fn workers(threads: Option<u16>, watch: &Watch) -> Outcome<Workers> {
+pub(crate) fn workers(threads: Option<u16>, watch: &ProgressHandle) -> Outcome<Workers> {
     let pool = ThreadPoolBuilder::new().num_threads(threads.map_or(0, usize::from)).build();
     let pool = pool.map_err(|error| Failure::Refused("Error", format!("threads: {error}")))?;
     Ok(Workers::new(pool, watch.clone()))
@@ -49,7 +49,7 @@ pub(crate) fn workers(threads: Option<u16>, watch: &Watch) -> Outcome<Workers> {
 /// with what `seen` says. An exception of it or of a signal stops the work at its next part, and is raised then.
 pub(crate) fn watched<T: Send>(
     py: Python<'_>,
-    watch: &Watch,
+    watch: &ProgressHandle,
     tick: &Bound<'_, PyAny>,
     seen: impl Fn() -> Seen,
     work: impl FnOnce() -> Result<T, EvaluateError> + Send,

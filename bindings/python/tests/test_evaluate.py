@@ -308,6 +308,11 @@ def test_run_time_against_error_of_the_force_is_over_recordings(tmp_path):
     arrays |= {"start": np.zeros(3, "i8"), "truth.start": np.array([0, 2, 4], "i8")}
     arrays |= {"truth.t_us": np.array([0, 30_000] * 2, "i8"), "truth.force": np.array([0, 1, 0, 1], "f4")}
     tensors(path, arrays, {"sensor": "[115, 115]"})
+    judged = meissner.evaluate("force", path, networks=["force-graph", "force-tdnn"])
+    assert [(record["network"], record["of"], record["frames"]) for record in judged.records] == [
+        ("force-graph", "all", 6), ("force-tdnn", "all", 6)
+    ]
+    assert judged.logits["force-graph.0"].shape == (6, 1)
     found = meissner.pareto("force", path, networks=["force-graph", "force-tdnn"], only="exact", timed=1, repeats=1)
     assert found.report["unit"] == "recording" and [record["network"] for record in found.records] == ["force-graph", "force-tdnn"]
     for record, network in zip(found.records, found.report["networks"], strict=True):

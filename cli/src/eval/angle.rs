@@ -3,7 +3,7 @@
 use std::io::{self, Write};
 
 use meissner_evaluate::NetworkReport;
-use meissner_evaluate::judged::JudgedSeed;
+use meissner_evaluate::judged::TrainingFigures;
 use meissner_evaluate::metrics::MeanStd;
 use meissner_evaluate::regression::{Errors, Options, OutputErrors, PressFigures, Report, evaluate};
 use meissner_evaluate::trainings::seed_name;
@@ -135,7 +135,7 @@ fn seeds(out: &mut dyn Write, report: &Report) -> io::Result<()> {
         return Ok(());
     }
     let each = all().flat_map(|(network, judged)| judged.each.iter().map(move |one| (network, one)));
-    let rows = each.flat_map(|(network, JudgedSeed { seed, figures, .. })| {
+    let rows = each.flat_map(|(network, TrainingFigures { seed, figures, .. })| {
         let name = format!("{}, seed {}", network.card.network.name, seed_name(*seed));
         rows(figures).map(move |output| {
             let [mean, std] = [output.mean_absolute, output.std].map(|value| format!("{value:.3}"));

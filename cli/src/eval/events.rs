@@ -7,7 +7,7 @@ use std::io::{self, Write};
 use std::path::Path;
 
 use meissner_evaluate::events::{EventTask, Judged, Options, Report, evaluate};
-use meissner_evaluate::judged::JudgedSeed;
+use meissner_evaluate::judged::TrainingFigures;
 use meissner_evaluate::trainings::seed_name;
 use meissner_plot::{AccuracyCurve, Curves, Panel, page};
 use meissner_run::predictor::Mode;
@@ -136,7 +136,7 @@ fn seeds(out: &mut dyn Write, all: &[(String, &Judged)]) -> io::Result<()> {
     }
     let headings = ["each seed", "files", "accuracy (%)", "95 % interval", "median settling time (ms)"];
     let each = all.iter().flat_map(|(name, judged)| judged.each.iter().map(move |one| (name, one)));
-    let rows = each.map(|(name, JudgedSeed { seed, files, figures })| {
+    let rows = each.map(|(name, TrainingFigures { seed, files, figures })| {
         let (interval, settled) = (interval(figures.interval_95), settled(figures.settled_us));
         let name = format!("{name}, seed {}", seed_name(*seed));
         [name, files.len().to_string(), percent(figures.accuracy), interval, settled]

@@ -8,8 +8,8 @@ use meissner_run::error::{PipelineError, chain};
 use meissner_run::latency::{Latencies, Quantiles};
 use meissner_run::play::PlaySummary;
 use meissner_run::run::{ElectrodeCounts, EventCounts, EventSummary, FrameSummary, InputCounts, Pixels};
-use meissner_run::skips::WorkCounts;
 use meissner_run::text::grouped;
+use meissner_run::work_counts::WorkCounts;
 
 use super::rows::OUTSIDE;
 use crate::text::{NONE, Table, duration, mebibytes};

@@ -15,7 +15,7 @@ use meissner_run::run::BLUR_RADIUS;
 use serde::Serialize;
 
 use super::pictures::{Labelled, Press, Set, Truth};
-use super::run::{Answer, How, Run};
+use super::run::{Answer, PressOptions, Run};
 use crate::error::EvaluateError;
 use crate::metrics::MeanStd;
 use crate::workers::Workers;
@@ -90,7 +90,7 @@ impl Outcome {
     /// Runs `model` over the pictures of `press`.
     pub(crate) fn of(
         model: &FrameModel,
-        how: How,
+        how: PressOptions,
         costs: &[LayerCost],
         press: &Press,
     ) -> Result<Self, EvaluateError> {

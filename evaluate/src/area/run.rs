@@ -12,7 +12,7 @@ use super::pictures::Press;
 
 /// How a network runs over the pictures of a press.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct How {
+pub(crate) struct PressOptions {
     /// What is skipped between pictures.
     pub(crate) options: FrameOptions,
     /// Of so many pictures the network sees the first; its answer stands for the others.
@@ -38,7 +38,7 @@ pub(crate) struct Answer {
 }
 
 impl Run {
-    pub(crate) fn new(model: &FrameModel, how: How) -> Result<Self, PipelineError> {
+    pub(crate) fn new(model: &FrameModel, how: PressOptions) -> Result<Self, PipelineError> {
         let predictor = ContactPredictor::new(model, how.options)?;
         Ok(Self { predictor, every: how.every, pictures: 0, last: None })
     }

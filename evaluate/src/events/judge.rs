@@ -26,7 +26,7 @@ use crate::error::{EvaluateError, weights_error};
 use crate::judge::{Judge, JudgedTrial, NetworkReport, judge};
 use crate::judged::{self, Figures};
 use crate::metrics::{Confusion, MeanStd, mean_interval, predicted, wilson_95};
-use crate::trainings::{Candidate, Evaluation, Request, Training, candidates};
+use crate::trainings::{EvaluatedNetwork, Evaluation, Request, Training, candidates};
 use crate::trials::Trial;
 use crate::workers::Workers;
 
@@ -194,7 +194,7 @@ impl<T: EventTask> Judge for OfEvents<'_, T> {
     type Figures = Option<OverTime>;
     type Network = Protocols;
 
-    fn plan(&self, candidate: &Candidate<Description>) -> Result<(usize, Vec<Trial>), EvaluateError> {
+    fn plan(&self, candidate: &EvaluatedNetwork<Description>) -> Result<(usize, Vec<Trial>), EvaluateError> {
         let own = candidate.stride();
         let stride = self.options.stride.map_or(own, Ok)?;
         let trials = self.data.trials(&candidate.trainings, self.options.folds)?;

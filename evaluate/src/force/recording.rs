@@ -6,7 +6,7 @@ use meissner_engine::Event;
 
 use crate::error::EvaluateError;
 use crate::regression::engine::{Count, PressEngine};
-use crate::regression::press::{Found, Presses, newest};
+use crate::regression::press::{Presses, TimedPrediction, newest};
 
 /// The label of the force.
 pub(crate) const FORCE: &str = "force";
@@ -62,7 +62,7 @@ pub(crate) fn run(
     let since_start = |event: &Event| Event::new(event.t_us - start, event.x, event.y, event.on);
     let mut events = part.iter().step_by(stride).map(since_start).peekable();
     let (mut values, mut pushed, mut push_ns, mut free_us) = (Vec::new(), 0, 0, 0.0_f64);
-    let (mut found, mut update_ns): (Vec<Found>, Vec<u64>) = (Vec::new(), Vec::new());
+    let (mut found, mut update_ns): (Vec<TimedPrediction>, Vec<u64>) = (Vec::new(), Vec::new());
     for t_us in (every_us..=end - start).step_by(every_us as usize) {
         let clock = Instant::now();
         // An event at the end of a frame belongs to the next one.
@@ -75,15 +75,16 @@ pub(crate) fn run(
         let spent = clock.elapsed().as_nanos();
         update_ns.push(spent as u64);
         free_us = free_us.max(t_us as f64) + spent as f64 / 1e3;
-        found.push(Found {
+        found.push(TimedPrediction {
             t_us,
             available_us: free_us,
             values: values.iter().copied().map(f64::from).collect(),
         });
     }
     let of_frames = || found.iter().filter(|found| found.t_us % period_us == 0);
-    let square =
-        |held: &Found, t_us: i64| vec![(held.values[0] - force(t_us)) * (held.values[0] - force(t_us))];
+    let square = |held: &TimedPrediction, t_us: i64| {
+        vec![(held.values[0] - force(t_us)) * (held.values[0] - force(t_us))]
+    };
     let after = engine.count();
     Ok(Outcome {
         values: of_frames().map(|found| found.values[0]).collect(),

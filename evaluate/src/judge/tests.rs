@@ -10,9 +10,9 @@ use rayon::ThreadPoolBuilder;
 use super::{Judge, JudgedTrial, judge};
 use crate::error::EvaluateError;
 use crate::regression::Regression;
-use crate::trainings::{Candidate, Request, Training, candidates};
+use crate::trainings::{EvaluatedNetwork, Request, Training, candidates};
 use crate::trials::{Cases, Trial};
-use crate::workers::{Watch, Workers};
+use crate::workers::{ProgressHandle, Workers};
 
 const CASES: usize = 5;
 
@@ -30,7 +30,7 @@ impl Judge for Numbers {
     type Figures = f32;
     type Network = Vec<f32>;
 
-    fn plan(&self, candidate: &Candidate<AnyDescription>) -> Result<((), Vec<Trial>), EvaluateError> {
+    fn plan(&self, candidate: &EvaluatedNetwork<AnyDescription>) -> Result<((), Vec<Trial>), EvaluateError> {
         let mut cases = Cases::default();
         cases.push("own", CASES);
         let all: Vec<usize> = (0..CASES).collect();
@@ -66,7 +66,7 @@ fn run(refused: &'static str) -> (Result<Vec<Vec<f32>>, EvaluateError>, usize, [
     let networks = ["tactigraph-past", "tactip-past"].map(str::to_owned);
     let request = Request { networks: &networks, ..Request::default() };
     let (candidates, _) = candidates::<Regression>(request).expect("they are shipped");
-    let watch = Watch::default();
+    let watch = ProgressHandle::default();
     let pool = ThreadPoolBuilder::new().num_threads(2).build().expect("threads");
     let numbers = Numbers { refused, run: AtomicUsize::new(0) };
     let logits = TensorFile::new(BTreeMap::new());

@@ -25,10 +25,10 @@ use crate::error::{EvaluateError, RequestPart, weights_error};
 use crate::events::lost;
 use crate::force::recording::{FORCE, Outcome, run};
 use crate::force::{Force, PERIOD_US, PartErrors};
-use crate::regression::engine::{Count, HowCounts, PressEngine};
+use crate::regression::engine::{Count, CountsOptions, PressEngine};
 use crate::regression::press::Presses;
 use crate::regression::quantity::Quantity;
-use crate::trainings::{Candidate, Request, Training, candidates};
+use crate::trainings::{EvaluatedNetwork, Request, Training, candidates};
 use crate::trials::{Cases, Fold, Trial};
 use crate::workers::Workers;
 
@@ -67,7 +67,7 @@ pub fn force<'a>(
     for candidate in candidates {
         recordings.check(candidate.description.name(), &Quantity::of(&candidate.description))?;
         let stride = candidate.stride()?;
-        let Candidate { description, trainings } = candidate;
+        let EvaluatedNetwork { description, trainings } = candidate;
         let trials = cases.trials(&trainings, &all, |_| Ok(()))?;
         let Fold { training: first, cases: unseen } = &trials[0].folds[0];
         if unseen.is_empty() {
@@ -200,7 +200,8 @@ impl GraspsNetwork<'_> {
             }
             Kind::Frames(description, settings) => {
                 let of = settings[setting];
-                let how = HowCounts { convolution: of.convolution, options: of.options(), every: of.every() };
+                let how =
+                    CountsOptions { convolution: of.convolution, options: of.options(), every: of.every() };
                 PressEngine::counts(description, training, sensor, how)
             }
         }

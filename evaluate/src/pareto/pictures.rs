@@ -23,10 +23,10 @@ use super::task_error::{ErrorKind, TaskError};
 use super::{NetworkReport, NetworkStudy, Options, Study};
 use crate::area::figures::{Figures, Outcome};
 use crate::area::pictures::{Press, Set, Truth};
-use crate::area::run::{Answer, How, Run};
+use crate::area::run::{Answer, PressOptions, Run};
 use crate::area::{Area, model};
 use crate::error::{EvaluateError, RequestPart, weights_error};
-use crate::trainings::{Candidate, Request, Training, candidates};
+use crate::trainings::{EvaluatedNetwork, Request, Training, candidates};
 use crate::workers::Workers;
 
 /// Timed pictures without another number.
@@ -63,7 +63,7 @@ pub fn area<'a>(
     let chosen = spread(&filled, |i| presses[i].pictures.len(), asked);
     let timed: usize = chosen.iter().map(|&i| presses[i].pictures.len()).sum();
     let mut networks = Vec::new();
-    for Candidate { description, trainings } in candidates {
+    for EvaluatedNetwork { description, trainings } in candidates {
         let name = description.name().to_owned();
         let mut fingerprint = Fingerprint::default();
         fingerprint.text(&format!("{description:?}"));
@@ -155,8 +155,12 @@ struct Timed {
 
 impl PicturesNetwork<'_> {
     /// The network with the weights of `training`, and how it runs over a press.
-    fn model(&self, training: &Training, setting: FrameSetting) -> Result<(FrameModel, How), EvaluateError> {
-        let how = How { options: setting.options(), every: setting.every() };
+    fn model(
+        &self,
+        training: &Training,
+        setting: FrameSetting,
+    ) -> Result<(FrameModel, PressOptions), EvaluateError> {
+        let how = PressOptions { options: setting.options(), every: setting.every() };
         Ok((model(&self.description, training, setting.convolution)?, how))
     }
 

@@ -22,7 +22,7 @@ use super::{NetworkReport, NetworkStudy, Options, Study};
 use crate::error::{EvaluateError, RequestPart, weights_error};
 use crate::events::{EventTask, lost};
 use crate::slip::{Slip, SlipData, Windows};
-use crate::trainings::{Candidate, Request, candidates};
+use crate::trainings::{EvaluatedNetwork, Request, candidates};
 use crate::trials::Fold;
 use crate::workers::Workers;
 
@@ -117,11 +117,11 @@ pub fn events<'a, T: EventTask>(
     workers: &'a Workers,
 ) -> Result<Study<'a>, EvaluateError> {
     let (candidates, more_notes) = candidates::<T>(request)?;
-    let strides = candidates.iter().map(Candidate::stride).collect::<Result<Vec<_>, _>>()?;
+    let strides = candidates.iter().map(EvaluatedNetwork::stride).collect::<Result<Vec<_>, _>>()?;
     let data = Arc::new(T::read(folder)?);
     let asked = options.timed.unwrap_or(EVENTS);
     let (mut networks, mut timed) = (Vec::new(), 0);
-    for (Candidate { description, trainings }, stride) in candidates.into_iter().zip(strides) {
+    for (EvaluatedNetwork { description, trainings }, stride) in candidates.into_iter().zip(strides) {
         // Folds where there are any, else whole trainings.
         let mut trials = data.trials(&trainings, folds)?;
         let has_folds = trials.iter().any(|trial| trial.scheme.is_some());
@@ -198,7 +198,7 @@ pub fn slip<'a>(
     notes.splice(0..0, data.notes.iter().cloned());
     let asked = options.timed.unwrap_or(WINDOWS);
     let (mut networks, mut size, mut timed) = (Vec::new(), 0, 0);
-    for Candidate { description, trainings } in candidates {
+    for EvaluatedNetwork { description, trainings } in candidates {
         let name = description.name().to_owned();
         let whole: Vec<_> = trainings.iter().filter(|training| training.held_out.is_none()).collect();
         let folds = trainings.len() - whole.len();

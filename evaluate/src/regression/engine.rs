@@ -24,12 +24,12 @@ use crate::trainings::Training;
 pub(crate) enum PressEngine {
     Graph { predictor: Box<EventPredictor>, costs: Arc<GraphCosts> },
     Frames { window: Box<SlidingSigned>, engine: Box<FrameEngine>, costs: Arc<Vec<LayerCost>> },
-    Counts { windows: Box<ConsecutiveFrames>, taker: Box<Taker>, costs: Arc<Vec<LayerCost>> },
+    Counts { windows: Box<ConsecutiveFrames>, taker: Box<WindowedEngine>, costs: Arc<Vec<LayerCost>> },
 }
 
 /// How a network over consecutive windows runs: exactly by default.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct HowCounts {
+pub(crate) struct CountsOptions {
     pub(crate) convolution: Convolution,
     pub(crate) options: FrameOptions,
     /// Of so many windows the network sees the first, without the events of the others. It makes a step for each window that it sees, so
@@ -37,7 +37,7 @@ pub(crate) struct HowCounts {
     pub(crate) every: usize,
 }
 
-impl Default for HowCounts {
+impl Default for CountsOptions {
     fn default() -> Self {
         Self { convolution: Convolution::Direct, options: FrameOptions::new(), every: 1 }
     }
@@ -45,7 +45,7 @@ impl Default for HowCounts {
 
 /// A frame engine that takes windows that have ended.
 #[derive(Clone)]
-pub(crate) struct Taker {
+pub(crate) struct WindowedEngine {
     engine: FrameEngine,
     every: u64,
     /// Windows that have ended since the last reset.
@@ -151,7 +151,7 @@ impl PressEngine {
         description: &FrameDescription,
         training: &Training,
         sensor: Sensor,
-        how: HowCounts,
+        how: CountsOptions,
     ) -> Result<Self, EvaluateError> {
         let (
             &FrameSource::EventCounts { period_us, place, maximum },
@@ -172,7 +172,7 @@ impl PressEngine {
         let windows = windows.map_err(|source| PipelineError::Frames { network: network_name, source })?;
         let costs = Arc::new(description.layers().iter().map(LayerCost::new).collect());
         let engine = FrameEngine::with_options(network, how.options)?;
-        let taker = Taker { engine, every: how.every as u64, ended: 0 };
+        let taker = WindowedEngine { engine, every: how.every as u64, ended: 0 };
         Ok(Self::Counts { windows: Box::new(windows), taker: Box::new(taker), costs })
     }
 
@@ -296,7 +296,7 @@ pub(crate) fn row_costs(network: &Network) -> Vec<u64> {
     costs
 }
 
-impl Taker {
+impl WindowedEngine {
     /// Pushes windows that have ended, unless `pushed` has failed.
     fn take(&mut self, completed: &Completed<'_>, pushed: &mut Result<(), EngineError>) {
         let count = if let Completed::Empty(run) = completed { run.count } else { 1 };

@@ -137,7 +137,7 @@ impl Presses {
         let part = self.streams.parts()[press];
         let mut events = part.iter().step_by(stride).copied().peekable();
         let (mut values, mut pushed) = (Vec::new(), 0);
-        let mut found: Vec<Found> = Vec::new();
+        let mut found: Vec<TimedPrediction> = Vec::new();
         let mut update_ns = Vec::new();
         let mut free_us = f64::MIN;
         for t_us in due(start, contact, end, every_us) {
@@ -154,7 +154,7 @@ impl Presses {
             free_us = free_us.max(t_us as f64) + spent as f64 / 1e3;
             let shown =
                 values.iter().zip(quantities).map(|(&value, quantity)| f64::from(value) * quantity.scale);
-            found.push(Found { t_us, available_us: free_us, values: shown.collect() });
+            found.push(TimedPrediction { t_us, available_us: free_us, values: shown.collect() });
         }
         let since_contact = found.iter().filter(|found| found.t_us >= contact);
         let errors_at: Vec<Vec<f64>> =
@@ -181,14 +181,14 @@ impl Presses {
 }
 
 /// A prediction.
-pub(crate) struct Found {
+pub(crate) struct TimedPrediction {
     pub(crate) t_us: i64,
     /// When a reader has it.
     pub(crate) available_us: f64,
     pub(crate) values: Vec<f64>,
 }
 
-impl Found {
+impl TimedPrediction {
     fn errors(&self, truth: &[f64]) -> Vec<f64> {
         self.values.iter().zip(truth).map(|(value, truth)| (value - truth).abs()).collect()
     }
@@ -203,10 +203,10 @@ fn due(start: i64, contact: i64, end: i64, every_us: i64) -> impl Iterator<Item 
 
 /// The means of the `errors` of the newest prediction that a reader has at every millisecond from `contact` to `end`.
 pub(crate) fn newest(
-    found: &[Found],
+    found: &[TimedPrediction],
     contact: i64,
     end: i64,
-    errors: impl Fn(&Found, i64) -> Vec<f64>,
+    errors: impl Fn(&TimedPrediction, i64) -> Vec<f64>,
 ) -> Option<Vec<f64>> {
     let (mut sums, mut count) = (Vec::new(), 0_u32);
     let mut next = 0;
@@ -235,7 +235,7 @@ fn settled(errors_at: &[Vec<f64>], quantities: &[Quantity]) -> Option<usize> {
 
 #[cfg(test)]
 mod tests {
-    use super::{Found, due, newest, settled};
+    use super::{TimedPrediction, due, newest, settled};
     use crate::regression::quantity::Quantity;
 
     #[test]
@@ -248,7 +248,8 @@ mod tests {
 
     #[test]
     fn a_reader_has_a_prediction_only_after_its_latency() {
-        let found = |t_us: i64, available_us: f64, value| Found { t_us, available_us, values: vec![value] };
+        let found =
+            |t_us: i64, available_us: f64, value| TimedPrediction { t_us, available_us, values: vec![value] };
         let predictions = [found(0, 900.0, 5.0), found(1_000, 3_500.0, 1.0)];
         // At 0 there is none; at 1, 2 and 3 ms the first, at 4 ms the second.
         let errors = newest(&predictions, 0, 4_000, |held, _| held.errors(&[0.0])).expect("one came in time");

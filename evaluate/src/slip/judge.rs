@@ -22,7 +22,7 @@ use crate::error::{EvaluateError, TrainingError};
 use crate::judge::{Judge, JudgedTrial, NetworkReport, judge};
 use crate::judged::{self, Figures};
 use crate::metrics::{Confusion, MeanStd, Scores, predicted};
-use crate::trainings::{Candidate, Evaluation, Metadata, Request, Scheme, Training, candidates};
+use crate::trainings::{EvaluatedNetwork, Evaluation, Metadata, Request, Scheme, Training, candidates};
 use crate::trials::Trial;
 use crate::workers::Workers;
 
@@ -210,8 +210,11 @@ impl Judge for OfSlip<'_> {
     type Figures = OfTrial;
     type Network = SlipFigures;
 
-    fn plan(&self, candidate: &Candidate<FrameDescription>) -> Result<(Plan, Vec<Trial>), EvaluateError> {
-        let Candidate { description, trainings } = candidate;
+    fn plan(
+        &self,
+        candidate: &EvaluatedNetwork<FrameDescription>,
+    ) -> Result<(Plan, Vec<Trial>), EvaluateError> {
+        let EvaluatedNetwork { description, trainings } = candidate;
         let windows = Windows::cut(self.data, description)?;
         let all: Vec<usize> = (0..windows.cases.len()).collect();
         let of_basic = all.iter().filter(|&&window| self.set(&windows, window) == ObjectSet::Basic).count();

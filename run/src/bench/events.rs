@@ -20,7 +20,7 @@ use crate::memory::peak_resident_bytes;
 use crate::model::Model;
 use crate::predictor::{EventPredictor, Mode};
 use crate::schedule::{Every, Last, Schedule};
-use crate::skips::WorkCounts;
+use crate::work_counts::WorkCounts;
 
 /// The default period of the deadline report.
 const PERIOD_US: i64 = 1000;

@@ -14,12 +14,12 @@ use meissner_models::description::frames::{CropPlace, SignedTiming};
 use serde::Serialize;
 
 use super::moments::{End, PredictionTimes};
+use crate::empty_frames::EmptyFrameLimit;
 use crate::error::PipelineError;
 use crate::frame_feed::{FeedOutput, FrameFeed};
 use crate::latency::{CallLatencies, Latency};
 use crate::model::{FrameModel, LayerCost};
 use crate::schedule::Every;
-use crate::silence::EmptyFrameLimit;
 use crate::text::display_us;
 
 /// The default time from frame to frame: 10 ms, as in the force networks.

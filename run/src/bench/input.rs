@@ -14,8 +14,8 @@ use crate::error::PipelineError;
 use crate::losses::{InputLosses, LossWarning};
 use crate::provenance::{Header, InputCard, ModelCard};
 use crate::schedule::Every;
-use crate::skips::dropped;
 use crate::source::Source;
+use crate::work_counts::dropped;
 
 /// Options of a benchmark.
 #[derive(Clone, Debug, Default)]

@@ -3,8 +3,8 @@
 use proptest::prelude::*;
 
 use super::{FeedOutput, FrameFeed};
+use crate::empty_frames::EmptyFrameLimit;
 use crate::schedule::Every;
-use crate::silence::EmptyFrameLimit;
 use meissner_engine::{Event, LatePolicy, RestartPolicy, Sensor};
 use meissner_models::FrameDescription;
 

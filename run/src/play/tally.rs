@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use meissner_live::Timely;
+use meissner_live::TimedAnswer;
 
 use super::ReportCounts;
 use crate::latency::{Latencies, Latency, microseconds};
@@ -36,7 +36,7 @@ impl Tally {
     }
 
     /// Counts a report with this `deadline`. It was requested `late` after it was due.
-    pub(super) fn count(&mut self, timely: &Timely<'_>, deadline: Duration, late: Duration) {
+    pub(super) fn count(&mut self, timely: &TimedAnswer<'_>, deadline: Duration, late: Duration) {
         let reports = &mut self.reports;
         reports.made += 1;
         self.training.update(timely.values);
@@ -56,7 +56,7 @@ impl Tally {
     }
 
     /// Records how long the events took that `timely` is the first to cover.
-    pub(super) fn covered(&mut self, timely: &Timely<'_>) {
+    pub(super) fn covered(&mut self, timely: &TimedAnswer<'_>) {
         if let Some(latency) = timely.latency {
             self.event.record(latency);
         }
@@ -70,10 +70,10 @@ impl Tally {
 }
 
 /// How current the prediction of `timely` is.
-pub(super) fn state(timely: &Timely<'_>) -> ReportState {
+pub(super) fn state(timely: &TimedAnswer<'_>) -> ReportState {
     match timely {
-        Timely { fresh: true, .. } => ReportState::Fresh,
-        Timely { own: true, .. } => ReportState::Behind,
+        TimedAnswer { fresh: true, .. } => ReportState::Fresh,
+        TimedAnswer { own: true, .. } => ReportState::Behind,
         _ => ReportState::Old,
     }
 }

@@ -31,9 +31,9 @@ use crate::answer::{Classes, Values};
 use crate::error::{PipelineError, chain};
 use crate::interrupt;
 use crate::latency::microseconds;
+use crate::line_errors::LineErrors;
 use crate::losses::{Advice, InputLosses};
 use crate::model::FrameModel;
-use crate::refusals::LineErrors;
 use crate::streams;
 
 /// Time from one reading to the next, in microseconds.

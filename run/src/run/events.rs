@@ -18,9 +18,9 @@ use crate::losses::{InputLosses, LossWarning};
 use crate::model::Model;
 use crate::predictor::EventPredictor;
 use crate::schedule::{Last, Schedule};
-use crate::skips::{WorkCounts, dropped};
 use crate::source::Source;
 use crate::training::Training;
+use crate::work_counts::{WorkCounts, dropped};
 
 /// A network over events with its source, before the run.
 pub type EventRun = StreamRun<EventSteps>;

@@ -13,16 +13,16 @@ use super::state::{EVERY, RunOptions, Saver};
 use super::stream::{Steps, StreamRun};
 use super::summary::{EventCounts, FrameSummary, InputCounts, Summary};
 use crate::answer::{Classes, Values};
+use crate::empty_frames::EmptyFrameLimit;
 use crate::error::PipelineError;
 use crate::frame_feed::{FeedOutput, FeedState, FrameFeed};
 use crate::latency::microseconds;
 use crate::losses::{InputLosses, LossWarning};
 use crate::model::FrameModel;
 use crate::schedule::{Every, Last, Schedule};
-use crate::silence::EmptyFrameLimit;
-use crate::skips::dropped;
 use crate::source::Source;
 use crate::text::display_us;
+use crate::work_counts::dropped;
 
 /// A network over frames of events with its source, before the run.
 pub type FrameRun = StreamRun<FrameSteps>;

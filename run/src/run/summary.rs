@@ -10,7 +10,7 @@ use crate::approximations::ApproximationReport;
 use crate::error::PipelineError;
 use crate::latency::Latencies;
 use crate::losses::{LossWarning, Salvaged};
-use crate::skips::WorkCounts;
+use crate::work_counts::WorkCounts;
 
 /// A run that has ended.
 #[derive(Debug)]

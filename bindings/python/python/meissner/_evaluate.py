@@ -48,8 +48,9 @@ class Evaluation:
 
     - `report`: what `meissner eval TASK --json` writes; `docs/json.md` explains its keys.
     - `records`: a dict for each training of each network (on each part of the data, or for each output).
-    - `over_time`: a dict for each of these and each time of a prediction; empty for slip and area.
-    - `logits`: float32 outputs of the networks by the name NETWORK.SEED: (recordings, classes) or (presses, outputs); for area
+    - `over_time`: a dict for each of these and each time of a prediction; empty for slip, area and force.
+    - `logits`: float32 outputs of the networks by the name NETWORK.SEED: (recordings, classes) or (presses, outputs); for force
+      (frames, 1) in N; for area
       NETWORK.SEED.0: (pictures, H, W), the force on each pixel in N.
     """
 
@@ -112,13 +113,14 @@ def evaluate(
     """Judges networks on a labelled data set, as `meissner eval TASK` does.
 
     - `task`, `data`: "digits" and a folder of N-MNIST; "objects" or "containers" and a folder of NeuTouch; "slip" and a folder of
-      the slip data set; "angle" and a safetensors file of presses; "area" and a file of pictures of a gel.
+      the slip data set; "angle" and a safetensors file of presses; "area" and a file of pictures of a gel; "force" and a safetensors
+      file of grasps.
     - `networks`: names of shipped networks or description files; none for every shipped one of the task ("tactigraph-past" for
       "angle").
     - `weights`, `trainings`, `folds`: a file of weights for the only network, or a folder of trainings and the number of folds of
       its cross-validation.
     - `stride`: every so many events one is pushed; `every_us`: microseconds between predictions, by default 10,000 (1,000 for
-      "angle"); `mode`: "incremental" or "batch", which give the same figures.
+      "angle" and "force"); `mode`: "incremental" or "batch", which give the same figures.
     - `threads`: by default as many as there are cores. Their number changes no figure.
     - `progress`: a callback (done, total, training), True or False; None for a bar on a terminal and in a notebook.
 
@@ -137,6 +139,8 @@ def evaluate(
             head = {"network": network, "of": part, "seed": one["seed"], "files": ", ".join(one["files"])}
             if task == "angle":
                 _of_presses(report, head, one, records, over_time)
+            elif task == "force":
+                records.extend(head | {"of": part["part"]} | {key: part[key] for key in ("frames", "mse", "mae")} for part in one["parts"])
             elif task == "slip":
                 records.append(head | {key: one[key] for key in ("windows", "accuracy", "precision", "recall", "f1")})
             else:

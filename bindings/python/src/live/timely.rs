@@ -52,7 +52,7 @@ pub(super) struct Taken {
 }
 
 impl Taken {
-    pub(super) fn new(found: &live::Timely<'_>) -> Self {
+    pub(super) fn new(found: &live::TimedAnswer<'_>) -> Self {
         let timely = Timely {
             fresh: found.fresh,
             own: found.own,
