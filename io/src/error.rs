@@ -101,7 +101,7 @@ pub enum IoError {
         /// Length of the part in bytes, or one more than the bytes present.
         expected: u64,
         actual: u64,
-        /// Whether `expected` is only a lower bound, as for data with an end marker in place of a length.
+        /// Whether `expected` is only a lower bound, as for data with an end marker instead of a length.
         at_least: bool,
     },
     /// The content contradicts the format.

@@ -344,7 +344,7 @@ fn columns<'a>(scanner: &mut Scanner<'a>) -> Result<(Vec<Column<'a>>, usize), Io
     let (mut columns, mut stride) = (Vec::new(), 0_usize);
     while !scanner.eat(b']') {
         scanner.expect(b'(')?;
-        // A field with a title has a pair of title and name in place of the name.
+        // A field with a title has a pair of title and name instead of the name.
         let has_title = scanner.eat(b'(');
         let mut name = scanner.string()?;
         if has_title {

@@ -38,7 +38,7 @@ pub struct ReadOptions {
     /// type that holds no events, an event before the first time. Otherwise [`Recording::left_out`](crate::Recording::left_out) and
     /// [`Recording::other_streams`](crate::Recording::other_streams) count them.
     pub strict: bool,
-    /// The chip of a recording of AEDAT2, in place of the one that it names.
+    /// The chip of a recording of AEDAT2, instead of the one that it names.
     pub chip: Option<Chip>,
     /// The sensor of a recording that names none, as far as it decides how the recording is read: with AEDAT2 it names the chip.
     pub sensor: Option<Sensor>,

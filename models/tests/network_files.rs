@@ -369,10 +369,10 @@ fn every_example_of_the_page_is_accepted() {
     for text in &whole {
         AnyDescription::parse(text).unwrap_or_else(|error| panic!("{error}\n{text}"));
     }
-    // The part is an output of three classes, in place of that of an example that has three.
+    // The part is an output of three classes, instead of that of an example that has three.
     let head = whole.iter().find(|text| text.contains("[[head]]")).expect("an example with a head");
     let (before, _) = head.split_once("[output]").expect("an output");
-    AnyDescription::parse(&(before.to_owned() + parts[0])).expect("the part in place of an output");
+    AnyDescription::parse(&(before.to_owned() + parts[0])).expect("the part instead of an output");
 }
 
 #[test]

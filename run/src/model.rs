@@ -24,9 +24,9 @@ pub struct ModelOptions {
     pub weights: Option<PathBuf>,
     /// Whether weights that were trained on another preparation of the input are accepted.
     pub ignore_preparation: bool,
-    /// Length of the window in microseconds, in place of the description's.
+    /// Length of the window in microseconds, instead of the description's.
     pub span_us: Option<i64>,
-    /// Largest number of events in the window, in place of the description's.
+    /// Largest number of events in the window, instead of the description's.
     pub capacity: Option<usize>,
     /// Approximations. The number of neighbours is applied to the network itself.
     pub approximations: Approximations,

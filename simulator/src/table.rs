@@ -1,7 +1,7 @@
 //! Presses of a dome at any tilt and depth, between presses that were computed before.
 //!
 //! Enters: a dome, the greatest depth. Leaves: the markers at any tilt up to [`PressTable::MAX_TILT`], direction and depth, in
-//! microseconds in place of a second, for simulations at real speed.
+//! microseconds instead of a second, for simulations at real speed.
 //!
 //! The mesh of a [`Dome`] looks the same after a turn by 60 degrees, so presses in a sixth of all directions are enough. Between them, the
 //! markers are linear in tilt, direction and depth.
@@ -73,7 +73,7 @@ impl PressTable {
         self.markers
     }
 
-    /// Writes the markers of a press to `markers`, in place of what it held, in the order of [`Press::markers`]. A tilt or depth beyond
+    /// Writes the markers of a press to `markers`, instead of what it held, in the order of [`Press::markers`]. A tilt or depth beyond
     /// the table's is that of its end.
     pub fn markers(&self, tilt: f64, azimuth: f64, depth_mm: f64, markers: &mut Vec<Vector>) {
         let (tilt, tilt_share) = split(tilt / Self::MAX_TILT * TILTS as f64, TILTS);

@@ -191,7 +191,7 @@ impl<E: IncrementalEvents> CheckedEngine<E> {
         self.run_with(script, Self::compare)
     }
 
-    /// As [`Self::run`], with `check` in place of the comparison.
+    /// As [`Self::run`], with `check` instead of the comparison.
     ///
     /// # Errors
     /// The first difference, and its step.

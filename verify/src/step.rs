@@ -36,7 +36,7 @@ impl<I> Step<I> {
 pub struct Stream<I = Event> {
     /// The sensor; `None` for frames.
     pub sensor: Option<Sensor>,
-    /// Most events in the window, in place of the network's.
+    /// Most events in the window, instead of the network's.
     pub capacity: Option<usize>,
     /// The steps.
     pub steps: Vec<Step<I>>,

@@ -1,4 +1,4 @@
-//! Handles: what C holds in place of pointers, and the values behind them.
+//! Handles: what C holds instead of pointers, and the values behind them.
 //!
 //! A handle is a number in the clothes of a pointer: nothing is where it points. It names a slot of a table, and which of the values that
 //! the slot has held. So a handle that has ended is known to have, whoever still uses it, and a call that begins on one thread while another

@@ -48,9 +48,9 @@ pub const MEISSNER_CONVOLUTION_WINOGRAD_4: u32 = 2;
 pub struct meissner_network_options {
     /// `sizeof(meissner_network_options)`.
     pub size: usize,
-    /// Length of the window in microseconds, in place of the description's. Networks over events only.
+    /// Length of the window in microseconds, instead of the description's. Networks over events only.
     pub span_us: i64,
-    /// Most events in the window, in place of the description's. Networks over events only.
+    /// Most events in the window, instead of the description's. Networks over events only.
     pub capacity: u64,
     /// Most neighbours of an event, at most the description's: an approximation. Networks over events only.
     pub neighbours: u64,

@@ -120,14 +120,14 @@ pub(crate) fn word<T: std::str::FromStr<Err = UnknownName>>(word: Option<&str>) 
 /// Opens a recording of events: AEDAT 2.0, 3.1 and 4, EVT2, EVT3, DAT, Event Stream, N-MNIST, text, NumPy, or HDF5 of DSEC
 /// and Prophesee; also inside gzip or zip. The format is found from the content.
 ///
-/// - `format`: "aedat4", "aedat3", "aedat2", "evt2", "evt3", "dat", "es", "nmnist", "csv", "npy" or "hdf5", in place of the one found.
+/// - `format`: "aedat4", "aedat3", "aedat2", "evt2", "evt3", "dat", "es", "nmnist", "csv", "npy" or "hdf5", instead of the one found.
 /// - `columns`, `time_unit`: the order of the columns of a text, such as "txyp", and the unit of its times: "s", "ms", "us" or
 ///   "ns".
 /// - `salvage`: read a file that was cut short up to the cut.
 /// - `strict`: refuse what is left out otherwise: lines of a text that are no events, events outside the sensor that the file names, words
 ///   that hold no events, events before the first time. `Recording.left_out` counts them.
 /// - `sensor`: (width, height) of the sensor, where the file names none. It names the chip of AEDAT 2.0, where only one has this size.
-/// - `chip`: the chip of AEDAT 2.0, such as "DAVIS346", in place of the one that the file names.
+/// - `chip`: the chip of AEDAT 2.0, such as "DAVIS346", instead of the one that the file names.
 /// - `stream`: which of several streams of events of AEDAT 3.1 and 4 is read, counted from 1.
 ///
 /// Raises `FileError` where there is no such file; `RecordingError` with the place of a fault when the content is read.

@@ -130,7 +130,7 @@ pub(super) struct Patch<'a, W> {
     pub(super) tolerance: Option<f32>,
     /// Rows and columns of the recomputed blocks.
     pub(super) block: [usize; 2],
-    /// Whether a small rectangle of changes, as one changed pixel of the frame makes, is recomputed at once in place of blocks: the
+    /// Whether a small rectangle of changes, as one changed pixel of the frame makes, is recomputed at once instead of blocks: the
     /// weights are then read once.
     pub(super) rectangles: bool,
 }

@@ -201,7 +201,7 @@ pub struct NetworkParts {
     pub readout: Readout,
     /// Dense layers in order; the outputs of the last are the prediction. Empty if there is a head.
     pub dense: Vec<DenseLayer>,
-    /// A frame network in place of dense layers; its output is the prediction. It reads the readout as an image with
+    /// A frame network instead of dense layers; its output is the prediction. It reads the readout as an image with
     /// the columns and rows of the grid. Channel `age C + c` is channel c of the grid that is `age` time cells old. It
     /// must be stateless: predictions cannot depend on how often they are read.
     pub head: Option<Arc<FrameNetwork>>,

@@ -40,7 +40,7 @@ pub struct AngleOptions<'a> {
     pub weights: Option<&'a Path>,
     /// Accepts weights that were trained on another preparation of the input.
     pub ignore_preparation: bool,
-    /// Size of the sensor, in place of the recording's.
+    /// Size of the sensor, instead of the recording's.
     pub sensor: Option<Sensor>,
     /// Events of the first so many microseconds are left out.
     pub from_us: i64,

@@ -58,7 +58,7 @@ def _parser() -> argparse.ArgumentParser:
             command.add_argument("--only", nargs="+", default=[], help='parts of "NETWORK, SETTING"; others are left out')
             command.add_argument("--timed", type=int, help="events (windows, pictures, recordings) timed in each repeat")
             command.add_argument("--repeats", type=int, default=3)
-            command.add_argument("--sensor", type=_sides, help="WIDTHxHEIGHT in pixels, in place of the recording's")
+            command.add_argument("--sensor", type=_sides, help="WIDTHxHEIGHT in pixels, instead of the recording's")
             command.add_argument("--from-us", type=int, default=0, help="microseconds left out at the beginning")
     command = commands.add_parser("summary", help="figures over all recordings of a folder of results")
     command.add_argument("results")

@@ -109,7 +109,7 @@ class Results:
             raise SettingsError(f"{path.parent}: results of other settings, choose another folder ({differences})")
 
     def _take(self, table: pa.Table) -> None:
-        """Rows in place of those that were there for the same recordings."""
+        """Rows instead of those that were there for the same recordings."""
         found: dict[str, list[Row]] = {}
         for row in table.to_pylist():
             found.setdefault(row["recording"], []).append(row)

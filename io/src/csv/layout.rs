@@ -40,14 +40,14 @@ const ORDERS: [[usize; 3]; 6] = [[0, 1, 3], [2, 0, 3], [3, 0, 2], [0, 2, 1], [1,
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct TextOptions {
-    /// The order of the columns, in place of a header.
+    /// The order of the columns, instead of a header.
     pub columns: Option<ColumnOrder>,
     /// The unit of the times.
     pub time_unit: Option<TimeUnit>,
 }
 
 impl TextOptions {
-    /// Sets the order of the columns, in place of a header.
+    /// Sets the order of the columns, instead of a header.
     #[must_use]
     pub fn columns(mut self, columns: impl Into<Option<ColumnOrder>>) -> Self {
         self.columns = columns.into();
@@ -232,7 +232,7 @@ pub(super) struct Evidence<'a> {
 }
 
 impl<'a> Evidence<'a> {
-    /// The evidence of these lines. A line with another number of fields than the `first`, or with words in place of values,
+    /// The evidence of these lines. A line with another number of fields than the `first`, or with words instead of values,
     /// is ignored: it is refused later.
     pub(super) fn of(separator: Separator, first: &'a [u8], more: impl Iterator<Item = &'a [u8]>) -> Self {
         let count = separator.fields(first).count();

@@ -27,9 +27,9 @@ use crate::isa::Isa;
 /// Size of a tile of outputs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum WinogradTile {
-    /// 2 x 2: 16 products in place of 36.
+    /// 2 x 2: 16 products instead of 36.
     Two,
-    /// 4 x 4: 36 products in place of 144, and a larger error.
+    /// 4 x 4: 36 products instead of 144, and a larger error.
     Four,
 }
 

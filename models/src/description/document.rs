@@ -149,12 +149,12 @@ pub(super) fn output(root: &mut Table<'_, '_>) -> Output {
             names(value).filter(|names| names.len() > 1 && once(names))
         });
         for key in ["names", "unit"] {
-            table.inapplicable(key, "names in place of classes, whose values are logits");
+            table.inapplicable(key, "names instead of classes, whose values are logits");
         }
         let units = names.iter().flat_map(|given| vec![LOGIT.to_owned(); given.value.len()]).collect();
         Output { names, units }
     } else {
-        let expected = "the predicted values' names, such as [\"roll\", \"pitch\"], or classes in place of names and unit";
+        let expected = "the predicted values' names, such as [\"roll\", \"pitch\"], or classes instead of names and unit";
         let names = table.required("names", expected, |value| names(value).filter(|names| !names.is_empty()));
         let count = names.as_ref().map_or(0, |given| given.value.len());
         let expected = "the unit of all predicted values, such as \"rad\", or a list with that of each";

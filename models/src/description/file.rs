@@ -43,7 +43,7 @@ pub(super) struct File {
     /// The network without layers and names of outputs.
     pub(super) network: Description,
     pub(super) layers: Vec<ParsedLayer<FileKind>>,
-    /// The layers that read the readout in place of dense layers; empty for a network with dense layers.
+    /// The layers that read the readout instead of dense layers; empty for a network with dense layers.
     pub(super) head: Vec<ParsedLayer<FrameKind>>,
     pub(super) outputs: Option<Spanned<Vec<String>>>,
 }

@@ -1,7 +1,7 @@
 //! Descriptions of frame networks: a TOML file, checked into layers over images and vectors.
 //!
 //! Enters: text. Leaves: a [`FrameDescription`], or every inconsistency of the file with its line. A frame network has a table
-//! `[input]` in place of `[graph]`; `docs/network-files.md` has every key, with examples.
+//! `[input]` instead of `[graph]`; `docs/network-files.md` has every key, with examples.
 
 mod build;
 mod file;

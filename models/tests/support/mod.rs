@@ -76,7 +76,7 @@ pub(crate) fn changed(old: &str, new: &str) -> String {
     SMALL.replacen(old, new, 1)
 }
 
-/// [`SMALL`] with a head in place of its dense layer, from line 36 on.
+/// [`SMALL`] with a head instead of its dense layer, from line 36 on.
 pub(crate) fn with_head() -> String {
     let head = r#"[[head]]
 name = "image"

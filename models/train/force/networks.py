@@ -27,7 +27,7 @@ class ForceConvLstm(nn.Module):
         for gates in self.gates:
             nn.init.constant_(gates.bias[filters : 2 * filters], FORGET)
         self.map = nn.Parameter(torch.randn(1, filters, PLACES, PLACES) * 0.05)
-        # The weights of a file, in place of those of the map.
+        # The weights of a file, instead of those of the map.
         self.whole = None
         self.bias = nn.Parameter(torch.zeros(1))
 

@@ -8,7 +8,7 @@ training that was cut off goes on with its next stage. Then `meissner eval force
 
     python models/train/force/train.py /tmp/force --network force-tdnn --folds 92 --share 0.1 --out /tmp/folds
 
-learns from the 92 recordings of test.safetensors in place of train.safetensors, and leaves one of them out each time: NETWORK.SEED.K.safetensors.
+learns from the 92 recordings of test.safetensors instead of train.safetensors, and leaves one of them out each time: NETWORK.SEED.K.safetensors.
 """
 
 import argparse
@@ -158,7 +158,7 @@ class AfterKernels(torch.nn.Module):
 
 @torch.no_grad()
 def featured(network, recordings):
-    """The recordings with what the kernels make of their frames in place of the counts."""
+    """The recordings with what the kernels make of their frames instead of the counts."""
     frames = (torch.from_numpy(counts[None].astype(np.float32) / MAXIMUM) for counts in recordings.counts)
     return replace(recordings, counts=np.concatenate([network.features(frame).numpy() for frame in frames]))
 

@@ -173,7 +173,7 @@ def pareto(
     - `timed`: events (windows for "slip", pictures for "area", recordings for "force") that are timed in each of `repeats` repeats; about
       20,000 events, 400 windows, 40 pictures or 20 recordings by default.
     - `state`: a file that keeps what was measured, so that a stopped study goes on from there.
-    - `sensor`, `from_us`: for "angle", in place of the recording's, and the microseconds at its beginning that are left out.
+    - `sensor`, `from_us`: for "angle", instead of the recording's, and the microseconds at its beginning that are left out.
     - `progress`: a callback (done, total, setting), True or False; None for a bar on a terminal and in a notebook.
 
     Ctrl-C ends it after the setting that is being measured. Raises `EvaluationError`, `RecordingError`, `InputError`.

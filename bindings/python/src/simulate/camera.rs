@@ -13,7 +13,7 @@ use crate::turn::turn;
 ///
 /// - `sensor`: (width, height) in pixels.
 /// - `seed`: of thresholds, phases and noise. Equal images, settings and seeds give equal events on every machine.
-/// - `ideal`: a camera without noise, spread, delay and limit of bandwidth, in place of one in lamp light.
+/// - `ideal`: a camera without noise, spread, delay and limit of bandwidth, instead of one in lamp light.
 /// - `settings`: `lux` (light of a white surface), `dark_lux`; `threshold_on`, `threshold_off`, `threshold_spread` in units of the
 ///   natural logarithm; `cutoff_hz_per_lux`, `cutoff_max_hz`; `leak_hz`, `leak_hz_per_klux`; `shot_hz`, `shot_corner_lux`;
 ///   `hot_share`, `hot_hz`; `refractory_us`, `latency_us`, `jitter_us`; `initial_phase` (bool).
