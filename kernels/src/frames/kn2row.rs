@@ -59,9 +59,10 @@ impl Kn2rowConv3x3 {
             let expected = "at most 7281 output channels";
             return Err(KernelError::Size { what: "outputs", expected, found: outputs });
         }
-        let weights = (0..PLACES).flat_map(|place| {
-            let weight = move |i, o| parts.weight(Layout::OutputsFirst, PLACES, [i, place, o]);
-            (0..outputs).flat_map(move |o| (0..channels).map(move |i| weight(i, o)))
+        // The weights of (place, output) for each channel.
+        let weights = (0..PLACES * outputs * channels).map(|n| {
+            let (row, i) = (n / channels, n % channels);
+            parts.weight(Layout::OutputsFirst, PLACES, [i, row / outputs, row % outputs])
         });
         let products = Conv1x1::new(&ConvParts {
             inputs: vec![channels],
