@@ -81,8 +81,11 @@ pub(crate) fn network_of(
     let description = Description::of(any)?;
     let events = description.events()?;
     let weights: models::Weights = Weights::of(weights, &description)?;
-    let mut network =
-        if check_preparation { events.network(&weights)? } else { events.network_ignoring_preparation(&weights)? };
+    let mut network = if check_preparation {
+        events.network(&weights)?
+    } else {
+        events.network_ignoring_preparation(&weights)?
+    };
     if let Some(span_us) = span_us {
         network = network.with_span_us(span_us)?;
     }

@@ -12,7 +12,7 @@ use meissner_evaluate::events::{self, EventTask};
 use meissner_evaluate::pareto::{self, AngleOptions, Progress, State, Study};
 use meissner_evaluate::touch::{TouchContainers, TouchObjects};
 use meissner_evaluate::trainings::{Evaluation, Request};
-use meissner_evaluate::{EvaluateError, TaskName, ProgressHandle, Workers, area, force, regression, slip};
+use meissner_evaluate::{EvaluateError, ProgressHandle, TaskName, Workers, area, force, regression, slip};
 use meissner_run::predictor::Mode;
 use meissner_run::source::Source;
 use pyo3::prelude::*;
@@ -115,9 +115,7 @@ pub(crate) fn judge<'py>(
     let (request, stride, folds) = (asked.request(), asked.stride, asked.folds);
     let options = events::Options { request, stride, folds, every_us, mode };
     let (report, logits) = match task {
-        TaskName::Digits => {
-            run(&|| events::evaluate::<Digits>(&data, &options, &workers, done).map(judged))
-        }
+        TaskName::Digits => run(&|| events::evaluate::<Digits>(&data, &options, &workers, done).map(judged)),
         TaskName::Objects => {
             run(&|| events::evaluate::<TouchObjects>(&data, &options, &workers, done).map(judged))
         }
@@ -179,9 +177,7 @@ pub(crate) fn measure(
         match task {
             TaskName::Digits => run(of_recordings::<Digits>(&data, &asked, &options, &workers)?),
             TaskName::Objects => run(of_recordings::<TouchObjects>(&data, &asked, &options, &workers)?),
-            TaskName::Containers => {
-                run(of_recordings::<TouchContainers>(&data, &asked, &options, &workers)?)
-            }
+            TaskName::Containers => run(of_recordings::<TouchContainers>(&data, &asked, &options, &workers)?),
             TaskName::Slip => run(pareto::slip(&data, asked.request(), &options, &workers)?),
             TaskName::Area => {
                 let files = std::slice::from_ref(&data);

@@ -8,10 +8,10 @@ use std::{panic, process};
 
 use clap::Parser;
 use meissner_packets::AnyNetwork;
-use meissner_run::error::chain;
-use meissner_run::interrupt;
 use meissner_ros2::Error;
 use meissner_ros2::node::{self, News, Options};
+use meissner_run::error::chain;
+use meissner_run::interrupt;
 
 /// A ROS 2 node: packets of an event camera in, predictions out
 #[derive(Parser)]
