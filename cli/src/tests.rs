@@ -281,7 +281,7 @@ fn eval_pareto_and_prepare_know_every_task() {
         names.iter().any(|name| name.starts_with(command) && name.ends_with(task))
     };
     for task in TaskName::ALL {
-        assert!(has("eval ", task.name()) && has("pareto ", task.name()), "{task:?}: {names:?}");
+        assert!(has("eval ", task.subcommand()) && has("pareto ", task.subcommand()), "{task:?}: {names:?}");
         assert!(task.prepared_by().is_none_or(|word| has("prepare ", word)), "{task:?}: {names:?}");
     }
 }

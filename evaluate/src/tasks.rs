@@ -37,6 +37,14 @@ impl TaskName {
         }
     }
 
+    /// The subcommand of `eval` and of `pareto`: one for both tasks of a skin, whose argument names the task.
+    pub fn subcommand(self) -> &'static str {
+        match self {
+            Self::Objects | Self::Containers => "touch",
+            other => other.name(),
+        }
+    }
+
     /// The task called `name`.
     pub fn of(name: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|task| task.name() == name)

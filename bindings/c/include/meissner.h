@@ -295,9 +295,9 @@ typedef void (*meissner_log)(const char *text, void *user);
 typedef struct meissner_network_options {
   // `sizeof(meissner_network_options)`.
   size_t size;
-  // Length of the window in microseconds, in place of the description's. Networks over events only.
+  // Length of the window in microseconds, instead of the description's. Networks over events only.
   int64_t span_us;
-  // Most events in the window, in place of the description's. Networks over events only.
+  // Most events in the window, instead of the description's. Networks over events only.
   uint64_t capacity;
   // Most neighbours of an event, at most the description's: an approximation. Networks over events only.
   uint64_t neighbours;
