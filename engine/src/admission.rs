@@ -32,17 +32,6 @@ impl fmt::Display for LatePolicy {
     }
 }
 
-/// Result of pushing an event.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Outcome {
-    /// It entered the window.
-    Accepted,
-    /// It did not enter.
-    Dropped(DropReason),
-    /// Its time does not agree with the clock; the events after it decide ([`RestartPolicy`](crate::RestartPolicy)).
-    Held,
-}
-
 /// Admission check before the window. It keeps the clock: `now` never goes back.
 #[derive(Clone, Debug)]
 pub struct Admission {

@@ -7,14 +7,15 @@
 //! in block b - 1, and neighbours are at most one window capacity of events older. Over B blocks, a row of the window
 //! thus depends on no event before the last B + 1 capacities. Without `frozen`, the last capacity of events is enough.
 
+use std::convert::Infallible;
 use std::fmt;
 use std::sync::Arc;
 
 use meissner_kernels::Isa;
 
-use crate::admission::{Admission, LatePolicy, Outcome};
+use crate::admission::{Admission, LatePolicy};
 use crate::batch::{Batch, Search, Stream, Trace};
-use crate::counters::{Counters, EventCounters, LayerCounters};
+use crate::counters::{Counters, EventCounters, LayerCounters, Outcome};
 use crate::engine::Prediction;
 use crate::network::Network;
 use crate::restart::{ClockWatch, Decision, RestartPolicy};
@@ -129,11 +130,8 @@ impl BatchEngine {
         if decision.restarts {
             self.forget();
         }
-        let mut last = Outcome::Held;
-        for &event in decision.taken.events() {
-            last = self.enter(event);
-        }
-        if decision.passes { last } else { Outcome::Held }
+        let Ok(outcome) = decision.enter(|event| Ok::<_, Infallible>(self.enter(event)));
+        outcome
     }
 
     fn enter(&mut self, event: Event) -> Outcome {

@@ -1,4 +1,4 @@
-//! Counts of the work that the engine did and of the work that it avoided.
+//! Counts of the work that the engine did and of the work that it avoided, and what became of an event.
 
 use std::fmt;
 
@@ -35,6 +35,17 @@ impl fmt::Display for DropReason {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(self.name())
     }
+}
+
+/// Result of pushing an event.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Outcome {
+    /// It entered the window.
+    Accepted,
+    /// It did not enter.
+    Dropped(DropReason),
+    /// Its time does not agree with the clock; the events after it decide ([`RestartPolicy`](crate::RestartPolicy)).
+    Held,
 }
 
 /// Counts of events since the engine was made.

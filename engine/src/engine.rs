@@ -2,14 +2,15 @@
 
 mod snapshot;
 
+use std::convert::Infallible;
 use std::fmt;
 use std::sync::Arc;
 use std::time::Duration;
 
 use meissner_kernels::Neighbour;
 
-use crate::admission::{Admission, Outcome};
-use crate::counters::{Counters, EventCounters, LayerLog, Log};
+use crate::admission::Admission;
+use crate::counters::{Counters, EventCounters, LayerLog, Log, Outcome};
 use crate::error::option;
 use crate::memory::Memory;
 use crate::network::{Network, Normalisation};
@@ -193,11 +194,8 @@ impl Engine {
         if decision.restarts {
             self.forget();
         }
-        let mut last = Outcome::Held;
-        for &event in decision.taken.events() {
-            last = self.enter(event);
-        }
-        if decision.passes { last } else { Outcome::Held }
+        let Ok(outcome) = decision.enter(|event| Ok::<_, Infallible>(self.enter(event)));
+        outcome
     }
 
     /// Inserts an event, whose row may wait.

@@ -101,11 +101,11 @@ mod step;
 mod sums;
 mod window;
 
-pub use admission::{Admission, LatePolicy, Outcome};
+pub use admission::{Admission, LatePolicy};
 pub use batch::{Batch, Cells, Edges, Graph, LevelTrace, Places, Propose, Search, Stream, Trace};
 pub use batch_engine::BatchEngine;
 pub use convolution::{ConvolutionScratch, GraphConvolution};
-pub use counters::{Counters, DropReason, EventCounters, LayerCounters, PredictionCounters};
+pub use counters::{Counters, DropReason, EventCounters, LayerCounters, Outcome, PredictionCounters};
 pub use engine::{Engine, Prediction, Snapshot};
 pub use error::EngineError;
 pub use event::{Event, Sensor};

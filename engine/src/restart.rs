@@ -16,7 +16,7 @@
 
 use std::fmt;
 
-use crate::{Event, Sensor};
+use crate::{Event, Outcome, Sensor};
 
 /// What is done when the clock of the sensor restarts.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -90,6 +90,18 @@ pub struct Decision {
 
 impl Decision {
     const NOTHING: Self = Self { outliers: 0, restarts: false, taken: Held::NONE, passes: false };
+
+    /// Enters the events that are taken, in order, up to an error. Returns what became of the newest event.
+    ///
+    /// # Errors
+    /// As `enter`.
+    pub fn enter<E>(&self, mut enter: impl FnMut(Event) -> Result<Outcome, E>) -> Result<Outcome, E> {
+        let mut last = Outcome::Held;
+        for &event in self.taken.events() {
+            last = enter(event)?;
+        }
+        Ok(if self.passes { last } else { Outcome::Held })
+    }
 }
 
 /// Watches the times of events for restarts and outliers.

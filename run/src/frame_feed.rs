@@ -208,11 +208,7 @@ impl FrameFeed {
             self.silence.end();
             sink(FeedOutput::Restart)?;
         }
-        let mut last = Outcome::Held;
-        for &event in decision.taken.events() {
-            last = self.enter(event, sink)?;
-        }
-        Ok(if decision.passes { last } else { Outcome::Held })
+        decision.enter(|event| self.enter(event, sink))
     }
 
     /// Takes an event whose time is that of the clock.
