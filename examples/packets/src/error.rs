@@ -18,17 +18,9 @@ pub enum PacketError {
     /// The engine's thread has ended.
     #[error(transparent)]
     Live(#[from] LiveError),
-    /// A state cannot be written.
+    /// A state cannot be read or written.
     #[error(transparent)]
-    Write(#[from] IoError),
-    /// A state cannot be read.
-    #[error("the state in {path}")]
-    Read {
-        /// The file.
-        path: String,
-        /// The reason.
-        source: std::io::Error,
-    },
+    File(#[from] IoError),
     /// A sensor changes its size within a stream.
     #[error("expected a sensor of {expected} in this stream, got {found}")]
     Sensor {

@@ -3,13 +3,13 @@
 //! A packet that finds no room in the queue is dropped as a whole and counted, so it is known
 //! which.
 
-use std::fs;
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use meissner_engine::{DropReason, EngineError, Event, Sensor};
+use meissner_io::{IoError, read_whole};
 use meissner_live::{Asked, Input, Live, Overload, QueueOptions};
 
 use crate::coverage::{Coverage, Gap, Reason};
@@ -247,9 +247,9 @@ impl LiveSensor {
 /// Restores the state in the file at `path` if there is one and it is of this stream.
 fn restore(engine: &mut AnyEngine, path: Option<&Path>, stream: i64) -> Result<Option<Covered>, PacketError> {
     let Some(path) = path else { return Ok(None) };
-    let bytes = match fs::read(path) {
-        Err(error) if error.kind() == ErrorKind::NotFound => return Ok(None),
-        read => read.map_err(|source| PacketError::Read { path: path.display().to_string(), source })?,
+    let bytes = match read_whole(path) {
+        Err(IoError::File { source, .. }) if source.kind() == ErrorKind::NotFound => return Ok(None),
+        read => read?,
     };
     let covered = Covered::of_state(engine, &bytes)?;
     if covered.stream != stream {
