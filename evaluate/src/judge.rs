@@ -115,7 +115,7 @@ pub struct NetworkReport<F> {
     pub weights: String,
     /// The figures.
     #[serde(flatten)]
-    pub of: F,
+    pub result: F,
 }
 
 /// The networks of a task that were judged.
@@ -177,8 +177,8 @@ pub(crate) fn judge<J: Judge>(
         }
         let weights = candidate.weights();
         let mut card = ModelCard::new(&description.clone().into(), &trainings[0].weights, weights.clone())?;
-        let of = judge.network(plan, &mut card, judged);
-        networks.push(NetworkReport { card, weights, of });
+        let result = judge.network(plan, &mut card, judged);
+        networks.push(NetworkReport { card, weights, result });
     }
     Ok(JudgedNetworks { networks, logits, start })
 }

@@ -37,28 +37,8 @@ impl TaskName {
         }
     }
 
-    /// The subcommand of `eval` and of `pareto`: one for both tasks of a skin, whose argument names the task.
-    pub fn subcommand(self) -> &'static str {
-        match self {
-            Self::Objects | Self::Containers => "touch",
-            other => other.name(),
-        }
-    }
-
     /// The task called `name`.
     pub fn of(name: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|task| task.name() == name)
-    }
-
-    /// The subcommand of `prepare` that writes its inputs for a training; `None` where a training reads the
-    /// data as they are.
-    pub fn prepared_by(self) -> Option<&'static str> {
-        match self {
-            Self::Digits => Some("digits"),
-            Self::Objects | Self::Containers => Some("touch"),
-            Self::Slip => Some("slip"),
-            Self::Angle | Self::Force => Some("graphs"),
-            Self::Area => None,
-        }
     }
 }

@@ -102,10 +102,9 @@ fn table(out: &mut dyn Write, report: &Report) -> io::Result<()> {
 
 /// The name of each network with its figures.
 fn judged(report: &Report) -> impl Iterator<Item = (&str, &Errors<MeanStd>)> {
-    report
-        .networks
-        .iter()
-        .filter_map(|network| Some((network.card.network.name.as_str(), &network.of.figures.as_ref()?.mean)))
+    report.networks.iter().filter_map(|network| {
+        Some((network.card.network.name.as_str(), &network.result.figures.as_ref()?.mean))
+    })
 }
 
 /// All outputs, and all angles together.
@@ -130,7 +129,8 @@ fn ends(out: &mut dyn Write, judged: &[(&str, &Errors<MeanStd>)]) -> io::Result<
 
 /// Each seed, where there are several.
 fn seeds(out: &mut dyn Write, report: &Report) -> io::Result<()> {
-    let all = || report.networks.iter().filter_map(|network| Some((network, network.of.figures.as_ref()?)));
+    let all =
+        || report.networks.iter().filter_map(|network| Some((network, network.result.figures.as_ref()?)));
     if all().all(|(_, judged)| judged.trainings < 2) {
         return Ok(());
     }
@@ -240,8 +240,8 @@ fn curves(report: &Report, unit: &str) -> Panel<'static> {
 
 /// A panel for each output of `network`.
 fn scatters(network: &NetworkReport<PressFigures>) -> impl Iterator<Item = Panel<'static>> {
-    let outputs = network.of.figures.iter().flat_map(|figures| &figures.mean.outputs);
-    outputs.zip(&network.of.scatter).enumerate().map(|(colour, (output, points))| {
+    let outputs = network.result.figures.iter().flat_map(|figures| &figures.mean.outputs);
+    outputs.zip(&network.result.scatter).enumerate().map(|(colour, (output, points))| {
         let ends = points
             .iter()
             .map(|point| point.0)
@@ -268,9 +268,9 @@ fn scatters(network: &NetworkReport<PressFigures>) -> impl Iterator<Item = Panel
 
 /// The embedding of what `network` reads out, once for each output, whose true values give the colours.
 fn embeddings(network: &NetworkReport<PressFigures>) -> impl Iterator<Item = Panel<'static>> {
-    let outputs = network.of.figures.iter().flat_map(|figures| &figures.mean.outputs);
-    let points = network.of.embedding.iter().flat_map(std::iter::repeat);
-    outputs.zip(&network.of.scatter).zip(points).map(|((output, values), points)| {
+    let outputs = network.result.figures.iter().flat_map(|figures| &figures.mean.outputs);
+    let points = network.result.embedding.iter().flat_map(std::iter::repeat);
+    outputs.zip(&network.result.scatter).zip(points).map(|((output, values), points)| {
         let truth = || values.iter().map(|value| value.0);
         let (low, high) =
             truth().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), v| (low.min(v), high.max(v)));

@@ -141,9 +141,9 @@ fn set(out: &mut dyn Write, report: &Report, index: usize, data: &DataReport) ->
 /// The figures of each network and training on file number `index`, with their names.
 fn figures(report: &Report, index: usize) -> impl Iterator<Item = (String, &Figures)> {
     report.networks.iter().flat_map(move |network: &NetworkReport<AreaFigures>| {
-        network.of.trainings.iter().map(move |training| {
+        network.result.trainings.iter().map(move |training| {
             let name = &network.card.network.name;
-            let name = match &network.of.trainings[..] {
+            let name = match &network.result.trainings[..] {
                 [_] => name.clone(),
                 _ => format!("{name}, seed {}", seed_name(training.seed)),
             };

@@ -97,7 +97,7 @@ pub(super) fn table(out: &mut dyn Write, report: &Report) -> io::Result<()> {
 fn judged(report: &Report) -> Vec<(String, &Judged)> {
     let of_networks = report.networks.iter().flat_map(|network| {
         let named = |name| format!("{}, {name}", network.card.network.name);
-        network.of.protocols().map(|(name, judged)| judged.map(|judged| (named(name), judged)))
+        network.result.protocols().map(|(name, judged)| judged.map(|judged| (named(name), judged)))
     });
     of_networks.flatten().collect()
 }
@@ -172,11 +172,11 @@ pub(super) fn svg(report: &Report, title: &str) -> String {
 
 /// The panels of one protocol; `None` where no network was judged by it.
 fn row(report: &Report, protocol: usize) -> Option<Vec<Panel<'static>>> {
-    let protocol_name = report.networks.first()?.of.protocols()[protocol].0;
+    let protocol_name = report.networks.first()?.result.protocols()[protocol].0;
     let (mut curves, mut matrices) = (Vec::new(), Vec::new());
     // The colour of a network is that of its place among all networks.
     for (colour, network) in report.networks.iter().enumerate() {
-        let Some(judged) = network.of.protocols()[protocol].1 else { continue };
+        let Some(judged) = network.result.protocols()[protocol].1 else { continue };
         let (name, mean) = (&network.card.network.name, &judged.mean);
         let (low, high) = mean.interval_95;
         let interval = format!(" (95 %: {:.1} to {:.1})", 100.0 * low, 100.0 * high);

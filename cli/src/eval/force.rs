@@ -83,10 +83,9 @@ fn table(out: &mut dyn Write, report: &Report) -> io::Result<()> {
 
 /// The name of each network with its figures.
 fn judged(report: &Report) -> impl Iterator<Item = (&str, &ForceErrors<MeanStd>)> {
-    report
-        .networks
-        .iter()
-        .filter_map(|network| Some((network.card.network.name.as_str(), &network.of.figures.as_ref()?.mean)))
+    report.networks.iter().filter_map(|network| {
+        Some((network.card.network.name.as_str(), &network.result.figures.as_ref()?.mean))
+    })
 }
 
 /// Rows as in the paper: a row for each network and part.
@@ -124,7 +123,8 @@ fn distances(out: &mut dyn Write, judged: &[(&str, &ForceErrors<MeanStd>)]) -> i
 
 /// Each seed, where there are several.
 fn seeds(out: &mut dyn Write, report: &Report) -> io::Result<()> {
-    let all = || report.networks.iter().filter_map(|network| Some((network, network.of.figures.as_ref()?)));
+    let all =
+        || report.networks.iter().filter_map(|network| Some((network, network.result.figures.as_ref()?)));
     if all().all(|(_, judged)| judged.trainings < 2) {
         return Ok(());
     }
@@ -172,7 +172,7 @@ fn svg(report: &Report) -> String {
     );
     let period_ms = report.period_us as f64 / 1e3;
     let panel = |network: &NetworkReport<ForceFigures>, number: usize| {
-        let trace = &network.of.traces[number];
+        let trace = &network.result.traces[number];
         let series = |name: String, colour: usize, style: Style, of: fn(&(f64, f64)) -> f64| Series {
             name,
             colour,
@@ -199,7 +199,7 @@ fn svg(report: &Report) -> String {
         })
     };
     let row = |network: &NetworkReport<ForceFigures>| -> Vec<Panel<'static>> {
-        (0..network.of.traces.len().min(DRAWN)).map(|number| panel(network, number)).collect()
+        (0..network.result.traces.len().min(DRAWN)).map(|number| panel(network, number)).collect()
     };
     let rows: Vec<Vec<Panel<'_>>> = report.networks.iter().map(row).collect();
     page("Force over time", &about, &rows)

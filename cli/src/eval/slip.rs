@@ -73,7 +73,7 @@ fn table(out: &mut dyn Write, report: &Report) -> io::Result<()> {
     writeln!(out, "data         {}: {recordings} recordings, {readings} readings", data.folder)?;
     writeln!(out, "windows      consecutive and without overlap, as the paper cuts them")?;
     networks(out, &report.networks, &data.notes)?;
-    if report.networks.iter().any(|network| !network.of.sets.is_empty()) {
+    if report.networks.iter().any(|network| !network.result.sets.is_empty()) {
         accuracies(out, report)?;
         figures(out, report)?;
         confusions(out, report)?;
@@ -83,7 +83,7 @@ fn table(out: &mut dyn Write, report: &Report) -> io::Result<()> {
 
 /// The sets that some network is judged on.
 fn sets(report: &Report) -> Vec<ObjectSet> {
-    let judged = |set: &ObjectSet| report.networks.iter().any(|network| network.of.on(*set).is_some());
+    let judged = |set: &ObjectSet| report.networks.iter().any(|network| network.result.on(*set).is_some());
     ObjectSet::ALL.into_iter().filter(judged).collect()
 }
 
@@ -91,7 +91,7 @@ fn sets(report: &Report) -> Vec<ObjectSet> {
 fn judged(report: &Report) -> impl Iterator<Item = (&str, &SetReport)> {
     report.networks.iter().flat_map(|network| {
         let name = network.card.network.name.as_str();
-        network.of.sets.iter().map(move |on| (name, on))
+        network.result.sets.iter().map(move |on| (name, on))
     })
 }
 
@@ -105,8 +105,8 @@ fn accuracies(out: &mut dyn Write, report: &Report) -> io::Result<()> {
         let std = accuracy.std.map_or_else(String::new, |std| format!(" +- {}", percent(std)));
         format!("{}{std}{mark}", percent(accuracy.mean))
     };
-    let own = report.networks.iter().filter(|network| !network.of.sets.is_empty()).map(|network| {
-        let cells = sets.iter().map(|&set| network.of.on(set).map_or_else(String::new, cell));
+    let own = report.networks.iter().filter(|network| !network.result.sets.is_empty()).map(|network| {
+        let cells = sets.iter().map(|&set| network.result.on(set).map_or_else(String::new, cell));
         std::iter::once(network.card.network.name.clone()).chain(cells).collect::<Vec<_>>()
     });
     let others = report.references.iter().map(|other| {
@@ -163,11 +163,13 @@ fn confusions(out: &mut dyn Write, report: &Report) -> io::Result<()> {
 
 /// Cross-validation by recording beside that by window.
 fn cross_validation(out: &mut dyn Write, report: &Report) -> io::Result<()> {
-    let validated = report.networks.iter().filter(|network| !network.of.cross_validation.is_empty());
+    let validated = report.networks.iter().filter(|network| !network.result.cross_validation.is_empty());
     let rows: Vec<Vec<String>> = validated
         .map(|network| {
             let cells = [Scheme::Recordings, Scheme::Windows].into_iter().flat_map(|scheme| {
-                let Some(validation) = network.of.validated(scheme) else { return vec![NONE.to_owned(); 4] };
+                let Some(validation) = network.result.validated(scheme) else {
+                    return vec![NONE.to_owned(); 4];
+                };
                 let judged = &validation.judged;
                 let folds: usize = judged.each.iter().map(|one| one.files.len()).sum();
                 let [mean, std] = spread(judged.mean.scores.accuracy);
@@ -209,16 +211,16 @@ fn svg(report: &Report) -> String {
             .collect::<Vec<_>>()
             .join(", ")
     );
-    let networks = || report.networks.iter().filter(|network| !network.of.sets.is_empty());
+    let networks = || report.networks.iter().filter(|network| !network.result.sets.is_empty());
     let sets = sets(report);
     let group = |&set: &ObjectSet| {
-        let trained_on = networks().filter_map(|network| network.of.on(set)).any(|on| on.trained_on);
+        let trained_on = networks().filter_map(|network| network.result.on(set)).any(|on| on.trained_on);
         format!("{set}{}", mark(trained_on))
     };
     let series = |network: &NetworkReport<SlipFigures>| {
         let accuracy = |on: &SetReport| on.judged.mean.scores.accuracy;
         let bar = |on: &SetReport| Bar { mean: accuracy(on).mean, std: accuracy(on).std };
-        (network.card.network.name.clone(), sets.iter().map(|&set| network.of.on(set).map(bar)).collect())
+        (network.card.network.name.clone(), sets.iter().map(|&set| network.result.on(set).map(bar)).collect())
     };
     let references = report.references.iter().map(|other| {
         let name = format!("{} (reference)", other.name);
@@ -238,7 +240,7 @@ fn svg(report: &Report) -> String {
         matrix(title, about, &CLASSES, &mean.confusion)
     };
     let matrices = |network: &NetworkReport<SlipFigures>| {
-        sets.iter().filter_map(|&set| network.of.on(set)).map(|on| panel(network, on)).collect()
+        sets.iter().filter_map(|&set| network.result.on(set)).map(|on| panel(network, on)).collect()
     };
     let rows: Vec<Vec<Panel<'_>>> =
         std::iter::once(vec![Panel::Bars(bars)]).chain(networks().map(matrices)).collect();

@@ -46,7 +46,7 @@ fn figures_are_those_of_the_maps_computed_the_slow_way() {
     let (_folder, networks, weights, data) = folder();
     let (report, maps) = judged(&networks, &weights, std::slice::from_ref(&data), 2);
     assert_eq!((report.data[0].source, report.data[0].pictures), (Source::Simulated, 12));
-    let figures = &report.networks[0].of.trainings[0].sets[0];
+    let figures = &report.networks[0].result.trainings[0].sets[0];
     let file = safetensors::SafeTensors::deserialize(&maps).unwrap();
     let floats = |view: &safetensors::tensor::TensorView<'_>| -> Vec<f32> {
         view.data().as_chunks().0.iter().map(|&bytes| f32::from_le_bytes(bytes)).collect()
@@ -93,7 +93,7 @@ fn threads_change_no_bit_and_the_second_of_equal_pictures_costs_nothing() {
     let [(one, maps), (two, maps_of_two)] =
         [1, 2].map(|threads| judged(&networks, &weights, std::slice::from_ref(&data), threads));
     assert_eq!(maps, maps_of_two);
-    let iou = |report: &Report| report.networks[0].of.trainings[0].sets[0].iou.mean.to_bits();
+    let iou = |report: &Report| report.networks[0].result.trainings[0].sets[0].iou.mean.to_bits();
     assert_eq!(iou(&one), iou(&two));
 
     // Two presses of one picture, and one of the same picture twice.
@@ -108,7 +108,7 @@ fn threads_change_no_bit_and_the_second_of_equal_pictures_costs_nothing() {
         let path = folder.path().join(name);
         std::fs::write(&path, file.into_bytes()).unwrap();
         let (report, _) = judged(&networks, &weights, &[path], 1);
-        report.networks[0].of.trainings[0].sets[0].multiply_adds
+        report.networks[0].result.trainings[0].sets[0].multiply_adds
     };
     assert_eq!(still("two.safetensors", &[0, 1, 2]), 2 * still("one.safetensors", &[0, 2]));
 }

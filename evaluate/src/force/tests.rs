@@ -61,15 +61,15 @@ fn frame_networks_see_each_frame_once_and_their_errors_are_those_of_the_frames()
     for network in ["force-tdnn", "force-lstm"] {
         let report = judged(&path, network, 1_000, 1).report;
         let expected = naive(&path, network);
-        for (trace, expected) in report.networks[0].of.traces.iter().zip(&expected) {
+        for (trace, expected) in report.networks[0].result.traces.iter().zip(&expected) {
             let found: Vec<f64> = trace.iter().map(|pair| pair.1).collect();
             assert_eq!(found.len(), 41);
             let close = |(found, expected): (&f64, &f32)| (found - f64::from(*expected)).abs() < 1e-6;
             assert!(found.iter().zip(expected).all(close), "{network}: {found:?}, {expected:?}");
         }
-        let errors = report.networks[0].of.traces.iter().flatten().map(|(truth, found)| found - truth);
+        let errors = report.networks[0].result.traces.iter().flatten().map(|(truth, found)| found - truth);
         let squares: Vec<f64> = errors.map(|error| error * error).collect();
-        let figures = &report.networks[0].of.figures.as_ref().expect("figures").mean;
+        let figures = &report.networks[0].result.figures.as_ref().expect("figures").mean;
         let mean = MeanStd::of(&squares).expect("frames").mean;
         assert!((figures.parts[0].mse.mean - mean).abs() < 1e-12);
         let named: Vec<&str> = figures.parts.iter().map(|part| part.part.as_str()).collect();

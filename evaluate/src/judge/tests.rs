@@ -72,7 +72,7 @@ fn run(refused: &'static str) -> (Result<Vec<Vec<f32>>, EvaluateError>, usize, [
     let logits = TensorFile::new(BTreeMap::new());
     let workers = Workers::new(pool, watch.clone());
     let judged = judge(&numbers, &candidates, logits, &workers, |_, _| {});
-    let figures = judged.map(|judged| judged.networks.into_iter().map(|network| network.of).collect());
+    let figures = judged.map(|judged| judged.networks.into_iter().map(|network| network.result).collect());
     (figures, numbers.run.into_inner(), [watch.done(), watch.total()])
 }
 

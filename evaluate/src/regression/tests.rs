@@ -70,7 +70,7 @@ fn errors_at_the_end_are_those_of_the_engine_in_degrees() {
     let path = written(&["roll", "pitch", "depth"]);
     let Evaluation { report, .. } = judged(&path, "tactigraph-past", (Mode::Incremental, 1));
     assert_eq!(report.times_us, [0, 10_000, 20_000, 30_000, 40_000, 50_000]);
-    let judged = report.networks[0].of.figures.as_ref().expect("there are presses");
+    let judged = report.networks[0].result.figures.as_ref().expect("there are presses");
     let (description, weights) = (
         Description::shipped("tactigraph-past").expect("shipped"),
         Weights::shipped("tactigraph-past").expect("shipped"),
@@ -106,7 +106,7 @@ fn threads_and_the_mode_change_no_figure_and_no_bit_of_the_outputs() {
     let of = |how| {
         let Evaluation { report, logits, .. } = judged(&path, "tactigraph-past", how);
         let judged =
-            report.networks.into_iter().next().and_then(|network| network.of.figures).expect("presses");
+            report.networks.into_iter().next().and_then(|network| network.result.figures).expect("presses");
         let figures: Vec<_> = judged
             .mean
             .outputs
@@ -123,7 +123,7 @@ fn threads_and_the_mode_change_no_figure_and_no_bit_of_the_outputs() {
 fn a_frame_network_over_a_sliding_window_is_judged_on_the_same_presses() {
     let path = written(&["roll", "pitch"]);
     let Evaluation { report, .. } = judged(&path, "event-frame-cnn", (Mode::Incremental, 1));
-    let judged = report.networks[0].of.figures.as_ref().expect("there are presses");
+    let judged = report.networks[0].result.figures.as_ref().expect("there are presses");
     // Without depth, contact is the first time of the truth.
     assert_eq!(report.times_us.last(), Some(&60_000));
     assert!(judged.mean.work.multiply_adds > 0 && judged.mean.work.rows == 0);

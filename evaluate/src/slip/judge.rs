@@ -146,7 +146,7 @@ pub fn evaluate(
     let data = SlipData::read(folder)?;
     let of_slip = OfSlip { data: &data };
     let judged = judge(&of_slip, &candidates, TensorFile::new(BTreeMap::new()), workers, done)?;
-    let partial = judged.networks.iter().flat_map(|network| &network.of.partial).cloned();
+    let partial = judged.networks.iter().flat_map(|network| &network.result.partial).cloned();
     let notes = data.notes.iter().cloned().chain(notes).chain(partial).collect();
     let name = folder.display().to_string();
     Ok(judged.evaluation(|networks| Report {

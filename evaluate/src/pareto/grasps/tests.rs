@@ -66,7 +66,7 @@ fn evaluated(path: &Path, network: &str) -> ForceErrors<MeanStd> {
     let request = Request { networks: &networks, ..Request::default() };
     let options = judged::Options { request, every_us: 1_000, mode: Mode::Incremental };
     let mut report = judged::evaluate(path, &options, &workers(2), |_, _| ()).expect("it is judged").report;
-    report.networks.remove(0).of.figures.expect("there are recordings").mean
+    report.networks.remove(0).result.figures.expect("there are recordings").mean
 }
 
 fn setting<'a>(report: &'a Report, network: usize, name: &str) -> &'a SettingReport {

@@ -105,7 +105,7 @@ impl Folder {
             frames: FrameOptions::new(),
         };
         let mut report = judged::evaluate(&options, &workers(2), |_, _| ()).unwrap().report;
-        report.networks[0].of.trainings[0].sets.remove(0)
+        report.networks[0].result.trainings[0].sets.remove(0)
     }
 }
 
