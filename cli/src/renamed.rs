@@ -9,7 +9,9 @@ use meissner_models::DEFAULT_NETWORK;
 /// `words`, the first of which is the program, in the words of this version.
 pub(crate) fn renamed(words: impl Iterator<Item = OsString>) -> Vec<OsString> {
     let mut words: Vec<OsString> = words.collect();
-    match words.get(1).and_then(|word| word.to_str()) {
+    let word = |at: usize| words.get(at).and_then(|word| word.to_str());
+    match word(1) {
+        Some("help") if matches!(word(2), Some("stress" | "soak")) => words[2] = "verify".into(),
         Some("stress") => drop(words.splice(1..2, ["verify", "--stress"].map(OsString::from))),
         Some("soak") => {
             let (network, rest) = soak(words.drain(2..));
@@ -60,6 +62,8 @@ mod tests {
             ("soak --events 9", "verify tactigraph-past --soak --events 9"),
             ("soak a.csv b.csv --network graphres --json x", "verify graphres --soak a.csv b.csv --out x"),
             ("soak --network=graphres --json=x --sensor=8x8", "verify graphres --soak --out x --sensor=8x8"),
+            ("help soak", "help verify"),
+            ("help run", "help run"),
             ("run stress --json", "run stress --json"),
         ] {
             let words = renamed(format!("meissner {former}").split(' ').map(Into::into));
