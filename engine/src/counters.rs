@@ -14,8 +14,6 @@ pub enum DropReason {
     TimeOutOfRange,
     /// Its time is far ahead of the events before and after it.
     Outlier,
-    /// It is a frame that the engine refuses; the next prediction returns the error.
-    Refused,
 }
 
 impl DropReason {
@@ -26,7 +24,6 @@ impl DropReason {
             Self::Late => "late",
             Self::TimeOutOfRange => "time_out_of_range",
             Self::Outlier => "outlier",
-            Self::Refused => "refused",
         }
     }
 }

@@ -15,7 +15,6 @@
 //! | [`QueueOptions`], [`Overload`] | capacity of the queue, and the rule for events when it is full |
 //! | [`QueueCounters`] | counts of offered, delivered, waiting and dropped events |
 //! | [`Predictor`], [`Item`] | engines that can run live: over events, or over frames ([`meissner_engine::frames::TimedFrames`]) |
-//! | [`Recorded`] | an engine and a batch over the same events, to compare their predictions |
 //!
 //! ```
 //! use std::time::Duration;
@@ -53,7 +52,6 @@ mod live;
 mod overload;
 mod pace;
 mod priority;
-mod recorded;
 mod shared;
 mod worker;
 
@@ -65,4 +63,3 @@ pub use intake::Item;
 pub use live::{Asked, Live, TimedAnswer};
 pub use meissner_engine::Predictor;
 pub use overload::{Overload, QueueCounters, QueueOptions};
-pub use recorded::Recorded;

@@ -33,6 +33,8 @@ pub(crate) fn run<P: Predictor<Input: Item>>(
     let mut batch = Vec::with_capacity(most);
     let mut covered_us = None;
     let mut lowered = None;
+    // Why an input was refused; the next request gets it.
+    let mut refused = None;
     let before = predictor.event_counters();
     let mut given = 0;
     while let Some(task) = shared.next(most, &mut batch, predictor.event_counters()) {
@@ -48,7 +50,8 @@ pub(crate) fn run<P: Predictor<Input: Item>>(
         let mut now = begun;
         if !batch.is_empty() {
             given += batch.len() as u64;
-            predictor.push_from(&mut batch);
+            refused = refused.or(predictor.push_slice(&batch).err());
+            batch.clear();
             now = Instant::now();
             pace.pushed(now - begun);
             tracing::trace!(task.covered, spent = ?now - begun, "pushed");
@@ -71,7 +74,7 @@ pub(crate) fn run<P: Predictor<Input: Item>>(
             predictor.advance(t_us);
         }
         let events = predictor.event_counters();
-        let outcome = predictor.predict();
+        let outcome = refused.take().map_or_else(|| predictor.predict(), Err);
         pace.predicted(now.elapsed());
         tracing::trace!(request.number, complete, spent = ?now.elapsed(), "predicted");
         shared.publish(request.number, events, |answer| match outcome {

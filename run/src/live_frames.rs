@@ -40,7 +40,7 @@ struct Frames {
     engine: FrameEngine,
     /// Time of the newest frame.
     newest_us: Option<i64>,
-    /// Why a frame was refused; the next prediction returns it.
+    /// Why the engine refused a frame that ended without an event; the next prediction returns it.
     refused: Option<EngineError>,
 }
 
@@ -194,12 +194,8 @@ impl Frames {
 impl Predictor for LiveFrames {
     type Input = Event;
 
-    fn push(&mut self, event: Event) -> Outcome {
-        let frames = &mut self.frames;
-        self.feed.push(event, |output| frames.take(output)).unwrap_or_else(|error| {
-            frames.refused = Some(error);
-            Outcome::Dropped(DropReason::Refused)
-        })
+    fn push(&mut self, event: &Event) -> Result<Outcome, EngineError> {
+        self.feed.push(*event, |output| self.frames.take(output))
     }
 
     fn advance(&mut self, t_us: i64) {

@@ -18,7 +18,7 @@ use meissner_engine::{
     BatchEngine, Event, EventCounters, LatePolicy, Network, Options, Propose, RestartPolicy, Search, Sensor,
     StaleReadout,
 };
-use meissner_live::{Fleet, Input, Live, Overload, Predictor, QueueOptions, Recorded, TimedAnswer};
+use meissner_live::{Fleet, Input, Live, Overload, Predictor, QueueOptions, TimedAnswer};
 
 use crate::answer::{Classes, Values};
 use crate::approximations::Approximations;
@@ -208,12 +208,12 @@ impl Play {
             let batch = BatchEngine::new(Arc::clone(&self.network), *sensor)?.with_late(options.late);
             let batch = batch.with_restart(options.restart);
             let batch = batch.with_search(Search::Proposed(propose)).with_bounded_memory();
-            Ok::<_, PipelineError>(Recorded::new(readout(sensor)?, batch))
+            Ok::<_, PipelineError>((readout(sensor)?, batch))
         };
         let recorded = sensors.iter().map(recorded).collect::<Result<_, _>>()?;
-        let verified = |(played, mut recorded): (Played, Recorded<StaleReadout>)| {
-            let verified = verify(&mut recorded, &played.last.value)?;
-            Ok(played.summary(&options, recorded.predictor(), Some(verified)))
+        let verified = |(played, (readout, batch)): (Played, (StaleReadout, _))| {
+            let verified = verify(batch, &played.last.value)?;
+            Ok(played.summary(&options, &readout, Some(verified)))
         };
         Ok(self.play(recorded, observer)?.into_iter().map(|played| played.and_then(verified)).collect())
     }
@@ -427,14 +427,14 @@ impl Played {
     }
 }
 
-/// Compares `values` with the prediction from scratch over the events that `recorded` accepted.
-fn verify(recorded: &mut Recorded<StaleReadout>, values: &[f32]) -> Result<Verified, PipelineError> {
+/// Compares `values` with the prediction of `batch`, which was given the same events.
+fn verify(mut batch: BatchEngine, values: &[f32]) -> Result<Verified, PipelineError> {
     let start = Instant::now();
-    let batch = recorded.from_scratch()?.values.to_vec();
+    let expected = batch.predict()?.values.to_vec();
     let bits = |values: &[f32]| values.iter().map(|value| value.to_bits()).collect::<Vec<_>>();
     Ok(Verified {
-        events: recorded.batch().events().len(),
-        equal: bits(&batch) == bits(values),
+        events: batch.events().len(),
+        equal: bits(&expected) == bits(values),
         batch_us: microseconds(start.elapsed()),
     })
 }

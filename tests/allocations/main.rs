@@ -319,12 +319,13 @@ struct Watched(Engine, Arc<AtomicU64>);
 impl Predictor for Watched {
     type Input = Event;
 
-    fn push(&mut self, event: Event) -> Outcome {
-        self.0.push(event)
+    fn push(&mut self, event: &Event) -> Result<Outcome, EngineError> {
+        Ok(self.0.push(*event))
     }
 
-    fn push_from(&mut self, events: &mut Vec<Event>) {
-        self.0.push_from(events);
+    fn push_slice(&mut self, events: &[Event]) -> Result<(), EngineError> {
+        self.0.push_slice(events);
+        Ok(())
     }
 
     fn advance(&mut self, t_us: i64) {

@@ -44,7 +44,10 @@ proptest! {
             }
             // By each way in turn.
             match cut.unwrap_or(0) % 3 {
-                0 => sliced.push_from(&mut waiting),
+                0 => {
+                    Predictor::push_slice(&mut sliced, &waiting).expect("events are never refused");
+                    waiting.clear();
+                }
                 1 => drop(sliced.push_all(waiting.drain(..))),
                 _ => {
                     sliced.push_slice(&waiting);

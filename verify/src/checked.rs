@@ -12,7 +12,7 @@ use meissner_engine::{
 use meissner_kernels::Neighbour;
 
 use crate::difference::{Difference, first_difference};
-use crate::incremental::{Checked, IncrementalEvents};
+use crate::incremental::{Checked, IncrementalEvents, values};
 use crate::step::{Script, Step};
 
 /// An engine that fills expired rows with NaN, so that a stale read shows. [`verify`](crate::verify) uses it.
@@ -97,7 +97,7 @@ impl<E: IncrementalEvents> CheckedEngine<E> {
     /// They differ.
     pub fn predict(&mut self) -> Result<Vec<f32>, Difference> {
         let expected = self.batch.trace().map(|trace| trace.prediction);
-        let found = self.engine.predict();
+        let found = values(&mut self.engine);
         self.refused += u64::from(!Difference::of_predictions(&found, &expected)?);
         Ok(found.unwrap_or_default())
     }
@@ -117,7 +117,7 @@ impl<E: IncrementalEvents> CheckedEngine<E> {
     /// The first difference.
     pub fn compare_with(&mut self, search: Search) -> Result<(), Difference> {
         let trace = self.batch.batch().clone().with_search(search).forward(self.batch.stream());
-        let prediction = self.engine.predict();
+        let prediction = values(&mut self.engine);
         let (trace, prediction) = match (trace, prediction) {
             (Ok(trace), Ok(prediction)) => (trace, prediction),
             (trace, prediction) => {

@@ -6,7 +6,7 @@ use meissner_engine::EngineError;
 use meissner_engine::frames::{FrameEngine, FrameNetwork, FrameOptions, Skip};
 
 use crate::difference::Difference;
-use crate::incremental::{Checked, Incremental};
+use crate::incremental::{Checked, Incremental, values};
 use crate::step::Step;
 
 /// A frame engine, and one over the same frames that computes every value of every frame.
@@ -44,9 +44,9 @@ impl<E: Incremental<Input = Vec<f32>>> Checked for CheckedFrames<E> {
     }
 
     fn compare(&mut self) -> Result<(), Difference> {
-        let expected = self.whole.predict().map(|prediction| prediction.values.to_vec());
+        let expected = values(&mut self.whole);
         self.values += expected.as_ref().map_or(0, Vec::len) as u64;
-        self.refused += u64::from(!Difference::of_predictions(&self.engine.predict(), &expected)?);
+        self.refused += u64::from(!Difference::of_predictions(&values(&mut self.engine), &expected)?);
         Ok(())
     }
 

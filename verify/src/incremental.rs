@@ -1,31 +1,17 @@
 //! The methods of an engine under test, and of such an engine beside its full recomputation.
 
 use meissner_engine::frames::{FrameEngine, FrameSnapshot};
-use meissner_engine::{Engine, EngineError, Event, Outcome, Snapshot};
+use meissner_engine::{Engine, EngineError, Event, Predictor, Snapshot};
 use meissner_kernels::Neighbour;
 
 use crate::difference::Difference;
 use crate::step::Step;
 
 /// An engine that is verified. [`Engine`] and [`FrameEngine`] implement it; so can an engine of your own.
-pub trait Incremental {
-    /// One input: an [`Event`], or the values of a frame.
-    type Input: Clone + std::fmt::Debug;
+pub trait Incremental: Predictor {
     /// A state in memory.
     type Snapshot;
 
-    /// Takes an input.
-    ///
-    /// # Errors
-    /// The engine refuses a frame.
-    fn push(&mut self, input: &Self::Input) -> Result<Outcome, EngineError>;
-    /// The prediction for all accepted inputs.
-    ///
-    /// # Errors
-    /// [`EngineError::NotANumber`] if a layer computed NaN.
-    fn predict(&mut self) -> Result<Vec<f32>, EngineError>;
-    /// Forgets all inputs.
-    fn reset(&mut self);
     /// The state, to return to.
     fn snapshot(&self) -> Self::Snapshot;
     /// Returns to a state.
@@ -68,14 +54,17 @@ pub trait Incremental {
 
 /// An engine over events, with its rows.
 pub trait IncrementalEvents: Incremental<Input = Event> {
-    /// Advances the clock to `t_us`.
-    fn advance(&mut self, t_us: i64);
     /// Number of events in the window.
     fn nodes(&self) -> usize;
     /// In-edges of an event, by its place in the window, as [`Engine::neighbourhood`].
     fn neighbourhood(&self, index: usize) -> Vec<Neighbour>;
     /// Rows of a feature of a level as of the last prediction, as [`Engine::feature`].
     fn rows(&self, level: usize, feature: usize) -> Vec<Vec<f32>>;
+}
+
+/// The values of the engine's prediction.
+pub(crate) fn values(engine: &mut impl Predictor) -> Result<Vec<f32>, EngineError> {
+    engine.predict().map(|prediction| prediction.values.to_vec())
 }
 
 /// An engine beside its full recomputation.
@@ -94,14 +83,6 @@ pub(crate) trait Checked {
 macro_rules! same_methods {
     ($snapshot:ty) => {
         type Snapshot = $snapshot;
-
-        fn predict(&mut self) -> Result<Vec<f32>, EngineError> {
-            self.predict().map(|prediction| prediction.values.to_vec())
-        }
-
-        fn reset(&mut self) {
-            self.reset();
-        }
 
         fn snapshot(&self) -> Self::Snapshot {
             self.snapshot()
@@ -122,20 +103,10 @@ macro_rules! same_methods {
 }
 
 impl Incremental for Engine {
-    type Input = Event;
-
-    fn push(&mut self, input: &Event) -> Result<Outcome, EngineError> {
-        Ok(self.push(*input))
-    }
-
     same_methods!(Snapshot);
 }
 
 impl IncrementalEvents for Engine {
-    fn advance(&mut self, t_us: i64) {
-        self.advance(t_us);
-    }
-
     fn nodes(&self) -> usize {
         self.nodes()
     }
@@ -150,11 +121,5 @@ impl IncrementalEvents for Engine {
 }
 
 impl Incremental for FrameEngine {
-    type Input = Vec<f32>;
-
-    fn push(&mut self, input: &Vec<f32>) -> Result<Outcome, EngineError> {
-        self.push(input).map(|()| Outcome::Accepted)
-    }
-
     same_methods!(FrameSnapshot);
 }

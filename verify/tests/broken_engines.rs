@@ -4,7 +4,8 @@ use std::sync::Arc;
 
 use meissner_engine::frames::{Convolution, FrameEngine, FrameNetwork, FrameSnapshot};
 use meissner_engine::{
-    Candidates, Engine, EngineError, Event, GraphRule, Network, Outcome, Reach, Sensor, Snapshot,
+    Candidates, Engine, EngineError, Event, EventCounters, GraphRule, Network, Outcome, Prediction,
+    Predictor, Reach, Sensor, Snapshot,
 };
 use meissner_kernels::Neighbour;
 use meissner_verify::frame_networks::{Style, network as frame_network};
@@ -68,9 +69,8 @@ impl Broken {
     }
 }
 
-impl Incremental for Broken {
+impl Predictor for Broken {
     type Input = Event;
-    type Snapshot = Snapshot;
 
     fn push(&mut self, event: &Event) -> Result<Outcome, EngineError> {
         self.events += 1;
@@ -84,8 +84,14 @@ impl Incremental for Broken {
         Ok(self.engine.push(*event))
     }
 
-    fn predict(&mut self) -> Result<Vec<f32>, EngineError> {
-        Ok(self.engine.predict()?.values.to_vec())
+    fn advance(&mut self, t_us: i64) {
+        if self.fault != Fault::SkippedExpiry {
+            self.engine.advance(t_us);
+        }
+    }
+
+    fn predict(&mut self) -> Result<Prediction<'_>, EngineError> {
+        self.engine.predict()
     }
 
     fn reset(&mut self) {
@@ -93,6 +99,14 @@ impl Incremental for Broken {
             self.engine.reset();
         }
     }
+
+    fn event_counters(&self) -> EventCounters {
+        *self.engine.event_counters()
+    }
+}
+
+impl Incremental for Broken {
+    type Snapshot = Snapshot;
 
     fn snapshot(&self) -> Snapshot {
         self.engine.snapshot()
@@ -112,12 +126,6 @@ impl Incremental for Broken {
 }
 
 impl IncrementalEvents for Broken {
-    fn advance(&mut self, t_us: i64) {
-        if self.fault != Fault::SkippedExpiry {
-            self.engine.advance(t_us);
-        }
-    }
-
     fn nodes(&self) -> usize {
         self.engine.nodes()
     }
@@ -200,9 +208,8 @@ fn the_engine_equals_the_batch_on_every_kind_of_stream() {
 /// A frame engine that does not see the last value of a frame change.
 struct BrokenFrames(FrameEngine);
 
-impl Incremental for BrokenFrames {
+impl Predictor for BrokenFrames {
     type Input = Vec<f32>;
-    type Snapshot = FrameSnapshot;
 
     fn push(&mut self, frame: &Vec<f32>) -> Result<Outcome, EngineError> {
         let mut frame = frame.clone();
@@ -210,13 +217,23 @@ impl Incremental for BrokenFrames {
         self.0.push(&frame).map(|()| Outcome::Accepted)
     }
 
-    fn predict(&mut self) -> Result<Vec<f32>, EngineError> {
-        Ok(self.0.predict()?.values.to_vec())
+    fn advance(&mut self, _: i64) {}
+
+    fn predict(&mut self) -> Result<Prediction<'_>, EngineError> {
+        Predictor::predict(&mut self.0)
     }
 
     fn reset(&mut self) {
         self.0.reset();
     }
+
+    fn event_counters(&self) -> EventCounters {
+        self.0.event_counters()
+    }
+}
+
+impl Incremental for BrokenFrames {
+    type Snapshot = FrameSnapshot;
 
     fn snapshot(&self) -> FrameSnapshot {
         self.0.snapshot()

@@ -15,8 +15,8 @@ pub struct Frame {
 /// A [`FrameEngine`] with the common methods of all engines: it takes frames in order of time.
 ///
 /// A frame earlier than the newest time is late and dropped. If [`CONFIRMING_FRAMES`] frames in a row are late, in order of time among
-/// themselves, the clock has restarted: the engine resets, and takes the last of them ([`RestartPolicy`]). A frame that the engine refuses is dropped too, and the next
-/// prediction returns the error. In a [`Prediction`], `nodes` is the number of frames since the last reset.
+/// themselves, the clock has restarted: the engine resets, and takes the last of them ([`RestartPolicy`]). In a
+/// [`Prediction`], `nodes` is the number of frames since the last reset.
 #[derive(Clone, Debug)]
 pub struct TimedFrames {
     engine: FrameEngine,
@@ -24,7 +24,6 @@ pub struct TimedFrames {
     newest_us: Option<i64>,
     /// Current time: that of the newest frame, or of a later `advance`.
     now_us: Option<i64>,
-    refused: Option<EngineError>,
     restart: RestartPolicy,
     /// Number of late frames in a row that follow each other in time, and the time of the last one.
     late: Option<(usize, i64)>,
@@ -41,7 +40,6 @@ impl TimedFrames {
             engine,
             newest_us: None,
             now_us: None,
-            refused: None,
             restart: RestartPolicy::default(),
             late: None,
             counters: EventCounters::default(),
@@ -80,20 +78,18 @@ impl TimedFrames {
 impl Predictor for TimedFrames {
     type Input = Frame;
 
-    fn push(&mut self, Frame { t_us, values }: Frame) -> Outcome {
+    /// A frame that is refused counts as pushed.
+    fn push(&mut self, Frame { t_us, values }: &Frame) -> Result<Outcome, EngineError> {
         self.counters.pushed += 1;
-        if self.now_us.is_some_and(|now| t_us < now) && !self.restarts(t_us) {
+        if self.now_us.is_some_and(|now| *t_us < now) && !self.restarts(*t_us) {
             self.counters.late += 1;
-            return Outcome::Dropped(DropReason::Late);
+            return Ok(Outcome::Dropped(DropReason::Late));
         }
         self.late = None;
-        if let Err(error) = self.engine.push(&values) {
-            self.refused = Some(error);
-            return Outcome::Dropped(DropReason::Refused);
-        }
-        (self.newest_us, self.now_us) = (Some(t_us), Some(t_us));
+        self.engine.push(values)?;
+        (self.newest_us, self.now_us) = (Some(*t_us), Some(*t_us));
         self.counters.accepted += 1;
-        Outcome::Accepted
+        Ok(Outcome::Accepted)
     }
 
     /// Advances the clock if a frame has started it.
@@ -102,17 +98,12 @@ impl Predictor for TimedFrames {
     }
 
     fn predict(&mut self) -> Result<Prediction<'_>, EngineError> {
-        if let Some(error) = self.refused.take() {
-            return Err(error);
-        }
-        let prediction = self.engine.predict()?;
-        let nodes = usize::try_from(prediction.frames).unwrap_or(usize::MAX);
-        Ok(Prediction { values: prediction.values, t_us: self.newest_us, nodes, rows: &[] })
+        Ok(Prediction { t_us: self.newest_us, ..Predictor::predict(&mut self.engine)? })
     }
 
     fn reset(&mut self) {
         self.engine.reset();
-        (self.newest_us, self.now_us, self.refused, self.late) = (None, None, None, None);
+        (self.newest_us, self.now_us, self.late) = (None, None, None);
     }
 
     fn event_counters(&self) -> EventCounters {

@@ -75,7 +75,7 @@ impl Inference {
         let was_due = self.engine.is_due();
         let taken = self.engine.take(sequence, first, len, |engine, skip| {
             let events = records[skip..].iter().filter_map(EventRecord::event);
-            events.filter(|&event: &Event| engine.push(event) == Outcome::Accepted).count()
+            events.filter(|event: &Event| engine.push(event) == Ok(Outcome::Accepted)).count()
         });
         let Some(taken) = taken else { return Err(Malformed::Repeated { found: sequence }.into()) };
         if !was_due {

@@ -112,8 +112,8 @@ impl AnyEngine {
         match self {
             Self::Events(engine) => engine.push_slice(events),
             Self::Frames(frames) => {
-                let mut pushed = events.iter().map(|&event| frames.push(event));
-                pushed.by_ref().filter(|&outcome| outcome == Outcome::Accepted).count()
+                let pushed = events.iter().map(|event| frames.push(event));
+                pushed.filter(|outcome| *outcome == Ok(Outcome::Accepted)).count()
             }
         }
     }
@@ -129,12 +129,12 @@ impl AnyEngine {
 impl Predictor for AnyEngine {
     type Input = Event;
 
-    fn push(&mut self, event: Event) -> Outcome {
+    fn push(&mut self, event: &Event) -> Result<Outcome, EngineError> {
         self.predictor().push(event)
     }
 
-    fn push_from(&mut self, events: &mut Vec<Event>) {
-        self.predictor().push_from(events);
+    fn push_slice(&mut self, events: &[Event]) -> Result<(), EngineError> {
+        self.predictor().push_slice(events)
     }
 
     fn advance(&mut self, t_us: i64) {

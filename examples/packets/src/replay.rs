@@ -4,7 +4,7 @@
 //! which it covers the stream. Leaves: the first difference. After a restart of the process that
 //! predicted, its gaps go back to the event that the restored state ends with; so does this engine.
 
-use meissner_engine::{Event, Predictor, Sensor};
+use meissner_engine::{EngineError, Event, Predictor, Sensor};
 use meissner_run::PipelineError;
 
 use crate::coverage::Gap;
@@ -50,7 +50,7 @@ impl<'a> Replay<'a> {
         if gap.from < self.next {
             self.engine = self.network.engine(self.sensor)?;
             self.next = 0;
-            self.advance(gap.from);
+            self.advance(gap.from)?;
         }
         self.gaps.push(gap);
         Ok(())
@@ -70,7 +70,7 @@ impl<'a> Replay<'a> {
         if next < self.next || next > most {
             return Err(format!("expected a prediction up to event {} to {most}, got {next}", self.next));
         }
-        self.advance(next);
+        self.advance(next).map_err(|error| error.to_string())?;
         let expected = next - self.lost_before(next);
         if accepted != expected {
             return Err(format!("up to event {next}: expected {expected} accepted events, got {accepted}"));
@@ -112,13 +112,14 @@ impl<'a> Replay<'a> {
     }
 
     /// Gives the engine the accepted events before the event of this number.
-    fn advance(&mut self, next: u64) {
+    fn advance(&mut self, next: u64) -> Result<(), EngineError> {
         for number in self.next..next {
             let place = self.gaps.partition_point(|gap| gap.until <= number);
             if self.gaps.get(place).is_none_or(|gap| number < gap.from) {
-                self.engine.push(self.events[number as usize]);
+                self.engine.push(&self.events[number as usize])?;
             }
         }
         self.next = self.next.max(next);
+        Ok(())
     }
 }

@@ -140,14 +140,14 @@ impl SavedEngine {
 impl Predictor for SavedEngine {
     type Input = Event;
 
-    fn push(&mut self, event: Event) -> Outcome {
+    fn push(&mut self, event: &Event) -> Result<Outcome, EngineError> {
         self.entered += 1;
         self.engine.push(event)
     }
 
-    fn push_from(&mut self, events: &mut Vec<Event>) {
+    fn push_slice(&mut self, events: &[Event]) -> Result<(), EngineError> {
         self.entered += events.len() as u64;
-        self.engine.push_from(events);
+        Predictor::push_slice(&mut self.engine, events)
     }
 
     fn advance(&mut self, t_us: i64) {

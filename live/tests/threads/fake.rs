@@ -57,7 +57,7 @@ impl Fake {
 impl Predictor for Fake {
     type Input = Event;
 
-    fn push(&mut self, event: Event) -> Outcome {
+    fn push(&mut self, event: &Event) -> Result<Outcome, EngineError> {
         drop(self.gate.lock().unwrap_or_else(PoisonError::into_inner));
         if !self.nap.is_zero() {
             std::thread::sleep(self.nap);
@@ -66,7 +66,7 @@ impl Predictor for Fake {
         self.pushed += 1;
         if event.x == LATE_COLUMN {
             self.late += 1;
-            return Outcome::Dropped(DropReason::Late);
+            return Ok(Outcome::Dropped(DropReason::Late));
         }
         self.verbs.push(Verb::Push(event.t_us));
         self.taken += 1;
@@ -75,7 +75,7 @@ impl Predictor for Fake {
             _ => None,
         };
         self.values = [if event.x == NAN_COLUMN { f32::NAN } else { self.taken as f32 }];
-        Outcome::Accepted
+        Ok(Outcome::Accepted)
     }
 
     fn advance(&mut self, t_us: i64) {

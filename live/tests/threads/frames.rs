@@ -45,12 +45,11 @@ impl Gated {
 impl Predictor for Gated {
     type Input = Frame;
 
-    fn push(&mut self, frame: Frame) -> Outcome {
+    fn push(&mut self, frame: &Frame) -> Result<Outcome, EngineError> {
         drop(self.gate.lock().unwrap_or_else(PoisonError::into_inner));
-        let t_us = frame.t_us;
-        let outcome = self.frames.push(frame);
-        self.times.extend((outcome == Outcome::Accepted).then_some(t_us));
-        outcome
+        let outcome = self.frames.push(frame)?;
+        self.times.extend((outcome == Outcome::Accepted).then_some(frame.t_us));
+        Ok(outcome)
     }
 
     fn advance(&mut self, t_us: i64) {
@@ -73,7 +72,7 @@ impl Predictor for Gated {
 /// The bits of the prediction after frames at `times`, without a queue.
 fn directly(times: &[i64]) -> Vec<u32> {
     let mut engine = engine();
-    times.iter().for_each(|&t| assert_eq!(engine.push(frame(t)), Outcome::Accepted));
+    times.iter().for_each(|&t| assert_eq!(engine.push(&frame(t)), Ok(Outcome::Accepted)));
     bits(engine.predict().expect("finite").values)
 }
 

@@ -7,7 +7,7 @@ use meissner_engine::filters::{BackgroundActivity, Chain, Filter};
 use meissner_engine::{
     BatchEngine, Engine, Event, LatePolicy, Network, Options, Outcome, Places, Search, Sensor,
 };
-use meissner_live::{Live, Overload, Predictor, QueueOptions, Recorded};
+use meissner_live::{Live, Overload, Predictor, QueueOptions};
 use meissner_models::{Description, Weights};
 use proptest::prelude::*;
 
@@ -22,11 +22,12 @@ fn network(name: &str, capacity: usize) -> Arc<Network> {
     Arc::new(network.with_capacity(capacity).expect("the capacity is in range"))
 }
 
-fn recorded(network: &Arc<Network>, late: LatePolicy) -> Recorded<Engine> {
+/// An engine, and a batch that is given the same events.
+fn recorded(network: &Arc<Network>, late: LatePolicy) -> (Engine, BatchEngine) {
     let options = Options::new().with_late(late);
     let engine = Engine::with_options(Arc::clone(network), SENSOR, options).expect("the sensor has pixels");
     let batch = BatchEngine::new(Arc::clone(network), SENSOR).expect("the sensor has pixels");
-    Recorded::new(engine, batch.with_late(late).with_bounded_memory())
+    (engine, batch.with_late(late).with_bounded_memory())
 }
 
 /// `count` events around a place that moves, some of them late or outside the sensor.
@@ -79,10 +80,10 @@ fn under_every_policy_the_last_prediction_equals_batch_over_the_accepted_events(
         let (last, nodes) = (bits(last.values), last.nodes);
         let counters = live.counters();
         assert_eq!(counters.delivered, 6000 - counters.dropped(), "{name}");
-        let mut recorded = live.close().expect("the worker lives");
-        assert_eq!(recorded.predictor().counters().events.pushed, counters.delivered, "{name}");
-        assert_eq!(recorded.predictor().nodes(), nodes, "{name}");
-        assert_eq!(last, bits(recorded.from_scratch().expect("nothing is NaN").values), "{name}");
+        let (engine, mut batch) = live.close().expect("the worker lives");
+        assert_eq!(engine.counters().events.pushed, counters.delivered, "{name}");
+        assert_eq!(engine.nodes(), nodes, "{name}");
+        assert_eq!(last, bits(batch.predict().expect("nothing is NaN").values), "{name}");
     }
 }
 
@@ -116,8 +117,8 @@ fn after_a_restart_of_the_clock_predictions_are_of_the_new_clock_and_say_so() {
     let timely = live.predict(PATIENCE).expect("nothing is NaN");
     assert_eq!((timely.fresh, timely.lost_events, timely.nodes), (false, 1, 3));
     let values = bits(timely.values);
-    let mut recorded = live.close().expect("the worker lives");
-    assert_eq!(values, bits(recorded.from_scratch().expect("nothing is NaN").values));
+    let (_, mut batch) = live.close().expect("the worker lives");
+    assert_eq!(values, bits(batch.predict().expect("nothing is NaN").values));
 }
 
 proptest! {
@@ -132,14 +133,14 @@ proptest! {
         let late = if clamp { LatePolicy::Clamp } else { LatePolicy::Drop };
         let mut recorded = recorded(&network(name, capacity), late);
         for (i, event) in stream(600, seed).into_iter().enumerate() {
-            recorded.push(event);
+            recorded.push(&event).expect("events are never refused");
             if i % 150 == 149 {
                 recorded.advance(event.t_us + 40);
                 let predicted = bits(recorded.predict().expect("nothing is NaN").values);
-                prop_assert_eq!(predicted, bits(recorded.from_scratch().expect("nothing is NaN").values));
+                prop_assert_eq!(predicted, bits(recorded.1.predict().expect("nothing is NaN").values));
             }
         }
-        prop_assert_eq!(recorded.batch().events().len(), recorded.batch().most_events());
+        prop_assert_eq!(recorded.1.events().len(), recorded.1.most_events());
     }
 }
 

@@ -93,7 +93,7 @@ proptest! {
         let model = model(if sliding { SLIDING } else { COUNTS });
         let mut frames = live(&model);
         for (taken, &event) in (1..).zip(&events) {
-            prop_assert_eq!(frames.push(event), Outcome::Accepted);
+            prop_assert_eq!(frames.push(&event), Ok(Outcome::Accepted));
             let expected = by_definition(&model, &events[..taken], event.t_us, sliding);
             prop_assert_eq!(predict(&mut frames), expected);
             if taken == cut {
@@ -110,7 +110,7 @@ proptest! {
         prop_assert_eq!(predict(&mut frames), by_definition(&model, &events, now, sliding));
         frames.reset();
         prop_assert_eq!(predict(&mut frames), predict(&mut live(&model)));
-        frames.push(events[0]);
+        frames.push(&events[0]).expect("a frame that fits");
         frames.advance(now);
         prop_assert_eq!(predict(&mut frames), by_definition(&model, &events[..1], now, sliding));
     }
@@ -120,7 +120,7 @@ proptest! {
 fn a_longer_silence_than_any_network_needs_ends_its_memory() {
     let model = model(COUNTS);
     let mut frames = live(&model);
-    frames.push(Event::new(0, 1, 0, true));
+    frames.push(&Event::new(0, 1, 0, true)).expect("frames that fit");
     frames.advance(6_001 * PERIOD_US);
     assert_eq!(predict(&mut frames).2, 6_001, "a frame with the event, and the longest silence");
     frames.advance(i64::MAX);
@@ -135,12 +135,12 @@ fn dropped_events_are_counted_over_a_restart() {
     let model = model(COUNTS);
     let mut frames = live(&model);
     for (t_us, x) in [(20, 1), (10, 1), (30, 4), (30, 1)] {
-        frames.push(Event::new(t_us, x, 0, true));
+        frames.push(&Event::new(t_us, x, 0, true)).expect("frames that fit");
     }
     let state = frames.to_bytes_with(&[]);
     let mut frames = live(&model);
     frames.restore_bytes(&state).expect("an equal network");
-    frames.push(Event::new(29, 1, 0, true));
+    frames.push(&Event::new(29, 1, 0, true)).expect("frames that fit");
     let count = |reason| frames.dropped().into_iter().find(|&(of, _)| of == reason).map(|(_, count)| count);
     assert_eq!((count(DropReason::OutsideSensor), count(DropReason::Late)), (Some(1), Some(2)));
 }
@@ -149,7 +149,7 @@ fn dropped_events_are_counted_over_a_restart() {
 fn states_of_other_frames_and_damaged_ones_are_refused_and_change_nothing() {
     let (counts, sliding) = (model(COUNTS), model(SLIDING));
     let mut frames = live(&counts);
-    frames.push(Event::new(0, 1, 0, true));
+    frames.push(&Event::new(0, 1, 0, true)).expect("frames that fit");
     frames.advance(3 * PERIOD_US);
     let before = predict(&mut frames);
     let other_sensor = LiveFrames::new(Arc::clone(&counts), Sensor::new(6, 1), FrameOptions::new());
