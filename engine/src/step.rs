@@ -144,6 +144,7 @@ impl StageState {
         self.activations.iter_mut().for_each(|level| level.clear(self.poison));
         self.readout.clear();
         self.window.clear();
+        self.arrivals.rows.clear();
     }
 
     /// Inserts `node`, which must not be earlier than any other; the window must have room. With `frozen` in-edges, its row waits for

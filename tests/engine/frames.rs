@@ -5,7 +5,7 @@ use meissner_engine::frames::{
     Convolution, FrameEngine, FrameLayer, FrameLayerKind, FrameNetwork, FrameNetworkParts, FrameOptions,
     FrameShape, Skip,
 };
-use meissner_kernels::{Activation, Isa, WinogradTile};
+use meissner_kernels::{Activation, Isa};
 use meissner_tests::cases::cases;
 use meissner_verify::frame_networks::{Style, network, sequence};
 use meissner_verify::strategies::frame_style;
@@ -25,50 +25,6 @@ proptest! {
     #![proptest_config(cases(100))]
 
     #[test]
-    fn what_is_skipped_changes_no_bit(
-        style in frame_style(),
-        channels in 1usize..4,
-        (height, width) in (1usize..7, 1usize..25).prop_map(|(h, w)| (4 * h, 4 * w)),
-        wide in prop_oneof![Just(3usize), Just(8), Just(16), Just(33)],
-        convolution in prop_oneof![
-            Just(Convolution::Direct),
-            Just(Convolution::Winograd(WinogradTile::Two)),
-            Just(Convolution::Winograd(WinogradTile::Four)),
-            Just(Convolution::Kn2row),
-        ],
-        sparse in any::<bool>(),
-        every in 1usize..3,
-        seed in any::<u64>(),
-    ) {
-        let size = [channels, height, width];
-        let parts = network(style, size, wide, seed);
-        let all = FrameOptions::new().with_skip(Skip::Nothing);
-        let mut whole = engine(&parts, convolution, all);
-        let mut skipping =
-            engine(&parts, convolution, FrameOptions::new().with_sparse(sparse).with_two_threads(seed % 2 == 0));
-        prop_assert_eq!(predict(&mut whole), predict(&mut skipping), "before the first frame");
-        let mut middle = None;
-        for (n, frame) in sequence(12, size, seed ^ 1).iter().enumerate() {
-            whole.push(frame).expect("a frame that fits");
-            skipping.push(frame).expect("a frame that fits");
-            if n % every == 0 {
-                prop_assert_eq!(predict(&mut whole), predict(&mut skipping), "frame {}", n);
-            }
-            match n {
-                4 => middle = Some((whole.snapshot(), skipping.snapshot())),
-                7 => { whole.reset(); skipping.reset(); }
-                9 => {
-                    let (a, b) = middle.take().expect("taken before");
-                    whole.restore(&a).expect("its own snapshot");
-                    skipping.restore(&b).expect("its own snapshot");
-                }
-                _ => {}
-            }
-        }
-        prop_assert_eq!(predict(&mut whole), predict(&mut skipping));
-    }
-
-    #[test]
     fn instruction_sets_give_the_same_bits(style in frame_style(), seed in any::<u64>()) {
         let size = [2, 12, 20];
         let parts = network(style, size, 8, seed);
@@ -82,31 +38,6 @@ proptest! {
         let expected = run(Isa::portable());
         for isa in Isa::available() {
             prop_assert_eq!(&run(isa), &expected, "{}", isa.name());
-        }
-    }
-
-    #[test]
-    fn a_reset_engine_is_as_new(
-        style in frame_style(),
-        seed in any::<u64>(),
-        sparse in any::<bool>(),
-        skip in prop_oneof![Just(Skip::Exact), Just(Skip::Tolerance(0.1))],
-    ) {
-        let size = [2, 8, 12];
-        let parts = network(style, size, 8, seed);
-        let options = FrameOptions::new().with_sparse(sparse).with_skip(skip);
-        let (mut used, mut new) =
-            (engine(&parts, Convolution::Direct, options), engine(&parts, Convolution::Direct, options));
-        for frame in sequence(5, size, seed) {
-            used.push(&frame).expect("a frame that fits");
-            predict(&mut used);
-        }
-        used.reset();
-        prop_assert_eq!(predict(&mut used), predict(&mut new));
-        for frame in sequence(5, size, !seed) {
-            used.push(&frame).expect("a frame that fits");
-            new.push(&frame).expect("a frame that fits");
-            prop_assert_eq!(predict(&mut used), predict(&mut new));
         }
     }
 }

@@ -1,6 +1,7 @@
 //! Whole-engine properties, oracles, golden files, determinism: one program, because linking one per file took most of the time.
 
 mod approximations;
+mod conformance;
 mod determinism;
 mod errors;
 mod extremes;
@@ -26,8 +27,6 @@ mod reference;
 mod reference_golden;
 mod representations;
 mod restarts;
-mod slices;
-mod snapshots;
 mod snapshots_damaged;
 mod snapshots_of_frames;
 mod snapshots_refused;

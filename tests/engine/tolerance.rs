@@ -28,14 +28,6 @@ proptest! {
         prop_assert_eq!(checked.run_with(&script, within_tolerance::check), Ok(()));
     }
 
-    #[test]
-    fn a_tolerance_of_zero_equals_batch_in_bits(shape in strategies::network(), script in strategies::script(120)) {
-        let options = Options::new().with_tolerance(0.0);
-        let mut checked = CheckedEngine::with_options(shape.build(), script.sensor, Search::Exhaustive, options);
-        prop_assert_eq!(checked.run(&script), Ok(()));
-        let counters = checked.engine.counters();
-        prop_assert!(counters.layers.iter().all(|layer| layer.within_tolerance == 0));
-    }
 }
 
 const SENSOR: Sensor = Sensor { width: 100, height: 100 };
@@ -123,24 +115,6 @@ fn a_row_that_enters_is_stored_whatever_its_slot_held() {
             let newest = |engine: &Engine| engine.feature(0, 1).pop().map(|row| bits(&row));
             assert_eq!(newest(&kept), newest(&exact), "event {i}");
         }
-    }
-}
-
-#[test]
-fn a_reset_engine_with_a_tolerance_predicts_what_a_new_one_does() {
-    let shape = chain(Candidates::All, 8);
-    let (mut used, mut new) = (engine(&shape, f32::MAX), engine(&shape, f32::MAX));
-    for i in 0..30u16 {
-        used.push(Event::new(i64::from(i) * 7, 10 * (i % 8), 50, i % 3 == 0));
-        used.predict().expect("finite");
-    }
-    used.reset();
-    for i in 0..6 {
-        let event = Event::new(0, 10 * i, 50, true);
-        used.push(event);
-        new.push(event);
-        let used = bits(used.predict().expect("finite").values);
-        assert_eq!(used, bits(new.predict().expect("finite").values));
     }
 }
 

@@ -22,6 +22,7 @@
 //! | [`verify`], [`verify_stream`], [`verify_frames`] | an engine over streams, to a [`Summary`] or a [`Mismatch`] |
 //! | [`random_streams`], [`random_frames`] | streams with every difficulty |
 //! | [`Incremental`], [`IncrementalEvents`] | the methods of an engine under test: implement them to verify an engine of your own |
+//! | [`conformance`] | claims that every engine keeps, behind any interface |
 //! | [`CheckedEngine`] | an engine beside its full recomputation, for streams of your own |
 //! | [`Stream`], [`Step`], [`Script`] | streams as data, from recordings and as text |
 //! | [`networks`], [`frame_networks`] | random networks |
@@ -35,6 +36,7 @@
 
 mod checked;
 mod checked_frames;
+pub mod conformance;
 mod difference;
 mod error;
 pub mod frame_networks;

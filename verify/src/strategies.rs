@@ -1,10 +1,11 @@
 //! Strategies for proptest: streams, and networks of every kind that the engine runs.
 
-use meissner_engine::{Candidates, Event, GraphRule, Lifetime, Reach, Sensor};
+use meissner_engine::{Candidates, Event, GraphRule, Lifetime, MAX_SILENCE_US, Reach, Sensor};
 use proptest::prelude::*;
 
 use crate::frame_networks::Style as FrameStyle;
 use crate::networks::{BlockShape, ConvolutionShape, NetworkShape, PoolShape};
+use crate::random_stream::random_frames;
 use crate::step::{Script, Step};
 
 /// A step whose time counts from the step before, as [`Script::new`] takes it. Events lie in the first `pixels` columns and
@@ -22,10 +23,11 @@ fn relative(pixels: u16, one_instant: bool) -> impl Strategy<Value = Step> {
         2 => prop_oneof![3 => 0i64..80, 1 => 0i64..3_000].prop_map(Step::Advance),
         8 => Just(Step::Predict),
         1 => Just(Step::Snapshot),
+        1 => Just(Step::Bytes),
     ]
 }
 
-/// Scripts of up to `most` steps, twice as many where there is a reset, on small sensors.
+/// Scripts of up to `most` steps, twice as many where there is a reset or where the clock restarts, on small sensors.
 pub fn script(most: usize) -> impl Strategy<Value = Script> {
     script_on((prop_oneof![1u16..12, 12u16..70], prop_oneof![1u16..12, 12u16..70]), most)
 }
@@ -39,20 +41,54 @@ pub fn script_on(sensor: impl Strategy<Value = (u16, u16)>, most: usize) -> impl
         1 => Just((4, false)),
         1 => Just((u16::MAX, true)),
     ];
-    let origin = prop_oneof![Just(0i64), Just(1_700_000_000_000_000), Just(-77), Just(i64::MIN / 2)];
-    let steps = style.prop_flat_map(move |(pixels, one_instant)| {
-        let run = || proptest::collection::vec(relative(pixels, one_instant), 1..most);
-        (run(), proptest::option::weighted(0.2, run())).prop_map(|(mut steps, second)| {
-            if let Some(second) = second {
-                steps.push(Step::Reset);
-                steps.extend(second);
-            }
-            steps
-        })
+    let origin = || prop_oneof![Just(0i64), Just(1_700_000_000_000_000), Just(-77), Just(i64::MIN / 2)];
+    let runs = style.prop_flat_map(move |(pixels, one_instant)| {
+        let run = move || (origin(), proptest::collection::vec(relative(pixels, one_instant), 1..most));
+        (run(), proptest::option::weighted(0.3, (any::<bool>(), run())))
     });
-    (sensor, origin, steps).prop_map(|((width, height), origin_us, steps)| {
-        Script::new(Sensor::new(width, height), origin_us, steps)
+    (sensor, runs).prop_map(|((width, height), ((origin_us, steps), second))| {
+        let sensor = Sensor::new(width, height);
+        let mut script = Script::new(sensor, origin_us, steps);
+        if let Some((is_reset, (origin_us, steps))) = second {
+            // Without the reset, the clock of the sensor restarts.
+            script.steps.extend(is_reset.then_some(Step::Reset));
+            script.steps.extend(Script::new(sensor, origin_us, steps).steps);
+        }
+        script
     })
+}
+
+/// Scripts of up to `most` steps whose clock is not to be trusted: single stamps far ahead, jumps back by more than a window
+/// of `span_us`.
+pub fn unsteady_clock(span_us: i64, most: usize) -> impl Strategy<Value = Script> {
+    let jump = prop_oneof![
+        6 => 0..40i64,
+        3 => -30..0i64,
+        2 => -4 * span_us..-span_us,
+        1 => Just(-MAX_SILENCE_US),
+        1 => Just(MAX_SILENCE_US + 1),
+        1 => Just(50 * MAX_SILENCE_US),
+    ];
+    let kind = prop_oneof![20 => Just(0u8), 2 => Just(1), 3 => Just(2), 1 => Just(3)];
+    proptest::collection::vec((kind, jump, 0..41u16, 0..31u16, any::<bool>()), 1..most).prop_map(|steps| {
+        let mut now = 0i64;
+        let step = |(kind, jump, x, y, on)| {
+            now = now.saturating_add(jump);
+            match kind {
+                0 => Step::Push(Event::new(now, x, y, on)),
+                1 => Step::Advance(now),
+                2 => Step::Predict,
+                _ => Step::Bytes,
+            }
+        };
+        Script { sensor: Sensor::new(40, 30), origin_us: 0, steps: steps.into_iter().map(step).collect() }
+    })
+}
+
+/// Sequences of frames of `values` values each, with predictions, resets and states between them.
+pub fn frames(values: usize) -> impl Strategy<Value = Vec<Step<Vec<f32>>>> {
+    any::<u64>()
+        .prop_map(move |seed| random_frames(values, 1, seed).flat_map(|stream| stream.steps).collect())
 }
 
 fn block() -> impl Strategy<Value = BlockShape> {

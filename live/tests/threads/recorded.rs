@@ -7,9 +7,8 @@ use meissner_engine::filters::{BackgroundActivity, Chain, Filter};
 use meissner_engine::{
     BatchEngine, Engine, Event, LatePolicy, Network, Options, Outcome, Places, Search, Sensor,
 };
-use meissner_live::{Live, Overload, Predictor, QueueOptions};
+use meissner_live::{Live, Overload, QueueOptions};
 use meissner_models::{Description, Weights};
-use proptest::prelude::*;
 
 use crate::fake::PATIENCE;
 
@@ -119,29 +118,6 @@ fn after_a_restart_of_the_clock_predictions_are_of_the_new_clock_and_say_so() {
     let values = bits(timely.values);
     let (_, mut batch) = live.close().expect("the worker lives");
     assert_eq!(values, bits(batch.predict().expect("nothing is NaN").values));
-}
-
-proptest! {
-    #![proptest_config(ProptestConfig::with_cases(12))]
-    #[test]
-    fn what_is_remembered_is_bounded_and_enough(
-        name in prop::sample::select(vec!["graphres", "tactigraph", "tactigraph-frozen", "tactigraph-past"]),
-        capacity in 1..24_usize,
-        seed in any::<u32>(),
-        clamp in any::<bool>(),
-    ) {
-        let late = if clamp { LatePolicy::Clamp } else { LatePolicy::Drop };
-        let mut recorded = recorded(&network(name, capacity), late);
-        for (i, event) in stream(600, seed).into_iter().enumerate() {
-            recorded.push(&event).expect("events are never refused");
-            if i % 150 == 149 {
-                recorded.advance(event.t_us + 40);
-                let predicted = bits(recorded.predict().expect("nothing is NaN").values);
-                prop_assert_eq!(predicted, bits(recorded.1.predict().expect("nothing is NaN").values));
-            }
-        }
-        prop_assert_eq!(recorded.1.events().len(), recorded.1.most_events());
-    }
 }
 
 fn no_neighbours(places: &Places<'_>, tell: &mut dyn FnMut(&[u32])) {

@@ -1,0 +1,333 @@
+//! Every engine keeps the claims of [`conformance`]: over random networks, streams, clocks and ways to cut a stream.
+//!
+//! `MEISSNER_CASES` sets the number of cases (400 without it).
+
+use std::sync::{Arc, LazyLock};
+use std::time::Duration;
+
+use meissner_engine::frames::{
+    Convolution, Frame, FrameEngine, FrameNetwork, FrameOptions, Skip, TimedFrames,
+};
+use meissner_engine::{
+    BatchEngine, Candidates, Engine, EngineError, Event, EventCounters, GraphRule, LatePolicy, Lifetime,
+    Options, Outcome, Prediction, Predictor, Reach, Search, Sensor, StaleReadout, Staleness,
+};
+use meissner_kernels::WinogradTile;
+use meissner_live::{Input, Item, Live, LiveError, QueueOptions};
+use meissner_run::live_frames::LiveFrames;
+use meissner_run::model::FrameModel;
+use meissner_tests::cases::cases;
+use meissner_verify::conformance::{forgets, predicts, refuses_damage, resumes, takes_slices};
+use meissner_verify::frame_networks::network as frame_network;
+use meissner_verify::networks::{BlockShape, ConvolutionShape, NetworkShape, PoolShape};
+use meissner_verify::{Script, Step, bits, strategies};
+use proptest::prelude::*;
+
+/// Streams: steady, long, and with a clock that jumps.
+fn script() -> impl Strategy<Value = Script> {
+    prop_oneof![
+        7 => strategies::script(120),
+        1 => strategies::script(700),
+        3 => strategies::unsteady_clock(1_000, 120),
+    ]
+}
+
+/// Lengths of slices.
+fn cuts() -> impl Strategy<Value = Vec<usize>> {
+    prop::collection::vec(1_usize..100, 1..30)
+}
+
+/// Options that results depend on, and one that shows a stale read.
+fn options() -> impl Strategy<Value = Options> {
+    let tolerance = prop_oneof![2 => Just(0.0f32), 1 => Just(0.02), 1 => Just(f32::MAX)];
+    (tolerance, any::<bool>()).prop_map(|(tolerance, clamps)| {
+        let late = if clamps { LatePolicy::Clamp } else { LatePolicy::Drop };
+        Options::new().with_tolerance(tolerance).with_late(late).with_poison(true)
+    })
+}
+
+proptest! {
+    #![proptest_config(cases(400))]
+
+    #[test]
+    fn an_engine_over_events(
+        shape in strategies::network(), script in script(), cuts in cuts(), options in options(), place in 0.0f64..1.0, bit in 0u32..8,
+    ) {
+        let (network, steps) = (Arc::new(shape.build()), &script.steps);
+        let cut = (steps.len() as f64 * place) as usize;
+        let engine = || Engine::with_options(Arc::clone(&network), script.sensor, options).expect("admissible");
+        let batch = || BatchEngine::new(Arc::clone(&network), script.sensor).expect("pixels").with_late(options.late);
+        if options.tolerance == 0.0 {
+            prop_assert_eq!(predicts(&mut engine(), &mut batch().with_search(Search::Exhaustive), steps), Ok(()));
+        }
+        prop_assert_eq!(takes_slices(engine, steps, &cuts), Ok(()));
+        prop_assert_eq!(forgets(engine, steps), Ok(()));
+        prop_assert_eq!(resumes(engine, steps, cut), Ok(()));
+        prop_assert_eq!(refuses_damage(engine, steps, place, bit), Ok(()));
+    }
+
+    #[test]
+    fn a_batch_and_a_readout_that_may_be_stale(shape in strategies::network(), script in script(), cuts in cuts()) {
+        let (network, steps) = (Arc::new(shape.build()), &script.steps);
+        let batch = || BatchEngine::new(Arc::clone(&network), script.sensor).expect("pixels").with_bounded_memory();
+        let mut bounded = batch();
+        prop_assert_eq!(predicts(&mut bounded, &mut batch().with_search(Search::Exhaustive), steps), Ok(()));
+        prop_assert!(bounded.events().len() <= bounded.most_events());
+        prop_assert_eq!(takes_slices(batch, steps, &cuts), Ok(()));
+        prop_assert_eq!(forgets(batch, steps), Ok(()));
+        let readout = |(events, us)| {
+            let engine = Engine::new(Arc::clone(&network), script.sensor).expect("exact");
+            StaleReadout::new(engine, Staleness::new().with_events(events).with_us(us)).expect("in range")
+        };
+        prop_assert_eq!(predicts(&mut readout((1, 1)), &mut batch(), steps), Ok(()));
+        prop_assert_eq!(takes_slices(|| readout((3, 400)), steps, &cuts), Ok(()));
+        prop_assert_eq!(forgets(|| readout((3, 400)), steps), Ok(()));
+    }
+}
+
+/// Ways to compute a frame network.
+fn frame_options() -> impl Strategy<Value = FrameOptions> {
+    let skip = prop_oneof![1 => Just(Skip::Nothing), 3 => Just(Skip::Exact), 1 => Just(Skip::Tolerance(0.1))];
+    (skip, any::<[bool; 2]>()).prop_map(|(skip, [sparse, two_threads])| {
+        FrameOptions::new().with_skip(skip).with_sparse(sparse).with_two_threads(two_threads)
+    })
+}
+
+fn convolution() -> impl Strategy<Value = Convolution> {
+    prop_oneof![
+        Just(Convolution::Direct),
+        Just(Convolution::Winograd(WinogradTile::Two)),
+        Just(Convolution::Winograd(WinogradTile::Four)),
+        Just(Convolution::Kn2row),
+    ]
+}
+
+/// The frames with times, some of them late, which a clock of their own gives them.
+fn timed(steps: &[Step<Vec<f32>>]) -> Vec<Step<Frame>> {
+    let mut t_us = 0;
+    let step = |(i, step): (usize, &Step<Vec<f32>>)| match step {
+        Step::Push(values) => {
+            t_us += if i % 7 == 3 { -15_000 } else { 10_000 };
+            Step::Push(Frame { t_us, values: values.clone() })
+        }
+        Step::Advance(_) | Step::Predict => Step::Predict,
+        Step::Reset => Step::Reset,
+        Step::Snapshot | Step::Bytes => Step::Advance(t_us + 2_000),
+    };
+    steps.iter().enumerate().map(step).collect()
+}
+
+proptest! {
+    #![proptest_config(cases(200))]
+
+    #[test]
+    fn an_engine_over_frames(
+        style in strategies::frame_style(),
+        (size, steps) in (1usize..4, 1usize..7, 1usize..25).prop_flat_map(|(c, h, w)| {
+            let size = [c, 4 * h, 4 * w];
+            (Just(size), strategies::frames(size.iter().product()))
+        }),
+        wide in prop_oneof![Just(3usize), Just(8), Just(16), Just(33)],
+        convolution in convolution(),
+        options in frame_options(),
+        seed in any::<u64>(),
+        place in 0.0f64..1.0,
+        bit in 0u32..8,
+        cuts in cuts(),
+    ) {
+        let network = FrameNetwork::new(frame_network(style, size, wide, seed), convolution).expect("parts that fit");
+        let network = Arc::new(network);
+        let cut = (steps.len() as f64 * place) as usize;
+        let with = |options| FrameEngine::with_options(Arc::clone(&network), options).expect("in range");
+        let engine = || with(options);
+        let whole = || with(FrameOptions::new().with_skip(Skip::Nothing));
+        let clocked = || TimedFrames::new(engine());
+        let frames = timed(&steps);
+        if !matches!(options.skip, Skip::Tolerance(_)) {
+            prop_assert_eq!(predicts(&mut engine(), &mut whole(), &steps), Ok(()));
+            prop_assert_eq!(predicts(&mut clocked(), &mut TimedFrames::new(whole()), &frames), Ok(()));
+            let mut behind = Behind::of(clocked());
+            prop_assert_eq!(predicts(&mut behind, &mut clocked(), &queueable(&frames)), Ok(()));
+        }
+        prop_assert_eq!(takes_slices(engine, &steps, &cuts), Ok(()));
+        prop_assert_eq!(takes_slices(clocked, &frames, &cuts), Ok(()));
+        prop_assert_eq!(forgets(engine, &steps), Ok(()));
+        prop_assert_eq!(forgets(clocked, &frames), Ok(()));
+        prop_assert_eq!(resumes(engine, &steps, cut), Ok(()));
+        prop_assert_eq!(refuses_damage(engine, &steps, place, bit), Ok(()));
+        let [mut whole, mut resumed] = [engine(), engine()];
+        let pushed = |engine: &mut FrameEngine, steps: &[Step<Vec<f32>>]| {
+            steps.iter().filter_map(Step::input).for_each(|frame| engine.push(frame).expect("a frame that fits"));
+        };
+        pushed(&mut whole, &steps[..cut]);
+        resumed.restore_bytes(&whole.to_bytes()).expect("its own bytes");
+        [&mut whole, &mut resumed].into_iter().for_each(|engine| pushed(engine, &steps[cut..]));
+        prop_assert_eq!(resumed.counters(), whole.counters(), "what is recomputed is the same");
+    }
+}
+
+/// A predictor behind a queue that loses nothing.
+struct Behind<P: Predictor<Input: Item>> {
+    input: Input<P::Input>,
+    live: Live<P>,
+}
+
+impl<P: Predictor<Input: Item> + Send + 'static> Behind<P> {
+    fn of(predictor: P) -> Self {
+        // Smaller than most streams.
+        let (input, live) = Live::spawn(predictor, QueueOptions::new().with_capacity(64)).expect("in range");
+        Self { input, live }
+    }
+}
+
+impl<P: Predictor<Input: Item>> Predictor for Behind<P> {
+    type Input = P::Input;
+
+    /// The worker decides what becomes of it.
+    fn push(&mut self, input: &P::Input) -> Result<Outcome, EngineError> {
+        self.push_slice(std::slice::from_ref(input)).map(|()| Outcome::Held)
+    }
+
+    fn push_slice(&mut self, inputs: &[P::Input]) -> Result<(), EngineError> {
+        self.input.push_slice(inputs).expect("the worker lives");
+        Ok(())
+    }
+
+    fn advance(&mut self, t_us: i64) {
+        self.input.advance(t_us);
+    }
+
+    fn predict(&mut self) -> Result<Prediction<'_>, EngineError> {
+        match self.live.predict(Duration::MAX) {
+            Ok(answer) => {
+                Ok(Prediction { values: answer.values, t_us: answer.t_us, nodes: answer.nodes, rows: &[] })
+            }
+            Err(LiveError::Engine(error)) => Err(error),
+            Err(other) => panic!("{other}"),
+        }
+    }
+
+    fn reset(&mut self) {
+        unreachable!("a queue has no reset");
+    }
+
+    fn event_counters(&self) -> EventCounters {
+        self.live.event_counters()
+    }
+}
+
+/// The steps that a queue has, each advance with its prediction: an event after it would make it void.
+fn queueable<I: Clone>(steps: &[Step<I>]) -> Vec<Step<I>> {
+    let kept = steps.iter().filter(|step| !matches!(step, Step::Reset));
+    kept.flat_map(|step| {
+        let then = matches!(step, Step::Advance(_)).then_some(Step::Predict);
+        [Some(step.clone()), then].into_iter().flatten()
+    })
+    .collect()
+}
+
+/// A shipped network over frames of events.
+static FORCE: LazyLock<Arc<FrameModel>> = LazyLock::new(|| {
+    FrameModel::named("force-lstm", None, Convolution::Direct, false).expect("shipped").into()
+});
+
+proptest! {
+    #![proptest_config(cases(60))]
+
+    #[test]
+    fn engines_behind_a_queue(shape in strategies::network(), script in script(), cuts in cuts()) {
+        let (network, steps) = (Arc::new(shape.build()), queueable(&script.steps));
+        let engine = || Engine::new(Arc::clone(&network), script.sensor).expect("exact");
+        prop_assert_eq!(predicts(&mut Behind::of(engine()), &mut engine(), &steps), Ok(()));
+        prop_assert_eq!(takes_slices(|| Behind::of(engine()), &steps, &cuts), Ok(()));
+    }
+
+    #[test]
+    fn a_frame_network_over_events(script in strategies::script_on((346..347u16, 260..261u16), 120), cuts in cuts()) {
+        let live = |skip| {
+            let options = FrameOptions::new().with_skip(skip);
+            LiveFrames::new(Arc::clone(&FORCE), script.sensor, options).expect("frames of events")
+        };
+        prop_assert_eq!(predicts(&mut live(Skip::Exact), &mut live(Skip::Nothing), &script.steps), Ok(()));
+        prop_assert_eq!(takes_slices(|| live(Skip::Exact), &script.steps, &cuts), Ok(()));
+        prop_assert_eq!(forgets(|| live(Skip::Exact), &script.steps), Ok(()));
+    }
+}
+
+/// An engine that fills expired rows with NaN, so that a row that is computed too late shows.
+fn poisoned(shape: &NetworkShape, sensor: Sensor) -> Engine {
+    Engine::with_options(shape.build(), sensor, Options::new().with_poison(true))
+        .expect("the network is exact")
+}
+
+/// Frozen rows over a window of few events.
+fn frozen(capacity: usize, k: usize, blocks: usize) -> NetworkShape {
+    let block = |input| BlockShape {
+        channels: 3,
+        conv: ConvolutionShape::Spline([2; 3]),
+        input,
+        skip: None,
+        extras: [true; 4],
+    };
+    NetworkShape {
+        graph: GraphRule { reach: Reach::Knn { k }, candidates: Candidates::Past(Lifetime::Frozen) },
+        span_us: 1_000,
+        capacity,
+        place: None,
+        blocks: (0..blocks).map(block).collect(),
+        from: blocks,
+        pooled: vec![],
+        grid: [2, 2],
+        dense: vec![2],
+        head: None,
+        seed: 5,
+    }
+}
+
+/// Every event of the slice evicts one that another of the slice reads.
+#[test]
+fn rows_are_computed_before_what_they_read_is_evicted_or_expires() {
+    let sensor = Sensor::new(16, 16);
+    for (capacity, k) in [(1, 1), (2, 1), (3, 8), (8, 4), (200, 8)] {
+        for apart_us in [0, 40, 400, 5_000] {
+            let shape = frozen(capacity, k, 3);
+            let [mut singly, mut sliced] = [(); 2].map(|()| poisoned(&shape, sensor));
+            let event =
+                |i: i64| Event::new(i * apart_us, (i * 7 % 16) as u16, (i * 5 % 16) as u16, i % 3 == 0);
+            let events: Vec<_> = (0..300).map(event).collect();
+            for &event in &events {
+                singly.push(event);
+            }
+            assert_eq!(sliced.push_slice(&events), 300);
+            assert_eq!(
+                bits(sliced.predict().expect("finite").values),
+                bits(singly.predict().expect("finite").values),
+                "{capacity} events, {apart_us} us apart"
+            );
+            assert!(sliced.to_bytes() == singly.to_bytes(), "{capacity} events, {apart_us} us apart");
+        }
+    }
+}
+
+#[test]
+fn an_empty_slice_and_one_of_refused_events_change_nothing_but_counts() {
+    let mut engine = poisoned(&frozen(8, 2, 1), Sensor::new(4, 4));
+    engine.push(Event::new(10, 1, 1, true));
+    let before = bits(engine.predict().expect("finite").values);
+    assert_eq!(engine.push_slice(&[]), 0);
+    assert_eq!(engine.push_slice(&[Event::new(9, 1, 1, true), Event::new(20, 4, 0, true)]), 0);
+    assert_eq!(bits(engine.predict().expect("finite").values), before);
+    assert_eq!((engine.counters().events.late, engine.counters().events.outside_sensor), (1, 1));
+}
+
+/// Found by the claims: the neighbours of the oldest events of a window were chosen among events that were forgotten.
+#[test]
+fn a_batch_of_bounded_memory_knows_the_edges_of_its_window() {
+    let block = frozen(3, 1, 1).blocks.remove(0);
+    let pool = PoolShape { from: 0, cell: [(1, 8); 2], time: None, mean: false, blocks: vec![block] };
+    let network = Arc::new(NetworkShape { pooled: vec![pool], from: 1, ..frozen(3, 1, 0) }.build());
+    let batch = || BatchEngine::new(Arc::clone(&network), Sensor::new(16, 16)).expect("pixels");
+    let event = |i: i64| Event::new(i, (i * 7 % 16) as u16, (i * 5 % 16) as u16, i % 3 == 0);
+    let steps: Vec<_> = (0..100).flat_map(|i| [Step::Push(event(i)), Step::Predict]).collect();
+    assert_eq!(predicts(&mut batch().with_bounded_memory(), &mut batch(), &steps), Ok(()));
+}
