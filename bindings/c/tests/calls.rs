@@ -11,8 +11,13 @@ use std::mem::offset_of;
 use std::ptr::{null, null_mut};
 use std::sync::LazyLock;
 
-use meissner::{Description, Engine, Event, LatePolicy, Network, Options, RestartPolicy, Sensor, Weights};
+use meissner::{
+    Description, Engine, EngineError, Event, EventCounters, LatePolicy, Network, Options, Outcome,
+    Prediction, Predictor, RestartPolicy, Sensor, Weights,
+};
 use meissner_c::*;
+use meissner_verify::conformance::{forgets, predicts, refuses_damage, resumes, takes_slices};
+use meissner_verify::{Incremental, Script, strategies};
 use proptest::prelude::*;
 
 const NAME: &CStr = c"tactip-past";
@@ -145,6 +150,117 @@ impl Handle {
     }
 }
 
+/// The interface as an engine, for the claims of every engine.
+struct Spoken {
+    handle: Handle,
+    values: [f32; OUTPUTS],
+    /// Slices that were pushed.
+    slices: usize,
+}
+
+impl Spoken {
+    fn new(late: u32) -> Self {
+        Self { handle: Handle::new(late, MEISSNER_RESTART_RESET), values: [0.0; OUTPUTS], slices: 0 }
+    }
+}
+
+impl Predictor for Spoken {
+    type Input = Event;
+
+    /// Whether the event entered; of one that did not, the interface tells no reason.
+    fn push(&mut self, event: &Event) -> Result<Outcome, EngineError> {
+        let (status, entered) = self.handle.push(c_event(event));
+        assert_eq!(status, OK);
+        Ok(if entered { Outcome::Accepted } else { Outcome::Held })
+    }
+
+    /// By each way in turn.
+    fn push_slice(&mut self, events: &[Event]) -> Result<(), EngineError> {
+        let events: Vec<meissner_event> = events.iter().map(c_event).collect();
+        let before = self.handle.counters().accepted;
+        self.slices += 1;
+        let (status, accepted) = match self.slices % 2 {
+            0 => self.handle.push_events(&events),
+            _ => self.handle.push_arrays(&events),
+        };
+        assert_eq!((status, accepted as u64), (OK, self.handle.counters().accepted - before));
+        Ok(())
+    }
+
+    fn advance(&mut self, t_us: i64) {
+        assert_eq!(self.handle.advance(t_us), OK);
+    }
+
+    fn predict(&mut self) -> Result<Prediction<'_>, EngineError> {
+        let mut of: meissner_prediction = zeros();
+        // SAFETY: every pointer is valid.
+        let status =
+            unsafe { meissner_engine_predict(self.handle.0, self.values.as_mut_ptr(), OUTPUTS, &raw mut of) };
+        assert_eq!(status, OK);
+        let t_us = (of.has_time != 0).then_some(of.t_us);
+        Ok(Prediction { values: &self.values, t_us, nodes: of.nodes as usize, rows: &[] })
+    }
+
+    fn reset(&mut self) {
+        // SAFETY: the handle is valid.
+        assert_eq!(unsafe { meissner_engine_reset(self.handle.0) }, OK);
+    }
+
+    fn event_counters(&self) -> EventCounters {
+        let counters = self.handle.counters();
+        EventCounters {
+            pushed: counters.pushed,
+            accepted: counters.accepted,
+            outside_sensor: counters.outside_sensor,
+            late: counters.late,
+            time_out_of_range: counters.time_out_of_range,
+            outliers: counters.outliers,
+            clamped: counters.clamped,
+            expired: counters.expired,
+            evicted: counters.evicted,
+            restarts: counters.restarts,
+        }
+    }
+}
+
+impl Incremental for Spoken {
+    type Snapshot = Vec<u8>;
+
+    fn snapshot(&self) -> Vec<u8> {
+        self.to_bytes()
+    }
+
+    fn restore(&mut self, snapshot: &Vec<u8>) -> Result<(), EngineError> {
+        self.restore_bytes(snapshot)
+    }
+
+    fn to_bytes(&self) -> Vec<u8> {
+        let (mut bytes, mut length) = (Vec::new(), 0);
+        // SAFETY: every pointer is valid.
+        unsafe {
+            meissner_engine_snapshot(self.handle.0, null_mut(), 0, &raw mut length);
+            bytes.resize(length, 0);
+            assert_eq!(
+                meissner_engine_snapshot(self.handle.0, bytes.as_mut_ptr(), length, &raw mut length),
+                OK
+            );
+        }
+        bytes
+    }
+
+    fn restore_bytes(&mut self, bytes: &[u8]) -> Result<(), EngineError> {
+        // SAFETY: the pointer is that of so many bytes.
+        match unsafe { meissner_engine_restore(self.handle.0, bytes.as_ptr(), bytes.len()) } {
+            OK => Ok(()),
+            meissner_status::MEISSNER_INVALID_SNAPSHOT => {
+                let found = "bytes that the interface refuses".to_owned();
+                Err(EngineError::Snapshot { what: "snapshot", expected: "its own".to_owned(), found })
+            }
+            other => panic!("{other:?}"),
+        }
+    }
+}
+
 /// A struct of the interface with zeros but for its size, its first field.
 fn zeros<T>() -> T {
     // SAFETY: zeros are a value of every struct of the interface.
@@ -164,59 +280,36 @@ static NETWORK: LazyLock<Network> = LazyLock::new(|| {
 });
 
 fn rust_event(event: &meissner_event) -> Event {
-    Event::new(event.t_us, event.x, event.y, event.polarity > 0)
+    (*event).into()
 }
 
-/// Events on and beside the sensor, many on one pixel, at times that stand still, go back and jump over the window.
-fn events() -> impl Strategy<Value = Vec<meissner_event>> {
-    let step = prop_oneof![8 => 0..2_000_i64, 1 => -3_000..0_i64, 1 => 200_000..500_000_i64];
-    let pixel = prop_oneof![3 => (0..44_u16, 0..33_u16), 1 => Just((7, 7))];
-    prop::collection::vec((step, pixel, any::<i8>()), 0..80).prop_map(|found| {
-        let mut now = -5_000;
-        let event = |(step, (x, y), polarity)| {
-            now += step;
-            meissner_event { t_us: now, x, y, polarity }
-        };
-        found.into_iter().map(event).collect()
-    })
+fn c_event(event: &Event) -> meissner_event {
+    meissner_event { t_us: event.t_us, x: event.x, y: event.y, polarity: i8::from(event.on) }
+}
+
+/// Streams on and beside the sensor: steady ones, and some whose clock jumps.
+fn script() -> impl Strategy<Value = Script> {
+    prop_oneof![
+        3 => strategies::script_on((SENSOR.width..=SENSOR.width, SENSOR.height..=SENSOR.height), 120),
+        1 => strategies::unsteady_clock(150_000, 120),
+    ]
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 24, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig::with_cases(24))]
 
     #[test]
-    fn every_way_of_pushing_gives_the_bits_of_the_engine(blocks in prop::collection::vec(events(), 1..6), clamp: bool) {
-        let late = if clamp { LatePolicy::Clamp } else { LatePolicy::Drop };
-        let mut expected = Engine::with_options(NETWORK.clone(), SENSOR, Options::new().with_late(late)).expect("an engine");
-        let handle = Handle::new(clamp.into(), MEISSNER_RESTART_RESET);
-        for (i, block) in blocks.iter().enumerate() {
-            let slice: Vec<Event> = block.iter().map(rust_event).collect();
-            let accepted = expected.push_slice(&slice);
-            let found = match i % 3 {
-                0 => handle.push_events(block),
-                1 => handle.push_arrays(block),
-                // Events that were held enter with a later one, whose call tells of itself alone.
-                _ => {
-                    let before = handle.counters().accepted;
-                    let all = block.iter().all(|&event| handle.push(event).0 == OK);
-                    assert!(all);
-                    (OK, (handle.counters().accepted - before) as usize)
-                }
-            };
-            prop_assert_eq!(found, (OK, accepted));
-            if let (Some(now), true) = (expected.now_us(), i % 2 == 0) {
-                expected.advance(now + 40_000);
-                prop_assert_eq!(handle.advance(now + 40_000), OK);
-            }
-            let values: Vec<u32> = expected.predict().expect("numbers").values.iter().map(|value| value.to_bits()).collect();
-            let (status, found) = handle.predict();
-            prop_assert_eq!((status, &found[..]), (OK, &values[..]));
-        }
-        let (counters, events) = (handle.counters(), expected.counters().events);
-        prop_assert_eq!(
-            [counters.pushed, counters.accepted, counters.outside_sensor, counters.late, counters.outliers, counters.clamped, counters.expired, counters.restarts],
-            [events.pushed, events.accepted, events.outside_sensor, events.late, events.outliers, events.clamped, events.expired, events.restarts]
-        );
+    fn the_interface_keeps_the_claims_of_every_engine(
+        script in script(), cuts in prop::collection::vec(1_usize..50, 1..9), clamp: bool, place in 0.0f64..1.0,
+    ) {
+        let (late, steps) = (if clamp { LatePolicy::Clamp } else { LatePolicy::Drop }, &script.steps);
+        let mut engine = Engine::with_options(NETWORK.clone(), SENSOR, Options::new().with_late(late)).expect("an engine");
+        let spoken = || Spoken::new(clamp.into());
+        prop_assert_eq!(predicts(&mut spoken(), &mut engine, steps), Ok(()));
+        prop_assert_eq!(takes_slices(spoken, steps, &cuts), Ok(()));
+        prop_assert_eq!(forgets(spoken, steps), Ok(()));
+        prop_assert_eq!(resumes(spoken, steps, (steps.len() as f64 * place) as usize), Ok(()));
+        prop_assert_eq!(refuses_damage(spoken, steps, place, 3), Ok(()));
     }
 }
 
