@@ -2,6 +2,7 @@
 //!
 //! `MEISSNER_CASES` sets the number of cases (400 without it).
 
+use std::path::Path;
 use std::sync::{Arc, LazyLock};
 use std::time::Duration;
 
@@ -14,14 +15,18 @@ use meissner_engine::{
 };
 use meissner_kernels::WinogradTile;
 use meissner_live::{Input, Item, Live, LiveError, QueueOptions};
+use meissner_models::{Description, draw};
 use meissner_run::live_frames::LiveFrames;
 use meissner_run::model::FrameModel;
 use meissner_tests::cases::cases;
 use meissner_verify::conformance::{forgets, predicts, refuses_damage, resumes, takes_slices};
 use meissner_verify::frame_networks::network as frame_network;
 use meissner_verify::networks::{BlockShape, ConvolutionShape, NetworkShape, PoolShape};
-use meissner_verify::{Script, Step, bits, strategies};
+use meissner_verify::{Script, Step, bits, random_streams, strategies};
 use proptest::prelude::*;
+use serde_json::{Value, json};
+
+use crate::network_text::NetworkText;
 
 /// Streams: steady, long, and with a clock that jumps.
 fn script() -> impl Strategy<Value = Script> {
@@ -330,4 +335,69 @@ fn a_batch_of_bounded_memory_knows_the_edges_of_its_window() {
     let event = |i: i64| Event::new(i, (i * 7 % 16) as u16, (i * 5 % 16) as u16, i % 3 == 0);
     let steps: Vec<_> = (0..100).flat_map(|i| [Step::Push(event(i)), Step::Predict]).collect();
     assert_eq!(predicts(&mut batch().with_bounded_memory(), &mut batch(), &steps), Ok(()));
+}
+
+/// A network over events as text, with graph and pooling, whose weights are drawn from `seed`.
+fn small(keys: &str) -> String {
+    NetworkText::over_events("small")
+        .network("span_us = 20000; capacity = 64")
+        .graph(keys)
+        .layer("block1", "spline", "channels = 4; kernel = 2")
+        .layer("pool1", "pool", "cell = [\"1/8\", \"1/6\"]; time = \"1/2\"; scale = 0.4")
+        .layer("block2", "spline", "channels = 3; kernel = 2")
+        .readout("grid = [2, 2]", &["a", "b"], "rad")
+}
+
+/// A stream of a small network, and the predictions and counts over it, which bindings compare with theirs.
+fn fixed_case(name: &str, keys: &str, seed: u64) -> Value {
+    let (text, sensor) = (small(keys), Sensor::new(64, 48));
+    let description = Description::parse(&text).expect("consistent");
+    let network = description.network(&draw(&description, seed)).expect("they fit");
+    let stream = random_streams(&network, Some(sensor), 40, seed).max_by_key(|stream| stream.steps.len());
+    let mut engine = Engine::new(network, sensor).expect("exact");
+    let mut step = |step: &Step| match step {
+        Step::Push(event) => {
+            engine.push(*event);
+            json!([event.t_us, event.x, event.y, event.on])
+        }
+        Step::Advance(t_us) => {
+            engine.advance(*t_us);
+            json!(["advance", t_us])
+        }
+        Step::Reset => {
+            engine.reset();
+            json!(["reset"])
+        }
+        Step::Snapshot | Step::Bytes => json!(["bytes"]),
+        Step::Predict => {
+            let prediction = engine.predict().expect("finite");
+            json!(["predict", bits(prediction.values), prediction.t_us, prediction.nodes])
+        }
+    };
+    let steps: Vec<Value> =
+        stream.expect("40 streams").steps.iter().chain([&Step::Predict]).map(&mut step).collect();
+    let counters = engine.event_counters();
+    let counts =
+        json!({"pushed": counters.pushed, "accepted": counters.accepted, "restarts": counters.restarts});
+    let sensor = [sensor.width, sensor.height];
+    json!({"name": name, "network": text, "seed": seed, "sensor": sensor, "steps": steps, "counts": counts})
+}
+
+/// `MEISSNER_WRITE=1` writes the file.
+#[test]
+fn the_streams_that_bindings_play_have_the_bits_that_they_always_had() {
+    let graph =
+        |kind: &str, candidates: &str| format!("kind = {kind}; candidates = {candidates}; scale = 0.3");
+    let (nearest, near) = ("\"knn\"; k = 4", "\"radius\"; r = 0.3; max = 6");
+    let cases = json!([
+        fixed_case("all", &graph(nearest, "\"all\""), 3),
+        fixed_case("past", &graph(near, "\"past\"; lifetime = \"window\""), 8),
+        fixed_case("frozen", &graph(nearest, "\"past\"; lifetime = \"frozen\""), 5),
+    ]);
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("golden/streams.json");
+    if std::env::var_os("MEISSNER_WRITE").is_some() {
+        std::fs::write(&path, format!("{cases}\n").replace("],[", "],\n[")).expect("a folder to write to");
+    }
+    let golden: Value = serde_json::from_slice(&std::fs::read(&path).expect("the file")).expect("JSON");
+    assert!(golden == cases, "{} differs; MEISSNER_WRITE=1 writes it", path.display());
 }

@@ -1,7 +1,9 @@
 """The engine over events: predictions, state, graph, and equality with the batch."""
 
 import copy
+import json
 import pickle
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -56,6 +58,34 @@ def test_incremental_equals_batch_bit_for_bit(name, events, cuts, pause):
         assert of.counters["events"]["accepted"] == len(events)
     assert bits(engine.predict()) == bits(batch.predict())
     assert len(engine) == len(batch)
+
+
+STREAMS = json.loads((Path(__file__).parents[3] / "tests/golden/streams.json").read_text())
+
+
+@pytest.mark.filterwarnings("ignore::meissner.MeissnerWarning")
+@pytest.mark.parametrize("kind", [meissner.Engine, meissner.Batch])
+@pytest.mark.parametrize("case", STREAMS, ids=[case["name"] for case in STREAMS])
+def test_a_stream_has_the_bits_that_the_crates_have(case, kind):
+    engine = kind(case["network"], case["sensor"], meissner.Weights.draw(case["network"], case["seed"]))
+    for step in case["steps"]:
+        match step:
+            case ["advance", t_us]:
+                engine.advance(t_us)
+            case ["reset"]:
+                engine.reset()
+            case ["bytes"] if kind is meissner.Engine:
+                state = engine.snapshot()
+                engine.reset()
+                engine.restore(state)
+            case ["predict", expected, t_us, nodes]:
+                prediction = engine.predict()
+                assert prediction.values.view(np.uint32).tolist() == expected
+                assert (prediction.t_us, prediction.nodes) == (t_us, nodes)
+            case [int(t_us), x, y, on]:
+                engine.push(np.array([(t_us, x, y, on)], meissner.EVENT_DTYPE))
+    counts = engine.counters["events"]
+    assert {key: counts[key] for key in case["counts"]} == case["counts"]
 
 
 @pytest.mark.parametrize("name", NETWORKS)
