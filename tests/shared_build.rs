@@ -1,5 +1,5 @@
-//! Build script of crates whose tests read recordings and golden files: sets `no_shared` where there are none, so that the test
-//! runner lists and counts these tests as ignored rather than as passed.
+//! Sets `no_shared` for crates whose tests read recordings and golden files where there are none:
+//! these tests then count as ignored, not as passed.
 
 use std::env;
 use std::path::{Path, PathBuf};
@@ -10,7 +10,7 @@ fn main() {
     println!("cargo::rustc-check-cfg=cfg(no_shared)");
     println!("cargo::rerun-if-env-changed=MEISSNER_SHARED");
     println!("cargo::rerun-if-env-changed=MEISSNER_REQUIRE_SHARED");
-    // A file rather than the folder, which cargo would search for changes; a missing file is looked for in every build.
+    // A file: cargo would search a folder for changes. A missing one is looked for in every build.
     println!("cargo::rerun-if-changed={}", folder.join("README.md").display());
     if !folder.exists() && env::var_os("MEISSNER_REQUIRE_SHARED").is_none() {
         println!("cargo::rustc-cfg=no_shared");

@@ -1,12 +1,11 @@
 //! Features of one level, and the propagation of changes through its blocks.
 //!
-//! Input: rows whose neighbourhood changed, rows whose input changed. Output: features equal, bit for bit, to those
-//! computed from scratch, and for each feature the rows that changed. A row is recomputed as a whole or not at all. If
-//! its bits stay the same, propagation stops there.
+//! Features with the bits of full recomputation, and the rows that changed. A row is recomputed as
+//! a whole; if its bits stay, propagation stops there.
 //!
-//! With a tolerance, a recomputed row that is within it of the stored row in every channel keeps the stored values, and
-//! propagation stops there. The row is recomputed whenever its inputs change, and always compared with the stored
-//! values. Every stored row is therefore within the tolerance of the row that its stored inputs give.
+//! With a tolerance, a recomputed row within it of the stored row in every channel keeps the stored
+//! values. It is recomputed whenever its inputs change, so every stored row is within the tolerance
+//! of what its stored inputs give.
 
 use meissner_kernels::{GraphRow, Isa, Lanes, Matrix, replace_rows, replace_rows_beyond};
 
@@ -18,8 +17,8 @@ use crate::network::{Block, Level};
 use crate::options::Options;
 use crate::rows::{FewRows, GrowingSet, RowSet};
 
-/// Multiply-adds of a level, counted for the rows of its first block, from which two threads share its blocks. To hand work to a thread that
-/// sleeps takes tens of microseconds; it stays awake from one block to the next.
+/// Multiply-adds of a level's first block from which two threads share its blocks. Waking a thread
+/// takes tens of microseconds; it stays awake from one block to the next.
 const LARGE: usize = 1_600_000;
 /// The part of these from which they share a block.
 const PART: usize = 8;
@@ -80,8 +79,8 @@ impl Thread {
 }
 
 impl Activations {
-    /// Features of `rows` rows with at most `most` in-edges each; `channels` holds the channels of each feature. There are no rows before
-    /// [`Self::grow`], and no memory is touched for them.
+    /// Features of `rows` rows with at most `most` in-edges; `channels` has the channels of each.
+    /// There are no rows before [`Self::grow`], and no memory is touched for them.
     pub(crate) fn new(
         rows: usize,
         level: &Level,
@@ -142,7 +141,7 @@ impl Activations {
         &self.changed[index]
     }
 
-    /// Registers `row` as new: the old content of its slot is ignored, and its next computed values are stored.
+    /// Registers `row` as new: its slot's old content is ignored, its next values are stored.
     pub(crate) fn enter(&mut self, row: u32) {
         if self.tolerance > 0.0 {
             for feature in &mut self.features[1..] {
@@ -152,7 +151,7 @@ impl Activations {
         }
     }
 
-    /// Stored values of a row; none for a row that entered under a tolerance and has not been computed yet.
+    /// Stored values of a row; none if it entered under a tolerance and is not computed yet.
     pub(crate) fn stored(&self, feature: usize, row: u32) -> Option<&[f32]> {
         let values = self.features[feature].slice(row as usize);
         (!values.iter().all(|v| v.is_nan())).then_some(values)
@@ -207,7 +206,7 @@ impl Activations {
         }
     }
 
-    /// Computes every block of `rows`, block by block. Rows that they read and that are not among them are final.
+    /// Computes every block of `rows`. Rows that they read and that are not among them are final.
     pub(crate) fn run_rows(
         &mut self,
         level: &Level,
@@ -222,12 +221,12 @@ impl Activations {
         }
     }
 
-    /// Collects the rows of `block` that a change reaches; `dirty` holds those of the block `before` it.
+    /// Collects the rows of `block` that a change reaches; `dirty` has those of block `before`.
     fn collect(&mut self, block: &Block, before: Option<&Block>, graph: &impl Adjacency) {
         let Self { dirty, rewired, changed, .. } = self;
         let input = &changed[block.input];
-        // Changes spread: the rows that the block before read are mostly among the rows that this block reads, and its
-        // dirty rows are then dirty in this block too.
+        // Changes spread: both blocks read mostly the same rows, so what is dirty in the block
+        // before is dirty here.
         let spread = before.filter(|before| {
             let read = changed[before.input].as_slice();
             before.skip.is_none()
@@ -249,7 +248,7 @@ impl Activations {
         }
     }
 
-    /// Recomputes rows of feature `to`; threads share them if they share the level's blocks and these are many.
+    /// Recomputes rows of feature `to`; two threads share them if they share a level with many.
     #[inline]
     fn compute(
         &mut self,
@@ -287,7 +286,7 @@ impl Activations {
         self.threads = threads;
     }
 
-    /// Replaces stored rows of feature `to` by the `computed` ones, one after the other, where they differ.
+    /// Replaces stored rows of feature `to` by the `computed` ones where they differ.
     #[inline]
     fn store(&mut self, to: usize, rows: &[u32], computed: &[Lanes], isa: Isa, log: &mut LayerLog) {
         let written = &mut self.features[to];

@@ -101,7 +101,7 @@ impl Admission {
         let (epoch, now) = self.clock.unwrap_or((event.t_us, 0));
         match event.t_us.checked_sub(epoch) {
             Some(t) if t >= now => Ok((epoch, t)),
-            // The difference overflows: upwards from an epoch before 0, or downwards, which is simply late.
+            // The difference overflows: upwards if the epoch is before 0, else downwards (late).
             None if epoch < 0 => Err(DropReason::TimeOutOfRange),
             _ if self.late == LatePolicy::Clamp => Ok((epoch, now)),
             _ => Err(DropReason::Late),
@@ -133,15 +133,15 @@ impl Admission {
         self.clock = Some((t_us, 0));
     }
 
-    /// Advances `now` to `t_us`. Earlier times, any time before the first event, and times whose distance from the
-    /// epoch does not fit 64 bits change nothing.
+    /// Advances `now` to `t_us`. Earlier times, times before the first event, and times whose
+    /// distance from the epoch does not fit 64 bits change nothing.
     pub fn advance(&mut self, t_us: i64) {
         if let Some((epoch, now)) = &mut self.clock {
             *now = t_us.checked_sub(*epoch).map_or(*now, |t| t.max(*now));
         }
     }
 
-    /// Takes over another clock: its epoch and its current time, which must not be earlier. Counts are kept.
+    /// Takes over the epoch and current time of another clock, not earlier. Counts are kept.
     pub fn resume(&mut self, epoch_us: i64, now_us: i64) {
         self.clock = Some((epoch_us, now_us.checked_sub(epoch_us).map_or(0, |t| t.max(0))));
     }

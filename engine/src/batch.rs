@@ -1,8 +1,8 @@
-//! A network computed from scratch: the oracle of the incremental engine, and the way to run data sets.
+//! A network computed from scratch: the engine's oracle, and the way to run data sets.
 //!
-//! The batch shares only the kernels with the engine. It finds neighbourhoods by comparing all pairs (or takes proposed
-//! candidates), pools through ordered maps, and runs plain loops over all rows. [`Search::Grid`] is for speed: with it
-//! the batch also shares the engine's search grid and metric, and is no independent oracle.
+//! The batch shares only the kernels with the engine: it compares all pairs, pools through ordered
+//! maps, and loops over all rows. [`Search::Grid`], for speed, uses the engine's grid and metric,
+//! and is no independent oracle.
 
 mod events;
 mod neighbours;
@@ -28,12 +28,11 @@ pub use stream::Stream;
 pub use trace::{Edges, LevelTrace, Trace};
 use trace::{maximum_of, sum_of};
 
-/// Neighbourhoods, cells and positions of a network on one window. They depend on the network's graph, poolings and
-/// readout, not on its weights.
+/// Neighbourhoods, cells and positions of a network on one window; independent of its weights.
 #[derive(Clone, Debug)]
 pub struct Graph {
-    /// The event level, then one level per pooling. Each level has a single feature: the input of its first block if no
-    /// layer below were computed (the polarity, or its maxima).
+    /// The event level, then one per pooling. Each has one feature, the input of its first block if
+    /// no layer below were computed: the polarity, or its maxima.
     pub levels: Vec<LevelTrace>,
     /// Readout cell (row-major index) of each row of the last level that is in the window.
     pub readout: Vec<usize>,
@@ -50,9 +49,9 @@ impl Batch {
     /// Cost: n rows per layer, and the search.
     ///
     /// # Errors
-    /// [`EngineError::Stream`] if an event is outside the sensor, before the epoch, before its predecessor or after the
-    /// newest time, or if a time difference does not fit 64 bits; [`EngineError::NotANumber`] if a row of the window,
-    /// or the prediction, holds NaN; [`EngineError::FrameMemory`] if the head needs more than 4 GiB.
+    /// [`EngineError::Stream`] for an event outside the sensor, out of order or after the newest
+    /// time, or a time difference beyond 64 bits; [`EngineError::NotANumber`] if a row or the
+    /// prediction holds NaN; [`EngineError::FrameMemory`] if the head needs more than 4 GiB.
     pub fn forward(&self, stream: Stream<'_>) -> Result<Trace, EngineError> {
         let levels = self.levels(stream, true)?;
         let parts = self.network.parts();
@@ -73,7 +72,7 @@ impl Batch {
         Ok(Trace { prediction: values.values(0).collect(), levels, readout })
     }
 
-    /// Computes neighbourhoods, cells and positions on `stream`, but no layer. Cost: the search, and O(edges).
+    /// Neighbourhoods, cells and positions on `stream`, without layers. Cost: the search, O(edges).
     ///
     /// # Errors
     /// [`EngineError::Stream`] as [`Self::forward`].
@@ -83,8 +82,7 @@ impl Batch {
         Ok(Graph { levels, readout })
     }
 
-    /// The event level, then one level per pooling. Computes the blocks if `blocks`; otherwise each level has only its
-    /// input.
+    /// The event level, then one level per pooling; without `blocks`, each with its input alone.
     fn levels(&self, stream: Stream<'_>, blocks: bool) -> Result<Vec<LevelTrace>, EngineError> {
         stream.check(self.sensor)?;
         let parts = self.network.parts();
@@ -177,7 +175,7 @@ impl Batch {
         Ok(engine.predict()?.values.to_vec())
     }
 
-    /// Readout cell of each row of `top` that is in the window. `events` is true if `top` is the event level.
+    /// Readout cell of each row of `top` in the window; `events` if `top` is the event level.
     fn readout_cells(&self, top: &LevelTrace, events: bool, stream: Stream<'_>) -> Vec<usize> {
         let readout = self.network.parts().readout;
         let rows = top.positions.len();

@@ -1,11 +1,11 @@
 //! A [`Batch`] with the methods of the engine: every prediction recomputes every row.
 //!
-//! Input: events and clock advances, under the same admission rules as an engine. Output: the prediction of a batch
-//! over the accepted events. Invariant: the next prediction depends only on the remembered events.
+//! Input: events and clock advances, admitted as by an engine. Output: the prediction of a batch
+//! over the accepted events. Invariant: a prediction depends only on the remembered events.
 //!
-//! A row of a `frozen` network depends on events that have left the window: block b reads the values of the neighbours
-//! in block b - 1, and neighbours are at most one window capacity of events older. Over B blocks, a row of the window
-//! thus depends on no event before the last B + 1 capacities. Without `frozen`, the last capacity of events is enough.
+//! A row of a `frozen` network depends on events that have left: block b reads neighbours in block
+//! b - 1, at most one capacity of events older. Over B blocks, only the last B + 1 capacities
+//! count. Without `frozen`, the last capacity is enough.
 
 use std::convert::Infallible;
 use std::fmt;
@@ -21,13 +21,17 @@ use crate::network::Network;
 use crate::restart::{ClockWatch, Decision, RestartPolicy};
 use crate::{EngineError, Event, Sensor};
 
-/// Computes every prediction from scratch; otherwise behaves as an exact [`Engine`](crate::Engine). Their predictions
-/// are equal bit for bit.
+/// Computes every prediction from scratch; otherwise behaves as an exact [`Engine`](crate::Engine),
+/// with equal bits.
 ///
 /// ```
 /// # use std::sync::Arc;
 /// # use meissner_engine::{BatchEngine, EngineError, Event, Network, Search, Sensor};
-/// fn check(network: Arc<Network>, events: &[Event], incremental: &[f32]) -> Result<(), EngineError> {
+/// fn check(
+///     network: Arc<Network>,
+///     events: &[Event],
+///     incremental: &[f32],
+/// ) -> Result<(), EngineError> {
 ///     let mut batch = BatchEngine::new(network, Sensor::new(240, 180))?.with_search(Search::Grid);
 ///     batch.push_slice(events);
 ///     assert_eq!(batch.predict()?.values, incremental);
@@ -51,8 +55,8 @@ pub struct BatchEngine {
 }
 
 impl BatchEngine {
-    /// An engine that drops late events and searches neighbours exhaustively. For a `frozen` network it remembers all
-    /// events since the last reset.
+    /// An engine that drops late events and searches exhaustively. For a `frozen` network it
+    /// remembers all events since the last reset.
     ///
     /// # Errors
     /// [`EngineError::Sensor`] for a sensor without pixels.
@@ -73,13 +77,13 @@ impl BatchEngine {
         })
     }
 
-    /// The same with a different policy for late events. Only for an engine that has not seen an event.
+    /// The same with another policy for late events; before the first event only.
     #[must_use]
     pub fn with_late(self, late: LatePolicy) -> Self {
         Self { admission: Admission::new(self.batch.sensor(), late), ..self }
     }
 
-    /// The same with a different policy for restarts. Only for an engine that has not seen an event.
+    /// The same with another policy for restarts; before the first event only.
     #[must_use]
     pub fn with_restart(self, restart: RestartPolicy) -> Self {
         Self { watch: ClockWatch::new(restart, self.batch.sensor(), self.network().parts().span_us), ..self }
@@ -97,8 +101,8 @@ impl BatchEngine {
         Self { batch: self.batch.with_isa(isa), ..self }
     }
 
-    /// The same with bounded memory: events that no prediction depends on any more are forgotten, also for a `frozen`
-    /// network. At most twice [`Self::most_events`] are kept, 16 bytes each.
+    /// The same with bounded memory: events that no prediction depends on are forgotten. Keeps at
+    /// most twice [`Self::most_events`], 16 bytes each.
     #[must_use]
     pub fn with_bounded_memory(self) -> Self {
         let parts = self.batch.network().parts();
@@ -254,7 +258,7 @@ impl BatchEngine {
         self.nodes
     }
 
-    /// Current time: that of the newest event, or of a later `advance`. `None` before the first event.
+    /// Time of the newest event or a later `advance`; `None` before the first event.
     pub fn now_us(&self) -> Option<i64> {
         self.admission.now_us()
     }

@@ -1,7 +1,7 @@
-//! The fixed grid of a pooling: the cell of an event or of a cell of the level below, and the positions of cells.
+//! The fixed grid of a pooling: cells of events and of cells below, and positions of cells.
 //!
-//! Cells are ordered by (t, y, x). Cells in time come and go without end, so slots are reused cyclically; there are as
-//! many as a window can occupy at once.
+//! Cells are ordered by (t, y, x). There are as many slots as a window can occupy at once, and
+//! cells in time reuse them cyclically.
 
 use crate::network::{Pooling, Position};
 use crate::{Fraction, Sensor};
@@ -37,8 +37,8 @@ impl CellGrid {
     /// `below` is the grid of the level below, if that is a pooled level.
     pub(crate) fn new(pooling: Pooling, below: Option<&Self>, sensor: Sensor, span_us: i64) -> Self {
         let [x, y] = pooling.cell;
-        // Cells of this level contain centres of cells below, and a centre lies up to half such a cell away from the
-        // cell's members. The range in time therefore grows from level to level, by one cell of the level below.
+        // A cell contains centres of cells below, up to half such a cell from their members, so the
+        // range in time grows by one cell of each level below.
         let mut spread = below.map_or(vec![Fraction::ONE], |below| below.spread.clone());
         spread.extend(below.and_then(|below| below.pooling.time));
         // A closed interval at most n cells long touches at most n + 1 cells.
@@ -65,7 +65,7 @@ impl CellGrid {
         self.pooling.position
     }
 
-    /// Number of slots: cells of the plane, times the cells in time that a window can occupy at once. Saturates.
+    /// Number of slots: cells of the plane, times the cells in time of a window. Saturates.
     pub(crate) fn slots(&self) -> usize {
         self.columns.saturating_mul(self.rows).saturating_mul(self.times)
     }
@@ -96,7 +96,7 @@ impl CellGrid {
         ((t * self.rows + y as usize) * self.columns + x as usize) as u32
     }
 
-    /// Centre of a cell, as fractions of sensor and span; along t the middle of the span if there are no cells in time.
+    /// Centre of a cell in fractions of sensor and span; mid-span without cells in time.
     pub(crate) fn centre(&self, index: CellIndex) -> [f64; 3] {
         let [x, y] = self.pooling.cell;
         let t = self.pooling.time.map_or(0.5, |size| size.centre(index[2]));

@@ -1,8 +1,7 @@
-//! The convolution of a block: the available kernels, and the one place where engine and batch choose between them.
+//! The convolution of a block: the kernels, and the one place where engine and batch choose one.
 //!
-//! To add a convolution, add a variant here. Everything that engine and batch need to know about it (sizes, the edge
-//! data that it reads, working space, its part of a network's fingerprint) is a method of [`GraphConvolution`] with a
-//! `match` over the variants. The choice is made once for a group of rows, never inside the loop over them.
+//! What they need to know of a convolution is a method of [`GraphConvolution`] with a `match` over
+//! its variants. The choice is made once for a group of rows.
 
 use meissner_kernels::{
     GraphRow, Isa, KernelError, Lanes, Matrix, PointNetConv, PointNetParts, PointNetScratch, SplineConv,
@@ -33,7 +32,7 @@ impl From<PointNetConv> for GraphConvolution {
     }
 }
 
-/// Edge data that the blocks of a level read in addition to source and attributes. It is stored with the edge.
+/// Edge data that a level's blocks read besides source and attributes, stored with the edge.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct EdgeReads {
     /// The spline basis.
@@ -57,7 +56,7 @@ pub struct ConvolutionScratch {
 }
 
 impl ConvolutionScratch {
-    /// Working space for all of `convs` and rows of at most `most` in-edges: nothing is allocated later.
+    /// Working space for all of `convs` and at most `most` in-edges: nothing is allocated later.
     pub(crate) fn new<'a>(
         convs: impl Iterator<Item = &'a GraphConvolution> + Clone,
         most: usize,
@@ -130,7 +129,7 @@ impl GraphConvolution {
 
     /// Computes rows, each as if it were alone; fastest in groups of [`Self::GROUP`].
     ///
-    /// `features` is (rows, inputs); `out` holds the rows' outputs in lanes, one row after the other.
+    /// `features` is (rows, inputs); `out` holds the rows' outputs in lanes, row after row.
     ///
     /// # Panics
     /// If a row or a slice does not have the sizes of this convolution.
@@ -149,7 +148,7 @@ impl GraphConvolution {
         }
     }
 
-    /// The same with weights multiplied by `weights`, and biases and shifts of batch norm by `added`.
+    /// Scales weights by `weights`, and biases and batch norm's shifts by `added`.
     ///
     /// # Errors
     /// [`KernelError::NotFinite`] if a product overflows.
@@ -182,7 +181,7 @@ impl GraphConvolution {
 
     /// Adds its kind, sizes and parameters to a fingerprint.
     pub(crate) fn fingerprint(&self, to: &mut Fingerprint) {
-        // The third word is the kind. For spline convolutions it also encodes whether there is an ELU.
+        // The third word is the kind; for a spline convolution, whether there is an ELU.
         let (sizes, parameters, norm) = match self {
             Self::Spline(conv) => {
                 let SplineParts { inputs, outputs, kernel: [x, y, t], weight, root, bias, norm, elu } =

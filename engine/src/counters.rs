@@ -1,4 +1,4 @@
-//! Counts of the work that the engine did and of the work that it avoided, and what became of an event.
+//! Counts of work done and avoided, and what became of an event.
 
 use std::fmt;
 
@@ -41,7 +41,7 @@ pub enum Outcome {
     Accepted,
     /// It did not enter.
     Dropped(DropReason),
-    /// Its time does not agree with the clock; the events after it decide ([`RestartPolicy`](crate::RestartPolicy)).
+    /// Its time disagrees with the clock; later events decide ([`crate::RestartPolicy`]).
     Held,
 }
 
@@ -92,8 +92,8 @@ pub struct LayerCounters {
     pub recomputed: u64,
     /// Computed rows whose bits did not change; propagation stopped there.
     pub unchanged: u64,
-    /// Computed rows whose bits changed by no more than [`crate::Options::tolerance`]; they kept their old values, and
-    /// propagation stopped there.
+    /// Computed rows that changed by no more than [`crate::Options::tolerance`], and kept their
+    /// values.
     pub within_tolerance: u64,
     /// Rows of the window that a prediction used without recomputing them.
     pub kept: u64,
@@ -167,7 +167,7 @@ impl Counters {
     }
 }
 
-/// Pixels of one layer of a frame network since the engine was made; a layer over vectors counts as one pixel.
+/// Pixels of a frame network's layer so far; a layer over vectors counts as one pixel.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct FrameLayerCounters {
     /// Computed.
@@ -202,7 +202,7 @@ impl FrameCounters {
     }
 }
 
-/// Conversions of counters to an array in the order of the fields, and back; the difference to an earlier state.
+/// Counters to an array in the order of the fields, and back; the difference to an earlier state.
 macro_rules! counts {
     ($name:ident { $($field:ident),* }) => {
         impl $name {

@@ -2,7 +2,7 @@
 
 use crate::memory::{FixedVec, Memory};
 
-/// Changes of one level's graph by one insertion or some expiries. Downstream inserts rows first and removes rows last.
+/// Changes of a level's graph by an insertion or expiries: insert rows first, remove them last.
 #[derive(Clone, Debug)]
 pub(crate) struct Delta {
     /// New rows.
@@ -21,8 +21,8 @@ pub(crate) struct Delta {
 pub(crate) const PART: usize = 256;
 
 impl Delta {
-    /// No changes, for a window of `capacity` events with at most `most` neighbours each; edges are recorded if
-    /// `edges`. An event that comes or goes changes its own edges, and at most one in and one out of any other event.
+    /// No changes yet, for `capacity` events with at most `most` neighbours; edges are recorded if
+    /// `edges`. An event changes its own edges, and at most one in and one out of any other.
     pub(crate) fn new(capacity: usize, most: usize, edges: bool, memory: &mut Memory) -> Self {
         let pairs = if edges { PART + capacity + most } else { 0 };
         Self {

@@ -37,8 +37,8 @@ pub struct Prediction<'a> {
 /// The state of an [`Engine`] at one moment; see [`Engine::snapshot`].
 pub type Snapshot = SnapshotOf<Engine>;
 
-/// Keeps the event graph of a sliding window and every activation of a network over it; recomputes only the rows that a
-/// change affects. Predictions equal those of [`crate::Batch`] on the same window bit for bit, unless
+/// Keeps the event graph of a sliding window and every activation over it; recomputes the rows that
+/// a change affects. Predictions equal those of [`crate::Batch`] bit for bit, unless
 /// [`Options::tolerance`] allows an approximation.
 ///
 /// ```
@@ -78,13 +78,13 @@ impl Engine {
         Self::with_options(network, sensor, Options::default())
     }
 
-    /// An engine for `network` over the events of `sensor`. All memory is allocated here: events, predictions, expiries
-    /// and resets allocate nothing, whatever the scene. (Errors, snapshots and methods that return a `Vec` do.)
+    /// An engine for `network` over the events of `sensor`. All memory is allocated here. (Errors,
+    /// snapshots and methods that return a `Vec` allocate too.)
     ///
     /// # Errors
-    /// [`EngineError::NotIncremental`] for a network with per-graph normalisation, [`EngineError::Sensor`] for a sensor
-    /// without pixels, [`EngineError::Option`] for a tolerance that is negative or not finite, [`EngineError::Memory`]
-    /// if the state would exceed the memory limit.
+    /// [`EngineError::NotIncremental`] for per-graph normalisation, [`EngineError::Sensor`] for a
+    /// sensor without pixels, [`EngineError::Option`] for a tolerance below 0 or not finite,
+    /// [`EngineError::Memory`] if the state would exceed the limit.
     pub fn with_options(
         network: impl Into<Arc<Network>>,
         sensor: Sensor,
@@ -145,26 +145,26 @@ impl Engine {
         self.options.tolerance
     }
 
-    /// Inserts an event. These are dropped and counted, and change nothing else: events outside the sensor, late events
-    /// (unless the policy clamps them), events whose distance from the epoch does not fit 64 bits. Events with equal
-    /// times are accepted; arrival decides their order. Before the insertion, events older than the span expire; if the
-    /// window is still full, the oldest event is evicted.
+    /// Inserts an event. Dropped and counted are events outside the sensor, late events (unless
+    /// clamped), and those whose distance from the epoch does not fit 64 bits. Arrival orders equal
+    /// times. Older events than the span expire first; if the window is full, the oldest is
+    /// evicted.
     ///
-    /// An event that is far ahead of the clock, or behind it by more than the span, is [held](Outcome::Held): the events
-    /// after it decide whether the sensor's clock has restarted, which resets the engine
-    /// ([`RestartPolicy`](crate::RestartPolicy)).
+    /// An event far ahead of the clock, or behind it by more than the span, is
+    /// [held](Outcome::Held): later events decide whether the clock has restarted, which resets the
+    /// engine ([`RestartPolicy`](crate::RestartPolicy)).
     ///
-    /// Cost: with k neighbours, O(k) rows for `frozen`; otherwise the graph alone, and rows when a prediction is read.
+    /// Cost: O(k) rows with k neighbours for `frozen`; otherwise the graph, and rows when read.
     pub fn push(&mut self, event: Event) -> Outcome {
         let outcome = self.take(event);
         self.step.compute_arrivals(&mut self.log);
         outcome
     }
 
-    /// Inserts events in order; returns the number of accepted events. The result is that of [`Self::push`] for each of them, bit for bit.
+    /// Inserts events as by [`Self::push`] one by one, bit for bit; returns the number accepted.
     ///
-    /// Faster than single pushes for `frozen`: the rows of up to 64 events are computed layer by layer, as long as no node leaves that they
-    /// read.
+    /// Faster than single pushes for `frozen`: rows of up to 64 events are computed layer by layer,
+    /// until a node leaves that they read.
     pub fn push_slice(&mut self, events: &[Event]) -> usize {
         self.push_all(events.iter().copied())
     }
@@ -221,9 +221,9 @@ impl Engine {
         self.admission.arrival_us(event)
     }
 
-    /// Advances the clock to `t_us`, in the events' time, without an event; events older than the span expire. Earlier
-    /// times, any time before the first event, and times whose distance from the epoch does not fit 64 bits change
-    /// nothing.
+    /// Advances the clock to `t_us` (events' time); older events than the span expire. Earlier
+    /// times, times before the first event, and times whose distance from the epoch does not fit 64
+    /// bits change nothing.
     pub fn advance(&mut self, t_us: i64) {
         let decision = self.watch.advance(t_us, self.admission.now_us());
         if !decision.taken.events().is_empty() {
@@ -243,11 +243,11 @@ impl Engine {
         }
     }
 
-    /// The prediction for the current window. Recomputes the rows that changed since the previous prediction.
+    /// The prediction for the current window. Recomputes the rows that changed since the last one.
     ///
     /// # Errors
-    /// [`EngineError::NotANumber`] if a layer computed NaN. The engine remains usable: it predicts again once the rows
-    /// that hold NaN have left.
+    /// [`EngineError::NotANumber`] if a layer computed NaN; the engine predicts again once those
+    /// rows have left.
     pub fn predict(&mut self) -> Result<Prediction<'_>, EngineError> {
         self.begin();
         self.reported = true;
@@ -266,7 +266,7 @@ impl Engine {
         }
     }
 
-    /// Collects the rows computed since the previous prediction, and counts the rows that were kept.
+    /// Collects the rows computed since the last prediction, and counts those that were kept.
     fn count_rows(&mut self) {
         let mut layers = self.log.layers.iter_mut().zip(&mut self.rows).zip(&mut self.recomputed);
         for level in 0..self.network.levels() {
@@ -312,12 +312,12 @@ impl Engine {
         }
     }
 
-    /// Time spent in each stage since the engine was made; zeros unless [`Options::stage_times`] is set.
+    /// Time spent in each stage; zeros unless [`Options::stage_times`] is set.
     pub fn stage_times(&self) -> [(Stage, Duration); Stage::ALL.len()] {
         self.step.stopwatch.times()
     }
 
-    /// Bytes of state, all allocated when the engine was made. The network's parameters are not included.
+    /// Bytes of state, all allocated in `new`; without the network's parameters.
     pub fn state_bytes(&self) -> u128 {
         self.bytes
     }
@@ -327,7 +327,7 @@ impl Engine {
         self.step.window.len()
     }
 
-    /// Current time: that of the newest event, or of a later `advance`. `None` before the first event.
+    /// Time of the newest event or a later `advance`; `None` before the first event.
     pub fn now_us(&self) -> Option<i64> {
         self.admission.now_us()
     }
@@ -337,15 +337,15 @@ impl Engine {
         self.admission.epoch_us()
     }
 
-    /// Events of the window from the oldest to the newest, with the times at which they were accepted.
+    /// Events of the window from oldest to newest, with their accepted times.
     pub fn events(&self) -> Vec<Event> {
         let epoch = self.admission.epoch_us().unwrap_or(0);
         let nodes = self.step.window.slots().map(|slot| self.step.window.node(slot));
         nodes.map(|n| Event::new(epoch + n.t, n.x, n.y, n.on)).collect()
     }
 
-    /// Rows of a feature of a level (see [`Network`]) as of the last prediction, in the row order of a batch: events by
-    /// arrival, cells by (t, y, x).
+    /// Rows of a feature of a level (see [`Network`]) as of the last prediction, in a batch's
+    /// order: events by arrival, cells by (t, y, x).
     ///
     /// # Panics
     /// If there is no such level or feature.
@@ -354,14 +354,14 @@ impl Engine {
         self.step.rows(level).iter().map(|&row| matrix.values(row as usize).collect()).collect()
     }
 
-    /// The readout of the last prediction: (times x cells, channels), grids from the newest to the oldest.
+    /// Readout of the last prediction: (times x cells, channels), newest grid first.
     pub fn readout(&self) -> Vec<Vec<f32>> {
         let readout = self.step.readout();
         (0..readout.rows()).map(|cell| readout.values(cell).collect()).collect()
     }
 
-    /// Rows of each layer that were computed for the last prediction or since, and that have not left. Ascending row
-    /// indices as in [`Engine::feature`], layers as in [`Network::layers`]. Empty without `Options::with_record_rows`.
+    /// Rows of each of [`Network::layers`] computed for the last prediction or since, and still
+    /// present, as in [`Engine::feature`]; ascending. Empty without `Options::with_record_rows`.
     #[doc(hidden)]
     pub fn recomputed(&self) -> Vec<Vec<usize>> {
         let mut layers = self.log.layers.iter();
@@ -377,8 +377,8 @@ impl Engine {
         out
     }
 
-    /// Neighbourhood of the `index`th oldest event: indices in the window and edge attributes, in order. With `frozen`
-    /// in-edges, neighbours that have left the window are omitted.
+    /// Neighbourhood of the `index`th oldest event, in order: indices in the window and attributes,
+    /// without neighbours that have left.
     ///
     /// # Panics
     /// If there is no such event.

@@ -84,8 +84,8 @@ pub enum EngineError {
         /// The value.
         value: f32,
     },
-    /// Edge attributes and grid origin of the network are recomputed from each graph, so a single event can change
-    /// every row: there is no incremental form.
+    /// Attributes and grid origin are recomputed from each graph, so one event can change every
+    /// row.
     #[error(
         "network {0:?} normalises edge attributes and grid origin over each graph: one event can change every row, so \
          it has no incremental form; run it in batch mode"
@@ -109,7 +109,7 @@ pub enum EngineError {
         /// Rows of the window that hold NaN.
         rows: usize,
     },
-    /// The bytes of a snapshot do not follow its format, or describe a state that no engine can reach.
+    /// The bytes of a snapshot break its format, or describe a state that no engine can reach.
     #[error("snapshot: {what} at byte {at}: expected {expected}, found {found}")]
     SnapshotBytes {
         /// The field that is wrong.

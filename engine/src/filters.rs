@@ -1,18 +1,18 @@
 //! Filters in front of an engine: which events enter at all.
 //!
-//! Enters: events, one at a time. Leaves: whether each event passes. A filter keeps the state that it needs of earlier
-//! events, takes O(1) for an event and allocates nothing after construction. A filter knows neither the window nor the
-//! engine's own checks: it also sees late events and events outside the sensor, and leaves it to the engine to count them.
+//! Enters: events, one at a time. Leaves: whether each passes. A filter takes O(1) for an event and
+//! allocates nothing later. It knows neither window nor admission: it also sees late events and
+//! those outside the sensor, which the engine counts.
 //!
 //! | filter | passes | source |
 //! |---|---|---|
 //! | [`Stride`] | every nth event | |
-//! | [`RateLimit`] | as many events as a rate allows | token bucket, the mirror of the leaky bucket of Turner 1986, "New directions in communications" |
-//! | [`BackgroundActivity`] | events with a recent neighbour | Delbruck 2008, "Frame-free dynamic digital vision" |
+//! | [`RateLimit`] | as many events as a rate allows | token bucket (the mirror of Turner 1986) |
+//! | [`BackgroundActivity`] | events with a recent neighbour | Delbruck 2008 |
 //! | [`Refractory`] | at most one event of a pixel in a time | the refractory filter of jAER |
 //!
-//! Times are compared by the magnitude of their difference as an unsigned 64-bit number, which cannot overflow. Each
-//! filter documents how it treats an event that is earlier than one before it.
+//! Times are compared by the magnitude of their difference as u64, which cannot overflow. Each
+//! filter says how it treats an event that is earlier than one before.
 
 mod chain;
 mod pixels;

@@ -1,7 +1,7 @@
 //! Fingerprints of networks and files: FNV-1a with 64 bits (Fowler, Noll and Vo 1991).
 //!
-//! Two inputs of equal length that differ in one word always have different fingerprints, because each step is a
-//! bijection of the state. Others collide by chance, once in 2^64. The hash does not resist deliberate collisions.
+//! Inputs of equal length that differ in one word always differ in fingerprint: each step is a
+//! bijection. Others collide with probability 2^-64; deliberate collisions are not resisted.
 
 use meissner_kernels::Activation;
 

@@ -40,8 +40,8 @@ impl Fraction {
         (self.denominator as usize).div_ceil(self.numerator as usize)
     }
 
-    /// Cell that contains `position` / `extent`: floor(position / extent / self), computed in integers, for any
-    /// position. Saturates.
+    /// Cell that contains `position` / `extent`: floor(position / extent / self), in integers.
+    /// Saturates.
     ///
     /// # Panics
     /// If `extent` is not positive, or has more than 62 bits.
@@ -52,20 +52,20 @@ impl Fraction {
         if position.unsigned_abs() >> 95 == 0 {
             return (position * parts).div_euclid(size);
         }
-        // The product does not fit, so it is divided in two steps: first the upper bits, then their remainder with the
-        // lower bits. A remainder is below 2^94.
+        // Two steps, as the product does not fit: the upper bits, then their remainder (below 2^94)
+        // with the lower bits.
         let upper = (position >> 32) * parts;
         let lower = (upper.rem_euclid(size) << 32) + (position & 0xffff_ffff) * parts;
         upper.div_euclid(size).saturating_mul(1 << 32).saturating_add(lower.div_euclid(size))
     }
 
-    /// Place of the centre of pixel `pixel` of `extent` within its cell of this size: -1 at the start of a cell, 1 at its
-    /// end. The cell is the pixel's, as for [`Self::cell`]; the centre of its last pixel can lie beyond its end.
+    /// Place of the centre of pixel `pixel` of `extent` in its cell: -1 at the start, 1 at the end.
+    /// The cell is that of [`Self::cell`]; its last pixel's centre can lie beyond its end.
     ///
     /// # Panics
     /// If `extent` is 0.
     pub fn place(self, pixel: u16, extent: u16) -> f32 {
-        // Twice the lengths in units of 1 / denominator pixels: below 2^50, so that only the quotient is rounded.
+        // Twice the lengths in 1 / denominator pixels: below 2^50, so only the quotient is rounded.
         let [size, parts] = [i64::from(extent) * i64::from(self.numerator), self.denominator.into()];
         let within = 2 * (i64::from(pixel) * parts % size) + parts;
         ((within - size) as f64 / size as f64) as f32
@@ -133,7 +133,7 @@ mod tests {
         assert_eq!(places(1, 2, 8), [-0.75, -0.25, 0.25, 0.75, -0.75, -0.25, 0.25, 0.75]);
         assert_eq!(places(1, 4, 4), [0.0; 4]);
         assert_eq!(places(3, 4, 4), [-2.0 / 3.0, 0.0, 2.0 / 3.0, -2.0 / 3.0].map(|v: f64| v as f32));
-        // Cells of 2.5 pixels: the third pixel begins in the first cell, and its centre is at its end.
+        // Cells of 2.5 pixels: the third pixel begins in the first cell, its centre at the end.
         assert_eq!(places(1, 2, 5)[2], 1.0);
         // The whole sensor is one cell, and a larger cell is not filled.
         assert_eq!(places(1, 1, 2), [-0.5, 0.5]);

@@ -1,8 +1,8 @@
-//! Frame networks: images or vectors in, predictions out, with the state of recurrent layers in between.
+//! Frame networks: images or vectors in, predictions out, with recurrent states in between.
 //!
-//! [`FrameNetworkParts`] are checked and packed into a [`FrameNetwork`], which a [`FrameEngine`] runs with the methods
-//! of the event engine: push, predict, reset, snapshot, restore. Values that no change reaches are not recomputed
-//! (`patch.rs`); the bits are the same as if they were.
+//! [`FrameNetworkParts`] are checked and packed into a [`FrameNetwork`]; a [`FrameEngine`] runs it
+//! with the event engine's methods. Values that no change reaches are not recomputed (`patch.rs`);
+//! the bits are the same.
 
 mod buffer;
 mod bytes;

@@ -1,12 +1,12 @@
 //! The event graph: every node's neighbourhood, kept up to date as the window moves.
 //!
-//! Input: insertions and expiries. Output: the [`Delta`] of each. Invariant after every step: the neighbourhood of a
-//! node is the first `most` candidates of the rule in the order (d2 ascending, then later arrival) with d2 at most the
-//! rule's limit; with `frozen`, as it was when the node arrived.
+//! Input: insertions and expiries. Output: the [`Delta`] of each. Invariant: a node's neighbourhood
+//! is the first `most` candidates of the rule in the order (d2 ascending, then later arrival) with
+//! d2 within the limit; with `frozen`, as of its arrival.
 //!
-//! An insertion finds the rows that it joins by a reverse search, pruned by the largest d2 at which any node of a grid
-//! cell still takes a neighbour. An expiry finds the rows that lose the node in the reverse lists. The replacement is
-//! the first candidate after the last one of the old list, because all earlier candidates are members already.
+//! An insertion finds the rows that it joins by a reverse search, pruned by the largest d2 at which
+//! a node of a cell still takes a neighbour. An expiry finds its readers in the reverse lists; the
+//! replacement is the first candidate after the old list's last, as all earlier ones are members.
 
 use std::ops::Range;
 
@@ -27,8 +27,8 @@ use crate::window::Window;
 pub(crate) trait Adjacency {
     /// In-edges of `row` with their stored data; `own` and `skip` are empty.
     fn edges(&self, row: u32) -> GraphRow<'_>;
-    /// Calls `visit` with the rows that have an in-edge from one of `rows`: in batches, in any order. A row may be
-    /// visited once, or once per in-edge.
+    /// Calls `visit` with batches, in any order, of the rows that have an in-edge from one of
+    /// `rows`; a row may come once per in-edge.
     fn for_readers(&self, rows: impl Iterator<Item = u32>, visit: impl FnMut(&[u32]));
 }
 
@@ -40,10 +40,10 @@ pub(crate) struct EventGraph {
     most: usize,
     /// Number of neighbours of each slot.
     count: Vec<u16>,
-    /// `most` in-edges per slot, of which the first `count` are valid. With `frozen`, of the [`WAVE`] newest nodes alone: a row is computed
-    /// soon after its arrival, and never again.
+    /// `most` in-edges per slot, the first `count` valid. With `frozen`, of the [`WAVE`] newest
+    /// nodes alone: a row is computed once, soon after its arrival.
     edges: EdgeStore,
-    /// With `frozen`, the place of each slot in `edges`, and the sources of its in-edges, in the same order; they may have left.
+    /// With `frozen`, each slot's place in `edges`, and its sources in order; some may have left.
     places: Vec<u8>,
     sources: Vec<u32>,
     /// The place of the next node.
@@ -58,11 +58,11 @@ pub(crate) struct EventGraph {
     extents: Vec<f64>,
 }
 
-/// log2 of the smallest side of a grid cell in pixels. Measured: in larger cells, blocks of nodes that are compared at once are full.
+/// log2 of the smallest side of a cell in pixels. Measured: larger cells fill blocks of nodes.
 pub(crate) const SIDE_LOG2: u32 = 4;
 
-/// Most nodes with `frozen` in-edges whose edges are kept. Enough rows to share weights and to hide latencies when they are computed
-/// together, and few enough to stay in the caches.
+/// Most nodes with `frozen` in-edges whose edges are kept: enough to share weights and hide
+/// latencies, few enough for the caches.
 pub(crate) const WAVE: usize = 64;
 
 /// In-edges, and edge data that every block would otherwise recompute.
@@ -122,7 +122,7 @@ pub(crate) struct Candidate {
 }
 
 impl Candidate {
-    /// Whether `self` comes before `other` in every neighbourhood. `arrival` of a slot is larger for later nodes; few comparisons need it.
+    /// Whether `self` is before `other` in a neighbourhood; `arrival` is larger for later slots.
     #[inline]
     pub(crate) fn precedes(&self, other: &Self, arrival: impl Fn(u32) -> u32) -> bool {
         self.d2 < other.d2 || (self.d2 == other.d2 && arrival(self.slot) > arrival(other.slot))
@@ -130,7 +130,7 @@ impl Candidate {
 }
 
 impl EventGraph {
-    /// An empty graph. Reverse lists are stored if expiries change rows or if `pooled` levels read edges.
+    /// An empty graph. Reverse lists exist if expiries change rows or `pooled` levels read edges.
     pub(crate) fn new(
         rule: GraphRule,
         sensor: Sensor,
@@ -189,7 +189,7 @@ impl EventGraph {
         self.count[slot as usize].into()
     }
 
-    /// Sources of the in-edges of `slot`, in neighbourhood order. With `frozen`, some may have left.
+    /// Sources of the in-edges of `slot`, in order. With `frozen`, some may have left.
     pub(crate) fn sources(&self, slot: u32) -> impl Iterator<Item = u32> + '_ {
         let frozen = self.rule.is_frozen();
         let start = slot as usize * self.most;
@@ -198,8 +198,8 @@ impl EventGraph {
         sources.iter().copied().chain(neighbours.iter().map(|n| n.row))
     }
 
-    /// In-edges of `slot` whose source is still in `window`, in neighbourhood order. With `frozen`, the others may name slots that have
-    /// left: these are free or hold a later node, and so rank after the reader in either case.
+    /// In-edges of `slot` from nodes still in `window`, in order. With `frozen`, others name slots
+    /// that are free or hold a later node: both rank after the reader.
     pub(crate) fn present<'a>(
         &'a self,
         window: &'a Window,
@@ -218,7 +218,7 @@ impl EventGraph {
         if span.len() == self.most { self.edges.d2[span.end - 1] } else { self.rule.reach.limit() }
     }
 
-    /// Connects `slot`, the newest node of `window`, to the first `known` nodes of its neighbourhood.
+    /// Connects `slot`, the newest of `window`, to the first `known` nodes of its neighbourhood.
     pub(crate) fn insert(&mut self, window: &Window, slot: u32, known: usize, isa: Isa, delta: &mut Delta) {
         let node = window.node(slot);
         self.find(window, node, isa);
@@ -262,7 +262,7 @@ impl EventGraph {
             found.select(arrival);
             return;
         }
-        // Neighbourhoods at the same place have similar extents: the last one there mostly says where to search.
+        // The extent of the last neighbourhood here mostly says where to search.
         let extent = &mut extents[grid.cell(node.x, node.y)];
         let mut bound = limit.min(GENEROUS * *extent);
         loop {
@@ -276,7 +276,7 @@ impl EventGraph {
         *extent = found.bound().max(MIN);
     }
 
-    /// Offers the newest node to all others; those to which it is near enough take it as a neighbour.
+    /// Offers the newest node to all others; those near enough take it as a neighbour.
     fn offer(&mut self, window: &Window, slot: u32, node: Node, delta: &mut Delta) {
         let Self { grid, metric, reach, count, edges, readers, most, rule, .. } = self;
         let (most, limit) = (*most, rule.reach.limit());
@@ -307,14 +307,14 @@ impl EventGraph {
         });
     }
 
-    /// Removes the oldest `leaving` nodes of `window` from the search. A joint expiry costs less than single ones:
-    /// leaving nodes need no repair, and no replacement is about to leave.
+    /// Removes the `leaving` oldest nodes from the search. Together they cost less: leaving nodes
+    /// need no repair, and no replacement is about to leave.
     pub(crate) fn hide(&mut self, window: &Window, leaving: u32) {
         window.slots().take(leaving as usize).for_each(|slot| self.grid.pop(slot, window.node(slot)));
     }
 
-    /// Removes the edges of `slot`, one of the oldest `leaving` nodes of `window`, which are hidden. Records the
-    /// changes in `delta` if levels above read edges or rows change.
+    /// Removes the edges of `slot`, one of the `leaving` oldest, hidden nodes. Records the changes
+    /// if levels above read edges or rows change.
     pub(crate) fn disconnect(&mut self, window: &Window, leaving: u32, slot: u32, delta: &mut Delta) {
         if !self.keeps_readers {
             return;
@@ -342,8 +342,8 @@ impl EventGraph {
         }
     }
 
-    /// Replaces `gone`, one of the `leaving` oldest nodes, in the neighbourhood of `reader` by the next candidate, if
-    /// there is one.
+    /// Replaces `gone`, one of the `leaving` oldest, in the neighbourhood of `reader` by the next
+    /// candidate.
     fn replace(&mut self, window: &Window, leaving: u32, gone: u32, reader: u32, delta: &mut Delta) {
         let span = self.span(reader);
         let slot = self.edges.neighbours[span.end - 1].row;
@@ -434,7 +434,7 @@ impl Task for Find<'_> {
     }
 }
 
-/// Factor on the extent of a neighbourhood within which the next one at the same place mostly has enough nodes. Measured.
+/// Factor on an extent within which the next neighbourhood mostly has enough nodes. Measured.
 const GENEROUS: f64 = 1.5;
 /// Factor by which a search is widened that did not find enough.
 const WIDER: f64 = 4.0;
@@ -443,11 +443,11 @@ const MIN: f64 = 1.0 / 4096.0;
 /// No d2 of two nodes of a window is larger: each of its three terms is at most 1.
 const MAX: f64 = 3.0;
 
-/// Number of candidates up to which they are compared one by one: a grid search would visit most of its cells.
+/// Candidates up to this number are compared one by one: a grid search visits most of its cells.
 const FEW: u32 = 64;
 
-/// Calls `visit` with d2 and slot of the nodes at `places` whose d2 to `query` is at most the bound; each call returns
-/// the new bound.
+/// Calls `visit` with d2 and slot of the nodes at `places` with d2 to `query` within the bound,
+/// which each call returns anew.
 fn scan(
     metric: &Metric,
     window: &Window,

@@ -1,11 +1,11 @@
-//! The search structure of the event graph: square cells of pixels, each a queue of nodes in order of time. On
-//! sensors that would need too many cells, these are larger than asked for. The queues share one store, whose size is determined
-//! by the number of nodes that the grid is made for, wherever these lie.
+//! The event graph's search structure: square cells of pixels, larger on sensors with too many,
+//! each a queue of nodes in order of time. All queues share one store, sized by the number of nodes
+//! wherever they lie.
 //!
-//! Inserting and expiring are O(1). A search whose bound is a guess visits the cells within the bound; any other search visits
-//! cells in rings around the query. In each cell, both visit nodes from the query's time outwards. A ring, a cell or the rest of a
-//! cell is skipped only if its lower bound of d2, computed by the same rounded operations as d2 itself, exceeds the
-//! search's bound. Rounding is monotone, so a pruned node can never have been a result, not even by a tie.
+//! Inserting and expiring are O(1). A search with a guessed bound visits the cells within it; any
+//! other goes in rings around the query, and in each cell outwards from the query's time. What it
+//! skips has a lower bound of d2 above its bound, by the same rounded operations as d2. Rounding is
+//! monotone, so a pruned node is never a result, not even by a tie.
 
 use std::ops::Range;
 
@@ -17,8 +17,7 @@ use crate::metric::{Metric, Node};
 use crate::nearest::Nearest;
 use crate::queues::{Block, Cursor, Entry, NODES, Place, Queue, Queues};
 
-/// Largest number of cells. A search may visit all of them, and on a sensor with many more pixels than a window has
-/// nodes, most small cells would be empty.
+/// Largest number of cells. A search may visit all, and on a large sensor most would be empty.
 const MAX_CELLS: usize = 1 << 15;
 
 #[derive(Clone, Debug)]
@@ -42,7 +41,7 @@ pub(crate) enum Times {
 
 #[allow(clippy::inline_always, reason = "compiled for the instruction set that searches")]
 impl Grid {
-    /// An empty grid for at most `capacity` nodes. The side of a cell is 2^`least_log2` pixels, or more on a large sensor.
+    /// A grid for at most `capacity` nodes with cells of at least 2^`least_log2` pixels a side.
     pub(crate) fn new(sensor: Sensor, least_log2: u32, capacity: usize, memory: &mut Memory) -> Self {
         let (side_log2, [columns, rows]) = Self::extent(sensor, least_log2);
         Self { side_log2, columns, rows, cells: Queues::new(columns * rows, capacity, memory), nodes: 0 }
@@ -111,7 +110,7 @@ impl Grid {
         self.nodes = 0;
     }
 
-    /// Lower bound of the squared distance in the image plane from a pixel to cell (`column`, `row`).
+    /// Lower bound of the squared distance in the plane from a pixel to cell (`column`, `row`).
     #[inline(always)]
     fn plane2(&self, metric: &Metric, x: u16, y: u16, column: usize, row: usize) -> f64 {
         let gap = |p: u16, cell: usize| {
@@ -122,8 +121,8 @@ impl Grid {
         metric.x2(gap(x, column)) + metric.y2(gap(y, row))
     }
 
-    /// Calls `visit` with d2 and slot of every node whose d2 is at most the bound. The bound starts as `bound`; each call
-    /// returns the new bound, which must not grow.
+    /// Calls `visit` with d2 and slot of every node within the bound. It starts as `bound`; each
+    /// call returns the next, which must not grow.
     #[inline(always)]
     pub(crate) fn search(
         &self,
@@ -136,8 +135,8 @@ impl Grid {
         self.search_from(metric, query, times, bound, None, visit);
     }
 
-    /// The same for queries in order of time on an unchanging grid: `cursors`, one per cell, store the position of the
-    /// query's time in the cell.
+    /// The same for queries in order of time on an unchanging grid: `cursors`, one per cell, store
+    /// the place of the query's time.
     #[inline(always)]
     pub(crate) fn search_onwards(
         &self,
@@ -211,8 +210,8 @@ impl Grid {
         metric.x2(gap(query.x)).min(metric.y2(gap(query.y)))
     }
 
-    /// Adds every node whose d2 is at most `found`'s bound to `found`, but for those that others of the same d2 precede. No node is later
-    /// than the query.
+    /// Adds to `found` every node within its bound that others of the same d2 do not precede. No
+    /// node is later than the query.
     #[inline(always)]
     pub(crate) fn find<S: Simd>(
         &self,
@@ -253,7 +252,7 @@ impl Grid {
         ]
     }
 
-    /// Range of the `cells` along one direction that have a pixel which is `near` pixel `p` by its distance.
+    /// Range of `cells` along a direction with a pixel that is `near` pixel `p` by its distance.
     #[inline(always)]
     fn reached(&self, p: u16, cells: usize, near: impl Fn(usize) -> bool) -> Range<usize> {
         let (p, cell) = (usize::from(p), usize::from(p) >> self.side_log2);
@@ -267,8 +266,8 @@ impl Grid {
         start..end
     }
 
-    /// Calls `visit` with d2 and slot of every node `n` whose d2 to `query` is at most `reach[cell of n]`, and of some
-    /// others. `query` must not be earlier than any node.
+    /// Calls `visit` with d2 and slot of every node `n` with d2 at most `reach[cell of n]`, and of
+    /// some others. `query` is not earlier than any node.
     pub(crate) fn search_reverse(
         &self,
         metric: &Metric,
@@ -310,7 +309,7 @@ pub(crate) struct Reader {
     pub(crate) bound: f64,
 }
 
-/// d2 of a query to each node of a block, and its term of time. What stands at places without a node means nothing.
+/// d2 of a query to each node of a block, and its term of time; undefined where there is no node.
 #[allow(clippy::inline_always, reason = "compiled for the instruction set that searches")]
 #[inline(always)]
 fn distances2<S: Simd>(simd: S, metric: &Metric, query: Node, block: &Block) -> [[f64; NODES]; 2] {
@@ -323,8 +322,8 @@ fn distances2<S: Simd>(simd: S, metric: &Metric, query: Node, block: &Block) -> 
     [d2, t2]
 }
 
-/// Visits a cell from the query's time outwards; its nodes that are later than the query start at `later`. Returns the
-/// new bound.
+/// Visits a cell from the query's time outwards; later nodes start at `later`. Returns the new
+/// bound.
 #[allow(clippy::inline_always, reason = "compiled for the instruction set that searches")]
 #[inline(always)]
 fn scan(
@@ -370,7 +369,7 @@ mod tests {
     use super::*;
     use std::cell::Cell;
 
-    /// The nearest 16 of nodes at `times` on one pixel to a query at the last of these times, and how often arrivals were compared.
+    /// The nearest 16 of nodes at `times` on a pixel to the last; how often arrivals were compared.
     fn nearest(times: &[i64]) -> (Vec<(f64, u32)>, u32) {
         let sensor = Sensor::new(40, 30);
         let memory = &mut Memory::default();

@@ -1,7 +1,7 @@
-//! A network's head: dense layers over the readout, or a frame network that reads the readout as an image.
+//! A network's head: dense layers over the readout, or a frame network that reads it as an image.
 //!
-//! Input: the readout, from the newest cell in time to the oldest, and its changed cells. Output: the prediction. The first
-//! dense layer and a frame network recompute only what a changed cell reaches.
+//! Input: the readout, newest time cell first, and its changed cells. Output: the prediction. Only
+//! what a changed cell reaches is recomputed, by the first dense layer or the frame network.
 
 use std::sync::Arc;
 
@@ -25,7 +25,7 @@ pub(crate) struct ImageHead {
     engine: FrameEngine,
     /// The whole frame, for when it must be pushed.
     image: Vec<f32>,
-    /// Whether the last frame was refused, so that the engine does not have all changes since the one before.
+    /// Whether the last frame was refused, so that changes since the one before are missing.
     lacks_changes: bool,
     /// The error, if there is no prediction.
     failure: Option<EngineError>,
@@ -56,8 +56,8 @@ impl Head {
         }
     }
 
-    /// Computes the prediction from `readout`, grids of `cells` rows one after the other, of which those in `changed` differ
-    /// from the last call's; the first call's differ from zeros.
+    /// Computes the prediction from `readout`, grids of `cells` rows that differ from the last
+    /// call's (at first from zeros) in `changed`.
     pub(crate) fn run(
         &mut self,
         network: &Network,
@@ -102,7 +102,7 @@ impl ImageHead {
     /// Its memory counts as part of the event engine's, and is checked against that limit.
     ///
     /// # Panics
-    /// Never: a frame network's maps are small enough for their kernels, and no other option is out of range.
+    /// Never fails: the maps are small enough, and no other option is out of range.
     fn new(network: &Arc<FrameNetwork>, isa: Isa) -> Self {
         let options = FrameOptions::new().with_isa(isa).with_memory_limit(u128::MAX);
         let mut engine =
@@ -141,7 +141,7 @@ impl ImageHead {
                 Cell { pixel, first: age * channels, values: readout.slice(row as usize) }
             }))
         };
-        // The only possible error is a value that is not finite: the readout ignores NaN, but not infinity.
+        // The only error is a value that is not finite: the readout ignores NaN, not infinity.
         self.lacks_changes = pushed.is_err();
         if self.lacks_changes {
             return Err(EngineError::NotANumber { layer: "readout".to_owned(), rows: 1 });

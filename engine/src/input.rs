@@ -1,6 +1,6 @@
-//! The input features of an event: its polarity, and its place within the cells of a grid where the network asks for it.
+//! The input features of an event: its polarity and, if asked for, its place in a grid's cells.
 //!
-//! Enters: a node. Leaves: its row of the event level's input. A row depends on the event alone and never changes.
+//! A row depends on the event alone and never changes.
 
 use meissner_kernels::Lanes;
 
@@ -27,7 +27,7 @@ fn polarity(on: bool) -> f32 {
     if on { 1.0 } else { -1.0 }
 }
 
-/// Makes input rows. Places along x and y come from tables; they have the same bits as computed ones.
+/// Makes input rows. Places come from tables, with the bits of computed ones.
 #[derive(Clone, Debug)]
 pub(crate) struct Input {
     /// Of each pixel column and of each pixel row; empty without places.

@@ -1,5 +1,5 @@
-//! Incremental inference over streams: an engine keeps the activations of a network and recomputes only those that an
-//! event or a frame changes. The result equals full recomputation, bit for bit.
+//! Incremental inference over streams: an engine keeps the activations of a network and recomputes
+//! only what an event or a frame changes. The result equals full recomputation, bit for bit.
 //!
 //! ```text
 //! events -> admission -> window -> event graph -> changed rows -> layers -> readout -> prediction
@@ -8,43 +8,58 @@
 //!
 //! | type | what it is |
 //! |---|---|
-//! | [`Engine`] | a [`Network`] over the events of a sliding window: push, advance, predict, reset, snapshot, restore |
-//! | [`Batch`] | the same network computed from scratch, on any number of streams: the engine's oracle |
-//! | [`BatchEngine`] | a batch with the methods of the engine; [`Predictor`] is the trait of all engines |
+//! | [`Engine`] | a [`Network`] over a sliding window of events: push, advance, predict, snapshot |
+//! | [`Batch`] | the same network from scratch, on any number of streams: the engine's oracle |
+//! | [`BatchEngine`] | a batch as an engine; [`Predictor`] is the trait of all engines |
 //! | [`frames::FrameEngine`] | a network over frames, with the same methods |
-//! | [`Event`], [`Sensor`] | a brightness change at a pixel and time (microseconds); the sensor's size |
-//! | [`Prediction`], [`Counters`] | values with their time and cost; counts of computed, skipped and dropped work |
+//! | [`Event`], [`Sensor`] | a brightness change at a pixel and time (us); the sensor's size |
+//! | [`Prediction`], [`Counters`] | values with time and cost; counts of work done and skipped |
 //! | [`filters`], [`representations`] | preprocessing: event filters; frames built from events |
 //!
-//! Networks usually come from description files and weights (crate `meissner_models`). This one is made by hand:
+//! Networks usually come from description files and weights (`meissner_models`). One by hand:
 //!
 //! ```
 //! use meissner_engine::{Batch, Engine, Event, Sensor, Stream};
-//! use meissner_engine::{Aggregation, Block, Candidates, DenseLayer, GraphRule, Level, Lifetime, Network};
-//! use meissner_engine::{NetworkParts, Normalisation, Reach, Readout};
+//! use meissner_engine::{Aggregation, Block, Candidates, DenseLayer, GraphRule, Level, Lifetime};
+//! use meissner_engine::{Network, NetworkParts, Normalisation, Reach, Readout};
 //! use meissner_kernels::{Activation, Dense, SplineConv, SplineParts};
 //!
-//! // One spline block over the 8 nearest events of the past, its maximum over the image, one dense layer.
-//! let spline = SplineParts { inputs: 1, outputs: 4, kernel: [2, 2, 2], weight: vec![0.5; 8 * 4], ..Default::default() };
+//! // One spline block over the 8 nearest past events, its maximum over the image, a dense layer.
+//! let kernel = [2, 2, 2];
+//! let weight = vec![0.5; 8 * 4];
+//! let spline = SplineParts { inputs: 1, outputs: 4, kernel, weight, ..Default::default() };
 //! let conv = SplineConv::new(&spline)?.into();
 //! let dense = Dense::new(1, 4, 1, &[1.0; 4], None, Activation::Identity)?;
 //! let network = Network::new(NetworkParts {
 //!     name: "by hand".to_owned(),
 //!     span_us: 50_000,
 //!     capacity: 1024,
-//!     graph: GraphRule { reach: Reach::Knn { k: 8 }, candidates: Candidates::Past(Lifetime::Frozen) },
+//!     graph: GraphRule {
+//!         reach: Reach::Knn { k: 8 },
+//!         candidates: Candidates::Past(Lifetime::Frozen),
+//!     },
 //!     normalisation: Normalisation::Fixed,
 //!     place: None,
-//!     events: Level { scale: 0.5, blocks: vec![Block { name: "conv".to_owned(), input: 0, skip: None, conv }] },
+//!     events: Level {
+//!         scale: 0.5,
+//!         blocks: vec![Block { name: "conv".to_owned(), input: 0, skip: None, conv }],
+//!     },
 //!     pooled: Vec::new(),
-//!     readout: Readout { from: 1, columns: 1, rows: 1, aggregation: Aggregation::Max, by_time: false },
+//!     readout: Readout {
+//!         from: 1,
+//!         columns: 1,
+//!         rows: 1,
+//!         aggregation: Aggregation::Max,
+//!         by_time: false,
+//!     },
 //!     dense: vec![DenseLayer { name: "out".to_owned(), dense }],
 //!     head: None,
 //! })?;
 //!
 //! let sensor = Sensor::new(64, 48);
 //! let mut engine = Engine::new(network, sensor)?;
-//! let events = [Event::new(0, 10, 10, true), Event::new(900, 11, 10, true), Event::new(1500, 11, 11, false)];
+//! let rows = [(0, 10, 10, true), (900, 11, 10, true), (1500, 11, 11, false)];
+//! let events = rows.map(|(t, x, y, on)| Event::new(t, x, y, on));
 //! engine.push_slice(&events);
 //! let prediction = engine.predict()?;
 //! assert_eq!((prediction.nodes, prediction.t_us), (3, Some(1500)));
@@ -55,8 +70,7 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
-//! An unoptimised build gives the same bits but is many times slower: measure with `--release`. Tests: whole-engine
-//! properties are in `tests/` at the root of the workspace; the crate's own unit tests are beside the code.
+//! An unoptimised build gives the same bits, many times slower: measure with `--release`.
 #![forbid(unsafe_code)]
 
 mod activations;

@@ -1,13 +1,13 @@
 //! Channel-wise maxima over cells with changing members.
 //!
-//! Input: members with their cells, the features of the members, and which of them changed. Output: one row of maxima
-//! per cell, and the cells whose row changed. A new member is merged into its cell's row. When a member leaves or
-//! changes, the row is recomputed from all members, unless the member was below the maximum in every channel.
-//! Members that never change and leave in order of arrival form a queue. Two partial maxima represent its maximum: for
-//! each member of the front part, the maximum from this member to the end of the front; and the maximum of the back
-//! part. A removal then costs one row, and occasionally, when the front is used up, a pass over the members.
-//! Invariant after [`Maxima::update`]: each row is the maximum over the cell's members, or zeros for an empty
-//! cell.
+//! Input: members with their cells, their features, and which changed. Output: one row of maxima
+//! per cell, and the cells whose row changed. A new member is merged into its cell's row. When one
+//! leaves or changes, the row is recomputed from all members, unless it was below the maximum in
+//! every channel. Members that never change and leave in order of arrival form a queue with two
+//! partial maxima: for each member of the front, that from it to the front's end; and that of the
+//! back. A removal then costs one row, and a pass over the members when the front is used up.
+//! Invariant after [`Maxima::update`]: each row is the maximum over the cell's members, or zeros
+//! without any.
 
 use meissner_kernels::{Isa, LANES, Lanes, Matrix, Simd, Task, clear_negative_zero, maximum, same_bits};
 
@@ -43,8 +43,8 @@ struct Queue {
 }
 
 impl Maxima {
-    /// No members yet; at most `rows` members in `cells` cells. `queues` states that members never change and leave in
-    /// order of arrival.
+    /// Room for `rows` members in `cells` cells. `queues`: members never change and leave in order
+    /// of arrival.
     pub(crate) fn new(rows: usize, cells: usize, channels: usize, queues: bool, memory: &mut Memory) -> Self {
         Self {
             queue: queues.then(|| Queue {
@@ -88,7 +88,7 @@ impl Maxima {
         self.fresh.insert(row);
     }
 
-    /// Removes `row`, which has the same features as at the last `update`, from its cell. `values` are the maxima.
+    /// Removes `row`, unchanged since the last `update`, from its cell. `values` are the maxima.
     pub(crate) fn leave(&mut self, row: u32, features: &Matrix, values: &Matrix) {
         let cell = self.members.remove(row);
         if self.fresh.contains(row) {
@@ -112,8 +112,8 @@ impl Maxima {
         self.enter(row, cell);
     }
 
-    /// Brings every row of `values` up to date; calls `moved` with the cells whose row changed, and whether they have
-    /// members.
+    /// Brings `values` up to date; calls `moved` with each cell whose row changed, and whether it
+    /// has members.
     pub(crate) fn update(
         &mut self,
         isa: Isa,
@@ -171,7 +171,7 @@ impl Maxima {
     }
 }
 
-/// Writes `row`, which was recomputed, if it differs, and notes both in `log`; returns whether it did.
+/// Writes the recomputed `row` if it differs, and notes both in `log`; returns whether it did.
 pub(crate) fn store(row: &[Lanes], values: &mut Matrix, cell: u32, log: &mut LayerLog) -> bool {
     let stored = values.row_mut(cell as usize);
     let differs = !same_bits(row, stored);
@@ -182,13 +182,13 @@ pub(crate) fn store(row: &[Lanes], values: &mut Matrix, cell: u32, log: &mut Lay
     differs
 }
 
-/// Whether `row` is below `maximum` in all of its `columns` channels, so that its removal cannot change the maximum.
+/// Whether `row` is below `maximum` in all `columns` channels: its removal changes nothing.
 fn below(row: &[Lanes], maximum: &[Lanes], columns: usize) -> bool {
     let mut reaches = false;
     for (i, (row, maximum)) in row.iter().zip(maximum).enumerate() {
         let counts = (columns - i * LANES).min(LANES);
         for (v, m) in row.0[..counts].iter().zip(&maximum.0[..counts]) {
-            // NaN counts as reaching the maximum: it never took part, but the members that did must be found again.
+            // NaN counts as reaching the maximum: the members that do must be found again.
             reaches |= v >= m || v.is_nan();
         }
     }

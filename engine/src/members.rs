@@ -1,7 +1,6 @@
-//! Membership of rows in cells: every row is in at most one cell; the rows of a cell are in order of arrival.
+//! Membership of rows in cells: a row is in at most one; a cell's rows are in order of arrival.
 //!
-//! Each row links to the row before it and the row after it in its cell. Memory is therefore determined by the number
-//! of rows, however these are spread over cells.
+//! Rows of a cell are linked both ways, so the number of rows alone determines the memory.
 
 use crate::memory::Memory;
 
@@ -10,7 +9,7 @@ use crate::memory::Memory;
 pub(crate) struct Members {
     /// Cell of each row that is a member.
     cell_of: Vec<u32>,
-    /// For each member, the next older and younger ones of its cell; undefined for the oldest and the youngest.
+    /// Each member's next older and younger ones in its cell; undefined at the ends.
     older: Vec<u32>,
     younger: Vec<u32>,
     cells: Vec<Ends>,
@@ -103,7 +102,7 @@ impl Members {
         Walk { links: &self.younger, next: ends.oldest, left: ends.count }
     }
 
-    /// The `count` youngest members of a cell, which has as many, the oldest of these first. O(count) before the first.
+    /// The `count` youngest of a cell's members, oldest first. O(count) before the first.
     #[inline]
     pub(crate) fn youngest(&self, cell: u32, count: u32) -> Walk<'_> {
         let first = self.youngest_first(cell).take(count as usize).last();

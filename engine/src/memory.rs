@@ -1,7 +1,7 @@
 //! The memory of an engine: allocated once, when the engine is made, or only counted.
 //!
-//! Every stage takes its storage from a [`Memory`]. A memory that only counts hands out empty vectors. The size of an
-//! engine is therefore known before anything is allocated, from the same code that allocates.
+//! Every stage takes its storage from a [`Memory`]. One that only counts hands out empty vectors,
+//! so the code that allocates also tells an engine's size before anything is allocated.
 
 use std::ops::{Deref, DerefMut};
 
@@ -74,7 +74,7 @@ impl Memory {
     }
 }
 
-/// A vector that keeps its capacity when cloned, because the clone of an engine must not allocate later either.
+/// A vector that keeps its capacity when cloned: an engine's clone must not allocate later either.
 #[derive(Debug)]
 pub(crate) struct FixedVec<T>(Vec<T>);
 

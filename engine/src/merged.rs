@@ -1,10 +1,10 @@
 //! Merged edges: the in-edges of each row in one store, and the readers of each row.
 //!
-//! The in-edges of a row are contiguous, as kernels read them, followed by some free space. A row that has used up its
-//! space moves to the end of the store. When the end is reached, the rows are compacted. The store has room for the
-//! most edges that can exist at once, plus one row, so that a row can always move without an allocation.
+//! A row's in-edges are contiguous, with some free space after them. A row that has used it up
+//! moves to the end of the store; at the end, rows are compacted. There is room for the most edges
+//! at once plus one row, so a row can always move.
 //!
-//! A row is *altered* from the time that one of its edges was added or removed until its attributes are updated.
+//! A row is *altered* from a change of one of its edges until its attributes are updated.
 
 use std::ops::Range;
 
@@ -15,7 +15,7 @@ use crate::memory::Memory;
 use crate::readers::Readers;
 
 const NONE: u32 = u32::MAX;
-/// Largest number of in-edges of a row whose basis is stored; a block computes the basis of longer rows itself.
+/// Most in-edges of a row whose basis is stored; a block computes the basis of longer rows.
 const BASES: usize = 24;
 
 /// Maximum sizes of merged edges.
@@ -29,7 +29,7 @@ pub(crate) struct Extent {
 }
 
 impl Extent {
-    /// Maximum sizes for `rows` rows, of which at most `alive` have edges, which merge at most `below` edges.
+    /// Sizes for `rows` rows, at most `alive` with edges, which merge at most `below` edges.
     pub(crate) fn new(rows: usize, alive: usize, below: usize) -> Self {
         let most = alive.saturating_sub(1).min(below);
         Self { rows, most, edges: below.min(alive.saturating_mul(alive.saturating_sub(1))) }
@@ -144,8 +144,8 @@ impl Merged {
         }
     }
 
-    /// Calls `visit` with the rows that have an in-edge from one of `rows`: in batches, in any order. A row may be
-    /// visited once, or once per in-edge.
+    /// Calls `visit` with batches, in any order, of the rows that have an in-edge from one of
+    /// `rows`; a row may come once per in-edge.
     #[inline]
     pub(crate) fn for_readers(&self, rows: impl Iterator<Item = u32>, visit: impl FnMut(&[u32])) {
         self.readers.for_blocks(rows, visit);
@@ -156,7 +156,7 @@ impl Merged {
         self.counts[self.runs[row as usize].start + at] += 1;
     }
 
-    /// Counts one edge of the level below less; returns whether it was the last, which removes the in-edge.
+    /// Counts one edge of the level below less; the last removes the in-edge, which is returned.
     pub(crate) fn count_down(&mut self, row: u32, at: usize) -> bool {
         let span = self.span(row);
         let count = &mut self.counts[span.start + at];
@@ -173,7 +173,7 @@ impl Merged {
         gone
     }
 
-    /// Inserts an in-edge of `row` from `source` at index `at`; it merges one edge of the level below.
+    /// Inserts an in-edge of `row` from `source` at index `at`, for one edge of the level below.
     ///
     /// # Panics
     /// If there are more edges than the store is made for.
@@ -238,7 +238,7 @@ impl Merged {
         self.runs[row as usize].room = 0;
     }
 
-    /// Compacts all rows at the front of the store, without free space. Rows without edges lose their places.
+    /// Compacts all rows at the store's front, without free space. Rows without edges lose theirs.
     fn close_up(&mut self) {
         let (mut row, mut to) = (self.first, 0);
         while row != NONE {
@@ -256,9 +256,9 @@ impl Merged {
         self.end = to;
     }
 
-    /// Sets attributes and offsets of the in-edges of `row` from the sources of which `moved` says so, or of all if the row was altered;
-    /// `difference` returns the difference to a source. Returns whether the row was altered or any value that blocks read
-    /// differs.
+    /// Sets attributes and offsets of the in-edges of `row` from the sources that `moved`, or from
+    /// all if it was altered; `difference` is that to a source. Returns whether it was altered or a
+    /// value that blocks read differs.
     pub(crate) fn update_attributes(
         &mut self,
         row: u32,

@@ -22,8 +22,8 @@ impl Node {
     }
 }
 
-/// d2 = ((dx / width)^2 + (dy / height)^2) + (dt / span)^2 in f64, and edge attributes. The terms of x and y come from
-/// tables; they have the same bits as computed ones.
+/// d2 = ((dx / width)^2 + (dy / height)^2) + (dt / span)^2 in f64, and edge attributes. Terms of x
+/// and y come from tables, with the bits of computed ones.
 #[derive(Clone, Debug)]
 pub(crate) struct Metric {
     span: Divisor,

@@ -1,14 +1,14 @@
 //! The nearest of many candidates.
 //!
-//! Candidates are collected, and the nearest of them selected whenever the collection is nearly full. Neither has branches that depend on
-//! distances: to keep a sorted list instead, every candidate would wait for the one before it.
+//! Candidates are collected, and the nearest selected when the collection is nearly full. No branch
+//! depends on a distance; in a sorted list, each candidate would wait for the one before.
 
 use std::ops::Range;
 
 use crate::memory::{FixedVec, Memory};
 use crate::queues::NODES;
 
-/// Room for up to [`FEW`] and for up to [`SEVERAL`] nearest candidates. These are selected by counting, for each candidate, those before it.
+/// Room for [`FEW`] and [`SEVERAL`] candidates, selected by counting those before each.
 const ROOM_FOR_FEW: usize = 32;
 const ROOM_FOR_SEVERAL: usize = 64;
 const FEW: usize = 8;
@@ -25,7 +25,7 @@ const fn beyond<const ROOM: usize>() -> [f64; ROOM] {
     beyond
 }
 
-/// The first `most` candidates in the order (d2 ascending, then later arrival), among those that were added.
+/// The first `most` of the added candidates in the order (d2 ascending, then later arrival).
 #[derive(Clone, Debug)]
 pub(crate) struct Nearest {
     most: usize,
@@ -33,7 +33,7 @@ pub(crate) struct Nearest {
     slots: Vec<u32>,
     len: usize,
     bound: f64,
-    /// The last one of as many candidates as are wanted, at the distance of the bound; [`NONE`] before there are so many.
+    /// The last wanted candidate, at the bound's distance; [`NONE`] while there are fewer.
     last: u32,
     sorted: FixedVec<(f64, u32)>,
 }
@@ -72,8 +72,8 @@ impl Nearest {
         self.bound
     }
 
-    /// Whether none of the candidates at distance `least` or beyond, of which the one that `latest` returns arrived last, can be among the
-    /// nearest: of two at the same distance, the later one is. `arrival` as for [`Self::add_all`].
+    /// Whether no candidate at `least` or beyond, the latest of them `latest`, can be among the
+    /// nearest: of two at one distance, the later is. `arrival` as for [`Self::add_all`].
     #[inline(always)]
     pub(crate) fn excludes(
         &self,
@@ -85,8 +85,8 @@ impl Nearest {
             || least == self.bound && self.last != NONE && arrival(latest()) < arrival(self.last)
     }
 
-    /// Adds the candidates of a block that are within the bound. `arrival` of a slot is larger for later nodes; it is asked only at
-    /// equal distances.
+    /// Adds the candidates of a block within the bound. `arrival`, larger for later slots, is asked
+    /// at equal distances only.
     #[inline(always)]
     pub(crate) fn add_all(
         &mut self,
@@ -121,7 +121,7 @@ impl Nearest {
         }
     }
 
-    /// Keeps the nearest, in order; `arrival` as for [`Self::add_all`]. Without this, [`Self::iter`] is undefined.
+    /// Keeps the nearest, in order; [`Self::iter`] needs it. `arrival` as for [`Self::add_all`].
     #[inline(always)]
     pub(crate) fn select(&mut self, arrival: impl Fn(u32) -> u32) {
         let selected = match self.d2.len() {

@@ -1,8 +1,8 @@
-//! Description of a network over events: the event graph, levels of blocks joined by poolings, a readout, dense layers.
-//! Shapes are checked once, here; engine and batch rely on them.
+//! A network over events: the event graph, levels of blocks joined by poolings, a readout, dense
+//! layers. Shapes are checked once, here.
 //!
-//! Feature 0 of a level is the level's input (the events' polarity, or the pooled maxima); feature b + 1 is the output
-//! of its block b. A block reads any earlier feature of its level, so a level is an acyclic graph in topological order.
+//! Feature 0 of a level is its input (polarity, or pooled maxima); feature b + 1 the output of its
+//! block b. A block reads any earlier feature: a level is an acyclic graph in order.
 
 mod check;
 mod fingerprint;
@@ -43,8 +43,8 @@ impl Network {
     /// Checks that `parts` fit together.
     ///
     /// # Errors
-    /// [`EngineError::Option`] for a graph, span or capacity out of range; [`EngineError::Network`] for a layer whose
-    /// input does not exist yet or has a different number of channels.
+    /// [`EngineError::Option`] for a graph, span or capacity out of range; [`EngineError::Network`]
+    /// for a layer whose input does not exist or has other channels.
     pub fn new(parts: NetworkParts) -> Result<Self, EngineError> {
         let channels = check::channels(&parts)?;
         Ok(Self { parts, channels, fingerprint: OnceLock::new() })
@@ -60,9 +60,8 @@ impl Network {
         &self.parts.name
     }
 
-    /// Hash of structure, names and the bits of all parameters as they are used in computations. Equal networks have
-    /// equal fingerprints. Different networks collide only by chance; the hash does not resist deliberate collisions.
-    /// O(parameters) on the first call.
+    /// Hash of structure, names and the bits of all parameters as used. Different networks collide
+    /// only by chance; deliberate collisions are not resisted. O(parameters) on the first call.
     pub fn fingerprint(&self) -> u64 {
         *self.fingerprint.get_or_init(|| fingerprint::of(&self.parts))
     }
@@ -99,13 +98,13 @@ impl Network {
         self.channels[self.channels.len() - 1][self.parts.readout.from]
     }
 
-    /// Number of copies of the readout's grid: one, or one for each time cell that a window can contain.
+    /// Copies of the readout's grid: one, or one for each time cell of a window.
     pub fn readout_times(&self) -> usize {
         self.readout_time().map_or(1, check::times)
     }
 
-    /// Duration of a part of a sum in microseconds: an eighth of the span, rounded up. The readout sums the events of each part, counted
-    /// from the epoch, in order of arrival, and then the parts in order.
+    /// Length of a part of a sum in microseconds: an eighth of the span, rounded up. The readout
+    /// sums the events of each part from the epoch in order of arrival, then the parts in order.
     pub fn sum_part_us(&self) -> i64 {
         self.parts.span_us / SUM_PARTS + i64::from(self.parts.span_us % SUM_PARTS > 0)
     }
@@ -116,7 +115,7 @@ impl Network {
         last.and_then(|(pooling, _)| pooling.time).filter(|_| self.parts.readout.by_time)
     }
 
-    /// Names of the layers that compute rows, in order: the blocks of level 0, then each pooling with its blocks.
+    /// Names of layers that compute rows: the blocks of level 0, then each pooling with its blocks.
     pub fn layers(&self) -> Vec<&str> {
         let mut names: Vec<&str> = self.parts.events.blocks.iter().map(|b| b.name.as_str()).collect();
         for (pooling, level) in &self.parts.pooled {
@@ -127,8 +126,8 @@ impl Network {
     }
 }
 
-/// Variants of a network: a coarser graph, a shorter window. Each variant is checked again, and engine and batch agree
-/// on it bit for bit. The predictions differ from those of the original network; only a measurement shows by how much.
+/// Variants of a network: a coarser graph, a shorter window. Each is checked again. Their
+/// predictions differ; only a measurement shows by how much.
 impl Network {
     /// The same network with a different span.
     ///
@@ -146,10 +145,10 @@ impl Network {
         self.changed(|parts| parts.capacity = capacity)
     }
 
-    /// The same network with at most `most` neighbours per node of the event graph: the first of each neighbourhood.
+    /// The same network with the first `most` neighbours of each node of the event graph.
     ///
     /// # Errors
-    /// [`EngineError::Option`] for 0, and for more neighbours than the network has: it was not trained on such a graph.
+    /// [`EngineError::Option`] for 0, and for more neighbours than the network was trained with.
     pub fn with_neighbours(self, most: usize) -> Result<Self, EngineError> {
         in_range("neighbours of a node", most as i64, 1, self.parts().graph.reach.most() as i64)?;
         self.changed(|parts| {

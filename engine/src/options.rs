@@ -20,24 +20,24 @@ pub struct Options {
     pub late: LatePolicy,
     /// What is done when the sensor's clock restarts. By default the engine resets.
     pub restart: RestartPolicy,
-    /// Instruction set of the kernels. Default: the best one of this processor. Results do not depend on it.
+    /// Instruction set of the kernels, the processor's best by default. It affects no result.
     pub isa: Isa,
-    /// Whether to measure the time of each stage, for [`Engine::stage_times`](crate::Engine::stage_times). Costs some
-    /// tens of nanoseconds per stage. Default: off.
+    /// Whether to measure stages for [`Engine::stage_times`](crate::Engine::stage_times), at tens
+    /// of nanoseconds each. Default: off.
     pub stage_times: bool,
     /// Limit of the state in bytes. Default: 4 GiB.
     pub memory_limit: u128,
-    /// Largest change of a row's values that does not propagate, in the units of the layer. Default: 0, which is exact;
-    /// any other value is an approximation.
+    /// Largest change of a row's values that does not propagate, in the layer's units. Default: 0,
+    /// exact; else an approximation.
     ///
-    /// If a recomputed row of a block is within the tolerance of the stored row in every channel, the stored values are
-    /// kept. A row that has just entered is always stored. At any time, every stored row is within the tolerance of the
-    /// row that its stored inputs give. Pooled maxima and the readout are exact over stored rows. The event rows of
-    /// `frozen` networks are exact too, because they are computed once.
+    /// A recomputed row within it of the stored one in every channel keeps the stored values; a new
+    /// row is always stored. Every stored row is thus within the tolerance of what its stored
+    /// inputs give. Pooled maxima and the readout are exact over stored rows, and so are event rows
+    /// of `frozen` networks.
     pub tolerance: f32,
-    /// Whether two threads share the rows of a block that has many. The bits are the same. Call the engine on a thread of a rayon pool of at
-    /// least two (such as one with `use_current_thread`): from any other thread, work is handed over, which takes longer than one thread
-    /// alone does. Default: off.
+    /// Whether two threads share the rows of large blocks, with the same bits. Call the engine on a
+    /// thread of a rayon pool of at least two (such as one with `use_current_thread`): from
+    /// elsewhere, handing over takes longer than one thread alone. Default: off.
     pub two_threads: bool,
     pub(crate) hooks: TestHooks,
 }
@@ -45,7 +45,7 @@ pub struct Options {
 /// Switches that only tests set. Results do not depend on them.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct TestHooks {
-    /// Fill rows that leave with NaN, so that a stale read shows as [`EngineError::NotANumber`](crate::EngineError).
+    /// Fill rows that leave with NaN: a stale read is an [`EngineError::NotANumber`].
     pub(crate) poison: bool,
     /// Record which rows were computed, for `Engine::recomputed`.
     pub(crate) record_rows: bool,

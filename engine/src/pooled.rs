@@ -1,8 +1,8 @@
 //! The graph of a pooled level: cells of a fixed grid, their positions and their merged edges.
 //!
-//! Input: the delta of the level below. Output: the delta of this level, and neighbourhoods with attributes in the
-//! order of cell indices. Invariants: a cell is a node while it has a member; an edge exists while at least one edge of
-//! the level below joins members of its two cells (counted); no cell has an edge to itself; after
+//! Input: the delta of the level below. Output: this level's delta, and neighbourhoods with
+//! attributes in the order of cells. Invariants: a cell is a node while it has a member; an edge
+//! exists while an edge below joins members of its two cells (counted), never to itself; after
 //! [`PooledGraph::update_positions`], positions and attributes are those of the present members.
 
 use std::iter;
@@ -48,7 +48,7 @@ pub(crate) struct Shape {
 }
 
 impl Shape {
-    /// The shapes of the pooled levels, lowest first, while rows fit 32 bits; and whether these are all levels.
+    /// Shapes of the pooled levels from below, while rows fit 32 bits; and whether these are all.
     pub(crate) fn all(network: &Network, sensor: Sensor) -> (Vec<Self>, bool) {
         let parts = network.parts();
         let mut shapes: Vec<Self> = Vec::with_capacity(parts.pooled.len());
@@ -170,7 +170,7 @@ impl PooledGraph {
         self.grid.position() == Position::Mean
     }
 
-    /// Applies the delta of the level below, whose pooled feature is `features`; `values` are this level's maxima.
+    /// Applies the delta of the level below with its pooled feature `features`; `values`: maxima.
     pub(crate) fn apply(
         &mut self,
         below: Below<'_>,
@@ -291,7 +291,7 @@ impl PooledGraph {
         &self.shifted
     }
 
-    /// Brings positions and attributes up to date; calls `rewired` with each cell whose neighbourhood changed.
+    /// Updates positions and attributes; calls `rewired` with cells of changed neighbourhoods.
     pub(crate) fn update_positions(
         &mut self,
         below: Below<'_>,

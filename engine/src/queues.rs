@@ -1,8 +1,8 @@
 //! Queues of nodes, one per grid cell, in blocks from one store.
 //!
-//! Nodes enter a queue at its end and leave at its start. A queue is a chain of blocks of two cache lines; only its
-//! first and its last block can be partly filled. The store has as many blocks as its queues can need at once, however
-//! a bounded number of nodes is spread over them: nothing is allocated after construction.
+//! Nodes enter a queue at its end and leave at its start. A queue is a chain of blocks of two cache
+//! lines, of which only the first and last can be partly filled. The store has the blocks that a
+//! bounded number of nodes can need, however spread: nothing is allocated later.
 
 use std::ops::Range;
 
@@ -21,7 +21,7 @@ pub(crate) struct Entry {
     pub(crate) y: u16,
 }
 
-/// Nodes in two cache lines, one array per field: a search computes all distances of a block at once.
+/// Nodes in two cache lines, one array per field: a search computes a block's distances at once.
 #[derive(Clone, Copy, Debug, Default)]
 #[repr(C, align(128))]
 pub(crate) struct Block {
@@ -70,7 +70,7 @@ const EMPTY: Chain = Chain { first: NONE, last: NONE, nodes: 0, start: 0, end: N
 #[derive(Clone, Debug)]
 pub(crate) struct Queues {
     chains: Vec<Chain>,
-    /// The blocks that have been used: memory that the queues never needed at once is never touched.
+    /// The blocks used so far: memory that was never needed is never touched.
     blocks: FixedVec<Block>,
     links: FixedVec<Links>,
     most: usize,
@@ -102,8 +102,8 @@ impl Queues {
         }
     }
 
-    /// Largest number of blocks that `nodes` nodes need in `queues` queues. n nodes of one queue need at most 1 +
-    /// ceil((n - 1) / `NODES`): the first and the second may each need a block, and then every `NODES`th one.
+    /// Most blocks of `nodes` nodes in `queues` queues. n nodes of one queue need at most 1 +
+    /// ceil((n - 1) / `NODES`): one each for the first two, then one every `NODES`.
     fn blocks(queues: usize, nodes: usize) -> usize {
         let pairs = queues.saturating_mul(2);
         if nodes <= pairs { nodes } else { pairs + (nodes - pairs) / NODES }
@@ -249,8 +249,8 @@ impl<'a> Queue<'a> {
         places.flat_map(move |place| self.nodes_from(place).map(move |at| self.block(place).entry(at)))
     }
 
-    /// Start of the nodes later than `t`, in a queue with nodes in order of time. O(1) if there is none; otherwise one
-    /// step per block from the nearer end in time.
+    /// Start of the nodes later than `t`, in a queue ordered by time. O(1) without any; otherwise a
+    /// step per block from the nearer end.
     #[inline(always)]
     pub(crate) fn later_than(self, t: i64) -> Place {
         let end = self.end();

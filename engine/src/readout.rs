@@ -1,11 +1,11 @@
-//! The readout: from the last level's features to the maxima or sums over its grid and, through the head, to the prediction.
+//! The readout: from the last level's features to its grid and, through the head, the prediction.
 //!
-//! Input: the last level's delta, its changed rows and, above a pooling, its positions. Output: the prediction. A node
-//! belongs to the readout cell that contains its position, as in the reference; the cell of an event is computed in
-//! integers. Nothing is recomputed if no value of the grid changed.
+//! Input: the last level's delta, its changed rows and, above a pooling, its positions. Output: the
+//! prediction. A node belongs to the readout cell that contains its position; an event's is
+//! computed in integers. Nothing is recomputed if no value of the grid changed.
 //!
-//! If time cells stay separate, the grid's rows are a ring over these cells: a new cell replaces the one that the
-//! window has left, no row moves, and the head receives the grids from the newest to the oldest.
+//! With separate time cells, the grid's rows are a ring over them: a new cell replaces the one that
+//! has left, no row moves, and the head reads grids from newest to oldest.
 
 use meissner_kernels::{Isa, Matrix};
 
@@ -45,7 +45,7 @@ impl ReadoutGrid {
         (row * self.readout.columns + column) as u32
     }
 
-    /// Cell of a pooled node's position; positions beyond the image belong to the cells at its edge.
+    /// Cell of a pooled node's position; positions beyond the image belong to its edge.
     pub(crate) fn of_position(&self, [x, y, _]: [f64; 3]) -> u32 {
         let axis = |p: f64, cells: usize| ((p * cells as f64).floor().max(0.0) as usize).min(cells - 1);
         let (column, row) = (axis(x, self.readout.columns), axis(y, self.readout.rows));
@@ -76,7 +76,7 @@ pub(crate) struct ReadoutState {
     newest: i64,
     /// Rows of `values` that have changed since the last prediction.
     stale: RowSet,
-    /// `values` from the newest time cell to the oldest, if there are several, and its rows that are stale.
+    /// `values` from the newest time cell to the oldest, if several, and its stale rows.
     by_age: Matrix,
     stale_by_age: RowSet,
     head: Head,
@@ -195,7 +195,7 @@ impl ReadoutState {
         self.entered.clear();
     }
 
-    /// Brings the readout up to date at `now`, in microseconds since the epoch; returns whether the prediction must be
+    /// Updates the readout at `now` (from the epoch); returns whether the prediction must be
     /// recomputed.
     pub(crate) fn update(
         &mut self,

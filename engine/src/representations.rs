@@ -1,13 +1,13 @@
 //! Frames from events and from electrode readings.
 //!
-//! Enters: events in order of time, or one reading after the other. Leaves: dense row-major frames, each with the list
-//! of pixels that have events or that changed, so that a network can skip the rest. Everything is incremental: an
-//! event costs O(1), a frame costs the pixels that it touched, and buffers are reused from frame to frame.
-//! Where events leave again, sums are integers; a float is computed only when a frame is read.
+//! Enters: events in order of time, or readings. Leaves: dense row-major frames, each with the
+//! pixels that have events or changed, so that a network can skip the rest. An event costs O(1), a
+//! frame the pixels that it touched; buffers are reused. Where events leave again, sums are
+//! integers, and floats are computed when read.
 //!
-//! An event is *late* if it is earlier than the newest event or the last `advance`. Late events and events outside
-//! the sensor are dropped and counted, as in [`crate::Engine`]. An event on the sensor but outside the [`Crop`]
-//! advances time and is not part of a frame.
+//! An event is *late* if earlier than the newest event or the last `advance`. Late events and
+//! events outside the sensor are dropped and counted, as in [`crate::Engine`]. One on the sensor
+//! but outside the [`Crop`] advances time and is not part of a frame.
 
 mod consecutive;
 mod crop;

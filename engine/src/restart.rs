@@ -1,18 +1,18 @@
 //! Clocks that restart, and single stamps far ahead.
 //!
-//! Enters: each event with the current time. Leaves: which events are taken now, in order of arrival, and whether the
-//! clock restarted before them. An event whose time agrees with the clock passes at once. Other events are held until
-//! those after them decide:
+//! Enters: each event with the current time. Leaves: which events are taken now, in order of
+//! arrival, and whether the clock restarted before them. An event that agrees with the clock passes
+//! at once; others are held until later ones decide:
 //!
 //! | a run of events | held until | then |
 //! |---|---|---|
-//! | back by more than the window | [`CONFIRMING`] events in a row run on from it | the clock has restarted |
+//! | back by more than the window | [`CONFIRMING`] events in a row run on from it | it restarted |
 //! | | an event agrees with the clock | they are late |
-//! | ahead by more than [`MAX_SILENCE_US`] | a second event, or an advance, confirms it | it ends a silence |
+//! | ahead by more than [`MAX_SILENCE_US`] | a second event, or an advance | it ends a silence |
 //! | | an event agrees with the clock | it is an outlier, and dropped |
 //!
-//! Invariants: no event is lost or reordered, except outliers; what is decided depends on the events and advances alone, and
-//! never on how they are split into calls. O(1) for an event; nothing is allocated.
+//! Invariants: only outliers are lost, and nothing is reordered; decisions depend on events and
+//! advances, not on how they are split into calls. O(1) for an event; nothing is allocated.
 
 use std::fmt;
 
@@ -21,10 +21,10 @@ use crate::{Event, Outcome, Sensor};
 /// What is done when the clock of the sensor restarts.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum RestartPolicy {
-    /// The engine resets, and takes the events of the new clock. A single stamp far ahead is dropped.
+    /// The engine resets and takes the new clock's events. A single stamp far ahead is dropped.
     #[default]
     Reset,
-    /// The clock never goes back: events are late until the old time comes again, and every stamp ahead is taken.
+    /// The clock never goes back: events are late until the old time; stamps ahead are taken.
     Keep,
 }
 
@@ -47,7 +47,7 @@ impl fmt::Display for RestartPolicy {
     }
 }
 
-/// Events of one run that confirm a restart: a few late packets of a sensor do not, and a sparse stream has them soon.
+/// Events of a run that confirm a restart: more than late packets bring, few for a sparse stream.
 pub const CONFIRMING: usize = 8;
 
 /// Longest silence, in microseconds, after which an event is taken without a second one.
@@ -74,7 +74,7 @@ impl Held {
     }
 }
 
-/// What becomes of the held events and of the newest one. It is carried out in the order of its fields.
+/// What becomes of the held events and the newest one, carried out in the order of the fields.
 #[derive(Clone, Copy, Debug)]
 #[must_use]
 pub struct Decision {
@@ -91,7 +91,7 @@ pub struct Decision {
 impl Decision {
     const NOTHING: Self = Self { outliers: 0, restarts: false, taken: Held::NONE, passes: false };
 
-    /// Enters the events that are taken, in order, up to an error. Returns what became of the newest event.
+    /// Enters the taken events in order, up to an error. Returns what became of the newest.
     ///
     /// # Errors
     /// As `enter`.
@@ -124,8 +124,8 @@ impl ClockWatch {
         self.held.events()
     }
 
-    /// Holds `events`, which a watch of the same policy and window held at the time `now_us`. Whether they can be: they are too many, or one
-    /// of them would not be held.
+    /// Holds `events`, which a watch of the same policy and window held at `now_us`. False if they
+    /// are too many, or one would not be held.
     pub fn hold(&mut self, events: &[Event], now_us: Option<i64>) -> bool {
         self.held = Held::NONE;
         let can = events.iter().all(|&event| {
@@ -138,8 +138,8 @@ impl ClockWatch {
         can
     }
 
-    /// Decides about `event`. `None`: it is taken at once, and nothing else changes; so is every event outside the sensor. `now_us` is the
-    /// current time; `None` before the first event.
+    /// Decides about `event`. `None`: it is taken at once, as is every event outside the sensor.
+    /// `now_us` is `None` before the first event.
     #[inline]
     pub fn decide(&mut self, event: Event, now_us: Option<i64>) -> Option<Decision> {
         let agrees = self.policy == RestartPolicy::Keep
@@ -179,7 +179,7 @@ impl ClockWatch {
         Decision { taken: held, ..decision }
     }
 
-    /// Decides about the held events when the clock advances to `t_us`: those that it confirms are taken before it.
+    /// Decides about held events when the clock advances to `t_us`: confirmed ones are taken first.
     pub fn advance(&mut self, t_us: i64, now_us: Option<i64>) -> Decision {
         let is_confirmed = self
             .held
@@ -191,7 +191,7 @@ impl ClockWatch {
         Decision { taken, ..Decision::NOTHING }
     }
 
-    /// Decides about the held events at the end of the stream, or before it is forgotten: they are not confirmed any more.
+    /// Decides about held events at the end of the stream, where nothing confirms them any more.
     pub fn end(&mut self, now_us: Option<i64>) -> Decision {
         let held = std::mem::replace(&mut self.held, Held::NONE);
         let ahead = held.events().first().zip(now_us).is_some_and(|(first, now)| is_ahead(first.t_us, now));
@@ -225,8 +225,8 @@ mod tests {
     const WINDOW_US: i64 = 100;
     const FAR_US: i64 = 1_000 * MAX_SILENCE_US;
 
-    /// The clocks that events at `times` have, each with the times that are taken, late ones included; then outliers, and events
-    /// that are still held.
+    /// The clocks of events at `times`, each with the times taken, late ones included; then
+    /// outliers, and events still held.
     fn clocks(policy: RestartPolicy, times: &[i64]) -> (Vec<Vec<i64>>, u64, usize) {
         let mut watch = ClockWatch::new(policy, SENSOR, WINDOW_US);
         let (mut clocks, mut outliers) = (vec![Vec::new()], 0);

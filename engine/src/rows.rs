@@ -2,8 +2,8 @@
 
 use crate::memory::{FixedVec, Memory};
 
-/// A set of rows below a fixed bound: O(1) to insert, remove, test and clear, O(members) to iterate, no allocation
-/// after construction. The order of iteration depends on the history; results must not depend on it.
+/// A set of rows below a fixed bound: O(1) to insert, remove, test and clear, O(members) to
+/// iterate, in an order that results must not depend on.
 #[derive(Clone, Debug)]
 pub(crate) struct RowSet {
     members: FixedVec<u32>,
@@ -62,7 +62,7 @@ impl RowSet {
     }
 }
 
-/// A set of rows below a fixed bound that is mostly empty: O(1) to insert, remove and count, one byte per row.
+/// A mostly empty set of rows below a fixed bound: O(1) operations, one byte per row.
 #[derive(Clone, Debug)]
 pub(crate) struct FewRows {
     marked: Vec<bool>,
@@ -100,7 +100,7 @@ impl FewRows {
     }
 }
 
-/// A set of rows that only grows until it is cleared. A membership test reads one byte, which matters when each of a
+/// A set of rows that only grows until cleared. A test reads one byte, which matters when each of a
 /// thousand rows is inserted by twenty others.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct GrowingSet {
@@ -117,7 +117,7 @@ impl GrowingSet {
         Self { members: memory.copies(0, bound + 1), len: 0, marked: memory.copies(false, bound) }
     }
 
-    /// Inserts `rows`. Every row is written, and overwritten by the next if it was a member: no unpredictable branch.
+    /// Inserts `rows`. Members are written too, and overwritten next: no unpredictable branch.
     #[inline]
     pub(crate) fn insert(&mut self, rows: &[u32]) {
         let (members, marked) = (&mut self.members[..], &mut self.marked[..]);

@@ -11,9 +11,9 @@
 //! checksum     u64    FNV-1a of all before it
 //! ```
 //!
-//! The checksum detects accidental damage, and every change of a single byte. Forged content with a valid checksum is
-//! checked too. Before anything is allocated, counts are compared with the remaining bytes and with the engine's
-//! capacity. Sizes are compared with those of the network. No value that is read is used as an index.
+//! The checksum detects every change of a byte. Forged content with a valid checksum is checked
+//! too: before allocation, counts against the remaining bytes and the engine's capacity, sizes
+//! against the network. No value that is read is used as an index.
 
 mod format;
 mod reader;
@@ -49,12 +49,12 @@ pub(crate) enum Content<E> {
 }
 
 impl<E: Stored> SnapshotOf<E> {
-    /// The snapshot that `to_bytes` of an engine or of a snapshot wrote. This needs no engine; whether the snapshot
-    /// fits an engine is checked when it is restored. O(bytes).
+    /// The snapshot that `to_bytes` wrote. Whether it fits an engine is checked when restored.
+    /// O(bytes).
     ///
     /// # Errors
-    /// [`EngineError::Snapshot`] for another format version or another kind of engine; [`EngineError::SnapshotBytes`]
-    /// if the bytes are truncated or changed.
+    /// [`EngineError::Snapshot`] for another version or kind of engine;
+    /// [`EngineError::SnapshotBytes`] for truncated or changed bytes.
     pub fn from_bytes(bytes: &[u8]) -> Result<Self, EngineError> {
         Reader::open(bytes, E::KIND)?;
         Ok(Self(Content::Bytes(bytes.to_vec())))

@@ -1,15 +1,15 @@
 //! A readout that may be stale: a prediction is reused until it is too old.
 //!
-//! Input: that of an engine. Output: the last computed prediction, or a new one if more events were accepted or more
-//! time has passed than the bound allows. Invariant: the returned values have the bits of the engine's prediction at
-//! the time it was computed, and [`Prediction::t_us`] is the time of the newest event that it covers. Events enter the
-//! graph at once; their changes propagate together when a prediction is computed.
+//! Input: that of an engine. Output: the last prediction, or a new one beyond a bound of events or
+//! time. Invariant: values have the bits of the engine's prediction at that time, and
+//! [`Prediction::t_us`] is the newest event's that it covers. Events enter the graph at once;
+//! changes propagate when a prediction is computed.
 
 use crate::error::in_range;
 use crate::{Engine, EngineError, Event, EventCounters, Network, Outcome, Prediction};
 
-/// Largest age of a reused prediction. A prediction is reused while it is younger than every given bound. Without a
-/// bound, every prediction is computed.
+/// Largest age of a reused prediction: it is younger than every given bound. Without one, every
+/// prediction is computed.
 ///
 /// ```
 /// let bound = meissner_engine::Staleness::new().with_events(300).with_us(20_000);
@@ -21,7 +21,7 @@ use crate::{Engine, EngineError, Event, EventCounters, Network, Outcome, Predict
 pub struct Staleness {
     /// Number of accepted events after which a prediction is recomputed; at least 1.
     pub events: Option<u64>,
-    /// Microseconds of stream time, from events and `advance`, after which a prediction is recomputed; at least 1.
+    /// Microseconds of stream time after which a prediction is recomputed; at least 1.
     pub us: Option<i64>,
 }
 
@@ -122,7 +122,7 @@ impl StaleReadout {
         accepted
     }
 
-    /// Events were pushed since the engine had these counts. What was computed before a restart is no prediction of the new clock.
+    /// Events came since these counts. A prediction from before a restart is none of the new clock.
     fn pushed(&mut self, before: &EventCounters) {
         let now = self.engine.event_counters();
         self.accepted += now.accepted - before.accepted;
@@ -144,8 +144,8 @@ impl StaleReadout {
         self.computed = None;
     }
 
-    /// The last computed prediction if it is younger than every bound, otherwise a new one. `nodes` and `t_us` are
-    /// those of the time at which it was computed; `rows` counts the rows computed for it, and is 0 if it was reused.
+    /// The last prediction if younger than every bound, else a new one. `nodes` and `t_us` are
+    /// those of its computation; `rows` counts its rows, 0 if reused.
     ///
     /// # Errors
     /// As [`Engine::predict`]; the next call computes again.

@@ -1,10 +1,10 @@
 //! The execution order of the stages, which is defined only here.
 //!
-//! An insertion or an expiry runs the structural stages at once, downstream along the levels: window, event graph,
-//! pooled graphs, readout membership. Rows are computed when a prediction is read, level by level: blocks, maxima,
-//! positions and attributes, blocks, ..., readout, dense layers; the changes of several events are processed together.
-//! With `frozen` in-edges, only the event level runs on arrival: its rows never change, and their inputs may have left
-//! by the time of a prediction. The rows of a slice of events wait for each other ([`Arrivals`]) and are computed layer by layer.
+//! An insertion or expiry runs the structural stages at once: window, event graph, pooled graphs,
+//! readout membership. Rows are computed when a prediction is read, level by level: blocks, maxima,
+//! positions and attributes, ..., readout, dense layers, over all changes. With `frozen` in-edges
+//! the event level runs on arrival: its rows never change, and their inputs may leave. Rows of a
+//! slice of events wait for each other ([`Arrivals`]), and are computed layer by layer.
 
 use std::sync::Arc;
 
@@ -44,12 +44,12 @@ pub(crate) struct StageState {
     pub(crate) stopwatch: Stopwatch,
 }
 
-/// Rows with `frozen` in-edges that have arrived and are not computed yet, at most [`WAVE`]. A layer reads its input from the layer below alone,
-/// so they can be computed together. They must be before a node leaves that one of them reads.
+/// At most [`WAVE`] rows with `frozen` in-edges that are not computed yet. A layer reads the layer
+/// below alone, so they can be computed together, before a node leaves that one reads.
 #[derive(Clone, Debug)]
 struct Arrivals {
     rows: FixedVec<u32>,
-    /// Index in the window of the earliest node that one of them is or reads; undefined if there are none.
+    /// Index in the window of the earliest node that one is or reads; undefined without any.
     earliest: u32,
 }
 
@@ -77,7 +77,7 @@ impl Arrivals {
 }
 
 impl StageState {
-    /// The state of an engine before its first event. If the rows are too many to be numbered, `memory` has counted
+    /// The state before the first event. If rows are too many to number, `memory` counts
     /// [`u128::MAX`] bytes.
     pub(crate) fn new(network: Arc<Network>, sensor: Sensor, options: &Options, memory: &mut Memory) -> Self {
         let parts = network.parts();
@@ -126,7 +126,7 @@ impl StageState {
         }
     }
 
-    /// Copies from `own` all that does not affect results: the instruction set, poison, measured times.
+    /// Copies what does not affect results: instruction set, poison, measured times.
     pub(crate) fn run_as(&mut self, own: &Self) {
         self.network = Arc::clone(&own.network);
         self.isa = own.isa;
@@ -147,8 +147,8 @@ impl StageState {
         self.arrivals.rows.clear();
     }
 
-    /// Inserts `node`, which must not be earlier than any other; the window must have room. With `frozen` in-edges, its row waits for
-    /// [`Self::compute_arrivals`].
+    /// Inserts `node`, the newest; the window must have room. With `frozen` in-edges, its row waits
+    /// for [`Self::compute_arrivals`].
     pub(crate) fn enter(&mut self, node: Node, log: &mut Log) {
         if self.arrivals.rows.len() == WAVE {
             self.compute_arrivals(log);
@@ -177,8 +177,8 @@ impl StageState {
         self.stopwatch.lap(Stage::EventLayers);
     }
 
-    /// Inserts `node` again, from a snapshot: it reads only the first `known` nodes of its neighbourhood, and rows that
-    /// are computed on arrival are not computed. Returns its number of in-edges.
+    /// Inserts `node` from a snapshot: it reads the first `known` nodes of its neighbourhood, and
+    /// no row is computed on arrival. Returns its number of in-edges.
     pub(crate) fn enter_known(&mut self, node: Node, known: usize) -> usize {
         let slot = self.connect(node, known);
         self.propagate();
@@ -258,7 +258,7 @@ impl StageState {
         self.delta.left.iter().for_each(|&row| self.activations[last].leave(row, self.poison));
     }
 
-    /// Recomputes the effects of all steps since the last call, up to the prediction at `now` (from the epoch).
+    /// Recomputes the effects of all steps since the last call, up to the prediction at `now`.
     pub(crate) fn compute_changes(&mut self, now: i64, log: &mut Log) {
         self.stopwatch.start();
         let parts = self.network.parts();

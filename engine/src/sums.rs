@@ -1,11 +1,11 @@
 //! Channel-wise sums over cells with changing members.
 //!
-//! Input: members with their cells and times, the features of the members, and which of them changed. Output: one row of sums per cell,
-//! and the cells whose row changed. Addition is not associative, so the order is defined ([`Network::sum_part_us`](crate::Network::sum_part_us)): time is
-//! cut into parts, a sum is taken over the members of each part in order of arrival, and then over the parts in order, each from zero. A new member is
-//! the last of its part, so that adding it to the part's row gives the same bits. When a member leaves or changes, its part alone is summed again,
-//! from its members.
-//! Invariant after [`Sums::update`]: each row is the sum over the cell's members in this order, or zeros for an empty cell.
+//! Input: members with cells and times, their features, and which changed. Output: one row of sums
+//! per cell, and the cells whose row changed. Addition is not associative, so the order is defined
+//! ([`Network::sum_part_us`](crate::Network::sum_part_us)): over the members of each part of time
+//! in order of arrival, then over the parts in order, each from zero. A new member is the last of
+//! its part and is added to the part's row. When one leaves or changes, its part alone is summed
+//! again. Invariant after [`Sums::update`]: each row is this sum, or zeros for an empty cell.
 
 use meissner_kernels::{Isa, Lanes, Matrix, Simd, Task, add};
 
@@ -16,7 +16,7 @@ use crate::memory::Memory;
 use crate::network::SUM_PARTS;
 use crate::rows::RowSet;
 
-/// Parts that members of a window can have at once: a window that is not cut at a part's start begins and ends in the same place of one.
+/// Parts that a window can touch: uncut, it begins and ends in the same place of one.
 const RING: usize = SUM_PARTS as usize + 1;
 
 #[derive(Clone, Debug)]
@@ -25,7 +25,7 @@ pub(crate) struct Sums {
     part_us: i64,
     /// The part of the newest member.
     newest: i64,
-    /// The members of each part of each cell. Part p of a cell is at p modulo [`RING`] of its [`RING`] places.
+    /// Members of each part of each cell; part p is at p modulo [`RING`] of its [`RING`] places.
     members: Members,
     /// Sums over them.
     rows: Matrix,
@@ -72,7 +72,7 @@ impl Sums {
         self.dirty.clear();
     }
 
-    /// Adds `row`, which arrived at `t` after all members, to `cell`. Members that are older than the window have left.
+    /// Adds `row`, which arrived last at `t`, to `cell`. Members older than the window have left.
     pub(crate) fn enter(&mut self, row: u32, cell: u32, t: i64) {
         self.newest = t / self.part_us;
         let place = cell * RING as u32 + (self.newest % RING as i64) as u32;
@@ -91,8 +91,8 @@ impl Sums {
         }
     }
 
-    /// Brings every row of `values` up to date; calls `moved` with the cells whose row changed. For each part of a cell whose members changed,
-    /// O(channels x (parts + new members)) if they are only new ones, else O(channels x (parts + members of the part)).
+    /// Brings `values` up to date; calls `moved` with the cells whose row changed. Per changed
+    /// part: O(channels x (parts + n)), n its new members, or all if one left or changed.
     pub(crate) fn update(
         &mut self,
         isa: Isa,

@@ -9,15 +9,15 @@ use crate::metric::Node;
 const CHUNK: u32 = 1 << CHUNK_LOG2;
 const CHUNK_LOG2: u32 = 6;
 
-/// Nodes by slot. A node keeps its slot while it is in the window. Successive nodes have successive slots within a chunk, so that what is stored by
-/// slot of recent nodes is close together. The chunk that became free last is used first, so that a window which never holds as many nodes as it may
-/// does not touch the memory of the others.
+/// Nodes by slot, which a node keeps while in the window. Successive nodes have successive slots
+/// within a chunk, so recent nodes' data lie together. The chunk freed last is used first: a window
+/// that never fills does not touch the rest of its memory.
 #[derive(Clone, Debug)]
 pub(crate) struct Window {
     capacity: u32,
     /// Of the chunks that have been used.
     nodes: FixedVec<Node>,
-    /// The number of the first node of each of these chunks, counted from the first node of all. Numbers wrap.
+    /// Number of each chunk's first node, counted from the first of all. Numbers wrap.
     starts: FixedVec<u32>,
     free: FixedVec<u32>,
     /// The chunk of number n is at n / [`CHUNK`], modulo the length, which is a power of two.
@@ -42,7 +42,7 @@ impl Window {
         }
     }
 
-    /// Number of slots of a window for `capacity` nodes: its first and its last chunk can be partly filled.
+    /// Slots of a window for `capacity` nodes: its first and last chunk can be partly filled.
     pub(crate) fn slots_for(capacity: usize) -> usize {
         let chunk = CHUNK as usize;
         ((capacity + chunk - 2) / chunk + 1) * chunk
@@ -120,8 +120,8 @@ impl Window {
         self.nodes[slot as usize]
     }
 
-    /// Index of the node at `slot` in the window; 0 is the oldest. For a slot that is free, or that a later node has: an index that is larger
-    /// than those of all nodes that were in the window together with its last one.
+    /// Index of the node at `slot` in the window; 0 is the oldest. For a free or reused slot:
+    /// larger than that of any node that was in the window with its last one.
     #[inline]
     pub(crate) fn age_rank(&self, slot: u32) -> u32 {
         (self.starts[(slot >> CHUNK_LOG2) as usize] + slot % CHUNK).wrapping_sub(self.first)

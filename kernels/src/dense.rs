@@ -1,10 +1,10 @@
 //! Dense layers: y = activation(W x + b).
 //!
-//! Inputs are the rows (segments) of a matrix one after the other. The sum over one segment runs in 32 partial sums, input
-//! i into sum i mod 32, each in ascending order, each product rounded once with its sum; they are added as four groups of
-//! eight, (a0 + a1) + (a2 + a3), and the eight that remain as ((0 + 4) + (2 + 6)) + ((1 + 5) + (3 + 7)). A whole step of 32
-//! inputs that are all +0 is skipped, because its products change no sum. Over several segments the sum is a tree, so that
-//! a changed segment costs little (`segments.rs`).
+//! Inputs are the rows (segments) of a matrix. A segment is summed in 32 partial sums, input i into
+//! sum i mod 32, each ascending, each product rounded once with its sum; they are added as four
+//! groups of eight, (a0 + a1) + (a2 + a3), and those eight as ((0 + 4) + (2 + 6)) + ((1 + 5) + (3 +
+//! 7)). A step of 32 inputs that are all +0 is skipped: it changes no sum. Over several segments
+//! the sum is a tree, so that a changed one costs little (`segments.rs`).
 
 mod segments;
 
@@ -51,7 +51,7 @@ enum Weight {
 }
 
 impl Dense {
-    /// A layer that reads `segments` rows of `channels` values and writes `outputs` values. `weight` is (outputs,
+    /// A layer from `segments` rows of `channels` values to `outputs`. `weight` is (outputs,
     /// segments x channels), `bias` (outputs).
     ///
     /// # Errors
@@ -121,8 +121,8 @@ impl Dense {
         self.activation
     }
 
-    /// Computes every output. `inputs` has the layout of [`crate::Matrix::lanes`]; `out` is packed in lanes, and its
-    /// padding becomes zero. O(inputs x outputs); allocates if there are several segments.
+    /// Computes every output. `inputs` is laid out as [`crate::Matrix::lanes`]; `out` is in lanes,
+    /// its padding zero. O(inputs x outputs); allocates for several segments.
     ///
     /// # Panics
     /// If a slice does not have the sizes of this layer.
@@ -136,8 +136,7 @@ impl Dense {
         }
     }
 
-    /// Number of the sums that [`Self::update`] keeps, in lanes: about 2 segments for each lane of outputs, and none for one
-    /// segment.
+    /// Size in lanes of [`Self::update`]'s sums: about 2 segments a lane of outputs, 0 for one.
     pub fn sums(&self) -> usize {
         match &self.weight {
             Weight::One(_) => 0,
@@ -145,9 +144,9 @@ impl Dense {
         }
     }
 
-    /// Computes every output as [`Self::run`], and with the same bits, from the `sums` of the last call and the `changed`
-    /// segments. The first call has zeros in `sums`, and every segment that is not +0 throughout is changed.
-    /// O(changed x (channels + log segments) x outputs) for several segments; one is computed whole, changed or not.
+    /// As [`Self::run`], with the same bits, from the last call's `sums` and the `changed`
+    /// segments; at first `sums` are zeros, and segments that are not all +0 changed. O(changed x
+    /// (channels + log segments) x outputs); a single segment is computed whole.
     ///
     /// # Panics
     /// If a slice does not have the sizes of this layer.
@@ -284,8 +283,8 @@ fn dots<S: Simd, const O: usize>(
     }
 }
 
-/// The last sums of a dot product. Not inlined: if the compiler sees it together with the loop, it splits the loop's
-/// accumulators into the pieces that are added here, and the loop takes twice as long.
+/// The last sums of a dot product. Not inlined: with the loop in sight, the compiler splits its
+/// accumulators into the pieces added here, and it takes twice as long.
 #[inline(never)]
 fn total(sums: &[f32; 4 * LANES]) -> f32 {
     let v: [f32; LANES] =

@@ -1,8 +1,8 @@
 //! Elementary functions of f32, with the same bits on every machine.
 //!
-//! All reduce x = n ln 2 + r with |r| <= ln 2 / 2 (Cody and Waite's two-part ln 2, whose high part times n is exact)
-//! and evaluate expm1(r) = r + r^2 P(r) with P of degree 5, a weighted minimax fit whose relative error is below 0.01
-//! ULP; the remaining error is rounding. Branch-free, so that a loop over lanes vectorises.
+//! All reduce x = n ln 2 + r, |r| <= ln 2 / 2 (Cody and Waite's two-part ln 2, whose high part
+//! times n is exact), and take expm1(r) = r + r^2 P(r), P of degree 5, a weighted minimax fit
+//! within 0.01 ULP; the rest is rounding. Branch-free, so that loops over lanes vectorise.
 
 use crate::isa::{Exponent, Portable, Vector};
 
@@ -12,7 +12,7 @@ const LOG2_E: f32 = std::f32::consts::LOG2_E;
 const LN2_HIGH: f32 = 0.693_145_75;
 /// ln 2 - `LN2_HIGH`.
 const LN2_LOW: f32 = 1.428_606_8e-6;
-/// 1.5 * 2^23: adding it rounds to an integer, ties to even, and leaves that integer in the low bits.
+/// 1.5 * 2^23: adding it rounds to an integer, ties to even, left in the low bits.
 const ROUND: f32 = 12_582_912.0;
 /// 2^-24.
 const TWO_TO_MINUS_24: f32 = 5.960_464_5e-8;
@@ -25,11 +25,11 @@ fn power_of_two(n: i32) -> f32 {
     f32::from_bits(((n + 127) << 23) as u32)
 }
 
-/// e^x. Largest error 1.1 ULP over all f32, subnormal results included; `exp(-inf)` is 0, `exp(inf)` is infinite,
-/// NaN stays NaN.
+/// e^x. Largest error 1.1 ULP over all f32, subnormal results included; `exp(-inf)` is 0,
+/// `exp(inf)` infinite, NaN stays NaN.
 #[inline(always)]
 pub fn exp(x: f32) -> f32 {
-    // Beyond these bounds the result is already 0 or infinite; within them, both halves of n are normal powers.
+    // Beyond these the result is 0 or infinite; within, both halves of n are normal powers.
     let x = x.clamp(-104.0, 89.0);
     let shifted = x * LOG2_E + ROUND;
     let (n, integer) = (shifted.to_bits() as i32 - ROUND.to_bits() as i32, shifted - ROUND);
@@ -40,8 +40,8 @@ pub fn exp(x: f32) -> f32 {
     (1.0 + p) * power_of_two(half) * power_of_two(n - half)
 }
 
-/// e^x - 1, accurate near 0. Largest error 1.4 ULP over all f32; `expm1(-inf)` is -1, `expm1(inf)` is infinite, the
-/// sign of zero and NaN are kept.
+/// e^x - 1, accurate near 0. Largest error 1.4 ULP over all f32; `expm1(-inf)` is -1, `expm1(inf)`
+/// infinite; the sign of zero and NaN are kept.
 #[inline(always)]
 pub fn expm1(x: f32) -> f32 {
     // The other seven lanes are never read: the compiler removes them.
@@ -72,21 +72,21 @@ fn expm1s_below<S: Copy, V: Exponent<S>, const N: usize>(simd: S, mut x: [V; N])
     }
     let p = reduces(simd, &mut x);
     for (x, p) in x.iter_mut().zip(p) {
-        // Half of the power keeps n = 128, the last before overflow, representable. For n = 0 the result is p, exactly.
+        // Half of the power keeps n = 128, the last before overflow, representable.
         let half = x.power_of_two(simd, -1);
         *x = splat(2.0).mul(half.sub(splat(0.5)).add_product(half, p));
     }
     x
 }
 
-/// The exponential linear unit with alpha 1: x for x > 0, else e^x - 1 (Clevert et al. 2016, Eq. 15).
+/// The exponential linear unit: x for x > 0, else e^x - 1 (Clevert et al. 2016, Eq. 15).
 #[inline(always)]
 pub fn elu(x: f32) -> f32 {
     // The other seven lanes are never read: the compiler removes them.
     elus(Portable, [[x; 8]])[0][0]
 }
 
-/// [`elu`] of N vectors, interleaved: a single chain of operations does not fill the processor's pipeline.
+/// [`elu`] of N vectors, interleaved: a single chain does not fill the processor's pipeline.
 #[inline(always)]
 pub(crate) fn elus<S: Copy, V: Exponent<S>, const N: usize>(simd: S, mut x: [V; N]) -> [V; N] {
     // For x > 0 the values computed here are not used.
@@ -97,16 +97,16 @@ pub(crate) fn elus<S: Copy, V: Exponent<S>, const N: usize>(simd: S, mut x: [V; 
     x
 }
 
-/// 1 / (1 + e^-x). Largest error 2.5 ULP over all f32, subnormal results included; `sigmoid(-inf)` is 0,
-/// `sigmoid(inf)` is 1, NaN stays NaN.
+/// 1 / (1 + e^-x). Largest error 2.5 ULP over all f32, subnormal results included; `sigmoid(-inf)`
+/// is 0, `sigmoid(inf)` 1, NaN stays NaN.
 #[inline(always)]
 pub fn sigmoid(x: f32) -> f32 {
     // The other seven lanes are never read: the compiler removes them.
     divided(sigmoid_quotients(Portable, [[x; 8]]))[0][0]
 }
 
-/// The hyperbolic tangent. Largest error 2.5 ULP over all f32; `tanh(-inf)` is -1, `tanh(inf)` is 1, the sign of zero
-/// and NaN are kept.
+/// The hyperbolic tangent. Largest error 2.5 ULP over all f32; `tanh(-inf)` is -1, `tanh(inf)` 1;
+/// the sign of zero and NaN are kept.
 #[inline(always)]
 pub fn tanh(x: f32) -> f32 {
     // The other seven lanes are never read: the compiler removes them.
@@ -116,10 +116,10 @@ pub fn tanh(x: f32) -> f32 {
 /// Quotients before division: numerators and denominators of N vectors.
 pub(crate) type Quotients<V, const N: usize> = ([V; N], [V; N]);
 
-/// Replaces each x by 1.5 2^23 + n, with n the integer nearest to x / ln 2, and returns expm1(x - n ln 2). The vectors are
-/// interleaved, and each product is rounded once with its sum.
+/// Replaces each x by 1.5 2^23 + n, n the integer nearest to x / ln 2, and returns expm1(x - n ln
+/// 2). Vectors are interleaved; each product is rounded once with its sum.
 ///
-/// Loops, here and below: an array's `map` does not inline closures, which then miss the instruction set.
+/// Loops: an array's `map` does not inline closures, which then miss the instruction set.
 #[inline(always)]
 fn reduces<S: Copy, V: Vector<S>, const N: usize>(simd: S, x: &mut [V; N]) -> [V; N] {
     let splat = |v: f32| V::splat(simd, v);
@@ -141,8 +141,7 @@ fn reduces<S: Copy, V: Vector<S>, const N: usize>(simd: S, x: &mut [V; N]) -> [V
     p
 }
 
-/// [`sigmoid`] of N vectors as quotients whose denominators are 1 to 2. Interleaved, because a single chain of
-/// operations does not fill the processor's pipeline.
+/// [`sigmoid`] of N interleaved vectors as quotients with denominators from 1 to 2.
 #[inline(always)]
 pub(crate) fn sigmoid_quotients<S: Copy, V: Exponent<S>, const N: usize>(
     simd: S,
@@ -171,7 +170,7 @@ pub(crate) fn sigmoid_quotients<S: Copy, V: Exponent<S>, const N: usize>(
 #[inline(always)]
 pub(crate) fn tanh_quotients<S: Copy, V: Exponent<S>, const N: usize>(simd: S, x: [V; N]) -> Quotients<V, N> {
     let splat = |v: f32| V::splat(simd, v);
-    // -m / (2 + m) with m = expm1(-2 |x|), which is -1 below -30. There n <= 0, so no power needs to be halved.
+    // -m / (2 + m) with m = expm1(-2 |x|), -1 below -30. n <= 0: no power to be halved.
     let mut shifted = x;
     for x in &mut shifted {
         *x = x.with_sign(simd, splat(1.0)).mul(splat(-2.0)).max(splat(-30.0));
@@ -196,7 +195,7 @@ pub(crate) fn divided<S, V: Exponent<S>, const N: usize>((mut above, below): Quo
     above
 }
 
-/// values(i) = e^(values(i) - m) / s with m the largest value and s the sum of these powers, in ascending order.
+/// values(i) = e^(values(i) - m) / s, m the largest value and s the sum of powers, ascending.
 ///
 /// Does nothing if `values` is empty. If any value is NaN, all become NaN.
 pub fn softmax(values: &mut [f32]) {
@@ -253,7 +252,7 @@ mod tests {
 
     #[test]
     fn sigmoid_is_within_its_stated_bound() {
-        // For x < 0, e^x / (1 + e^x) keeps the digits that 1 / (1 + e^-x) rounds away in f64 when e^-x overflows.
+        // For x < 0, e^x / (1 + e^x) keeps digits that f64 loses when e^-x overflows.
         let exact =
             |x: f64| if x < 0.0 { f64::exp(x) / (1.0 + f64::exp(x)) } else { 1.0 / (1.0 + f64::exp(-x)) };
         let (error, x) = worst(sigmoid, exact);

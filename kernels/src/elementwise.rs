@@ -1,5 +1,5 @@
-//! Elementary functions of many values, vectorised as the kernels use them. Values are replaced in place, with the bits
-//! of the scalar functions.
+//! Elementary functions of many values, as the kernels use them: in place, with the bits of the
+//! scalar functions.
 
 use crate::elementary::{
     divided, elu, elus, exp, expm1, expm1s, sigmoid, sigmoid_quotients, tanh, tanh_quotients,
@@ -37,7 +37,7 @@ impl Elementary {
         }
     }
 
-    /// Its stated largest error over all f32, in units in the last place of the correctly rounded result.
+    /// Its largest error over all f32, in ULP of the correctly rounded result.
     pub fn bound(self) -> f64 {
         match self {
             Self::Exp => 1.1,

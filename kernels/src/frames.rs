@@ -1,7 +1,7 @@
 //! Kernels over frames: convolutions and poolings of maps (height, width, channels), channels last.
 //!
-//! Each kernel computes only the outputs of a [`Region`]. An output has the same bits in every region: the kernel's
-//! documentation states the order of its sum, which depends neither on the output's position nor on other outputs.
+//! Each kernel computes the outputs of a [`Region`], with the same bits in every region: the order
+//! of a sum depends neither on the output's position nor on other outputs.
 
 mod conv;
 mod feature_map;

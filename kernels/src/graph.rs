@@ -1,7 +1,7 @@
 //! Inputs of graph convolutions: in-edges, and the rows that they lead to.
 //!
-//! Input: coordinate differences. Output: attributes and offsets of edges, in f32. A difference is first rounded to
-//! f32; before that, nothing is rounded.
+//! Input: coordinate differences. Output: attributes and offsets of edges in f32. A difference is
+//! rounded to f32 first; nothing is rounded before.
 
 use crate::lanes::Lanes;
 
@@ -15,7 +15,7 @@ pub struct Neighbour {
     pub u: [f32; 3],
 }
 
-/// Edge attribute of a coordinate difference `p_j - p_i`: clamp(difference / (2 scale) + 0.5, 0, 1).
+/// Edge attribute of a difference `p_j - p_i`: clamp(difference / (2 scale) + 0.5, 0, 1).
 #[inline]
 pub fn attribute(difference: f64, scale: f32) -> f32 {
     (difference as f32 / (2.0 * scale) + 0.5).clamp(0.0, 1.0)
@@ -35,7 +35,7 @@ pub struct GraphRow<'a> {
     /// [`spline_basis`](crate::spline_basis) of each in-edge, for spline convolutions that [read
     /// it](crate::SplineConv::reads_basis); if empty, it is computed.
     pub basis: &'a [Lanes],
-    /// [`offset`] of each in-edge along x, y and t; read by [`PointNetConv`](crate::PointNetConv) only.
+    /// [`offset`] of each in-edge along x, y, t, which [`crate::PointNetConv`] alone reads.
     pub offsets: &'a [[f32; 3]],
     /// The row's own input, C values in lanes; read only by `PointNet` and by a root weight.
     pub own: &'a [Lanes],

@@ -1,9 +1,9 @@
 //! Instruction sets, as values that exist only on processors that have them.
 //!
-//! A kernel is written once, as a [`Task`] whose `run` is generic over [`Simd`] and inlined into a thin wrapper per
-//! instruction set. Holding an [`Isa`], or a vector of one, is the proof that its instructions may be executed. All
-//! compute the same bits (see the crate's header), so the choice affects only speed. On `aarch64`, NEON is in the
-//! baseline and therefore in the portable path.
+//! A kernel is written once, as a [`Task`] whose `run` is generic over [`Simd`] and inlined into a
+//! thin wrapper per instruction set. Holding an [`Isa`], or a vector of one, proves that its
+//! instructions may be executed. All compute the same bits. On `aarch64`, NEON is in the baseline
+//! and therefore in the portable path.
 
 #[cfg(target_arch = "x86_64")]
 mod avx2;
@@ -85,8 +85,8 @@ impl Isa {
     }
 }
 
-/// Asks for `values` to be brought into the first cache, which takes no time of its own if little is asked for at once.
-/// Does nothing on targets without such an instruction.
+/// Asks for `values` to be brought into the first cache; free if little is asked for at once. Does
+/// nothing on targets without such an instruction.
 #[inline(always)]
 pub(crate) fn prefetch(values: &[f32]) {
     #[cfg(target_arch = "x86_64")]
@@ -106,8 +106,8 @@ const _: () =
 /// The values of `lanes` as a flat slice.
 #[inline(always)]
 pub(crate) fn flat(lanes: &[Lanes]) -> &[f32] {
-    // SAFETY: `Lanes` is `repr(C)` around [f32; LANES] and as large as that, so that a slice of it is LANES times as
-    // many f32 without a gap; alignment only loosens, and the lifetime is the same.
+    // SAFETY: `Lanes` is `repr(C)` around [f32; LANES] and as large, so a slice of it is LANES
+    // times as many f32 without a gap; alignment loosens, the lifetime is the same.
     unsafe { std::slice::from_raw_parts(lanes.as_ptr().cast(), lanes.len() * LANES) }
 }
 
@@ -135,6 +135,6 @@ pub(crate) fn flat_wide_mut(wide: &mut [Wide]) -> &mut [f32] {
 /// The values of `wide`, in lanes.
 #[inline(always)]
 pub(crate) fn lanes_of_wide(wide: &[Wide]) -> &[Lanes] {
-    // SAFETY: a `Wide` is as large as two `Lanes`, both are f32 without a gap, and alignment only loosens.
+    // SAFETY: a `Wide` is as large as two `Lanes`, both f32 without a gap; alignment loosens.
     unsafe { std::slice::from_raw_parts(wide.as_ptr().cast(), wide.len() * 2) }
 }

@@ -1,7 +1,7 @@
 //! Vectors of eight f32, the unit in which every kernel works.
 //!
-//! They are plain arrays with loops over them. The compiler turns each operation into one vector instruction if the
-//! instruction set has it, and otherwise into scalar code with the same bits.
+//! Plain arrays with loops over them, each one vector instruction where the instruction set has it,
+//! otherwise scalar code with the same bits.
 
 use std::ops::Add;
 

@@ -1,30 +1,33 @@
 //! Arithmetic on tensors: stateless, without events, files, threads or clocks.
 //!
-//! Every kernel documents its order of operations, so its results have the same bits on every instruction set. Vector
-//! lanes run over independent outputs. A product that is added to a sum is rounded once with it (fused multiply-add, in
-//! software where the processor has none). Elementary functions are the crate's own (exp without fused
-//! multiply-add). [`naive`] has scalar versions with which the tests compare the kernels.
+//! Every kernel documents its order of operations, so results have the same bits on every
+//! instruction set. Lanes run over independent outputs. A product that is added is rounded once
+//! with the sum (fused multiply-add, in software where needed). Elementary functions are the
+//! crate's own (exp without it). [`naive`] has scalar twins for the tests.
 //!
 //! | type | what it computes |
 //! |---|---|
-//! | [`SplineConv`] | rows of a spline convolution over in-edges ([`Neighbour`]), with ELU, batch norm and skip |
-//! | [`PointNetConv`] | rows of a PointNet convolution over in-edges, with ReLU, batch norm and skip |
+//! | [`SplineConv`] | spline convolution of in-edges ([`Neighbour`]) with ELU, batch norm, skip |
+//! | [`PointNetConv`] | PointNet convolution of in-edges with ReLU, batch norm, skip |
 //! | [`Dense`], [`Lstm`] | a dense layer; a step of an LSTM |
-//! | [`Conv3x3`], [`WinogradConv3x3`], [`Kn2rowConv3x3`], [`PlanarConv3x3`], [`TransposedConv2x2`] | convolutions of images |
+//! | [`Conv3x3`], [`WinogradConv3x3`], [`Kn2rowConv3x3`], [`PlanarConv3x3`] | of images |
+//! | [`TransposedConv2x2`] | a transposed convolution of images |
 //! | [`PlanarConvLstm`] | a step of a convolutional LSTM, with peepholes |
-//! | [`exp`], [`tanh`], [`sigmoid`], [`elu`] | elementary functions, each with a stated largest error ([`Elementary::bound`]) |
+//! | [`exp`], [`tanh`], [`sigmoid`], [`elu`] | each with its [`Elementary::bound`] |
 //! | [`Isa`] | the instruction set that kernels run on; no result depends on it |
 //!
 //! ```
-//! use meissner_kernels::{GraphRow, Isa, Lanes, Matrix, Neighbour, SplineConv, SplineParts, SplineScratch, attribute};
+//! use meissner_kernels::{GraphRow, Isa, Lanes, Matrix, Neighbour, attribute};
+//! use meissner_kernels::{SplineConv, SplineParts, SplineScratch};
 //!
-//! // Two channels into one, over a kernel of 2 x 2 x 2 slots; x varies fastest, so slot 1 is "to the right".
+//! // Two channels into one; x varies fastest, so slot 1 is "to the right".
 //! let mut weight = vec![0.0; 8 * 2];
 //! weight[2] = 1.0;
-//! let parts = SplineParts { inputs: 2, outputs: 1, kernel: [2, 2, 2], weight, ..SplineParts::default() };
+//! let kernel = [2, 2, 2];
+//! let parts = SplineParts { inputs: 2, outputs: 1, kernel, weight, ..Default::default() };
 //! let conv = SplineConv::new(&parts)?;
 //!
-//! // A row reads row 0, which lies 0.25 to the right of it at the same height, and earlier by the scale, 0.25.
+//! // A row reads row 0: 0.25 to the right, at the same height, earlier by the scale, 0.25.
 //! let features = Matrix::from_rows(2, &[3.0, 7.0]);
 //! let u = [0.25, 0.0, -0.25].map(|difference| attribute(difference, 0.25));
 //! let row = GraphRow { neighbours: &[Neighbour { row: 0, u }], ..GraphRow::default() };

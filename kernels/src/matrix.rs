@@ -3,8 +3,8 @@
 use crate::isa::{flat, flat_mut};
 use crate::lanes::{LANES, Lanes};
 
-/// A matrix of f32 whose rows start on lane boundaries. Columns beyond `columns` are zeros, or finite values that
-/// kernels with zero weights there produce.
+/// A matrix of f32 whose rows start on lane boundaries. Columns beyond `columns` are zeros, or
+/// finite values that kernels with zero weights there produce.
 #[derive(Debug)]
 pub struct Matrix {
     columns: usize,
@@ -31,7 +31,7 @@ impl Matrix {
         Self { columns, stride, data: vec![Lanes::ZERO; rows * stride] }
     }
 
-    /// An empty matrix of `columns` columns with room for `rows` rows. Its memory is first touched when rows are [added](Self::grow).
+    /// An empty matrix with room for `rows` rows; memory is touched when rows [grow](Self::grow).
     ///
     /// # Panics
     /// If the memory cannot be allocated.

@@ -1,9 +1,9 @@
-//! Channel-wise maxima that do not depend on the order of the members, sums that do, and comparisons of bits.
+//! Channel-wise maxima independent of order, sums that depend on it, comparisons of bits.
 
 use crate::lanes::Lanes;
 
-/// `acc = max(acc, row)` channel by channel. Start from negative infinity, end with [`clear_negative_zero`]; in between, the order
-/// of rows affects only the sign of zero, which `clear_negative_zero` removes. NaN members are ignored.
+/// `acc = max(acc, row)` by channel, from negative infinity; end with [`clear_negative_zero`], as
+/// the order of rows affects the sign of zero. NaN members are ignored.
 #[inline(always)]
 pub fn maximum(acc: &mut [Lanes], row: &[Lanes]) {
     for (a, r) in acc.iter_mut().zip(row) {

@@ -1,5 +1,5 @@
-//! Scalar versions of the kernels: the documented order of operations, one value at a time. Tests compare the kernels
-//! with these, bit for bit. They use the platform's own fused multiply-add, so that ours is checked too.
+//! Scalar twins of the kernels: the documented order, one value at a time, for tests bit by bit.
+//! They use the platform's fused multiply-add, so that ours is checked too.
 //!
 //! They check nothing: sizes that do not fit lead to panics.
 
@@ -119,7 +119,7 @@ pub fn pointnet_row(
     (0..parts.outputs).map(output).collect()
 }
 
-/// The points that [`Nearby::find`](crate::Nearby::find) finds, in ascending order, whatever their number.
+/// The points that [`Nearby::find`](crate::Nearby::find) finds, ascending, however many.
 pub fn nearby(
     weights: [f32; 3],
     points: [&[f32]; 3],
@@ -142,7 +142,7 @@ pub fn nearby(
     Some(within(bound * (1.0 + 1.0 / 262_144.0)).collect())
 }
 
-/// A dense layer over the rows of `x`, one after the other. Each output has a row of as many weights.
+/// A dense layer over the rows of `x` one after the other; `weight` has a row per output.
 pub fn dense(x: &[Vec<f32>], weight: &[Vec<f32>], bias: &[f32], activation: Activation) -> Vec<f32> {
     let output = |(weight, bias): (&Vec<f32>, &f32)| {
         let products = x.iter().zip(weight.chunks(x[0].len()));
@@ -190,8 +190,8 @@ fn in_pairs(sums: &[f32]) -> f32 {
     }
 }
 
-/// Whether [`replace_rows_beyond`](crate::replace_rows_beyond) stores a row: false if `new` is within `tolerance` of
-/// `old`.
+/// Whether [`replace_rows_beyond`](crate::replace_rows_beyond) stores `new`: not within `tolerance`
+/// of `old`.
 pub fn replaced_beyond(tolerance: f32, new: &[f32], old: &[f32]) -> bool {
     let near = |(new, old): (&f32, &f32)| new.to_bits() == old.to_bits() || (new - old).abs() <= tolerance;
     !new.iter().zip(old).all(near)

@@ -1,13 +1,13 @@
-//! Finds the points that can be among the nearest to a place: a filter in f32 before the exact order.
+//! Finds the points that can be among the nearest: a filter in f32 before the exact order.
 //!
 //! ```text
-//! e(i) = ((x(i) - x)^2 w_x + (y(i) - y)^2 w_y) + (t(i) - t)^2 w_t                 each operation rounded
-//! T    = the first bound g (L + l S), l = 0..16, with at least `most` e(i) <= T    g a guess
+//! e(i) = ((x(i) - x)^2 w_x + (y(i) - y)^2 w_y) + (t(i) - t)^2 w_t              each rounded
+//! T    = the first bound g (L + l S), l = 0..16, with at least `most` e(i) <= T    g guessed
 //! ```
 //!
-//! The filter finds the points with e(i) <= T (1 + 2^-18). If the differences are exact and nothing underflows, e(i) is
-//! within a factor 1 +- 2^-21 of the exact value. The `most` nearest points by exact distance are therefore found, and
-//! also all points as near as the last of these.
+//! It finds the points with e(i) <= T (1 + 2^-18). If differences are exact and nothing underflows,
+//! e(i) is within 1 +- 2^-21 of the exact value, so the `most` nearest by exact distance are found,
+//! with all points as near as the last.
 
 use crate::isa::{Isa, Simd, Task, Vector};
 use crate::lanes::{LANES, Wide};
@@ -48,10 +48,10 @@ impl Nearby {
         Self { weights, distances: Vec::new(), found: Vec::new() }
     }
 
-    /// Indices of the found `points` (see the module's header), without `except`. Up to 32 are sorted by (e rounded
-    /// down to 18 bits, later index first), more are ascending. `None` if fewer than `most` are within the last bound.
+    /// Indices of the found `points` but `except`: up to 32 by (e rounded down to 18 bits, later
+    /// index first), more ascending. `None` for fewer than `most` within the last bound.
     ///
-    /// `points` are their x, y and t, padded to a multiple of [`Self::TOGETHER`] with points at infinity; O(points).
+    /// `points` are x, y and t, padded to a multiple of [`Self::TOGETHER`] at infinity; O(points).
     ///
     /// # Panics
     /// If the lengths differ or are not such a multiple, or there is no point `except`.
@@ -114,7 +114,7 @@ impl Task for Find<'_> {
     }
 }
 
-/// e rounded down to 18 bits, and its index among the found points: keys are distinct, and later points come first.
+/// e rounded down to 18 bits, then its index: keys are distinct, and later points come first.
 #[inline(always)]
 fn key(e: f32, place: usize) -> f32 {
     f32::from_bits((e.to_bits() & !PLACE) | (PLACE - place as u32))

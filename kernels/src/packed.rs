@@ -4,8 +4,8 @@ use crate::error::{KernelError, check};
 use crate::isa::flat;
 use crate::lanes::{LANES, Lanes, Wide};
 
-/// Weights (I, O) by blocks of outputs: all rows of the first sixteen, then of the next, and so on; a remainder of
-/// eight or fewer is a block of single lanes.
+/// Weights (I, O) by blocks of sixteen outputs, all rows of a block together; a remainder of at
+/// most eight is a block of single lanes.
 #[derive(Clone, Debug)]
 pub(crate) struct Packed {
     rows: usize,

@@ -1,7 +1,7 @@
 //! Images of few channels, stored plane after plane, with convolution and pooling.
 //!
-//! Lanes run over adjacent positions of a row, and all lanes share each weight. For images of many channels,
-//! channels-last is the better layout. Poolings ignore pixels at the right and bottom that do not fill a window.
+//! Lanes run over adjacent positions of a row and share each weight. For many channels,
+//! channels-last is better. Poolings ignore pixels that fill no window.
 
 mod conv;
 mod planes;
@@ -11,8 +11,8 @@ pub(crate) use conv::RowOut;
 pub(crate) use planes::TILE;
 pub use planes::{Occupancy, Planes, TileRegion};
 
-/// The largest value of each 2 x 2 window. -0 becomes +0, so that the result does not depend on the order. A window
-/// that contains NaN gives NaN. O(values).
+/// The largest value of each 2 x 2 window. -0 becomes +0, as the order must not matter; NaN gives
+/// NaN. O(values).
 ///
 /// # Panics
 /// If `out` is not (channels, height / 2, width / 2).
@@ -30,8 +30,8 @@ pub fn planar_max_pool(image: &Planes, out: &mut Planes) {
     }
 }
 
-/// The mean of each `size` x `size` window: a sum per column, rows ascending, then the sum of these, columns ascending,
-/// then a division by the number of pixels. `columns` is scratch. O(values).
+/// The mean of each `size` x `size` window: sums of columns (rows ascending), their sum, ascending,
+/// divided by the number of pixels. `columns` is scratch. O(values).
 ///
 /// # Panics
 /// If `size` is zero, or `out` is not (channels, height / size, width / size).

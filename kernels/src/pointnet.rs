@@ -1,16 +1,16 @@
-//! `PointNet` convolution of one row: maximum over the in-edges and the row itself, then batch norm and an optional skip
-//! addition (`PointNet++`, Qi et al. 2017, with one linear layer; over graphs of events: `EvGNN`, Yang et al. 2024).
+//! `PointNet` convolution of one row: maximum over in-edges and the row, batch norm, skip
+//! (`PointNet++`, Qi et al. 2017, with one linear layer; on events `EvGNN`, Yang et al. 2024).
 //!
-//! For row i with in-edges e = 1..n from rows j(e), with offsets d(e) = (`p_j` - `p_i`) / s, and for the row itself with d = 0:
+//! Row i has in-edges e = 1..n from rows j(e), offsets d(e) = (`p_j` - `p_i`) / s; itself d = 0:
 //!
 //! ```text
-//! a(e,o) = b(o) + sum over c ascending of x(j,c) W(o,c), then over d_x, d_y, d_t of d(e) W(o,C + axis)
+//! a(e,o) = b(o) + sum over c ascending of x(j,c) W(o,c), then over x, y, t of d(e) W(o,C + axis)
 //! y(o)   = max(0, a(0,o), a(1,o), ..., a(n,o)) scale(o) + shift(o)  (+ skip)
 //! ```
 //!
-//! a is one chain: each product is rounded once with the sum (fused multiply-add), and so is the product with scale.
-//! `ReLU` is the 0 in the maximum, which makes the result independent of the order of edges and of tiles of edges. If
-//! any a(e,o) is NaN, so is y(o).
+//! a is one chain: each product is rounded once with the sum, as is the product with scale. `ReLU`
+//! is the 0 in the maximum, so the order of edges and their tiles does not matter. If any a(e,o) is
+//! NaN, so is y(o).
 
 use crate::error::{KernelError, check, check_channels};
 use crate::graph::{GraphRow, Neighbour};
@@ -76,7 +76,7 @@ impl PointNetConv {
     /// Checks and packs `parts`.
     ///
     /// # Errors
-    /// A size of zero or beyond [`SplineConv::MAX_CHANNELS`](crate::SplineConv::MAX_CHANNELS), a tensor of the wrong length, or a value that is not finite.
+    /// A bad size ([`crate::SplineConv::MAX_CHANNELS`]) or length, or a value that is not finite.
     pub fn new(parts: &PointNetParts) -> Result<Self, KernelError> {
         let PointNetParts { inputs, outputs, .. } = *parts;
         check_channels(&[inputs], outputs)?;
@@ -85,8 +85,8 @@ impl PointNetConv {
         Ok(Self { inputs, outputs, weight: Packed::transposed(&parts.weight, outputs), affine })
     }
 
-    /// The parameters in `PyTorch`'s layouts: a block made from them computes the same bits. If the block was made
-    /// without a norm, the result has an identity norm. O(parameters).
+    /// The parameters in `PyTorch`'s layouts: a block made from them computes the same bits.
+    /// Without a norm, an identity norm. O(parameters).
     pub fn parts(&self) -> PointNetParts {
         let Self { inputs, outputs, ref weight, ref affine } = *self;
         let (bias, norm) = affine.unpacked(outputs);

@@ -18,14 +18,14 @@ pub struct Replaced {
 /// Writes `rows`, one after the other, to the rows `places` of `stored` if their bits differ.
 ///
 /// # Panics
-/// If there are more than 32 places, the numbers of rows and places differ, or a place is not in `stored`.
+/// For more than 32 places, other numbers of rows and places, or a place beyond `stored`.
 pub fn replace_rows(isa: Isa, rows: &[Lanes], stored: &mut Matrix, places: &[u32]) -> Replaced {
     isa.run(Replace { rows, stored, places, tolerance: None })
 }
 
-/// As [`replace_rows`], but keeps a stored row if every computed value is the stored one or within `tolerance` of it.
+/// As [`replace_rows`], but keeps a stored row within `tolerance` of the computed one.
 ///
-/// A difference is formed in f32 and rounded to nearest before it is compared. NaN on either side, and infinities of
+/// A difference is formed in f32 before it is compared. NaN on either side, and infinities of
 /// different sign, are beyond every tolerance.
 ///
 /// # Panics

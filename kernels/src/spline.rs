@@ -1,22 +1,22 @@
-//! Spline convolution of one row: open B-splines of degree 1, mean over the in-edges, then ELU, batch norm and an
-//! optional skip addition (`SplineCNN`, Fey et al. 2018, Eq. 2 and 5, with the block of the contact-angle paper).
+//! Spline convolution of one row: open B-splines of degree 1, mean over in-edges, ELU, batch norm,
+//! skip (`SplineCNN`, Fey et al. 2018, Eq. 2 and 5; the contact-angle paper's block).
 //!
 //! For a row with in-edges e = 1..n from rows j(e), with attributes u(e) in [0, 1]:
 //!
 //! ```text
-//! v_d    = u_d (k_d - 1),  i_d = min(floor(v_d), k_d - 2),  f_d = v_d - i_d          for each axis d with k_d > 1
-//! B(e,s) = (w_x w_y) w_t, w_d = 1 - f_d at i_d and f_d at i_d + 1                    s = i_x + k_x (i_y + k_y i_t)
-//! S(s,c) = sum over e of B(e,s) x(j(e), c)                                           in the order of the edges
-//! a(p,o) = sum over touched s ascending, then c ascending, of S(s,c) W(s,c,o) where (s C + c) mod 4 = p
-//! m(o)   = ((a(0,o) + a(1,o)) + (a(2,o) + a(3,o))) (1 / n)                           0 without in-edges
-//! r(o)   = the same four partial sums over c of x(i,c) R(c,o)                        only with a root weight
+//! v_d    = u_d (k_d - 1), i_d = min(floor(v_d), k_d - 2), f_d = v_d - i_d    if k_d > 1
+//! B(e,s) = (w_x w_y) w_t, w_d = 1 - f_d at i_d, f_d at i_d + 1;     s = i_x + k_x (i_y + k_y i_t)
+//! S(s,c) = sum over e of B(e,s) x(j(e), c)                          in the order of edges
+//! a(p,o) = sum over touched s, then c, ascending, of S(s,c) W(s,c,o), (s C + c) mod 4 = p
+//! m(o)   = ((a(0,o) + a(1,o)) + (a(2,o) + a(3,o))) (1 / n)          0 without in-edges
+//! r(o)   = the same four partial sums over c of x(i,c) R(c,o)       if there is a root weight
 //! y(o)   = ELU((m + r) + bias) scale + shift  (+ skip)
 //! ```
 //!
-//! Every product that is added, in S, a, r and y, is rounded once with its sum (fused multiply-add).
+//! Every product that is added, in S, a, r and y, is rounded once with its sum.
 //!
-//! Summing inputs per kernel slot before the weights are applied costs n s C + s C O multiply-adds instead of the
-//! n s C O of applying weights per edge. Four partial sums keep the adders busy; their order is part of the contract.
+//! Summing inputs per kernel slot before weights costs n s C + s C O multiply-adds, not n s C O.
+//! Four partial sums keep the adders busy; their order is part of the contract.
 
 mod block;
 mod contract;
@@ -33,7 +33,7 @@ pub use gather::{SplineScratch, spline_basis};
 use run::Run;
 
 impl SplineConv {
-    /// Computes rows, each as if it were alone; together, they share the loaded weights. Fastest in groups of
+    /// Computes rows, each as if alone; together they share loaded weights. Fastest in groups of
     /// [`Self::GROUP`].
     ///
     /// `features` is (rows, C); `out` holds the rows' O values in lanes, one row after the other.

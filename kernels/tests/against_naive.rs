@@ -54,7 +54,7 @@ fn case() -> impl Strategy<Value = Case> {
     })
 }
 
-/// A `PointNet` block, the values of its rows, the in-edges of one row with their offsets, and what is added.
+/// A `PointNet` block, the rows' values, a row's in-edges with offsets, and what is added.
 type PointNetCase = (PointNetParts, Vec<f32>, Vec<(u32, [f32; 3])>, Option<Vec<f32>>);
 
 fn pointnet_case() -> impl Strategy<Value = PointNetCase> {
@@ -94,7 +94,7 @@ proptest! {
         let mut scratch = SplineScratch::default();
         let basis: Vec<Lanes> = case.neighbours.iter().map(|n| spline_basis(n.u)).collect();
         for isa in Isa::available() {
-            // Twice with one scratch, with the basis at hand and without: what a row leaves behind must not reach the next.
+            // Twice with one scratch, with and without a basis: no row may reach the next.
             for basis in [&basis[..], &[]] {
                 let row = GraphRow {
                     neighbours: &case.neighbours, basis, offsets: &[], own: features.row(own), skip: skip.as_deref(),

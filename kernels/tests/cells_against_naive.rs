@@ -1,4 +1,4 @@
-//! Cells, planar kernels and squeeze-and-excitation on every instruction set against their scalar twins, bit for bit.
+//! Cells, planar kernels, squeeze-and-excitation on every instruction set against scalar twins.
 
 use meissner_kernels::{
     Activation, FeatureMap, Isa, Lstm, LstmParts, Occupancy, PlanarConv3x3, PlanarConvLstm, Planes, Squash,

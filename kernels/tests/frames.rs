@@ -1,4 +1,4 @@
-//! What layers over frames promise beside their bits: known answers, bands, refusals, and how far Winograd's are off.
+//! What layers over frames promise beside their bits: known answers, bands, refusals, errors.
 
 use meissner_kernels::{Conv3x3, ConvParts, ConvScratch, FeatureMap, Isa, KernelError, Planes, Region};
 use meissner_kernels::{TransposedConv2x2, WinogradConv3x3, WinogradTile};

@@ -1,4 +1,4 @@
-//! Every kernel over frames on every instruction set against its scalar twin, bit for bit, for whole maps and for parts.
+//! Every kernel over frames on every instruction set against its scalar twin, whole and in parts.
 
 use meissner_kernels::naive::frames::{self as naive, Image};
 use meissner_kernels::{
@@ -43,7 +43,7 @@ fn case(places: usize, side: usize) -> impl Strategy<Value = (ConvParts, Vec<Ima
     })
 }
 
-/// A part of `height` x `width` that four fractions choose, with corners on a grid of `tile`; possibly empty.
+/// A part of `height` x `width` from four fractions, corners on a grid of `tile`; maybe empty.
 fn part(height: usize, width: usize, tile: usize, [a, b, c, d]: [f64; 4]) -> Region {
     let corner =
         |fraction: f64, size: usize| ((fraction * (size + tile) as f64) as usize / tile * tile).min(size);
@@ -64,8 +64,8 @@ fn bits(values: &[f32]) -> Vec<u32> {
 
 const UNTOUCHED: f32 = 12345.0;
 
-/// Runs `run` for the whole map and for `region`, into maps of their own and into the middle channels of wider ones, and
-/// compares each with `expected`: inside of the region its bits, outside of it what was there.
+/// Runs `run` for the whole map and for `region`, into maps of their own and the middle channels of
+/// wider ones: `expected` bits inside the region, untouched outside.
 fn check(
     expected: &Image,
     region: Region,

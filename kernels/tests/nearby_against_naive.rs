@@ -1,4 +1,4 @@
-//! The filter of near points, and the replacement of rows, on every instruction set against scalar twins.
+//! The filter of near points, and the replacement of rows, against scalar twins.
 
 use meissner_kernels::{Isa, Lanes, Matrix, Nearby, Replaced, naive, replace_rows};
 use proptest::prelude::*;

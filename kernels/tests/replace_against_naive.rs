@@ -3,8 +3,8 @@
 use meissner_kernels::{Isa, Lanes, Matrix, naive, replace_rows, replace_rows_beyond};
 use proptest::prelude::*;
 
-/// Values on a lattice with steps of an eighth, so that differences meet tolerances exactly; zeros of both signs, NaN and
-/// infinities.
+/// Multiples of an eighth, so that differences meet tolerances exactly; zeros of both signs, NaN
+/// and infinities.
 fn value() -> impl Strategy<Value = f32> {
     prop_oneof![
         20 => (-6i8..6).prop_map(|i| f32::from(i) / 8.0),

@@ -1,7 +1,7 @@
 //! Reads files up to a bound.
 //!
-//! Enters: a path and a bound. Leaves: the bytes of the file. Invariant: at most one byte more than the bound is read, also
-//! from a device or a pipe, which has no length.
+//! Enters: a path and a bound. Leaves: the file's bytes. Invariant: at most one byte beyond the
+//! bound is read, also from a device or pipe.
 
 use std::fs::File;
 use std::io::Read;

@@ -1,9 +1,9 @@
 //! Network descriptions: a TOML file, checked into an acyclic graph of layers with shapes.
 //!
-//! Enters: text. Leaves: a [`Description`], or every inconsistency of the file with its line. Invariant: a description
-//! makes a network of any weights that have its tensors. After the check, only the weights can be wrong.
+//! Enters: text. Leaves: a [`Description`], or every inconsistency with its line. Invariant: a
+//! description makes a network of any weights that have its tensors.
 //!
-//! `docs/network-files.md` has every table and key, with examples. `models/tests/network_files.rs` compares it with what is read here.
+//! `docs/network-files.md` has every table and key; `models/tests/network_files.rs` compares it.
 
 mod any;
 mod build;
@@ -45,7 +45,7 @@ use table::Table;
 ///
 /// let error = Description::parse("[network]\nname = \"mine\"\nspan = 5\n").unwrap_err();
 /// let lines: Vec<usize> = error.problems().iter().map(|problem| problem.line).collect();
-/// assert!(lines.contains(&3), "{error}"); // every inconsistency with its line: `span` is not a key
+/// assert!(lines.contains(&3), "{error}"); // `span` is not a key
 /// ```
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Description {
@@ -112,7 +112,7 @@ impl Description {
         self.place
     }
 
-    /// Channels of the input: the polarity of an event, and its place along x and y where [`Self::place`] has cells.
+    /// Input channels: an event's polarity, and its place along x and y with [`Self::place`].
     pub fn inputs(&self) -> usize {
         if self.place.is_some() { 3 } else { 1 }
     }
@@ -122,7 +122,7 @@ impl Description {
         self.graph
     }
 
-    /// Scale of the event level's edge attributes; 1 and unused where they are normalised per graph.
+    /// Scale of the event level's edge attributes; 1, unused, if normalised per graph.
     pub fn scale(&self) -> f32 {
         self.scale
     }
@@ -137,7 +137,7 @@ impl Description {
         &self.layers
     }
 
-    /// The layers that read the readout as an image, each after those it reads; none where there are dense layers.
+    /// The layers that read the readout as an image, in order; none with dense layers.
     pub fn head(&self) -> &[FrameLayer] {
         &self.head
     }

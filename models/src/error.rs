@@ -66,15 +66,17 @@ const LINE_BYTES: usize = 1000;
 /// Most lines of a message.
 const LINES: usize = 100;
 
-/// The message `text` in part, if it is very long: of each line its beginning and its end, and of many lines the first 100. A message
-/// names what it is about, and names can have any length.
+/// The message `text` in part, if very long: each line's beginning and end, and the first 100
+/// lines. Names can have any length.
 ///
 /// ```
 /// use meissner_models::in_part;
 ///
 /// assert_eq!(in_part("network a: found no such file"), "network a: found no such file");
-/// let long = in_part(&format!("network {}: found no such file", "a".repeat(1 << 20))).into_owned();
-/// assert!(long.len() < 1100 && long.starts_with("network aaa") && long.ends_with("aaa: found no such file"));
+/// let name = "a".repeat(1 << 20);
+/// let long = in_part(&format!("network {name}: found no such file")).into_owned();
+/// assert!(long.len() < 1100);
+/// assert!(long.starts_with("network aaa") && long.ends_with("aaa: found no such file"));
 /// ```
 pub fn in_part(text: &str) -> Cow<'_, str> {
     if text.len() <= LINE_BYTES {

@@ -1,6 +1,6 @@
 //! Reports on a description: a table for people, data for programs, pictures of the graph.
 //!
-//! Enters: a checked description of either kind. Leaves: text. Invariant: equal descriptions give equal bytes.
+//! Enters: a checked description. Leaves: text. Invariant: equal descriptions give equal bytes.
 
 pub(crate) mod picture;
 mod summary;

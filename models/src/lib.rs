@@ -1,10 +1,10 @@
-//! Network descriptions and weights: the layers of a network, in a file, and the numbers that it computes with.
+//! Network descriptions and weights: a network's layers, in a file, and its numbers.
 //!
-//! - [`Description`]: a TOML file, checked into an acyclic graph of layers ([`description`] has the format)
-//! - [`FrameDescription`]: the same for a network over frames ([`description::frames`] has the format), and
-//!   [`AnyDescription`] for a file of either kind
-//! - [`Weights`]: named tensors from safetensors files and `PyTorch` state dicts; [`Card`]: their metadata; [`TensorFile`]:
-//!   arrays to be written
+//! - [`Description`]: a TOML file, checked into an acyclic graph of layers ([`description`])
+//! - [`FrameDescription`]: the same over frames ([`description::frames`]); [`AnyDescription`]:
+//!   either
+//! - [`Weights`]: tensors from safetensors and `PyTorch` state dicts; [`Card`]: their metadata;
+//!   [`TensorFile`]: arrays to be written
 //! - [`inspect`]: a description as a table, as data, as DOT, as SVG
 //! - `shipped`: the networks that come with the crate, by name
 //! - [`draw()`]: weights from a seed

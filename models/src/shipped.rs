@@ -5,7 +5,7 @@ use crate::description::{AnyDescription, Description, DescriptionError};
 use crate::weights::Weights;
 use crate::weights::card::Card;
 
-/// The network that runs if none is named: small enough for a laptop, with the shape of the published one.
+/// The default network: small enough for a laptop, with the published one's shape.
 pub const DEFAULT_NETWORK: &str = "tactigraph-past";
 
 /// A description with the weights that it runs with.

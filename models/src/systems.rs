@@ -1,5 +1,5 @@
-//! What surrounds a network in the system that it serves: from the values of the sensor to the input of the network, and from
-//! the output of the network to the quantities that a controller reads.
+//! What surrounds a network in its system: from the sensor's values to the input, and from the
+//! output to what a controller reads.
 
 pub mod contact_area;
 pub mod digits;

@@ -1,7 +1,7 @@
 //! Weights: named tensors, from safetensors or from `PyTorch` state dicts.
 //!
-//! Enters: untrusted bytes. Leaves: [`Weights`]: floating-point tensors as f32, and the name, type and shape of all others.
-//! Invariant: memory stays within a small multiple of the file's size, and nothing in the file is executed.
+//! Enters: untrusted bytes. Leaves: [`Weights`]: floats as f32; name, type and shape of others.
+//! Invariant: memory stays within a small multiple of the file; nothing is executed.
 
 pub(crate) mod card;
 mod error;
@@ -58,22 +58,22 @@ impl Weights {
         Self { metadata, ..self }
     }
 
-    /// Reads a safetensors file or a `PyTorch` state dict (`.pt`, `.pth`). The content decides, not the file's name.
+    /// Reads a safetensors file or `PyTorch` state dict (`.pt`, `.pth`), by content, not name.
     ///
     /// # Errors
-    /// [`ModelError::Read`], [`ModelError::Large`] for more than 2 GiB, and as [`Self::from_bytes`].
+    /// [`ModelError::Read`], [`ModelError::Large`] beyond 2 GiB, and as [`Self::from_bytes`].
     pub fn load(path: impl AsRef<Path>) -> Result<Self, ModelError> {
         Ok(Self::from_bytes(&crate::bounded::read(path.as_ref(), MAX_FILE)?)?)
     }
 
     /// Reads weights from the bytes of a file.
     ///
-    /// F32, F64, F16 and BF16 become f32, rounded to nearest. A state dict is a file that `torch.save` writes by default (a
-    /// zip archive of stored entries, pickle protocol 2). It is the state dict itself or a checkpoint with the state dict
-    /// under `state_dict`, `model_state_dict` or `model`.
+    /// F32, F64, F16 and BF16 become f32, rounded to nearest. A state dict is what `torch.save`
+    /// writes by default (a zip of stored entries, pickle protocol 2): itself, or a checkpoint with
+    /// one under `state_dict`, `model_state_dict` or `model`.
     ///
     /// # Errors
-    /// [`FormatError`] where the bytes are in neither format or are damaged, or where reading them would execute something.
+    /// [`FormatError`] for bytes in neither format, damaged, or that would execute something.
     pub fn from_bytes(bytes: &[u8]) -> Result<Self, FormatError> {
         if bytes.starts_with(zip::MAGIC) {
             return Ok(Self::new(state_dict::read(bytes)?));
@@ -105,7 +105,7 @@ impl Weights {
         &self.metadata
     }
 
-    /// The floating-point tensors as the bytes of a safetensors file with `metadata`; equal weights give equal bytes.
+    /// The floating-point tensors as safetensors with `metadata`; equal weights give equal bytes.
     pub fn to_safetensors(&self, metadata: &BTreeMap<String, String>) -> Vec<u8> {
         let mut file = TensorFile::new(metadata.clone());
         for (name, tensor) in &self.tensors {

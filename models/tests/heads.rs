@@ -81,7 +81,7 @@ fn a_head_that_flattens_predicts_what_a_dense_layer_over_the_readout_predicts() 
     let with = |tables: &str| parse(&format!("{}{tables}\n{}", &text[..start], &text[end..]));
     let (image, vector) = (with(head), with("[[layer]]\nname = \"fc\"\nkind = \"dense\"\noutputs = 1\n"));
     let drawn = draw(&vector, 3);
-    // A dense layer reads the readout cell after cell, the oldest last; a flattened image channel after channel.
+    // A dense layer reads cell after cell, the oldest last; an image channel after channel.
     let (channels, cells, times) = (3, 8, 3);
     let weights = Weights::new(drawn.iter().map(|(name, tensor)| {
         let mut tensor = tensor.clone();

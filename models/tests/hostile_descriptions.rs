@@ -1,4 +1,4 @@
-//! Descriptions that are damaged or ask for much: problems with their lines, within seconds and a few times the file's size.
+//! Descriptions that are damaged or ask for much: problems with lines, in time and memory.
 
 use super::support;
 

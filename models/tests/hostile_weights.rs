@@ -1,5 +1,5 @@
-//! Weights files that are damaged or ask for much: an error with its place or whole tensors, within a few times the file's
-//! size, and nothing executed.
+//! Weights that are damaged or ask for much: an error with its place or whole tensors, in few times
+//! the file's memory, and nothing executed.
 
 use super::support;
 
@@ -42,7 +42,7 @@ fn samples() -> [(&'static str, Vec<u8>); 3] {
     ]
 }
 
-/// Reads `bytes`; what is accepted has no more values than a few times the bytes, what is refused says why in brief.
+/// Reads `bytes`: accepted, few values more than bytes; refused, a brief reason.
 fn read(bytes: &[u8], about: &dyn Debug) -> Result<Weights, FormatError> {
     let read = Weights::from_bytes(bytes);
     match &read {
@@ -186,9 +186,9 @@ fn a_header_that_nests_without_end_is_refused() {
     }
 }
 
-/// An archive whose entries say that they unpack to `size` bytes: zip bombs, where anything unpacked them.
+/// An archive whose entries claim to unpack to `size` bytes: zip bombs, if unpacked.
 fn deflated(size: u32) -> Vec<u8> {
-    // Deflate of zeros, as zlib writes it: each byte between start and end stands for 1032, 206,400,128 in all.
+    // Deflate of zeros by zlib: each middle byte stands for 1032, 206,400,128 in all.
     let start = [0xed, 0xc1, 0x31, 0x01, 0, 0, 0, 0xc2, 0xa0, 0xf5, 0x4f, 0x6d, 0x0c, 0x1f, 0xa0];
     let copies = [&start[..], &vec![0; 200_000], &[0xbe, 0x06]].concat();
     let entries: [(&str, &[u8]); 2] = [("data.pkl", &copies), ("data/0", &copies)];
@@ -217,7 +217,7 @@ fn a_deflated_entry_is_refused_unread_whatever_it_would_unpack_to() {
 
 #[test]
 fn values_that_are_remembered_and_repeated_take_no_more_than_the_pickle() {
-    // Tuples of two of the tuple before: 2^100,000 values, were they unfolded; then a tensor of such a shape.
+    // Tuples of two of the one before, 2^100,000 values unfolded; a tensor of such a shape.
     let doubled = [b'h', 0, b'h', 0, 0x86, b'q', 0].repeat(100_000);
     let start = Instant::now();
     let laughs = Pickle::new().raw(b"Nq\0").raw(&doubled).raw(b".");

@@ -1,4 +1,4 @@
-//! What a description lists of its tensors: enough to write weights for it, and nothing that the engine does otherwise.
+//! What a description lists of its tensors: enough to write weights, as the engine reads them.
 
 use std::collections::BTreeMap;
 

@@ -1,5 +1,5 @@
-//! The page on network files against the parser: every example is accepted, and the keys, values and defaults of each table are those that
-//! the parser asks for.
+//! The page on network files against the parser: examples are accepted, and keys, values and
+//! defaults of each table are the parser's.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -7,7 +7,7 @@ use meissner_models::{AnyDescription, ProblemKind};
 
 const PAGE: &str = include_str!("../../docs/network-files.md");
 
-/// Of each table whose columns are "of | key | value | default | meaning": group, key, value, default.
+/// Of each table "of | key | value | default | meaning": group, key, value, default.
 struct Row<'a> {
     group: &'a str,
     key: &'a str,
@@ -38,7 +38,7 @@ fn rows(section: &str) -> Vec<Row<'static>> {
     found
 }
 
-/// `text` with `value` for `key` in the table that starts on line `start`, or without `key`. Lines stay where they are.
+/// `text` with `value` for `key` (or without) in the table from line `start`; lines stay in place.
 fn edited(text: &str, start: usize, key: &str, value: Option<&str>) -> String {
     let mut lines: Vec<String> = text.lines().map(str::to_owned).collect();
     let length =
@@ -81,8 +81,8 @@ fn table(text: &str, mark: &str) -> usize {
     (0..=at).rev().find(|&i| lines[i].starts_with('[')).expect("a table")
 }
 
-/// A table of `text` that has the line `mark`, the groups of the page that have its keys, and those keys of the groups that it does not
-/// have.
+/// A table of `text` with the line `mark`, the groups of the page with its keys, and keys of these
+/// that it lacks.
 struct Case {
     text: &'static str,
     mark: &'static str,
@@ -90,8 +90,8 @@ struct Case {
     without: &'static [&'static str],
 }
 
-/// Whether each of `cases` asks for the keys of its groups in `section`, and takes the values and defaults that the page has. Every group is in
-/// a case.
+/// Holds `cases` to the keys, values and defaults of their groups in `section`. Every group is in a
+/// case.
 fn compare(section: &str, cases: &[Case]) {
     let rows = rows(section);
     let mut compared = BTreeSet::new();
@@ -136,7 +136,7 @@ fn compare(section: &str, cases: &[Case]) {
     assert_eq!(all, compared, "the keys of the page, and those that were compared");
 }
 
-/// The quoted words of the page's value for `key` of `group`: the choices of the parser, as [`compare`] holds.
+/// The quoted words of the page's value for `key` of `group`: the choices of the parser.
 fn choices(section: &str, group: &str, key: &str) -> Vec<String> {
     let rows = rows(section);
     let row = rows.iter().find(|row| row.group == group && row.key == key).expect("a row");

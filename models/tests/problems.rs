@@ -1,9 +1,9 @@
 //! Every inconsistency of a description is reported by name and line.
 //!
-//! `problems.txt` is the table: a section (`##`) for each description that is changed, a claim (`#`), and below it changes with
-//! what is reported of each. A change is a hunk of a diff, without line numbers: its lines with two spaces or `- ` stand
-//! somewhere in the description, and those with two spaces or `+ ` replace them. `@@` separates hunks. Each `> ` is a line of
-//! the report, or says that the description is accepted.
+//! `problems.txt` is the table: a section (`##`) per changed description, a claim (`#`), then
+//! changes and what is reported. A change is a diff's hunk without line numbers: its lines with two
+//! spaces or `- ` stand in the description, those with two spaces or `+ ` replace them; `@@`
+//! separates hunks. A `> ` is a line of the report, or says that it is accepted.
 
 use super::support;
 

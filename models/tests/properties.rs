@@ -176,7 +176,7 @@ proptest! {
     fn damaged_pickles_are_read_or_refused_without_a_panic(
         changes in prop::collection::vec((any::<prop::sample::Index>(), any::<u8>()), 1..8),
     ) {
-        // Damaged before the archive is made, so that checksums are right and the damage reaches the reader.
+        // Damaged before archiving: checksums are right, and the reader sees the damage.
         let view = View { storage: "FloatStorage", key: "0", values: 2, offset: 0, shape: &[2], strides: &[1] };
         let mut pickle = state_dict(&[("a", view)]);
         for (index, value) in changes {

@@ -194,7 +194,7 @@ fn no_global_that_a_state_dict_does_not_need_is_accepted() {
 
 #[test]
 fn no_instruction_that_a_state_dict_does_not_need_is_accepted() {
-    // INST, OBJ, NEWOBJ, STACK_GLOBAL, EXT1, PERSID, REDUCE of a string, BUILD of a tuple, protocol 4.
+    // INST, OBJ, NEWOBJ, STACK_GLOBAL, EXT1, PERSID, REDUCE of text, BUILD of a tuple, protocol 4.
     let bodies: [&[u8]; 9] = [
         b"ios\nsystem\n",
         b"(o",
@@ -279,7 +279,7 @@ fn many_views_of_one_storage_cannot_take_more_than_a_multiple_of_the_file() {
 
 #[test]
 fn entries_that_share_bytes_are_refused() {
-    // Checked one by one, entries over the same bytes would take time that grows with the square of the archive.
+    // Checked one by one, entries over the same bytes would take quadratic time.
     let data = vec![0; 600];
     let entries: [(&str, &[u8]); 3] = [("a", &data), ("b", &data), ("c", &data)];
     assert!(archive(&entries, Deviation::default()).len() < 3 * 760);

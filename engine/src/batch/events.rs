@@ -119,8 +119,8 @@ fn with_grid(batch: &Batch, events: &[Event], nodes: &[Node], metric: &Metric) -
             (oldest..first).for_each(|gone| grid.pop(gone as u32, nodes[gone]));
             oldest = first;
         }
-        // Neighbourhoods at the same place have similar sizes: the extent of the last one there, enlarged, nearly
-        // always contains enough candidates. Otherwise the search is repeated without a guess.
+        // The extent of the last neighbourhood at this place, enlarged, nearly always has enough
+        // candidates. Otherwise the search is repeated without a guess.
         let guess = &mut guesses[grid.cell(node.x, node.y)];
         for limit in [limit.min(*guess), limit] {
             found.clear();

@@ -1,9 +1,9 @@
 //! The neighbourhoods of all nodes of a window at once.
 //!
-//! Input: nodes in order of arrival. Output: for each node the `most` nearest others, in the graph's order. For each
-//! cell of the search grid, the nodes of the cell and of the surrounding rings are listed in order of arrival. A node
-//! filters the part of its cell's list that is near in time, many entries at once and in f32, and sorts the few that
-//! remain by exact distance. If the last of these is as far away as the next ring can be, the grid is searched instead.
+//! Input: nodes in order of arrival. Output: for each node the `most` nearest others, in the
+//! graph's order. Each grid cell lists the nodes of its rings in order of arrival. A node filters
+//! the part near in time, many entries at once in f32, and sorts the rest by exact distance. If the
+//! last is as far as the next ring can be, the grid is searched instead.
 
 use std::ops::Range;
 
@@ -41,9 +41,9 @@ impl Space<'_> {
         self.nodes.last().is_none_or(|last| last.t <= MAX_US)
     }
 
-    /// The `most` nearest others of every node, if the nodes are [close enough in time](Self::is_short).
+    /// The `most` nearest others of every node, if nodes are [close in time](Self::is_short).
     ///
-    /// Cost: each node is listed up to 25 times; each node filters about 4 `most` entries of its list.
+    /// Cost: each node is listed up to 25 times, and filters about 4 `most` entries of its list.
     pub(super) fn nearest(&self, most: usize, isa: Isa) -> Lists {
         let mut grid = Grid::new(self.sensor, SIDE_LOG2, self.nodes.len(), &mut Memory::default());
         self.nodes.iter().enumerate().for_each(|(i, &node)| grid.push(i as u32, node));
@@ -53,7 +53,7 @@ impl Space<'_> {
         let mut nearby = Nearby::new(extents.map(|extent| (1.0 / (extent * extent)) as f32));
         let mut lists = Lists::new(self.nodes.len(), self.nodes.len() * most);
         let mut found = Vec::with_capacity(most + 1);
-        // Neighbourhoods at the same place have similar sizes: the last one there gives the distance to search.
+        // The last neighbourhood at this place gives the distance to search.
         let mut guess = 0.0;
         for cell in 0..grid.cells() {
             let mut part = listed.starts[cell]..listed.starts[cell];
@@ -90,7 +90,7 @@ impl Space<'_> {
         lists
     }
 
-    /// The largest time difference (microseconds, rounded up) of a node that is within every bound of a guess.
+    /// Largest time difference (us, rounded up) of a node within every bound of a guess.
     fn reach(&self, guess: f64) -> f32 {
         // Covers the filter's own slack and the rounding of times to f32.
         const GENEROUS: f64 = 1.0 + 1e-6;
@@ -99,7 +99,7 @@ impl Space<'_> {
     }
 }
 
-/// For each non-empty cell, its nodes and those of the rings around it in order of arrival: f32, one array per axis.
+/// For each non-empty cell, the nodes of its rings in order of arrival; one f32 array per axis.
 struct Listed<'s> {
     /// Start of each cell's list, and the end of the last one.
     starts: &'s [usize],
@@ -141,7 +141,7 @@ impl<'s> Listed<'s> {
         Self { starts, slots, points: [x, y, t], places }
     }
 
-    /// Moves `part` of a cell's list to the nodes that are at most `reach` away in time from a node of the cell.
+    /// Moves `part` of a cell's list to the nodes at most `reach` in time from one of the cell.
     fn narrow(&self, cell: usize, slot: u32, reach: f32, part: &mut Range<usize>) {
         let t = self.points[2];
         let (first, end) = (self.starts[cell], self.starts[cell + 1] - Nearby::TOGETHER);
@@ -171,7 +171,7 @@ impl<'s> Listed<'s> {
     }
 }
 
-/// Inserts `candidate` into `list`, which holds the first `most` candidates so far, in order; `arrival` as for [`Candidate::precedes`].
+/// Inserts `candidate` into `list`, the first `most` so far; `arrival` as in `precedes`.
 #[inline]
 pub(super) fn take(
     list: &mut Vec<Candidate>,

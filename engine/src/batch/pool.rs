@@ -12,14 +12,14 @@ use super::trace::{Edges, LevelTrace, maximum_of};
 use crate::network::{Level, Normalisation, Pooling, Position};
 use crate::{Event, Fraction};
 
-/// Inline capacity of a source list: most cells have edges from no more than the adjacent cells of an image.
+/// Inline capacity of a source list: most cells have edges from adjacent cells only.
 const TOUCHING: usize = 8;
 
 /// Index of a cell with t first, which gives the order of cells.
 type Key = [i64; 3];
 
-/// Rows, edges and input of the level that `pooling` makes from `below`; `below_pooling` made `below`, unless that is
-/// the event level.
+/// Rows, edges and input of the level that `pooling` makes from `below`; `below_pooling` made
+/// `below`, if that is a pooled level.
 pub(super) fn level(
     batch: &Batch,
     (pooling, level): (&Pooling, &Level),
@@ -94,11 +94,11 @@ pub struct Cells {
 }
 
 impl Cells {
-    /// Pools the rows of `features` from `first` on; `keys` are their cells. Edges from earlier rows are ignored.
+    /// Pools rows of `features` from `first` on, with cells `keys`; drops earlier rows' edges.
     ///
     /// # Panics
-    /// If the number of keys is not the number of rows from `first` on, a member has no row in `edges`, or an edge
-    /// comes from a row that `features` does not have.
+    /// If there is not one key per row from `first` on, a member has no row in `edges`, or an edge
+    /// comes from a row beyond `features`.
     pub fn new(keys: &[[i64; 3]], first: usize, features: &Matrix, edges: &Edges) -> Self {
         assert_eq!(
             first.saturating_add(keys.len()),
@@ -113,7 +113,7 @@ impl Cells {
         for (cell, members) in members.values().enumerate() {
             members.iter().for_each(|&row| cell_of[row] = cell);
         }
-        // For each source cell, the last cell that has an edge from it, so that each edge is listed once.
+        // The last cell with an edge from each source cell: each edge is listed once.
         let mut taken_by = vec![usize::MAX; members.len()];
         let mut sources = Vec::with_capacity(members.len());
         for (to, members) in members.values().enumerate() {
@@ -168,7 +168,7 @@ fn time_of(batch: &Batch, pooling: &Pooling, event: &Event, stream: Stream<'_>) 
     pooling.time.map_or(0, |size| size.cell(t, batch.network.parts().span_us.into()) as i64)
 }
 
-/// Cell that contains the centre of a cell of `inner`, in integers; the last cell if the centre is beyond the image.
+/// Cell that contains the centre of a cell of `inner`; the last one beyond the image.
 fn key_of_cell(pooling: &Pooling, inner: &Pooling, [x, y, t]: [i64; 3]) -> Key {
     let axis = |index: i64, inner: Fraction, outer: Fraction| {
         let twice_centre = (2 * i128::from(index) + 1) * i128::from(inner.numerator());

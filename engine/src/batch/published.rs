@@ -1,12 +1,12 @@
-//! Positions, cells and means of the published mode: the public implementation's operations in float32, one by one.
+//! The published mode: positions, cells and means as its float32 operations give them.
 //!
-//! That implementation computes positions, a grid's origin, and their difference divided by a cell's size in float32.
-//! An event on the edge of a cell can therefore fall into the cell before. Every function here rounds at the same
-//! places. Positions are held as f64, as in the other modes, but every value is exact in f32.
+//! Positions, a grid's origin, and their difference over a cell's size are float32 there, so an
+//! event on a cell's edge can fall into the cell before. Every function rounds at the same places;
+//! positions are f64 values that are exact in f32.
 
 use crate::{Event, Fraction};
 
-/// Positions of events: quotients in f64, then rounded once. `first_us` is the time of the graph's first event.
+/// Positions of events: f64 quotients, rounded once. `first_us`: time of the graph's first event.
 pub(super) fn positions(events: &[Event], first_us: i64, extents: [f64; 3]) -> Vec<[f64; 3]> {
     let position = |e: &Event| {
         let integers = [i64::from(e.x), i64::from(e.y), e.t_us - first_us];

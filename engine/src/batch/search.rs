@@ -52,7 +52,7 @@ pub(super) fn proposed(batch: &Batch, events: &[Event], extents: [f64; 3], propo
     lists
 }
 
-/// The first `most` of event `i`'s candidates in `among`, in order: smaller distance first, then the later event.
+/// The first `most` of event `i`'s candidates in `among`: smaller distance, then later event.
 fn first_of(
     batch: &Batch,
     events: &[Event],

@@ -14,23 +14,23 @@ pub enum Search {
     /// Compares all pairs: O(n^2), simple enough to be evidently correct.
     #[default]
     Exhaustive,
-    /// A function that shares nothing with the engine, such as a k-d tree, proposes candidates; they are then sorted as
-    /// in [`Self::Exhaustive`].
+    /// A function that shares nothing with the engine, such as a k-d tree, proposes candidates;
+    /// they are sorted as in [`Self::Exhaustive`].
     Proposed(Propose),
-    /// Uses the engine's grid of pixels and its metric, for speed: about O(n k). If nodes read from the whole window, a
-    /// filter in f32 precedes the exact distances. Such a batch shares the engine's search and is no oracle.
+    /// The engine's grid and metric, for speed: about O(n k). If nodes read the whole window, a
+    /// filter in f32 precedes exact distances. Such a batch is no oracle.
     Grid,
 }
 
-/// Reports, for each event of [`Places`] in order, the indices of candidate events, in any order and without
-/// duplicates. They must include the event's whole neighbourhood and may include others.
+/// Reports for each event of [`Places`], in order, candidate events without duplicates, in any
+/// order: its whole neighbourhood, and possibly others.
 pub type Propose = fn(&Places<'_>, &mut dyn FnMut(&[u32]));
 
 /// The events to find neighbourhoods of.
 #[derive(Clone, Copy, Debug)]
 pub struct Places<'a> {
-    /// Positions as fractions of sensor and span, with time relative to the first of these events. Each coordinate is a
-    /// quotient of integers, rounded once; the neighbourhoods themselves are determined by the integers.
+    /// Positions as fractions of sensor and span, with time from the first event. A coordinate is a
+    /// quotient of integers, rounded once; the integers determine neighbourhoods.
     pub positions: &'a [[f64; 3]],
     /// Range of indices that each event may read from; it may include the event itself.
     pub candidates: &'a [Range<usize>],
@@ -95,7 +95,7 @@ impl Batch {
         self.sensor
     }
 
-    /// Scale of the edge attributes: the description's, or the largest coordinate difference over the edges.
+    /// Scale of the edge attributes: fixed, or the largest coordinate difference over the edges.
     pub(super) fn scale(&self, fixed: f32, differences: impl Iterator<Item = [f64; 3]>) -> f32 {
         match self.network.parts().normalisation {
             Normalisation::Fixed => fixed,

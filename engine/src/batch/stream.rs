@@ -5,8 +5,8 @@ use crate::{EngineError, Event, Sensor};
 /// The input of a batch.
 #[derive(Clone, Copy, Debug)]
 pub struct Stream<'a> {
-    /// Accepted events in order of arrival, with non-decreasing times. For `frozen` in-edges all events since the last
-    /// reset; otherwise at least those in the window.
+    /// Accepted events in order of arrival. For `frozen` in-edges all since the last reset,
+    /// otherwise at least those in the window.
     pub events: &'a [Event],
     /// Time of the first event since the reset.
     pub epoch_us: i64,
@@ -21,7 +21,7 @@ impl<'a> Stream<'a> {
         Self { events, epoch_us: time(events.first()), now_us: time(events.last()) }
     }
 
-    /// Refuses streams that no engine on `sensor` accepts. Time differences of others fit 64 bits. O(events).
+    /// Refuses streams that no engine on `sensor` accepts. O(events).
     pub(super) fn check(&self, sensor: Sensor) -> Result<(), EngineError> {
         let Self { events, epoch_us, now_us } = *self;
         let ([first, ..], [.., last]) = (events, events) else { return Ok(()) };

@@ -37,7 +37,7 @@ impl Edges {
         self.start[row]..self.start.get(row + 1).copied().unwrap_or(self.list.len())
     }
 
-    /// The inputs of a block for `row`: its in-edges, its own input `own`, and the skip input `skip`.
+    /// Inputs of a block for `row`: its in-edges, its `own` input, and the `skip` input.
     ///
     /// # Panics
     /// If there is no such row.
@@ -55,8 +55,8 @@ pub struct LevelTrace {
     pub edges: Edges,
     /// The level's input, then the output of each block.
     pub features: Vec<Matrix>,
-    /// Position of each row, as fractions of sensor and span, with time relative to the epoch. With
-    /// [`Normalisation::PerGraph`](crate::Normalisation::PerGraph) in float32, relative to the window's first event.
+    /// Position of each row: fractions of sensor and span, time from the epoch; in f32 and from the
+    /// window's first event with [`Normalisation::PerGraph`](crate::Normalisation::PerGraph).
     pub positions: Vec<[f64; 3]>,
     /// Index of each row's cell along x, y and t; empty at the event level.
     pub cells: Vec<[i64; 3]>,
@@ -77,7 +77,7 @@ pub struct Trace {
     pub prediction: Vec<f32>,
 }
 
-/// Channel-wise sum over some rows: first over the rows of each part of time, one after the other, then over the parts.
+/// Channel-wise sum of rows: within each part of time in order, then over the parts.
 pub(super) fn sum_of(features: &Matrix, rows: &[usize], part: impl Fn(usize) -> i64, out: &mut [Lanes]) {
     out.fill(Lanes::ZERO);
     let mut sum = vec![Lanes::ZERO; out.len()];

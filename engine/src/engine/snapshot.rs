@@ -1,14 +1,14 @@
 //! An engine's state, in memory and as bytes.
 //!
-//! The bytes hold the state that cannot be recomputed: the clock, the counters, and the events of the window in order
-//! of arrival. With `frozen` in-edges they also hold, for each event, its rows and the number of its in-edges from
-//! events still in the window. With a tolerance they hold every stored row. A restored engine runs its own structural
-//! stages over the events, so slots, edges, cells and maxima are consistent, whatever the bytes contain.
+//! The bytes hold what cannot be recomputed: clock, counters, the window's events in order of
+//! arrival; with `frozen`, each event's rows and number of in-edges still in the window; with a
+//! tolerance, every row. A restored engine runs its own structural stages over the events, so its
+//! slots, edges, cells and maxima are consistent whatever the bytes contain.
 //!
-//! This is sufficient: a neighbourhood is a prefix of a total order, so the in-edges of a `frozen` node that are still
-//! in the window are a prefix of the same order over the window. Values are determined by the window, as in
-//! [`crate::Batch`], or are stored. With a tolerance every row is computed again. A row with unchanged inputs gets the
-//! same values as before; these are within the tolerance of the stored values, which therefore stay.
+//! This is sufficient: a neighbourhood is a prefix of a total order, so a `frozen` node's in-edges
+//! that remain are a prefix over the window. Values follow from the window or are stored. With a
+//! tolerance every row is computed again: one with unchanged inputs gets its former values, which
+//! are within the tolerance of the stored ones, so these stay.
 
 use std::borrow::Cow;
 use std::sync::Arc;
@@ -21,7 +21,7 @@ use crate::restart::CONFIRMING;
 use crate::snapshot::{Content, Kind, Reader, SnapshotOf, Stored, Writer, check_network, differs};
 use crate::{EngineError, Event, Sensor};
 
-/// The properties besides events that a state depends on: an engine only restores a state with equal properties.
+/// What a state depends on besides events: only an engine with equal properties restores it.
 struct Origin<'a> {
     fingerprint: u64,
     name: Cow<'a, str>,
@@ -59,14 +59,13 @@ impl Engine {
         SnapshotOf(Content::Copy(Box::new(self.clone())))
     }
 
-    /// Returns to the state of `snapshot`, counters included. Later predictions have the same bits as if nothing had
-    /// happened in between. Options that results do not depend on (all except tolerance and late policy) remain those
-    /// of this engine. A snapshot made from bytes is restored as by [`Self::restore_bytes`].
+    /// Returns to the state of `snapshot`, counters included. Later predictions have the same bits.
+    /// Options that do not affect results (all but tolerance and late policy) remain this engine's.
     ///
     /// # Errors
-    /// [`EngineError::Snapshot`] if it was taken with an unequal network ([`crate::Network::fingerprint`]), another
-    /// sensor, tolerance or late policy, or if it holds events that the restart policy of this engine would not; for a snapshot made from bytes, the errors of [`Self::restore_bytes`]. The
-    /// engine's state is then unchanged.
+    /// [`EngineError::Snapshot`] for an unequal network ([`crate::Network::fingerprint`]), another
+    /// sensor, tolerance or late policy, or held events that this engine's restart policy would not
+    /// hold; for bytes, the errors of [`Self::restore_bytes`]. The state is then unchanged.
     pub fn restore(&mut self, snapshot: &SnapshotOf<Self>) -> Result<(), EngineError> {
         let other = match &snapshot.0 {
             Content::Copy(engine) => engine,
@@ -87,14 +86,14 @@ impl Engine {
         Ok(())
     }
 
-    /// Encodes the state as bytes for [`Self::restore_bytes`], in this process or another. Size: 13 bytes per event of
-    /// the window; with `frozen` in-edges, one more byte and the event's rows; with a tolerance, every row. The first
-    /// call computes [`crate::Network::fingerprint`].
+    /// Encodes the state for [`Self::restore_bytes`]: 13 bytes per event; with `frozen` in-edges,
+    /// one more and the event's rows; with a tolerance, every row. The first call computes
+    /// [`crate::Network::fingerprint`].
     pub fn to_bytes(&self) -> Vec<u8> {
         self.to_bytes_with(&[])
     }
 
-    /// The same, with a note of the caller that [`crate::snapshot_note`] returns; the checksum covers the note too.
+    /// The same with a note, which [`crate::snapshot_note`] returns and the checksum covers.
     pub fn to_bytes_with(&self, note: &[u8]) -> Vec<u8> {
         let mut to = Writer::new(Kind::Events);
         let Origin { fingerprint, name, sensor, tolerance, late } = self.origin();
@@ -124,18 +123,18 @@ impl Engine {
         to.finish(note)
     }
 
-    /// Restores the state that [`Self::to_bytes`] wrote for an engine with an equal network and the same sensor,
-    /// tolerance and late policy. Predictions, and rows as of predictions, have the same bits as if that engine had
-    /// continued. Their cost differs: the next prediction computes, and counts, every row that is not stored.
-    /// [`Self::feature`] returns rows from the next prediction on.
+    /// Restores the state that [`Self::to_bytes`] wrote for an equal network, sensor, tolerance and
+    /// late policy. Predictions have the bits as if that engine had continued; the next one
+    /// computes, and counts, every row that is not stored. [`Self::feature`] returns rows from then
+    /// on.
     ///
-    /// Cost: that of pushing the window's events. In addition to the bytes, needs at most this engine's memory once
-    /// more ([`Self::state_bytes`]).
+    /// Cost: that of pushing the window's events, and at most [`Self::state_bytes`] of memory once
+    /// more.
     ///
     /// # Errors
-    /// [`EngineError::Snapshot`] if the bytes belong to another version, network, sensor, tolerance or policy;
-    /// [`EngineError::SnapshotBytes`] if they are truncated, changed or do not fit, or if a stored row is not finite:
-    /// such a state gives no prediction. The engine's state is then unchanged.
+    /// [`EngineError::Snapshot`] for another version, network, sensor, tolerance or policy;
+    /// [`EngineError::SnapshotBytes`] for bytes that are truncated, changed or do not fit, or a
+    /// stored row that is not finite. The state is then unchanged.
     pub fn restore_bytes(&mut self, bytes: &[u8]) -> Result<(), EngineError> {
         let mut from = Reader::open(bytes, Kind::Events)?;
         self.check_origin(&Origin::read(&mut from)?)?;
@@ -294,7 +293,7 @@ impl Engine {
         Ok(())
     }
 
-    /// Whether the rows of a level are stored because they depend on the past; whether some may not be computed yet.
+    /// Whether a level's rows are stored as they depend on the past; whether some may be missing.
     fn stores_rows(&self, level: usize) -> (bool, bool) {
         let on_arrival = level == 0 && self.network.parts().graph.is_frozen();
         (on_arrival || self.tolerance() > 0.0, !on_arrival)

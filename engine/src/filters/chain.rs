@@ -46,7 +46,7 @@ impl EventFilter for Filter {
     }
 }
 
-/// Filters in series: each sees the events that all filters before it passed. An empty chain passes everything.
+/// Filters in series: each sees what those before it passed. An empty chain passes everything.
 #[derive(Clone, Debug, Default)]
 pub struct Chain {
     filters: Vec<Filter>,

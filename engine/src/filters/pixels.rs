@@ -7,12 +7,12 @@ use crate::{EngineError, Event, Network, Sensor};
 /// Pixels of the largest sensor: 1 GiB of stamps.
 const MAX_PIXELS: i64 = 1 << 26;
 
-/// Passes an event if the latest event of one of the eight pixels around it is at most a given time away.
+/// Passes an event if the latest event of one of its eight neighbours is at most a given time away.
 ///
-/// Every event, passed or dropped, supports the events of its eight neighbours; it does not support its own pixel. The
-/// latest event of a pixel is the one that arrived last, even if its stamp is later than that of the event under test:
-/// only the distance in time counts. Thus stamps that are slightly out of order support each other, and a clock that
-/// jumped back does not silence the sensor. An event outside the sensor passes and is not remembered.
+/// Every event, passed or dropped, supports its eight neighbours, not its own pixel. A pixel's
+/// latest event is the one that arrived last; only the distance in time counts. Stamps slightly out
+/// of order thus support each other, and a clock that jumped back silences nothing. An event
+/// outside the sensor passes and is not remembered.
 #[derive(Clone, Debug)]
 pub struct BackgroundActivity {
     stamps: Stamps,
@@ -20,14 +20,14 @@ pub struct BackgroundActivity {
 }
 
 impl BackgroundActivity {
-    /// Time in which a neighbour supports an event, in microseconds: that of the contact-angle paper.
+    /// Microseconds in which a neighbour supports an event: the contact-angle paper's.
     pub const DEFAULT_US: i64 = 1_250;
 
     /// Requires a neighbour within `us` microseconds.
     ///
     /// # Errors
-    /// [`EngineError::Option`] if `us` is below 1 or above the longest span, or if `sensor` has more than 2^26 pixels,
-    /// which take 1 GiB of stamps.
+    /// [`EngineError::Option`] if `us` is below 1 or above the longest span, or `sensor` has more
+    /// than 2^26 pixels (1 GiB of stamps).
     pub fn new(sensor: Sensor, us: i64) -> Result<Self, EngineError> {
         let stamps = Stamps::new(sensor, us, "time of the activity filter in microseconds")?;
         Ok(Self { stamps, counters: FilterCounters::default() })
@@ -53,9 +53,9 @@ impl EventFilter for BackgroundActivity {
 
 /// Passes an event if the last passed event of its pixel is at least a given time away.
 ///
-/// Dropped events do not prolong the pause. Only the distance in time counts: an event with an earlier stamp than the last
-/// passed one passes if the two are far enough apart, and then replaces it. Two events of a pixel that pass one after the
-/// other are therefore always at least that time apart. An event outside the sensor passes.
+/// Dropped events do not prolong the pause. Only the distance in time counts: an earlier stamp
+/// passes if it is far enough from the last passed one, and replaces it. Two events of a pixel that
+/// pass in a row are thus at least that time apart. An event outside the sensor passes.
 #[derive(Clone, Debug)]
 pub struct Refractory {
     stamps: Stamps,
@@ -94,7 +94,7 @@ impl EventFilter for Refractory {
     reports!("refractory");
 }
 
-/// The last stamp of each pixel. A border of one pixel without stamps gives every pixel of the sensor eight neighbours.
+/// The last stamp of each pixel, with a border so that every pixel has eight neighbours.
 #[derive(Clone, Debug)]
 struct Stamps {
     sensor: Sensor,

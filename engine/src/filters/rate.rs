@@ -41,20 +41,20 @@ impl EventFilter for Stride {
     reports!("stride");
 }
 
-/// Thins events evenly if they come faster than a rate, and passes all of them otherwise: a token bucket.
+/// A token bucket: thins events evenly if they come faster than a rate.
 ///
 /// ```text
 /// credit <- min(credit + rate (t - newest), depth),  newest <- t      if t > newest
-/// an event passes if credit >= 1, and takes 1 off it                  depth = max(rate 1 ms, 1), full at the start
+/// an event passes if credit >= 1, and takes 1 off it;
+/// depth = max(rate 1 ms, 1), full at the start
 /// ```
 ///
-/// Credit counts in millionths of an event, so that a microsecond brings `rate` of them and everything is an integer.
-/// In any interval of T microseconds, at most `rate` T / 10^6 + `depth` events pass; if no interval holds more, every
-/// event passes. In a steady stream at a higher rate, events pass at even distances once the depth is used up.
+/// Credit counts in millionths of an event, so a microsecond brings `rate`, an integer. In any T
+/// microseconds at most `rate` T / 10^6 + `depth` events pass; if no interval holds more, all do.
+/// In a steady faster stream, events pass at even distances once the depth is used.
 ///
-/// An event that is earlier than the newest one brings no credit, and passes if there is some: the bound holds over
-/// the newest times, even if stamps jump back and forth. After a clock starts again, the filter needs a
-/// [`reset`](EventFilter::reset), as the engine does.
+/// An event earlier than the newest brings no credit, and passes if there is some: the bound holds
+/// over the newest times. After a restart of the clock, [`reset`](EventFilter::reset) the filter.
 #[derive(Clone, Debug)]
 pub struct RateLimit {
     events_per_s: u64,
@@ -68,7 +68,7 @@ pub struct RateLimit {
 const EVENT: u64 = 1_000_000;
 
 impl RateLimit {
-    /// Stream time at the rate that the bucket holds, in microseconds: how long a burst may be before it is thinned.
+    /// Microseconds of stream time that the bucket holds: the longest burst that is not thinned.
     pub const DEPTH_US: u64 = 1_000;
     /// Highest rate, in events per second.
     pub const HIGHEST: u64 = 1_000_000_000_000;

@@ -74,7 +74,7 @@ impl Buffer {
         }
     }
 
-    /// Writes the values, (channels, height, width), of channels `first..first + channels` to `out`.
+    /// Writes channels `first..first + channels` to `out`, (channels, height, width).
     pub(super) fn flatten(&self, first: usize, channels: usize, out: &mut [f32]) {
         match self {
             Self::Away => unreachable!("a value that is read is there"),
@@ -117,7 +117,7 @@ impl Buffer {
         }
     }
 
-    /// Overwrites the values with those of `frame` and marks the pixels that differ; returns whether any value differs.
+    /// Stores `frame` and marks the pixels that differ; returns whether any does.
     pub(super) fn store(&mut self, frame: &[f32], changed: &mut Changes) -> bool {
         let mut any = false;
         match self {
@@ -162,7 +162,7 @@ impl Buffer {
         any
     }
 
-    /// Overwrites the values of a pixel from channel `first` on with `values`, and marks it if they differ; returns whether they do.
+    /// Stores `values` in a pixel from channel `first` on, marks it if they differ, and says so.
     pub(super) fn store_pixel(
         &mut self,
         (y, x): (usize, usize),

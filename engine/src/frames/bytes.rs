@@ -1,7 +1,7 @@
 //! Memory of a frame engine, computed before it is allocated.
 //!
-//! Input: a network and its options. Output: an upper bound of the memory of its engine for any frames. Values and
-//! layer memories are counted to the byte; added are change marks, and the working space of the neediest layer.
+//! An upper bound of a frame engine's memory: values and layer memories to the byte, change marks,
+//! and the working space of the neediest layer.
 
 use meissner_kernels::{FeatureMap, Lanes, Planes, PooledConv3x3};
 
@@ -20,8 +20,8 @@ const GROWTH: u128 = 2;
 const MARKS: u128 = 5;
 
 impl FrameNetwork {
-    /// Upper bound in bytes of the memory of a [`FrameEngine`](super::FrameEngine) of this network, without the
-    /// parameters, which are shared. O(layers^2).
+    /// Upper bound in bytes of a [`FrameEngine`](super::FrameEngine)'s memory, without the shared
+    /// parameters. O(layers^2).
     pub fn engine_bytes(&self, options: FrameOptions) -> u128 {
         let of_inputs = |of: &dyn Fn(&CompiledLayer, FrameShape) -> u128| -> u128 {
             self.units.iter().map(|unit| of(unit, self.read_by(unit))).sum()

@@ -47,7 +47,7 @@ impl Changes {
         Self::none(height, width)
     }
 
-    /// Changes the size and removes all marks. Allocates only if it becomes larger than ever before.
+    /// Changes the size and removes all marks. Allocates only for the largest size so far.
     pub(crate) fn become_none(&mut self, [height, width]: [usize; 2]) {
         let words = width.div_ceil(WORD);
         self.bits.clear();
@@ -161,8 +161,7 @@ impl Changes {
         }
     }
 
-    /// Sets the marks to those of `other`, of the same size, spread by a 3 x 3 window with padding 1: each marked pixel
-    /// and its eight neighbours.
+    /// Sets the marks to those of `other`, of the same size, and their eight neighbours.
     pub(crate) fn spread_of(&mut self, other: &Self) {
         self.clear();
         for y in 0..self.height {
@@ -185,13 +184,13 @@ impl Changes {
         }
     }
 
-    /// Marks every pixel of each `size` x `size` tile that contains a mark; `scratch` is overwritten.
+    /// Marks every pixel of each `size` x `size` tile with a mark; `scratch` is overwritten.
     pub(crate) fn fill_tiles(&mut self, size: usize, scratch: &mut Self) {
         scratch.clone_from(self);
         scratch.for_each_region(size, size, |tile| self.set_region(tile));
     }
 
-    /// Sets the marks to those of `other` reduced by windows of `size` x `size` with the same stride.
+    /// Sets the marks to those of `other`, reduced by `size` x `size` windows of that stride.
     pub(crate) fn shrunk_from(&mut self, other: &Self, size: usize) {
         self.clear();
         other.for_each(|y, x| {
@@ -221,8 +220,8 @@ impl Changes {
         })
     }
 
-    /// Calls `visit` with regions that cover every marked pixel. They consist of whole blocks of `rows` x `columns`
-    /// pixels, except at the map's lower and right edges; adjacent blocks of a row are merged into one region.
+    /// Calls `visit` with regions that cover every mark: whole blocks of `rows` x `columns` pixels,
+    /// but for the lower and right edges; adjacent blocks of a row are one region.
     pub(crate) fn for_each_region(&self, rows: usize, columns: usize, mut visit: impl FnMut(Region)) {
         for y in (0..self.height).step_by(rows) {
             let height = rows.min(self.height - y);

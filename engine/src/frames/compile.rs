@@ -63,7 +63,7 @@ impl CompiledLayer {
 #[derive(Clone, Debug)]
 pub(super) enum Kernel {
     Conv3(Box<Conv3x3>),
-    /// Fused with the following maximum over 2 x 2 pixels; the pooling layer itself only passes on changes.
+    /// Fused with the next 2 x 2 maximum, whose own layer only passes on changes.
     PooledConv(Box<PooledConv3x3>),
     Winograd(Box<WinogradConv3x3>),
     Kn2row(Box<Kn2rowConv3x3>),
@@ -74,10 +74,10 @@ pub(super) enum Kernel {
     AveragePool(usize),
     GlobalAverage,
     Sum,
-    /// Only passes on changes. Both images of a concatenation are already in its buffer, or the convolution runs fused
-    /// with the only layer that reads it, a pooling.
+    /// Only passes on changes: a concatenation whose images are in its buffer already, or the
+    /// pooling of a fused convolution.
     Alias,
-    /// Copies two vectors into one: a dense layer cannot write the second in place, as it starts within a lane.
+    /// Copies two vectors into one: the second starts within a lane, where none can be written.
     Append,
     SqueezeExcite(Box<SqueezeExcite>),
     ConvLstm(Box<ConvLstm>),
@@ -102,8 +102,8 @@ impl FrameNetwork {
     /// Checks `parts` and packs their parameters.
     ///
     /// # Errors
-    /// [`EngineError::Network`] if a layer does not fit its input; [`EngineError::Layer`] if a kernel refuses its
-    /// parameters.
+    /// [`EngineError::Network`] for a layer that does not fit its input; [`EngineError::Layer`] for
+    /// parameters that a kernel refuses.
     pub fn new(parts: FrameNetworkParts, convolution: Convolution) -> Result<Self, EngineError> {
         let FrameNetworkParts { name, input, layers } = parts;
         check_shape("frame", input)?;
@@ -144,7 +144,7 @@ impl FrameNetwork {
         Ok(Self { name, units, values, buffers, planar, fingerprint })
     }
 
-    /// Hash of structure, names and the bits of all parameters, as [`Network::fingerprint`](crate::Network::fingerprint).
+    /// Hash of structure, names and parameters, as [`crate::Network::fingerprint`].
     pub fn fingerprint(&self) -> u64 {
         self.fingerprint
     }
@@ -184,7 +184,7 @@ impl FrameNetwork {
         self.units.iter().any(|unit| unit.eager)
     }
 
-    /// Whether Winograd's algorithm computes a layer: that was asked for, and there is a 3 x 3 convolution of maps with channels last.
+    /// Whether Winograd's algorithm is asked for and has a 3 x 3 convolution of channels-last maps.
     pub fn has_winograd(&self) -> bool {
         self.units.iter().any(|unit| matches!(unit.kernel, Kernel::Winograd(_)))
     }
@@ -230,7 +230,7 @@ fn places(
         let into = values[i + 1];
         let FrameShape::Image { channels, .. } = shapes[layer.from] else { continue };
         for (part, first) in [(layer.from, 0), (with, channels)] {
-            // A value is stored once: an input stored here must not be the frame, nor part of another concatenation.
+            // A value is stored once: an input here is no frame and in no other concatenation.
             let writer = part.checked_sub(1).map(|w| &layers[w]);
             let free = values[part].buffer == part
                 && layer.from != with
@@ -368,7 +368,7 @@ fn squash(layer: &FrameLayer, activation: Activation) -> Result<Squash, EngineEr
     }
 }
 
-/// Fuses a convolution with the pooling that alone reads it, so that the map between them is never written.
+/// Fuses a convolution with the pooling that alone reads it: the map between is never written.
 fn fuse_poolings(units: &mut [CompiledLayer], values: &mut [Value]) {
     for i in 1..units.len() {
         let Some(conv) = units[i].from.checked_sub(1) else { continue };

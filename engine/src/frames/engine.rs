@@ -28,12 +28,14 @@ pub type FrameSnapshot = SnapshotOf<FrameEngine>;
 /// A frame network and its state.
 ///
 /// ```
-/// use meissner_engine::frames::{Convolution, FrameEngine, FrameLayer, FrameLayerKind, FrameNetwork};
-/// use meissner_engine::frames::{FrameNetworkParts, FrameShape};
+/// use meissner_engine::frames::{Convolution, FrameEngine, FrameLayer, FrameLayerKind};
+/// use meissner_engine::frames::{FrameNetwork, FrameNetworkParts, FrameShape};
 ///
 /// // The last two frames of one value each.
-/// let delay = FrameLayer { name: "delay".to_owned(), from: 0, kind: FrameLayerKind::Delay { frames: 2 } };
-/// let parts = FrameNetworkParts { name: "two".to_owned(), input: FrameShape::Vector(1), layers: vec![delay] };
+/// let kind = FrameLayerKind::Delay { frames: 2 };
+/// let delay = FrameLayer { name: "delay".to_owned(), from: 0, kind };
+/// let input = FrameShape::Vector(1);
+/// let parts = FrameNetworkParts { name: "two".to_owned(), input, layers: vec![delay] };
 /// let mut engine = FrameEngine::new(FrameNetwork::new(parts, Convolution::Direct)?)?;
 /// engine.push(&[3.0])?;
 /// engine.push_slice(&[4.0, 5.0])?;
@@ -67,8 +69,8 @@ impl FrameEngine {
     /// An engine before its first frame.
     ///
     /// # Errors
-    /// [`EngineError::Option`] for a tolerance that is negative or not finite, [`EngineError::FrameMemory`] if the
-    /// memory limit would be exceeded (checked before any allocation); [`EngineError::Layer`] if a map is too large.
+    /// [`EngineError::Option`] for a tolerance below 0 or not finite, [`EngineError::FrameMemory`]
+    /// beyond the memory limit (before any allocation), [`EngineError::Layer`] for too large a map.
     pub fn with_options(
         network: impl Into<Arc<FrameNetwork>>,
         options: FrameOptions,
@@ -92,12 +94,12 @@ impl FrameEngine {
         &self.network
     }
 
-    /// Takes the next frame; (channels, height, width) for an image. Layers with a state, and the layers that they
-    /// read, run now; the others run at the next [`Self::predict`].
+    /// Takes the next frame, (channels, height, width) for an image. Layers with a state, and what
+    /// they read, run now; the others at the next [`Self::predict`].
     ///
     /// # Errors
-    /// [`EngineError::FrameLength`] for a wrong number of values, [`EngineError::FrameValue`] for a value that is not
-    /// finite. The engine's state is then unchanged.
+    /// [`EngineError::FrameLength`] for a wrong number of values, [`EngineError::FrameValue`] for
+    /// one that is not finite. The state is then unchanged.
     pub fn push(&mut self, frame: &[f32]) -> Result<(), EngineError> {
         let input = self.network.input();
         if frame.len() != input.values() {
@@ -127,11 +129,11 @@ impl FrameEngine {
         Ok(())
     }
 
-    /// Takes a frame, an image, that differs from the last one in `cells` alone. Costs what changed, where [`Self::push`] reads every
-    /// value. The engine has the default [`FrameOptions::skip`] and [`FrameOptions::sparse`].
+    /// Takes an image that differs from the last frame in `cells` alone, at the cost of the change.
+    /// Needs the default [`FrameOptions::skip`] and [`FrameOptions::sparse`].
     ///
     /// # Errors
-    /// [`EngineError::FrameValue`] for a value that is not finite. The engine's state is then unchanged.
+    /// [`EngineError::FrameValue`] for a value that is not finite. The state is then unchanged.
     pub(crate) fn push_cells<'a>(
         &mut self,
         cells: impl Iterator<Item = Cell<'a>> + Clone,
@@ -146,7 +148,7 @@ impl FrameEngine {
         Ok(())
     }
 
-    /// Computes the prediction after the last frame; before the first frame, the prediction for a frame of zeros.
+    /// The prediction after the last frame; before the first, that for a frame of zeros.
     ///
     /// # Errors
     /// [`EngineError::NotANumber`] with the first layer that holds NaN.
@@ -169,14 +171,13 @@ impl FrameEngine {
         SnapshotOf(Content::Copy(Box::new(self.clone())))
     }
 
-    /// Returns to the state of `snapshot`, counters included. Options that results do not depend on (all except
-    /// [`FrameOptions::skip`] and [`FrameOptions::sparse`]) remain those of this engine. A snapshot made from bytes is
-    /// restored as by [`Self::restore_bytes`].
+    /// Returns to the state of `snapshot`, counters included. Options that do not affect results
+    /// (all but [`FrameOptions::skip`] and [`FrameOptions::sparse`]) remain this engine's.
     ///
     /// # Errors
-    /// [`EngineError::Snapshot`] if it was taken with an unequal network ([`FrameNetwork::fingerprint`]), another
-    /// [`FrameOptions::skip`] or [`FrameOptions::sparse`]; for a snapshot made from bytes, the errors of
-    /// [`Self::restore_bytes`]. The engine's state is then unchanged.
+    /// [`EngineError::Snapshot`] for an unequal network ([`FrameNetwork::fingerprint`]),
+    /// [`FrameOptions::skip`] or [`FrameOptions::sparse`]; for bytes, the errors of
+    /// [`Self::restore_bytes`]. The state is then unchanged.
     pub fn restore(&mut self, snapshot: &FrameSnapshot) -> Result<(), EngineError> {
         let other = match &snapshot.0 {
             Content::Copy(engine) => engine,
@@ -188,13 +189,12 @@ impl FrameEngine {
         Ok(())
     }
 
-    /// Encodes the state as bytes for [`Self::restore_bytes`], in this process or another. Size: about
-    /// [`Self::state_bytes`].
+    /// Encodes the state for [`Self::restore_bytes`], in about [`Self::state_bytes`].
     pub fn to_bytes(&self) -> Vec<u8> {
         self.to_bytes_with(&[])
     }
 
-    /// The same, with a note of the caller that [`crate::snapshot_note`] returns; the checksum covers the note too.
+    /// The same with a note, which [`crate::snapshot_note`] returns and the checksum covers.
     pub fn to_bytes_with(&self, note: &[u8]) -> Vec<u8> {
         let mut to = Writer::new(Kind::Frames);
         to.u64(self.network.fingerprint());
@@ -207,16 +207,15 @@ impl FrameEngine {
         to.finish(note)
     }
 
-    /// Restores the state that [`Self::to_bytes`] wrote for an engine with an equal network and the same
-    /// [`FrameOptions::skip`] and [`FrameOptions::sparse`]. Later results and counters are as if that engine had
-    /// continued.
+    /// Restores what [`Self::to_bytes`] wrote for an equal network, [`FrameOptions::skip`] and
+    /// [`FrameOptions::sparse`]. Results and counters are as if that engine had continued.
     ///
     /// Cost: O(bytes). In addition to the bytes, needs at most this engine's memory once more.
     ///
     /// # Errors
-    /// [`EngineError::Snapshot`] if the bytes belong to another version, network or way to skip;
-    /// [`EngineError::SnapshotBytes`] if they are truncated, changed or do not fit, or if a value is not finite: such a
-    /// state gives no prediction. The engine's state is then unchanged.
+    /// [`EngineError::Snapshot`] for another version, network or way to skip;
+    /// [`EngineError::SnapshotBytes`] for bytes that are truncated, changed or do not fit, or a
+    /// value that is not finite. The state is then unchanged.
     pub fn restore_bytes(&mut self, bytes: &[u8]) -> Result<(), EngineError> {
         let mut from = Reader::open(bytes, Kind::Frames)?;
         let fingerprint = from.u64("network")?;
@@ -257,7 +256,7 @@ impl FrameEngine {
         self.state.counters()
     }
 
-    /// Bytes of activations and state; [`FrameNetwork::engine_bytes`] also counts the working space.
+    /// Bytes of activations and state; [`FrameNetwork::engine_bytes`] adds working space.
     pub fn state_bytes(&self) -> usize {
         self.network.state_bytes(self.options) as usize
     }

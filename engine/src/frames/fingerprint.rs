@@ -1,4 +1,4 @@
-//! Fingerprint of a frame network: a hash of everything that its predictions depend on, and of names.
+//! Fingerprint of a frame network: a hash of all that predictions depend on, and of names.
 
 use meissner_kernels::WinogradTile;
 

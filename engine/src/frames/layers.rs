@@ -102,7 +102,7 @@ pub(super) struct Scratch {
 }
 
 impl Scratch {
-    /// Working space for `compared` values of a row of blocks; the rest grows with the first frames.
+    /// Working space for `compared` values of a row of blocks; the rest grows with the frames.
     pub(super) fn new(compared: usize) -> Self {
         Self { patch: PatchScratch::new(compared), ..Self::default() }
     }
@@ -236,8 +236,7 @@ impl Run<'_> {
             dirty: (!all).then_some(&*dirty),
             background: background.filter(|_| !all).map(|(b, reached)| (b.map(), reached)),
             tolerance,
-            // Small, because a call costs little; even, for the 2 x 2 outputs of a transposed convolution; tiles for
-            // Winograd.
+            // Small, as a call costs little; even, for transposed convolutions; tiles for Winograd.
             block: if matches!(unit.kernel, Kernel::Winograd(_)) { [4, 8] } else { [2, 2] },
             rectangles: matches!(unit.kernel, Kernel::Conv3(_) | Kernel::PooledConv(_) | Kernel::Kn2row(_)),
         };

@@ -78,7 +78,7 @@ pub struct FrameLayer {
     pub kind: FrameLayerKind,
 }
 
-/// Computation of a layer; tensors in `PyTorch`'s layouts. Batch norm is folded into weight and bias.
+/// Computation of a layer; tensors in `PyTorch`'s layouts, with batch norm folded in.
 #[derive(Clone, Debug)]
 pub enum FrameLayerKind {
     /// Convolution with stride 1 that keeps the size of the image.
@@ -105,7 +105,7 @@ pub enum FrameLayerKind {
     },
     /// Maximum over 2 x 2 pixels with stride 2; an odd last row or column is dropped.
     MaxPool,
-    /// Mean over `size` x `size` pixels with the same stride; rows and columns that do not fill a window are dropped.
+    /// Mean of `size` x `size` pixels with that stride; what fills no window is dropped.
     AveragePool {
         /// Pixels on each axis.
         size: usize,
@@ -119,7 +119,7 @@ pub enum FrameLayerKind {
         /// As [`FrameLayer::from`].
         with: usize,
     },
-    /// Scales each channel by sigmoid(up relu(down mean)) (squeeze-and-excitation, Hu et al. 2018, Eq. 2 to 4).
+    /// Scales channels by sigmoid(up relu(down mean)) (Hu et al. 2018, Eq. 2 to 4).
     SqueezeExcite {
         /// Number of values between `down` and `up`.
         reduced: usize,
@@ -152,7 +152,7 @@ pub enum FrameLayerKind {
         /// (4 H), the sum of both biases.
         bias: Vec<f32>,
     },
-    /// The last `frames` vectors, value after value, each from the oldest to the newest; zeros before the first frame.
+    /// The last `frames` vectors, each value from oldest to newest; zeros before the first frame.
     Delay {
         /// Number of vectors.
         frames: usize,
@@ -178,10 +178,10 @@ pub enum Convolution {
     /// Direct sum of all products.
     #[default]
     Direct,
-    /// Winograd's minimal filtering: fewer products with different rounding, hence an approximation.
+    /// Winograd's minimal filtering: fewer products, rounded otherwise: an approximation.
     Winograd(WinogradTile),
-    /// Nine products of each input pixel, which are kept, and their sums: as exact as [`Self::Direct`], in another order of
-    /// additions. Fewer products where few pixels change, more memory. Layers with more than
-    /// [`Kn2rowConv3x3::MAX_OUTPUTS`](meissner_kernels::Kn2rowConv3x3::MAX_OUTPUTS) channels are computed directly.
+    /// Nine products of each input pixel, kept, and their sums: as exact as [`Self::Direct`], in
+    /// another order. Less work where few pixels change, more memory. Layers with more channels
+    /// than [`meissner_kernels::Kn2rowConv3x3::MAX_OUTPUTS`] are computed directly.
     Kn2row,
 }

@@ -12,8 +12,8 @@ pub enum Skip {
     /// Values that no change reaches are kept. The bits are those of [`Self::Nothing`].
     #[default]
     Exact,
-    /// As [`Self::Exact`], but a pixel that changed by no more than this in any channel counts as unchanged and keeps
-    /// its values: an approximation.
+    /// As [`Self::Exact`], but a pixel that changed by at most this in every channel keeps its
+    /// values: an approximation.
     Tolerance(f32),
 }
 
@@ -39,17 +39,17 @@ impl fmt::Display for Skip {
 #[non_exhaustive]
 #[must_use]
 pub struct FrameOptions {
-    /// Instruction set of the kernels. Default: the best one of this processor. Results do not depend on it.
+    /// Instruction set of the kernels, the processor's best by default. It affects no result.
     pub isa: Isa,
     /// Which computations are skipped. The default is [`Skip::Exact`].
     pub skip: Skip,
-    /// Whether frames are mostly zero, as event frames are. Each layer's output for a frame of zeros is then stored,
-    /// and reused wherever only zeros reach. The bits are the same; the memory doubles. Default: off.
+    /// Whether frames are mostly zero, as event frames are: each layer's output for zeros is
+    /// stored, and reused wherever only zeros reach. Same bits, twice the memory. Default: off.
     pub sparse: bool,
     /// Whether two threads share the rows of large maps. The bits are the same. Default: off.
     pub two_threads: bool,
-    /// Limit of the engine's memory in bytes, compared with
-    /// [`FrameNetwork::engine_bytes`](super::FrameNetwork::engine_bytes). Default: [`Self::MEMORY_LIMIT`].
+    /// Limit of [`FrameNetwork::engine_bytes`](super::FrameNetwork::engine_bytes). Default:
+    /// [`Self::MEMORY_LIMIT`].
     pub memory_limit: u128,
 }
 

@@ -1,7 +1,7 @@
-//! Recomputes the parts of a map that a change reaches, except pixels whose values equal those for a frame of zeros.
+//! Recomputes the parts of a map that a change reaches, but for pixels that equal those for zeros.
 //!
-//! Input: the pixels that a change reaches, and a kernel that computes any region with the same bits as the whole map.
-//! Output: the map as if computed whole, and the pixels that did change.
+//! Input: the pixels that a change reaches, and a kernel whose bits do not depend on the region.
+//! Output: the map as if computed whole, and the pixels that changed.
 
 use meissner_kernels::{FeatureMap, Planes, Region};
 
@@ -15,8 +15,9 @@ const WHOLE: f64 = 0.75;
 pub(super) trait Pixels {
     /// Appends the values of `region` to `out`.
     fn save(&self, region: Region, out: &mut Vec<f32>);
-    /// Compares the values of `region` with those that [`Self::save`] stored. Pixels that changed by more than
-    /// `tolerance` in any channel (for `None`, in any bit) are marked in `changed`; others get their old values back.
+    /// Compares `region` with what [`Self::save`] stored. A pixel that changed by more than
+    /// `tolerance` in a channel (`None`: in a bit) is marked in `changed`; others get old values
+    /// back.
     fn compare(&mut self, region: Region, old: &[f32], tolerance: Option<f32>, changed: &mut Changes);
     /// A map of the same layout.
     type Whole;
@@ -130,8 +131,8 @@ pub(super) struct Patch<'a, W> {
     pub(super) tolerance: Option<f32>,
     /// Rows and columns of the recomputed blocks.
     pub(super) block: [usize; 2],
-    /// Whether a small rectangle of changes, as one changed pixel of the frame makes, is recomputed at once instead of blocks: the
-    /// weights are then read once.
+    /// Whether a small rectangle of changes, as of one changed pixel, is recomputed at once instead
+    /// of in blocks: the weights are read once.
     pub(super) rectangles: bool,
 }
 

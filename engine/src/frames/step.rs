@@ -1,7 +1,7 @@
 //! State of a frame engine, and the order in which its layers run.
 //!
-//! Each layer records the changed pixels of its inputs since it last ran. Layers with a state, and their inputs, run
-//! for every frame. The others run when a prediction is read, and process the changes of several frames at once.
+//! Each layer records its inputs' changed pixels since it last ran. Layers with a state, and their
+//! inputs, run for every frame; the others at a prediction, over the changes of several frames.
 
 mod snapshot;
 
@@ -48,7 +48,7 @@ pub(crate) struct Cell<'a> {
 #[derive(Clone, Debug)]
 struct Background {
     buffers: Vec<Buffer>,
-    /// For each value, the pixels that anything but zeros may have reached; `None` if the value depends on a state.
+    /// For each value, where anything but zeros may have reached; `None` if it depends on a state.
     reached: Vec<Option<Changes>>,
 }
 
@@ -132,8 +132,8 @@ impl State {
         self.step(network, options, any);
     }
 
-    /// Takes a frame that differs from the last one in `cells` alone. Everything that changed is marked, and nothing else is read; the
-    /// options neither skip by a tolerance nor store a background.
+    /// Takes a frame that differs from the last in `cells` alone: all changes are marked, nothing
+    /// else is read. There is no tolerance and no background.
     pub(super) fn push_cells<'a>(
         &mut self,
         network: &FrameNetwork,
@@ -165,7 +165,7 @@ impl State {
     /// Brings the prediction up to date.
     pub(super) fn predict(&mut self, network: &FrameNetwork, options: FrameOptions) {
         for i in 0..network.units.len() {
-            // Before the first frame, no state has made a step, and the inputs of states have not run either.
+            // Before the first frame, no state has made a step, and their inputs have not run.
             let waits = self.frames == 0 && !self.memories[i].is_state();
             if !network.units[i].eager || waits {
                 self.run(network, options, i);
@@ -258,9 +258,9 @@ impl State {
     pub(super) fn reset(&mut self, network: &FrameNetwork, options: FrameOptions) {
         self.memories.iter_mut().for_each(Memory::reset);
         self.frames = 0;
-        // With a tolerance, values are compared with stored ones, which must not be those from before the reset.
+        // With a tolerance, values must not be compared with those from before the reset.
         let compares = matches!(options.skip, Skip::Tolerance(_));
-        // As before the first frame, the outputs of layers with a state, and the frame itself, are zeros.
+        // As before the first frame, the frame and the outputs of states are zeros.
         for (i, value) in network.values.iter().enumerate() {
             if i == 0 || compares || self.memories[i - 1].is_state() {
                 self.changed.become_none(value.shape.marks());

@@ -14,9 +14,9 @@ pub struct Frame {
 
 /// A [`FrameEngine`] with the common methods of all engines: it takes frames in order of time.
 ///
-/// A frame earlier than the newest time is late and dropped. If [`CONFIRMING_FRAMES`] frames in a row are late, in order of time among
-/// themselves, the clock has restarted: the engine resets, and takes the last of them ([`RestartPolicy`]). In a
-/// [`Prediction`], `nodes` is the number of frames since the last reset.
+/// A frame earlier than the newest is late and dropped. [`CONFIRMING_FRAMES`] late frames in a row,
+/// in order, restart the clock: the engine resets and takes the last ([`RestartPolicy`]). `nodes`
+/// of a [`Prediction`] counts frames since the last reset.
 #[derive(Clone, Debug)]
 pub struct TimedFrames {
     engine: FrameEngine,

@@ -43,7 +43,7 @@ pub(super) fn channels(parts: &NetworkParts) -> Result<Vec<Vec<usize>>, EngineEr
     Ok(channels)
 }
 
-/// Checks the dense layers or the head, which read `channels` channels of the readout; its grid has `times` copies.
+/// Checks the dense layers or head over `channels` of the readout, in `times` copies of its grid.
 fn after_readout(parts: &NetworkParts, channels: usize, times: usize) -> Result<(), EngineError> {
     let (columns, rows) = (parts.readout.columns, parts.readout.rows);
     let mut inputs = channels * columns * rows * times;
@@ -73,7 +73,7 @@ fn after_readout(parts: &NetworkParts, channels: usize, times: usize) -> Result<
     Ok(())
 }
 
-/// Number of cells of `size` that a window can occupy: it is a closed interval and starts anywhere in a cell.
+/// Cells of `size` that a window can occupy: a closed interval that starts anywhere in one.
 pub(super) fn times(size: Fraction) -> usize {
     size.cells() + 1
 }
@@ -98,7 +98,7 @@ fn feature(layer: &str, what: &'static str, channels: &[usize], index: usize) ->
         .ok_or_else(|| misfit(layer, what, format!("below {}", channels.len()), index))
 }
 
-/// Checks the blocks of a level with `inputs` input channels; returns the channels of all its features.
+/// Checks the blocks of a level with `inputs` channels; returns the channels of its features.
 fn level_channels(level: &Level, inputs: usize) -> Result<Vec<usize>, EngineError> {
     if !(level.scale.is_finite() && level.scale > 0.0) {
         return Err(option("edge-attribute scale", "a finite number above 0", level.scale));

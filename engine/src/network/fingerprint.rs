@@ -1,4 +1,4 @@
-//! Fingerprint of a network over events: a hash of everything that its predictions depend on, and of names.
+//! Fingerprint of a network over events: a hash of all that predictions depend on, and of names.
 
 use super::parts::{
     Aggregation, Block, Candidates, DenseLayer, Level, Lifetime, NetworkParts, Normalisation, Pooling,

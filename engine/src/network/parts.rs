@@ -8,8 +8,8 @@ use crate::Fraction;
 use crate::convolution::{EdgeReads, GraphConvolution};
 use crate::frames::FrameNetwork;
 
-/// The neighbours of a node. `knn` and `radius` are one rule: the first `most` candidates in the graph's order whose
-/// squared distance is at most `radius`^2.
+/// The neighbours of a node. `knn` and `radius` are one rule: the first `most` candidates in order
+/// whose squared distance is at most `radius`^2.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Reach {
     /// The `k` nearest nodes.
@@ -83,8 +83,8 @@ impl GraphRule {
 pub enum Normalisation {
     /// Fixed scales per level; grids with origin 0.
     Fixed,
-    /// The largest coordinate difference over the edges of each graph, and grids that start at its smallest position,
-    /// as the published checkpoint was trained. Batch only.
+    /// The largest coordinate difference over each graph's edges, and grids from its smallest
+    /// position, as the published checkpoint was trained. Batch only.
     PerGraph,
 }
 
@@ -128,7 +128,7 @@ pub struct Block {
 /// The blocks over one graph.
 #[derive(Clone, Debug)]
 pub struct Level {
-    /// Scale s of the edge attributes u = clamp((`p_j` - `p_i`) / (2 s) + 0.5, 0, 1) and of the offsets (`p_j` - `p_i`) / s.
+    /// Scale s: attributes clamp((`p_j` - `p_i`) / (2 s) + 0.5, 0, 1), offsets (`p_j` - `p_i`) / s.
     pub scale: f32,
     /// Blocks in topological order: each reads only features written before it.
     pub blocks: Vec<Block>,
@@ -150,7 +150,7 @@ pub enum Aggregation {
     Sum,
 }
 
-/// The maximum or the sum over a grid of the image, in row-major order of cells. An empty cell is 0.
+/// The maximum or sum over a grid of the image, cells row-major. An empty cell is 0.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Readout {
     /// Feature of the last level.
@@ -159,11 +159,11 @@ pub struct Readout {
     pub columns: usize,
     /// Cells along y.
     pub rows: usize,
-    /// How the rows of a cell become one: a sum counts, a maximum does not. Sums are of events: there can be no pooling.
-    /// [`Network::sum_part_us`](crate::Network::sum_part_us) gives their order.
+    /// How a cell's rows become one: a sum counts, a maximum does not. Sums are of events, without
+    /// pooling, in the order of [`Network::sum_part_us`](crate::Network::sum_part_us).
     pub aggregation: Aggregation,
-    /// Whether the poolings' cells in time stay separate: there is then one copy of the grid for each time cell that a
-    /// window can occupy, newest first.
+    /// Whether cells in time stay separate: a copy of the grid for each that a window can occupy,
+    /// newest first.
     pub by_time: bool,
 }
 
@@ -189,9 +189,9 @@ pub struct NetworkParts {
     pub graph: GraphRule,
     /// Reference of edge attributes and grids.
     pub normalisation: Normalisation,
-    /// Size along x and y, as fractions of the sensor, of cells in which the place of an event is an input. The input has
-    /// three channels then: the polarity (-1 or 1), and the place of the pixel's centre along x and y, from -1 at the start of
-    /// a cell to 1 at its end ([`Fraction::place`]). With `None` the polarity is the only one.
+    /// Cells, as fractions of the sensor along x and y, in which an event's place is an input: the
+    /// channels are then polarity (-1 or 1) and the place of the pixel's centre along x and y, -1
+    /// at a cell's start to 1 at its end ([`Fraction::place`]). `None`: polarity alone.
     pub place: Option<[Fraction; 2]>,
     /// The event level.
     pub events: Level,
@@ -201,8 +201,8 @@ pub struct NetworkParts {
     pub readout: Readout,
     /// Dense layers in order; the outputs of the last are the prediction. Empty if there is a head.
     pub dense: Vec<DenseLayer>,
-    /// A frame network instead of dense layers; its output is the prediction. It reads the readout as an image with
-    /// the columns and rows of the grid. Channel `age C + c` is channel c of the grid that is `age` time cells old. It
-    /// must be stateless: predictions cannot depend on how often they are read.
+    /// A frame network instead of dense layers, which predicts. It reads the readout as an image of
+    /// the grid: channel `age C + c` is channel c of the grid `age` time cells old. It is
+    /// stateless: predictions cannot depend on how often they are read.
     pub head: Option<Arc<FrameNetwork>>,
 }

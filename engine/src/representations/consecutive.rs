@@ -1,9 +1,9 @@
-//! Frames over consecutive windows of equal length: two-channel event counts, or signed frames of one channel.
+//! Frames over consecutive windows of equal length: event counts of two channels, or signed frames.
 //!
-//! Enters: events. Leaves: a frame for each window, once time has passed the window's end; empty frames as runs.
-//! Window k holds the events with `start + k period <= t < start + (k + 1) period`. Values are computed from integers.
-//! Invariant between calls: `values` is 0 where `integers` is 0, `integers` is 0 outside `touched`, and `before` is 0
-//! outside `touched_before`.
+//! Enters: events. Leaves: a frame for each window whose end has passed; empty frames as runs.
+//! Window k holds the events with `start + k period <= t < start + (k + 1) period`. Invariant:
+//! `values` is 0 where `integers` is, `integers` outside `touched`, `before` outside
+//! `touched_before`.
 
 use crate::admission::Admission;
 use crate::representations::{Completed, Crop, EmptyRun, EventFrame, RepresentationError, SignedRule};
@@ -17,7 +17,7 @@ pub struct Consecutive {
     pub crop: Crop,
     /// Length of a window in microseconds.
     pub period_us: i64,
-    /// When the first window begins; by default at the first event on the sensor, inside the crop or not.
+    /// When the first window begins; by default at the first event on the sensor.
     pub start_us: Option<i64>,
 }
 
@@ -30,7 +30,7 @@ impl Consecutive {
 
 /// Frames over consecutive windows: counts of events, or their polarities.
 ///
-/// A push costs O(1), a frame O(pixels touched in it and in the frame before); nothing is allocated after construction.
+/// A push costs O(1), a frame O(pixels touched in it and the one before); allocates nothing later.
 #[derive(Clone, Debug)]
 pub struct ConsecutiveFrames {
     admission: Admission,
@@ -54,11 +54,11 @@ pub struct ConsecutiveFrames {
 }
 
 impl ConsecutiveFrames {
-    /// Two-channel event counts, the input of the contact-force networks: frames of shape (2, height, width), channel 0
-    /// negative (OFF), channel 1 positive (ON).
+    /// Two-channel event counts, the input of the contact-force networks: frames of (2, height,
+    /// width), channel 0 negative (OFF), 1 positive (ON).
     ///
-    /// value(p, y, x) = number of events of polarity p at pixel (x, y) in the window / `maximum` (the force paper, Eq. 1).
-    /// Counts are integers and are divided in f32. Counts above `maximum` give values above 1.
+    /// value(p, y, x) = events of polarity p at (x, y) in the window / `maximum` (the force paper,
+    /// Eq. 1), divided in f32. More than `maximum` gives values above 1.
     ///
     /// # Errors
     /// A crop outside `sensor`, a period below 1 us, a maximum that is not finite or below 1.
@@ -69,7 +69,7 @@ impl ConsecutiveFrames {
         Self::new(sensor, options, None, maximum)
     }
 
-    /// Signed frames of shape (1, height, width), the input of the contact-angle paper's event-frame network.
+    /// Signed frames (1, height, width), the input of the contact-angle paper's frame network.
     ///
     /// # Errors
     /// A crop outside `sensor`, a period below 1 us.
@@ -128,10 +128,10 @@ impl ConsecutiveFrames {
         self.outside_crop
     }
 
-    /// Takes `event`. Before that, hands the windows that its time completes to `sink`, in order. At most two calls:
-    /// one frame, and one run of empty ones.
+    /// Takes `event`. First hands completed windows to `sink` in order, in at most two calls: one
+    /// frame, and one run of empty ones.
     ///
-    /// An event outside the crop is accepted: it advances time and counts as [`Self::outside_crop`].
+    /// An event outside the crop is accepted, advances time and counts as [`Self::outside_crop`].
     pub fn push(&mut self, event: Event, sink: impl FnMut(Completed<'_>)) -> Outcome {
         if let Err(reason) = self.admission.admit_node(event) {
             return Outcome::Dropped(reason);
@@ -144,14 +144,14 @@ impl ConsecutiveFrames {
         Outcome::Accepted
     }
 
-    /// Advances time to `t_us`, and hands the windows that this completes to `sink`. Earlier times change nothing.
-    /// Before the first event, no time changes anything unless a start was given.
+    /// Advances time to `t_us`, and hands the windows that this completes to `sink`. Earlier times
+    /// change nothing, nor does any before the first event, unless a start was given.
     pub fn advance(&mut self, t_us: i64, sink: impl FnMut(Completed<'_>)) {
         self.admission.advance(t_us);
         self.complete(sink);
     }
 
-    /// The window that is still open, with its events so far; `None` if there is no time yet. O(touched pixels).
+    /// The open window with its events so far; `None` without a time. O(touched pixels).
     pub fn open(&mut self) -> Option<EventFrame<'_>> {
         self.admission.epoch_us()?;
         self.render();

@@ -4,7 +4,7 @@ use std::fmt;
 
 use crate::Sensor;
 
-/// A rectangle of pixels; pixel (x, y) of the sensor is pixel (x - `Crop::x`, y - `Crop::y`) of the frame.
+/// A rectangle; pixel (x, y) of the sensor is (x - `Crop::x`, y - `Crop::y`) of the frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Crop {
     /// First column.

@@ -1,6 +1,6 @@
 //! Frames of events, as representations deliver them.
 
-/// The value of a pixel in a signed frame, from its events with polarity +1 (ON) or -1 (OFF); 0 without events.
+/// A pixel's value in a signed frame, from its events (+1 ON, -1 OFF); 0 without events.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum SignedRule {
     /// The sum of the polarities, an integer.
@@ -45,7 +45,7 @@ pub struct EmptyRun<'a> {
     pub period_us: i64,
     /// How many there are, at least 1.
     pub count: u64,
-    /// Pixels of which the first frame differs from the one before the run. The others of the run change nothing.
+    /// Pixels in which the first frame differs from the one before; the others change nothing.
     pub changed: &'a [u32],
 }
 

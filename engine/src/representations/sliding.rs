@@ -1,8 +1,8 @@
 //! A signed frame over the last `span_us`, readable at any time.
 //!
-//! Enters: events, and time. Leaves: the frame over the events with `now - span <= t <= now`, on demand.
-//! Invariant: a pixel's integer is the sum (or the latest polarity) of its events in `window`, and `held` is their number;
-//! `values` is out of date only in the pixels of `stale`.
+//! Enters: events, and time. Leaves: the frame over `now - span <= t <= now`, on demand. Invariant:
+//! a pixel's integer is the sum (or latest polarity) of its events in `window`, `held` their
+//! number; `values` is out of date in `stale` alone.
 
 use std::collections::VecDeque;
 
@@ -23,7 +23,7 @@ struct Member {
 
 /// A signed frame whose events leave again.
 ///
-/// A push costs O(1) amortised: each event enters and leaves once. A frame costs O(pixels whose events changed).
+/// A push costs O(1) amortised, a frame O(pixels whose events changed).
 #[derive(Clone, Debug)]
 pub struct SlidingSigned {
     admission: Admission,
@@ -46,8 +46,8 @@ impl SlidingSigned {
     /// A capacity for streams of any sensor: 6 MiB of events.
     pub const DEFAULT_CAPACITY: usize = 1 << 18;
 
-    /// An empty window of `span_us`. It holds at most `capacity` events: beyond that, the oldest leave first and count
-    /// as evicted.
+    /// An empty window of `span_us` for `capacity` events: beyond that, the oldest leave first and
+    /// count as evicted.
     ///
     /// # Errors
     /// A crop outside `sensor`, a span or a capacity below 1, a capacity above 2^31 - 1.
@@ -91,7 +91,7 @@ impl SlidingSigned {
 
     /// Takes `event`, and removes the events that its time makes too old.
     ///
-    /// An event outside the crop is accepted: it advances time and counts as [`Self::outside_crop`].
+    /// An event outside the crop is accepted, advances time and counts as [`Self::outside_crop`].
     pub fn push(&mut self, event: Event) -> Outcome {
         let t = match self.admission.admit_node(event) {
             Ok(node) => node.t,
@@ -110,15 +110,15 @@ impl SlidingSigned {
         Outcome::Accepted
     }
 
-    /// Advances time to `t_us`, and removes the events that are too old. Earlier times, and any time before the first
-    /// event, change nothing.
+    /// Advances time to `t_us`, and removes events that are too old. Earlier times, and any before
+    /// the first event, change nothing.
     pub fn advance(&mut self, t_us: i64) {
         self.admission.advance(t_us);
         self.expire();
     }
 
-    /// The current frame. `changed` are the pixels whose value differs from the last frame that was read; `start_us` is
-    /// `now - span`, or 0 if there is no time yet.
+    /// The current frame. `changed` are the pixels that differ from the last frame read; `start_us`
+    /// is `now - span`, or 0 without a time.
     pub fn frame(&mut self) -> EventFrame<'_> {
         self.changed.clear();
         for &pixel in self.stale.as_slice() {
@@ -139,7 +139,7 @@ impl SlidingSigned {
         }
     }
 
-    /// Forgets time and all events. The next frame still lists the changes since the last frame that was read. Counters go on.
+    /// Forgets time and events, not counters. The next frame lists changes since the last one read.
     pub fn reset(&mut self) {
         while !self.window.is_empty() {
             self.leave();
@@ -158,7 +158,7 @@ impl SlidingSigned {
     }
 
     fn expire(&mut self) {
-        // Ages are differences of times since the epoch, all of them at least 0: they cannot overflow.
+        // Times from the epoch are at least 0, so ages cannot overflow.
         let now = self.admission.now();
         while self.window.front().is_some_and(|oldest| now - oldest.t > self.span_us) {
             self.leave();

@@ -1,8 +1,8 @@
 //! Tactile images and sequences: the input of the direction-of-slip networks.
 //!
-//! Enters: one reading of 24 electrodes after the other. Leaves: sequences of readings or of images of 12 x 11, scaled;
-//! readings also in two ways, side by side.
-//! The order is fixed: check, (scale the reading,) lay it out, (scale the image,) collect.
+//! Enters: readings of 24 electrodes. Leaves: sequences of readings or images of 12 x 11, scaled;
+//! readings also in two ways, side by side. The order: check, (scale the reading,) lay it out,
+//! (scale the image,) collect.
 
 mod layout;
 mod scaling;

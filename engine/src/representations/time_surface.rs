@@ -1,10 +1,10 @@
-//! Time surfaces: how long ago each pixel last saw an event of each polarity (Lagorce et al. 2017, HOTS, Eq. 3).
+//! Time surfaces: how long ago each pixel saw each polarity (Lagorce et al. 2017, HOTS, Eq. 3).
 //!
-//! Enters: events, and time. Leaves, on demand: a frame of shape (2, height, width), channel 0 negative (OFF), channel
-//! 1 positive (ON), with value(p, y, x) = decay(now - latest(p, y, x)), and 0 where there never was an event.
-//! Ages are integers and rounded to f32 once. Tonic's `ToTimesurface` reads such a surface every `dt`: push the events
-//! before that time, `advance` to it, read.
-//! Invariant: a value outside `active` is 0, and stays 0 until its next event, because ages only grow.
+//! Enters: events, and time. Leaves, on demand: a frame (2, height, width), channel 0 negative
+//! (OFF), 1 positive (ON), with value(p, y, x) = decay(now - latest(p, y, x)), 0 without an event.
+//! Ages are integers, rounded to f32 once. Tonic's `ToTimesurface` reads one every `dt`: push the
+//! events before, `advance`, read. Invariant: a value outside `active` is 0 until its next event,
+//! as ages only grow.
 
 use meissner_kernels::exp;
 
@@ -29,7 +29,7 @@ pub enum Decay {
 }
 
 impl Decay {
-    /// The value of an event `age_us` microseconds after it, from 1 down to 0. The quotient is formed in f32.
+    /// The value of an event after `age_us` microseconds, from 1 down to 0; a quotient in f32.
     #[inline]
     pub fn value(self, age_us: i64) -> f32 {
         match self {
@@ -54,8 +54,8 @@ pub struct Surface<'a> {
 
 /// The times of the latest event by pixel and polarity.
 ///
-/// A push costs O(1), a surface O(values that were not 0 in the one before or have new events); nothing is allocated
-/// after construction. An exponential is 0 after 104 time constants, as f32 has it.
+/// A push costs O(1), a surface O(values that were not 0 before or have new events); nothing is
+/// allocated later. In f32 an exponential is 0 after 104 time constants.
 #[derive(Clone, Debug)]
 pub struct TimeSurface {
     admission: Admission,
@@ -98,7 +98,7 @@ impl TimeSurface {
 
     /// Notes the time of `event`.
     ///
-    /// An event outside the crop is accepted: it advances time and counts as [`Self::outside_crop`].
+    /// An event outside the crop is accepted, advances time and counts as [`Self::outside_crop`].
     pub fn push(&mut self, event: Event) -> Outcome {
         let t = match self.admission.admit_node(event) {
             Ok(node) => node.t,
@@ -119,7 +119,7 @@ impl TimeSurface {
         self.admission.advance(t_us);
     }
 
-    /// The surface at the current time: that of the newest event, or a later one given to `advance`.
+    /// The surface at the time of the newest event, or a later `advance`.
     pub fn surface(&mut self) -> Surface<'_> {
         let now = self.admission.now();
         // Backwards: the row that takes a removed one's place has been visited.

@@ -1,13 +1,14 @@
-//! Voxel grids: events spread over bins of time (Zhu et al. 2019, Unsupervised Event-based Learning of Optical Flow,
-//! Depth, and Egomotion, Eqs. 1 and 2, as Tonic's `ToVoxelGrid` has it).
+//! Voxel grids: events spread over bins of time (Zhu et al. 2019, "Unsupervised Event-based
+//! Learning of Optical Flow, Depth, and Egomotion", Eq. 1-2, as Tonic's `ToVoxelGrid`).
 //!
-//! Enters: a window of time from t0 to t1, both included, and events. Leaves: a grid of shape (bins, height, width),
+//! Enters: a window from t0 to t1, both included, and events. Leaves: a grid (bins, height, width),
 //!
-//!   V(b, y, x) = sum over events at (x, y) of polarity * max(0, 1 - |b - tau|),  tau = s (t - t0) / (t1 - t0),
+//!   V(b, y, x) = sum over events at (x, y) of polarity max(0, 1 - |b - tau|),
+//!   tau = s (t - t0) / (t1 - t0),
 //!
-//! with polarity +1 (ON) or -1 (OFF) and s = bins or bins - 1 ([`VoxelTime`]). Where t1 = t0, tau is 0.
-//! A weight is an integer multiple of 1 / (t1 - t0), so sums are integers: the grid does not depend on the order of
-//! events (late ones count like all others), and a value is divided in f64 and rounded to f32 once.
+//! with polarity +1 (ON) or -1 (OFF) and s = bins or bins - 1 ([`VoxelTime`]); tau is 0 if t1 = t0.
+//! Weights are integer multiples of 1 / (t1 - t0), so sums are integers: the order of events, late
+//! ones included, does not matter. A value is divided in f64 and rounded to f32 once.
 
 use std::ops::RangeInclusive;
 
@@ -18,10 +19,10 @@ use crate::{Event, Sensor};
 /// How the time of a window maps to the bins.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum VoxelTime {
-    /// s = bins: the window's end lies one bin after the last one, and the weight that falls there is lost (Tonic).
+    /// s = bins: the window ends a bin after the last, and weight that falls there is lost (Tonic).
     #[default]
     Bins,
-    /// s = bins - 1: the window's end lies on the last bin, and every event has weight 1 in all (the paper's Eq. 1).
+    /// s = bins - 1: it ends on the last bin, and every event weighs 1 (the paper's Eq. 1).
     Centres,
 }
 
@@ -47,7 +48,7 @@ pub struct VoxelFrame<'a> {
     pub shape: [usize; 3],
     /// Values, row-major.
     pub values: &'a [f32],
-    /// Pixels (row times width plus column) that have events, in no particular order. All others are 0 in every bin.
+    /// Pixels (row times width plus column) with events, in any order; all others are 0.
     pub touched: &'a [u32],
     /// Events inside.
     pub events: u64,
@@ -55,8 +56,8 @@ pub struct VoxelFrame<'a> {
 
 /// A voxel grid under construction.
 ///
-/// A push costs O(1), a frame O(bins x pixels with new events), a restart O(bins x touched pixels); nothing is
-/// allocated after construction.
+/// A push costs O(1), a frame O(bins x pixels with new events), a restart O(bins x touched pixels);
+/// nothing is allocated later.
 #[derive(Clone, Debug)]
 pub struct VoxelGrid {
     sensor: Sensor,
@@ -80,7 +81,7 @@ impl VoxelGrid {
     /// An empty grid of `bins` over the events of `window_us`.
     ///
     /// # Errors
-    /// A crop outside `sensor`, bins not from 1 to 65,536, a window as [`Self::restart`] refuses it.
+    /// A crop outside `sensor`, bins not from 1 to 65,536, a window that [`Self::restart`] refuses.
     pub fn new(
         sensor: Sensor,
         crop: Crop,
@@ -113,7 +114,7 @@ impl VoxelGrid {
     /// Empties the grid and begins another window. Counters go on.
     ///
     /// # Errors
-    /// A window that ends before it starts or is longer than 2^32 - 1 us (71 minutes); the grid is then as it was.
+    /// A window that ends before it starts or exceeds 2^32 - 1 us (71 minutes); nothing changes.
     pub fn restart(&mut self, window_us: RangeInclusive<i64>) -> Result<(), RepresentationError> {
         self.span = span(&window_us)?;
         self.start_us = *window_us.start();
@@ -129,7 +130,7 @@ impl VoxelGrid {
         Ok(())
     }
 
-    /// Adds `event` if it is on the sensor, in the crop and in the window, and returns whether it is.
+    /// Adds `event` if it is on the sensor, in the crop and in the window; returns whether it is.
     pub fn push(&mut self, event: Event) -> bool {
         self.counters.pushed += 1;
         if !self.sensor.contains(event.x, event.y) {

@@ -1,14 +1,14 @@
 //! Constants of the format, and the kinds of engines that have snapshots.
 
 pub(super) const MAGIC: [u8; 8] = *b"MEISSNER";
-/// Format version. It increases with every change of the format, or of the order in which an engine computes.
+/// Version, increased with every change of the format or of the order of a computation.
 pub(super) const VERSION: u32 = 2;
 /// Bytes before the content.
 pub(super) const HEADER: usize = 24;
 /// Bytes after the content.
 pub(super) const CHECKSUM: usize = 8;
-/// Limit of counts in a snapshot, so that they can be increased, and summed over layers, for as long as any engine
-/// runs: two thousand years at a million per second.
+/// Limit of counts in a snapshot: they can grow, and be summed over layers, for two thousand years
+/// at a million per second.
 pub(super) const COUNT_LIMIT: u64 = 1 << 56;
 
 /// The kind of engine that a snapshot belongs to.

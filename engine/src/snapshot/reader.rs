@@ -14,7 +14,7 @@ pub(crate) struct Reader<'a> {
 }
 
 impl<'a> Reader<'a> {
-    /// Opens the content of `bytes`, a snapshot of `kind`; checks version, length and checksum. O(bytes).
+    /// The content of `bytes`, a snapshot of `kind`; checks version, length and checksum. O(bytes).
     pub(crate) fn open(bytes: &'a [u8], kind: Kind) -> Result<Self, EngineError> {
         Ok(parts(bytes, Some(kind))?.0)
     }
@@ -78,7 +78,7 @@ impl<'a> Reader<'a> {
         Ok(counts)
     }
 
-    /// Reads the number of items that follow, each of at least `each` bytes: at most `most`, and not truncated.
+    /// The number of following items of at least `each` bytes: at most `most`, not truncated.
     pub(crate) fn length(
         &mut self,
         what: impl Display,
@@ -125,7 +125,7 @@ impl<'a> Reader<'a> {
     }
 }
 
-/// The content and the note of `bytes`, a snapshot of `kind` (or of any kind); checks version, length and checksum.
+/// Content and note of a snapshot of `kind` (or any); checks version, length and checksum.
 fn parts(bytes: &[u8], kind: Option<Kind>) -> Result<(Reader<'_>, &[u8]), EngineError> {
     let mut reader = Reader { bytes, at: 0 };
     let magic = reader.take("first bytes", MAGIC.len())?;
@@ -160,11 +160,11 @@ fn parts(bytes: &[u8], kind: Option<Kind>) -> Result<(Reader<'_>, &[u8]), Engine
     Ok((Reader { bytes: content, at: HEADER }, note))
 }
 
-/// The note in the bytes of a snapshot of any kind (see [`crate::Engine::to_bytes_with`]); the bytes are checked as a
-/// whole. O(bytes).
+/// The note in a snapshot of any kind (see [`crate::Engine::to_bytes_with`]), checked as a whole.
+/// O(bytes).
 ///
 /// # Errors
-/// [`EngineError::Snapshot`] for another version; [`EngineError::SnapshotBytes`] if the bytes are truncated or changed.
+/// [`EngineError::Snapshot`] for another version; [`EngineError::SnapshotBytes`] for damaged bytes.
 pub fn snapshot_note(bytes: &[u8]) -> Result<&[u8], EngineError> {
     Ok(parts(bytes, None)?.1)
 }
@@ -185,7 +185,7 @@ fn refused(what: impl Display, at: usize, expected: impl Display, found: impl Di
     }
 }
 
-/// Refuses a state of a network with another fingerprint; a network is its fingerprint and its name.
+/// Refuses a state of a network with another fingerprint; a network is (fingerprint, name).
 pub(crate) fn check_network(own: (u64, &str), found: (u64, &str)) -> Result<(), EngineError> {
     let of = |(fingerprint, name): (u64, &str)| format!("{name:?} with fingerprint {fingerprint:#018x}");
     if own.0 == found.0 { Ok(()) } else { Err(differs("network", of(own), of(found))) }

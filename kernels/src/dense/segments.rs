@@ -1,9 +1,9 @@
 //! Sums of a dense layer over several segments, of which few change from one input to the next.
 //!
-//! Each segment has a partial sum of every output: from +0 over its channels in ascending order, each product rounded once
-//! with the sum. Partial sums are added in pairs, (0 + 1), (2 + 3), ..., the results in pairs again, and so on; the last of
-//! an odd number passes on as it is. A changed segment costs its own products and one addition a level for each output.
-//! The partial sum of a segment that is +0 throughout is +0 without a product: most cells of a readout are empty.
+//! Each segment has a partial sum of every output: from +0 over its channels, ascending, each
+//! product rounded once with the sum. They are added in pairs, (0 + 1), (2 + 3), ..., the results
+//! in pairs again; an odd last one passes on. A changed segment costs its products and one addition
+//! a level per output. A segment that is all +0 needs none: most readout cells are empty.
 
 use crate::isa::{Simd, Vector, accumulate, flat, flat_mut};
 use crate::lanes::Lanes;
@@ -36,7 +36,7 @@ impl Segments {
         levels(self.count).map(|(_, count)| count).sum::<usize>() * self.lanes
     }
 
-    /// Brings `sums` up to date with the `changed` segments of `inputs`; returns those of all segments.
+    /// Brings `sums` up to date with the `changed` segments; returns those of all segments.
     #[inline(always)]
     pub(super) fn update<'a, S: Simd>(
         &self,

@@ -4,9 +4,9 @@
 //! - Transposed, 2 x 2 places with stride 2: each input pixel becomes four output pixels,
 //!   y(2 p + d, o) = relu(b(o) + sum over i of x(p, i) W(i, o, d)).
 //!
-//! Each output is one chain of sums that starts from the bias. The order of the sum is: input maps, rows of the kernel,
-//! columns of the kernel, channels of the map, all ascending. Places beyond the map add zeros. At the end +0 is added,
-//! so that no output is -0. A map of zeros therefore changes no output and is not read.
+//! An output is one chain of sums from the bias, over input maps, rows and columns of the kernel,
+//! and channels, all ascending. Places beyond the map add zeros. At the end +0 is added, so no
+//! output is -0. A map of zeros therefore changes nothing and is not read.
 
 use super::layer::{Layer, sources};
 use super::shape::Region;
@@ -52,12 +52,12 @@ impl<const K: usize> DirectConv<K> {
         self.packed.rows * self.packed.outputs
     }
 
-    /// Computes the outputs of `region`; other outputs are unchanged. Input maps have the output's height and width,
-    /// and a halo of at least the kernel's padding. An omitted second input map counts as zeros.
+    /// Computes the outputs of `region` alone. Input maps have the output's height and width, and a
+    /// halo as wide as the padding. An omitted second map counts as zeros.
     ///
     /// # Errors
-    /// [`KernelError::Shape`], [`KernelError::Length`] or [`KernelError::Size`] for an input that does not fit,
-    /// [`KernelError::Region`] if the region is not within the band.
+    /// [`KernelError::Shape`], [`KernelError::Length`] or [`KernelError::Size`] for an input that
+    /// does not fit, [`KernelError::Region`] for a region beyond the band.
     pub fn run(
         &self,
         isa: Isa,
@@ -147,8 +147,8 @@ impl TransposedConv2x2 {
     /// Computes the four outputs of each pixel in `region`, a region of the inputs.
     ///
     /// # Errors
-    /// [`KernelError::Shape`] or [`KernelError::Length`] for a map that does not fit (the output has twice the inputs'
-    /// height and width), [`KernelError::Region`] if the region's outputs are not within the band.
+    /// [`KernelError::Shape`] or [`KernelError::Length`] for a map that does not fit (the output is
+    /// twice as high and wide), [`KernelError::Region`] for a region beyond the band.
     pub fn run(
         &self,
         isa: Isa,

@@ -6,12 +6,12 @@ use crate::error::{KernelError, check_sizes};
 use crate::isa::{flat_wide, flat_wide_mut};
 use crate::lanes::{LANES, Wide};
 
-/// (height, width, channels) f32 with the channels of a pixel contiguous. A halo of 0 or 1 pixel around the map stays
-/// zero, so that a padded convolution needs no bounds checks.
+/// (height, width, channels) f32, a pixel's channels contiguous. A halo of 0 or 1 pixel stays zero,
+/// so that a padded convolution needs no bounds checks.
 #[derive(Clone, Debug)]
 pub struct FeatureMap {
     shape: Shape,
-    /// The pixels with their halo, row after row, and one more vector, so that a vector can be read at every value.
+    /// Rows of pixels with their halo, and one more vector: one can be read at every value.
     data: Vec<Wide>,
 }
 

@@ -1,11 +1,10 @@
-//! A 3 x 3 convolution as nine 1 x 1 convolutions whose products are kept: kn2row (Vasudevan, Anderson and Gregg 2017, "Parallel
-//! multi channel convolution using general matrix multiplication").
+//! A 3 x 3 convolution as nine 1 x 1 convolutions whose products are kept: kn2row (Vasudevan et al.
+//! 2017, "Parallel multi channel convolution using general matrix multiplication").
 //!
-//! Each input pixel p has nine products for each output channel, one for each place of the kernel,
-//! P(p, place, o) = sum over i of x(p, i) W(o, i, place), one chain of sums from +0 over ascending i. An output is
-//! y(p, o) = relu(b(o) + P(p + place, place, o) for each place in turn), rows of the kernel before its columns. A changed
-//! pixel costs its own products and nine additions for each of nine outputs; directly, it costs nine outputs with all
-//! their products.
+//! Input pixel p has nine products for each output channel, P(p, place, o) = sum over i of x(p, i)
+//! W(o, i, place), a chain from +0, i ascending. y(p, o) = relu(b(o) + P(p + place, place, o) for
+//! each place), rows before columns. A changed pixel costs its own products and nine additions for
+//! each of nine outputs, instead of nine outputs with all their products.
 
 use super::conv::{Conv1x1, check_inputs};
 use super::feature_map::FeatureMap;
@@ -46,8 +45,8 @@ impl Kn2rowConv3x3 {
     /// Packs a layer's parameters.
     ///
     /// # Errors
-    /// A size that is zero, more than [`Self::MAX_OUTPUTS`] outputs, more than one input map, a tensor of the wrong length,
-    /// or a value that is not finite.
+    /// A size of zero, more than [`Self::MAX_OUTPUTS`] outputs or one input map, a tensor of the
+    /// wrong length, or a value that is not finite.
     pub fn new(parts: &ConvParts) -> Result<Self, KernelError> {
         parts.check(PLACES)?;
         let outputs = parts.outputs;
@@ -89,10 +88,10 @@ impl Kn2rowConv3x3 {
         each as u128 * pixels as u128
     }
 
-    /// Computes the products of `pixels`, each (y, x); those of others are unchanged. O(pixels x 9 x C x O).
+    /// Computes the products of `pixels`, each (y, x), alone. O(pixels x 9 x C x O).
     ///
     /// # Errors
-    /// [`KernelError::Shape`] or [`KernelError::Size`] for a map that does not fit: both have the output's height and width.
+    /// [`KernelError::Shape`] or [`KernelError::Size`] for a map not of the output's size.
     ///
     /// # Panics
     /// If a pixel is not on the map.
@@ -123,8 +122,8 @@ impl Kn2rowConv3x3 {
     /// Adds the products of `region`'s outputs; other outputs are unchanged. O(region x 9 x O).
     ///
     /// # Errors
-    /// [`KernelError::Shape`] or [`KernelError::Size`] for products that do not fit, [`KernelError::Region`] if the region is
-    /// not within the band.
+    /// [`KernelError::Shape`] or [`KernelError::Size`] for products that do not fit,
+    /// [`KernelError::Region`] for a region beyond the band.
     pub fn sum(
         &self,
         isa: Isa,
@@ -223,7 +222,7 @@ impl Task for Sum<'_> {
     fn run<S: Simd>(self, simd: S) {
         let Self { conv, products: View { shape, values, first, .. }, region, target } = self;
         let zero = S::V16::splat(simd, 0.0);
-        // The first place of output (y, x) is the stored pixel (y, x): the halo is as wide as the padding.
+        // The first place of output (y, x) is the stored pixel (y, x): the halo is the padding.
         let places: [usize; PLACES] =
             std::array::from_fn(|place| shape.stored(place / 3, place % 3) + place * conv.outputs);
         for y in 0..region.height {

@@ -1,11 +1,11 @@
-//! The loop of all direct convolutions: sums over some places of one or two maps, for a rectangle of outputs, or for the
-//! largest of each 2 x 2 of them.
+//! The loop of all direct convolutions: sums over places of one or two maps, for a rectangle of
+//! outputs or the largest of each 2 x 2 of them.
 //!
-//! y(o) = relu(b(o) + sum over maps, places, channels of x W(o)), one chain of sums from the bias, each product rounded
-//! once with its sum. A tile of positions shares each loaded weight. Weights of a block of 32 (or 16) outputs stay in the
-//! second-level cache during the loop over the positions of a strip of rows, and the strip during the loop over blocks.
-//! While a tile is computed, its outputs and what only the next one reads are brought from memory, a few lines at a time:
-//! many at once would hold up the weights.
+//! y(o) = relu(b(o) + sum over maps, places, channels of x W(o)), a chain from the bias, each
+//! product rounded once with its sum. A tile of positions shares each loaded weight. Weights of a
+//! block of 32 (or 16) outputs stay in the second-level cache over a strip of rows, and the strip
+//! over the blocks. Meanwhile a tile's outputs and what only the next one reads are fetched, a few
+//! lines at a time: many at once would delay the weights.
 
 use std::ops::Range;
 
@@ -18,7 +18,7 @@ use crate::lanes::Wide;
 /// Values of a strip of rows, inputs and outputs.
 const STRIP: usize = 1 << 16;
 
-/// Products of an output from which on its tile takes long enough to ask for lines meanwhile. Measured.
+/// Products of an output from which its tile takes long enough to fetch lines. Measured.
 const LONG: usize = 64;
 
 /// Largest number of places of a kernel.
@@ -40,7 +40,7 @@ pub(super) struct Source<'a> {
 }
 
 impl<'a> Source<'a> {
-    /// A kernel of `size` x `size` places whose first place is the stored pixel (y, x) for the first output.
+    /// A kernel of `size` x `size` places, at the stored pixel (y, x) for the first output.
     fn new(view: View<'a>, size: usize, y: usize, x: usize) -> Self {
         let (row, pixel) = (view.shape.row(), view.shape.channels);
         // If the places of a kernel row are contiguous, they form one run.
@@ -56,7 +56,7 @@ impl<'a> Source<'a> {
     }
 }
 
-/// The [`Source`]s of a kernel of `size` x `size` places that begins `padding` pixels before pixel (y, x).
+/// The [`Source`]s of a `size` x `size` kernel that begins `padding` pixels before (y, x).
 pub(super) fn sources<'a>(
     inputs: &[View<'a>],
     size: usize,
@@ -77,9 +77,9 @@ pub(super) struct Layer<'a> {
     pub(super) rows: usize,
     pub(super) columns: usize,
     pub(super) target: Target<'a>,
-    /// With it the target gets the largest of each 2 x 2 outputs, in the order of [`max_pool_2x2`](super::max_pool_2x2):
-    /// room for the larger of each two outputs of an upper row, for [`PAIR`] blocks of each two columns. Rows and columns
-    /// are even in number then.
+    /// With it the target gets the largest of each 2 x 2 outputs, in the order of
+    /// [`max_pool_2x2`](super::max_pool_2x2): room for the larger of each two outputs of an upper
+    /// row, for [`PAIR`] blocks of two columns. Rows and columns are then even in number.
     pub(super) halves: Option<&'a mut [Wide]>,
 }
 
@@ -225,7 +225,7 @@ impl<S: Simd, const B: usize, const POOL: bool> Row<'_, S, B, POOL> {
         store_some(y, &mut self.out[at..][..self.packed.real(self.block + b)]);
     }
 
-    /// Keeps the larger of the outputs of columns 2 x and 2 x + 1, or writes the largest of these and of those above.
+    /// Keeps the larger of columns 2 x and 2 x + 1, or writes the largest with those above.
     #[inline(always)]
     fn pool(&mut self, x: usize, left: [S::V16; B], right: [S::V16; B]) {
         let simd = self.simd;

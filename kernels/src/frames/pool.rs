@@ -1,8 +1,8 @@
 //! Poolings of maps, channel by channel.
 //!
-//! Maximum: over the pixels row by row. A later pixel replaces an earlier one only if it is larger or NaN, so a window
-//! that contains NaN gives NaN. Averages: sums from +0 in the order that each function states, times the inverse of the
-//! number of pixels rounded to f32.
+//! Maximum: row by row; a later pixel replaces an earlier one only if larger or NaN, so a window
+//! with NaN gives NaN. Averages: sums from +0 in a stated order, times the inverse of the number of
+//! pixels rounded to f32.
 
 use super::shape::Region;
 use super::tiles::store_some;
@@ -17,11 +17,11 @@ const WIDE: usize = 2 * LANES;
 /// Outputs by which what is read is asked for early.
 const AHEAD: usize = 8;
 
-/// Maximum of 2 x 2 pixels with stride 2 for the outputs in `region`; an odd last row or column is dropped.
+/// Maximum of 2 x 2 pixels, stride 2, for the outputs in `region`; odd last rows are dropped.
 ///
 /// # Errors
-/// [`KernelError::Shape`] if the output is not half as high and wide, rounded down, with as many channels;
-/// [`KernelError::Region`] if the region is not within the band.
+/// [`KernelError::Shape`] if the output is not half as high and wide (rounded down) with as many
+/// channels; [`KernelError::Region`] for a region beyond the band.
 pub fn max_pool_2x2(isa: Isa, input: View<'_>, region: Region, out: Band<'_>) -> Result<(), KernelError> {
     let [height, width, channels] = input.size();
     let mut out = out;
@@ -30,8 +30,8 @@ pub fn max_pool_2x2(isa: Isa, input: View<'_>, region: Region, out: Band<'_>) ->
     Ok(())
 }
 
-/// Average of `size` x `size` pixels with stride `size` for the outputs in `region`; rows and columns that do not fill
-/// a window are dropped. The sum goes row by row.
+/// Average of `size` x `size` pixels with that stride for the outputs in `region`, row by row; what
+/// fills no window is dropped.
 ///
 /// # Errors
 /// [`KernelError::Size`] for a size of zero; otherwise as [`max_pool_2x2`].

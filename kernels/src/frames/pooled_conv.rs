@@ -1,5 +1,5 @@
-//! A 3 x 3 convolution fused with the 2 x 2 maximum that alone reads its outputs, with the bits of the two in sequence.
-//! The map between them is never written: it would be four times the result, and such layers are limited by memory.
+//! A 3 x 3 convolution fused with the 2 x 2 maximum that alone reads it, with their bits. The map
+//! between is never written: it is four times the result, and memory limits such layers.
 
 use super::conv::{Conv3x3, check_inputs};
 use super::layer::{Layer, PAIR, sources};
@@ -37,12 +37,12 @@ impl PooledConv3x3 {
         self.conv.inputs.iter().sum()
     }
 
-    /// Largest number of bytes of scratch for a map whose rows have `width` pooled outputs, on one thread.
+    /// Most bytes of scratch for a map whose rows have `width` pooled outputs, on one thread.
     pub fn scratch_bytes(width: usize) -> u128 {
         (PAIR * size_of::<Wide>()) as u128 * width as u128
     }
 
-    /// Computes the pooled outputs of `region`; other outputs are unchanged. Input maps have a halo of at least 1 and
+    /// Computes the pooled outputs of `region` alone. Input maps have a halo of at least 1 and
     /// twice the output's height and width, or one more.
     ///
     /// # Errors

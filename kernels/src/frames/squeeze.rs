@@ -1,6 +1,6 @@
-//! Squeeze-and-excitation (Hu et al. 2018, Eq. 2 to 4): y(p, c) = x(p, c) s(c), s = sigmoid(W2 relu(W1 mean)).
+//! Squeeze-and-excitation (Hu et al. 2018): y(p, c) = x(p, c) sigmoid(W2 relu(W1 mean))(c).
 //!
-//! The mean is that of [`global_average`], the two layers are [`Dense`]; each product with s is rounded.
+//! The mean is [`global_average`]'s, the layers are [`Dense`]; products with s are rounded.
 
 use super::pool::global_average;
 use super::shape::Region;
@@ -45,7 +45,7 @@ impl SqueezeExcite {
     /// Scales every channel of `input` into `out`. O(values).
     ///
     /// # Errors
-    /// [`KernelError::Shape`] if a map does not have the layer's channels, or the maps differ in size.
+    /// [`KernelError::Shape`] for maps with other channels than the layer's, or of two sizes.
     pub fn run(
         &self,
         isa: Isa,

@@ -17,7 +17,7 @@ pub(super) fn most<S: Simd>() -> usize {
     if S::WIDE { MAX } else { 6 }
 }
 
-/// Covers `count` positions with the smallest number of tiles, of nearly equal size, all multiples of `unit` (1 or 2).
+/// Covers `count` positions with the fewest tiles, nearly equal, multiples of `unit` (1 or 2).
 #[inline(always)]
 pub(super) fn in_tiles<S: Simd>(count: usize, unit: usize, work: &mut impl Tiles) {
     let tiles = count.div_ceil(most::<S>());

@@ -55,7 +55,7 @@ impl<'a> View<'a> {
     }
 }
 
-/// A contiguous range of channels in some rows of a map, to write. Bands of different rows can be written concurrently.
+/// A range of channels in some rows of a map, to write. Bands of different rows are disjoint.
 #[derive(Debug)]
 pub struct Band<'a> {
     shape: Shape,
@@ -123,7 +123,7 @@ impl<'a> Band<'a> {
         Ok(())
     }
 
-    /// The output values from the first channel of pixel (y, x) on, with the distances between rows and pixels.
+    /// Outputs from pixel (y, x)'s first channel on; the distances between rows and pixels.
     #[inline]
     pub(super) fn target(&mut self, y: usize, x: usize) -> Target<'_> {
         let (row, pixel) = (self.shape.row(), self.shape.channels);
@@ -161,8 +161,8 @@ impl Region {
         Err(KernelError::Region { expected: "a rectangle", height, width, found: *self })
     }
 
-    /// Refuses a region that cuts through a tile of `size` x `size`; tiles start at the map's first row and column, and
-    /// the last ones end with the map.
+    /// Refuses a region that cuts through a tile of `size` x `size`; tiles start at the map's first
+    /// pixel, and the last end with the map.
     pub(super) fn check_tiles(&self, size: usize, height: usize, width: usize) -> Result<(), KernelError> {
         self.check_within(height, width)?;
         let whole = |first: usize, count: usize, end: usize| {

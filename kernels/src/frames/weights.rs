@@ -13,13 +13,13 @@ pub struct ConvParts {
     pub inputs: Vec<usize>,
     /// Output channels O.
     pub outputs: usize,
-    /// (O, I, kernel rows, kernel columns); of a transposed convolution (I, O, kernel rows, kernel columns). I is the sum
-    /// of `inputs`.
+    /// (O, I, rows, columns) of kernels; of a transposed convolution (I, O, rows, columns). I is
+    /// the sum of `inputs`.
     pub weight: Vec<f32>,
     /// (O).
     pub bias: Option<Vec<f32>>,
-    /// A batch norm after the convolution as y = scale x + shift, (O) each. Weights and bias are multiplied by the
-    /// scale in f64 and rounded once, when the layer is made.
+    /// A batch norm y = scale x + shift after the convolution, (O) each. The scale is multiplied in
+    /// in f64 and rounded once, when the layer is made.
     pub norm: Option<(Vec<f32>, Vec<f32>)>,
     /// Whether a rectifier follows: y where y > 0, else +0.
     pub relu: bool,
@@ -70,7 +70,7 @@ impl ConvParts {
         (self.scale(o) * bias + shift) as f32
     }
 
-    /// The biases of all blocks of outputs after the batch norm; the last block is padded with zeros.
+    /// Biases of all blocks of outputs after batch norm, the last padded with zeros.
     pub(super) fn biases(&self) -> Vec<Wide> {
         let blocks = 0..self.outputs.div_ceil(BLOCK);
         blocks.map(|block| wide(self.outputs, block, |o| self.offset(o))).collect()
@@ -97,8 +97,8 @@ fn wide(outputs: usize, block: usize, value: impl Fn(usize) -> f32) -> Wide {
     Wide(std::array::from_fn(|lane| if first + lane < outputs { value(first + lane) } else { 0.0 }))
 }
 
-/// Weights by blocks of outputs: all rows of the first sixteen, then of the next, and so on; the last block is padded
-/// with zeros.
+/// Weights by blocks of sixteen outputs, all rows of a block together; the last is padded with
+/// zeros.
 #[derive(Clone, Debug)]
 pub(super) struct Packed {
     pub(super) rows: usize,

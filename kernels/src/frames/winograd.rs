@@ -1,14 +1,14 @@
-//! 3 x 3 convolution with fewer products (Winograd 1980; Lavin and Gray 2016): an M x M tile of outputs is A^t [ sum
-//! over i of (G g(i) G^t) (B^t d(i) B) ] A, where d(i) are the (M + 2) x (M + 2) inputs of the tile.
+//! 3 x 3 convolution with fewer products (Winograd 1980; Lavin and Gray 2016): M x M outputs are
+//! A^t [ sum over i of (G g(i) G^t) (B^t d(i) B) ] A, d(i) the (M + 2) x (M + 2) inputs.
 //!
-//! G g G^t is computed in f64 and rounded once, when the layer is made. The order of all other operations:
-//! [`transform`] for B and A, columns of a tile before its rows; for each of the (M + 2)^2 places one chain of sums
-//! from +0 over the input maps in order and their channels, ascending, each product rounded once with its sum; the bias
-//! is added to a tile's output. Tiles lie on a grid from the map's first pixel; inputs beyond the map are +0.
+//! G g G^t is computed in f64 and rounded once, when the layer is made. Order of the rest:
+//! [`transform`] for B and A, columns of a tile before rows; for each of (M + 2)^2 places a chain
+//! from +0 over maps and channels, ascending, each product rounded once with its sum; then the
+//! bias. Tiles lie on a grid from the map's first pixel; inputs beyond the map are +0.
 //!
-//! The results are rounded differently from those of the direct kernels, so a network states which kernel it uses.
-//! Largest difference over largest magnitude, uniform inputs and weights, 32 to 256 channels: 3e-6 for 2 x 2 tiles,
-//! 2e-5 for 4 x 4. For few input channels (below about 16) the direct kernels are faster.
+//! Results are rounded otherwise than the direct kernels', so a network states its kernel. Largest
+//! difference over largest magnitude, uniform inputs and weights, 32 to 256 channels: 3e-6 for 2 x
+//! 2 tiles, 2e-5 for 4 x 4. Below about 16 input channels the direct kernels are faster.
 
 mod run;
 mod transform;
@@ -76,20 +76,20 @@ impl WinogradConv3x3 {
         self.tile
     }
 
-    /// Largest number of bytes of each of the three parts of a scratch for a map of `height` x `width` outputs. Each
-    /// part grows to the largest need of all layers that use it.
+    /// Most bytes of each of a scratch's three parts for `height` x `width` outputs. Each grows to
+    /// the largest need of the layers that use it.
     pub fn scratch_bytes(&self, height: usize, width: usize) -> [u128; 3] {
         let size = self.tile.size();
         let tiles = height.div_ceil(size) as u128 * width.div_ceil(size) as u128;
         run::scratch_bytes(size + 2, &self.inputs, tiles)
     }
 
-    /// Computes the outputs of `region`, which must consist of whole tiles (the last ones end with the map); other
-    /// outputs are unchanged. Input maps have the output's height and width and a halo of 1.
+    /// Computes the outputs of `region` alone, whole tiles (the last end with the map). Input maps
+    /// have the output's height and width and a halo of 1.
     ///
     /// # Errors
-    /// [`KernelError::Shape`], [`KernelError::Length`] or [`KernelError::Size`] for an input that does not fit,
-    /// [`KernelError::Region`] if the region is not within the band or cuts through a tile.
+    /// [`KernelError::Shape`], [`KernelError::Length`] or [`KernelError::Size`] for an input that
+    /// does not fit, [`KernelError::Region`] for a region beyond the band or within a tile.
     pub fn run(
         &self,
         isa: Isa,

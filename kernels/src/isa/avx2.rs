@@ -36,7 +36,7 @@ fn run<T: Task>(simd: Avx2, task: T) -> T::Output {
     task.run(simd)
 }
 
-/// Eight f32 in a register. Made only from an [`Avx2`] or from another `F32x8`, so it is a proof too.
+/// Eight f32 in a register. Made only from an [`Avx2`] or another `F32x8`: a proof too.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct F32x8(__m256);
 

@@ -58,11 +58,11 @@ impl Simd for Avx512 {
     }
 }
 
-/// Eight f32 in a register. Made only from an [`Avx512`] or from another `F32x8`, so it is a proof too.
+/// Eight f32 in a register. Made only from an [`Avx512`] or another `F32x8`: a proof too.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct F32x8(__m256);
 
-/// Sixteen f32 in a register. Made only from an [`Avx512`] or from another `F32x16`, so it is a proof too.
+/// Sixteen f32 in a register. Made only from an [`Avx512`] or another `F32x16`: a proof too.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct F32x16(__m512);
 

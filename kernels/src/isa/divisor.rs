@@ -1,14 +1,14 @@
 //! Division of many integers by the same one, without divisions.
 //!
-//! With y = RN(1 / b), q = RN(a y) and r = a - b q, the result is RN(q + r y), after Markstein (IBM Journal of Research and
-//! Development, 1990). It is RN(a / b) for integers |a| < 2^53 and 1 <= b <= 2^48. Let u = 2^-53:
+//! With y = RN(1 / b), q = RN(a y), r = a - b q, RN(q + r y) (Markstein, IBM Journal of Research
+//! and Development, 1990) is RN(a / b) for integers |a| < 2^53, 1 <= b <= 2^48. Let u = 2^-53:
 //!
-//! - q is off by at most 2.01 u |a / b|. So r is a multiple of ulp(q) and smaller than 2.01 b ulp(q): it has at most 50
-//!   bits, and is computed exactly.
-//! - q + r y is off from a / b by |a / b - q| times the relative error of y: at most 2.01 u^2 |a / b| <= 2.01 u ulp.
-//! - The halfway points between two f64 near a / b are odd multiples of h = ulp / 2. None is a / b itself: a would have 54 bits.
-//!   So a - b times one of them is a multiple of h, but not zero, and a / b is at least h / b >= 2^-49 ulp away from it. The sum
-//!   above lies on the same side of it as a / b, and is rounded as a / b is.
+//! - q is within 2.01 u |a / b|. So r is a multiple of ulp(q) below 2.01 b ulp(q): at most 50 bits,
+//!   computed exactly.
+//! - q + r y is off by |a / b - q| times y's relative error: <= 2.01 u^2 |a / b| <= 2.01 u ulp.
+//! - Halfway points between two f64 near a / b are odd multiples of h = ulp / 2, never a / b: a
+//!   would have 54 bits. a - b times one is a multiple of h, not 0, so a / b is at least h / b >=
+//!   2^-49 ulp from it. The sum above lies on the same side as a / b, and rounds as it does.
 
 use super::vector::Simd;
 

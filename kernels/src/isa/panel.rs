@@ -1,6 +1,6 @@
 //! The inner loops of all matrix products: a few rows of values times a few vectors of weights.
 //!
-//! Sizes are checked once, before the loop: checks inside the loop, and the registers that they need, would halve the
+//! Sizes are checked once, before the loop: checks inside, and their registers, would halve the
 //! speed.
 
 use super::vector::{Simd, Vector};
@@ -9,8 +9,8 @@ use crate::lanes::{LANES, Wide};
 /// Number of values in a [`Wide`].
 const WIDE: usize = 2 * LANES;
 
-/// acc(r, b) += sum over k of values(r stride + k) weights(b, k), where k goes from `FIRST` in steps of `STEP`,
-/// ascending, and each product is rounded once with the sum.
+/// acc(r, b) += sum of values(r stride + k) weights(b, k) for k from `FIRST` in steps of `STEP`,
+/// ascending, each product rounded once with the sum.
 ///
 /// # Panics
 /// If the weights differ in length, or `values` is too short.
@@ -43,7 +43,7 @@ pub(crate) fn accumulate<
         // SAFETY: k < count, the length of every slice of weights.
         let weights: [V; B] = unsafe { loaded(simd, &weights, k) };
         for (r, sums) in sums.iter_mut().enumerate() {
-            // SAFETY: r <= R - 1 and k < count, so the index is below (R - 1) stride + count, within `values`.
+            // SAFETY: r <= R - 1 and k < count: below (R - 1) stride + count, within `values`.
             let value = V::splat(simd, *unsafe { values.get_unchecked(r * stride + k) });
             for (sum, &weight) in sums.iter_mut().zip(&weights) {
                 *sum = sum.add_product(value, weight);
@@ -54,9 +54,9 @@ pub(crate) fn accumulate<
     *acc = sums;
 }
 
-/// acc(r, b) += sum over k < the weights' number, ascending, of values(k / 16 apart + r)[k mod 16] weights(b, k), each
-/// product rounded once with the sum. The distance between rows is constant and thus part of the instructions, so that
-/// addresses need no registers.
+/// acc(r, b) += sum over k < the weights' number, ascending, of values(k / 16 apart + r)[k mod 16]
+/// weights(b, k), each product rounded once with the sum. The rows' constant distance is part of
+/// the instructions, so that addresses need no registers.
 ///
 /// # Panics
 /// If the weights differ in length, or `values` is too short.
@@ -84,7 +84,7 @@ pub(crate) fn accumulate_wide<S: Simd, V: Vector<S>, const R: usize, const B: us
             // SAFETY: first + k < total, the length of every slice of weights.
             let weights: [V; B] = unsafe { loaded(simd, &weights, first + k) };
             for (r, sums) in sums.iter_mut().enumerate() {
-                // SAFETY: at = first / 16 apart with first <= total - 1, and r < R, so that at + r < last; k < 16.
+                // SAFETY: at = first / 16 apart, first <= total - 1, r < R: at + r < last; k < 16.
                 let value = V::splat(simd, *unsafe { values.get_unchecked(at + r).0.get_unchecked(k) });
                 for (sum, &weight) in sums.iter_mut().zip(&weights) {
                     *sum = sum.add_product(value, weight);
@@ -97,7 +97,7 @@ pub(crate) fn accumulate_wide<S: Simd, V: Vector<S>, const R: usize, const B: us
     *acc = sums;
 }
 
-/// acc(p, b) += sum over k with k mod 4 = p of values(k) weights(b, k): one row in four partial sums.
+/// acc(p, b) += sum of values(k) weights(b, k) over k mod 4 = p: one row in four partial sums.
 ///
 /// # Panics
 /// If weights and values differ in length.
@@ -126,7 +126,7 @@ pub(crate) fn accumulate_in_four<S: Simd, V: Vector<S>, const B: usize>(
     *acc = sums;
 }
 
-/// weights(b, k) of every b. Not by `map`: where a closure stays a call, so do the instructions in it.
+/// weights(b, k) of every b. No `map`: in a closure that stays a call, instructions do too.
 ///
 /// # Safety
 /// k is less than the length of every slice of weights.

@@ -1,8 +1,8 @@
-//! The inner loop of convolutions over planes: a few outputs times a few vectors of adjacent positions.
+//! The inner loop of planar convolutions: a few outputs times a few vectors of positions.
 
 use super::vector::{Simd, Vector};
 
-/// Locations of the taps of a 3 x 3 window: row dy, column dx, channel c is at `c plane + dy stride + dx`.
+/// Taps of a 3 x 3 window: row dy, column dx, channel c is at `c plane + dy stride + dx`.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Taps<'a> {
     /// Values, from the first tap of the first position on.
@@ -13,8 +13,8 @@ pub(crate) struct Taps<'a> {
     pub(crate) plane: usize,
 }
 
-/// acc(o, b) += sum over channels, rows and columns of the window, each ascending, of weights(tap, o) values(tap + b),
-/// each product rounded once with the sum. `weights` are (channels x 9, O).
+/// acc(o, b) += sum over channels, rows and columns of the window, ascending, of weights(tap, o)
+/// values(tap + b), each product rounded once with the sum. `weights`: (channels x 9, O).
 ///
 /// # Panics
 /// If `weights` are not whole windows, or there are too few values.
@@ -44,12 +44,12 @@ pub(crate) fn accumulate_taps<S: Simd, V: Vector<S>, const O: usize, const B: us
                 let mut x = [V::splat(simd, 0.0); B];
                 for (b, x) in x.iter_mut().enumerate() {
                     let at = row + dx + b * V::LANES;
-                    // SAFETY: `row` is at most (channels - 1) plane + 2 stride and dx at most 2, so that at + LANES
-                    // is at most `end`, within `values`.
+                    // SAFETY: `row` <= (channels - 1) plane + 2 stride and dx <= 2: at + LANES <=
+                    // `end`, within `values`.
                     *x = V::load_slice(simd, unsafe { values.get_unchecked(at..at + V::LANES) });
                 }
-                // SAFETY: k is below the number of weights: nine are counted for each turn of the outer loop, and
-                // their number is a multiple of nine.
+                // SAFETY: k counts nine weights a turn of the outer loop, and their number is a
+                // multiple of nine.
                 let weights = unsafe { weights.get_unchecked(k) };
                 for (sums, &weight) in sums.iter_mut().zip(weights) {
                     let weight = V::splat(simd, weight);

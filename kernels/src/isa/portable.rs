@@ -112,9 +112,9 @@ fn power_of_two(shifted: f32, more: i32) -> f32 {
 
 /// a b + c, rounded once.
 ///
-/// If the target has no such instruction: the product of two f32 is exact in f64; its sum with c is rounded *to odd* in
-/// f64, which keeps enough information for the final rounding to f32 to be correct (Boldo and Melquiond 2008, Theorem
-/// 1: 53 >= 2 * 24 + 2).
+/// Without such an instruction: the product of two f32 is exact in f64; its sum with c is rounded
+/// *to odd* in f64, which makes the final rounding to f32 correct (Boldo and Melquiond 2008,
+/// Theorem 1: 53 >= 2 * 24 + 2).
 #[inline(always)]
 pub fn fused(a: f32, b: f32, c: f32) -> f32 {
     if cfg!(any(target_feature = "fma", target_arch = "aarch64")) {
@@ -126,7 +126,7 @@ pub fn fused(a: f32, b: f32, c: f32) -> f32 {
     let of_c = sum - product;
     let lost = (product - (sum - of_c)) + (c - of_c);
     let bits = sum.to_bits();
-    // Away from zero if the error has the sum's sign. Comparisons with NaN are false and leave infinities unchanged.
+    // Away from zero if the error has the sum's sign; NaN is false, infinities stay.
     let up = (lost > 0.0 && sum > 0.0) || (lost < 0.0 && sum < 0.0);
     let down = (lost < 0.0 && sum > 0.0) || (lost > 0.0 && sum < 0.0);
     let even = 1 - (bits & 1);
@@ -140,8 +140,8 @@ const HALF_WAY: u64 = 1 << 28;
 
 /// [`fused`] of each element.
 ///
-/// A sum in f64 that is not half-way between two f32 rounds to the same f32 as the exact sum, whatever f64 lost. This
-/// is nearly always the case, and testing it only needs the bits below an f32's last.
+/// A sum in f64 that is not half-way between two f32 rounds to the f32 of the exact sum. This is
+/// nearly always so, and testing it needs the bits below an f32's last alone.
 #[inline(always)]
 fn fused_each<const N: usize>(a: [f32; N], b: [f32; N], c: [f32; N]) -> [f32; N] {
     if cfg!(any(target_feature = "fma", target_arch = "aarch64")) {

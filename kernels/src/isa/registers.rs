@@ -1,6 +1,6 @@
 //! [`Vector`](super::Vector) over one register, through the intrinsics of an instruction set.
 
-/// Implements `Vector<$simd>` for `$vector`, a register of `$n` f32 that can only be made with a `$simd`.
+/// Implements `Vector<$simd>` for `$vector`, a register of `$n` f32 made with a `$simd` only.
 macro_rules! register {
     ($simd:ty, $vector:ident, $n:expr, $memory:ty, [$set1:ident, $load:ident, $store:ident], [$add:ident, $sub:ident, $mul:ident, $fused:ident, $max:ident], [$at_most:expr, $differs:expr]) => {
         impl Vector<$simd> for $vector {

@@ -2,8 +2,8 @@
 
 use crate::lanes::{Lanes, Wide};
 
-/// Work that can be compiled for several instruction sets. `run`, and everything that it calls in its inner loops, must
-/// be `#[inline(always)]`; otherwise it runs with the build's baseline instructions.
+/// Work compiled for several instruction sets. `run`, and all that its inner loops call, must be
+/// `#[inline(always)]`, or it runs with the build's baseline instructions.
 pub trait Task {
     /// The result of the work.
     type Output;
@@ -87,7 +87,7 @@ pub trait Vector<S>: Copy {
     #[must_use]
     fn differs(self, other: Self) -> u32;
 
-    /// Applies `f` to every element; vectorised by the compiler if possible, so `f` should be branch-free.
+    /// Applies `f` to every element; branch-free, the compiler can vectorise it.
     #[must_use]
     #[inline(always)]
     fn map(self, simd: S, f: impl Fn(f32) -> f32) -> Self {

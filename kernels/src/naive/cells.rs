@@ -1,5 +1,5 @@
-//! Scalar versions of the cells, and of planar convolutions and poolings: the documented order of operations, one value
-//! at a time. Images are (channels, height, width) unless stated otherwise.
+//! Scalar twins of cells, planar convolutions and poolings: the documented order, one value at a
+//! time. Images are (channels, height, width) unless stated otherwise.
 
 use crate::elementary::{sigmoid, sigmoid_quotients, tanh_quotients};
 use crate::isa::Portable;
@@ -19,7 +19,7 @@ fn times(a: [f32; 2], b: [f32; 2]) -> f32 {
     (a[0] * b[0]) / (a[1] * b[1])
 }
 
-/// One element's gates i, f, g, o and the weights of i, f, o on its cell; returns the new cell and output.
+/// An element's gates i, f, g, o and weights of i, f, o on its cell; the new cell and output.
 pub fn lstm_update(gates: [f32; 4], peephole: Option<[f32; 3]>, by: Squash, c: f32) -> (f32, f32) {
     let [mut i, mut f, g, mut o] = gates;
     if let Some([on_i, on_f, on_o]) = peephole {

@@ -84,7 +84,7 @@ pub fn conv(parts: &ConvParts, size: usize, inputs: &[Image]) -> Image {
     })
 }
 
-/// A 3 x 3 convolution of one image whose products are summed for each place of the kernel, and then over the places.
+/// A 3 x 3 convolution whose products are summed for each place of the kernel, then over places.
 pub fn kn2row(parts: &ConvParts, image: &Image) -> Image {
     Image::new([image.height, image.width, parts.outputs], |y, x, o| {
         let mut sum = bias(parts, o);

@@ -1,13 +1,13 @@
-//! 3 x 3 convolution of planes, padding 1, stride 1, over the channels of one image or of two, one after the other:
+//! 3 x 3 convolution of planes, padding 1, stride 1, over the channels of one image or two:
 //!
 //! ```text
 //! out(o, y, x) = b(o) + sum over c, dy, dx of w(o, c, dy, dx) in(c, y + dy - 1, x + dx - 1)
 //! ```
 //!
-//! Order of an output's sum: from +0; channels of the first image ascending, then of the second; in a channel dy, then
-//! dx, ascending; each product rounded once with the sum; then b. A tap beyond the border adds w times 0. Because b is
-//! never -0, the sign of a zero sum affects no output. An image that is zero around a position can therefore be skipped
-//! there without changing any bit.
+//! Order of a sum: from +0; channels of the first image, then of the second, ascending; in each dy,
+//! then dx; each product rounded once with the sum; then b. A tap beyond the border adds w times 0.
+//! b is never -0, so a zero sum's sign affects nothing, and an image that is zero around a position
+//! can be skipped there.
 
 use std::ops::Range;
 
@@ -41,8 +41,8 @@ struct Block {
 const SIZES: [usize; 3] = [6, 3, 1];
 
 impl PlanarConv3x3 {
-    /// A layer that reads `channels` of a first and a second image (0 if there is none) and writes `outputs` planes.
-    /// `weight` is (outputs, sum of channels, 3, 3), `bias` (outputs).
+    /// A layer from `channels` of a first and a second image (or 0) to `outputs` planes. `weight`
+    /// is (outputs, sum of channels, 3, 3), `bias` (outputs).
     ///
     /// # Errors
     /// No channel, no output, a tensor of the wrong length, or a value that is not finite.
@@ -88,12 +88,11 @@ impl PlanarConv3x3 {
         self.outputs
     }
 
-    /// Computes `region` of every output plane. An image that is `None` counts as zeros around the region. The first
-    /// image also counts as zeros wherever `occupied` marks it as empty. Such parts are not read. O(region x 9 x
-    /// channels x outputs).
+    /// Computes `region` of every output plane. An image that is `None`, and the first where
+    /// `occupied` says empty, counts as zeros and is not read. O(region x 9 x channels x outputs).
     ///
     /// # Panics
-    /// If an image or `out` does not fit the sizes of this layer or of each other, or the region is out of bounds.
+    /// If an image or `out` does not fit, or the region is out of bounds.
     pub fn run(
         &self,
         isa: Isa,
@@ -182,7 +181,7 @@ impl PlanarConv3x3 {
         let mut first = 0;
         for block in &self.blocks {
             let mut row = Row { block, first, relu: self.relu, images, occupied, y, tiles: tiles.clone() };
-            // As many tiles at once as registers allow: per tile its sums and one more, and one for a weight.
+            // As many tiles as registers allow: a tile has its sums and one more; one weight.
             match block.size {
                 6 => {
                     if S::WIDE {

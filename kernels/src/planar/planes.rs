@@ -1,8 +1,8 @@
 //! An image stored plane after plane, with a border of zeros.
 //!
-//! A row is padded to whole [`Wide`] with at least one zero, the border to its right and to the left of the next row. A
-//! row of zeros lies above and below each plane, and a `Wide` of zeros before the first and after the last. A vector at
-//! any position, or at any of its eight neighbours, can thus be loaded. Values that are not pixels are always zero.
+//! A row is padded to whole [`Wide`] with at least one zero, the border on its right and on the
+//! next row's left. A row of zeros lies above and below each plane, and a `Wide` of zeros around
+//! all: a vector at any position or neighbour can be loaded. What is no pixel is always zero.
 
 use std::ops::Range;
 
@@ -130,14 +130,14 @@ impl Planes {
             .flat_map(|row| self.row(row / self.height, row % self.height).iter().copied())
     }
 
-    /// All values, including border and padding, for a [`crate::Dense`] layer whose weights come from [`Self::spread`].
+    /// All values with border and padding, for a [`crate::Dense`] with weights of [`Self::spread`].
     #[inline]
     pub fn lanes(&self) -> &[Lanes] {
         lanes_of_wide(&self.data)
     }
 
-    /// Converts weights on the values of such an image, (n, channels x height x width), to weights on [`Self::lanes`],
-    /// which are zero where there is no pixel.
+    /// Converts weights on an image's values, (n, channels x height x width), to weights on
+    /// [`Self::lanes`], zero where there is no pixel.
     ///
     /// # Panics
     /// If the length of `weight` is not a multiple of the image's.
@@ -178,7 +178,7 @@ impl Planes {
         &mut flat_wide_mut(&mut self.data)[start..][..stride(self.width)]
     }
 
-    /// All values from (0, y, 0) on, to write; values that are not pixels must be zero again afterwards.
+    /// Values from (0, y, 0) on, to write; what is no pixel must be zero again afterwards.
     #[inline]
     pub(crate) fn onward_mut(&mut self, y: usize) -> &mut [f32] {
         let start = self.start(0, y);
@@ -260,7 +260,7 @@ impl Occupancy {
         }
     }
 
-    /// Whether no flag is set in row `y` of tiles `first..first + count`, nor in the tiles around them.
+    /// Whether no flag is set in row `y` of tiles `first..first + count`, nor around them.
     ///
     /// # Panics
     /// If there is no such row or tile.

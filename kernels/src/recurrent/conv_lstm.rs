@@ -1,8 +1,8 @@
-//! The convolutional LSTM cell over planes (Shi et al. 2015, without peepholes): maps an image x and a state h, c to a
-//! new state.
+//! The convolutional LSTM cell over planes (Shi et al. 2015, without peepholes): an image x and a
+//! state h, c to a new state.
 //!
-//! gates = w * [x, h] + b in the order of [`PlanarConv3x3`], then the gates' update. Rows are computed in order. A new
-//! row of h is held back until the row below has read the old one, so that the state is replaced in place.
+//! gates = w * [x, h] + b as in [`PlanarConv3x3`], then the gates' update, row by row. A new row of
+//! h is held back until the row below has read the old one: the state is replaced in place.
 
 use super::gates::{Squash, Update};
 use crate::error::KernelError;
@@ -18,7 +18,7 @@ pub struct PlanarConvLstm {
     squash: Squash,
 }
 
-/// The cell state c of a convolutional LSTM, and scratch for a row. The caller owns the hidden state h.
+/// The cell state c of a convolutional LSTM, and scratch. The caller owns the hidden state h.
 #[derive(Clone, Debug)]
 pub struct PlanarConvLstmState {
     cell: Planes,
@@ -27,8 +27,8 @@ pub struct PlanarConvLstmState {
 }
 
 impl PlanarConvLstm {
-    /// A cell with `inputs` input channels and `hidden` hidden channels. `weight` is (4 x hidden, inputs + hidden, 3,
-    /// 3) with gates in the order i, f, g, o and inputs before the state; `bias` is (4 x hidden).
+    /// A cell with `inputs` and `hidden` channels. `weight` is (4 x hidden, inputs + hidden, 3, 3)
+    /// with gates i, f, g, o and inputs before the state; `bias` is (4 x hidden).
     ///
     /// # Errors
     /// A size of zero, a tensor of the wrong length, or a value that is not finite.
@@ -49,7 +49,7 @@ impl PlanarConvLstm {
         Planes::bytes_of(self.hidden, height, width) + row * size_of::<Wide>() as u128
     }
 
-    /// The state before the first step: zeros. The caller owns the hidden state h, which must be zero too.
+    /// The state before the first step: zeros, as the caller's hidden state must be.
     ///
     /// # Panics
     /// If the memory cannot be allocated.
@@ -59,9 +59,9 @@ impl PlanarConvLstm {
         PlanarConvLstmState { cell, row }
     }
 
-    /// One step: reads `x`, replaces `state` and `hidden`. `None` means an image of zeros. Where `x` is `None`, or
-    /// `occupied` marks it as empty, the step costs less and gives the same bits. O(height x width x 9 x (inputs +
-    /// hidden) x 4 hidden).
+    /// One step: reads `x`, replaces `state` and `hidden`. `None` is an image of zeros. Where `x`
+    /// is `None` or `occupied` says empty, it costs less with the same bits. O(height x width x 9 x
+    /// (inputs + hidden) x 4 hidden).
     ///
     /// # Panics
     /// If `x`, `state` or `hidden` does not have this cell's sizes.

@@ -1,16 +1,16 @@
-//! The element-wise part of an LSTM, after the sums of its gates (Hochreiter and Schmidhuber 1997; Gers et al. 2000):
+//! The element-wise part of an LSTM (Hochreiter and Schmidhuber 1997; Gers et al. 2000):
 //!
 //! ```text
-//! i = sigmoid(i), f = sigmoid(f), o = sigmoid(o)      with peepholes: of i + Vi c, f + Vf c, o + Vo c
+//! i = sigmoid(i), f = sigmoid(f), o = sigmoid(o)  with peepholes: of i + Vi c, f + Vf c, o + Vo c
 //! c = f c + i squash(g)
 //! h = o squash(c)
 //! ```
 //!
-//! Sigmoid and tanh are quotients (`elementary.rs`). For i squash(g) and o squash(c), numerators and denominators are
-//! multiplied and divided once, because divisions take the longest here.
+//! Sigmoid and tanh are quotients (`elementary.rs`). In i squash(g) and o squash(c), numerators and
+//! denominators are multiplied, and divided once: divisions take longest.
 //!
-//! The output gate's peephole reads the cell before the step, as those of i and f do (in Shi et al. 2015 it reads the
-//! new one). Order: a peephole's product is rounded once with its gate; f c is rounded once with i squash(g).
+//! The output gate's peephole reads the cell before the step, as i's and f's do (in Shi et al. 2015
+//! the new one). A peephole's product is rounded once with its gate, f c with i squash(g).
 
 use crate::elementary::{Quotients, divided, sigmoid_quotients, tanh_quotients};
 use crate::isa::{Exponent, Isa, Simd, Task, Vector};
@@ -40,8 +40,8 @@ impl Squash {
 /// Elements in a vector.
 const WIDTH: usize = 2 * LANES;
 
-/// Updates every element. `gates` are the sums of i, f, g and o; `peephole` holds the weights of i, f and o on the
-/// cell. `cell` is updated, `hidden` is only written. O(elements).
+/// Updates every element. `gates` are the sums of i, f, g, o; `peephole` the weights of i, f, o on
+/// the cell. `cell` is updated, `hidden` only written. O(elements).
 ///
 /// # Panics
 /// If the slices differ in length.
@@ -56,8 +56,8 @@ pub fn lstm_update(
     isa.run(Update { gates, peephole, squash, cell, hidden });
 }
 
-/// Updates rows of `channels` elements. Each row of `gates` is i, f, g and o one after the other, (rows, 4 x channels);
-/// `peephole`, `cell` and `hidden` are (rows, channels).
+/// Updates rows of `channels`. A row of `gates` is i, f, g, o, (rows, 4 x channels); `peephole`,
+/// `cell` and `hidden` are (rows, channels).
 ///
 /// # Panics
 /// If `channels` is zero, or a slice does not have the sizes of `cell`.
@@ -150,7 +150,7 @@ impl Task for UpdateRows<'_> {
     }
 }
 
-/// Updates K vectors from `at` on, one function after the other: more at once would spill registers.
+/// Updates K vectors from `at` on, function by function: more at once would spill registers.
 #[inline(always)]
 fn vectors<S: Simd, const K: usize>(
     simd: S,

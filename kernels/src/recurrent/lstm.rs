@@ -1,9 +1,9 @@
-//! The LSTM cell over vectors (`PyTorch`'s `nn.LSTM`, one layer): maps x (I) and a state h, c (H) to a new state.
+//! The LSTM cell over vectors (`PyTorch`'s `nn.LSTM`, one layer): x (I) and h, c (H) to h, c.
 //!
-//! gates = (Wx x + Wh h) + b with b = `bias_ih` + `bias_hh`, then the gates' update. Order of a gate's sum: four
-//! partial sums from +0, input k of x into sum k mod 4, then element k of h into sum k mod 4, each ascending and each
-//! product rounded once with its sum; (s0 + s1) + (s2 + s3); + b. Because b is never -0, the sign of a zero partial sum
-//! affects no gate. The terms of an x or an h that is all zeros can therefore be skipped without changing any bit.
+//! gates = (Wx x + Wh h) + b with b = `bias_ih` + `bias_hh`, then the gates' update. Order: four
+//! partial sums from +0, x's input k into sum k mod 4, then h's element k into sum k mod 4,
+//! ascending, each product rounded once with its sum; (s0 + s1) + (s2 + s3); + b. b is never -0, so
+//! a zero partial sum's sign affects nothing: terms of an x or h of zeros can be skipped.
 
 use super::gates::{Squash, Update};
 use crate::error::{KernelError, check, check_sizes};
@@ -164,7 +164,7 @@ impl LstmState {
 /// Gates per block.
 const WIDTH: usize = 2 * LANES;
 
-/// Number of blocks of gates: each gate is padded to whole lanes, so that all four are whole blocks.
+/// Blocks of gates: each gate is padded to whole lanes, so all four are whole blocks.
 fn blocks(hidden: usize) -> usize {
     4 * Lanes::count(hidden) * LANES / WIDTH
 }

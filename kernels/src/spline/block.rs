@@ -42,8 +42,8 @@ pub struct SplineConv {
 impl SplineConv {
     /// Best number of rows to compute together.
     pub const GROUP: usize = 8;
-    /// Most input channels below a lane whose sums have no gap: a polarity, and a place in a cell. `group` has a case for
-    /// each number.
+    /// Most input channels below a lane whose sums have no gap: polarity and place. `group` has a
+    /// case for each.
     const FEW: usize = 4;
     /// Largest number of input or output channels.
     pub const MAX_CHANNELS: usize = MAX_CHANNELS;
@@ -55,7 +55,7 @@ impl SplineConv {
     /// Checks and packs `parts`.
     ///
     /// # Errors
-    /// A size of zero or beyond bounds, a tensor of the wrong length, or a value that is not finite.
+    /// A size of zero or beyond bounds, a tensor of the wrong length, or a value not finite.
     pub fn new(parts: &SplineParts) -> Result<Self, KernelError> {
         let SplineParts { inputs, outputs, kernel, .. } = *parts;
         check_channels(&[inputs], outputs)?;
@@ -83,8 +83,8 @@ impl SplineConv {
         Ok(Self { inputs, outputs, kernel, weight, root, affine, elu: parts.elu })
     }
 
-    /// The parameters in `PyTorch`'s layouts: a block made from them computes the same bits. If the block was made
-    /// without a bias or norm, the result has a bias of zeros or an identity norm. O(parameters).
+    /// The parameters in `PyTorch`'s layouts: a block made from them computes the same bits.
+    /// Without a bias or norm, zeros or an identity norm. O(parameters).
     pub fn parts(&self) -> SplineParts {
         let (bias, norm) = self.affine.unpacked(self.outputs);
         SplineParts {
@@ -150,7 +150,7 @@ impl SplineConv {
     }
 }
 
-/// Multiply-adds of one row of a spline block with `degree` in-edges: sums per slot, weights on them, root weight.
+/// Multiply-adds of a row of a spline block with `degree` in-edges: sums per slot, weights, root.
 /// Saturates.
 pub fn spline_multiply_adds(
     kernel: [usize; 3],

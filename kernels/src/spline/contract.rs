@@ -1,7 +1,7 @@
-//! a(p, o) = sum of v(i) W(i, o) over i with i mod 4 = p, ascending: the products of rows with weights.
+//! a(p, o) = sum of v(i) W(i, o) over i mod 4 = p, ascending: products of rows with weights.
 //!
-//! For a single row, four partial sums per output keep the arithmetic units busy. For several rows, the partial sums
-//! are computed one after the other, and the rows share each loaded weight.
+//! For a single row, four partial sums per output keep the arithmetic units busy. Several rows
+//! compute one partial sum after the other, and share each loaded weight.
 
 use std::hint::black_box;
 
@@ -11,7 +11,7 @@ use crate::lanes::{Lanes, Wide};
 /// Partial sums of B vectors of outputs.
 pub(super) type Partial<V, const B: usize> = [[V; B]; 4];
 
-/// Adds the products of `values` with one block of weights. The first value counts as `i` mod 4 = `phase`.
+/// Adds the products of `values` with a block of weights; the first `i` mod 4 is `phase`.
 #[inline(always)]
 pub(super) fn contract_from<S: Simd, V: Vector<S>>(
     simd: S,
@@ -35,8 +35,8 @@ pub(super) fn total<S: Simd, V: Vector<S>, const B: usize>(acc: &Partial<V, B>) 
     out
 }
 
-/// Totals of R rows, `stride` values apart, over B blocks of weights: (R, B) vectors in `totals`, which has room for
-/// twice as many. Run it [as a separate function](Simd::apart).
+/// Totals of R rows, `stride` values apart, over B blocks of weights: (R, B) vectors in `totals`,
+/// which has twice the room. Run it [as a separate function](Simd::apart).
 pub(super) struct ContractRows<'a, M, const R: usize, const B: usize> {
     pub(super) values: &'a [f32],
     pub(super) stride: usize,
@@ -68,8 +68,8 @@ impl<M, const R: usize, const B: usize> ContractRows<'_, M, R, B> {
         let Self { values, stride, weights, totals } = self;
         let (first, last) = totals[..2 * R * B].split_at_mut(R * B);
         let zero = [[V::splat(simd, 0.0); B]; R];
-        // Each partial sum is written to memory before the next, because both would compete for registers. The compiler
-        // must not know the stored value; otherwise it keeps the first sum in registers during the loop.
+        // Each partial sum is written before the next, as both would compete for registers; a value
+        // that the compiler knew would stay in one during the loop.
         let mut acc = zero;
         accumulate::<S, V, R, B, 0, 4>(simd, &mut acc, values, stride, weights);
         each(&acc, first, Vector::store);

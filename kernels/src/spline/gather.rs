@@ -49,7 +49,7 @@ impl Sizes {
 }
 
 impl SplineScratch {
-    /// Working space for all of `convs` and rows of at most `most` in-edges: nothing is allocated later.
+    /// Working space for all of `convs` and rows of at most `most` in-edges; never grows.
     pub fn new<'a>(convs: impl Iterator<Item = &'a SplineConv>, most: usize) -> Self {
         let Sizes { basis, sums, totals, touched } = Sizes::of(convs, most);
         Self {
@@ -79,7 +79,7 @@ impl Clone for SplineScratch {
     }
 }
 
-/// B(e, s) of a 2 x 2 x 2 kernel for an edge with attribute `u`: there, every slot is touched and v = u.
+/// B(e, s) of a 2 x 2 x 2 kernel for attribute `u`: every slot is touched and v = u.
 #[inline(always)]
 pub fn spline_basis(u: [f32; 3]) -> Lanes {
     let [x, y, t] = u.map(|v| [1.0 - v, v]);
@@ -189,8 +189,8 @@ pub(crate) fn locate(u: f32, kernel: usize) -> (usize, f32) {
     (lower, v - lower as f32)
 }
 
-/// Calls `visit` with slot and weight of each corner that an edge with attribute `u` touches. Corners of weight 0 are
-/// skipped, because they would change no sum: between the centres of adjacent cells, these are seven of eight.
+/// Calls `visit` with slot and weight of each corner that attribute `u` touches. Corners of weight
+/// 0, seven of eight between centres of adjacent cells, change no sum and are skipped.
 #[inline(always)]
 fn for_each_corner(kernel: [usize; 3], u: [f32; 3], mut visit: impl FnMut(usize, f32)) {
     let mut axes = [([0, 0], [1.0, 0.0], 1); 3];

@@ -199,7 +199,7 @@ where
     for<'a> ContractRows<'a, M, 4, B>: Task<Output = ()>,
     for<'a> ContractRows<'a, M, 8, B>: Task<Output = ()>,
 {
-    /// Computes every row, in tiles as large as the registers allow; a tile may extend beyond the last row.
+    /// Computes every row, in tiles as large as registers allow, possibly beyond the last row.
     #[inline(always)]
     fn run<S: Simd, V: Exponent<S, Memory = M>>(&self, simd: S, totals: &mut [M], out: &mut [Lanes]) {
         let mut row = 0;

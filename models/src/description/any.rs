@@ -1,4 +1,4 @@
-//! The methods that descriptions of all kinds share: parsing, loading, names of classes and of tensors, reports.
+//! What descriptions of all kinds share: parsing, loading, names of classes and tensors, reports.
 
 use std::fmt;
 use std::path::Path;
@@ -64,8 +64,8 @@ impl AnyDescription {
         either!(self, description => description.outputs())
     }
 
-    /// The metadata `preparation` of weights that are trained for this description; `None` where frames are not made from
-    /// readings of electrodes.
+    /// The metadata `preparation` of weights trained for it; `None` where frames do not come from
+    /// electrodes.
     pub fn preparation(&self) -> Option<String> {
         match self {
             Self::Events(description) => Some(description.preparation()),
@@ -88,7 +88,7 @@ macro_rules! common {
             /// Checks the text of a description file.
             ///
             /// # Errors
-            /// Every inconsistency with its layer and line. Inconsistencies that follow from others are left out.
+            /// Every inconsistency with layer and line, but for those that follow from others.
             pub fn parse(text: &str) -> Result<Self, DescriptionError> {
                 checked(text, Self::check)
             }
@@ -96,7 +96,7 @@ macro_rules! common {
             /// Reads and checks a description file.
             ///
             /// # Errors
-            /// [`ModelError::Read`] where the file cannot be read as text, [`ModelError::Large`] for more than 256 KiB,
+            /// [`ModelError::Read`] for no text, [`ModelError::Large`] beyond 256 KiB,
             /// [`ModelError::Description`] as [`Self::parse`].
             pub fn load(path: impl AsRef<Path>) -> Result<Self, ModelError> {
                 Ok(Self::parse(&text(path.as_ref())?)?)
@@ -108,7 +108,7 @@ macro_rules! common {
                 units.iter().all(|unit| unit == LOGIT).then_some(names)
             }
 
-            /// Names of the predicted values with their units, for people: "roll, pitch (rad)" or "depth (mm), tilt (deg)".
+            /// Names of predicted values with units, as "roll, pitch (rad)".
             pub fn labelled_outputs(&self) -> String {
                 let (names, units) = self.outputs();
                 match units {
@@ -135,7 +135,7 @@ macro_rules! common {
                 unused(self.name(), &self.needed(), weights)
             }
 
-            /// The table that `meissner inspect` prints: the input, a line for each layer, and the totals.
+            /// The table of `meissner inspect`: the input, a line for each layer, the totals.
             pub fn to_table(&self) -> String {
                 self.to_string()
             }

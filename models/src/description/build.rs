@@ -1,7 +1,7 @@
 //! A network from a description and weights.
 //!
-//! Enters: a checked [`Description`] and [`Weights`]. Leaves: the engine's [`Network`], or every tensor that does not fit.
-//! Batch norm with running statistics becomes one product and one sum, rounded once.
+//! Enters: a checked [`Description`] and [`Weights`]. Leaves: a [`Network`], or every tensor that
+//! does not fit. Batch norm becomes one product and one sum, rounded once.
 
 use std::sync::Arc;
 
@@ -19,17 +19,17 @@ impl Description {
     /// The network with `weights`, whose names may all carry one further prefix such as "module.".
     ///
     /// # Errors
-    /// [`ModelError::Weights`] with every tensor that is missing, has another shape or type, or values that cannot be
-    /// computed with; [`ModelError::Ambiguous`] where several prefixes would do; [`ModelError::Preparation`] where they say
-    /// that they were trained on graphs that were built in another way ([`Self::preparation`]); [`ModelError::Engine`] never,
-    /// unless the engine's bounds are narrower than the description's.
+    /// [`ModelError::Weights`] with every tensor that is missing, of another shape or type, or not
+    /// computable; [`ModelError::Ambiguous`] for several prefixes; [`ModelError::Preparation`] for
+    /// weights trained on other graphs ([`Self::preparation`]); [`ModelError::Engine`] only if the
+    /// engine's bounds are narrower than the description's.
     pub fn network(&self, weights: &Weights) -> Result<Network, ModelError> {
         self.check_preparation(weights)?;
         self.network_ignoring_preparation(weights)
     }
 
-    /// As [`Self::network`], whatever the weights say about the graphs of their training. Predictions then are not those that
-    /// the weights were trained for.
+    /// As [`Self::network`], whatever graphs the weights were trained on: predictions then are not
+    /// what they were trained for.
     ///
     /// # Errors
     /// As [`Self::network`], without [`ModelError::Preparation`].
@@ -64,7 +64,7 @@ impl Description {
                     segments = Some(layer.inputs);
                 }
                 LayerKind::Dense { .. } => {
-                    // The readout's cells lie one after the other, each padded to whole lanes; a dense layer's values
+                    // The readout's cells are padded to whole lanes each; a dense layer's values
                     // are one segment.
                     let segment = segments.take().unwrap_or(layer.inputs);
                     match dense_layer(layer, segment, tensors)? {

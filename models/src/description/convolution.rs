@@ -1,12 +1,12 @@
 //! The convolution of a block: what a description can choose, and what follows from the choice.
 //!
-//! | `conv` | computes, for row i over its in-edges j | keys of its own | tensors |
-//! |---|---|---|---|
-//! | `spline` | mean of `x_j` times its spline weights, ELU | `kernel`, `root`, `bias`, `elu` | `conv.weight` (slot, C, O), `conv.lin.weight` (O, C), `conv.bias` (O) |
-//! | `pointnet` | maximum, i itself included, of `W [x_j, (p_j - p_i) / scale] + b`, `ReLU` | none | `conv.weight` (O, C + 3), `conv.bias` (O) |
+//! | `conv` | computes, for row i over its in-edges j | keys of its own |
+//! |---|---|---|
+//! | `spline` | mean of `x_j` times its spline weights, ELU | `kernel`, `root`, `bias`, `elu` |
+//! | `pointnet` | maximum, i included, of `W [x_j, (p_j - p_i) / scale] + b`, `ReLU` | none |
 //!
-//! Its word as the `kind` of a layer is short for `kind = "block"` with this `conv`. A block's tensors begin with its prefix, and those
-//! of its batch norm are `norm.weight`, `norm.bias`, `norm.running_mean` and `norm.running_var`.
+//! The word as a layer's `kind` is short for `kind = "block"` with this `conv`. The tensors of each
+//! are in `docs/weights-from-pytorch.md`.
 //!
 //! A new convolution is a variant of [`ConvolutionKind`] and a row of `KINDS`.
 
@@ -131,7 +131,7 @@ impl ConvolutionKind {
         }
     }
 
-    /// How far apart slots lie that differ by 1 along x, y and t; `None` where there is no spline kernel.
+    /// Distance of slots that differ by 1 along x, y and t; `None` without a spline kernel.
     pub(crate) fn slot_strides(&self) -> Option<[usize; 3]> {
         match self {
             Self::Spline { kernel: [x, y, _], .. } => Some([1, *x, x * y]),
@@ -144,8 +144,8 @@ impl ConvolutionKind {
         matches!(self, Self::PointNet)
     }
 
-    /// Adds the tensors of the convolution from `c` to `o` channels to `tensors`, in the order of their use. Returns the running
-    /// variance that batch norm is expected to have after it.
+    /// Adds its tensors from `c` to `o` channels to `tensors`, in the order of use. Returns the
+    /// running variance expected after it.
     pub(super) fn list(&self, tensors: &mut Listing<'_>, c: usize, o: usize) -> f64 {
         const BIAS: &str = "bias: (output channel)";
         match *self {
@@ -160,20 +160,20 @@ impl ConvolutionKind {
                 if bias {
                     tensors.shift("conv.bias", &[o], BIAS);
                 }
-                // Averaging over edges shrinks the variance. Running variances are drawn small, as trained ones are.
+                // Averaging over edges shrinks the variance: running variances are drawn small.
                 0.25
             }
             Self::PointNet => {
                 let meaning = "PointNet's linear layer: (output channel, input channel, then the offset along x, y and t)";
                 tensors.weight("conv.weight", &[o, c + 3], c + 3, meaning);
                 tensors.shift("conv.bias", &[o], BIAS);
-                // The maximum over edges is larger than each of them. Running variances are drawn large.
+                // The maximum over edges exceeds each: running variances are drawn large.
                 4.0
             }
         }
     }
 
-    /// The convolution from `inputs` to `outputs` channels with the `values` of its tensors and of batch norm.
+    /// The convolution from `inputs` to `outputs` channels with `values`, batch norm's included.
     pub(super) fn build(
         &self,
         (inputs, outputs): (usize, usize),

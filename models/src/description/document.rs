@@ -1,6 +1,6 @@
-//! The parts of a description file that every kind of network has: its text, its layers, its outputs.
+//! What description files of every kind have: text, layers, outputs.
 //!
-//! Enters: a file or its text. Leaves: [`ParsedLayer`]s and outputs, as they are written; references are not resolved.
+//! Enters: a file or text. Leaves: [`ParsedLayer`]s and outputs; references are not resolved.
 
 use std::collections::BTreeSet;
 use std::io;
@@ -13,8 +13,8 @@ use super::table::{self, Lines, NAME, Spanned, Table, name};
 use crate::bounded;
 use crate::error::ModelError;
 
-/// Largest description file that is read: the most layers that a network may have, at 256 bytes each. One wrong byte can
-/// take 700 bytes of messages, most of them from the TOML parser.
+/// Largest description file: the most layers, at 256 bytes each. One wrong byte can take 700 bytes
+/// of messages, most from the TOML parser.
 const MAX_FILE: u64 = 1 << 18;
 /// The table that marks a frame network.
 pub(super) const INPUT: &str = "input";
@@ -94,8 +94,8 @@ pub(super) fn checked<T>(
     }
 }
 
-/// The tables of `list`, at most [`MAX_LAYERS`]. Anything else in their place is reported. No layer may have the name
-/// `input`. `reference` describes the names that a layer can refer to. `read` reads the keys of a layer of one of `kinds`.
+/// The tables of `list`, at most [`MAX_LAYERS`], none named `input`; others are reported.
+/// `reference` describes what a layer refers to, `read` reads a layer of one of `kinds`.
 pub(super) fn layers<K>(
     root: &mut Table<'_, '_>,
     list: &'static str,

@@ -1,6 +1,6 @@
 //! A description file as it is written: values are typed and in range, references are not resolved.
 //!
-//! Enters: the table of the whole file. Leaves: a [`File`]; whatever was reported is `None` or has a substitute.
+//! Enters: the whole file's table. Leaves: a [`File`]; what was reported is `None` or replaced.
 
 use std::ops::RangeInclusive;
 
@@ -43,7 +43,7 @@ pub(super) struct File {
     /// The network without layers and names of outputs.
     pub(super) network: Description,
     pub(super) layers: Vec<ParsedLayer<FileKind>>,
-    /// The layers that read the readout instead of dense layers; empty for a network with dense layers.
+    /// The layers that read the readout instead of dense layers; empty with dense layers.
     pub(super) head: Vec<ParsedLayer<FrameKind>>,
     pub(super) outputs: Option<Spanned<Vec<String>>>,
 }
@@ -53,8 +53,8 @@ pub(super) struct File {
 pub(super) struct FileKind {
     /// The computation; the number of grids of a readout is not known yet.
     pub(super) kind: LayerKind,
-    /// Channels of a block, cells of a readout's grid, values of a dense layer. `None` where a problem of it was reported, and
-    /// for a pooling.
+    /// Channels of a block, cells of a readout's grid, values of a dense layer; `None` if reported,
+    /// and for a pooling.
     pub(super) outputs: Option<usize>,
     /// Line of the key `time` or `by_time`, where it changes what is computed.
     pub(super) time: Option<usize>,

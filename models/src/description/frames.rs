@@ -1,7 +1,7 @@
 //! Descriptions of frame networks: a TOML file, checked into layers over images and vectors.
 //!
-//! Enters: text. Leaves: a [`FrameDescription`], or every inconsistency of the file with its line. A frame network has a table
-//! `[input]` instead of `[graph]`; `docs/network-files.md` has every key, with examples.
+//! Enters: text. Leaves: a [`FrameDescription`], or every inconsistency with its line. It has a
+//! table `[input]` instead of `[graph]` (`docs/network-files.md`).
 
 mod build;
 mod file;
@@ -96,7 +96,7 @@ impl FrameDescription {
         self.layers.last().map_or(self.input, |layer| layer.output)
     }
 
-    /// Names of the predicted values, or of the channels of a predicted image, and the unit of each.
+    /// Names of the predicted values or of a predicted image's channels, and their units.
     pub fn outputs(&self) -> (&[String], &[String]) {
         (&self.outputs, &self.units)
     }

@@ -85,8 +85,8 @@ pub enum LayerKind {
         #[serde(serialize_with = "serialize_activation")]
         activation: Activation,
     },
-    /// Graph convolution with its activation, then as chosen batch norm and a skip addition. Data names its convolution as
-    /// its kind.
+    /// Graph convolution with its activation, batch norm and skip addition. Data name its
+    /// convolution as the kind.
     #[serde(untagged)]
     Block {
         /// The convolution.
@@ -160,8 +160,8 @@ impl fmt::Display for Cell {
 pub struct Cost {
     /// Products with the sums they enter; 0 for a pooling and the readout, which only compare.
     pub multiply_adds: usize,
-    /// In-edges that are counted: at the event level the most that the graph's rule allows; at a pooled level the cells
-    /// that touch one (8, or 26 with cells in time), an assumption: edges of events may reach further.
+    /// Counted in-edges: at the event level the graph's most; at a pooled level the touching cells
+    /// (8, or 26 with cells in time), an assumption: edges may reach further.
     pub in_edges: Option<usize>,
     /// The unit of the cost.
     pub per: CostUnit,

@@ -1,17 +1,18 @@
 //! How the input of a training was prepared: weights and description must agree on it.
 //!
-//! Weights state it in their metadata under `preparation`, as a JSON object with the words of a description. For a network
-//! over events these are the words of its graph:
+//! Weights state it in their metadata `preparation`, a JSON object in the words of a description.
+//! For a network over events, of its graph:
 //!
 //! ```text
-//! {"kind":"knn","k":8,"candidates":"past","lifetime":"window","normalisation":"fixed","scales":[0.1,0.1176],
+//! {"kind":"knn","k":8,"candidates":"past","lifetime":"window","normalisation":"fixed",
+//!  "scales":[0.1,0.1176],
 //!  "span_us":300000,"cells":[["1/8","1/8","1/3"]]}
 //! ```
 //!
-//! `scales` are the scales of edge attributes, level by level, and are missing with "per-graph". `cells` are the cells of the
-//! poolings. `place` is there where the place of an event in a cell is an input. Weights may leave out `lifetime`, because both lifetimes give the same graph until an event leaves the window.
-//! The published contact-angle checkpoint has no metadata. It is recognised and has the preparation of the shipped network
-//! `graphres-published`.
+//! `scales` of edge attributes, level by level, are missing with "per-graph". `cells` are the
+//! poolings'. `place` stands for an input of places in cells. `lifetime` may be missing: both give
+//! the same graph until an event leaves. The published contact-angle checkpoint has no metadata and
+//! counts as `graphres-published`.
 //!
 //! For a network over readings of electrodes these are the words of `[input]`:
 //!
@@ -20,10 +21,10 @@
 //! {"frames":"electrodes","steps":5,"scaling":["reading",[1911.0,3743.0]]}
 //! ```
 //!
-//! The sampling of readings does not count: a network that was trained on windows without overlap may run on sliding windows.
+//! Sampling does not count: training windows without overlap may slide when they run.
 //!
-//! A network is not built from weights that state another preparation than its description, unless this is asked for. Weights
-//! without a statement are accepted, and `agreement` reports it.
+//! Weights that state another preparation make no network, unless asked for. Those without a
+//! statement are accepted, and `agreement` reports it.
 
 use meissner_engine::{Normalisation, Reach};
 use serde_json::{Map, Value, json};
@@ -84,8 +85,8 @@ impl Agreement {
 }
 
 impl Description {
-    /// The metadata `preparation` of weights that are trained for this description: the rule of the graph, the scales of edge
-    /// attributes, the span and the cells of the poolings, as a JSON object.
+    /// The metadata `preparation` of weights trained for it: the graph's rule, scales, span and
+    /// cells of poolings, as a JSON object.
     pub fn preparation(&self) -> String {
         let summary = self.graph_summary();
         let mut entries = vec![("kind", json!(summary.kind))];
@@ -117,7 +118,7 @@ impl Description {
         format!("{{{}}}", text.join(","))
     }
 
-    /// Whether `weights` were trained on graphs as this description builds them, by their own statement.
+    /// Whether `weights` state that they were trained on graphs of this description.
     pub fn agreement(&self, weights: &Weights) -> Agreement {
         Agreement::of(weights, Some(&self.preparation()))
     }
@@ -129,8 +130,8 @@ impl Description {
 }
 
 impl FrameDescription {
-    /// The metadata `preparation` of weights that are trained for this description: frames, steps and scaling in the words of
-    /// `[input]`, as a JSON object. `None` where frames are not made from readings of electrodes.
+    /// The metadata `preparation` of weights trained for it: frames, steps and scaling in the words
+    /// of `[input]`, as JSON; `None` where frames do not come from electrodes.
     pub fn preparation(&self) -> Option<String> {
         let (FrameSource::TactileImage(_) | FrameSource::Electrodes(_)) = self.source() else { return None };
         let settings = serde_json::to_value(self.source()).unwrap_or_default();
@@ -138,7 +139,7 @@ impl FrameDescription {
         Some(format!("{{{}}}", entries.collect::<Vec<_>>().join(",")))
     }
 
-    /// Whether `weights` were trained on frames as this description makes them, by their own statement.
+    /// Whether `weights` state that they were trained on frames of this description.
     pub fn agreement(&self, weights: &Weights) -> Agreement {
         Agreement::of(weights, self.preparation().as_deref())
     }
@@ -149,8 +150,8 @@ impl FrameDescription {
     }
 }
 
-/// `Ok` where `weights` state the preparation that `network` expects, or none. A network without preparation has frames of the
-/// kind `frames`.
+/// `Ok` if `weights` state the preparation that `network` expects, or none. Without one, a network
+/// has frames of the kind `frames`.
 fn check(network: &str, expected: Option<String>, frames: &str, weights: &Weights) -> Result<(), ModelError> {
     if Agreement::of(weights, expected.as_deref()) != Agreement::Other {
         return Ok(());
@@ -163,7 +164,7 @@ fn check(network: &str, expected: Option<String>, frames: &str, weights: &Weight
     })
 }
 
-/// The preparation that `weights` state, or that of the published checkpoint where these are its weights.
+/// The preparation that `weights` state, or the published checkpoint's if they are its.
 fn stated_or_published(weights: &Weights) -> Option<String> {
     let known = || {
         let published = weights.is_published().then(|| Description::shipped(PUBLISHED)).flatten();
@@ -172,7 +173,7 @@ fn stated_or_published(weights: &Weights) -> Option<String> {
     weights.metadata().get(KEY).cloned().or_else(known)
 }
 
-/// The entries of a JSON object that count, with numbers as the engine takes them: 3488 and 3488.0 are equal.
+/// The entries of a JSON object that count, numbers as the engine takes them: 3488 equals 3488.0.
 fn entries(text: &str) -> Option<Map<String, Value>> {
     let entries: Map<String, Value> = serde_json::from_str(text).ok()?;
     let counting = entries.into_iter().filter(|(key, _)| key != "sampling");

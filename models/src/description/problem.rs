@@ -25,8 +25,8 @@ impl fmt::Display for Problem {
     }
 }
 
-/// The kinds of inconsistencies. `expected` and `found` describe values; `key` is the key that has or should have the value;
-/// `first`, `line` and `head` are lines of the file.
+/// Kinds of inconsistencies. `expected` and `found` describe values; `key` has or should have the
+/// value; `first`, `line` and `head` are lines.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 #[expect(missing_docs, reason = "the page of the enum and the messages explain the fields")]
 #[non_exhaustive]
@@ -52,7 +52,7 @@ pub enum ProblemKind {
     /// A reference to a layer that the file does not have.
     #[error("{key}: expected {input:?} or the name of a layer {place}, found {found:?}")]
     UnknownReference { key: &'static str, input: String, place: &'static str, found: String },
-    /// A reference to a layer that stands further down, in a file whose layers stand in the order of evaluation.
+    /// A reference to a layer further down, where layers stand in the order of evaluation.
     #[error("{key}: expected a layer above this one, found {found:?} on line {line}")]
     ForwardReference { key: &'static str, found: String, line: usize },
     /// A reference to a layer with another number of channels or another size.
@@ -115,7 +115,7 @@ impl DescriptionError {
     pub(super) fn new(mut problems: Vec<Problem>) -> Self {
         debug_assert!(!problems.is_empty(), "an error needs a problem");
         problems.sort_by_key(|p| p.line);
-        // A file of anything but text can have the same fault at every byte. The parser has few words for faults.
+        // A file of anything but text can repeat one fault at every byte.
         let mut told: Vec<Problem> = Vec::new();
         let mut first_of_line = 0;
         for problem in problems {

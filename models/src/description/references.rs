@@ -1,7 +1,7 @@
 //! References between the layers of a file, of both kinds of networks.
 //!
-//! Enters: [`ParsedLayer`]s. Leaves: the inputs of each layer as numbers of *nodes*: node 0 is the input of the
-//! network, node i + 1 layer i. What refers to nothing, or is not referred to, is reported.
+//! Enters: [`ParsedLayer`]s. Leaves: each layer's inputs as *nodes*: 0 is the network's input, i +
+//! 1 layer i. What refers to nothing, or is not referred to, is reported.
 
 use std::collections::BTreeMap;
 
@@ -9,7 +9,7 @@ use super::document::ParsedLayer;
 use super::problem::{ProblemKind, Problems};
 use super::table::Spanned;
 
-/// The nodes that a layer reads: its input and its second input. `None` where there is none, or where it was reported.
+/// The nodes that a layer reads: its two inputs; `None` if there is none or it was reported.
 pub(super) type Reads = [Option<usize>; 2];
 
 /// The names that layers can refer to.
@@ -25,7 +25,7 @@ pub(super) struct Scope<'a> {
     pub(super) above: bool,
 }
 
-/// Resolves the references of `layers`. A second layer of a name is reported, and the first keeps the name.
+/// Resolves the references of `layers`. A second layer of a name is reported; the first keeps it.
 pub(super) fn references<K>(
     layers: &[ParsedLayer<K>],
     scope: Scope<'_>,
@@ -85,7 +85,7 @@ pub(super) fn report_unused<K>(
     }
 }
 
-/// Reports that the layer `name`, which predicts, writes another number of values than there are `names`.
+/// Reports that layer `name`, which predicts, writes another number of values than `names`.
 pub(super) fn check_names(
     names: Option<&Spanned<Vec<String>>>,
     name: &str,

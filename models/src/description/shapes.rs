@@ -1,7 +1,7 @@
 //! Levels, channels, costs and receptive fields, layer after layer in the order of evaluation.
 //!
-//! Enters: a [`File`] and its [`Wiring`]. Leaves: checked [`Layer`]s, without the layers that have problems. Invariant: where
-//! no problem was reported, all layers are there, the levels are a chain, and the engine accepts the layers.
+//! Enters: a [`File`] and its [`Wiring`]. Leaves: checked [`Layer`]s, but those with problems.
+//! Invariant: without problems all are there, levels are a chain, and the engine accepts them.
 
 use meissner_engine::Aggregation;
 use meissner_engine::frames::FrameShape;
@@ -94,7 +94,7 @@ impl Shapes<'_> {
         self.problems.add(line, Some(&layer.name), ProblemKind::value(key, expected, found));
     }
 
-    /// What is known of the output of `node`, which must have rows (`rows`) or be a vector; reports the other.
+    /// What is known of the output of `node`, rows (`rows`) or a vector; reports the other.
     fn reads(
         &mut self,
         layer: &ParsedLayer<FileKind>,
@@ -314,7 +314,7 @@ impl Shapes<'_> {
 /// channels = (channels of a cell) (cells in time),   height = rows,   width = columns
 /// ```
 ///
-/// Layers with problems are left out. Without problems, the engine accepts the layers as the head of the network.
+/// Leaves out layers with problems. Without any, the engine accepts the layers as a head.
 pub(super) fn check_head(file: &File, layers: &[Layer], problems: &mut Problems) -> Vec<FrameLayer> {
     if file.head.is_empty() {
         return Vec::new();

@@ -1,8 +1,8 @@
 //! Reads one TOML table key by key.
 //!
-//! Enters: a parsed table with the spans of its keys and values. Leaves: typed values, and a problem for each key that
-//! is missing, unknown, of another type or out of range. Invariant: `None` or a substitute for a required or mistyped value
-//! always comes with a problem, so it never has to be reported again.
+//! Enters: a parsed table with spans. Leaves: typed values, and a problem for each key that is
+//! missing, unknown, mistyped or out of range. Invariant: `None` or a substitute for a required or
+//! mistyped value comes with a problem, which never has to be reported again.
 
 use std::ops::RangeInclusive;
 
@@ -159,8 +159,8 @@ impl<'t, 'i> Table<'t, 'i> {
         self.optional(key, expected, read)
     }
 
-    /// The value of `key` as `read` understands it; `default` where the key is absent, a problem where there is no default.
-    /// [`Self::known`] learns of a problem, of which the result is a substitute.
+    /// The value of `key` as `read` understands it, or `default`; without one, a problem.
+    /// [`Self::known`] learns of a problem, whose result is a substitute.
     pub(super) fn value<T: Default>(
         &mut self,
         key: &'static str,

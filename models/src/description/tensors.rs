@@ -1,7 +1,7 @@
 //! The tensors that a network needs, found in weights.
 //!
-//! Enters: names, shapes and [`Weights`]. Leaves: values, or every tensor that does not fit. Batch norm with running
-//! statistics is one product and one sum a channel, in f64:
+//! Enters: names, shapes and [`Weights`]. Leaves: values, or every tensor that does not fit. Batch
+//! norm is one product and one sum a channel, in f64:
 //!
 //! ```text
 //! scale = gamma / sqrt(var + 1e-5),   shift = beta - mean scale
@@ -92,7 +92,7 @@ impl<'l> Listing<'l> {
         self.add(self.prefix, part, shape, Role::Shift, meaning);
     }
 
-    /// Batch norm over `channels`, with tensors of a prefix of their own. Running variances are drawn around `about`.
+    /// Batch norm over `channels` with its own prefix; running variances are drawn around `about`.
     pub(crate) fn norm(&mut self, prefix: &str, channels: usize, about: f64) {
         const VARIANCE: &str = "batch norm's running variance, to which 1e-5 is added: (channel)";
         let shape = [channels];
@@ -136,8 +136,8 @@ pub(super) fn unused(network: &str, needed: &[Needed], weights: &Weights) -> Res
     Ok(weights.names().filter(|&name| !used.contains(name)).map(str::to_owned).collect())
 }
 
-/// The prefix of all names: none if all names are there without one, else the one prefix under which all names are there,
-/// else the prefix under which most names are there.
+/// The prefix of all names: none if all are there without, else the one with all, else the one with
+/// most.
 fn prefix(network: &str, needed: &[Needed], weights: &Weights) -> Result<String, ModelError> {
     let mut prefixes = BTreeSet::from([String::new()]);
     for name in weights.names() {

@@ -1,7 +1,7 @@
-//! The graph of the layers of a network over events: it is acyclic, and there is an order of evaluation.
+//! The graph of the layers of a network over events: acyclic, with an order of evaluation.
 //!
-//! Enters: a file whose layers are read. Leaves: a [`Wiring`]. Invariant: its `order` holds every layer that
-//! no cycle leads to, each after those it reads, ties in the order of the file.
+//! Enters: a file. Leaves: a [`Wiring`]. Invariant: its `order` holds every layer that no cycle
+//! leads to, after what it reads, ties as in the file.
 
 use petgraph::algo::kosaraju_scc;
 use petgraph::graph::DiGraph;
@@ -30,8 +30,8 @@ pub(super) fn wire(file: &File, problems: &mut Problems) -> Wiring {
     let scope = Scope { input: EVENTS, second: "skip", place, above: false };
     let reads = references(&file.layers, scope, problems);
     report_cycles(&file.layers, &reads, problems);
-    // A layer of an unknown kind may be the one that is missing; where a reference failed, what nothing reads may be
-    // meant to be read.
+    // A layer of an unknown kind may be the missing one; a failed reference may mean what nothing
+    // reads.
     let known = file.layers.iter().all(|layer| layer.kind.is_some());
     let certain = known && problems.0.len() == before && file.layers.iter().all(|l| !l.name.is_empty());
     let readouts = indices(file, |kind| matches!(kind, LayerKind::Readout { .. }));
@@ -58,7 +58,7 @@ fn indices(file: &File, is: impl Fn(&LayerKind) -> bool) -> Vec<usize> {
     file.layers.iter().enumerate().filter(|(_, layer)| is(layer)).map(|(i, _)| i).collect()
 }
 
-/// The first of `found`. If there is none, the `expected` layer is reported missing at the last layer of the file.
+/// The first of `found`; if none, `expected` is reported missing at the file's last layer.
 fn report_missing(
     file: &File,
     found: &[usize],
@@ -103,7 +103,7 @@ fn report_cycles(layers: &[ParsedLayer<FileKind>], reads: &[Reads], problems: &m
     }
 }
 
-/// Layers that no cycle leads to, each after those it reads; of several that could come next the first in the file. O(n^2).
+/// Layers that no cycle leads to, each after what it reads, else as in the file. O(n^2).
 fn order(reads: &[Reads]) -> Vec<usize> {
     let mut done = vec![false; reads.len() + 1];
     done[0] = true;
@@ -116,8 +116,8 @@ fn order(reads: &[Reads]) -> Vec<usize> {
     order
 }
 
-/// The layer that predicts: with a head the readout, which it reads; otherwise the dense layer that no other reads. `None`
-/// where this is not `certain`.
+/// The layer that predicts: with a head the readout, else the dense layer that no other reads;
+/// `None` if not `certain`.
 fn prediction(
     file: &File,
     reads: &[Reads],

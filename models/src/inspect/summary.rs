@@ -45,7 +45,7 @@ pub struct FrameSummary {
     pub state: usize,
     /// The tensors it needs.
     pub tensors: Vec<TensorSummary>,
-    /// The metadata `preparation` of weights that are trained for it; none where frames are not made from readings of
+    /// The metadata `preparation` of weights trained for it; none where frames do not come from
     /// electrodes.
     pub preparation: Option<String>,
     /// Shape of the prediction.
@@ -104,7 +104,7 @@ pub struct LevelSummary {
     pub level: usize,
     /// "events", or the pooling that starts it.
     pub rows: String,
-    /// Scale s of its edge attributes; none where s is the largest difference of a coordinate over the edges of the graph.
+    /// Scale s of its edge attributes; none if s is the largest difference over the edges.
     pub scale: Option<f32>,
 }
 

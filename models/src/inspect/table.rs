@@ -34,8 +34,8 @@ impl fmt::Display for View<'_> {
     }
 }
 
-/// Writes `lines`, the first of which has the headings, in columns as wide as their content. Where they are wider than a
-/// terminal, the columns are split into several tables with an empty line between them. Each table has the first column.
+/// Writes `lines`, headings first, in aligned columns. Wider than a terminal, they are split into
+/// tables that repeat the first column, with an empty line between.
 fn aligned<const N: usize>(lines: &[[String; N]], f: &mut fmt::Formatter<'_>) -> fmt::Result {
     let widths: [usize; N] = std::array::from_fn(|column| {
         lines.iter().map(|line| line[column].chars().count()).max().unwrap_or(0)

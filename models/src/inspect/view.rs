@@ -1,4 +1,4 @@
-//! A network as a table and pictures show it: a row for each layer, the inputs of each, and the bands that group them.
+//! A network as tables and pictures show it: a row for each layer, its inputs, and bands.
 //!
 //! Enters: a description of either kind. Leaves: a [`View`].
 
@@ -202,7 +202,7 @@ fn row(layer: &Layer) -> Row<'_> {
     }
 }
 
-/// The row of a layer of the head. All of it is evaluated for a prediction, which depends on the whole window.
+/// The row of a layer of the head, all of which is evaluated for a prediction.
 fn head_row(layer: &FrameLayer) -> Row<'_> {
     let cost = Cost { multiply_adds: layer.multiply_adds, in_edges: None, per: CostUnit::Prediction };
     let field = ReceptiveField { steps: Vec::new(), from: FieldStart::Window };

@@ -1,16 +1,16 @@
 //! Contact area and normal force from the images of an optical tactile sensor (`CANFnet`).
 //!
-//! The network maps an RGB image (3, 240, 320) to the normal force on the surface of each pixel. Around it are
+//! The network maps an RGB image (3, 240, 320) to the normal force on each pixel's surface:
 //!
 //! - [`ImageNormalisation`] before it and [`ForceNormalisation`] after it,
-//! - [`ContactMeter`]: turns the map of forces into a [`ContactReport`] (mask, area, total force, running median, centroid),
-//! - [`DifferenceBaseline`]: area and centroid without a network, from the difference to an image without contact,
+//! - [`ContactMeter`]: from forces to a [`ContactReport`] (mask, area, force, median, centroid),
+//! - [`DifferenceBaseline`]: area and centroid without a network, from an image without contact,
 //! - [`iou`] and [`force_mae`]: the figures that such maps are evaluated by,
 //! - [`Overlay`]: draws forces, outline and centroid over the image.
 //!
-//! Images are row-major from the top left, with red, green and blue of a pixel side by side (`u8`). Maps have one value for
-//! each pixel in the same order. Pixel coordinates are (column, row); the centre of the top-left pixel is (0, 0). All sums
-//! have a fixed order, so results are equal on every machine. Nothing is allocated after construction.
+//! Images are row-major from the top left, a pixel's red, green and blue (`u8`) side by side; maps
+//! have one value per pixel. Pixel coordinates are (column, row), the top-left centre (0, 0). Sums
+//! have a fixed order: equal on every machine. Nothing is allocated after construction.
 
 mod difference;
 mod normalisation;
@@ -25,7 +25,7 @@ pub use normalisation::{ForceNormalisation, ImageNormalisation};
 pub use overlay::{ColourMap, Overlay, Picture};
 pub use report::{ContactMeter, ContactReport, ContactSettings, RunningMedian, force_mae, iou};
 
-/// A setting is out of range, or an image or a map does not fit. `what` is the name of the setting, the buffer or the map.
+/// A setting is out of range, or an image or map does not fit; `what` names it.
 #[derive(Clone, Debug, PartialEq, Error)]
 #[expect(missing_docs, reason = "the page of the enum and the messages explain the fields")]
 #[non_exhaustive]
@@ -61,7 +61,7 @@ pub struct ImageSize {
 }
 
 impl ImageSize {
-    /// Pixels of an image, at most (4 Mi): sums of 3 x 255 a pixel over a whole image stay within 32 bits.
+    /// Most pixels of an image (4 Mi): sums of 3 x 255 a pixel stay within 32 bits.
     pub const MAX_PIXELS: usize = 4 << 20;
 
     /// Number of pixels, 1 to [`Self::MAX_PIXELS`].
@@ -113,7 +113,7 @@ impl PixelSize {
 
 /// The middle of a contact.
 ///
-/// The origin of both units is the centre of the image's top-left pixel; x runs along a row, y down a column.
+/// Both units start at the centre of the top-left pixel; x runs along a row, y down a column.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Centroid {
     /// Column, in pixels.

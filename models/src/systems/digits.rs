@@ -14,7 +14,7 @@ pub const SENSOR: Sensor = Sensor { width: 34, height: 34 };
 /// Networks that run with the weights of another network, and that network.
 const SHARED_WEIGHTS: &[(&str, &str)] = &[("digits-frozen", "digits-past")];
 
-/// The network that the weights of `network` were trained as: itself, or the one that it shares them with.
+/// The network that the weights of `network` were trained as: itself, or one that shares them.
 pub fn trained_as(network: &str) -> &str {
     SHARED_WEIGHTS.iter().find(|(name, _)| *name == network).map_or(network, |(_, trained)| trained)
 }

@@ -1,9 +1,9 @@
 //! Direction of slip from 24 electrodes (`BioTac SP`): 7 classes, 11 objects, windows of readings.
 //!
-//! - [`CLASSES`]: the directions, in the order of a network's outputs; [`WORDS`]: the same for people,
+//! - [`CLASSES`]: the directions, in the order of outputs; [`WORDS`]: the same for people,
 //! - [`SlipWindows`]: cuts readings into the windows that a network is trained and evaluated on,
-//! - [`DecisionFilter`]: turns the classes of successive windows into a decision that stands until others agree,
-//! - [`Object`] and [`ObjectSet`]: the objects that slip, and the sets that a network has or has not seen,
+//! - [`DecisionFilter`]: from classes of windows to a decision that stands until others agree,
+//! - [`Object`] and [`ObjectSet`]: the objects that slip, and sets seen or not seen in training,
 //! - [`REFERENCES`]: accuracies that others report or reach without a network,
 //! - [`SlipError`]: networks and recordings that do not belong here.
 
@@ -20,8 +20,8 @@ pub use decision::{Decision, DecisionError, DecisionFilter};
 pub use objects::{Object, ObjectSet, REFERENCES, Reference};
 pub use windows::SlipWindows;
 
-/// Names of the classes, in the order of their indices: rotation anticlockwise and clockwise, east, north, south, no
-/// slip (touch), west.
+/// Classes by index: rotation anticlockwise and clockwise, east, north, south, no slip (touch),
+/// west.
 pub const CLASSES: [&str; 7] = ["aw", "cw", "e", "n", "s", "t", "w"];
 
 /// The classes in words for people, in the same order.

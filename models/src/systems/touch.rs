@@ -1,6 +1,6 @@
 //! Objects and containers in a gripper, felt by a tactile skin with 39 taxels (`NeuTouch`).
 //!
-//! - [`OBJECTS`], [`CONTAINERS`]: the classes, in the order of a network's outputs. The data number them.
+//! - [`OBJECTS`], [`CONTAINERS`]: the classes, in the order of outputs; the data number them.
 //! - [`SENSOR`]: the pixels, steps of 0.05 mm.
 
 use meissner_engine::Sensor;

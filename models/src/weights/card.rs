@@ -1,16 +1,15 @@
 //! The card of weights: the metadata that a run depends on.
 //!
-//! Enters: the metadata of a weights file. Leaves: a [`Card`]. The metadata is `__metadata__` of safetensors; a `PyTorch`
-//! state dict has none.
+//! Enters: `__metadata__` of safetensors; a `PyTorch` state dict has none. Leaves: a [`Card`].
 //!
 //! | key | meaning |
 //! |---|---|
-//! | `trained` | `true` or `false`; without it, `generator` says drawn, and `trained_on`, `held_out` or `recipe` say trained |
+//! | `trained` | by default, `generator` says no; `trained_on`, `held_out` or `recipe` say yes |
 //! | `about` | one line for reports |
-//! | `preparation` | preparation of the input of the training: [`Description::preparation`](crate::Description::preparation) |
+//! | `preparation` | of the training's input: [`crate::Description::preparation`] |
 //! | `stride` | the network was trained on every `stride`-th event; default: 1 |
 //! | `sensor` | `[columns, rows]` of the recordings of the training |
-//! | `ranges` | `[low, high]` of the labels of the training, for each output in its unit: `[[-0.15, 0.15], [0, 2]]` |
+//! | `ranges` | `[low, high]` of each output's training labels: `[[-0.15, 0.15], [0, 2]]` |
 
 use std::hash::Hasher;
 
@@ -37,7 +36,7 @@ const PUBLISHED_ABOUT: &str = "the published GraphRes checkpoint";
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct Card {
-    /// Whether they were trained; `Some(false)` for weights drawn from a seed, `None` where it is unknown.
+    /// Whether they were trained; `Some(false)` if drawn from a seed, `None` if unknown.
     pub trained: Option<bool>,
     /// Their remark in one line.
     pub about: Option<String>,
@@ -49,15 +48,15 @@ pub struct Card {
     pub sensor: Option<Sensor>,
     /// Lowest and highest label of the training, for each output in its unit.
     pub ranges: Option<Vec<[f64; 2]>>,
-    /// Whether these are the weights of the published contact-angle checkpoint, which carries no metadata.
+    /// Whether they are the published contact-angle checkpoint's, which has no metadata.
     pub published: bool,
 }
 
 impl Weights {
-    /// The card of these weights. The published contact-angle checkpoint has no metadata and is recognised by its values.
+    /// The card; the published contact-angle checkpoint is recognised by its values.
     ///
     /// # Errors
-    /// [`ModelError::Metadata`] where `stride`, `sensor`, `ranges` or `trained` has an invalid value.
+    /// [`ModelError::Metadata`] for an invalid `stride`, `sensor`, `ranges` or `trained`.
     pub fn card(&self) -> Result<Card, ModelError> {
         let published = self.is_published();
         let about = self.metadata().get("about").cloned();

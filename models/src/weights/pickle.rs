@@ -1,15 +1,15 @@
 //! Reads the part of pickle (protocol 2) that a state dict needs, as data.
 //!
-//! Enters: the bytes of `data.pkl`. Leaves: a tree of plain values, with tensors as references to storages. Nothing is
-//! executed. A global outside a fixed list is refused. REDUCE knows three callables, each of which only makes a value here.
-//! BUILD only drops attributes. Invariant: every value costs at least one byte of input, and containers live in arenas.
-//! Memory is therefore linear in the input, and deeply nested values need no recursion.
+//! Enters: the bytes of `data.pkl`. Leaves: a tree of plain values, tensors as references to
+//! storages. Nothing is executed: globals are of a fixed list, REDUCE knows three callables that
+//! make values here, BUILD only drops attributes. Invariant: a value costs a byte of input and
+//! containers live in arenas: memory is linear, and nesting needs no recursion.
 
 use safetensors::Dtype;
 
 use super::error::FormatError;
 
-/// A value. Containers are indices into an arena. Values that no state dict needs have only their kind.
+/// A value. Containers are indices into an arena; what no state dict needs is its kind alone.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Value<'a> {
     /// The start of the items of the next tuple, list or dict.
@@ -367,7 +367,7 @@ impl<'a> Unpickler<'a> {
         Ok(())
     }
 
-    /// BUILD: attributes of an `OrderedDict` (a state dict's `_metadata`), which do not concern its tensors.
+    /// BUILD: attributes of an `OrderedDict` (`_metadata`), which no tensor needs.
     fn build(&mut self) -> Result<(), FormatError> {
         self.pop()?;
         match self.top()? {

@@ -1,10 +1,9 @@
-//! The safetensors format: read through the `safetensors` crate, which checks every offset, and written here.
+//! The safetensors format: read through the `safetensors` crate, and written here.
 //!
-//! Reading: the crate takes the last of two tensors with one name. Here two tensors with one name are refused, as the
-//! format requires.
+//! Reading: two tensors of one name are refused, as the format requires (the crate takes the last).
 //!
-//! Writing: equal contents give equal bytes, because arrays and metadata are ordered by name (the crate orders metadata by
-//! a random hash). Arrays with wider values come first, so every array starts at a multiple of its values' size.
+//! Writing: equal contents give equal bytes, by name (the crate orders metadata by a random hash).
+//! Arrays with wider values come first: each starts at a multiple of its values' size.
 
 use std::cmp::Reverse;
 use std::collections::{BTreeMap, BTreeSet};

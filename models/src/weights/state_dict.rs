@@ -1,7 +1,7 @@
-//! `PyTorch` state dicts in the zip archives of `torch.save`: `data.pkl` names tensors, `data/<key>` holds their values.
+//! `PyTorch` state dicts as `torch.save` zips them: `data.pkl` has names, `data/<key>` values.
 //!
-//! Enters: the bytes of an archive. Leaves: tensors by name. Invariant: a tensor has no more values than its storage, and
-//! all tensors together take at most eight times the archive's bytes. Both are checked before any memory is allocated.
+//! Enters: an archive. Leaves: tensors by name. Invariant, checked before memory is allocated: a
+//! tensor has no more values than its storage, and all take at most eight times the archive.
 
 use std::collections::BTreeMap;
 
@@ -16,7 +16,7 @@ const NESTED: [&str; 3] = ["state_dict", "model_state_dict", "model"];
 /// Longest `data.pkl`: some 30,000 tensors. A byte of it may become a value of 72 bytes.
 const MAX_PICKLE: usize = 1 << 22;
 
-/// Whether `bytes` start with the magic number that `torch.save` wrote before it wrote zip archives.
+/// Whether `bytes` start with the magic number of `torch.save` before zip archives.
 pub(super) fn is_legacy(bytes: &[u8]) -> bool {
     bytes.starts_with(&[0x80, 2, 0x8a, 10, 0x6c, 0xfc, 0x9c, 0x46, 0xf9, 0x20])
 }
@@ -54,7 +54,7 @@ pub(super) fn read(bytes: &[u8]) -> Result<BTreeMap<String, Tensor>, FormatError
     Ok(tensors)
 }
 
-/// Names and tensors of the state dict in `pickle`: of its root, or of the first nested dict that has tensors.
+/// Names and tensors of the dict in `pickle`: its root, or the first nested dict with tensors.
 fn state_dict<'p, 'a>(pickle: &'p Pickle<'a>) -> Result<Vec<(&'a str, &'p View<'a>)>, FormatError> {
     let Value::Dict(root) = pickle.root else {
         return Err(FormatError::NoStateDict { found: pickle.root.kind() });
@@ -120,8 +120,8 @@ impl Storages<'_> {
 }
 
 impl View<'_> {
-    /// The position in the storage of a value by its row-major index; `None` beyond the address space, because offset and
-    /// strides are the file's.
+    /// The position in the storage of the value at a row-major index; `None` beyond the address
+    /// space: offset and strides are the file's.
     fn place(&self, index: usize) -> Option<usize> {
         let (mut place, mut rest) = (self.offset, index);
         for (&size, &stride) in self.shape.iter().zip(&self.strides).rev() {

@@ -43,7 +43,7 @@ impl Tensor {
         }
     }
 
-    /// Type of its values: "F32" for every floating-point type, else the name that the file has for the type.
+    /// Type of its values: "F32" for every floating-point type, else the file's name for it.
     pub fn dtype(&self) -> &str {
         match &self.values {
             Values::Float(_) => "F32",
@@ -57,7 +57,7 @@ pub(super) fn is_float(dtype: Dtype) -> bool {
     matches!(dtype, Dtype::F16 | Dtype::BF16 | Dtype::F32 | Dtype::F64)
 }
 
-/// Value `index` of little-endian values of a floating-point type; `None` past the end, and for other types.
+/// Little-endian value `index` of a floating-point type; `None` past the end and otherwise.
 pub(super) fn float(dtype: Dtype, bytes: &[u8], index: usize) -> Option<f32> {
     let size = dtype.bitsize() / 8;
     let bytes = bytes.get(index.checked_mul(size)?..)?.get(..size)?;

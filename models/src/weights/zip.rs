@@ -1,8 +1,8 @@
 //! Zip archives as `torch.save` writes them: stored entries, without compression or encryption.
 //!
-//! Enters: the bytes of an archive, whose records the `rawzip` crate reads. Leaves: its entries by name, as slices of these
-//! bytes. Invariant: nothing is allocated by a size that the archive claims. Every slice has the CRC-32 that the directory
-//! states. Together the slices are no longer than the archive, so the time is linear in its length.
+//! Enters: an archive, whose records `rawzip` reads. Leaves: entries by name, as slices with the
+//! stated CRC-32. Invariant: nothing is allocated by a claimed size, and slices are together no
+//! longer than the archive: linear time.
 
 use std::collections::BTreeMap;
 

@@ -1,4 +1,4 @@
-//! What the tests share: the folder of recorded references, and a writer of what `torch.save` writes.
+//! What the tests share: the recorded references, and a writer of `torch.save` files.
 #![allow(dead_code, reason = "every test file uses a part of it")]
 
 pub(crate) mod network_text;

@@ -1,4 +1,4 @@
-//! The text of small descriptions, for tests: what a test is about, and defaults for the rest. It knows no crate, so that the
+//! Small descriptions for tests: what a test is about, and defaults. It knows no crate, so that
 //! tests of every crate can include it.
 
 use std::fmt::Write;
@@ -52,12 +52,12 @@ impl NetworkText {
         self
     }
 
-    /// The text of a network with a readout `grid` and a dense layer `fc`, which predicts values of these names.
+    /// A network with a readout `grid` and a dense layer `fc` that predicts these names.
     pub(crate) fn readout(self, keys: &str, names: &[&str], unit: &str) -> String {
         self.layer("grid", "readout", keys).dense(names, unit)
     }
 
-    /// The text of a network that ends with a dense layer `fc`, which predicts values of these names.
+    /// A network that ends with a dense layer `fc` that predicts these names.
     pub(crate) fn dense(self, names: &[&str], unit: &str) -> String {
         self.layer("fc", "dense", &format!("outputs = {}", names.len())).predicting(names, unit)
     }

@@ -1,4 +1,4 @@
-//! Bytes as `torch.save` writes them: a pickle of protocol 2 and its storages in a zip archive of stored entries.
+//! Bytes as `torch.save` writes them: a pickle of protocol 2 and its storages, stored in a zip.
 
 /// A pickle under construction.
 #[derive(Clone, Default)]
@@ -73,7 +73,7 @@ pub(crate) struct View<'a> {
     pub(crate) strides: &'a [i64],
 }
 
-/// A state dict of `tensors` with `_metadata` as modules give it, and memo instructions as Python's pickler writes them.
+/// A state dict of `tensors` with modules' `_metadata` and the memos of Python's pickler.
 pub(crate) fn state_dict(tensors: &[(&str, View<'_>)]) -> Pickle {
     let mut pickle = Pickle::new().ordered_dict().raw(b"q\x00(");
     for (name, view) in tensors {

@@ -1,8 +1,8 @@
 //! The state of a frame engine as bytes.
 //!
-//! The bytes hold all values, the memories of the layers, and the changes that each layer has not processed yet: with a
-//! tolerance, stored values can depend on the past. Sizes are those of the reading engine, and a mark can only be set
-//! on an existing pixel. Whatever the bytes contain, the layers can therefore run on the resulting state.
+//! The bytes hold all values, the layers' memories, and the changes that layers have not processed:
+//! with a tolerance, values can depend on the past. Sizes are those of the reading engine and marks
+//! lie on its pixels, so layers can run on whatever is read.
 
 use super::{Background, State};
 use crate::EngineError;

@@ -1,10 +1,10 @@
 //! The places of the electrodes, and the values of the cells between them.
 //!
-//! Enters: 24 values. Leaves: an image of 12 x 11, row-major: each electrode's value in its cell; every other cell the
-//! mean of those of its 8 neighbours that are filled, in two passes (the slip paper's published preparation). The first
-//! pass sees the electrodes; the second also what the first filled; neither sees what it fills itself. After two passes
-//! no cell is empty: 24 electrodes, 97 cells of the first pass, 11 of the second.
-//! A mean adds its neighbours in f64 in row-major order, divides by their number and is rounded to f32 once.
+//! Enters: 24 values. Leaves: an image of 12 x 11, row-major: each electrode in its cell; every
+//! other cell the mean of its filled neighbours among 8, in two passes (the slip paper's published
+//! preparation). The first pass sees the electrodes, the second also what the first filled (97
+//! cells; 11 remain). A mean adds in f64 in row-major order, divides by the number, and is rounded
+//! to f32 once.
 
 /// Electrodes of the sensor.
 pub const ELECTRODES: usize = 24;
@@ -136,8 +136,8 @@ mod tests {
         assert_eq!(at(5, 5), (1 << 23) as f32);
         // First pass: beside electrode 0 alone; between electrodes 0 and 1.
         assert_eq!([at(0, 0), at(0, 2)], [1.0, 1.5]);
-        // Second pass: (2, 0) sees (1, 0), (1, 1), (2, 1), (3, 0), (3, 1) of the first, which see electrode 0, 0 and 1,
-        // 1, 2, 2.
+        // Second pass: (2, 0) sees (1, 0), (1, 1), (2, 1), (3, 0), (3, 1) of the first: electrodes
+        // 0, 0 and 1, 1, 2, 2.
         assert_eq!(at(2, 0), (1.0 + 1.5 + 2.0 + 4.0 + 4.0) / 5.0);
     }
 

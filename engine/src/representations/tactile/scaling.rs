@@ -1,6 +1,6 @@
 //! Scaling of readings to the range from 0 to 1.
 //!
-//! scaled = (value - minimum) / (maximum - minimum), in f64 and rounded to f32 once; 0 where maximum = minimum.
+//! scaled = (value - minimum) / (maximum - minimum), in f64, rounded once; 0 where both are equal.
 
 use crate::representations::RepresentationError;
 use crate::representations::tactile::layout::ELECTRODES;
@@ -8,12 +8,12 @@ use crate::representations::tactile::layout::ELECTRODES;
 /// Which minimum and maximum become 0 and 1.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Scaling {
-    /// Those of each image, after it is laid out (the slip paper's published preparation). Where no image is made, those
-    /// of each reading: means lie between the values that they are taken of.
+    /// Those of each image, after layout (the slip paper's published preparation). Without images
+    /// those of each reading: means lie between the values that they are taken of.
     #[default]
     PerImage,
-    /// Fixed ones, such as those of the training set (the slip paper's text), for each reading before it is laid out.
-    /// Values beyond them lie beyond 0 and 1.
+    /// Fixed ones, such as a training set's (the slip paper's text), before layout. Values beyond
+    /// them lie beyond 0 and 1.
     Range {
         /// What becomes 0.
         minimum: f32,
@@ -22,8 +22,8 @@ pub enum Scaling {
     },
     /// Those of the 24 electrodes of each reading, before it is laid out.
     PerReading,
-    /// Both, for readings that are not laid out: the 24 values by [`Self::PerReading`], then the same by [`Self::Range`].
-    /// The first show how a reading is distributed, the second also how strong it is.
+    /// Both, for readings without layout: the 24 values by [`Self::PerReading`], then by
+    /// [`Self::Range`]. The first show the distribution, the second also the strength.
     ReadingAndRange {
         /// What becomes 0 in the second half.
         minimum: f32,

@@ -1,7 +1,7 @@
 //! Sequences of readings.
 //!
-//! Enters: one reading at a time. Leaves: when a window is complete, its `steps` readings or images, the oldest first.
-//! Invariant: `values` begins with the `filled` readings or images of the open window.
+//! Enters: a reading at a time. Leaves: complete windows of `steps` readings or images, oldest
+//! first. Invariant: `values` begins with the `filled` ones of the open window.
 
 use crate::representations::RepresentationError;
 use crate::representations::tactile::layout::{
@@ -17,7 +17,7 @@ pub enum Sampling {
     Consecutive,
     /// The last `steps` readings: one decision per reading once there are as many.
     Sliding,
-    /// Every `stride`th reading, from the first on, in windows that do not overlap; the others are skipped.
+    /// Every `stride`th reading from the first on, in disjoint windows; others are skipped.
     Step {
         /// From one reading that is taken to the next.
         stride: usize,
@@ -37,7 +37,7 @@ pub enum TactileForm {
 /// A complete window.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TactileSequence<'a> {
-    /// (steps, 12, 11) for images, (steps, 1, 24) for readings, (steps, 1, 48) for readings scaled twice.
+    /// (steps, 12, 11) for images, (steps, 1, 24) for readings, (steps, 1, 48) if scaled twice.
     pub shape: [usize; 3],
     /// Values, row-major, the oldest step first.
     pub values: &'a [f32],
@@ -47,8 +47,8 @@ pub struct TactileSequence<'a> {
 
 /// Collects readings into windows.
 ///
-/// A reading costs O(1): an image of 204 additions, and for sliding windows a move of `steps` images. Nothing is
-/// allocated after construction.
+/// A reading costs O(1): 204 additions for an image, and for sliding windows a move of `steps`
+/// images. Nothing is allocated later.
 #[derive(Clone, Debug)]
 pub struct TactileWindow {
     steps: usize,
@@ -67,7 +67,7 @@ impl TactileWindow {
     /// Windows of `steps` readings, made into `form`.
     ///
     /// # Errors
-    /// No steps or more than 65,536, a stride of 0, a range without extent, images by [`Scaling::ReadingAndRange`].
+    /// Steps not from 1 to 65,536, a stride of 0, an empty range, images scaled twice.
     pub fn new(
         steps: usize,
         sampling: Sampling,
@@ -104,7 +104,7 @@ impl TactileWindow {
     /// Takes the next reading, and returns the window that it completes, if it does.
     ///
     /// # Errors
-    /// A value that is not finite, or becomes so by a fixed range. The reading then counts as not taken.
+    /// A value that is not finite, or becomes so by a fixed range. The reading is not taken.
     pub fn push(
         &mut self,
         reading: &[f32; ELECTRODES],
@@ -166,7 +166,7 @@ impl TactileWindow {
         self.readings = 0;
     }
 
-    /// The reading, scaled where that comes before the layout; of two scalings by the second. A range comes before: it is
+    /// The reading, scaled where that precedes layout; of two scalings by the second. A range is
     /// the same for all cells, and what it makes infinite is found before it enters a mean.
     fn admit(&self, reading: &[f32; ELECTRODES]) -> Result<[f32; ELECTRODES], RepresentationError> {
         if let Some(electrode) = reading.iter().position(|value| !value.is_finite()) {

@@ -10,7 +10,7 @@ use crate::frames::weights::{BLOCK, Packed};
 use crate::isa::{Simd, Task, Vector, accumulate_wide, flat_wide_mut};
 use crate::lanes::Wide;
 
-/// Limit in bytes of the transformed inputs and sums of a batch of tiles: a part of the second-level cache.
+/// Limit in bytes of a batch's transformed inputs and sums: part of the second-level cache.
 const AT_HAND: usize = 1 << 19;
 
 /// Largest number of blocks of outputs that are computed at once.
@@ -40,9 +40,8 @@ pub(super) struct Job<'a, T, const N: usize> {
     transform: PhantomData<T>,
 }
 
-/// Layout of one place for a batch of tiles: the first vector of each tile, then the second of each, and so on, plus
-/// one vector. Without it, places would be a multiple of a page apart and compete for the same lines of the first-level
-/// cache.
+/// Layout of one place for a batch of tiles: the first vector of each tile, then the second of
+/// each, and so on, plus one vector: else places would be pages apart and compete for cache lines.
 #[derive(Clone, Copy)]
 struct Plane {
     /// Number of tiles in the batch.
@@ -177,7 +176,7 @@ impl<T: Transform<N>, const N: usize> Job<'_, T, N> {
         }
     }
 
-    /// A^t m A of tile `tile`, with bias and rectifier; m's vectors start at `from`, and places are `step` apart.
+    /// A^t m A of `tile`, with bias and rectifier; m starts at `from`, places are `step` apart.
     #[inline(always)]
     fn write<S: Simd>(&mut self, simd: S, tile: usize, block: usize, from: usize, step: usize) {
         let sums = &self.scratch.sums[from..][..=(N * N - 1) * step];
@@ -287,8 +286,8 @@ fn part<const B: usize>(mut weights: [&[Wide]; B], first: usize, count: usize) -
     weights
 }
 
-/// Largest number of bytes that `tiles` tiles of `side` x `side` inputs need, for maps with `channels` channels: a
-/// patch, transformed inputs, sums.
+/// Most bytes of `tiles` tiles of `side` x `side` inputs of maps with `channels`: a patch,
+/// transformed inputs, sums.
 pub(super) fn scratch_bytes(side: usize, channels: &[usize], tiles: u128) -> [u128; 3] {
     let place = (side * side * size_of::<Wide>()) as u128;
     let vectors = |channels: usize| channels.div_ceil(BLOCK) as u128;

@@ -1,4 +1,4 @@
-//! The one-dimensional transforms of Winograd's minimal filtering, F(2, 3) and F(4, 3) (Lavin and Gray 2016).
+//! The one-dimensional transforms of Winograd's F(2, 3) and F(4, 3) (Lavin and Gray 2016).
 
 use crate::isa::Vector;
 
@@ -46,7 +46,8 @@ impl Transform<6> for Four {
         [0.0, 0.0, 1.0],
     ];
 
-    /// 4a - 5c + e; (d - 4b) + (e - 4c); (e - 4c) - (d - 4b); (e - c) + 2(d - b); (e - c) - 2(d - b); 4b - 5d + f.
+    /// 4a - 5c + e; (d - 4b) + (e - 4c); (e - 4c) - (d - 4b); (e - c) + 2(d - b); (e - c) - 2(d -
+    /// b); 4b - 5d + f.
     #[inline(always)]
     fn input<S: Copy, V: Vector<S>>(simd: S, [a, b, c, d, e, f]: [V; 6]) -> [V; 6] {
         let (four, less_four) = (V::splat(simd, 4.0), V::splat(simd, -4.0));

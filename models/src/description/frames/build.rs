@@ -1,7 +1,7 @@
 //! The engine's frame network from a description and weights.
 //!
-//! Enters: a checked [`FrameDescription`] and [`Weights`]. Leaves: [`FrameNetworkParts`], or every tensor that does not
-//! fit. Batch norm becomes part of weight and bias, and an LSTM's two biases become one, in f64, rounded once:
+//! Enters: a checked [`FrameDescription`] and [`Weights`]. Leaves: [`FrameNetworkParts`], or every
+//! tensor that does not fit. Batch norm is folded and an LSTM's biases are added in f64:
 //!
 //! ```text
 //! W' = W scale,   b' = b scale + shift
@@ -20,9 +20,9 @@ impl FrameDescription {
     /// The network with `weights`, whose names may all carry one further prefix such as "module.".
     ///
     /// # Errors
-    /// [`ModelError::Weights`] with every tensor that is missing, has another shape or type, or values that cannot be
-    /// computed with; [`ModelError::Ambiguous`] where several prefixes would do; [`ModelError::Preparation`] where they say
-    /// that they were trained on frames that were made in another way ([`Self::preparation`]).
+    /// [`ModelError::Weights`] with every tensor that is missing, of another shape or type, or not
+    /// computable; [`ModelError::Ambiguous`] for several prefixes; [`ModelError::Preparation`] for
+    /// weights trained on other frames ([`Self::preparation`]).
     pub fn network_parts(&self, weights: &Weights) -> Result<FrameNetworkParts, ModelError> {
         self.check_preparation(weights)?;
         self.network_parts_regardless(weights)

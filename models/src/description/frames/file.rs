@@ -1,4 +1,4 @@
-//! A description file of a frame network as it is written: values are typed and in range, references are not resolved.
+//! A frame network's file as written: values typed and in range, references not resolved.
 //!
 //! Enters: tables. Leaves: layers whose kind is `None` where a problem of it was reported.
 

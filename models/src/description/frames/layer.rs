@@ -40,7 +40,7 @@ pub struct FrameLayer {
     pub state: usize,
     /// Trained parameters: weights, biases, batch norm's two, without the running statistics.
     pub parameters: usize,
-    /// Products of weights with values, each with the sum that it enters, for one frame; in a head, for one prediction.
+    /// Multiply-adds for one frame; in a head, for one prediction.
     pub multiply_adds: usize,
     /// Prefix of its tensors' names.
     #[serde(skip)]
@@ -297,9 +297,9 @@ impl FrameLayer {
         self
     }
 
-    /// About the mean square of the values that it writes, with drawn weights and values around 0 before each
-    /// activation. Running variances are drawn around it, because trained running variances are near the variance of their
-    /// input.
+    /// About the mean square of what it writes, with drawn weights and values around 0 before each
+    /// activation. Running variances are drawn around it, as trained ones lie near their input's
+    /// variance.
     pub(super) fn mean_square(&self) -> f64 {
         match &self.kind {
             FrameKind::Conv { norm, activation, .. } | FrameKind::Dense { norm, activation, .. } => {

@@ -1,7 +1,7 @@
 //! The inputs of layers, and shapes, costs and bounds, layer after layer in the order of the file.
 //!
-//! Enters: a [`Stack`] of layers. Leaves: checked [`FrameLayer`]s, without the layers that have problems. Invariant: where no
-//! problem was reported, all layers are there, each reads layers above it, and the last one, which predicts, depends on all.
+//! Enters: a [`Stack`] of layers. Leaves: checked [`FrameLayer`]s, but those with problems.
+//! Invariant: without problems all are there, read layers above, and the last depends on all.
 
 use meissner_engine::frames::FrameShape::{self, Image, Vector};
 

@@ -1,4 +1,4 @@
-//! The source of the frames that a network reads, with its settings: plain data for the program that runs the network.
+//! The source of a network's frames, with its settings: plain data for the program.
 
 use std::fmt;
 
@@ -14,7 +14,7 @@ use crate::systems::contact_area::{ContactError, ForceNormalisation, ImageNormal
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum FrameSource {
-    /// Events of each polarity per pixel, divided by a maximum, over consecutive windows
+    /// Events of each polarity per pixel over consecutive windows, divided by a maximum
     /// ([`ConsecutiveFrames::counts`](meissner_engine::representations::ConsecutiveFrames::counts)).
     EventCounts {
         /// Length of a window in microseconds.
@@ -25,8 +25,8 @@ pub enum FrameSource {
         maximum: f32,
     },
     /// Polarities of events:
-    /// [`ConsecutiveFrames::signed`](meissner_engine::representations::ConsecutiveFrames::signed) or
-    /// [`SlidingSigned`](meissner_engine::representations::SlidingSigned).
+    /// [`ConsecutiveFrames::signed`](meissner_engine::representations::ConsecutiveFrames::signed)
+    /// or [`SlidingSigned`](meissner_engine::representations::SlidingSigned).
     Signed {
         /// The events that a frame shows.
         timing: SignedTiming,
@@ -35,7 +35,7 @@ pub enum FrameSource {
         /// The value of a pixel, from its events.
         rule: SignedRule,
     },
-    /// Images of 12 x 11 from 24 electrodes ([`TactileWindow`](meissner_engine::representations::TactileWindow)).
+    /// 12 x 11 images of 24 electrodes ([`meissner_engine::representations::TactileWindow`]).
     TactileImage(Readings),
     /// The values of 24 electrodes, scaled in one way or, side by side, in two.
     Electrodes(Readings),
@@ -59,8 +59,8 @@ pub enum CropPlace {
 }
 
 impl CropPlace {
-    /// The part of `sensor` of `width` x `height` pixels. Where the sensor is smaller it starts at the first pixel, and
-    /// the representations refuse it.
+    /// `width` x `height` pixels of `sensor`; from the first pixel, and then refused, if it is
+    /// smaller.
     pub fn crop(self, width: u16, height: u16, sensor: Sensor) -> Crop {
         let (x, y) = match self {
             Self::Centre => {
@@ -87,8 +87,8 @@ pub enum SignedTiming {
     },
 }
 
-/// How readings become the frames of a sequence. The network's state starts from zero with each sequence, and the
-/// prediction is the one for its last frame.
+/// How readings become a sequence's frames. The state starts from zero with each sequence; its
+/// prediction is that of the last frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Readings {
     /// Frames of a sequence.

@@ -1,8 +1,8 @@
 //! Contact without a network: where the image differs from an image without contact.
 //!
-//! d(p) = mean over a box around p (cut at the border) and over the channels of |image - reference|, in levels of 0 to
-//! 255; contact where d > threshold. Boxes are summed in integers, so d is rounded once. The sum over a box is formed from the
-//! sums over four rectangles from the top left (Crow 1984, "Summed-area tables for texture mapping").
+//! d(p) = mean over a box around p (cut at the border) and channels of |image - reference|, in
+//! levels of 0 to 255; contact where d > threshold. Integer sums of four rectangles from the top
+//! left (Crow 1984, "Summed-area tables for texture mapping"); d is rounded once.
 
 use std::ops::Range;
 
@@ -40,7 +40,7 @@ pub struct DifferenceReport {
 pub struct DifferenceBaseline {
     settings: DifferenceSettings,
     reference: Vec<u8>,
-    /// (H + 1, W + 1): the sums of the differences of all channels over the rows above and the columns to the left.
+    /// (H + 1, W + 1): sums of all channels' differences above and to the left.
     sums: Vec<u32>,
     difference: Vec<f32>,
     mask: Vec<bool>,
@@ -50,8 +50,8 @@ impl DifferenceBaseline {
     /// Compares images with `reference`, an interleaved RGB image without contact.
     ///
     /// # Errors
-    /// [`ContactError::Length`] where `reference` is not of the size, [`ContactError::Setting`] where the size is empty
-    /// or too large, or the threshold not in 0 to 255.
+    /// [`ContactError::Length`] for a `reference` of another size, [`ContactError::Setting`] for a
+    /// size that is empty or too large, or a threshold not in 0 to 255.
     pub fn new(reference: &[u8], settings: DifferenceSettings) -> Result<Self, ContactError> {
         let DifferenceSettings { size, threshold, .. } = settings;
         let pixels = size.pixels()?;

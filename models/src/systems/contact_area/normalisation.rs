@@ -1,8 +1,8 @@
-//! Between the RGB image and the input of the network, and between its output and forces in N per pixel.
+//! Between the RGB image and a network's input, and between its output and N per pixel.
 //!
-//! As the networks were trained: input = (v / 255 - mean) / std for each channel, where v is a level or the difference from a level of a
-//! reference, and output = (force - mean) / std, of which the inverse is applied here. Each operation is rounded to f32 on its own, in
-//! this order.
+//! As trained: input = (v / 255 - mean) / std for each channel, v a level or its difference from a
+//! reference's, and output = (force - mean) / std, inverted here. Each operation is rounded to f32,
+//! in this order.
 
 use super::{ContactError, same_length, setting};
 
@@ -15,19 +15,19 @@ const IMAGE_STD: &str = "standard deviation of the image";
 /// Turns interleaved 8-bit RGB into the network's planar input.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ImageNormalisation {
-    /// The input for every difference of every channel, from -255. A level is the difference from 0.
+    /// The input for each difference from -255, of each channel; a level is one from 0.
     tables: Box<[[f32; DIFFERENCES]; 3]>,
 }
 
 impl ImageNormalisation {
-    /// Divisor of a level before the mean is subtracted: means and deviations are those of values in [0, 1].
+    /// Divisor of a level: means and deviations are those of values in [0, 1].
     pub const SCALE: f32 = 255.0;
 
-    /// Normalisation by the mean and the standard deviation of red, green and blue, each of values in [0, 1].
+    /// Normalisation by mean and deviation of red, green and blue, of values in [0, 1].
     ///
     /// # Errors
-    /// [`ContactError::Setting`] where a mean is not finite, a deviation not positive and finite, or so small that a
-    /// level leaves f32's range.
+    /// [`ContactError::Setting`] for a mean that is not finite, or a deviation not positive and
+    /// finite or so small that a level leaves f32.
     pub fn new(mean: [f32; 3], std: [f32; 3]) -> Result<Self, ContactError> {
         let mut tables = Box::new([[0.0; DIFFERENCES]; 3]);
         for (table, (mean, std)) in tables.iter_mut().zip(mean.into_iter().zip(std)) {
@@ -42,13 +42,13 @@ impl ImageNormalisation {
         Ok(Self { tables })
     }
 
-    /// Normalises the pixels of `rgb`, interleaved, less those of a `reference` if there is one, into `planes` (3, H, W): all of red,
-    /// then green, then blue.
+    /// Normalises the interleaved pixels of `rgb`, less those of `reference` if given, into
+    /// `planes` (3, H, W).
     ///
     /// One table look-up for each value.
     ///
     /// # Errors
-    /// [`ContactError::Length`] where `rgb` is not a whole number of pixels, or `planes` or `reference` has another length.
+    /// [`ContactError::Length`] if `rgb` is no whole number of pixels, or another does not fit it.
     pub fn apply(
         &self,
         rgb: &[u8],
@@ -86,10 +86,10 @@ impl ForceNormalisation {
     /// For an output that is the force itself.
     pub const IDENTITY: Self = Self { mean: 0.0, std: 1.0 };
 
-    /// The inverse of a normalisation by the mean and the standard deviation of the forces, in N per pixel.
+    /// The inverse of a normalisation by mean and deviation of the forces, in N per pixel.
     ///
     /// # Errors
-    /// [`ContactError::Setting`] where the mean is not finite, or the deviation not positive and finite.
+    /// [`ContactError::Setting`] for a mean not finite, or a deviation not positive and finite.
     pub fn new(mean: f32, std: f32) -> Result<Self, ContactError> {
         check(["mean of the force", "standard deviation of the force"], mean, std)?;
         Ok(Self { mean, std })

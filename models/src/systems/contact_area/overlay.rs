@@ -1,9 +1,9 @@
 //! Draws a contact over the image that shows it.
 //!
-//! Enters: an image, its contact, its forces. Leaves: a copy of the image with these drawn over it. First the forces of the
-//! pixels in contact are drawn by colour and opacity (out = (image (255 - a) + colour a) / 255, rounded). Then the outline:
-//! pixels in contact at the border, or with a neighbour above, below, left or right that is not in contact. Then a cross at
-//! the centroid.
+//! Enters: an image, its contact, its forces. Leaves: a copy with these drawn over it: forces in
+//! contact by colour and opacity (out = (image (255 - a) + colour a) / 255, rounded); the outline,
+//! contact at the border or beside a pixel (above, below, left, right) without; a cross at the
+//! centroid.
 
 use super::{Centroid, ContactError, ImageSize, same_length, setting};
 
@@ -36,11 +36,11 @@ pub struct Overlay {
 }
 
 impl Overlay {
-    /// Draws over images of this size. A force of `full_scale_n` per pixel or more has the strongest colour. The outline is
-    /// white, the cross is blue with arms of 6 pixels.
+    /// Draws over images of this size. Forces of `full_scale_n` per pixel or more have the
+    /// strongest colour; the outline is white, the cross blue with arms of 6 pixels.
     ///
     /// # Errors
-    /// [`ContactError::Setting`] where `full_scale_n` is not positive and finite, or the size empty or too large.
+    /// [`ContactError::Setting`] for `full_scale_n` not positive and finite, or a bad size.
     pub fn new(size: ImageSize, full_scale_n: f32) -> Result<Self, ContactError> {
         size.pixels()?;
         let holds = full_scale_n > 0.0 && full_scale_n.is_finite();
@@ -125,7 +125,7 @@ impl ColourMap {
         ],
     };
 
-    /// The colour at `t`. Below 0 and NaN count as 0, above 1 counts as 1. Halves are rounded upwards.
+    /// The colour at `t`; below 0 and NaN count as 0, above 1 as 1. Halves are rounded upwards.
     pub fn at(&self, t: f32) -> [u8; 4] {
         // NaN is not above 0.
         let place = if t > 0.0 { t.min(1.0) * 4.0 } else { 0.0 };

@@ -1,7 +1,7 @@
 //! Reads a map of forces: where the contact is, its area, its force and its centroid.
 //!
-//! C is the set of pixels whose force f exceeds the threshold: area = |C| times the area of a pixel, total force = sum of f
-//! over C, centroid = sum of f (x, y) over C / total force. Sums are in f64, in row-major order.
+//! C is the set of pixels whose force f exceeds the threshold: area = |C| times a pixel's, total
+//! force = sum of f over C, centroid = sum of f (x, y) over C / total force; f64 sums, row-major.
 
 use std::collections::VecDeque;
 
@@ -53,7 +53,8 @@ pub struct ContactReport {
 /// Reads one map of forces after another.
 ///
 /// ```
-/// use meissner_models::systems::contact_area::{ContactMeter, ContactSettings, ImageSize, PixelSize};
+/// use meissner_models::systems::contact_area::{ContactMeter, ContactSettings};
+/// use meissner_models::systems::contact_area::{ImageSize, PixelSize};
 ///
 /// let size = ImageSize { width: 3, height: 1 };
 /// let mut meter = ContactMeter::new(ContactSettings::new(size, PixelSize::new(0.5, 0.5)?))?;
@@ -73,8 +74,8 @@ impl ContactMeter {
     /// A meter that has read no maps.
     ///
     /// # Errors
-    /// [`ContactError::Setting`] where the size is empty or too large, the threshold negative or not finite, or the
-    /// window even.
+    /// [`ContactError::Setting`] for a bad size, a threshold negative or not finite, or an even
+    /// window.
     pub fn new(settings: ContactSettings) -> Result<Self, ContactError> {
         let threshold = settings.threshold_n;
         let holds = threshold >= 0.0 && threshold.is_finite();
@@ -132,9 +133,8 @@ impl ContactMeter {
 
 /// The running median of an odd number of values.
 ///
-/// Until the window is full, it is the median of the values so far. The median of an even number of values is the mean of
-/// the two in the middle (a / 2 + b / 2). Values are ordered by [`f64::total_cmp`]. O(window) a value; nothing is allocated after
-/// construction.
+/// Until the window is full, it is the median so far; of an even number, the mean of the middle two
+/// (a / 2 + b / 2), by [`f64::total_cmp`]. O(window) a value, without allocation.
 ///
 /// Invariant: `sorted` holds the values of `ring` in order.
 #[derive(Clone, Debug, PartialEq)]
@@ -197,7 +197,7 @@ pub fn iou(found: &[bool], truth: &[bool]) -> Result<f64, ContactError> {
 /// Mean absolute error of a map of forces, in its unit; summed in f64 in row-major order.
 ///
 /// # Errors
-/// [`ContactError::Length`] where the maps differ in length, [`ContactError::Setting`] where they are empty.
+/// [`ContactError::Length`] for maps of two lengths, [`ContactError::Setting`] for empty ones.
 pub fn force_mae(found: &[f32], truth: &[f32]) -> Result<f64, ContactError> {
     same_length("map of forces", truth.len(), found.len())?;
     setting("pixels of a map of forces", "at least 1", 0.0, !truth.is_empty())?;

@@ -1,8 +1,8 @@
 //! A decision that stands until several windows in a row agree on another class.
 //!
-//! Enters: the most probable class of each window and its probability, window after window. Leaves: the decision after each
-//! window. A window votes for its class if the probability is at least `least_probability`. The decision is the class of the
-//! newest `hold` windows in a row that all voted for one class. Before the first such run there is no decision.
+//! Enters: each window's most probable class and its probability. Leaves: the decision after it:
+//! the class of the newest `hold` windows in a row that all voted for one class; none before the
+//! first such run. A window votes if its probability is at least `least_probability`.
 //!
 //! Invariant: `run` counts the newest windows in a row that voted for `candidate`, up to `hold`.
 
@@ -32,16 +32,16 @@ pub struct Decision {
 
 /// Holds a decision until `hold` windows in a row vote for another class.
 ///
-/// The first decision also needs `hold` windows in a row that agree. A window does not vote if its probability is NaN or
-/// below the least one. Then the decision stands and the run of agreeing windows ends, because each of the last `hold`
-/// windows must be sure of its class. A window takes O(1), and nothing is allocated.
+/// A window that does not vote (NaN or below the least) leaves the decision standing and ends the
+/// run of agreeing windows: each of the last `hold` must be sure. O(1) a window, without
+/// allocation.
 ///
 /// ```
 /// use meissner_models::systems::slip::DecisionFilter;
 ///
 /// let mut filter = DecisionFilter::new(2, 0.5)?;
 /// let windows = [(3, 0.9), (3, 0.8), (5, 0.9), (3, 0.7), (5, 0.9), (5, 0.6)];
-/// let classes = windows.map(|(class, probability)| filter.push(class, probability).map(|d| d.class));
+/// let classes = windows.map(|(class, p)| filter.push(class, p).map(|d| d.class));
 /// assert_eq!(classes, [None, Some(3), Some(3), Some(3), Some(3), Some(5)]);
 /// # Ok::<(), meissner_models::systems::slip::DecisionError>(())
 /// ```
@@ -55,7 +55,7 @@ pub struct DecisionFilter {
 }
 
 impl DecisionFilter {
-    /// A filter without a decision. With a `hold` of 1 and a `least_probability` of 0 every window decides.
+    /// Without a decision. `hold` of 1 and `least_probability` of 0: every window decides.
     ///
     /// # Errors
     /// A `hold` of 0; a `least_probability` that is not from 0 to 1.
@@ -69,8 +69,8 @@ impl DecisionFilter {
         Ok(Self { hold, least_probability, standing: None, candidate: 0, run: 0 })
     }
 
-    /// Takes the most probable class of the next window and its probability; returns the decision after this window, if
-    /// there is one.
+    /// Takes the next window's most probable class and its probability; returns the decision after
+    /// it, if any.
     pub fn push(&mut self, class: usize, probability: f32) -> Option<Decision> {
         if probability >= self.least_probability {
             let agrees = self.run > 0 && self.candidate == class;

@@ -83,7 +83,7 @@ impl Object {
     }
 }
 
-/// Accuracies of another method that is trained on [`ObjectSet::Basic`], as shares of the windows of the other sets.
+/// Accuracies of another method trained on [`ObjectSet::Basic`], as shares of windows.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Reference {
     /// Its name in plots.

@@ -1,8 +1,8 @@
 //! Cuts readings into the windows that a network is trained and evaluated on.
 //!
-//! Enters: successive readings. Leaves: the frames of windows of `steps` readings, made as the network's `[input]` says.
-//! Windows are always consecutive and do not overlap, as in the paper, whatever sampling a running network has. Readings at
-//! the end that do not fill a window are left out.
+//! Enters: readings. Leaves: the frames of windows of `steps`, as the network's `[input]` says.
+//! Windows are consecutive and disjoint, as in the paper, whatever sampling runs use; readings at
+//! the end that fill none are left out.
 
 use meissner_engine::representations::{
     ELECTRODES, Sampling, Scaling, TACTILE_COLUMNS, TACTILE_ROWS, TactileForm, TactileWindow,
@@ -49,7 +49,7 @@ impl SlipWindows {
         self.steps
     }
 
-    /// Shape of a frame: (1, 12, 11) for images, (24) for readings, (48) for readings that are scaled twice.
+    /// A frame's shape: (1, 12, 11) for images, (24) for readings, (48) if scaled twice.
     pub fn frame_shape(&self) -> &'static [usize] {
         self.shape
     }
@@ -59,8 +59,8 @@ impl SlipWindows {
         self.shape.iter().product()
     }
 
-    /// Appends the windows of `stretch` to `frames`, (windows, steps, frame), and returns their number,
-    /// `stretch.len() / steps`. Window k starts at reading k `steps`.
+    /// Appends the windows of `stretch` to `frames`, (windows, steps, frame), window k from reading
+    /// k `steps`; returns their number.
     ///
     /// # Errors
     /// [`SlipError::Reading`] for a reading that is not finite or that the scaling makes infinite.

@@ -60,7 +60,7 @@ fn settings_that_make_no_sense_are_refused() {
     assert!(DecisionFilter::new(u32::MAX, 1.0).is_ok());
 }
 
-/// The decision behind the last of `votes`: the class of the newest `hold` votes in a row that are equal.
+/// The decision behind the last of `votes`: the class of its newest `hold` equal ones in a row.
 fn decided(hold: usize, votes: &[Option<usize>]) -> Option<usize> {
     let agree = |run: &[Option<usize>]| run.iter().all(|vote| *vote == run[0]).then_some(run[0]).flatten();
     votes.windows(hold).rev().find_map(agree)
