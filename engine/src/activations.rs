@@ -327,27 +327,3 @@ impl Activations {
         self.rewired.clear();
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn poison_is_left_where_rows_were_and_nowhere_else() {
-        let held = |activations: &Activations| -> Vec<bool> {
-            let feature = activations.feature(1);
-            (0..feature.rows()).map(|row| feature.values(row).all(f32::is_nan)).collect()
-        };
-        let level = Level { scale: 1.0, blocks: Vec::new() };
-        let options = Options::new();
-        let mut activations = Activations::new(3, &level, &[1, 2], 1, 0.0, &options, &mut Memory::default());
-        activations.grow(3);
-        activations.leave(0, false);
-        activations.leave(1, true);
-        assert_eq!(held(&activations), [false, true, false]);
-        activations.clear(false);
-        assert_eq!(held(&activations), [false, true, false]);
-        activations.clear(true);
-        assert_eq!(held(&activations), [true; 3]);
-    }
-}

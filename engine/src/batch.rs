@@ -7,10 +7,8 @@
 mod events;
 mod neighbours;
 mod pool;
-mod published;
-mod search;
-mod setup;
-mod stream;
+pub(crate) mod published;
+pub(crate) mod setup;
 mod trace;
 
 use std::sync::Arc;
@@ -24,7 +22,7 @@ use crate::frames::{FrameEngine, FrameNetwork, FrameOptions, Skip};
 use crate::network::{Aggregation, Level, Normalisation, Pooling};
 pub use pool::Cells;
 pub use setup::{Batch, Places, Propose, Search};
-pub use stream::Stream;
+pub use trace::Stream;
 pub use trace::{Edges, LevelTrace, Trace};
 use trace::{maximum_of, sum_of};
 

@@ -10,6 +10,7 @@ use std::time::Duration;
 use meissner_kernels::Neighbour;
 
 use crate::admission::Admission;
+use crate::counters::Stage;
 use crate::counters::{Counters, EventCounters, LayerLog, Log, Outcome};
 use crate::error::option;
 use crate::memory::Memory;
@@ -17,7 +18,6 @@ use crate::network::{Network, Normalisation};
 use crate::options::Options;
 use crate::restart::{ClockWatch, Decision};
 use crate::snapshot::SnapshotOf;
-use crate::stages::Stage;
 use crate::step::StageState;
 use crate::{EngineError, Event, Sensor};
 

@@ -14,15 +14,8 @@
 //! Times are compared by the magnitude of their difference as u64, which cannot overflow. Each
 //! filter says how it treats an event that is earlier than one before.
 
-mod chain;
-mod pixels;
-mod rate;
-
-pub use chain::{Chain, Filter};
-pub use pixels::{BackgroundActivity, Refractory};
-pub use rate::{RateLimit, Stride};
-
-use crate::Event;
+use crate::error::in_range;
+use crate::{EngineError, Event, Network, Sensor};
 
 /// Decides, event by event, which events pass.
 pub trait EventFilter {
@@ -66,4 +59,313 @@ macro_rules! reports {
         }
     };
 }
-use reports;
+
+/// Passes the first of every `n` events, whatever their times and pixels.
+#[derive(Clone, Debug)]
+pub struct Stride {
+    n: u32,
+    /// Events since the last one that passed, modulo n.
+    since: u32,
+    counters: FilterCounters,
+}
+
+impl Stride {
+    /// Passes the first, the (n + 1)th, the (2 n + 1)th, ... event.
+    ///
+    /// # Errors
+    /// [`EngineError::Option`] if `n` is 0.
+    pub fn new(n: u32) -> Result<Self, EngineError> {
+        in_range("stride in events", i64::from(n), 1, i64::from(u32::MAX))?;
+        Ok(Self { n, since: 0, counters: FilterCounters::default() })
+    }
+}
+
+impl EventFilter for Stride {
+    fn admit(&mut self, _: Event) -> bool {
+        let passes = self.since == 0;
+        self.since += 1;
+        if self.since == self.n {
+            self.since = 0;
+        }
+        self.counters.count(passes)
+    }
+
+    fn reset(&mut self) {
+        self.since = 0;
+    }
+
+    reports!("stride");
+}
+
+/// A token bucket: thins events evenly if they come faster than a rate.
+///
+/// ```text
+/// credit <- min(credit + rate (t - newest), depth),  newest <- t      if t > newest
+/// an event passes if credit >= 1, and takes 1 off it;
+/// depth = max(rate 1 ms, 1), full at the start
+/// ```
+///
+/// Credit counts in millionths of an event, so a microsecond brings `rate`, an integer. In any T
+/// microseconds at most `rate` T / 10^6 + `depth` events pass; if no interval holds more, all do.
+/// In a steady faster stream, events pass at even distances once the depth is used.
+///
+/// An event earlier than the newest brings no credit, and passes if there is some: the bound holds
+/// over the newest times. After a restart of the clock, [`reset`](EventFilter::reset) the filter.
+#[derive(Clone, Debug)]
+pub struct RateLimit {
+    events_per_s: u64,
+    credit: u64,
+    depth: u64,
+    newest_us: Option<i64>,
+    counters: FilterCounters,
+}
+
+/// Credit that an event takes.
+const EVENT: u64 = 1_000_000;
+
+impl RateLimit {
+    /// Microseconds of stream time that the bucket holds: the longest burst that is not thinned.
+    pub const DEPTH_US: u64 = 1_000;
+    /// Highest rate, in events per second.
+    pub const HIGHEST: u64 = 1_000_000_000_000;
+
+    /// Passes `events_per_s` events a second.
+    ///
+    /// # Errors
+    /// [`EngineError::Option`] for a rate of 0 or above [`Self::HIGHEST`].
+    pub fn new(events_per_s: u64) -> Result<Self, EngineError> {
+        let rate = i64::try_from(events_per_s).unwrap_or(i64::MAX);
+        in_range("rate limit in events per second", rate, 1, Self::HIGHEST as i64)?;
+        let depth = (events_per_s * Self::DEPTH_US).max(EVENT);
+        Ok(Self { events_per_s, credit: depth, depth, newest_us: None, counters: FilterCounters::default() })
+    }
+}
+
+impl EventFilter for RateLimit {
+    fn admit(&mut self, event: Event) -> bool {
+        let newest = self.newest_us.unwrap_or(event.t_us);
+        if event.t_us > newest {
+            let earned = event.t_us.abs_diff(newest).saturating_mul(self.events_per_s);
+            self.credit = self.credit.saturating_add(earned).min(self.depth);
+        }
+        self.newest_us = Some(newest.max(event.t_us));
+        let passes = self.credit >= EVENT;
+        if passes {
+            self.credit -= EVENT;
+        }
+        self.counters.count(passes)
+    }
+
+    fn reset(&mut self) {
+        self.credit = self.depth;
+        self.newest_us = None;
+    }
+
+    reports!("rate_limit");
+}
+
+/// Pixels of the largest sensor: 1 GiB of stamps.
+const MAX_PIXELS: i64 = 1 << 26;
+
+/// Passes an event if the latest event of one of its eight neighbours is at most a given time away.
+///
+/// Every event, passed or dropped, supports its eight neighbours, not its own pixel. A pixel's
+/// latest event is the one that arrived last; only the distance in time counts. Stamps slightly out
+/// of order thus support each other, and a clock that jumped back silences nothing. An event
+/// outside the sensor passes and is not remembered.
+#[derive(Clone, Debug)]
+pub struct BackgroundActivity {
+    stamps: Stamps,
+    counters: FilterCounters,
+}
+
+impl BackgroundActivity {
+    /// Microseconds in which a neighbour supports an event: the contact-angle paper's.
+    pub const DEFAULT_US: i64 = 1_250;
+
+    /// Requires a neighbour within `us` microseconds.
+    ///
+    /// # Errors
+    /// [`EngineError::Option`] if `us` is below 1 or above the longest span, or `sensor` has more
+    /// than 2^26 pixels (1 GiB of stamps).
+    pub fn new(sensor: Sensor, us: i64) -> Result<Self, EngineError> {
+        let stamps = Stamps::new(sensor, us, "time of the activity filter in microseconds")?;
+        Ok(Self { stamps, counters: FilterCounters::default() })
+    }
+}
+
+impl EventFilter for BackgroundActivity {
+    fn admit(&mut self, event: Event) -> bool {
+        let us = self.stamps.us;
+        let passes = self.stamps.place(event).is_none_or(|place| {
+            self.stamps.times[place] = Some(event.t_us);
+            self.stamps.any_around(place, |stamp| event.t_us.abs_diff(stamp) <= us)
+        });
+        self.counters.count(passes)
+    }
+
+    fn reset(&mut self) {
+        self.stamps.times.fill(None);
+    }
+
+    reports!("activity_filter");
+}
+
+/// Passes an event if the last passed event of its pixel is at least a given time away.
+///
+/// Dropped events do not prolong the pause. Only the distance in time counts: an earlier stamp
+/// passes if it is far enough from the last passed one, and replaces it. Two events of a pixel that
+/// pass in a row are thus at least that time apart. An event outside the sensor passes.
+#[derive(Clone, Debug)]
+pub struct Refractory {
+    stamps: Stamps,
+    counters: FilterCounters,
+}
+
+impl Refractory {
+    /// Silences a pixel for `us` microseconds after each event; an event exactly `us` later passes.
+    ///
+    /// # Errors
+    /// As [`BackgroundActivity::new`].
+    pub fn new(sensor: Sensor, us: i64) -> Result<Self, EngineError> {
+        let stamps = Stamps::new(sensor, us, "refractory time in microseconds")?;
+        Ok(Self { stamps, counters: FilterCounters::default() })
+    }
+}
+
+impl EventFilter for Refractory {
+    fn admit(&mut self, event: Event) -> bool {
+        let us = self.stamps.us;
+        let passes = self.stamps.place(event).is_none_or(|place| {
+            let last = &mut self.stamps.times[place];
+            let passes = last.is_none_or(|stamp| event.t_us.abs_diff(stamp) >= us);
+            if passes {
+                *last = Some(event.t_us);
+            }
+            passes
+        });
+        self.counters.count(passes)
+    }
+
+    fn reset(&mut self) {
+        self.stamps.times.fill(None);
+    }
+
+    reports!("refractory");
+}
+
+/// The last stamp of each pixel, with a border so that every pixel has eight neighbours.
+#[derive(Clone, Debug)]
+struct Stamps {
+    sensor: Sensor,
+    /// The filter's time.
+    us: u64,
+    stride: usize,
+    times: Vec<Option<i64>>,
+}
+
+impl Stamps {
+    /// No stamps; `what` is the name of the time `us` in an error.
+    fn new(sensor: Sensor, us: i64, what: &'static str) -> Result<Self, EngineError> {
+        in_range(what, us, 1, Network::MAX_SPAN_US)?;
+        let pixels = i64::from(sensor.width) * i64::from(sensor.height);
+        in_range("pixels of a filter's sensor", pixels, 0, MAX_PIXELS)?;
+        let stride = usize::from(sensor.width) + 2;
+        let times = vec![None; stride * (usize::from(sensor.height) + 2)];
+        Ok(Self { sensor, us: us.unsigned_abs(), stride, times })
+    }
+
+    /// Place of the event's pixel; none outside the sensor.
+    #[inline]
+    fn place(&self, Event { x, y, .. }: Event) -> Option<usize> {
+        let inside = self.sensor.contains(x, y);
+        inside.then(|| (usize::from(y) + 1) * self.stride + usize::from(x) + 1)
+    }
+
+    /// Whether `holds` is true of the stamp of one of the eight pixels around `place`.
+    #[inline]
+    fn any_around(&self, place: usize, holds: impl Fn(i64) -> bool) -> bool {
+        let row = |at: usize| &self.times[at - 1..=at + 1];
+        let mut any = false;
+        // No branch for each neighbour: a processor cannot predict which one has a recent stamp.
+        for &stamp in row(place - self.stride).iter().chain(row(place + self.stride)) {
+            any |= stamp.is_some_and(&holds);
+        }
+        any || self.times[place - 1].is_some_and(&holds) || self.times[place + 1].is_some_and(&holds)
+    }
+}
+
+/// A filter of any kind.
+#[derive(Clone, Debug)]
+pub enum Filter {
+    /// Every nth event.
+    Stride(Stride),
+    /// As many events as a rate allows.
+    RateLimit(RateLimit),
+    /// Events with a recent neighbour.
+    BackgroundActivity(BackgroundActivity),
+    /// At most one event of a pixel in a time.
+    Refractory(Refractory),
+}
+
+/// Evaluates an expression for the filter inside a [`Filter`].
+macro_rules! inner {
+    ($any:ident, $filter:ident => $value:expr) => {
+        match $any {
+            Filter::Stride($filter) => $value,
+            Filter::RateLimit($filter) => $value,
+            Filter::BackgroundActivity($filter) => $value,
+            Filter::Refractory($filter) => $value,
+        }
+    };
+}
+
+impl EventFilter for Filter {
+    fn admit(&mut self, event: Event) -> bool {
+        inner!(self, filter => filter.admit(event))
+    }
+
+    fn reset(&mut self) {
+        inner!(self, filter => filter.reset());
+    }
+
+    fn counters(&self) -> FilterCounters {
+        inner!(self, filter => filter.counters())
+    }
+
+    fn name(&self) -> &'static str {
+        inner!(self, filter => filter.name())
+    }
+}
+
+/// Filters in series: each sees what those before it passed. An empty chain passes everything.
+#[derive(Clone, Debug, Default)]
+pub struct Chain {
+    filters: Vec<Filter>,
+    counters: FilterCounters,
+}
+
+impl Chain {
+    /// `filters`, the first of which sees every event.
+    pub fn new(filters: Vec<Filter>) -> Self {
+        Self { filters, counters: FilterCounters::default() }
+    }
+
+    /// The filters, in order.
+    pub fn filters(&self) -> &[Filter] {
+        &self.filters
+    }
+}
+
+impl EventFilter for Chain {
+    fn admit(&mut self, event: Event) -> bool {
+        let passes = self.filters.iter_mut().all(|filter| filter.admit(event));
+        self.counters.count(passes)
+    }
+
+    fn reset(&mut self) {
+        self.filters.iter_mut().for_each(Filter::reset);
+    }
+
+    reports!("chain");
+}

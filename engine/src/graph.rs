@@ -14,13 +14,13 @@ use meissner_kernels::{GraphRow, Isa, Lanes, Neighbour, Simd, Task, spline_basis
 
 use crate::Sensor;
 use crate::convolution::EdgeReads;
-use crate::delta::Delta;
 use crate::grid::{Grid, Reader, Times};
 use crate::memory::Memory;
 use crate::metric::{Metric, Node};
 use crate::nearest::Nearest;
 use crate::network::{Candidates, GraphRule, Level, Lifetime};
 use crate::readers::Readers;
+use crate::rows::Delta;
 use crate::window::Window;
 
 /// The graph of a level, as its layers read it.

@@ -20,7 +20,7 @@
 //!
 //! ```
 //! use meissner_engine::{Batch, Engine, Event, Sensor, Stream};
-//! use meissner_engine::{Aggregation, Block, Candidates, DenseLayer, GraphRule, Level, Lifetime};
+//! use meissner_engine::{Aggregation, Block, Candidates, DenseLayer, Fraction, GraphRule, Level, Lifetime};
 //! use meissner_engine::{Network, NetworkParts, Normalisation, Reach, Readout};
 //! use meissner_kernels::{Activation, Dense, SplineConv, SplineParts};
 //!
@@ -80,20 +80,16 @@ mod batch_engine;
 mod cells;
 mod convolution;
 mod counters;
-mod delta;
 mod engine;
 mod error;
 mod event;
 pub mod filters;
 mod fingerprint;
-mod fraction;
 pub mod frames;
 mod graph;
 mod grid;
 mod head;
-mod input;
 mod maxima;
-mod members;
 mod memory;
 mod merged;
 mod metric;
@@ -109,7 +105,6 @@ pub mod representations;
 mod restart;
 mod rows;
 mod snapshot;
-mod stages;
 mod stale;
 mod step;
 mod sums;
@@ -119,18 +114,24 @@ pub use admission::{Admission, LatePolicy};
 pub use batch::{Batch, Cells, Edges, Graph, LevelTrace, Places, Propose, Search, Stream, Trace};
 pub use batch_engine::BatchEngine;
 pub use convolution::{ConvolutionScratch, GraphConvolution};
+pub use counters::Stage;
 pub use counters::{Counters, DropReason, EventCounters, LayerCounters, Outcome, PredictionCounters};
 pub use engine::{Engine, Prediction, Snapshot};
 pub use error::EngineError;
 pub use event::{Event, Sensor};
-pub use fraction::Fraction;
 pub use network::{
-    Aggregation, Block, Candidates, DenseLayer, GraphRule, Level, Lifetime, Network, NetworkParts,
+    Aggregation, Block, Candidates, DenseLayer, Fraction, GraphRule, Level, Lifetime, Network, NetworkParts,
     Normalisation, Pooling, Position, Reach, Readout,
 };
 pub use options::Options;
 pub use predictor::Predictor;
 pub use restart::{CONFIRMING, ClockWatch, Decision, Held, MAX_SILENCE_US, RestartPolicy};
 pub use snapshot::{SnapshotOf, snapshot_note};
-pub use stages::Stage;
 pub use stale::{StaleReadout, Staleness};
+
+#[cfg(test)]
+mod tests {
+    mod rows;
+    mod search;
+    mod time;
+}

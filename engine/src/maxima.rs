@@ -12,8 +12,8 @@
 use meissner_kernels::{Isa, LANES, Lanes, Matrix, Simd, Task, clear_negative_zero, maximum, same_bits};
 
 use crate::counters::LayerLog;
-use crate::members::Members;
 use crate::memory::Memory;
+use crate::rows::Members;
 use crate::rows::RowSet;
 
 #[derive(Clone, Debug)]
@@ -24,7 +24,7 @@ pub(crate) struct Maxima {
     /// Members that entered since the last `update`.
     fresh: RowSet,
     /// Cells to recompute from all members.
-    dirty: RowSet,
+    pub(crate) dirty: RowSet,
     /// Cells into which fresh members are merged.
     merged: RowSet,
     queue: Option<Queue>,
@@ -183,7 +183,7 @@ pub(crate) fn store(row: &[Lanes], values: &mut Matrix, cell: u32, log: &mut Lay
 }
 
 /// Whether `row` is below `maximum` in all `columns` channels: its removal changes nothing.
-fn below(row: &[Lanes], maximum: &[Lanes], columns: usize) -> bool {
+pub(crate) fn below(row: &[Lanes], maximum: &[Lanes], columns: usize) -> bool {
     let mut reaches = false;
     for (i, (row, maximum)) in row.iter().zip(maximum).enumerate() {
         let counts = (columns - i * LANES).min(LANES);
@@ -252,52 +252,5 @@ impl<I: Iterator<Item = u32>> Task for FromQueue<'_, I> {
             maximum(out, back);
         }
         clear_negative_zero(out);
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn row(values: &[f32]) -> Matrix {
-        Matrix::from_rows(values.len(), values)
-    }
-
-    #[test]
-    fn a_row_is_below_another_where_it_is_in_every_column_and_nothing_else_counts() {
-        for columns in [1, LANES - 1, LANES, LANES + 1, 3 * LANES - 1] {
-            let below = |a: &[f32], b: &[f32]| below(row(a).row(0), row(b).row(0), columns);
-            let (low, high) = (vec![-2.0; columns], vec![-1.0; columns]);
-            assert!(below(&low, &high) && !below(&high, &high), "{columns} columns");
-            for reaching in [-1.0, f32::NAN] {
-                let mut other = low.clone();
-                other[columns - 1] = reaching;
-                assert!(!below(&other, &high), "{reaching} in the last of {columns} columns");
-            }
-        }
-    }
-
-    #[test]
-    fn a_maximum_of_negative_zeros_is_zero_however_it_is_taken() {
-        for queues in [false, true] {
-            let features = Matrix::from_rows(1, &[-0.0, -0.0, -1.0]);
-            let changed = RowSet::new(3);
-            let after = |steps: &[(u32, bool)]| {
-                let (mut maxima, mut values) =
-                    (Maxima::new(3, 1, 1, queues, &mut Memory::default()), Matrix::zeros(1, 1));
-                for &(row, again) in steps {
-                    maxima.enter(row, 0);
-                    if again {
-                        maxima.dirty.insert(0);
-                    }
-                    let mut log = LayerLog::default();
-                    maxima.update(Isa::best(), &features, &changed, &mut values, &mut log, |_, _| {});
-                }
-                values.values(0).next().map(f32::to_bits)
-            };
-            assert_eq!(after(&[(0, false)]), Some(0), "taken from all members");
-            assert_eq!(after(&[(2, false), (0, false)]), Some(0), "merged with a newcomer");
-            assert_eq!(after(&[(2, false), (0, true)]), Some(0), "taken again");
-        }
     }
 }

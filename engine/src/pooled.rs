@@ -13,12 +13,12 @@ use crate::Sensor;
 use crate::cells::{CellGrid, EventSums, Key, key, mean_position};
 use crate::convolution::EdgeReads;
 use crate::counters::PredictionCounters;
-use crate::delta::Delta;
 use crate::graph::Adjacency;
 use crate::maxima::Maxima;
 use crate::memory::{FixedVec, Memory};
 use crate::merged::{Extent, Merged};
 use crate::network::{Level, Network, Position};
+use crate::rows::Delta;
 use crate::rows::RowSet;
 use crate::window::Window;
 

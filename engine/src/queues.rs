@@ -33,7 +33,7 @@ pub(crate) struct Block {
 
 impl Block {
     #[inline]
-    fn entry(&self, at: usize) -> Entry {
+    pub(crate) fn entry(&self, at: usize) -> Entry {
         Entry { t: self.times[at], slot: self.slots[at], x: self.x[at], y: self.y[at] }
     }
 
@@ -289,92 +289,6 @@ impl<'a> Queue<'a> {
             match self.next(place).filter(|_| start + later == end) {
                 Some(next) => place = next,
                 None => return *cursor.0.insert(place),
-            }
-        }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use proptest::prelude::*;
-    use std::collections::VecDeque;
-
-    /// Nodes before `place` and from it on, each in order of time.
-    fn parts(queue: Queue<'_>, place: Place) -> [Vec<Entry>; 2] {
-        let [mut before, mut after] = [Vec::new(), Vec::new()];
-        let mut at = Some(place);
-        while let Some(place) = at {
-            before.extend(queue.nodes_before(place).rev().map(|i| queue.block(place).entry(i)));
-            at = queue.previous(place);
-        }
-        at = Some(place);
-        while let Some(place) = at {
-            after.extend(queue.nodes_from(place).map(|i| queue.block(place).entry(i)));
-            at = queue.next(place);
-        }
-        before.reverse();
-        [before, after]
-    }
-
-    proptest! {
-        #[test]
-        fn queues_in_blocks_are_plain_queues(
-            queues in 1usize..5,
-            capacity in 1usize..60,
-            steps in proptest::collection::vec((0u8..40, 0usize..5, 0i64..4), 0..300),
-        ) {
-            let mut blocks = Queues::new(queues, capacity, &mut Memory::default());
-            let mut plain = vec![VecDeque::new(); queues];
-            let (mut t, mut nodes) = (0, 0);
-            for (step, queue, later) in steps {
-                let queue = queue % queues;
-                t += later;
-                if step == 0 {
-                    blocks.clear();
-                    plain.iter_mut().for_each(VecDeque::clear);
-                    nodes = 0;
-                } else if step < 24 && nodes < capacity {
-                    let entry = Entry { t, slot: step.into(), x: queue as u16, y: 0 };
-                    blocks.push(queue, entry);
-                    plain[queue].push_back(entry);
-                    nodes += 1;
-                } else {
-                    let popped = plain[queue].pop_front();
-                    prop_assert_eq!(blocks.pop(queue), popped);
-                    nodes -= usize::from(popped.is_some());
-                }
-                for (queue, plain) in plain.iter().enumerate() {
-                    prop_assert_eq!(blocks.queue(queue).len(), plain.len());
-                    prop_assert_eq!(plain, &blocks.queue(queue).iter().collect::<Vec<_>>());
-                }
-            }
-            for (queue, plain) in plain.iter().enumerate().filter(|(_, plain)| !plain.is_empty()) {
-                let (queue, mut cursor) = (blocks.queue(queue), Cursor::default());
-                for t in 0..=t + 1 {
-                    let at = plain.partition_point(|e| e.t <= t);
-                    let expected = [0..at, at..plain.len()].map(|r| plain.range(r).copied().collect::<Vec<_>>());
-                    prop_assert_eq!(&parts(queue, queue.later_than(t)), &expected);
-                    prop_assert_eq!(&parts(queue, queue.later_than_onwards(t, &mut cursor)), &expected);
-                }
-            }
-        }
-
-        #[test]
-        fn as_many_nodes_as_were_declared_fit_however_they_are_spread(
-            queues in 1usize..9,
-            capacity in 1usize..200,
-            spread in proptest::collection::vec((0usize..9, 0usize..9), 500),
-        ) {
-            let mut blocks = Queues::new(queues, capacity, &mut Memory::default());
-            let mut order = VecDeque::new();
-            for (low, high) in spread {
-                if order.len() == capacity {
-                    blocks.pop(order.pop_front().expect("a node"));
-                }
-                let queue = low.min(high) % queues;
-                blocks.push(queue, Entry::default());
-                order.push_back(queue);
             }
         }
     }

@@ -11,12 +11,12 @@ use meissner_kernels::{Isa, Matrix};
 
 use crate::activations::Activations;
 use crate::counters::{LayerLog, PredictionCounters};
-use crate::delta::Delta;
 use crate::head::Head;
 use crate::maxima::Maxima;
 use crate::memory::Memory;
 use crate::network::{Aggregation, Network, Readout};
 use crate::pooled::PooledGraph;
+use crate::rows::Delta;
 use crate::rows::RowSet;
 use crate::sums::Sums;
 use crate::window::Window;

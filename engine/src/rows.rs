@@ -1,4 +1,7 @@
-//! Sets of row indices.
+//! Sets of rows, rows in cells, and the changes of a graph's rows.
+//!
+//! A row is in at most one cell; a cell's rows are in order of arrival and linked both ways, so the
+//! number of rows alone determines the memory.
 
 use crate::memory::{FixedVec, Memory};
 
@@ -145,37 +148,176 @@ impl GrowingSet {
     }
 }
 
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use proptest::prelude::*;
-    use std::collections::BTreeSet;
+/// Doubly linked lists of the rows of each cell.
+#[derive(Clone, Debug)]
+pub(crate) struct Members {
+    /// Cell of each row that is a member.
+    cell_of: Vec<u32>,
+    /// Each member's next older and younger ones in its cell; undefined at the ends.
+    older: Vec<u32>,
+    younger: Vec<u32>,
+    cells: Vec<Ends>,
+}
 
-    proptest! {
-        #[test]
-        fn a_row_set_holds_what_a_tree_set_holds(steps in proptest::collection::vec((0u8..3, 0u32..20), 0..200)) {
-            let (mut rows, mut tree) = (RowSet::new(20), BTreeSet::new());
-            let mut few = FewRows::new(20, &mut Memory::default());
-            let (mut growing, mut grown) = (GrowingSet::new(20, &mut Memory::default()), BTreeSet::new());
-            for (step, row) in steps {
-                match step {
-                    0 => { rows.insert(row); few.insert(row); tree.insert(row); }
-                    1 => { rows.remove(row); few.remove(row); tree.remove(&row); }
-                    _ if row == 0 => { rows.clear(); few.clear(); tree.clear(); }
-                    _ => prop_assert_eq!(rows.contains(row), tree.contains(&row)),
-                }
-                prop_assert_eq!(rows.as_slice().iter().copied().collect::<BTreeSet<_>>(), tree.clone());
-                prop_assert_eq!([rows.len(), few.len()], [tree.len(); 2]);
-                if step == 2 && row == 0 {
-                    growing.clear();
-                    grown.clear();
-                } else {
-                    growing.insert(&[row]);
-                    grown.insert(row);
-                }
-                prop_assert_eq!(growing.as_slice().len(), grown.len());
-                prop_assert_eq!(growing.as_slice().iter().copied().collect::<BTreeSet<_>>(), grown.clone());
+/// First and last row of a cell, and their number.
+#[derive(Clone, Copy, Debug, Default)]
+struct Ends {
+    oldest: u32,
+    youngest: u32,
+    count: u32,
+}
+
+impl Members {
+    /// No members yet; at most `rows` members in `cells` cells.
+    pub(crate) fn new(rows: usize, cells: usize, memory: &mut Memory) -> Self {
+        Self {
+            cell_of: memory.copies(0, rows),
+            older: memory.copies(0, rows),
+            younger: memory.copies(0, rows),
+            cells: memory.copies(Ends::default(), cells),
+        }
+    }
+
+    pub(crate) fn clear(&mut self) {
+        self.cells.fill(Ends::default());
+    }
+
+    /// Removes all members of a cell.
+    pub(crate) fn clear_cell(&mut self, cell: u32) {
+        self.cells[cell as usize] = Ends::default();
+    }
+
+    /// The cell of a member.
+    #[inline]
+    pub(crate) fn cell_of(&self, row: u32) -> u32 {
+        self.cell_of[row as usize]
+    }
+
+    /// Number of members of a cell.
+    #[inline]
+    pub(crate) fn count(&self, cell: u32) -> u32 {
+        self.cells[cell as usize].count
+    }
+
+    /// Oldest member of a cell; undefined for an empty cell.
+    #[inline]
+    pub(crate) fn oldest(&self, cell: u32) -> u32 {
+        self.cells[cell as usize].oldest
+    }
+
+    /// Adds `row`, which is in no cell, to `cell`.
+    #[inline]
+    pub(crate) fn push(&mut self, row: u32, cell: u32) {
+        self.cell_of[row as usize] = cell;
+        let ends = &mut self.cells[cell as usize];
+        if ends.count == 0 {
+            ends.oldest = row;
+        } else {
+            self.younger[ends.youngest as usize] = row;
+            self.older[row as usize] = ends.youngest;
+        }
+        ends.youngest = row;
+        ends.count += 1;
+    }
+
+    /// Removes `row`, a member, from its cell, which is returned.
+    #[inline]
+    pub(crate) fn remove(&mut self, row: u32) -> u32 {
+        let cell = self.cell_of[row as usize];
+        let ends = &mut self.cells[cell as usize];
+        let (older, younger) = (self.older[row as usize], self.younger[row as usize]);
+        match (row == ends.oldest, row == ends.youngest) {
+            (true, true) => {}
+            (true, false) => ends.oldest = younger,
+            (false, true) => ends.youngest = older,
+            (false, false) => {
+                self.younger[older as usize] = younger;
+                self.older[younger as usize] = older;
             }
         }
+        ends.count -= 1;
+        cell
+    }
+
+    /// Members of a cell from the oldest to the youngest.
+    #[inline]
+    pub(crate) fn oldest_first(&self, cell: u32) -> Walk<'_> {
+        let ends = self.cells[cell as usize];
+        Walk { links: &self.younger, next: ends.oldest, left: ends.count }
+    }
+
+    /// The `count` youngest of a cell's members, oldest first. O(count) before the first.
+    #[inline]
+    pub(crate) fn youngest(&self, cell: u32, count: u32) -> Walk<'_> {
+        let first = self.youngest_first(cell).take(count as usize).last();
+        Walk { links: &self.younger, next: first.unwrap_or(0), left: count }
+    }
+
+    /// Members of a cell from the youngest to the oldest.
+    #[inline]
+    pub(crate) fn youngest_first(&self, cell: u32) -> Walk<'_> {
+        let ends = self.cells[cell as usize];
+        Walk { links: &self.older, next: ends.youngest, left: ends.count }
+    }
+}
+
+/// Iterator over members of a cell.
+#[derive(Clone, Debug)]
+pub(crate) struct Walk<'a> {
+    links: &'a [u32],
+    next: u32,
+    left: u32,
+}
+
+impl Iterator for Walk<'_> {
+    type Item = u32;
+
+    #[inline]
+    fn next(&mut self) -> Option<u32> {
+        self.left = self.left.checked_sub(1)?;
+        let row = self.next;
+        self.next = self.links[row as usize];
+        Some(row)
+    }
+}
+
+/// Changes of a level's graph by an insertion or expiries: insert rows first, remove them last.
+#[derive(Clone, Debug)]
+pub(crate) struct Delta {
+    /// New rows.
+    pub(crate) entered: FixedVec<u32>,
+    /// Removed edges (source, reader).
+    pub(crate) removed: FixedVec<(u32, u32)>,
+    /// New edges (source, reader).
+    pub(crate) added: FixedVec<(u32, u32)>,
+    /// Removed rows; their slots still hold their positions.
+    pub(crate) left: FixedVec<u32>,
+    /// Rows whose neighbourhood changed, including the entered rows. A row may occur twice.
+    pub(crate) rewired: FixedVec<u32>,
+}
+
+/// Number of removed edges at which the changes of a joint expiry are passed on in part.
+pub(crate) const PART: usize = 256;
+
+impl Delta {
+    /// No changes yet, for `capacity` events with at most `most` neighbours; edges are recorded if
+    /// `edges`. An event changes its own edges, and at most one in and one out of any other.
+    pub(crate) fn new(capacity: usize, most: usize, edges: bool, memory: &mut Memory) -> Self {
+        let pairs = if edges { PART + capacity + most } else { 0 };
+        Self {
+            entered: memory.room(1),
+            removed: memory.room(pairs),
+            added: memory.room(pairs),
+            left: memory.room(capacity),
+            rewired: memory.room(PART + capacity),
+        }
+    }
+
+    pub(crate) fn clear(&mut self) {
+        self.entered.clear();
+        self.removed.clear();
+        self.added.clear();
+        self.left.clear();
+        self.rewired.clear();
     }
 }

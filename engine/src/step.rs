@@ -12,16 +12,16 @@ use meissner_kernels::{Isa, Matrix};
 
 use crate::activations::Activations;
 use crate::counters::Log;
-use crate::delta::{Delta, PART};
+use crate::counters::{Stage, Stopwatch};
 use crate::graph::{EventGraph, WAVE};
-use crate::input::Input;
 use crate::memory::{FixedVec, Memory};
+use crate::metric::Input;
 use crate::metric::Node;
 use crate::network::Network;
 use crate::options::Options;
 use crate::pooled::{Below, PooledGraph, Shape};
 use crate::readout::{LastLevel, ReadoutState};
-use crate::stages::{Stage, Stopwatch};
+use crate::rows::{Delta, PART};
 use crate::window::Window;
 use crate::{EngineError, Sensor};
 

@@ -11,9 +11,9 @@ use meissner_kernels::{Isa, Lanes, Matrix, Simd, Task, add};
 
 use crate::counters::LayerLog;
 use crate::maxima::store;
-use crate::members::Members;
 use crate::memory::Memory;
 use crate::network::SUM_PARTS;
+use crate::rows::Members;
 use crate::rows::RowSet;
 
 /// Parts that a window can touch: uncut, it begins and ends in the same place of one.
@@ -160,84 +160,6 @@ impl<I: Iterator<Item = u32>> Task for Over<'_, I> {
     fn run<S: Simd>(self, _: S) {
         for row in self.rows {
             add(self.out, self.of.row(row as usize));
-        }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use meissner_kernels::same_bits;
-    use proptest::prelude::*;
-
-    const ROWS: usize = 12;
-    const CELLS: usize = 3;
-    const PART_US: i64 = 3;
-    const SPAN_US: i64 = SUM_PARTS * PART_US;
-
-    proptest! {
-        /// Features of very different sizes: a sum in another order has other bits.
-        #[test]
-        fn sums_are_those_of_plain_loops_over_parts_and_their_members_in_order_of_arrival(
-            steps in proptest::collection::vec(
-                (0u8..8, 0..ROWS as u32, 0..CELLS as u32, -1e8f32..1e8, any::<bool>(), 0..12i64),
-                0..200,
-            ),
-        ) {
-            let mut sums = Sums::new(PART_US, ROWS, CELLS, 2, &mut Memory::default());
-            let (mut values, mut features) = (Matrix::zeros(CELLS, 2), Matrix::zeros(ROWS, 2));
-            let mut changed = RowSet::new(ROWS);
-            let mut lists: Vec<Vec<(u32, i64)>> = vec![Vec::new(); CELLS];
-            let mut now = 0;
-            for (step, row, cell, value, small, later) in steps {
-                let held = lists.iter().position(|list| list.iter().any(|&(r, _)| r == row));
-                let value = if small { value * 1e-8 } else { value };
-                match (step, held) {
-                    (0, _) => {
-                        sums.clear(&mut values);
-                        lists.iter_mut().for_each(Vec::clear);
-                        changed.clear();
-                    }
-                    (1 | 2, Some(of)) => {
-                        sums.leave(row);
-                        changed.remove(row);
-                        lists[of].retain(|&(r, _)| r != row);
-                    }
-                    (_, Some(_)) => {
-                        features.row_mut(row as usize)[0] = Lanes::splat(value);
-                        changed.insert(row);
-                    }
-                    (_, None) => {
-                        now += later;
-                        for (left, _) in lists.iter().flatten().filter(|&&(_, t)| t < now - SPAN_US) {
-                            sums.leave(*left);
-                            changed.remove(*left);
-                        }
-                        lists.iter_mut().for_each(|list| list.retain(|&(_, t)| t >= now - SPAN_US));
-                        features.row_mut(row as usize)[0] = Lanes::splat(value);
-                        sums.enter(row, cell, now);
-                        lists[cell as usize].push((row, now));
-                    }
-                }
-                if step < 6 {
-                    let before = values.clone();
-                    let mut log = LayerLog::default();
-                    let mut moved = Vec::new();
-                    sums.update(Isa::best(), &features, &changed, &mut values, &mut log, |cell| moved.push(cell));
-                    moved.sort_unstable();
-                    changed.clear();
-                    let differ = (0..CELLS as u32).filter(|&c| !same_bits(values.row(c as usize), before.row(c as usize)));
-                    let differ: Vec<_> = differ.collect();
-                    prop_assert_eq!(log.counters.recomputed - log.counters.unchanged, differ.len() as u64);
-                    prop_assert_eq!(moved, differ);
-                    for (cell, list) in lists.iter().enumerate() {
-                        let parts = list.chunk_by(|&(_, a), &(_, b)| a / PART_US == b / PART_US);
-                        let of = |row: u32| features.row(row as usize)[0].0[0];
-                        let sum = parts.fold(0.0f32, |sum, part| sum + part.iter().fold(0.0, |sum, &(r, _)| sum + of(r)));
-                        prop_assert_eq!(values.row(cell)[0].0[0].to_bits(), sum.to_bits());
-                    }
-                }
-            }
         }
     }
 }

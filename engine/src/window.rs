@@ -6,7 +6,7 @@ use crate::memory::{FixedVec, Memory};
 use crate::metric::Node;
 
 /// Slots of a chunk.
-const CHUNK: u32 = 1 << CHUNK_LOG2;
+pub(crate) const CHUNK: u32 = 1 << CHUNK_LOG2;
 const CHUNK_LOG2: u32 = 6;
 
 /// Nodes by slot, which a node keeps while in the window. Successive nodes have successive slots
@@ -23,7 +23,7 @@ pub(crate) struct Window {
     /// The chunk of number n is at n / [`CHUNK`], modulo the length, which is a power of two.
     chunks: Vec<u32>,
     /// The number of the oldest node, or of the next one if there is none.
-    first: u32,
+    pub(crate) first: u32,
     len: u32,
 }
 
@@ -146,59 +146,5 @@ impl Window {
 
     fn place_of(&self, number: u32) -> usize {
         (number >> CHUNK_LOG2) as usize & (self.chunks.len() - 1)
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use proptest::prelude::*;
-    use std::collections::VecDeque;
-
-    proptest! {
-        #[test]
-        fn a_window_is_a_queue_whose_nodes_keep_their_slots(
-            capacity in 1usize..200,
-            steps in proptest::collection::vec((0u8..24, 0u32..90, 0u32..90), 0..100),
-            first in prop_oneof![Just(0), any::<u32>()],
-        ) {
-            let mut window = Window::new(capacity, &mut Memory::default());
-            // As after so many nodes.
-            window.first = first / CHUNK * CHUNK;
-            let (mut plain, mut t, mut most) = (VecDeque::new(), 0, 0);
-            for (step, entering, leaving) in steps {
-                if step == 0 {
-                    window.clear();
-                    plain.clear();
-                } else if step < 16 {
-                    for _ in 0..entering.min((capacity - plain.len()) as u32) {
-                        t += 1;
-                        let node = Node { t, ..Node::default() };
-                        plain.push_back((window.push(node), node));
-                    }
-                } else {
-                    let count = leaving.min(plain.len() as u32);
-                    let left: Vec<u32> = plain.drain(..count as usize).map(|(slot, _)| slot).collect();
-                    window.pop(count);
-                    // Whoever was there with those that left ranks before them.
-                    for &slot in &left {
-                        prop_assert!(window.age_rank(slot) >= plain.len() as u32);
-                    }
-                }
-                most = most.max(plain.len());
-                prop_assert_eq!(window.len(), plain.len());
-                prop_assert_eq!(window.is_full(), plain.len() == capacity);
-                prop_assert!(window.slots().eq(plain.iter().map(|&(slot, _)| slot)));
-                for (index, &(slot, node)) in plain.iter().enumerate() {
-                    prop_assert_eq!(window.node(slot), node);
-                    prop_assert_eq!([window.age_rank(slot), window.slot_of(index as u32)], [index as u32, slot]);
-                    // No more chunks are used than the nodes that were there at once need.
-                    prop_assert!((slot as usize) < Window::slots_for(most));
-                }
-                let middle = plain.len() as u32 / 3..plain.len() as u32;
-                prop_assert!(window.slots_of(middle.clone()).eq(plain.range(middle.start as usize..).map(|n| n.0)));
-                prop_assert_eq!(window.earlier_than(t), plain.iter().filter(|n| n.1.t < t).count() as u32);
-            }
-        }
     }
 }

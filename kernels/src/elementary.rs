@@ -4,7 +4,8 @@
 //! times n is exact), and take expm1(r) = r + r^2 P(r), P of degree 5, a weighted minimax fit
 //! within 0.01 ULP; the rest is rounding. Branch-free, so that loops over lanes vectorise.
 
-use crate::isa::{Exponent, Portable, Vector};
+use crate::isa::{Exponent, Isa, Portable, Simd, Task, Vector};
+use crate::lanes::LANES;
 
 /// log2(e).
 const LOG2_E: f32 = std::f32::consts::LOG2_E;
@@ -208,135 +209,94 @@ pub fn softmax(values: &mut [f32]) {
     values.iter_mut().for_each(|value| *value /= sum);
 }
 
-#[cfg(test)]
-mod tests {
-    use super::*;
+/// An elementary function of one f32.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Elementary {
+    /// [`exp`].
+    Exp,
+    /// [`expm1`].
+    Expm1,
+    /// [`elu`].
+    Elu,
+    /// [`sigmoid`].
+    Sigmoid,
+    /// [`tanh`].
+    Tanh,
+}
 
-    /// Error of `got` in units of the last place of the f32 nearest to `want`.
-    fn ulps(got: f32, want: f64) -> f64 {
-        let nearest = want as f32;
-        if got == nearest || (got.is_nan() && nearest.is_nan()) {
-            return 0.0;
-        }
-        let ulp = if nearest.is_infinite() || nearest.abs() >= f32::MAX {
-            2f64.powi(104)
-        } else {
-            f64::from(f32::from_bits(nearest.abs().to_bits() + 1)) - f64::from(nearest.abs())
-        };
-        (f64::from(got) - want).abs() / ulp
-    }
+impl Elementary {
+    /// All functions.
+    pub const ALL: [Self; 5] = [Self::Exp, Self::Expm1, Self::Elu, Self::Sigmoid, Self::Tanh];
 
-    /// Every `stride`th bit pattern: all exponents, both signs, NaNs and infinities.
-    fn sweep(stride: usize) -> impl Iterator<Item = f32> {
-        (0..=u32::MAX).step_by(stride).map(f32::from_bits)
-    }
-
-    fn worst(f: impl Fn(f32) -> f32, exact: impl Fn(f64) -> f64) -> (f64, f32) {
-        sweep(251).fold((0.0, 0.0), |worst, x| {
-            let error = ulps(f(x), exact(f64::from(x)));
-            if error > worst.0 { (error, x) } else { worst }
-        })
-    }
-
-    #[test]
-    fn exp_is_within_its_stated_bound() {
-        let (error, x) = worst(exp, f64::exp);
-        assert!(error <= 1.1, "{error} ULP at {x:e}");
-    }
-
-    #[test]
-    fn expm1_is_within_its_stated_bound() {
-        let (error, x) = worst(expm1, f64::exp_m1);
-        assert!(error <= 1.4, "{error} ULP at {x:e}");
-    }
-
-    #[test]
-    fn sigmoid_is_within_its_stated_bound() {
-        // For x < 0, e^x / (1 + e^x) keeps digits that f64 loses when e^-x overflows.
-        let exact =
-            |x: f64| if x < 0.0 { f64::exp(x) / (1.0 + f64::exp(x)) } else { 1.0 / (1.0 + f64::exp(-x)) };
-        let (error, x) = worst(sigmoid, exact);
-        assert!(error <= 2.5, "{error} ULP at {x:e}");
-    }
-
-    #[test]
-    fn tanh_is_within_its_stated_bound() {
-        let (error, x) = worst(tanh, f64::tanh);
-        assert!(error <= 2.5, "{error} ULP at {x:e}");
-    }
-
-    #[test]
-    fn sigmoid_and_tanh_saturate_at_their_limits() {
-        for (x, expected) in [
-            (f32::NEG_INFINITY, 0.0),
-            (-1e30, 0.0),
-            (0.0, 0.5),
-            (-0.0, 0.5),
-            (40.0, 1.0),
-            (f32::INFINITY, 1.0),
-        ] {
-            assert_eq!(sigmoid(x).to_bits(), f32::to_bits(expected), "{x}");
-        }
-        for x in [f32::INFINITY, 1e30, 20.0] {
-            assert_eq!((tanh(x), tanh(-x)), (1.0, -1.0));
-        }
-        for x in [0.0, 1e-45, 1e-40, 1e-30] {
-            assert_eq!((tanh(x).to_bits(), tanh(-x).to_bits()), (x.to_bits(), (-x).to_bits()));
-        }
-        assert!(sigmoid(f32::NAN).is_nan() && tanh(f32::NAN).is_nan());
-    }
-
-    #[test]
-    fn sigmoid_and_tanh_never_leave_their_range() {
-        for x in sweep(251).filter(|x| !x.is_nan()) {
-            assert!((0.0..=1.0).contains(&sigmoid(x)) && tanh(x).abs() <= 1.0, "{x:e}");
+    /// Its name.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Exp => "exp",
+            Self::Expm1 => "expm1",
+            Self::Elu => "elu",
+            Self::Sigmoid => "sigmoid",
+            Self::Tanh => "tanh",
         }
     }
 
-    #[test]
-    fn a_softmax_sums_to_one_and_does_not_overflow() {
-        let mut values = [1000.0, 999.0, -1000.0];
-        softmax(&mut values);
-        let expected = [1.0 / (1.0 + f64::exp(-1.0)), 1.0 / (1.0 + f64::exp(1.0)), 0.0];
-        for (got, expected) in values.iter().zip(expected) {
-            assert!((f64::from(*got) - expected).abs() < 1e-6, "{got}, not {expected}");
-        }
-        let mut nan = [0.0, f32::NAN];
-        softmax(&mut nan);
-        assert!(nan.iter().all(|v| v.is_nan()));
-        softmax(&mut []);
-    }
-
-    #[test]
-    fn special_values_are_kept() {
-        assert_eq!(exp(0.0), 1.0);
-        assert_eq!(exp(f32::NEG_INFINITY), 0.0);
-        assert_eq!(exp(f32::INFINITY), f32::INFINITY);
-        assert_eq!(expm1(f32::NEG_INFINITY), -1.0);
-        assert_eq!(expm1(f32::INFINITY), f32::INFINITY);
-        assert_eq!(expm1(-0.0).to_bits(), (-0.0f32).to_bits());
-        assert_eq!(expm1(1e-40).to_bits(), 1e-40f32.to_bits());
-        assert!(exp(f32::NAN).is_nan() && expm1(f32::NAN).is_nan() && elu(f32::NAN).is_nan());
-    }
-
-    #[test]
-    fn elus_in_step_are_the_same_bits() {
-        let xs: Vec<f32> = sweep(251).filter(|x| !x.is_nan()).collect();
-        for x in xs.as_chunks::<16>().0 {
-            let (low, high) = x.split_at(8);
-            let [a, b] = elus(Portable, [low, high].map(|half| <[f32; 8]>::try_from(half).expect("a half")));
-            for (i, &x) in x.iter().enumerate() {
-                let got = if i < 8 { a[i] } else { b[i - 8] };
-                assert_eq!(got.to_bits(), elu(x).to_bits(), "{x:e}");
-            }
-        }
-        assert!(elus(Portable, [[f32::NAN; 8]])[0].iter().all(|y| y.is_nan()));
-    }
-
-    #[test]
-    fn elu_is_the_identity_above_zero() {
-        for x in [1e-38, 0.3, 7.5, 1e30, f32::INFINITY] {
-            assert_eq!(elu(x), x);
+    /// Its largest error over all f32, in ULP of the correctly rounded result.
+    pub fn bound(self) -> f64 {
+        match self {
+            Self::Exp => 1.1,
+            Self::Expm1 | Self::Elu => 1.4,
+            Self::Sigmoid | Self::Tanh => 2.5,
         }
     }
+
+    /// Its value at `x`.
+    pub fn of(self, x: f32) -> f32 {
+        match self {
+            Self::Exp => exp(x),
+            Self::Expm1 => expm1(x),
+            Self::Elu => elu(x),
+            Self::Sigmoid => sigmoid(x),
+            Self::Tanh => tanh(x),
+        }
+    }
+
+    /// Replaces each of `values` by the function's value. O(values).
+    pub fn apply(self, isa: Isa, values: &mut [f32]) {
+        isa.run(Apply { function: self, values });
+    }
+}
+
+struct Apply<'a> {
+    function: Elementary,
+    values: &'a mut [f32],
+}
+
+impl Task for Apply<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<S: Simd>(self, simd: S) {
+        let mut chunks = self.values.chunks_exact_mut(2 * LANES);
+        for chunk in &mut chunks {
+            vector(simd, self.function, chunk);
+        }
+        let rest = chunks.into_remainder();
+        let mut padded = [0.0; 2 * LANES];
+        padded[..rest.len()].copy_from_slice(rest);
+        vector(simd, self.function, &mut padded);
+        rest.copy_from_slice(&padded[..rest.len()]);
+    }
+}
+
+/// Applies the function to whole vectors.
+#[inline(always)]
+fn vector<S: Simd>(simd: S, function: Elementary, values: &mut [f32]) {
+    let x = S::V16::load_slice(simd, values);
+    let [y] = match function {
+        Elementary::Exp => [x.map(simd, exp)],
+        Elementary::Expm1 => expm1s(simd, [x]),
+        Elementary::Elu => elus(simd, [x]),
+        Elementary::Sigmoid => divided(sigmoid_quotients(simd, [x])),
+        Elementary::Tanh => divided(tanh_quotients(simd, [x])),
+    };
+    y.store_slice(values);
 }

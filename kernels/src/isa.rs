@@ -9,18 +9,16 @@
 mod avx2;
 #[cfg(target_arch = "x86_64")]
 mod avx512;
-mod divisor;
-mod panel;
-mod planar;
-mod portable;
+pub(crate) mod panel;
+pub(crate) mod portable;
 #[cfg(target_arch = "x86_64")]
 mod registers;
-mod vector;
+pub(crate) mod vector;
 
-pub use divisor::Divisor;
+pub(crate) use panel::{Taps, accumulate_taps};
 pub(crate) use panel::{accumulate, accumulate_in_four, accumulate_wide};
-pub(crate) use planar::{Taps, accumulate_taps};
 pub use portable::{Portable, fused};
+pub use vector::Divisor;
 pub use vector::{Exponent, Simd, Task, Vector};
 
 use crate::lanes::{LANES, Lanes, Wide};

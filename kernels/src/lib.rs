@@ -44,7 +44,6 @@
 
 mod dense;
 mod elementary;
-mod elementwise;
 mod error;
 mod frames;
 mod graph;
@@ -55,7 +54,6 @@ mod graph;
 mod isa;
 mod lanes;
 mod matrix;
-mod maximum;
 pub mod naive;
 mod nearby;
 mod packed;
@@ -63,12 +61,12 @@ mod planar;
 mod pointnet;
 pub mod random;
 mod recurrent;
-mod replace;
+mod rows;
 mod spline;
 
 pub use dense::{Activation, Dense};
+pub use elementary::Elementary;
 pub use elementary::{elu, exp, expm1, sigmoid, softmax, tanh};
-pub use elementwise::Elementary;
 pub use error::KernelError;
 pub use frames::{
     Band, Conv1x1, Conv3x3, ConvParts, ConvScratch, DirectConv, FeatureMap, Kn2rowConv3x3, Kn2rowScratch,
@@ -79,12 +77,16 @@ pub use graph::{GraphRow, Neighbour, attribute, offset};
 pub use isa::{Divisor, Exponent, Isa, Portable, Simd, Task, Vector, fused};
 pub use lanes::{LANES, Lanes, Wide};
 pub use matrix::Matrix;
-pub use maximum::{add, clear_negative_zero, is_nan, maximum, same_bits};
 pub use nearby::Nearby;
 pub use planar::{Occupancy, PlanarConv3x3, Planes, TileRegion, planar_average_pool, planar_max_pool};
 pub use pointnet::{PointNetConv, PointNetParts, PointNetScratch, pointnet_multiply_adds};
 pub use recurrent::{
     Lstm, LstmParts, LstmState, PlanarConvLstm, PlanarConvLstmState, Squash, lstm_update, lstm_update_rows,
 };
-pub use replace::{Replaced, replace_rows, replace_rows_beyond};
+pub use rows::{
+    Replaced, add, clear_negative_zero, is_nan, maximum, replace_rows, replace_rows_beyond, same_bits,
+};
 pub use spline::{SplineConv, SplineParts, SplineScratch, spline_basis, spline_multiply_adds};
+
+#[cfg(test)]
+mod tests;

@@ -87,7 +87,7 @@ proptest! {
         let expected: Vec<(f32, f32)> = (0..n)
             .map(|j| {
                 let peephole = peephole.as_ref().map(|p| p.each_ref().map(|p| p[j]));
-                naive::cells::lstm_update(gates.each_ref().map(|g| g[j]), peephole, by, cell[j])
+                naive::lstm_update(gates.each_ref().map(|g| g[j]), peephole, by, cell[j])
             })
             .collect();
         let (expected_c, expected_h): (Vec<f32>, Vec<f32>) = expected.into_iter().unzip();
@@ -138,7 +138,7 @@ proptest! {
             let (mut h, mut c) = (vec![0.0; hidden], vec![0.0; hidden]);
             for reading in &readings {
                 lstm.step(isa, reading, &mut state);
-                naive::cells::lstm(&parts, reading, &mut h, &mut c);
+                naive::lstm(&parts, reading, &mut h, &mut c);
                 prop_assert_eq!((bits(state.hidden()), bits(state.cell())), (bits(&h), bits(&c)), "{}", isa.name());
                 let padding = state.hidden_lanes().iter().flat_map(|l| l.0).skip(hidden);
                 prop_assert!(padding.into_iter().all(|v| v.to_bits() == 0));
@@ -162,7 +162,7 @@ proptest! {
     ) {
         let inputs = channels[0] + channels[1];
         let both = [&first[..], &second].concat();
-        let expected = naive::cells::planar_conv((inputs, height, width), &both, &weight, &bias, relu);
+        let expected = naive::planar_conv((inputs, height, width), &both, &weight, &bias, relu);
         let conv = PlanarConv3x3::new(channels, outputs, &weight, Some(&bias), relu).unwrap();
         let images = [
             Planes::from_values(channels[0], height, width, &first),
@@ -224,7 +224,7 @@ proptest! {
             let mut c = h.clone();
             for frame in &frames {
                 let x = Planes::from_values(inputs, height, width, frame);
-                naive::cells::planar_conv_lstm((height, width), (&weight, &bias), by, frame, &mut h, &mut c);
+                naive::planar_conv_lstm((height, width), (&weight, &bias), by, frame, &mut h, &mut c);
                 occupied.update(&x);
                 lstm.step(isa, Some(&x), None, &mut state, &mut shown);
                 let empty = occupied.occupied() == 0;
@@ -248,10 +248,10 @@ proptest! {
         let planes = Planes::from_values(channels, height, width, &image);
         let mut out = Planes::zeros(channels, height / 2, width / 2);
         planar_max_pool(&planes, &mut out);
-        prop_assert_eq!(bits_of(&out), bits(&naive::cells::maximum_pool(size, &image)));
+        prop_assert_eq!(bits_of(&out), bits(&naive::maximum_pool(size, &image)));
         let (mut columns, mut out) = (Vec::new(), Planes::zeros(channels, height / window, width / window));
         planar_average_pool(&planes, window, &mut columns, &mut out);
-        prop_assert_eq!(bits_of(&out), bits(&naive::cells::average_pool(size, &image, window)));
+        prop_assert_eq!(bits_of(&out), bits(&naive::average_pool(size, &image, window)));
     }
 
     #[test]

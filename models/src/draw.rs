@@ -73,34 +73,14 @@ fn value(role: Role, stream: &mut Random) -> f64 {
 }
 
 /// FNV-1a, 64 bits.
-fn hash(text: &str) -> u64 {
+pub(crate) fn hash(text: &str) -> u64 {
     let mut hasher = FnvHasher::default();
     hasher.write(text.as_bytes());
     hasher.finish()
 }
 
 /// Mean 0, variance 1, within +-2 sqrt 3.
-fn normal(random: &mut Random) -> f64 {
+pub(crate) fn normal(random: &mut Random) -> f64 {
     let sum = (random.uniform() + random.uniform()) + (random.uniform() + random.uniform());
     (sum - 2.0) * 3.0_f64.sqrt()
-}
-
-#[cfg(test)]
-mod tests {
-    use super::{hash, normal};
-    use meissner_kernels::random::Random;
-
-    #[test]
-    fn the_hash_gives_its_published_value() {
-        assert_eq!(hash("foobar"), 0x8594_4171_f739_67e8);
-    }
-
-    #[test]
-    fn normal_values_have_mean_0_and_variance_1() {
-        let mut stream = Random::new(1);
-        let values: Vec<f64> = (0..100_000).map(|_| normal(&mut stream)).collect();
-        let mean = values.iter().sum::<f64>() / values.len() as f64;
-        let variance = values.iter().map(|v| (v - mean) * (v - mean)).sum::<f64>() / values.len() as f64;
-        assert!(mean.abs() < 0.02 && (variance - 1.0).abs() < 0.02, "mean {mean}, variance {variance}");
-    }
 }

@@ -40,3 +40,6 @@ pub use error::{ModelError, TensorProblem, TensorProblemKind, in_part};
 pub use inspect::{Summary, grouped};
 pub use shipped::DEFAULT_NETWORK;
 pub use weights::{Card, FormatError, Tensor, TensorFile, Weights};
+
+#[cfg(test)]
+mod tests;

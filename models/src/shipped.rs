@@ -157,28 +157,3 @@ impl Card {
         Some(Weights::shipped(name)?.card().expect("shipped weights have a card"))
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use crate::{AnyDescription, Card, Weights};
-
-    #[test]
-    fn every_name_has_a_description_of_this_name_weights_and_a_card() {
-        for name in AnyDescription::shipped_names() {
-            assert_eq!(AnyDescription::shipped(name).expect("a description").name(), name);
-            assert_eq!(Weights::shipped(name).expect("weights").card().ok(), Card::shipped(name));
-        }
-    }
-
-    #[test]
-    fn the_weights_of_every_network_of_quantities_state_the_ranges_of_the_training() {
-        for name in AnyDescription::shipped_names() {
-            let description = AnyDescription::shipped(name).expect("a description");
-            let (outputs, units) = description.outputs();
-            // Values of classes and of pixels have no range of their own.
-            let quantities = description.classes().is_none() && units[0] != "N/pixel";
-            let ranges = Card::shipped(name).expect("a card").ranges;
-            assert_eq!(ranges.map(|ranges| ranges.len()), quantities.then_some(outputs.len()), "{name}");
-        }
-    }
-}

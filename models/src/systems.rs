@@ -32,3 +32,9 @@ pub fn check_outputs(network: &str, outputs: &[String], classes: &[&str]) -> Res
     let (expected, found) = (classes.join(", "), outputs.join(", "));
     Err(OutputsError { network: network.to_owned(), expected, found })
 }
+
+#[cfg(test)]
+mod tests {
+    mod contact;
+    mod slip;
+}

@@ -6,9 +6,8 @@
 pub(crate) mod card;
 mod error;
 mod pickle;
-mod safetensors;
+pub(crate) mod safetensors;
 mod state_dict;
-mod tensor;
 mod zip;
 
 use std::collections::BTreeMap;
@@ -18,8 +17,8 @@ use crate::ModelError;
 
 pub use card::Card;
 pub use error::FormatError;
+pub use safetensors::Tensor;
 pub use safetensors::TensorFile;
-pub use tensor::Tensor;
 
 /// Largest file that is read.
 const MAX_FILE: u64 = 1 << 31;

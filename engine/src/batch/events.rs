@@ -3,17 +3,16 @@
 use meissner_kernels::{Matrix, Neighbour, attribute, offset};
 
 use super::neighbours::{Lists, Space, take};
+use super::neighbours::{candidates, exhaustive, proposed};
 use super::published;
-use super::search::{candidates, exhaustive, proposed};
 use super::setup::{Batch, Search};
-use super::stream::Stream;
+use super::trace::Stream;
 use super::trace::{Edges, LevelTrace};
 use crate::Event;
 use crate::graph::{Candidate, SIDE_LOG2};
 use crate::grid::{Grid, Times};
-use crate::input;
 use crate::memory::Memory;
-use crate::metric::{Metric, Node};
+use crate::metric::{Metric, Node, input_channels, input_of};
 use crate::network::{Candidates, Normalisation, Reach};
 use crate::queues::Cursor;
 
@@ -69,11 +68,11 @@ pub(super) fn level(batch: &Batch, stream: Stream<'_>) -> LevelTrace {
             edges.offsets.extend(list.iter().map(offsets));
         }
     }
-    let input = |event| input::of_event(event, parts.place, batch.sensor);
+    let input = |event| input_of(event, parts.place, batch.sensor);
     let input: Vec<f32> = events.iter().flat_map(input).collect();
     LevelTrace {
         edges,
-        features: vec![Matrix::from_rows(input::channels(parts.place), &input)],
+        features: vec![Matrix::from_rows(input_channels(parts.place), &input)],
         positions,
         cells: Vec::new(),
         members: Vec::new(),

@@ -7,7 +7,7 @@ use smallvec::SmallVec;
 
 use super::published;
 use super::setup::Batch;
-use super::stream::Stream;
+use super::trace::Stream;
 use super::trace::{Edges, LevelTrace, maximum_of};
 use crate::network::{Level, Normalisation, Pooling, Position};
 use crate::{Event, Fraction};

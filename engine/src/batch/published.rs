@@ -7,7 +7,7 @@
 use crate::{Event, Fraction};
 
 /// Positions of events: f64 quotients, rounded once. `first_us`: time of the graph's first event.
-pub(super) fn positions(events: &[Event], first_us: i64, extents: [f64; 3]) -> Vec<[f64; 3]> {
+pub(crate) fn positions(events: &[Event], first_us: i64, extents: [f64; 3]) -> Vec<[f64; 3]> {
     let position = |e: &Event| {
         let integers = [i64::from(e.x), i64::from(e.y), e.t_us - first_us];
         [0, 1, 2].map(|d| rounded(integers[d] as f64 / extents[d]))
@@ -26,12 +26,12 @@ pub(super) fn origin(positions: &[[f64; 3]]) -> [f32; 2] {
 }
 
 /// Index of the pooling cell of length `size` that contains a coordinate.
-pub(super) fn cell(position: f64, origin: f32, size: Fraction) -> i64 {
+pub(crate) fn cell(position: f64, origin: f32, size: Fraction) -> i64 {
     index(position, origin, f64::from(size.numerator()) / f64::from(size.denominator())) as i64
 }
 
 /// Index of the readout cell, of `cells` along the axis, that contains a coordinate.
-pub(super) fn readout_cell(position: f64, origin: f32, cells: usize) -> usize {
+pub(crate) fn readout_cell(position: f64, origin: f32, cells: usize) -> usize {
     (index(position, origin, 1.0 / cells as f64).max(0.0) as usize).min(cells - 1)
 }
 
@@ -41,43 +41,11 @@ fn index(position: f64, origin: f32, size: f64) -> f32 {
 }
 
 /// Mean of the members' positions: summed in their order, then divided by their number.
-pub(super) fn mean(members: &[usize], positions: &[[f64; 3]]) -> [f64; 3] {
+pub(crate) fn mean(members: &[usize], positions: &[[f64; 3]]) -> [f64; 3] {
     let add = |sum: [f32; 3], &m: &usize| [0, 1, 2].map(|d| sum[d] + positions[m][d] as f32);
     members.iter().fold([0.0; 3], add).map(|sum| f64::from(sum / members.len() as f32))
 }
 
 fn rounded(value: f64) -> f64 {
     f64::from(value as f32)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::{cell, mean, positions, readout_cell};
-    use crate::{Event, Fraction};
-
-    /// As exact fractions, rows 101, 113 and 125 of 260 are exactly one cell of 12 rows apart.
-    #[test]
-    fn a_row_on_a_cells_edge_falls_into_the_cell_that_float32_gives_it() {
-        let size = Fraction::new(12, 260).expect("positive");
-        let rows = |y: u16| {
-            let events = [Event::new(0, 0, 101, true), Event::new(0, 0, y, true)];
-            let [first, second] = positions(&events, 0, [346.0, 260.0, 1.0])[..] else {
-                panic!("two events")
-            };
-            cell(second[1], first[1] as f32, size)
-        };
-        assert_eq!([112, 113, 124, 125].map(rows), [0, 0, 1, 1]);
-        assert_eq!(size.cell(12, 260), 1);
-    }
-
-    #[test]
-    fn a_readout_cell_beyond_the_image_is_the_last() {
-        assert_eq!([0.0, 0.25, 0.99, 1.5].map(|p| readout_cell(p, 0.0, 4)), [0, 1, 3, 3]);
-    }
-
-    #[test]
-    fn a_mean_is_a_sum_in_float32() {
-        let positions = [[1.0; 3], [f64::from(f32::EPSILON / 2.0); 3], [f64::from(f32::EPSILON / 2.0); 3]];
-        assert_eq!(mean(&[0, 1, 2], &positions), [f64::from(1.0_f32 / 3.0); 3]);
-    }
 }

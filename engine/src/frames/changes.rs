@@ -15,8 +15,8 @@ pub(super) const RECTANGLE: usize = 64;
 /// One bit for each pixel of a map of `height` x `width`.
 #[derive(Debug, Default, PartialEq, Eq)]
 pub(crate) struct Changes {
-    height: usize,
-    width: usize,
+    pub(crate) height: usize,
+    pub(crate) width: usize,
     /// Words per row.
     words: usize,
     bits: Vec<u64>,
@@ -252,102 +252,4 @@ pub(super) struct Pending {
     pub(super) pixels: Changes,
     /// Whether anything changed.
     pub(super) any: bool,
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use proptest::prelude::*;
-
-    fn changes() -> impl Strategy<Value = Changes> {
-        (1usize..9, 1usize..150).prop_flat_map(|(height, width)| {
-            proptest::collection::vec((0..height, 0..width), 0..12).prop_map(move |pixels| {
-                let mut changes = Changes::none(height, width);
-                pixels.into_iter().for_each(|(y, x)| changes.set(y, x));
-                changes
-            })
-        })
-    }
-
-    fn of(height: usize, width: usize, marked: impl Fn(usize, usize) -> bool) -> Changes {
-        let mut out = Changes::none(height, width);
-        for y in 0..height {
-            for x in (0..width).filter(|&x| marked(y, x)) {
-                out.set(y, x);
-            }
-        }
-        out
-    }
-
-    proptest! {
-        #[test]
-        fn a_rectangle_is_found_where_the_marks_are_one(
-            changes in changes(), (y, x, height, width) in (0usize..9, 0usize..99, 1usize..9, 1usize..9),
-        ) {
-            let marked = |region: Region| of(changes.height, changes.width, |v, u| {
-                (region.y..region.y + region.height).contains(&v) && (region.x..region.x + region.width).contains(&u)
-            });
-            if let Some(region) = changes.rectangle() {
-                prop_assert_eq!(&marked(region), &changes);
-            }
-            let region = Region { y, x, height, width };
-            if y + height <= changes.height && x + width <= changes.width {
-                prop_assert_eq!(marked(region).rectangle(), Some(region));
-            }
-            prop_assert_eq!(marked(Region { height: 0, ..region }).rectangle(), None);
-            let mut large = Changes::none(9, 8);
-            large.set_all();
-            prop_assert_eq!(large.rectangle(), None);
-        }
-
-        #[test]
-        fn changes_spread_as_windows_read(changes in changes(), size in 1usize..4) {
-            let Changes { height, width, .. } = changes;
-            let near = |y: usize, x: usize| {
-                (y.saturating_sub(1)..(y + 2).min(height))
-                    .any(|v| (x.saturating_sub(1)..(x + 2).min(width)).any(|u| changes.contains(v, u)))
-            };
-            let mut spread = Changes::none(height, width);
-            spread.spread_of(&changes);
-            prop_assert_eq!(&spread, &of(height, width, near));
-
-            let (h, w) = (height / size, width / size);
-            let below = |y: usize, x: usize| {
-                (0..size * size).any(|i| changes.contains(y * size + i / size, x * size + i % size))
-            };
-            let mut shrunk = Changes::none(h, w);
-            shrunk.shrunk_from(&changes, size);
-            prop_assert_eq!(&shrunk, &of(h, w, below));
-
-            let mut filled = changes.clone();
-            filled.fill_tiles(size, &mut Changes::default());
-            let in_tile = |y: usize, x: usize| {
-                (y / size * size..((y / size + 1) * size).min(height))
-                    .any(|v| (x / size * size..((x / size + 1) * size).min(width)).any(|u| changes.contains(v, u)))
-            };
-            prop_assert_eq!(&filled, &of(height, width, in_tile));
-
-            let mut doubled = Changes::none(2 * height, 2 * width);
-            doubled.doubled_from(&changes);
-            prop_assert_eq!(&doubled, &of(2 * height, 2 * width, |y, x| changes.contains(y / 2, x / 2)));
-        }
-
-        #[test]
-        fn regions_hold_every_marked_pixel_once(changes in changes(), rows in 1usize..5, columns in 1usize..40) {
-            let mut covered = Changes::none(changes.height, changes.width);
-            let mut pixels = 0;
-            changes.for_each_region(rows, columns, |region| {
-                assert!(changes.any_in(region));
-                covered.set_region(region);
-                pixels += region.height * region.width;
-            });
-            prop_assert_eq!(covered.count(), pixels);
-            changes.for_each(|y, x| assert!(covered.contains(y, x)));
-            let mut all = Changes::none(changes.height, changes.width);
-            all.set_all();
-            prop_assert_eq!(all.count(), changes.height * changes.width);
-            all.include(&changes);
-            prop_assert_eq!(all.count(), changes.height * changes.width);
-        }
-    }
 }

@@ -7,9 +7,8 @@ use meissner_kernels::{
     PlanarConv3x3, PlanarConvLstm, PooledConv3x3, Squash, SqueezeExcite, TransposedConv2x2, WinogradConv3x3,
 };
 
-use super::fingerprint;
 use super::network::{Convolution, FrameLayer, FrameLayerKind, FrameNetworkParts, FrameShape};
-use super::shapes::{check_shape, output_shape, with};
+use super::network::{check_shape, fingerprint_of, output_shape, with};
 use crate::EngineError;
 use crate::error::misfit;
 
@@ -140,7 +139,7 @@ impl FrameNetwork {
         }
         fuse_poolings(&mut units, &mut values);
         mark_eager(&mut units);
-        let fingerprint = fingerprint::of(&name, input, &layers, convolution);
+        let fingerprint = fingerprint_of(&name, input, &layers, convolution);
         Ok(Self { name, units, values, buffers, planar, fingerprint })
     }
 

@@ -2,10 +2,11 @@
 //!
 //! Input: [`NetworkParts`]. Output: the channels of every feature, or the first error, by layer.
 
-use super::parts::{Aggregation, Level, NetworkParts, Pooling, Reach};
+use super::parts::{Aggregation, Fraction, Level, NetworkParts, Pooling, Reach};
+use crate::EngineError;
 use crate::error::{in_range, misfit, option};
 use crate::frames::FrameShape;
-use crate::{EngineError, Fraction, input};
+use crate::metric::input_channels;
 
 pub(super) const MAX_SPAN_US: i64 = 1 << 40;
 pub(super) const MAX_CAPACITY: usize = 1 << 24;
@@ -22,7 +23,7 @@ pub(super) fn channels(parts: &NetworkParts) -> Result<Vec<Vec<usize>>, EngineEr
     {
         return Err(option("radius", "a finite number above 0", r));
     }
-    let mut channels = vec![level_channels(&parts.events, input::channels(parts.place))?];
+    let mut channels = vec![level_channels(&parts.events, input_channels(parts.place))?];
     let mut below: Option<&Pooling> = None;
     for (pooling, level) in &parts.pooled {
         let inputs = feature(&pooling.name, "pooled feature", &channels[channels.len() - 1], pooling.from)?;

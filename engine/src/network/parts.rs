@@ -1,10 +1,11 @@
 //! Parts of a network: the graph rule, levels of blocks, poolings, readout and head.
 
+use std::fmt;
+use std::str::FromStr;
 use std::sync::Arc;
 
 use meissner_kernels::Dense;
 
-use crate::Fraction;
 use crate::convolution::{EdgeReads, GraphConvolution};
 use crate::frames::FrameNetwork;
 
@@ -205,4 +206,100 @@ pub struct NetworkParts {
     /// the grid: channel `age C + c` is channel c of the grid `age` time cells old. It is
     /// stateless: predictions cannot depend on how often they are read.
     pub head: Option<Arc<FrameNetwork>>,
+}
+
+/// A positive fraction such as 16/346.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Fraction {
+    numerator: u32,
+    denominator: u32,
+}
+
+impl Fraction {
+    /// `numerator` / `denominator`; `None` if either is zero.
+    pub fn new(numerator: u32, denominator: u32) -> Option<Self> {
+        (numerator > 0 && denominator > 0).then_some(Self { numerator, denominator })
+    }
+
+    /// The numerator.
+    pub fn numerator(self) -> u32 {
+        self.numerator
+    }
+
+    /// The denominator.
+    pub fn denominator(self) -> u32 {
+        self.denominator
+    }
+
+    pub(crate) const ONE: Self = Self { numerator: 1, denominator: 1 };
+
+    /// The smallest number of `size`s whose total length is at least this one. Saturates.
+    pub(crate) fn cells_of(self, size: Self) -> usize {
+        let length = u64::from(self.numerator) * u64::from(size.denominator);
+        let part = u64::from(self.denominator) * u64::from(size.numerator);
+        usize::try_from(length.div_ceil(part)).unwrap_or(usize::MAX)
+    }
+
+    /// Number of cells of this size that cover 0 <= p < 1 from an origin of 0.
+    pub fn cells(self) -> usize {
+        (self.denominator as usize).div_ceil(self.numerator as usize)
+    }
+
+    /// Cell that contains `position` / `extent`: floor(position / extent / self), in integers.
+    /// Saturates.
+    ///
+    /// # Panics
+    /// If `extent` is not positive, or has more than 62 bits.
+    #[inline]
+    pub fn cell(self, position: i128, extent: i128) -> i128 {
+        assert!(0 < extent && extent >> 62 == 0, "an extent must be positive and of at most 62 bits");
+        let [size, parts] = [extent * i128::from(self.numerator), self.denominator.into()];
+        if position.unsigned_abs() >> 95 == 0 {
+            return (position * parts).div_euclid(size);
+        }
+        // Two steps, as the product does not fit: the upper bits, then their remainder (below 2^94)
+        // with the lower bits.
+        let upper = (position >> 32) * parts;
+        let lower = (upper.rem_euclid(size) << 32) + (position & 0xffff_ffff) * parts;
+        upper.div_euclid(size).saturating_mul(1 << 32).saturating_add(lower.div_euclid(size))
+    }
+
+    /// Place of the centre of pixel `pixel` of `extent` in its cell: -1 at the start, 1 at the end.
+    /// The cell is that of [`Self::cell`]; its last pixel's centre can lie beyond its end.
+    ///
+    /// # Panics
+    /// If `extent` is 0.
+    pub fn place(self, pixel: u16, extent: u16) -> f32 {
+        // Twice the lengths in 1 / denominator pixels: below 2^50, so only the quotient is rounded.
+        let [size, parts] = [i64::from(extent) * i64::from(self.numerator), self.denominator.into()];
+        let within = 2 * (i64::from(pixel) * parts % size) + parts;
+        ((within - size) as f64 / size as f64) as f32
+    }
+
+    /// Centre of cell `index`, as a fraction of the whole.
+    #[inline]
+    pub fn centre(self, index: i64) -> f64 {
+        (index as f64 + 0.5) * f64::from(self.numerator) / f64::from(self.denominator)
+    }
+}
+
+impl fmt::Display for Fraction {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}/{}", self.numerator, self.denominator)
+    }
+}
+
+impl FromStr for Fraction {
+    type Err = String;
+
+    /// Parses "16/346".
+    fn from_str(s: &str) -> Result<Self, String> {
+        let parse = || {
+            let (n, d) = s.split_once('/')?;
+            Self::new(n.trim().parse().ok()?, d.trim().parse().ok()?)
+        };
+        parse().ok_or_else(|| {
+            format!("expected a fraction of positive integers such as \"16/346\", found {s:?}")
+        })
+    }
 }

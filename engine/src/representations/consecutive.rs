@@ -270,6 +270,3 @@ impl ConsecutiveFrames {
 pub(super) fn sign(on: bool) -> i32 {
     if on { 1 } else { -1 }
 }
-
-#[cfg(test)]
-mod tests;

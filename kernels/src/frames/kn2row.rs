@@ -8,9 +8,9 @@
 
 use super::conv::{Conv1x1, check_inputs};
 use super::feature_map::FeatureMap;
+use super::feature_map::{Band, Target, View};
+use super::layer::{Tiles, in_tiles, store_some};
 use super::shape::Region;
-use super::tiles::{Tiles, in_tiles, store_some};
-use super::view::{Band, Target, View};
 use super::weights::{BLOCK, ConvParts, Layout, Packed};
 use crate::error::{KernelError, MAX_CHANNELS};
 use crate::isa::{Isa, Simd, Task, Vector, accumulate};

@@ -2,7 +2,7 @@
 //! A^t [ sum over i of (G g(i) G^t) (B^t d(i) B) ] A, d(i) the (M + 2) x (M + 2) inputs.
 //!
 //! G g G^t is computed in f64 and rounded once, when the layer is made. Order of the rest:
-//! [`transform`] for B and A, columns of a tile before rows; for each of (M + 2)^2 places a chain
+//! [`Transform`] for B and A, columns of a tile before rows; for each of (M + 2)^2 places a chain
 //! from +0 over maps and channels, ascending, each product rounded once with its sum; then the
 //! bias. Tiles lie on a grid from the map's first pixel; inputs beyond the map are +0.
 //!
@@ -11,15 +11,13 @@
 //! 2 tiles, 2e-5 for 4 x 4. Below about 16 input channels the direct kernels are faster.
 
 mod run;
-mod transform;
 
 pub use self::run::ConvScratch;
 
-use self::run::Job;
-use self::transform::{Four, Transform, Two};
+use self::run::{Four, Job, Transform, Two};
 use super::conv::check_inputs;
+use super::feature_map::{Band, View};
 use super::shape::Region;
-use super::view::{Band, View};
 use super::weights::{ConvParts, Layout, Packed};
 use crate::error::KernelError;
 use crate::isa::Isa;

@@ -3,7 +3,7 @@
 //! Sizes are checked once, before the loop: checks inside, and their registers, would halve the
 //! speed.
 
-use super::vector::{Simd, Vector};
+use crate::isa::vector::{Simd, Vector};
 use crate::lanes::{LANES, Wide};
 
 /// Number of values in a [`Wide`].
@@ -164,29 +164,66 @@ unsafe fn add_products<S: Simd, V: Vector<S>, const B: usize>(
     }
 }
 
-#[cfg(test)]
-mod tests {
-    use super::{accumulate, accumulate_wide};
-    use crate::isa::portable::Portable;
-    use crate::lanes::{LANES, Lanes, Wide};
+/// Taps of a 3 x 3 window: row dy, column dx, channel c is at `c plane + dy stride + dx`.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Taps<'a> {
+    /// Values, from the first tap of the first position on.
+    pub(crate) values: &'a [f32],
+    /// Distance between rows in values.
+    pub(crate) stride: usize,
+    /// Distance between channels in values.
+    pub(crate) plane: usize,
+}
 
-    const WEIGHT: [Lanes; 2] = [Lanes::ZERO; 2];
-
-    fn sums<const R: usize>() -> [[[f32; LANES]; 1]; R] {
-        [[[0.0; LANES]; 1]; R]
+/// acc(o, b) += sum over channels, rows and columns of the window, ascending, of weights(tap, o)
+/// values(tap + b), each product rounded once with the sum. `weights`: (channels x 9, O).
+///
+/// # Panics
+/// If `weights` are not whole windows, or there are too few values.
+#[inline(always)]
+pub(crate) fn accumulate_taps<S: Simd, V: Vector<S>, const O: usize, const B: usize>(
+    simd: S,
+    acc: &mut [[V; B]; O],
+    taps: Taps<'_>,
+    weights: &[[f32; O]],
+) {
+    let Taps { values, stride, plane } = taps;
+    if weights.is_empty() {
+        return;
     }
-
-    /// Three rows, of which the last would begin at 2 * 2^63, which wraps to 0.
-    #[should_panic(expected = "there must be a value for each weight")]
-    #[test]
-    fn a_stride_that_wraps_is_refused() {
-        accumulate::<_, _, 3, 1, 0, 1>(Portable, &mut sums(), &[0.0; 4], 1 << 63, [&WEIGHT]);
+    assert!(weights.len().is_multiple_of(9), "there must be a weight for each tap");
+    let last = plane.checked_mul(weights.len() / 9 - 1).zip(stride.checked_mul(2));
+    let end = last.and_then(|(plane, rows)| plane.checked_add(rows)?.checked_add(2 + B * V::LANES));
+    assert!(end.is_some_and(|end| end <= values.len()), "there must be a value for each tap");
+    // A local variable, so that it stays in registers.
+    let mut sums = *acc;
+    let (mut channel, mut k) = (0, 0);
+    while k < weights.len() {
+        let mut row = channel;
+        for _ in 0..3 {
+            for dx in 0..3 {
+                // Not by `from_fn`: where a closure stays a call, so do the instructions in it.
+                let mut x = [V::splat(simd, 0.0); B];
+                for (b, x) in x.iter_mut().enumerate() {
+                    let at = row + dx + b * V::LANES;
+                    // SAFETY: `row` <= (channels - 1) plane + 2 stride and dx <= 2: at + LANES <=
+                    // `end`, within `values`.
+                    *x = V::load_slice(simd, unsafe { values.get_unchecked(at..at + V::LANES) });
+                }
+                // SAFETY: k counts nine weights a turn of the outer loop, and their number is a
+                // multiple of nine.
+                let weights = unsafe { weights.get_unchecked(k) };
+                for (sums, &weight) in sums.iter_mut().zip(weights) {
+                    let weight = V::splat(simd, weight);
+                    for (sum, &x) in sums.iter_mut().zip(&x) {
+                        *sum = sum.add_product(weight, x);
+                    }
+                }
+                k += 1;
+            }
+            row += stride;
+        }
+        channel += plane;
     }
-
-    #[should_panic(expected = "there must be a value for each weight")]
-    #[test]
-    fn a_distance_of_rows_that_wraps_is_refused() {
-        let weights = [Lanes::ZERO; 4 * LANES + 1];
-        accumulate_wide::<_, _, 1, 1>(Portable, &mut sums(), &[Wide::ZERO; 4], 1 << 63, [&weights]);
-    }
+    *acc = sums;
 }

@@ -143,7 +143,7 @@ const HALF_WAY: u64 = 1 << 28;
 /// A sum in f64 that is not half-way between two f32 rounds to the f32 of the exact sum. This is
 /// nearly always so, and testing it needs the bits below an f32's last alone.
 #[inline(always)]
-fn fused_each<const N: usize>(a: [f32; N], b: [f32; N], c: [f32; N]) -> [f32; N] {
+pub(crate) fn fused_each<const N: usize>(a: [f32; N], b: [f32; N], c: [f32; N]) -> [f32; N] {
     if cfg!(any(target_feature = "fma", target_arch = "aarch64")) {
         return std::array::from_fn(|i| fused(a[i], b[i], c[i]));
     }
@@ -157,45 +157,4 @@ fn fused_each<const N: usize>(a: [f32; N], b: [f32; N], c: [f32; N]) -> [f32; N]
         hard |= u64::from(bits & BELOW == HALF_WAY) | subnormal;
     }
     if hard == 0 { sums.map(|sum| sum as f32) } else { std::array::from_fn(|i| fused(a[i], b[i], c[i])) }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use proptest::prelude::*;
-
-    /// Any bits, values of similar size, and values that nearly cancel.
-    fn operand() -> impl Strategy<Value = f32> {
-        prop_oneof![
-            any::<u32>().prop_map(f32::from_bits),
-            -2.0f32..2.0,
-            (-9i32..9).prop_map(|v| v as f32 * 1.5)
-        ]
-    }
-
-    fn check(a: f32, b: f32, c: f32) -> Result<(), TestCaseError> {
-        let expected = a.mul_add(b, c);
-        for got in [fused(a, b, c), fused_each([a], [b], [c])[0]] {
-            prop_assert!(
-                got.to_bits() == expected.to_bits() || (got.is_nan() && expected.is_nan()),
-                "{a:e} {b:e} {c:e}: {got:e}, not {expected:e}"
-            );
-        }
-        Ok(())
-    }
-
-    proptest! {
-        #![proptest_config(ProptestConfig::with_cases(200_000))]
-
-        #[test]
-        fn a_fused_product_and_sum_is_rounded_once(a in operand(), b in operand(), c in operand()) {
-            check(a, b, c)?;
-            check(a, b, -(a * b))?;
-            check(a, b, f32::from_bits((a * b).to_bits() ^ 1))?;
-            // A sum half-way between two f32, except for a tail that f64 loses.
-            let (one, tail) = (1.0 + f32::EPSILON, f32::EPSILON / 2.0);
-            check(one, tail, 1.0)?;
-            check(one * a, tail, a)?;
-        }
-    }
 }

@@ -138,3 +138,51 @@ where
         [self[0].where_negative(of[0], other[0]), self[1].where_negative(of[1], other[1])]
     }
 }
+
+/// An integer to divide by.
+///
+/// With y = RN(1 / b), q = RN(a y), r = a - b q, RN(q + r y) (Markstein, IBM Journal of Research
+/// and Development, 1990) is RN(a / b) for integers |a| < 2^53, 1 <= b <= 2^48. Let u = 2^-53:
+///
+/// - q is within 2.01 u |a / b|. So r is a multiple of ulp(q) below 2.01 b ulp(q): at most 50
+///   bits, computed exactly.
+/// - q + r y is off by |a / b - q| times y's relative error: <= 2.01 u^2 |a / b| <= 2.01 u ulp.
+/// - Halfway points between two f64 near a / b are odd multiples of h = ulp / 2, never a / b: a
+///   would have 54 bits. a - b times one is a multiple of h, not 0, so a / b is at least
+///   h / b >= 2^-49 ulp from it. The sum above lies on the same side, and rounds as a / b does.
+#[derive(Clone, Copy, Debug)]
+pub struct Divisor {
+    value: f64,
+    inverse: f64,
+}
+
+impl Divisor {
+    /// The largest divisor.
+    pub const MAX: i64 = 1 << 48;
+
+    /// Division by `value`.
+    ///
+    /// # Panics
+    /// If `value` is not within 1 and [`Self::MAX`].
+    pub fn new(value: i64) -> Self {
+        assert!((1..=Self::MAX).contains(&value), "a divisor is within its limits");
+        Self { value: value as f64, inverse: 1.0 / value as f64 }
+    }
+
+    /// The divisor.
+    #[inline(always)]
+    pub fn value(self) -> f64 {
+        self.value
+    }
+
+    /// a / divisor, rounded once, of an integer |a| < 2^53.
+    #[inline(always)]
+    pub fn divide<S: Simd>(self, _: S, a: f64) -> f64 {
+        if !S::FUSED {
+            return a / self.value;
+        }
+        let quotient = a * self.inverse;
+        let rest = (-quotient).mul_add(self.value, a);
+        rest.mul_add(self.inverse, quotient)
+    }
+}

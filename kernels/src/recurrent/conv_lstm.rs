@@ -4,7 +4,7 @@
 //! gates = w * [x, h] + b as in [`PlanarConv3x3`], then the gates' update, row by row. A new row of
 //! h is held back until the row below has read the old one: the state is replaced in place.
 
-use super::gates::{Squash, Update};
+use super::{Squash, Update};
 use crate::error::KernelError;
 use crate::isa::{Isa, Simd, Task, flat_wide_mut};
 use crate::lanes::Wide;

@@ -5,7 +5,7 @@
 //! ascending, each product rounded once with its sum; (s0 + s1) + (s2 + s3); + b. b is never -0, so
 //! a zero partial sum's sign affects nothing: terms of an x or h of zeros can be skipped.
 
-use super::gates::{Squash, Update};
+use super::{Squash, Update};
 use crate::error::{KernelError, check, check_sizes};
 use crate::isa::{Isa, Simd, Task, Vector, accumulate_in_four, flat, flat_mut, flat_wide, flat_wide_mut};
 use crate::lanes::{LANES, Lanes, Wide};

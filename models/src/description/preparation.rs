@@ -36,7 +36,7 @@ use crate::error::ModelError;
 use crate::weights::Weights;
 
 /// The key of the metadata.
-const KEY: &str = "preparation";
+pub(crate) const KEY: &str = "preparation";
 /// The keys of the object for readings, in order.
 const READING_KEYS: [&str; 3] = ["frames", "steps", "scaling"];
 /// The network whose preparation the published checkpoint has.
@@ -188,6 +188,3 @@ fn rounded(value: Value) -> Value {
         value => value.as_f64().map_or(value, |number| Value::from(number as f32)),
     }
 }
-
-#[cfg(test)]
-mod tests;

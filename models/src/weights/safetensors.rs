@@ -13,8 +13,7 @@ use safetensors::tensor::{Dtype, SafeTensors};
 use serde::Serialize;
 use serde::de::{Deserializer, Error, IgnoredAny, MapAccess, Visitor};
 
-use super::error::{FormatError, quoted};
-use super::tensor::{Tensor, float, is_float};
+use crate::weights::error::{FormatError, quoted};
 
 /// Longest header: about 100,000 tensors. One byte of a header can take ten bytes of memory.
 const MAX_HEADER: u64 = 1 << 24;
@@ -175,56 +174,83 @@ impl TensorFile {
     }
 }
 
-#[cfg(test)]
-mod tests {
-    use safetensors::{Dtype, SafeTensors};
+/// A tensor of a weights file.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Tensor {
+    shape: Vec<usize>,
+    values: Values,
+}
 
-    use super::TensorFile;
+#[derive(Clone, Debug, PartialEq)]
+enum Values {
+    Float(Vec<f32>),
+    /// Values that no network reads: only their type is kept.
+    Other(String),
+}
 
-    fn file(order: [usize; 3]) -> Vec<u8> {
-        let remark = [("of".to_owned(), "a \"test\"".to_owned())];
-        let mut file = TensorFile::new(remark.into());
-        for which in order {
-            match which {
-                0 => file.f32("a", &[1, 3], &[1.0, -2.0, 0.5]),
-                1 => file.i64("b", &[2], &[-1, 1 << 40]),
-                _ => file.f32("c", &[0, 4], &[]),
-            }
+impl Tensor {
+    /// A tensor of `shape` in row-major order; `None` where `shape` has another number of values.
+    pub fn new(shape: Vec<usize>, values: Vec<f32>) -> Option<Self> {
+        let count = shape.iter().try_fold(1usize, |n, &d| n.checked_mul(d))?;
+        (count == values.len()).then_some(Self { shape, values: Values::Float(values) })
+    }
+
+    /// A tensor whose values no network reads, with the name of their type.
+    pub(super) fn other(shape: Vec<usize>, dtype: impl Into<String>) -> Self {
+        Self { shape, values: Values::Other(dtype.into()) }
+    }
+
+    /// Its shape.
+    pub fn shape(&self) -> &[usize] {
+        &self.shape
+    }
+
+    /// Its values in row-major order; `None` where they are not floating-point numbers.
+    pub fn values(&self) -> Option<&[f32]> {
+        match &self.values {
+            Values::Float(values) => Some(values),
+            Values::Other(_) => None,
         }
-        file.into_bytes()
     }
 
-    #[test]
-    fn a_file_holds_what_was_added_whatever_the_order() {
-        let bytes = file([0, 1, 2]);
-        assert_eq!(bytes, file([2, 1, 0]));
-        let read = SafeTensors::deserialize(&bytes).expect("a valid file");
-        let integers = read.tensor("b").expect("there");
-        assert_eq!((integers.dtype(), integers.shape()), (Dtype::I64, &[2][..]));
-        assert_eq!(integers.data(), [(-1_i64).to_le_bytes(), (1_i64 << 40).to_le_bytes()].concat());
-        assert_eq!(
-            read.tensor("a").expect("there").data(),
-            [1.0_f32, -2.0, 0.5].map(f32::to_le_bytes).concat()
-        );
-        assert_eq!(read.tensor("c").expect("there").shape(), [0, 4]);
-        let (_, header) = SafeTensors::read_metadata(&bytes).expect("a valid header");
-        assert_eq!(
-            header.metadata().as_ref().and_then(|m| m.get("of")).map(String::as_str),
-            Some("a \"test\"")
-        );
+    /// Type of its values: "F32" for every floating-point type, else the file's name for it.
+    pub fn dtype(&self) -> &str {
+        match &self.values {
+            Values::Float(_) => "F32",
+            Values::Other(dtype) => dtype,
+        }
     }
+}
 
-    #[test]
-    fn arrays_start_at_multiples_of_their_values_size() {
-        let bytes = file([0, 1, 2]);
-        let start = 8 + u64::from_le_bytes(bytes[..8].try_into().expect("8 bytes")) as usize;
-        assert!(start.is_multiple_of(8));
-        assert_eq!(bytes[start..][..8], (-1_i64).to_le_bytes(), "the integers come first");
-    }
+/// Whether values of this type become f32.
+pub(super) fn is_float(dtype: Dtype) -> bool {
+    matches!(dtype, Dtype::F16 | Dtype::BF16 | Dtype::F32 | Dtype::F64)
+}
 
-    #[test]
-    #[should_panic(expected = "bytes of shape")]
-    fn an_array_has_as_many_values_as_its_shape() {
-        TensorFile::default().f32("a", &[2, 2], &[0.0; 3]);
-    }
+/// Little-endian value `index` of a floating-point type; `None` past the end and otherwise.
+pub(crate) fn float(dtype: Dtype, bytes: &[u8], index: usize) -> Option<f32> {
+    let size = dtype.bitsize() / 8;
+    let bytes = bytes.get(index.checked_mul(size)?..)?.get(..size)?;
+    Some(match dtype {
+        Dtype::F16 => f16_to_f32(u16::from_le_bytes(bytes.try_into().ok()?)),
+        Dtype::BF16 => f32::from_bits(u32::from(u16::from_le_bytes(bytes.try_into().ok()?)) << 16),
+        Dtype::F32 => f32::from_le_bytes(bytes.try_into().ok()?),
+        Dtype::F64 => f64::from_le_bytes(bytes.try_into().ok()?) as f32,
+        _ => return None,
+    })
+}
+
+/// IEEE 754 binary16 as f32, exactly.
+pub(crate) fn f16_to_f32(bits: u16) -> f32 {
+    /// 2^-24, the smallest subnormal of binary16.
+    const UNIT: f32 = 1.0 / 16_777_216.0;
+    let sign = u32::from(bits & 0x8000) << 16;
+    let exponent = u32::from(bits >> 10 & 0x1f);
+    let mantissa = u32::from(bits & 0x3ff);
+    let magnitude = match exponent {
+        0 => (mantissa as f32 * UNIT).to_bits(),
+        0x1f => 0x7f80_0000 | mantissa << 13,
+        _ => (exponent + 127 - 15) << 23 | mantissa << 13,
+    };
+    f32::from_bits(sign | magnitude)
 }

@@ -7,7 +7,7 @@ use std::collections::BTreeMap;
 
 use super::error::{FormatError, quoted};
 use super::pickle::{self, Pickle, Scalar, Value, View};
-use super::tensor::{Tensor, float};
+use super::safetensors::{Tensor, float};
 use super::zip;
 
 /// Keys under which checkpoints hold their state dict.

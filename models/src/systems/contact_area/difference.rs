@@ -124,6 +124,3 @@ impl DifferenceBaseline {
 fn reached(at: usize, reach: usize, length: usize) -> Range<usize> {
     at.saturating_sub(reach)..at.saturating_add(reach).saturating_add(1).min(length)
 }
-
-#[cfg(test)]
-mod tests;

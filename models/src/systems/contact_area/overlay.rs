@@ -23,8 +23,8 @@ pub struct Picture<'a> {
 /// Colours and sizes of the drawing.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Overlay {
-    size: ImageSize,
-    full_scale_n: f32,
+    pub(crate) size: ImageSize,
+    pub(crate) full_scale_n: f32,
     /// Colours of the forces, from none to the full scale.
     pub colours: ColourMap,
     /// Colour of the outline.
@@ -99,7 +99,7 @@ impl Overlay {
 }
 
 /// Lays a colour over a pixel.
-fn blend(pixel: &mut [u8], [r, g, b, opacity]: [u8; 4]) {
+pub(crate) fn blend(pixel: &mut [u8], [r, g, b, opacity]: [u8; 4]) {
     let over = u32::from(opacity);
     for (level, colour) in pixel.iter_mut().zip([r, g, b]) {
         *level = ((u32::from(*level) * (255 - over) + u32::from(colour) * over + 127) / 255) as u8;
@@ -137,6 +137,3 @@ impl ColourMap {
         })
     }
 }
-
-#[cfg(test)]
-mod tests;

@@ -204,6 +204,3 @@ pub fn force_mae(found: &[f32], truth: &[f32]) -> Result<f64, ContactError> {
     let sum: f64 = found.iter().zip(truth).map(|(&a, &b)| (f64::from(a) - f64::from(b)).abs()).sum();
     Ok(sum / truth.len() as f64)
 }
-
-#[cfg(test)]
-mod tests;

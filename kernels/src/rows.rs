@@ -1,8 +1,62 @@
-//! Replaces stored rows by computed ones if they differ, by bits or by more than a tolerance.
+//! Rows of lanes: maxima independent of order, sums that depend on it, comparison, replacement.
 
 use crate::isa::{Isa, Simd, Task, Vector};
 use crate::lanes::{LANES, Lanes};
 use crate::matrix::Matrix;
+
+/// `acc = max(acc, row)` by channel, from negative infinity; end with [`clear_negative_zero`], as
+/// the order of rows affects the sign of zero. NaN members are ignored.
+#[inline(always)]
+pub fn maximum(acc: &mut [Lanes], row: &[Lanes]) {
+    for (a, r) in acc.iter_mut().zip(row) {
+        // By value: through the reference, the compiler compares and stores one lane at a time.
+        let mut larger = a.0;
+        for (larger, &r) in larger.iter_mut().zip(&r.0) {
+            *larger = if r > *larger { r } else { *larger };
+        }
+        a.0 = larger;
+    }
+}
+
+/// Finishes a maximum: negative zero becomes +0, which makes the result independent of the order.
+#[inline(always)]
+pub fn clear_negative_zero(acc: &mut [Lanes]) {
+    for a in acc {
+        *a = *a + Lanes::ZERO;
+    }
+}
+
+/// `acc = acc + row` channel by channel. The order of rows matters: addition rounds.
+#[inline(always)]
+pub fn add(acc: &mut [Lanes], row: &[Lanes]) {
+    for (a, &r) in acc.iter_mut().zip(row) {
+        *a = *a + r;
+    }
+}
+
+/// Whether two rows have the same bits.
+#[inline(always)]
+pub fn same_bits(a: &[Lanes], b: &[Lanes]) -> bool {
+    let mut difference = 0;
+    for (a, b) in a.iter().zip(b) {
+        for (a, b) in a.0.iter().zip(&b.0) {
+            difference |= a.to_bits() ^ b.to_bits();
+        }
+    }
+    difference == 0
+}
+
+/// Whether any value of a row is NaN.
+#[inline(always)]
+pub fn is_nan(row: &[Lanes]) -> bool {
+    let mut nan = false;
+    for lanes in row {
+        for v in lanes.0 {
+            nan |= v.is_nan();
+        }
+    }
+    nan
+}
 
 /// The outcome for up to 32 rows: bit i stands for row i.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

@@ -1,0 +1,343 @@
+//! What is hidden behind the kernels: elementary functions and the inner loops of instruction sets.
+
+mod elementary {
+    use crate::elementary::*;
+    use crate::isa::portable::Portable;
+
+    /// Error of `got` in units of the last place of the f32 nearest to `want`.
+    fn ulps(got: f32, want: f64) -> f64 {
+        let nearest = want as f32;
+        if got == nearest || (got.is_nan() && nearest.is_nan()) {
+            return 0.0;
+        }
+        let ulp = if nearest.is_infinite() || nearest.abs() >= f32::MAX {
+            2f64.powi(104)
+        } else {
+            f64::from(f32::from_bits(nearest.abs().to_bits() + 1)) - f64::from(nearest.abs())
+        };
+        (f64::from(got) - want).abs() / ulp
+    }
+
+    /// Every `stride`th bit pattern: all exponents, both signs, NaNs and infinities.
+    fn sweep(stride: usize) -> impl Iterator<Item = f32> {
+        (0..=u32::MAX).step_by(stride).map(f32::from_bits)
+    }
+
+    fn worst(f: impl Fn(f32) -> f32, exact: impl Fn(f64) -> f64) -> (f64, f32) {
+        sweep(251).fold((0.0, 0.0), |worst, x| {
+            let error = ulps(f(x), exact(f64::from(x)));
+            if error > worst.0 { (error, x) } else { worst }
+        })
+    }
+
+    #[test]
+    fn exp_is_within_its_stated_bound() {
+        let (error, x) = worst(exp, f64::exp);
+        assert!(error <= 1.1, "{error} ULP at {x:e}");
+    }
+
+    #[test]
+    fn expm1_is_within_its_stated_bound() {
+        let (error, x) = worst(expm1, f64::exp_m1);
+        assert!(error <= 1.4, "{error} ULP at {x:e}");
+    }
+
+    #[test]
+    fn sigmoid_is_within_its_stated_bound() {
+        // For x < 0, e^x / (1 + e^x) keeps digits that f64 loses when e^-x overflows.
+        let exact =
+            |x: f64| if x < 0.0 { f64::exp(x) / (1.0 + f64::exp(x)) } else { 1.0 / (1.0 + f64::exp(-x)) };
+        let (error, x) = worst(sigmoid, exact);
+        assert!(error <= 2.5, "{error} ULP at {x:e}");
+    }
+
+    #[test]
+    fn tanh_is_within_its_stated_bound() {
+        let (error, x) = worst(tanh, f64::tanh);
+        assert!(error <= 2.5, "{error} ULP at {x:e}");
+    }
+
+    #[test]
+    fn sigmoid_and_tanh_saturate_at_their_limits() {
+        for (x, expected) in [
+            (f32::NEG_INFINITY, 0.0),
+            (-1e30, 0.0),
+            (0.0, 0.5),
+            (-0.0, 0.5),
+            (40.0, 1.0),
+            (f32::INFINITY, 1.0),
+        ] {
+            assert_eq!(sigmoid(x).to_bits(), f32::to_bits(expected), "{x}");
+        }
+        for x in [f32::INFINITY, 1e30, 20.0] {
+            assert_eq!((tanh(x), tanh(-x)), (1.0, -1.0));
+        }
+        for x in [0.0, 1e-45, 1e-40, 1e-30] {
+            assert_eq!((tanh(x).to_bits(), tanh(-x).to_bits()), (x.to_bits(), (-x).to_bits()));
+        }
+        assert!(sigmoid(f32::NAN).is_nan() && tanh(f32::NAN).is_nan());
+    }
+
+    #[test]
+    fn sigmoid_and_tanh_never_leave_their_range() {
+        for x in sweep(251).filter(|x| !x.is_nan()) {
+            assert!((0.0..=1.0).contains(&sigmoid(x)) && tanh(x).abs() <= 1.0, "{x:e}");
+        }
+    }
+
+    #[test]
+    fn a_softmax_sums_to_one_and_does_not_overflow() {
+        let mut values = [1000.0, 999.0, -1000.0];
+        softmax(&mut values);
+        let expected = [1.0 / (1.0 + f64::exp(-1.0)), 1.0 / (1.0 + f64::exp(1.0)), 0.0];
+        for (got, expected) in values.iter().zip(expected) {
+            assert!((f64::from(*got) - expected).abs() < 1e-6, "{got}, not {expected}");
+        }
+        let mut nan = [0.0, f32::NAN];
+        softmax(&mut nan);
+        assert!(nan.iter().all(|v| v.is_nan()));
+        softmax(&mut []);
+    }
+
+    #[test]
+    fn special_values_are_kept() {
+        assert_eq!(exp(0.0), 1.0);
+        assert_eq!(exp(f32::NEG_INFINITY), 0.0);
+        assert_eq!(exp(f32::INFINITY), f32::INFINITY);
+        assert_eq!(expm1(f32::NEG_INFINITY), -1.0);
+        assert_eq!(expm1(f32::INFINITY), f32::INFINITY);
+        assert_eq!(expm1(-0.0).to_bits(), (-0.0f32).to_bits());
+        assert_eq!(expm1(1e-40).to_bits(), 1e-40f32.to_bits());
+        assert!(exp(f32::NAN).is_nan() && expm1(f32::NAN).is_nan() && elu(f32::NAN).is_nan());
+    }
+
+    #[test]
+    fn elus_in_step_are_the_same_bits() {
+        let xs: Vec<f32> = sweep(251).filter(|x| !x.is_nan()).collect();
+        for x in xs.as_chunks::<16>().0 {
+            let (low, high) = x.split_at(8);
+            let [a, b] = elus(Portable, [low, high].map(|half| <[f32; 8]>::try_from(half).expect("a half")));
+            for (i, &x) in x.iter().enumerate() {
+                let got = if i < 8 { a[i] } else { b[i - 8] };
+                assert_eq!(got.to_bits(), elu(x).to_bits(), "{x:e}");
+            }
+        }
+        assert!(elus(Portable, [[f32::NAN; 8]])[0].iter().all(|y| y.is_nan()));
+    }
+
+    #[test]
+    fn elu_is_the_identity_above_zero() {
+        for x in [1e-38, 0.3, 7.5, 1e30, f32::INFINITY] {
+            assert_eq!(elu(x), x);
+        }
+    }
+}
+
+mod elementwise {
+    use crate::elementary::*;
+    use crate::isa::Isa;
+    use crate::lanes::LANES;
+
+    #[test]
+    fn vectors_give_the_bits_of_the_scalar_functions_on_every_instruction_set() {
+        let inputs: Vec<f32> = (0..=u32::MAX).step_by(65_519).map(f32::from_bits).collect();
+        assert_ne!(inputs.len() % (2 * LANES), 0, "some values are left over");
+        for function in Elementary::ALL {
+            let expected: Vec<f32> = inputs.iter().map(|&x| function.of(x)).collect();
+            for isa in Isa::available() {
+                let mut values = inputs.clone();
+                function.apply(isa, &mut values);
+                for ((x, got), want) in inputs.iter().zip(&values).zip(&expected) {
+                    let equal = got.to_bits() == want.to_bits() || (got.is_nan() && want.is_nan());
+                    assert!(equal, "{} of {x:e} with {}: {got:e}, {want:e}", function.name(), isa.name());
+                }
+            }
+        }
+    }
+}
+
+mod maximum {
+    use crate::lanes::Lanes;
+    use crate::rows::*;
+
+    fn maximum_of(rows: &[[f32; 8]]) -> [u32; 8] {
+        let mut acc = [Lanes::splat(f32::NEG_INFINITY)];
+        rows.iter().for_each(|&r| maximum(&mut acc, &[Lanes(r)]));
+        clear_negative_zero(&mut acc);
+        acc[0].0.map(f32::to_bits)
+    }
+
+    #[test]
+    fn a_maximum_does_not_depend_on_the_order_of_its_members() {
+        let rows = [[0.0; 8], [-0.0; 8], [-1.0, 2.0, -0.0, 1e-45, -1e-45, 0.0, 3.0, -3.0]];
+        let expected = maximum_of(&rows);
+        for order in [[0, 2, 1], [1, 0, 2], [1, 2, 0], [2, 0, 1], [2, 1, 0]] {
+            assert_eq!(maximum_of(&order.map(|i| rows[i])), expected);
+        }
+        assert_eq!(maximum_of(&[[-0.0; 8]]), [0; 8]);
+    }
+}
+
+mod random {
+    use crate::random::Random;
+
+    #[test]
+    fn the_generator_gives_its_published_values() {
+        let mut random = Random::new(1_234_567);
+        let found = [random.bits(), random.bits(), random.bits()];
+        assert_eq!(found, [6_457_827_717_110_365_317, 3_203_168_211_198_807_973, 9_817_491_932_198_370_423]);
+    }
+}
+
+mod divisor {
+    use proptest::prelude::*;
+
+    use crate::isa::vector::{Divisor, Simd};
+    use crate::isa::{Isa, Task};
+
+    struct Divide(i64, i64);
+
+    impl Task for Divide {
+        type Output = f64;
+
+        #[inline(always)]
+        fn run<S: Simd>(self, simd: S) -> f64 {
+            Divisor::new(self.1).divide(simd, self.0 as f64)
+        }
+    }
+
+    fn check(a: i64, b: i64) {
+        for isa in Isa::available() {
+            let found = isa.run(Divide(a, b));
+            let expected = a as f64 / b as f64;
+            assert_eq!(found.to_bits(), expected.to_bits(), "{a} / {b}, {}", isa.name());
+        }
+    }
+
+    #[test]
+    fn the_columns_of_a_sensor_are_divided_exactly() {
+        for b in [1, 3, 260, 346, 720, 1280, 65_535] {
+            for a in 0..b {
+                check(a, b);
+            }
+        }
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(200_000))]
+
+        #[test]
+        fn any_integer_is_divided_exactly(
+            a in 0i64..1 << 53,
+            short in 0u32..53,
+            b in 1..=Divisor::MAX,
+            shorter in 0u32..48,
+            near in -2i64..=2,
+        ) {
+            let (a, b) = (a >> short, (b >> shorter).max(1));
+            check(a, b);
+            check(-a - 1, b);
+            // Near a quotient with few bits, and near one that is halfway between two f64.
+            let multiple = (a / b).saturating_mul(b).saturating_add(near);
+            check(multiple.clamp(1 - (1 << 53), (1 << 53) - 1), b);
+            let odd = ((1 << 53) - 1 - 2 * i64::from(short)) / b * b + near;
+            check(odd.clamp(1 - (1 << 53), (1 << 53) - 1), b);
+        }
+    }
+}
+
+mod panel {
+    use crate::isa::panel::{accumulate, accumulate_wide};
+    use crate::isa::portable::Portable;
+    use crate::lanes::{LANES, Lanes, Wide};
+
+    const WEIGHT: [Lanes; 2] = [Lanes::ZERO; 2];
+
+    fn sums<const R: usize>() -> [[[f32; LANES]; 1]; R] {
+        [[[0.0; LANES]; 1]; R]
+    }
+
+    /// Three rows, of which the last would begin at 2 * 2^63, which wraps to 0.
+    #[should_panic(expected = "there must be a value for each weight")]
+    #[test]
+    fn a_stride_that_wraps_is_refused() {
+        accumulate::<_, _, 3, 1, 0, 1>(Portable, &mut sums(), &[0.0; 4], 1 << 63, [&WEIGHT]);
+    }
+
+    #[should_panic(expected = "there must be a value for each weight")]
+    #[test]
+    fn a_distance_of_rows_that_wraps_is_refused() {
+        let weights = [Lanes::ZERO; 4 * LANES + 1];
+        accumulate_wide::<_, _, 1, 1>(Portable, &mut sums(), &[Wide::ZERO; 4], 1 << 63, [&weights]);
+    }
+}
+
+mod planar {
+    use crate::isa::panel::{Taps, accumulate_taps};
+    use crate::isa::portable::Portable;
+    use crate::lanes::LANES;
+
+    fn accumulate(stride: usize, plane: usize) {
+        let mut sums = [[[0.0; LANES]; 1]; 1];
+        let taps = Taps { values: &[0.0; 40], stride, plane };
+        accumulate_taps(Portable, &mut sums, taps, &[[0.0; 1]; 27]);
+    }
+
+    #[test]
+    fn taps_within_the_values_are_taken() {
+        accumulate(4, 10);
+    }
+
+    #[should_panic(expected = "there must be a value for each tap")]
+    #[test]
+    fn a_stride_that_wraps_is_refused() {
+        accumulate(1 << 63, 10);
+    }
+
+    #[should_panic(expected = "there must be a value for each tap")]
+    #[test]
+    fn a_plane_that_wraps_is_refused() {
+        accumulate(4, 1 << 63);
+    }
+}
+
+mod portable {
+    use proptest::prelude::*;
+
+    use crate::isa::portable::{fused, fused_each};
+
+    /// Any bits, values of similar size, and values that nearly cancel.
+    fn operand() -> impl Strategy<Value = f32> {
+        prop_oneof![
+            any::<u32>().prop_map(f32::from_bits),
+            -2.0f32..2.0,
+            (-9i32..9).prop_map(|v| v as f32 * 1.5)
+        ]
+    }
+
+    fn check(a: f32, b: f32, c: f32) -> Result<(), TestCaseError> {
+        let expected = a.mul_add(b, c);
+        for got in [fused(a, b, c), fused_each([a], [b], [c])[0]] {
+            prop_assert!(
+                got.to_bits() == expected.to_bits() || (got.is_nan() && expected.is_nan()),
+                "{a:e} {b:e} {c:e}: {got:e}, not {expected:e}"
+            );
+        }
+        Ok(())
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(200_000))]
+
+        #[test]
+        fn a_fused_product_and_sum_is_rounded_once(a in operand(), b in operand(), c in operand()) {
+            check(a, b, c)?;
+            check(a, b, -(a * b))?;
+            check(a, b, f32::from_bits((a * b).to_bits() ^ 1))?;
+            // A sum half-way between two f32, except for a tail that f64 loses.
+            let (one, tail) = (1.0 + f32::EPSILON, f32::EPSILON / 2.0);
+            check(one, tail, 1.0)?;
+            check(one * a, tail, a)?;
+        }
+    }
+}
