@@ -164,7 +164,6 @@ impl Activations {
         self.features[feature].slice_mut(row)
     }
 
-    /// Marks `row`: its neighbourhood changed.
     #[inline]
     pub(crate) fn rewire(&mut self, row: u32) {
         self.rewired.insert(row);

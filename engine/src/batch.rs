@@ -22,8 +22,7 @@ use crate::frames::{FrameEngine, FrameNetwork, FrameOptions, Skip};
 use crate::network::{Aggregation, Level, Normalisation, Pooling};
 pub use pool::Cells;
 pub use setup::{Batch, Places, Propose, Search};
-pub use trace::Stream;
-pub use trace::{Edges, LevelTrace, Trace};
+pub use trace::{Edges, LevelTrace, Stream, Trace};
 use trace::{maximum_of, sum_of};
 
 /// Neighbourhoods, cells and positions of a network on one window; independent of its weights.
@@ -102,7 +101,6 @@ impl Batch {
         Ok(levels)
     }
 
-    /// Computes the blocks of a level whose input and edges exist.
     fn run_blocks(&self, level: &Level, trace: &mut LevelTrace) -> Result<(), EngineError> {
         for block in &level.blocks {
             let input = &trace.features[block.input];
@@ -156,7 +154,6 @@ impl Batch {
         out
     }
 
-    /// Applies `head` to the readout.
     fn over_image(&self, head: &Arc<FrameNetwork>, readout: &Matrix) -> Result<Vec<f32>, EngineError> {
         let options = FrameOptions::new().with_isa(self.isa).with_skip(Skip::Nothing);
         let cells = readout.rows() / self.network.readout_times();

@@ -9,14 +9,12 @@ use crate::{Fraction, Sensor};
 /// Index of a pooled cell along x, y and t.
 pub(crate) type CellIndex = [i64; 3];
 
-/// Key by which cells are ordered.
 pub(crate) type Key = [i64; 3];
 
 pub(crate) fn key([x, y, t]: CellIndex) -> Key {
     [t, y, x]
 }
 
-/// Fixed geometry of a pooling.
 #[derive(Clone, Debug)]
 pub(crate) struct CellGrid {
     pooling: Pooling,
@@ -60,7 +58,6 @@ impl CellGrid {
             + self.spread.capacity() * size_of::<Fraction>()
     }
 
-    /// Position rule of the pooled nodes.
     pub(crate) fn position(&self) -> Position {
         self.pooling.position
     }

@@ -35,14 +35,11 @@ impl From<PointNetConv> for GraphConvolution {
 /// Edge data that a level's blocks read besides source and attributes, stored with the edge.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct EdgeReads {
-    /// The spline basis.
     pub(crate) basis: bool,
-    /// The offset along each axis.
     pub(crate) offsets: bool,
 }
 
 impl EdgeReads {
-    /// Union of two sets of edge data.
     pub(crate) fn or(self, other: Self) -> Self {
         Self { basis: self.basis || other.basis, offsets: self.offsets || other.offsets }
     }
@@ -111,7 +108,6 @@ impl GraphConvolution {
         }
     }
 
-    /// The edge data that it reads.
     pub(crate) fn edge_reads(&self) -> EdgeReads {
         match self {
             Self::Spline(conv) => EdgeReads { basis: conv.reads_basis(), offsets: false },
@@ -179,7 +175,6 @@ impl GraphConvolution {
         })
     }
 
-    /// Adds its kind, sizes and parameters to a fingerprint.
     pub(crate) fn fingerprint(&self, to: &mut Fingerprint) {
         // The third word is the kind; for a spline convolution, whether there is an ELU.
         let (sizes, parameters, norm) = match self {

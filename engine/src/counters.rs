@@ -126,7 +126,6 @@ pub(crate) struct LayerLog {
 }
 
 impl LayerLog {
-    /// Records a computed row, and whether its bits stayed the same.
     #[inline]
     pub(crate) fn note(&mut self, row: u32, unchanged: bool) {
         self.counters.recomputed += 1;
@@ -305,7 +304,6 @@ impl fmt::Display for Stage {
 /// Sums the time of each stage; does nothing unless enabled.
 #[derive(Clone, Debug)]
 pub(crate) struct Stopwatch {
-    /// Start of the current stage.
     began: Option<Instant>,
     enabled: bool,
     times: [Duration; Stage::ALL.len()],
@@ -316,7 +314,6 @@ impl Stopwatch {
         Self { began: None, enabled, times: Default::default() }
     }
 
-    /// Starts the first stage.
     #[inline]
     pub(crate) fn start(&mut self) {
         if self.enabled {

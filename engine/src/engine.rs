@@ -10,8 +10,7 @@ use std::time::Duration;
 use meissner_kernels::Neighbour;
 
 use crate::admission::Admission;
-use crate::counters::Stage;
-use crate::counters::{Counters, EventCounters, LayerLog, Log, Outcome};
+use crate::counters::{Counters, EventCounters, LayerLog, Log, Outcome, Stage};
 use crate::error::option;
 use crate::memory::Memory;
 use crate::network::{Network, Normalisation};
@@ -58,10 +57,8 @@ pub struct Engine {
     watch: ClockWatch,
     admission: Admission,
     step: StageState,
-    /// Bytes of the state.
     bytes: u128,
     log: Log,
-    /// Time of the newest event.
     newest_us: Option<i64>,
     rows: Vec<u64>,
     recomputed: Vec<u64>,

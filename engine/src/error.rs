@@ -133,7 +133,6 @@ pub enum EngineError {
     },
 }
 
-/// An [`EngineError::Network`].
 pub(crate) fn misfit(
     layer: &str,
     what: &'static str,
@@ -144,12 +143,10 @@ pub(crate) fn misfit(
     EngineError::Network { layer, what, expected, found: found.to_string() }
 }
 
-/// An [`EngineError::Option`].
 pub(crate) fn option(what: &'static str, expected: impl ToString, found: impl ToString) -> EngineError {
     EngineError::Option { what, expected: expected.to_string(), found: found.to_string() }
 }
 
-/// Refuses a value outside `low..=high`.
 pub(crate) fn in_range(what: &'static str, value: i64, low: i64, high: i64) -> Result<(), EngineError> {
     if (low..=high).contains(&value) { Ok(()) } else { Err(option(what, format!("{low} to {high}"), value)) }
 }

@@ -258,7 +258,6 @@ impl EventFilter for Refractory {
 #[derive(Clone, Debug)]
 struct Stamps {
     sensor: Sensor,
-    /// The filter's time.
     us: u64,
     stride: usize,
     times: Vec<Option<i64>>,

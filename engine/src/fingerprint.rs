@@ -8,7 +8,6 @@ use meissner_kernels::Activation;
 const OFFSET: u64 = 0xcbf2_9ce4_8422_2325;
 const PRIME: u64 = 0x0000_0100_0000_01b3;
 
-/// A fingerprint under construction.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Fingerprint(u64);
 
@@ -47,7 +46,6 @@ impl Fingerprint {
     }
 }
 
-/// Code of an activation in a fingerprint.
 pub(crate) fn activation_code(activation: Activation) -> usize {
     match activation {
         Activation::Identity => 0,
@@ -58,7 +56,6 @@ pub(crate) fn activation_code(activation: Activation) -> usize {
     }
 }
 
-/// Fingerprint of some bytes.
 pub(crate) fn of_bytes(bytes: &[u8]) -> u64 {
     let mut fingerprint = Fingerprint::new();
     bytes.iter().for_each(|&byte| fingerprint.word(byte.into()));

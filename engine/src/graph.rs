@@ -38,7 +38,6 @@ pub(crate) struct EventGraph {
     metric: Metric,
     grid: Grid,
     most: usize,
-    /// Number of neighbours of each slot.
     count: Vec<u16>,
     /// `most` in-edges per slot, the first `count` valid. With `frozen`, of the [`WAVE`] newest
     /// nodes alone: a row is computed once, soon after its arrival.
@@ -100,7 +99,6 @@ impl EdgeStore {
         }
     }
 
-    /// Moves the edges `from` to index `to`.
     #[inline]
     fn shift(&mut self, from: Range<usize>, to: usize) {
         self.neighbours.copy_within(from.clone(), to);
@@ -168,7 +166,6 @@ impl EventGraph {
         self.keeps_readers
     }
 
-    /// Removes all nodes of `window`.
     pub(crate) fn clear(&mut self, window: &Window) {
         self.grid.clear();
         self.reach.fill(0.0);
@@ -184,7 +181,6 @@ impl EventGraph {
         start..start + usize::from(self.count[slot as usize])
     }
 
-    /// Number of in-edges of `slot`.
     pub(crate) fn degree(&self, slot: u32) -> usize {
         self.count[slot as usize].into()
     }
@@ -412,7 +408,6 @@ impl EventGraph {
     }
 }
 
-/// Finds the nearest nodes.
 struct Find<'a> {
     grid: &'a Grid,
     metric: &'a Metric,

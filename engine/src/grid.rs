@@ -22,7 +22,6 @@ const MAX_CELLS: usize = 1 << 15;
 
 #[derive(Clone, Debug)]
 pub(crate) struct Grid {
-    /// log2 of a cell's side in pixels.
     side_log2: u32,
     columns: usize,
     rows: usize,
@@ -33,7 +32,6 @@ pub(crate) struct Grid {
 /// The nodes of a cell that a search visits.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Times {
-    /// All.
     All,
     /// Not later than the query.
     Past,
@@ -57,7 +55,6 @@ impl Grid {
         (side_log2, cells(side_log2))
     }
 
-    /// Index of the cell of a pixel.
     #[inline]
     pub(crate) fn cell(&self, x: u16, y: u16) -> usize {
         (usize::from(y) >> self.side_log2) * self.columns + (usize::from(x) >> self.side_log2)
@@ -67,13 +64,11 @@ impl Grid {
         self.columns * self.rows
     }
 
-    /// Number of nodes in a cell.
     #[inline]
     pub(crate) fn len(&self, cell: usize) -> usize {
         self.cells.queue(cell).len()
     }
 
-    /// Slots of a cell's nodes in order of time.
     pub(crate) fn slots(&self, cell: usize) -> impl Iterator<Item = u32> + '_ {
         self.cells.queue(cell).iter().map(|e| e.slot)
     }

@@ -19,7 +19,6 @@ pub(crate) enum Head {
     Image(Box<ImageHead>),
 }
 
-/// A frame network over the readout.
 #[derive(Clone, Debug)]
 pub(crate) struct ImageHead {
     engine: FrameEngine,
@@ -27,7 +26,6 @@ pub(crate) struct ImageHead {
     image: Vec<f32>,
     /// Whether the last frame was refused, so that changes since the one before are missing.
     lacks_changes: bool,
-    /// The error, if there is no prediction.
     failure: Option<EngineError>,
 }
 
@@ -49,7 +47,6 @@ impl Head {
         )
     }
 
-    /// Changes the instruction set.
     pub(crate) fn set_isa(&mut self, isa: Isa) {
         if let Self::Image(head) = self {
             head.engine.set_isa(isa);
@@ -85,7 +82,6 @@ impl Head {
         }
     }
 
-    /// The error, if there is no prediction.
     pub(crate) fn failure(&self, network: &Network) -> Option<EngineError> {
         match self {
             Self::Dense(hidden, _) => {
@@ -118,7 +114,6 @@ impl ImageHead {
         Self { image, engine, lacks_changes: false, failure: None }
     }
 
-    /// As [`Head::run`].
     fn run(
         &mut self,
         readout: &Matrix,

@@ -20,7 +20,7 @@
 //!
 //! ```
 //! use meissner_engine::{Batch, Engine, Event, Sensor, Stream};
-//! use meissner_engine::{Aggregation, Block, Candidates, DenseLayer, Fraction, GraphRule, Level, Lifetime};
+//! use meissner_engine::{Aggregation, Block, Candidates, DenseLayer, GraphRule, Level, Lifetime};
 //! use meissner_engine::{Network, NetworkParts, Normalisation, Reach, Readout};
 //! use meissner_kernels::{Activation, Dense, SplineConv, SplineParts};
 //!
@@ -114,8 +114,7 @@ pub use admission::{Admission, LatePolicy};
 pub use batch::{Batch, Cells, Edges, Graph, LevelTrace, Places, Propose, Search, Stream, Trace};
 pub use batch_engine::BatchEngine;
 pub use convolution::{ConvolutionScratch, GraphConvolution};
-pub use counters::Stage;
-pub use counters::{Counters, DropReason, EventCounters, LayerCounters, Outcome, PredictionCounters};
+pub use counters::{Counters, DropReason, EventCounters, LayerCounters, Outcome, PredictionCounters, Stage};
 pub use engine::{Engine, Prediction, Snapshot};
 pub use error::EngineError;
 pub use event::{Event, Sensor};

@@ -13,8 +13,7 @@ use meissner_kernels::{Isa, LANES, Lanes, Matrix, Simd, Task, clear_negative_zer
 
 use crate::counters::LayerLog;
 use crate::memory::Memory;
-use crate::rows::Members;
-use crate::rows::RowSet;
+use crate::rows::{Members, RowSet};
 
 #[derive(Clone, Debug)]
 pub(crate) struct Maxima {
@@ -82,7 +81,6 @@ impl Maxima {
         &self.members
     }
 
-    /// Adds `row` to `cell`.
     pub(crate) fn enter(&mut self, row: u32, cell: u32) {
         self.members.push(row, cell);
         self.fresh.insert(row);
@@ -105,7 +103,6 @@ impl Maxima {
         }
     }
 
-    /// Moves `row` to another cell.
     pub(crate) fn relocate(&mut self, row: u32, cell: u32) {
         let old = self.members.remove(row);
         self.dirty.insert(old);
@@ -195,7 +192,6 @@ pub(crate) fn below(row: &[Lanes], maximum: &[Lanes], columns: usize) -> bool {
     !reaches
 }
 
-/// Computes the maximum of `out` and the members' rows.
 struct Over<'a, I> {
     members: I,
     features: &'a Matrix,

@@ -37,12 +37,10 @@ impl Memory {
         if self.counts_only { 0 } else { count }
     }
 
-    /// `count` copies of `value`.
     pub(crate) fn copies<T: Clone>(&mut self, value: T, count: usize) -> Vec<T> {
         vec![value; self.count::<T>(count)]
     }
 
-    /// `value(i)` for i in `0..count`.
     pub(crate) fn values<T>(&mut self, count: usize, value: impl FnMut(usize) -> T) -> Vec<T> {
         (0..self.count::<T>(count)).map(value).collect()
     }
@@ -58,7 +56,6 @@ impl Memory {
         FixedVec(Vec::with_capacity(self.count::<T>(most)))
     }
 
-    /// `rows` x `columns` zeros.
     pub(crate) fn matrix(&mut self, rows: usize, columns: usize) -> Matrix {
         let mut matrix = self.room_for_rows(rows, columns);
         if !self.counts_only {

@@ -55,7 +55,6 @@ struct Run {
     after: u32,
 }
 
-/// Merged in-edges of all rows.
 #[derive(Clone, Debug)]
 pub(crate) struct Merged {
     extent: Extent,
@@ -64,7 +63,6 @@ pub(crate) struct Merged {
     first: u32,
     last: u32,
     end: usize,
-    /// Total number of edges.
     len: usize,
     neighbours: Vec<Neighbour>,
     /// Number of edges of the level below that each edge merges.
@@ -104,7 +102,6 @@ impl Merged {
         self.readers.clear(self.extent);
     }
 
-    /// Whether there is room for `more` additional edges.
     pub(crate) fn has_room(&self, more: usize) -> bool {
         self.len + more <= self.extent.edges
     }
@@ -135,7 +132,6 @@ impl Merged {
         }
     }
 
-    /// Moves the edges `from` to index `to`.
     fn shift(&mut self, from: Range<usize>, to: usize) {
         self.neighbours.copy_within(from.clone(), to);
         self.counts.copy_within(from.clone(), to);
@@ -221,7 +217,6 @@ impl Merged {
         self.runs[row as usize].room = (self.end - self.runs[row as usize].start) as u32;
     }
 
-    /// Removes a row from the order of the store.
     fn unlink(&mut self, row: u32) {
         let Run { room, before, after, .. } = self.runs[row as usize];
         if room == 0 {
@@ -347,7 +342,6 @@ impl ReadBy {
     }
 }
 
-/// Bits per word.
 const WORD: usize = u64::BITS as usize;
 
 /// One bit for each pair of rows.

@@ -16,7 +16,6 @@ pub(crate) struct Node {
 }
 
 impl Node {
-    /// `event` at `t` microseconds after the epoch.
     pub(crate) fn new(event: Event, t: i64) -> Self {
         Self { t, x: event.x, y: event.y, on: event.on }
     }
@@ -78,14 +77,12 @@ impl Metric {
         square(width.divide(simd, dx.into())) + square(height.divide(simd, dy.into()))
     }
 
-    /// Squared distance of two nodes.
     #[inline]
     pub(crate) fn distance2(&self, a: Node, b: Node) -> f64 {
         (self.x2(a.x.abs_diff(b.x) as usize) + self.y2(a.y.abs_diff(b.y) as usize))
             + self.t2(Portable, a.t - b.t)
     }
 
-    /// Edge attribute of `source` relative to `reader`.
     #[inline]
     pub(crate) fn attributes(&self, source: Node, reader: Node) -> [f32; 3] {
         let at = |table: &[f32], source: u16, reader: u16| {
@@ -96,7 +93,6 @@ impl Metric {
         [at(&self.ux, source.x, reader.x), at(&self.uy, source.y, reader.y), t]
     }
 
-    /// Offset of `source` relative to `reader`.
     #[inline]
     pub(crate) fn offsets(&self, source: Node, reader: Node) -> [f32; 3] {
         let along = |source: u16, reader: u16, d: usize| {
@@ -149,7 +145,6 @@ impl Input {
         Self { of_x: table(x, sensor.width), of_y: table(y, sensor.height) }
     }
 
-    /// The input row of `node`.
     #[inline]
     pub(crate) fn row(&self, node: Node) -> Lanes {
         let mut lanes = Lanes::ZERO;

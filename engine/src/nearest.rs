@@ -40,7 +40,6 @@ pub(crate) struct Nearest {
 
 #[allow(clippy::inline_always, reason = "compiled for the instruction set that searches")]
 impl Nearest {
-    /// No candidates yet.
     pub(crate) fn new(most: usize, memory: &mut Memory) -> Self {
         let room = if most <= FEW {
             ROOM_FOR_FEW
@@ -170,7 +169,6 @@ impl Nearest {
         distinct
     }
 
-    /// Puts the candidates in order.
     #[cold]
     #[inline(never)]
     fn sort(&mut self, arrival: impl Fn(u32) -> u32) {
@@ -183,7 +181,6 @@ impl Nearest {
         }
     }
 
-    /// Number of the selected candidates.
     pub(crate) fn len(&self) -> usize {
         self.len
     }

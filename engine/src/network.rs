@@ -25,9 +25,7 @@ pub(crate) const SUM_PARTS: i64 = 8;
 #[derive(Clone, Debug)]
 pub struct Network {
     parts: NetworkParts,
-    /// Channels of each feature of each level.
     channels: Vec<Vec<usize>>,
-    /// Computed on first use.
     fingerprint: OnceLock<u64>,
 }
 
@@ -165,7 +163,6 @@ impl Network {
     }
 }
 
-/// The fingerprint of checked parts. O(parameters).
 fn fingerprint_of(parts: &NetworkParts) -> u64 {
     let mut to = Fingerprint::new();
     to.text(&parts.name);

@@ -18,8 +18,7 @@ use crate::maxima::Maxima;
 use crate::memory::{FixedVec, Memory};
 use crate::merged::{Extent, Merged};
 use crate::network::{Level, Network, Position};
-use crate::rows::Delta;
-use crate::rows::RowSet;
+use crate::rows::{Delta, RowSet};
 use crate::window::Window;
 
 /// The level below, which a pooling reads.
@@ -33,17 +32,14 @@ pub(crate) enum Below<'a> {
 #[derive(Clone, Debug)]
 pub(crate) struct Shape {
     grid: CellGrid,
-    /// Rows of the level below.
     rows_below: usize,
     /// Merged edges; none if no block of this level or above reads edges.
     edges: Option<Extent>,
-    /// Channels of the maxima.
     channels: usize,
     /// Whether the rows below never change and leave in order of arrival.
     queues: bool,
     /// Whether members' positions are summed in cell order.
     orders: bool,
-    /// The edge data that blocks read.
     reads: EdgeReads,
 }
 
@@ -82,7 +78,6 @@ impl Shape {
         self.grid.slots()
     }
 
-    /// Largest number of in-edges of a row.
     pub(crate) fn most(&self) -> usize {
         self.edges.map_or(0, |extent| extent.most)
     }
@@ -92,7 +87,6 @@ impl Shape {
 pub(crate) struct PooledGraph {
     grid: CellGrid,
     scale: f32,
-    /// The cell in each slot.
     keys: Vec<Key>,
     sums: Vec<EventSums>,
     alive: usize,
@@ -110,7 +104,6 @@ pub(crate) struct PooledGraph {
 }
 
 impl PooledGraph {
-    /// The graph that `level` reads.
     pub(crate) fn new(shape: Shape, level: &Level, memory: &mut Memory) -> Self {
         let slots = shape.grid.slots();
         memory.add((size_of::<Self>() + shape.grid.bytes()) as u128);
@@ -154,7 +147,6 @@ impl PooledGraph {
         self.maxima.members().count(cell) > 0
     }
 
-    /// Number of cells with members.
     pub(crate) fn nodes(&self) -> usize {
         self.alive
     }
@@ -333,7 +325,6 @@ impl PooledGraph {
         self.stale.clear();
     }
 
-    /// Mean of the members' positions, in cell order.
     fn mean_of_cells(&mut self, below: &Self, cell: u32) -> [f64; 3] {
         self.order.clear();
         let members = self.maxima.members().oldest_first(cell);

@@ -8,11 +8,9 @@ use std::ops::Range;
 
 use crate::memory::{FixedVec, Memory};
 
-/// Nodes in a block.
 pub(crate) const NODES: usize = 8;
 const NONE: u32 = u32::MAX;
 
-/// A node as stored in a queue.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Entry {
     pub(crate) t: i64,
@@ -142,7 +140,6 @@ impl Queues {
         chain.nodes += 1;
     }
 
-    /// Removes the oldest node of a queue.
     #[inline]
     pub(crate) fn pop(&mut self, queue: usize) -> Option<Entry> {
         let chain = &mut self.chains[queue];
@@ -175,7 +172,6 @@ impl Queues {
     }
 }
 
-/// Read access to one queue.
 #[derive(Clone, Copy)]
 pub(crate) struct Queue<'a> {
     chain: &'a Chain,
@@ -190,7 +186,6 @@ impl<'a> Queue<'a> {
         self.chain.nodes as usize
     }
 
-    /// The block of a place.
     #[inline(always)]
     pub(crate) fn block(self, place: Place) -> &'a Block {
         &self.blocks[place.block as usize]
@@ -230,19 +225,16 @@ impl<'a> Queue<'a> {
             .then(|| Place { block: self.links[place.block as usize].after, at: 0 })
     }
 
-    /// The start of a queue with nodes.
     #[inline(always)]
     pub(crate) fn start(self) -> Place {
         Place { block: self.chain.first, at: self.chain.start.into() }
     }
 
-    /// The end of a queue with nodes.
     #[inline(always)]
     pub(crate) fn end(self) -> Place {
         Place { block: self.chain.last, at: self.chain.end.into() }
     }
 
-    /// All nodes from the oldest to the newest.
     pub(crate) fn iter(self) -> impl Iterator<Item = Entry> + 'a {
         let first = (self.len() > 0).then(|| self.start());
         let places = std::iter::successors(first, move |&place| self.next(place));

@@ -6,7 +6,6 @@
 
 use crate::memory::Memory;
 
-/// Rows in a block.
 const ROWS: usize = 15;
 
 #[derive(Clone, Copy, Debug)]
@@ -40,7 +39,6 @@ impl Readers {
         }
     }
 
-    /// Calls `visit` with each row that reads `slot`.
     #[inline]
     pub(crate) fn for_each(&self, slot: u32, mut visit: impl FnMut(u32)) {
         self.for_blocks(slot, |rows| rows.iter().for_each(|&row| visit(row)));
@@ -60,7 +58,6 @@ impl Readers {
         }
     }
 
-    /// Adds `row` to the readers of `slot`.
     #[inline]
     pub(crate) fn push(&mut self, slot: u32, row: u32) {
         let at = self.count[slot as usize] as usize;
@@ -74,7 +71,6 @@ impl Readers {
         self.count[slot as usize] += 1;
     }
 
-    /// Removes `row` from the readers of `slot`.
     #[inline]
     pub(crate) fn remove(&mut self, slot: u32, row: u32) {
         let last = self.last[slot as usize];
@@ -97,7 +93,6 @@ impl Readers {
         }
     }
 
-    /// Removes all readers of `slot`.
     #[inline]
     pub(crate) fn clear(&mut self, slot: u32) {
         while self.last[slot as usize] != slot {

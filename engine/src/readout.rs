@@ -16,8 +16,7 @@ use crate::maxima::Maxima;
 use crate::memory::Memory;
 use crate::network::{Aggregation, Network, Readout};
 use crate::pooled::PooledGraph;
-use crate::rows::Delta;
-use crate::rows::RowSet;
+use crate::rows::{Delta, RowSet};
 use crate::sums::Sums;
 use crate::window::Window;
 use crate::{EngineError, Fraction, Sensor};
@@ -38,7 +37,6 @@ impl ReadoutGrid {
         self.readout.columns * self.readout.rows
     }
 
-    /// Cell of an event's pixel.
     pub(crate) fn of_pixel(&self, x: u16, y: u16) -> u32 {
         let column = usize::from(x) * self.readout.columns / usize::from(self.sensor.width);
         let row = usize::from(y) * self.readout.rows / usize::from(self.sensor.height);
@@ -66,7 +64,6 @@ enum Cells {
 pub(crate) struct ReadoutState {
     grid: ReadoutGrid,
     cells: Cells,
-    /// The readout: one row per cell.
     values: Matrix,
     /// Number of separate time cells; 1 if they are not separate.
     times: usize,
@@ -86,10 +83,8 @@ pub(crate) struct ReadoutState {
     valid: bool,
 }
 
-/// The inputs of the readout.
 pub(crate) struct LastLevel<'a> {
     pub(crate) activations: &'a Activations,
-    /// The last pooled level, if there is one.
     pub(crate) pooled: Option<&'a PooledGraph>,
 }
 
@@ -129,7 +124,6 @@ impl ReadoutState {
         network.parts().graph.is_frozen() && network.parts().pooled.is_empty()
     }
 
-    /// Changes the instruction set.
     pub(crate) fn set_isa(&mut self, isa: Isa) {
         self.head.set_isa(isa);
     }
@@ -148,7 +142,6 @@ impl ReadoutState {
         (0..self.values.rows() as u32).for_each(|row| self.stale.insert(row));
     }
 
-    /// Applies the last level's delta.
     pub(crate) fn apply(&mut self, window: &Window, last: &LastLevel<'_>, delta: &Delta) {
         for &row in delta.entered.iter() {
             if last.pooled.is_some() {
@@ -235,7 +228,6 @@ impl ReadoutState {
         !self.valid
     }
 
-    /// Computes the prediction from the readout.
     pub(crate) fn run(&mut self, network: &Network, isa: Isa) {
         if self.times > 1 {
             self.stale_by_age.clear();
@@ -259,7 +251,6 @@ impl ReadoutState {
         if self.times > 1 { &self.by_age } else { &self.values }
     }
 
-    /// The error, if there is no prediction.
     pub(crate) fn failure(&self, network: &Network) -> Option<EngineError> {
         self.head.failure(network)
     }

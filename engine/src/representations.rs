@@ -72,7 +72,6 @@ impl Crop {
         (pixel as usize..).step_by(self.pixels()).take(channels)
     }
 
-    /// The shape (`channels`, height, width).
     fn shape(self, channels: usize) -> [usize; 3] {
         [channels, usize::from(self.height), usize::from(self.width)]
     }

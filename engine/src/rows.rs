@@ -15,7 +15,6 @@ pub(crate) struct RowSet {
 }
 
 impl RowSet {
-    /// An empty set of rows below `bound`.
     pub(crate) fn new(bound: usize) -> Self {
         Self::within(bound, &mut Memory::default())
     }
@@ -73,7 +72,6 @@ pub(crate) struct FewRows {
 }
 
 impl FewRows {
-    /// An empty set of rows below `bound`.
     pub(crate) fn new(bound: usize, memory: &mut Memory) -> Self {
         Self { marked: memory.copies(false, bound), len: 0 }
     }
@@ -110,12 +108,10 @@ pub(crate) struct GrowingSet {
     /// The members, then undefined entries; one longer than the largest number of members.
     members: Vec<u32>,
     len: usize,
-    /// Whether each row is a member.
     marked: Vec<bool>,
 }
 
 impl GrowingSet {
-    /// An empty set of rows below `bound`.
     pub(crate) fn new(bound: usize, memory: &mut Memory) -> Self {
         Self { members: memory.copies(0, bound + 1), len: 0, marked: memory.copies(false, bound) }
     }
@@ -151,7 +147,6 @@ impl GrowingSet {
 /// Doubly linked lists of the rows of each cell.
 #[derive(Clone, Debug)]
 pub(crate) struct Members {
-    /// Cell of each row that is a member.
     cell_of: Vec<u32>,
     /// Each member's next older and younger ones in its cell; undefined at the ends.
     older: Vec<u32>,
@@ -182,18 +177,15 @@ impl Members {
         self.cells.fill(Ends::default());
     }
 
-    /// Removes all members of a cell.
     pub(crate) fn clear_cell(&mut self, cell: u32) {
         self.cells[cell as usize] = Ends::default();
     }
 
-    /// The cell of a member.
     #[inline]
     pub(crate) fn cell_of(&self, row: u32) -> u32 {
         self.cell_of[row as usize]
     }
 
-    /// Number of members of a cell.
     #[inline]
     pub(crate) fn count(&self, cell: u32) -> u32 {
         self.cells[cell as usize].count
@@ -239,7 +231,6 @@ impl Members {
         cell
     }
 
-    /// Members of a cell from the oldest to the youngest.
     #[inline]
     pub(crate) fn oldest_first(&self, cell: u32) -> Walk<'_> {
         let ends = self.cells[cell as usize];
@@ -253,7 +244,6 @@ impl Members {
         Walk { links: &self.younger, next: first.unwrap_or(0), left: count }
     }
 
-    /// Members of a cell from the youngest to the oldest.
     #[inline]
     pub(crate) fn youngest_first(&self, cell: u32) -> Walk<'_> {
         let ends = self.cells[cell as usize];
@@ -261,7 +251,6 @@ impl Members {
     }
 }
 
-/// Iterator over members of a cell.
 #[derive(Clone, Debug)]
 pub(crate) struct Walk<'a> {
     links: &'a [u32],
@@ -284,7 +273,6 @@ impl Iterator for Walk<'_> {
 /// Changes of a level's graph by an insertion or expiries: insert rows first, remove them last.
 #[derive(Clone, Debug)]
 pub(crate) struct Delta {
-    /// New rows.
     pub(crate) entered: FixedVec<u32>,
     /// Removed edges (source, reader).
     pub(crate) removed: FixedVec<(u32, u32)>,

@@ -33,7 +33,6 @@ pub trait Stored: Clone {
 #[must_use]
 pub struct SnapshotOf<E>(pub(crate) Content<E>);
 
-/// Content of a snapshot.
 #[derive(Clone)]
 pub(crate) enum Content<E> {
     Copy(Box<E>),
@@ -74,9 +73,7 @@ impl<E: fmt::Debug> fmt::Debug for SnapshotOf<E> {
 const MAGIC: [u8; 8] = *b"MEISSNER";
 /// Version, increased with every change of the format or of the order of a computation.
 const VERSION: u32 = 2;
-/// Bytes before the content.
 const HEADER: usize = 24;
-/// Bytes after the content.
 const CHECKSUM: usize = 8;
 /// Limit of counts in a snapshot: they can grow, and be summed over layers, for two thousand years
 /// at a million per second.
@@ -99,7 +96,6 @@ impl Kind {
     }
 }
 
-/// The remaining content of a snapshot.
 #[derive(Debug)]
 pub(crate) struct Reader<'a> {
     /// Everything but the checksum.
@@ -187,7 +183,6 @@ impl<'a> Reader<'a> {
         }
     }
 
-    /// Reads a number that must equal `expected`.
     pub(crate) fn exactly(&mut self, what: impl Display, expected: usize) -> Result<(), EngineError> {
         let found = self.u64(&what)?;
         if found == expected as u64 { Ok(()) } else { Err(self.refuse(what, 8, expected, found)) }
@@ -212,7 +207,6 @@ impl<'a> Reader<'a> {
         Ok(())
     }
 
-    /// Checks that nothing is left.
     pub(crate) fn end(self) -> Result<(), EngineError> {
         let left = self.bytes.len() - self.at;
         if left == 0 { Ok(()) } else { Err(refused("end", self.at, "no more bytes", left)) }
@@ -263,7 +257,6 @@ pub fn snapshot_note(bytes: &[u8]) -> Result<&[u8], EngineError> {
     Ok(parts(bytes, None)?.1)
 }
 
-/// Converts a slice of N bytes to an array.
 fn array<const N: usize>(bytes: &[u8]) -> [u8; N] {
     let mut array = [0; N];
     array.copy_from_slice(bytes);
@@ -290,14 +283,12 @@ pub(crate) fn differs(what: &'static str, expected: impl Display, found: impl Di
     EngineError::Snapshot { what, expected: expected.to_string(), found: found.to_string() }
 }
 
-/// The bytes of a snapshot so far.
 #[derive(Debug)]
 pub(crate) struct Writer {
     bytes: Vec<u8>,
 }
 
 impl Writer {
-    /// A snapshot without content.
     pub(crate) fn new(kind: Kind) -> Self {
         let mut writer = Self { bytes: MAGIC.to_vec() };
         writer.u32(VERSION);

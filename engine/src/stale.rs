@@ -56,7 +56,6 @@ pub struct StaleReadout {
     stale: u64,
 }
 
-/// Time at which a prediction was computed.
 #[derive(Clone, Copy, Debug)]
 struct Computed {
     now_us: Option<i64>,

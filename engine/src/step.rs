@@ -11,12 +11,10 @@ use std::sync::Arc;
 use meissner_kernels::{Isa, Matrix};
 
 use crate::activations::Activations;
-use crate::counters::Log;
-use crate::counters::{Stage, Stopwatch};
+use crate::counters::{Log, Stage, Stopwatch};
 use crate::graph::{EventGraph, WAVE};
 use crate::memory::{FixedVec, Memory};
-use crate::metric::Input;
-use crate::metric::Node;
+use crate::metric::{Input, Node};
 use crate::network::Network;
 use crate::options::Options;
 use crate::pooled::{Below, PooledGraph, Shape};
@@ -35,7 +33,6 @@ pub(crate) struct StageState {
     input: Input,
     pub(crate) graph: EventGraph,
     pub(crate) pooled: Vec<PooledGraph>,
-    /// One per level.
     pub(crate) activations: Vec<Activations>,
     readout: ReadoutState,
     arrivals: Arrivals,
@@ -135,7 +132,6 @@ impl StageState {
         self.readout.set_isa(own.isa);
     }
 
-    /// Removes all nodes.
     pub(crate) fn clear(&mut self) {
         self.graph.clear(&self.window);
         for (pooled, activations) in self.pooled.iter_mut().zip(&mut self.activations[1..]) {
@@ -201,7 +197,6 @@ impl StageState {
         slot
     }
 
-    /// Removes the oldest `leaving` nodes.
     pub(crate) fn leave(&mut self, leaving: u32, log: &mut Log) {
         if self.arrivals.read_any_of(leaving) {
             self.compute_arrivals(log);
@@ -320,7 +315,6 @@ impl StageState {
         if level == 0 { self.window.slots().collect() } else { self.pooled[level - 1].cells() }
     }
 
-    /// Number of rows in use at a level.
     pub(crate) fn nodes(&self, level: usize) -> usize {
         if level == 0 { self.window.len() } else { self.pooled[level - 1].nodes() }
     }

@@ -13,15 +13,13 @@ use crate::counters::LayerLog;
 use crate::maxima::store;
 use crate::memory::Memory;
 use crate::network::SUM_PARTS;
-use crate::rows::Members;
-use crate::rows::RowSet;
+use crate::rows::{Members, RowSet};
 
 /// Parts that a window can touch: uncut, it begins and ends in the same place of one.
 const RING: usize = SUM_PARTS as usize + 1;
 
 #[derive(Clone, Debug)]
 pub(crate) struct Sums {
-    /// Duration of a part.
     part_us: i64,
     /// The part of the newest member.
     newest: i64,
@@ -81,7 +79,6 @@ impl Sums {
         self.fresh.insert(row);
     }
 
-    /// Removes `row` from its cell.
     pub(crate) fn leave(&mut self, row: u32) {
         let place = self.members.remove(row);
         if self.fresh.contains(row) {

@@ -5,7 +5,6 @@ use std::ops::Range;
 use crate::memory::{FixedVec, Memory};
 use crate::metric::Node;
 
-/// Slots of a chunk.
 pub(crate) const CHUNK: u32 = 1 << CHUNK_LOG2;
 const CHUNK_LOG2: u32 = 6;
 
@@ -127,7 +126,6 @@ impl Window {
         (self.starts[(slot >> CHUNK_LOG2) as usize] + slot % CHUNK).wrapping_sub(self.first)
     }
 
-    /// Slots from the oldest node to the newest.
     pub(crate) fn slots(&self) -> impl Iterator<Item = u32> + '_ {
         self.slots_of(0..self.len)
     }

@@ -35,7 +35,6 @@ pub enum Activation {
 #[derive(Clone, Debug)]
 pub struct Dense {
     inputs: usize,
-    /// Values of one row of the input.
     channels: usize,
     outputs: usize,
     weight: Weight,

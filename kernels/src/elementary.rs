@@ -7,20 +7,16 @@
 use crate::isa::{Exponent, Isa, Portable, Simd, Task, Vector};
 use crate::lanes::LANES;
 
-/// log2(e).
 const LOG2_E: f32 = std::f32::consts::LOG2_E;
 /// ln 2 to 15 bits: exact when multiplied by any n that occurs.
 const LN2_HIGH: f32 = 0.693_145_75;
-/// ln 2 - `LN2_HIGH`.
 const LN2_LOW: f32 = 1.428_606_8e-6;
 /// 1.5 * 2^23: adding it rounds to an integer, ties to even, left in the low bits.
 const ROUND: f32 = 12_582_912.0;
-/// 2^-24.
 const TWO_TO_MINUS_24: f32 = 5.960_464_5e-8;
 /// P, lowest power first.
 const P: [f32; 6] = [0.5, 0.166_666_66, 0.041_666_36, 8.333_39e-3, 1.394_082_3e-3, 1.984_589_3e-4];
 
-/// 2^n for -126 <= n <= 127.
 #[inline(always)]
 fn power_of_two(n: i32) -> f32 {
     f32::from_bits(((n + 127) << 23) as u32)
@@ -187,7 +183,6 @@ pub(crate) fn tanh_quotients<S: Copy, V: Exponent<S>, const N: usize>(simd: S, x
     (above, below)
 }
 
-/// Divides numerators by denominators.
 #[inline(always)]
 pub(crate) fn divided<S, V: Exponent<S>, const N: usize>((mut above, below): Quotients<V, N>) -> [V; N] {
     for (above, below) in above.iter_mut().zip(below) {
@@ -287,7 +282,6 @@ impl Task for Apply<'_> {
     }
 }
 
-/// Applies the function to whole vectors.
 #[inline(always)]
 fn vector<S: Simd>(simd: S, function: Elementary, values: &mut [f32]) {
     let x = S::V16::load_slice(simd, values);

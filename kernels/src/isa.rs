@@ -15,11 +15,9 @@ pub(crate) mod portable;
 mod registers;
 pub(crate) mod vector;
 
-pub(crate) use panel::{Taps, accumulate_taps};
-pub(crate) use panel::{accumulate, accumulate_in_four, accumulate_wide};
+pub(crate) use panel::{Taps, accumulate, accumulate_in_four, accumulate_taps, accumulate_wide};
 pub use portable::{Portable, fused};
-pub use vector::Divisor;
-pub use vector::{Exponent, Simd, Task, Vector};
+pub use vector::{Divisor, Exponent, Simd, Task, Vector};
 
 use crate::lanes::{LANES, Lanes, Wide};
 
@@ -109,7 +107,6 @@ pub(crate) fn flat(lanes: &[Lanes]) -> &[f32] {
     unsafe { std::slice::from_raw_parts(lanes.as_ptr().cast(), lanes.len() * LANES) }
 }
 
-/// The values of `lanes` as a flat slice, to write.
 #[inline(always)]
 pub(crate) fn flat_mut(lanes: &mut [Lanes]) -> &mut [f32] {
     // SAFETY: as in `flat`; any bits are a valid f32, and the borrow is unique.
@@ -123,7 +120,6 @@ pub(crate) fn flat_wide(wide: &[Wide]) -> &[f32] {
     unsafe { std::slice::from_raw_parts(wide.as_ptr().cast(), wide.len() * 2 * LANES) }
 }
 
-/// The values of `wide` as a flat slice, to write.
 #[inline(always)]
 pub(crate) fn flat_wide_mut(wide: &mut [Wide]) -> &mut [f32] {
     // SAFETY: as in `flat_wide`; any bits are a valid f32, and the borrow is unique.

@@ -65,8 +65,7 @@ mod rows;
 mod spline;
 
 pub use dense::{Activation, Dense};
-pub use elementary::Elementary;
-pub use elementary::{elu, exp, expm1, sigmoid, softmax, tanh};
+pub use elementary::{Elementary, elu, exp, expm1, sigmoid, softmax, tanh};
 pub use error::KernelError;
 pub use frames::{
     Band, Conv1x1, Conv3x3, ConvParts, ConvScratch, DirectConv, FeatureMap, Kn2rowConv3x3, Kn2rowScratch,

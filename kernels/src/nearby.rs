@@ -12,7 +12,6 @@
 use crate::isa::{Isa, Simd, Task, Vector};
 use crate::lanes::{LANES, Wide};
 
-/// Number of points compared at once.
 const TOGETHER: usize = 2 * LANES;
 /// Largest number of points that are sorted: as many as two vectors hold.
 const ORDERED: usize = 2 * TOGETHER;
@@ -20,7 +19,6 @@ const ORDERED: usize = 2 * TOGETHER;
 const PLACE: u32 = ORDERED as u32 - 1;
 /// Factor on a bound that allows for rounding.
 const GENEROUS: f32 = 1.0 + 1.0 / 262_144.0;
-/// Number of bounds that are tried; a power of two.
 const BOUNDS: usize = 16;
 /// L.
 const FIRST: f32 = 0.4;
@@ -120,7 +118,6 @@ fn key(e: f32, place: usize) -> f32 {
     f32::from_bits((e.to_bits() & !PLACE) | (PLACE - place as u32))
 }
 
-/// e(i) of all points.
 #[inline(always)]
 fn squared<S: Simd>(simd: S, points: [&[f32]; 3], place: [f32; 3], weights: [f32; 3], out: &mut [Wide]) {
     let [(x, []), (y, []), (t, [])] = points.map(|p| p.as_chunks::<TOGETHER>()) else {
@@ -143,7 +140,6 @@ fn squared<S: Simd>(simd: S, points: [&[f32]; 3], place: [f32; 3], weights: [f32
     }
 }
 
-/// The `index`th bound.
 #[inline(always)]
 fn bound(guess: f32, index: usize) -> f32 {
     guess * (FIRST + STEP * index as f32)

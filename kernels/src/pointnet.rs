@@ -19,7 +19,6 @@ use crate::lanes::{LANES, Lanes};
 use crate::matrix::Matrix;
 use crate::packed::{Affine, Packed};
 
-/// Axes of an offset.
 const AXES: usize = 3;
 /// Largest number of edges that share each loaded weight.
 const TILE: usize = 8;
@@ -234,7 +233,6 @@ impl PointNetConv {
         most.store_slice(out);
     }
 
-    /// Applies batch norm and skip.
     #[inline(always)]
     fn finish<S: Simd>(&self, simd: S, skip: Option<&[Lanes]>, out: &mut [Lanes]) {
         for (lane, out) in out.iter_mut().enumerate() {

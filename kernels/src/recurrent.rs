@@ -34,7 +34,6 @@ pub enum Squash {
 }
 
 impl Squash {
-    /// Applies the function to K vectors.
     #[inline(always)]
     fn of<S: Simd, V: Exponent<S>, const K: usize>(self, simd: S, x: [V; K]) -> Quotients<V, K> {
         match self {
@@ -44,7 +43,6 @@ impl Squash {
     }
 }
 
-/// Elements in a vector.
 const WIDTH: usize = 2 * LANES;
 
 /// Updates every element. `gates` are the sums of i, f, g, o; `peephole` the weights of i, f, o on
@@ -82,7 +80,6 @@ pub fn lstm_update_rows(
     isa.run(UpdateRows { channels, gates, peephole, squash, cell, hidden });
 }
 
-/// The arguments of [`lstm_update`].
 struct Update<'a> {
     gates: [&'a [f32]; 4],
     peephole: Option<[&'a [f32]; 3]>,
@@ -213,7 +210,6 @@ fn gate<S: Simd, const K: usize>(
     sigmoid_quotients(simd, gate)
 }
 
-/// Loads K vectors from `at` on.
 #[inline(always)]
 fn load<S: Simd, const K: usize>(simd: S, from: &[f32], at: usize) -> [S::V16; K] {
     let mut out = [S::V16::splat(simd, 0.0); K];

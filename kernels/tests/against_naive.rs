@@ -1,9 +1,12 @@
 //! Every kernel on every instruction set against its scalar twin, bit for bit.
 
-use meissner_kernels::{Activation, Dense, GraphRow, Isa, Lanes, Matrix, Neighbour, naive};
-use meissner_kernels::{PointNetConv, PointNetParts, PointNetScratch};
-use meissner_kernels::{SplineConv, SplineParts, SplineScratch, spline_basis};
+use meissner_kernels::{
+    Activation, Dense, GraphRow, Isa, Lanes, Matrix, Neighbour, PointNetConv, PointNetParts, PointNetScratch,
+    SplineConv, SplineParts, SplineScratch, spline_basis,
+};
 use proptest::prelude::*;
+
+use crate::naive;
 
 fn values(n: usize) -> impl Strategy<Value = Vec<f32>> {
     proptest::collection::vec(prop_oneof![4 => -2.0f32..2.0, 1 => Just(0.0), 1 => Just(-0.0)], n)

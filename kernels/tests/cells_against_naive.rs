@@ -2,10 +2,12 @@
 
 use meissner_kernels::{
     Activation, FeatureMap, Isa, Lstm, LstmParts, Occupancy, PlanarConv3x3, PlanarConvLstm, Planes, Squash,
-    SqueezeExcite, SqueezeScratch, TileRegion, lstm_update, lstm_update_rows, naive, planar_average_pool,
+    SqueezeExcite, SqueezeScratch, TileRegion, lstm_update, lstm_update_rows, planar_average_pool,
     planar_max_pool, sigmoid, tanh,
 };
 use proptest::prelude::*;
+
+use crate::naive;
 
 /// Values as they occur, zeros of both signs, and values whose products vanish.
 fn value() -> impl Strategy<Value = f32> {

@@ -1,13 +1,13 @@
 //! Every kernel over frames on every instruction set against its scalar twin, whole and in parts.
 
-use meissner_kernels::naive::frames::{self as naive, Image};
 use meissner_kernels::{
     Band, Conv1x1, Conv3x3, ConvParts, ConvScratch, FeatureMap, Isa, KernelError, Kn2rowConv3x3,
-    Kn2rowScratch, PooledConv3x3, PooledScratch, Region,
+    Kn2rowScratch, PooledConv3x3, PooledScratch, Region, TransposedConv2x2, View, WinogradConv3x3,
+    WinogradTile, average_pool, global_average, max_pool_2x2,
 };
-use meissner_kernels::{TransposedConv2x2, View, WinogradConv3x3, WinogradTile};
-use meissner_kernels::{average_pool, global_average, max_pool_2x2};
 use proptest::prelude::*;
+
+use crate::naive::frames::{self as naive, Image};
 
 const TILES: [WinogradTile; 2] = [WinogradTile::Two, WinogradTile::Four];
 

@@ -2,8 +2,7 @@
 
 mod against_naive;
 mod cells_against_naive;
-mod frames;
 mod frames_against_naive;
-mod nearby_against_naive;
-mod replace_against_naive;
-mod sizes;
+mod naive;
+mod promises;
+mod rows_against_naive;

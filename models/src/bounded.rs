@@ -9,7 +9,6 @@ use std::path::Path;
 
 use crate::ModelError;
 
-/// The bytes of the file at `path`, `limit` at most.
 pub(crate) fn read(path: &Path, limit: u64) -> Result<Vec<u8>, ModelError> {
     let unreadable = |source| ModelError::Read { path: path.to_owned(), source };
     let large = |found| ModelError::Large { path: path.to_owned(), limit, found };

@@ -61,7 +61,6 @@ pub fn drawn_file(description: &impl Drawable, seed: u64) -> Vec<u8> {
     draw(description, seed).to_safetensors(&entries.map(|(key, value)| (key.to_owned(), value)).into())
 }
 
-/// The next value of a tensor with this role.
 fn value(role: Role, stream: &mut Random) -> f64 {
     let (low, high) = match role {
         Role::Weight { inputs } => return (2.0 / inputs as f64).sqrt() * normal(stream),

@@ -149,7 +149,6 @@ impl TensorSummary {
         layers.iter().flat_map(|layer| Self::of(&layer.name, layer.tensors(), None))
     }
 
-    /// Its number of values.
     fn values(&self) -> usize {
         self.shape.iter().product()
     }

@@ -12,7 +12,6 @@ pub const DEFAULT_NETWORK: &str = "tactigraph-past";
 struct Shipped {
     name: &'static str,
     description: &'static str,
-    /// The bytes of a file.
     weights: &'static [u8],
 }
 

@@ -17,10 +17,8 @@ use crate::ModelError;
 
 pub use card::Card;
 pub use error::FormatError;
-pub use safetensors::Tensor;
-pub use safetensors::TensorFile;
+pub use safetensors::{Tensor, TensorFile};
 
-/// Largest file that is read.
 const MAX_FILE: u64 = 1 << 31;
 
 /// Named tensors, in the order of their names.
@@ -51,7 +49,6 @@ impl Weights {
         Self { tensors: tensors.into_iter().collect(), metadata: BTreeMap::new() }
     }
 
-    /// The same tensors with this metadata.
     #[cfg(test)]
     pub(crate) fn with_metadata(self, metadata: BTreeMap<String, String>) -> Self {
         Self { metadata, ..self }

@@ -4,8 +4,7 @@ use std::collections::BTreeMap;
 
 use super::support;
 
-use meissner_engine::ConvolutionScratch;
-use meissner_engine::Normalisation;
+use meissner_engine::{ConvolutionScratch, Normalisation};
 use meissner_kernels::{GraphRow, Isa, Lanes, Matrix, Neighbour};
 use meissner_models::{AnyDescription, Description, Tensor, Weights, draw, drawn_file};
 use serde_json::Value;

@@ -2,12 +2,10 @@
 
 use meissner_kernels::{Matrix, Neighbour, attribute, offset};
 
-use super::neighbours::{Lists, Space, take};
-use super::neighbours::{candidates, exhaustive, proposed};
+use super::neighbours::{Lists, Space, candidates, exhaustive, proposed, take};
 use super::published;
 use super::setup::{Batch, Search};
-use super::trace::Stream;
-use super::trace::{Edges, LevelTrace};
+use super::trace::{Edges, LevelTrace, Stream};
 use crate::Event;
 use crate::graph::{Candidate, SIDE_LOG2};
 use crate::grid::{Grid, Times};
@@ -16,7 +14,6 @@ use crate::metric::{Metric, Node, input_channels, input_of};
 use crate::network::{Candidates, Normalisation, Reach};
 use crate::queues::Cursor;
 
-/// Rows, edges and input of the event level.
 pub(super) fn level(batch: &Batch, stream: Stream<'_>) -> LevelTrace {
     let parts = batch.network.parts();
     let oldest = stream.now_us.saturating_sub(parts.span_us);
@@ -80,7 +77,6 @@ pub(super) fn level(batch: &Batch, stream: Stream<'_>) -> LevelTrace {
     }
 }
 
-/// Position of an event.
 fn position(event: &Event, epoch_us: i64, extents: [f64; 3]) -> [f64; 3] {
     [
         f64::from(event.x) / extents[0],

@@ -208,19 +208,16 @@ impl Lists {
         Self { spans: vec![(0, 0); rows], sources: Vec::with_capacity(room) }
     }
 
-    /// Sets the neighbours of a row that has none.
     pub(super) fn set(&mut self, row: u32, sources: impl IntoIterator<Item = u32>) {
         let start = self.sources.len();
         self.sources.extend(sources);
         self.spans[row as usize] = (start, self.sources.len() - start);
     }
 
-    /// Total number of edges.
     pub(super) fn edges(&self) -> usize {
         self.sources.len()
     }
 
-    /// The neighbours of each row, in row order.
     pub(super) fn rows(&self) -> impl Iterator<Item = &[u32]> {
         self.spans.iter().map(|&(start, count)| &self.sources[start..][..count])
     }

@@ -7,8 +7,7 @@ use smallvec::SmallVec;
 
 use super::published;
 use super::setup::Batch;
-use super::trace::Stream;
-use super::trace::{Edges, LevelTrace, maximum_of};
+use super::trace::{Edges, LevelTrace, Stream, maximum_of};
 use crate::network::{Level, Normalisation, Pooling, Position};
 use crate::{Event, Fraction};
 

@@ -15,7 +15,6 @@ pub(crate) fn positions(events: &[Event], first_us: i64, extents: [f64; 3]) -> V
     events.iter().map(position).collect()
 }
 
-/// Difference of two positions.
 pub(super) fn difference(source: [f64; 3], reader: [f64; 3]) -> [f64; 3] {
     [0, 1, 2].map(|d| f64::from(source[d] as f32 - reader[d] as f32))
 }

@@ -162,7 +162,6 @@ impl Engine {
         }
     }
 
-    /// Refuses a state of an engine with different properties.
     fn check_origin(&self, found: &Origin<'_>) -> Result<(), EngineError> {
         let own = self.origin();
         check_network((own.fingerprint, &own.name), (found.fingerprint, &found.name))?;
@@ -225,7 +224,6 @@ impl Engine {
         Ok(clock)
     }
 
-    /// Inserts the window's events.
     fn read_window(&mut self, from: &mut Reader<'_>, now: Option<i64>) -> Result<(), EngineError> {
         let parts = self.network.parts();
         let frozen = parts.graph.is_frozen();
@@ -275,7 +273,6 @@ impl Engine {
         Ok((x, y, from.flag(format_args!("polarity of {what}"))?))
     }
 
-    /// Reads the events that are held.
     fn read_held(&mut self, from: &mut Reader<'_>) -> Result<(), EngineError> {
         let most = if self.newest_us.is_some() { CONFIRMING - 1 } else { 0 };
         let count = from.length("number of held events", most, EVENT)?;
@@ -335,7 +332,6 @@ impl Engine {
     }
 }
 
-/// Writes an event in [`EVENT`] bytes.
 fn write_event(to: &mut Writer, t: i64, x: u16, y: u16, on: bool) {
     to.i64(t);
     to.u16(x);
@@ -343,7 +339,6 @@ fn write_event(to: &mut Writer, t: i64, x: u16, y: u16, on: bool) {
     to.flag(on);
 }
 
-/// Encoding of a late policy.
 fn code(late: LatePolicy) -> u8 {
     match late {
         LatePolicy::Drop => 0,

@@ -20,7 +20,6 @@ pub(super) enum Buffer {
 }
 
 impl Buffer {
-    /// A buffer of zeros.
     pub(super) fn zeros(shape: FrameShape, planar: bool) -> Result<Self, KernelError> {
         Ok(match shape {
             FrameShape::Vector(values) => Self::Vector(Matrix::zeros(1, values)),
@@ -63,7 +62,6 @@ impl Buffer {
         planes
     }
 
-    /// Whether any of the values is NaN.
     pub(super) fn has_nan(&self) -> bool {
         match self {
             Self::Away => false,
@@ -220,7 +218,6 @@ impl Buffer {
         }
     }
 
-    /// Sets all values to zero.
     pub(super) fn clear(&mut self) {
         match self {
             Self::Away => {}

@@ -6,8 +6,7 @@
 use meissner_kernels::{FeatureMap, Lanes, Planes, PooledConv3x3};
 
 use super::buffer::Buffer;
-use super::changes::RECTANGLE;
-use super::changes::{Changes, Pending};
+use super::changes::{Changes, Pending, RECTANGLE};
 use super::compile::{CompiledLayer, FrameNetwork, Kernel};
 use super::layers::{Memory, TILE};
 use super::network::FrameShape;

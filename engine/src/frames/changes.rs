@@ -6,7 +6,6 @@ use meissner_kernels::Region;
 
 use super::network::FrameShape;
 
-/// Pixels per word.
 const WORD: usize = 64;
 
 /// Most pixels of a rectangle that is recomputed at once.
@@ -17,7 +16,6 @@ pub(super) const RECTANGLE: usize = 64;
 pub(crate) struct Changes {
     pub(crate) height: usize,
     pub(crate) width: usize,
-    /// Words per row.
     words: usize,
     bits: Vec<u64>,
 }
@@ -35,7 +33,6 @@ impl Clone for Changes {
 }
 
 impl Changes {
-    /// No marks on `height` x `width` pixels.
     pub(crate) fn none(height: usize, width: usize) -> Self {
         let words = width.div_ceil(WORD);
         Self { height, width, words, bits: vec![0; height * words] }
@@ -55,12 +52,10 @@ impl Changes {
         (self.height, self.width, self.words) = (height, width, words);
     }
 
-    /// Rows and columns.
     pub(crate) fn size(&self) -> [usize; 2] {
         [self.height, self.width]
     }
 
-    /// The bits, row after row.
     pub(crate) fn words(&self) -> &[u64] {
         &self.bits
     }
@@ -104,7 +99,6 @@ impl Changes {
         self.bits[y * self.words + x / WORD] >> (x % WORD) & 1 == 1
     }
 
-    /// Marks `region`.
     pub(crate) fn set_region(&mut self, region: Region) {
         for y in region.y..region.y + region.height {
             (region.x..region.x + region.width).for_each(|x| self.set(y, x));
@@ -206,7 +200,6 @@ impl Changes {
         other.for_each(|y, x| self.set_region(Region { y: 2 * y, x: 2 * x, height: 2, width: 2 }));
     }
 
-    /// Calls `visit` with row and column of each marked pixel.
     pub(crate) fn for_each(&self, mut visit: impl FnMut(usize, usize)) {
         self.pixels().for_each(|[y, x]| visit(y, x));
     }
@@ -250,6 +243,5 @@ impl Changes {
 pub(super) struct Pending {
     /// Changed pixels of an image.
     pub(super) pixels: Changes,
-    /// Whether anything changed.
     pub(super) any: bool,
 }

@@ -7,8 +7,10 @@ use meissner_kernels::{
     PlanarConv3x3, PlanarConvLstm, PooledConv3x3, Squash, SqueezeExcite, TransposedConv2x2, WinogradConv3x3,
 };
 
-use super::network::{Convolution, FrameLayer, FrameLayerKind, FrameNetworkParts, FrameShape};
-use super::network::{check_shape, fingerprint_of, output_shape, with};
+use super::network::{
+    Convolution, FrameLayer, FrameLayerKind, FrameNetworkParts, FrameShape, check_shape, fingerprint_of,
+    output_shape, with,
+};
 use crate::EngineError;
 use crate::error::misfit;
 
@@ -23,7 +25,6 @@ pub struct FrameNetwork {
     /// Shape and storage of the frame, then of each layer's output.
     pub(super) values: Vec<Value>,
     pub(super) buffers: Vec<FrameShape>,
-    /// Whether images are stored as planes.
     pub(super) planar: bool,
     pub(super) fingerprint: u64,
 }
@@ -37,7 +38,6 @@ pub(super) struct Value {
     pub(super) first: usize,
 }
 
-/// A layer, ready to run.
 #[derive(Clone, Debug)]
 pub(super) struct CompiledLayer {
     pub(super) name: String,
@@ -47,18 +47,15 @@ pub(super) struct CompiledLayer {
     pub(super) kernel: Kernel,
     /// Whether it runs for every frame, and not only when a prediction is read.
     pub(super) eager: bool,
-    /// Multiply-adds of all its outputs.
     pub(super) multiply_adds: u64,
 }
 
 impl CompiledLayer {
-    /// Indices of its inputs.
     pub(super) fn reads(&self) -> impl Iterator<Item = usize> + use<> {
         iter::once(self.from).chain(self.with)
     }
 }
 
-/// The computation of a layer.
 #[derive(Clone, Debug)]
 pub(super) enum Kernel {
     Conv3(Box<Conv3x3>),
@@ -148,7 +145,6 @@ impl FrameNetwork {
         self.fingerprint
     }
 
-    /// Fingerprint and name.
     pub(crate) fn identity(&self) -> (u64, &str) {
         (self.fingerprint, &self.name)
     }

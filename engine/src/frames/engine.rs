@@ -246,7 +246,6 @@ impl FrameEngine {
         Ok(())
     }
 
-    /// Changes the instruction set.
     pub(crate) fn set_isa(&mut self, isa: Isa) {
         self.options.isa = isa;
     }
@@ -262,7 +261,6 @@ impl FrameEngine {
     }
 }
 
-/// Encoding of [`Skip`].
 fn skip_code(skip: Skip) -> (u8, f32) {
     match skip {
         Skip::Nothing => (0, 0.0),

@@ -108,7 +108,6 @@ impl Scratch {
     }
 }
 
-/// One execution of a layer.
 pub(super) struct Run<'a> {
     pub(super) unit: &'a CompiledLayer,
     pub(super) options: FrameOptions,
@@ -338,7 +337,6 @@ impl Run<'_> {
         true
     }
 
-    /// Runs a layer that writes a vector.
     fn vector(self, out: &mut Matrix) -> bool {
         self.counters.computed += 1;
         let Self { unit, options, input, with, from, memory, scratch, .. } = self;
@@ -392,12 +390,10 @@ impl Run<'_> {
     }
 }
 
-/// Columns per tile of planes.
 pub(super) const TILE: usize = 2 * LANES;
 /// Number of pixels from which two threads share a map.
 const LARGE: usize = 4096;
 
-/// The upper and the lower half of a region.
 fn split(region: Region) -> (Region, Region) {
     let upper = Region { height: region.height / 2, ..region };
     (upper, Region { y: region.y + upper.height, height: region.height - upper.height, ..region })

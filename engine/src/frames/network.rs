@@ -194,12 +194,9 @@ pub enum Convolution {
 
 /// Largest side and number of channels of an image.
 const MAX: usize = 1 << 14;
-/// Largest number of values of an image or a vector.
 const MAX_VALUES: usize = 1 << 28;
-/// Largest number of vectors that a delay keeps.
 const MAX_DELAY: usize = 1 << 16;
 
-/// The second input of a layer, if any.
 pub(super) fn with(layer: &FrameLayer) -> Option<usize> {
     match layer.kind {
         FrameLayerKind::Concat { with } => Some(with),
@@ -207,7 +204,6 @@ pub(super) fn with(layer: &FrameLayer) -> Option<usize> {
     }
 }
 
-/// Refuses shapes that are empty or too large.
 pub(super) fn check_shape(layer: &str, shape: FrameShape) -> Result<(), EngineError> {
     let sides = shape.sides();
     let long = matches!(shape, FrameShape::Image { .. }) && sides.iter().any(|&side| side > MAX);
@@ -303,7 +299,6 @@ pub fn output_shape(layer: &FrameLayer, shapes: &[FrameShape]) -> Result<FrameSh
     })
 }
 
-/// The fingerprint of a network's parts. O(parameters).
 pub(super) fn fingerprint_of(
     name: &str,
     input: FrameShape,

@@ -11,7 +11,6 @@ use crate::counters::FrameLayerCounters;
 /// Largest share of a map that is recomputed in parts; above it, the whole map is computed.
 const WHOLE: f64 = 0.75;
 
-/// A map that can be read and written pixel by pixel.
 pub(super) trait Pixels {
     /// Appends the values of `region` to `out`.
     fn save(&self, region: Region, out: &mut Vec<f32>);
@@ -120,9 +119,7 @@ impl Pixels for Planes {
     }
 }
 
-/// The work to do on a map.
 pub(super) struct Patch<'a, W> {
-    /// Size of the map.
     pub(super) size: [usize; 2],
     /// Pixels that a change reaches; `None` recomputes everything and compares nothing.
     pub(super) dirty: Option<&'a Changes>,
@@ -136,7 +133,6 @@ pub(super) struct Patch<'a, W> {
     pub(super) rectangles: bool,
 }
 
-/// Working space of [`Patch::apply`].
 #[derive(Clone, Debug, Default)]
 pub(super) struct PatchScratch {
     todo: Changes,

@@ -14,7 +14,6 @@ use super::options::{FrameOptions, Skip};
 use crate::EngineError;
 use crate::counters::{FrameCounters, FrameLayerCounters};
 
-/// The whole state of a frame engine.
 #[derive(Clone, Debug)]
 pub(super) struct State {
     buffers: Vec<Buffer>,
@@ -113,7 +112,6 @@ impl State {
         })
     }
 
-    /// Takes a frame of the right shape.
     pub(super) fn push(&mut self, network: &FrameNetwork, options: FrameOptions, frame: &[f32]) {
         self.changed.become_none(network.values[0].shape.marks());
         let any = if options.skip == Skip::Nothing {
@@ -162,7 +160,6 @@ impl State {
         self.counters.frames += 1;
     }
 
-    /// Brings the prediction up to date.
     pub(super) fn predict(&mut self, network: &FrameNetwork, options: FrameOptions) {
         for i in 0..network.units.len() {
             // Before the first frame, no state has made a step, and their inputs have not run.
@@ -275,7 +272,6 @@ impl State {
         }
     }
 
-    /// Name of the first layer whose values hold NaN.
     pub(super) fn not_a_number(&self, network: &FrameNetwork) -> String {
         let nan = network.values.iter().skip(1).position(|value| self.buffers[value.buffer].has_nan());
         nan.map_or_else(String::new, |layer| network.units[layer].name.clone())

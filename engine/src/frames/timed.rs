@@ -20,7 +20,6 @@ pub struct Frame {
 #[derive(Clone, Debug)]
 pub struct TimedFrames {
     engine: FrameEngine,
-    /// Time of the newest frame.
     newest_us: Option<i64>,
     /// Current time: that of the newest frame, or of a later `advance`.
     now_us: Option<i64>,
@@ -92,7 +91,6 @@ impl Predictor for TimedFrames {
         Ok(Outcome::Accepted)
     }
 
-    /// Advances the clock if a frame has started it.
     fn advance(&mut self, t_us: i64) {
         self.now_us = self.now_us.map(|now| now.max(t_us));
     }

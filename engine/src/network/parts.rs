@@ -136,7 +136,6 @@ pub struct Level {
 }
 
 impl Level {
-    /// The edge data that the blocks read.
     pub(crate) fn edge_reads(&self) -> EdgeReads {
         self.blocks.iter().map(|block| block.conv.edge_reads()).fold(EdgeReads::default(), EdgeReads::or)
     }

@@ -12,10 +12,8 @@ use crate::representations::{Crop, EventFrame, RepresentationError, SignedRule};
 use crate::rows::RowSet;
 use crate::{Event, EventCounters, LatePolicy, Outcome, Sensor};
 
-/// An event of the window.
 #[derive(Clone, Copy, Debug)]
 struct Member {
-    /// Microseconds since the epoch.
     t: i64,
     pixel: u32,
     on: bool,
@@ -179,7 +177,6 @@ impl SlidingSigned {
         self.window.push_back(member);
     }
 
-    /// The oldest event leaves.
     fn leave(&mut self) {
         let Some(member) = self.window.pop_front() else { return };
         let pixel = member.pixel as usize;

@@ -73,7 +73,6 @@ impl Default for TactileLayout {
     }
 }
 
-/// The cell of each electrode.
 fn cells_of_electrodes() -> impl Iterator<Item = usize> {
     ELECTRODE_ROWS.iter().zip(ELECTRODE_COLUMNS).map(|(row, column)| row * TACTILE_COLUMNS + column)
 }
@@ -213,7 +212,6 @@ pub struct TactileWindow {
     values: Vec<f32>,
     /// Steps of the open window.
     filled: usize,
-    /// Readings since the last reset.
     readings: u64,
 }
 

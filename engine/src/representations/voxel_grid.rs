@@ -71,7 +71,6 @@ pub struct VoxelGrid {
     sums: Vec<i64>,
     values: Vec<f32>,
     touched: RowSet,
-    /// Pixels whose values are out of date.
     stale: RowSet,
     events: u64,
     counters: VoxelCounters,

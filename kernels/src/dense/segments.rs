@@ -9,7 +9,6 @@ use crate::isa::{Simd, Vector, accumulate, flat, flat_mut};
 use crate::lanes::Lanes;
 use crate::packed::Packed;
 
-/// Weights of several segments.
 #[derive(Clone, Debug)]
 pub(super) struct Segments {
     count: usize,
@@ -21,12 +20,10 @@ pub(super) struct Segments {
 }
 
 impl Segments {
-    /// Packs `weight`, (O, S x C).
     pub(super) fn new(count: usize, channels: usize, outputs: usize, weight: &[f32]) -> Self {
         Self { count, channels, lanes: Lanes::count(outputs), weight: Packed::transposed(weight, outputs) }
     }
 
-    /// The weights, (O, S x C).
     pub(super) fn weight(&self, outputs: usize) -> Vec<f32> {
         self.weight.untransposed(outputs)
     }

@@ -262,9 +262,7 @@ impl<'a> Band<'a> {
     }
 }
 
-/// Destination of outputs.
 pub(super) struct Target<'a> {
-    /// Values from the first output on.
     pub(super) values: &'a mut [f32],
     /// Distance between rows in values.
     pub(super) row: usize,

@@ -7,8 +7,7 @@
 //! each of nine outputs, instead of nine outputs with all their products.
 
 use super::conv::{Conv1x1, check_inputs};
-use super::feature_map::FeatureMap;
-use super::feature_map::{Band, Target, View};
+use super::feature_map::{Band, FeatureMap, Target, View};
 use super::layer::{Tiles, in_tiles, store_some};
 use super::shape::Region;
 use super::weights::{BLOCK, ConvParts, Layout, Packed};
@@ -16,7 +15,6 @@ use crate::error::{KernelError, MAX_CHANNELS};
 use crate::isa::{Isa, Simd, Task, Vector, accumulate};
 use crate::lanes::Wide;
 
-/// Places of the kernel.
 const PLACES: usize = 9;
 
 /// A convolution of one map with a 3 x 3 kernel and padding 1, whose products are kept.
@@ -143,7 +141,6 @@ impl Kn2rowConv3x3 {
     }
 }
 
-/// The products of some pixels.
 struct Products<'a> {
     packed: &'a Packed,
     inputs: &'a [f32],
@@ -207,7 +204,6 @@ impl<S: Simd, const B: usize> Tiles for Blocks<'_, S, B> {
     }
 }
 
-/// The outputs of a region from the products.
 struct Sum<'a> {
     conv: &'a Kn2rowConv3x3,
     products: View<'a>,

@@ -69,7 +69,6 @@ pub(super) fn sources<'a>(
     })
 }
 
-/// A rectangle of outputs.
 pub(super) struct Layer<'a> {
     pub(super) packed: &'a Packed,
     pub(super) sources: [Option<Source<'a>>; 2],
@@ -100,7 +99,6 @@ impl Task for Layer<'_> {
 }
 
 impl Layer<'_> {
-    /// All positions of all blocks.
     #[inline(always)]
     fn strips<S: Simd, const POOL: bool>(&mut self, simd: S) {
         let row = self.sources.iter().flatten().map(|source| source.row).sum::<usize>() + self.target.row;
@@ -120,7 +118,6 @@ impl Layer<'_> {
         }
     }
 
-    /// All positions of B blocks of outputs in some rows.
     #[inline(always)]
     fn block<S: Simd, const B: usize, const POOL: bool>(
         &mut self,
@@ -145,7 +142,6 @@ impl Layer<'_> {
     }
 }
 
-/// One row of positions.
 struct Row<'a, S, const B: usize, const POOL: bool> {
     simd: S,
     packed: &'a Packed,
@@ -209,7 +205,6 @@ impl<S: Simd, const B: usize, const POOL: bool> Row<'_, S, B, POOL> {
     /// Rows, and columns, that become one.
     const UNIT: usize = if POOL { 2 } else { 1 };
 
-    /// The output of a sum.
     #[inline(always)]
     fn output(&self, sum: S::V16) -> S::V16 {
         let zero = S::V16::splat(self.simd, 0.0);

@@ -12,7 +12,6 @@ use crate::frames::shape::Region;
 use crate::isa::{Isa, Simd, Task, Vector, flat, flat_mut, prefetch};
 use crate::lanes::{LANES, Lanes};
 
-/// Channels of a register.
 const WIDE: usize = 2 * LANES;
 
 /// Outputs by which what is read is asked for early.

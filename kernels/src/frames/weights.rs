@@ -35,7 +35,6 @@ pub(super) enum Layout {
 }
 
 impl ConvParts {
-    /// Sum of the inputs' channels.
     pub(super) fn channels(&self) -> usize {
         self.inputs.iter().sum()
     }
@@ -58,7 +57,6 @@ impl ConvParts {
         Ok(())
     }
 
-    /// The factor of the batch norm for output `o`.
     pub(super) fn scale(&self, o: usize) -> f64 {
         self.norm.as_ref().map_or(1.0, |(scale, _)| f64::from(scale[o]))
     }
@@ -125,13 +123,11 @@ impl Packed {
         }
     }
 
-    /// Number of blocks of outputs.
     #[inline(always)]
     pub(super) fn blocks(&self) -> usize {
         self.bias.len()
     }
 
-    /// All rows of a block.
     #[inline(always)]
     pub(super) fn block(&self, block: usize) -> &[Wide] {
         &self.weight[block * self.rows..][..self.rows]

@@ -16,12 +16,10 @@ use crate::lanes::{LANES, Lanes, Wide};
 pub(super) struct Avx2(());
 
 impl Avx2 {
-    /// The proof, if the processor has both.
     pub(super) fn detect() -> Option<Self> {
         (std::is_x86_feature_detected!("avx2") && std::is_x86_feature_detected!("fma")).then_some(Self(()))
     }
 
-    /// Runs `task` with these instructions.
     #[inline]
     pub(super) fn enter<T: Task>(self, task: T) -> T::Output {
         // SAFETY: `self` is made in `detect` alone, after the processor said that it has both.
@@ -29,7 +27,6 @@ impl Avx2 {
     }
 }
 
-/// `task`, compiled with AVX2 and FMA.
 #[inline(never)]
 #[target_feature(enable = "avx2,fma")]
 fn run<T: Task>(simd: Avx2, task: T) -> T::Output {

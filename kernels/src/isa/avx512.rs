@@ -20,7 +20,6 @@ use crate::lanes::{LANES, Lanes, Wide};
 pub(super) struct Avx512(());
 
 impl Avx512 {
-    /// The proof, if the processor has them all.
     pub(super) fn detect() -> Option<Self> {
         let all = std::is_x86_feature_detected!("avx512f")
             && std::is_x86_feature_detected!("avx512vl")
@@ -31,7 +30,6 @@ impl Avx512 {
         all.then_some(Self(()))
     }
 
-    /// Runs `task` with these instructions.
     #[inline]
     pub(super) fn enter<T: Task>(self, task: T) -> T::Output {
         // SAFETY: `self` is made in `detect` alone, after the processor said that it has them.
@@ -39,7 +37,6 @@ impl Avx512 {
     }
 }
 
-/// `task`, compiled with AVX-512.
 #[inline(never)]
 #[target_feature(enable = "avx512f,avx512vl,avx512dq,avx512bw,avx2,fma")]
 fn run<T: Task>(simd: Avx512, task: T) -> T::Output {

@@ -6,7 +6,6 @@
 use crate::isa::vector::{Simd, Vector};
 use crate::lanes::{LANES, Wide};
 
-/// Number of values in a [`Wide`].
 const WIDE: usize = 2 * LANES;
 
 /// acc(r, b) += sum of values(r stride + k) weights(b, k) for k from `FIRST` in steps of `STEP`,

@@ -19,7 +19,6 @@ impl Simd for Portable {
     }
 }
 
-/// The element-wise operations of an array.
 macro_rules! array {
     ($n:expr, $memory:ty) => {
         impl Vector<Portable> for [f32; $n] {

@@ -15,7 +15,6 @@ use super::planes::{Occupancy, Planes, TILE, TileRegion};
 use crate::error::{KernelError, check, check_sizes};
 use crate::isa::{Isa, Simd, Taps, Task, Vector, accumulate_taps};
 
-/// Taps per window.
 const TAPS: usize = 9;
 
 /// A convolution over one image, or over the concatenation of two.
@@ -37,7 +36,6 @@ struct Block {
     bias: Vec<f32>,
 }
 
-/// Sizes of blocks.
 const SIZES: [usize; 3] = [6, 3, 1];
 
 impl PlanarConv3x3 {
@@ -110,7 +108,6 @@ impl PlanarConv3x3 {
         isa.run(Run { conv: self, images, occupied, region, out });
     }
 
-    /// Refuses images of other sizes.
     pub(crate) fn check(
         &self,
         images: [Option<&Planes>; 2],

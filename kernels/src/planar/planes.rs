@@ -9,7 +9,6 @@ use std::ops::Range;
 use crate::isa::{flat_wide, flat_wide_mut, lanes_of_wide};
 use crate::lanes::{LANES, Lanes, Wide};
 
-/// Columns per tile.
 pub(crate) const TILE: usize = 2 * LANES;
 
 /// (channels, height, width) values.

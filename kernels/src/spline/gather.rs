@@ -22,7 +22,6 @@ pub struct SplineScratch {
     pub(super) touched: Vec<u32>,
 }
 
-/// Sizes of the fields of a [`SplineScratch`].
 struct Sizes {
     basis: usize,
     sums: usize,

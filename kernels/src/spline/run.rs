@@ -178,14 +178,12 @@ struct Weights<'a, M> {
     root: Option<&'a [M]>,
 }
 
-/// S(s, c) of some rows, one after the other.
 #[derive(Clone, Copy)]
 struct Sums<'a> {
     values: &'a [f32],
     stride: usize,
 }
 
-/// B adjacent vectors of outputs of some rows.
 struct Block<'a, M, const B: usize> {
     conv: &'a SplineConv,
     rows: &'a [GraphRow<'a>],

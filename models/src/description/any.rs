@@ -153,7 +153,6 @@ macro_rules! common {
         }
 
         impl fmt::Display for $description {
-            /// As `to_table`.
             fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
                 self.view().fmt(f)
             }

@@ -121,7 +121,6 @@ impl ConvolutionKind {
         (!fits).then(|| ProblemKind::value(key, expected, found))
     }
 
-    /// Multiply-adds of one row with `in_edges` in-edges.
     pub(super) fn multiply_adds(&self, inputs: usize, outputs: usize, in_edges: usize) -> usize {
         match *self {
             Self::Spline { kernel, root, .. } => {

@@ -18,7 +18,6 @@ use crate::error::ModelError;
 const MAX_FILE: u64 = 1 << 18;
 /// The table that marks a frame network.
 pub(super) const INPUT: &str = "input";
-/// The names of the two kinds of networks in messages.
 pub(super) const EVENT_NETWORK: &str = "a network over events, with a table [graph]";
 pub(super) const FRAME_NETWORK: &str = "a frame network, with a table [input]";
 /// The unit of the outputs of classes: a softmax makes probabilities of such values.
@@ -26,7 +25,6 @@ pub(super) const LOGIT: &str = "logit";
 
 /// Most layers of a network; it bounds drawings and searches.
 const MAX_LAYERS: usize = 1024;
-/// The tables of layers.
 pub(super) const LAYER: &str = "layer";
 /// The tables of a frame network that reads the readout.
 pub(super) const HEAD: &str = "head";
@@ -40,7 +38,6 @@ pub(super) struct ParsedLayer<K> {
     pub(super) from: Option<Spanned<String>>,
     /// Its second input: what a skip adds, or what a concatenation joins.
     pub(super) second: Option<Spanned<String>>,
-    /// Prefix of its tensors.
     pub(super) weights: String,
     /// Its computation; `None` where a problem of it was reported.
     pub(super) kind: Option<K>,
@@ -67,7 +64,6 @@ pub(super) struct Output {
     pub(super) units: Vec<String>,
 }
 
-/// The text of the file at `path`.
 pub(super) fn text(path: &Path) -> Result<String, ModelError> {
     String::from_utf8(bounded::read(path, MAX_FILE)?).map_err(|error| {
         let at = error.utf8_error().valid_up_to();
@@ -137,7 +133,6 @@ pub(super) fn layers<K>(
     layers
 }
 
-/// Reads the `[output]` table.
 pub(super) fn output(root: &mut Table<'_, '_>) -> Output {
     let Some(mut table) = root.table("output", "a table with the prediction's names and unit") else {
         return Output::default();
@@ -169,7 +164,6 @@ pub(super) fn output(root: &mut Table<'_, '_>) -> Output {
     output
 }
 
-/// A list of names.
 fn names(value: &DeValue<'_>) -> Option<Vec<String>> {
     value.as_array()?.iter().map(|v| name(v.get_ref())).collect()
 }

@@ -19,16 +19,12 @@ use super::table::{NAME, Spanned, Table, integer, name};
 
 /// The input of a network: the name that layers refer to it by.
 pub(super) const EVENTS: &str = "events";
-/// The names that a layer can refer to.
 const REFERENCE: &str = "the name of a layer, or \"events\"";
-/// The size of a cell.
 const CELL: &str = "two fractions of the sensor along x and y, such as [\"16/346\", \"12/260\"]";
 /// The kinds of layers. Each convolution is one too, short for a block with it.
 const KINDS: [&str; 4 + CONVOLUTIONS.len()] =
     ["block", CONVOLUTIONS[0].0, CONVOLUTIONS[1].0, "pool", "readout", "dense"];
-/// Default length of the window: 150 ms.
 const DEFAULT_SPAN_US: i64 = 150_000;
-/// Default of the most events of a window.
 const DEFAULT_CAPACITY: i64 = 32_768;
 /// The ranges that the engine accepts.
 const SPANS_US: RangeInclusive<i64> = 1..=Network::MAX_SPAN_US;
@@ -37,7 +33,6 @@ const NEIGHBOURS: RangeInclusive<i64> = 1..=Network::MAX_NEIGHBOURS as i64;
 /// The ranges that the kernels accept.
 const CHANNELS: RangeInclusive<i64> = 1..=SplineConv::MAX_CHANNELS as i64;
 
-/// A file's tables.
 #[derive(Debug)]
 pub(super) struct File {
     /// The network without layers and names of outputs.
@@ -96,7 +91,6 @@ pub(super) fn read(root: &mut Table<'_, '_>) -> File {
     File { network, layers, head, outputs: output.names }
 }
 
-/// Reads the `[graph]` table.
 fn graph(mut table: Table<'_, '_>, network: &mut Description) {
     match table.choice("kind", &[("knn", true), ("radius", false)]) {
         Some(true) => network.graph.reach = Reach::Knn { k: table.size("k", NEIGHBOURS, None) },
@@ -127,7 +121,6 @@ fn graph(mut table: Table<'_, '_>, network: &mut Description) {
     table.finish();
 }
 
-/// Reads the keys of the kind `word`.
 fn keys(
     word: &'static str,
     mut table: Table<'_, '_>,
@@ -206,7 +199,6 @@ fn pool(table: &mut Table<'_, '_>, network: &Description) -> LayerKind {
     }
 }
 
-/// Columns and rows.
 fn grid(table: &mut Table<'_, '_>) -> [usize; 2] {
     let expected = "columns and rows of the grid, such as [4, 4], at most 65536 cells";
     table.value("grid", expected, None, |value| {
@@ -228,7 +220,6 @@ fn scale(table: &mut Table<'_, '_>, normalisation: Normalisation) -> f32 {
     1.0
 }
 
-/// The size of a cell along x and y.
 fn cell(value: &DeValue<'_>) -> Option<[Fraction; 2]> {
     let [x, y] = &value.as_array()?[..] else { return None };
     Some([fraction(x.get_ref())?, fraction(y.get_ref())?])

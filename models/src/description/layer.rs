@@ -45,7 +45,6 @@ pub struct Layer {
     pub(crate) adds: Option<usize>,
 }
 
-/// Meaning of a dense layer's weight.
 const DENSE: &str = "dense layer: (output, input); of a readout the inputs are cell after cell, row by row, each with its \
                      channels";
 
@@ -246,7 +245,6 @@ impl fmt::Display for ReceptiveField {
 }
 
 impl Layer {
-    /// Name of one of the layer's tensors.
     pub(crate) fn tensor(&self, part: &str) -> String {
         format!("{}.{part}", self.weights)
     }
@@ -322,7 +320,6 @@ pub(super) fn serialize_activation<S: Serializer>(activation: &Activation, s: S)
     s.serialize_str(activation_word(*activation))
 }
 
-/// The word of a normalisation in a file.
 pub(super) fn normalisation_word(normalisation: Normalisation) -> &'static str {
     match normalisation {
         Normalisation::Fixed => "fixed",
@@ -330,7 +327,6 @@ pub(super) fn normalisation_word(normalisation: Normalisation) -> &'static str {
     }
 }
 
-/// The word of an activation in a file.
 pub(crate) const fn activation_word(activation: Activation) -> &'static str {
     match activation {
         Activation::Identity => "identity",
@@ -341,7 +337,6 @@ pub(crate) const fn activation_word(activation: Activation) -> &'static str {
     }
 }
 
-/// Activations with their words in a file.
 pub(super) fn activations<const N: usize>(kinds: [Activation; N]) -> [(&'static str, Activation); N] {
     kinds.map(|kind| (activation_word(kind), kind))
 }

@@ -35,7 +35,6 @@ use super::layer::{LayerKind, normalisation_word};
 use crate::error::ModelError;
 use crate::weights::Weights;
 
-/// The key of the metadata.
 pub(crate) const KEY: &str = "preparation";
 /// The keys of the object for readings, in order.
 const READING_KEYS: [&str; 3] = ["frames", "steps", "scaling"];

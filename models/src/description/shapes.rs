@@ -14,8 +14,7 @@ use super::layer::{Cell, Cost, CostUnit, FieldStart, FieldStep, Layer, LayerKind
 use super::problem::{ProblemKind, Problems};
 use super::table::Spanned;
 use super::tensors::{MAX_TENSOR, Needed};
-use super::wiring::Wiring;
-use super::wiring::{Scope, check_names};
+use super::wiring::{Scope, Wiring, check_names};
 
 /// Most parameters of a network: 1 GiB of f32.
 const MAX_PARAMETERS: usize = 1 << 28;
@@ -24,8 +23,12 @@ const MAX_PARAMETERS: usize = 1 << 28;
 #[derive(Clone, Copy, Debug)]
 enum Output {
     /// A feature: a row for each node of a level.
-    Feature { level: usize, channels: Option<usize>, hops: usize, index: usize },
-    /// One vector, with its number of values.
+    Feature {
+        level: usize,
+        channels: Option<usize>,
+        hops: usize,
+        index: usize,
+    },
     Values(Option<usize>),
 }
 
@@ -35,7 +38,6 @@ struct Level {
     /// Its rows, as messages name them.
     name: String,
     cell: Option<Cell>,
-    /// Features so far.
     features: usize,
     /// Hops and cells of the levels below, from the nearest down.
     below: Vec<FieldStep>,
@@ -50,7 +52,6 @@ struct Shapes<'a> {
     levels: Vec<Level>,
 }
 
-/// Checks the layers and their inputs.
 pub(super) fn check(file: &File, wiring: &Wiring, problems: &mut Problems) -> Vec<Layer> {
     let mut outputs = vec![None; file.layers.len() + 1];
     outputs[0] = Some(Output::Feature { level: 0, channels: Some(file.network.inputs()), hops: 0, index: 0 });

@@ -54,7 +54,6 @@ pub(super) struct Table<'t, 'i> {
 }
 
 impl<'t, 'i> Table<'t, 'i> {
-    /// The table that is the whole file.
     pub(super) fn root(entries: &'t DeTable<'i>, lines: &'t Lines, problems: &'t mut Problems) -> Self {
         Self { entries, lines, line: 1, layer: None, asked: Vec::new(), unknown: 0, problems }
     }
@@ -91,7 +90,6 @@ impl<'t, 'i> Table<'t, 'i> {
         Some(self.within(entries, line, layer))
     }
 
-    /// Reports `kind` at `line`.
     pub(super) fn report(&mut self, line: usize, kind: ProblemKind) {
         self.problems.add(line, self.layer.as_deref(), kind);
     }
@@ -274,7 +272,6 @@ pub(super) fn name(value: &DeValue<'_>) -> Option<String> {
     fits.then(|| name.to_owned())
 }
 
-/// The whole number that `value` holds.
 pub(super) fn integer(value: &DeValue<'_>) -> Option<i64> {
     let value = value.as_integer()?;
     i64::from_str_radix(value.as_str(), value.radix()).ok()

@@ -19,7 +19,6 @@ const EPSILON: f64 = 1e-5;
 /// Most values of one tensor: 256 MiB of f32.
 pub(super) const MAX_TENSOR: usize = 1 << 26;
 
-/// A tensor that a layer needs.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Needed {
     pub(crate) name: String,
@@ -51,7 +50,6 @@ pub(crate) enum Role {
 }
 
 impl Needed {
-    /// Number of values.
     pub(crate) fn values(&self) -> usize {
         self.shape.iter().product()
     }
@@ -102,7 +100,6 @@ impl<'l> Listing<'l> {
         self.add(prefix, "running_var", &shape, Role::Variance { about }, VARIANCE);
     }
 
-    /// The tensors.
     pub(crate) fn needed(self) -> Vec<Needed> {
         self.needed
     }

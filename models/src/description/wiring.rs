@@ -25,7 +25,6 @@ pub(super) struct Wiring {
     pub(super) prediction: Option<usize>,
 }
 
-/// Resolves the references of `file`.
 pub(super) fn wire(file: &File, problems: &mut Problems) -> Wiring {
     let before = problems.0.len();
     let place = if file.head.is_empty() { "in this file" } else { "of a table [[layer]]" };
@@ -54,7 +53,6 @@ pub(super) fn wire(file: &File, problems: &mut Problems) -> Wiring {
     Wiring { reads, order, prediction }
 }
 
-/// The layers whose kind `is` asks for.
 fn indices(file: &File, is: impl Fn(&LayerKind) -> bool) -> Vec<usize> {
     let is = |layer: &ParsedLayer<FileKind>| layer.kind.as_ref().is_some_and(|kind| is(&kind.kind));
     file.layers.iter().enumerate().filter(|(_, layer)| is(layer)).map(|(i, _)| i).collect()
@@ -151,7 +149,6 @@ pub(super) type Reads = [Option<usize>; 2];
 /// The names that layers can refer to.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Scope<'a> {
-    /// The name of the input.
     pub(super) input: &'a str,
     /// The key of a second input.
     pub(super) second: &'static str,

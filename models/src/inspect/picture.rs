@@ -43,7 +43,6 @@ fn members(view: &View<'_>, band: Option<usize>) -> impl Iterator<Item = String>
     input.into_iter().chain(rows)
 }
 
-/// A quoted identifier or label.
 fn quoted(text: &str) -> String {
     format!("\"{}\"", text.replace('\\', "\\\\").replace('"', "\\\"").replace('\n', "\\n"))
 }

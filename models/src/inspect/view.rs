@@ -10,7 +10,6 @@ use meissner_engine::Aggregation;
 use crate::description::frames::{FRAME, FrameDescription, FrameKind, FrameLayer};
 use crate::description::{Cost, CostUnit, Description, FieldStart, Layer, LayerKind, Needed, ReceptiveField};
 
-/// A network as tables and pictures show it.
 #[cfg_attr(not(feature = "svg"), expect(dead_code, reason = "only SVG shows all of it"))]
 pub(crate) struct View<'a> {
     pub(crate) name: &'a str,
@@ -20,27 +19,21 @@ pub(crate) struct View<'a> {
     pub(crate) head: Vec<(&'static str, String)>,
     /// Headings of the last two columns of a table.
     pub(crate) headings: [&'static str; 2],
-    /// Lines below a table.
     pub(crate) foot: Vec<String>,
     pub(crate) input: Input,
-    /// Label of each band.
     pub(crate) bands: Vec<String>,
     pub(crate) rows: Vec<Row<'a>>,
 }
 
-/// The input of a network.
 #[cfg_attr(not(feature = "svg"), expect(dead_code, reason = "only SVG shows all of it"))]
 pub(crate) struct Input {
     pub(crate) name: &'static str,
-    /// One word about it.
     pub(crate) word: &'static str,
-    /// One line about it.
     pub(crate) about: &'static str,
     pub(crate) shape: String,
     pub(crate) band: Option<usize>,
 }
 
-/// A layer.
 #[cfg_attr(not(feature = "svg"), expect(dead_code, reason = "only SVG shows all of it"))]
 pub(crate) struct Row<'a> {
     pub(crate) name: &'a str,
@@ -167,7 +160,6 @@ pub fn grouped(number: u64) -> String {
     digits.char_indices().flat_map(|(i, c)| comma(i).then_some(',').into_iter().chain([c])).collect()
 }
 
-/// A count with separators, for people.
 fn count(count: usize) -> String {
     grouped(count as u64)
 }

@@ -39,12 +39,10 @@ pub enum ContactError {
     NotFinite { what: &'static str, column: usize, row: usize, found: f32 },
 }
 
-/// `Ok` where `found` is `expected`.
 fn same_length(what: &'static str, expected: usize, found: usize) -> Result<(), ContactError> {
     if found == expected { Ok(()) } else { Err(ContactError::Length { what, expected, found }) }
 }
 
-/// `Ok` where `holds`.
 fn setting(what: &'static str, expected: &'static str, found: f64, holds: bool) -> Result<(), ContactError> {
     if holds { Ok(()) } else { Err(ContactError::Setting { what, expected, found }) }
 }
@@ -103,7 +101,6 @@ impl PixelSize {
         pixels as f64 * (self.x_mm * self.y_mm)
     }
 
-    /// The point at these pixel coordinates.
     fn centroid(self, x_px: f64, y_px: f64) -> Centroid {
         Centroid { x_px, y_px, x_mm: x_px * self.x_mm, y_mm: y_px * self.y_mm }
     }
@@ -124,7 +121,6 @@ pub struct Centroid {
     pub y_mm: f64,
 }
 
-/// Levels of an 8-bit channel.
 const LEVELS: usize = 256;
 /// Differences between two levels, from -255 to 255.
 const DIFFERENCES: usize = 2 * LEVELS - 1;

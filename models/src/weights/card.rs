@@ -73,7 +73,6 @@ impl Weights {
         })
     }
 
-    /// Whether these are the weights of the published contact-angle checkpoint.
     pub(crate) fn is_published(&self) -> bool {
         let last = self.iter().filter(|(name, _)| name.ends_with(PUBLISHED_TENSOR));
         last.filter_map(|(_, tensor)| tensor.values()).any(|values| {
@@ -97,7 +96,6 @@ impl Weights {
         Ok(["trained_on", "held_out", "recipe"].iter().any(says).then_some(true))
     }
 
-    /// Whether they were drawn from a seed by this crate.
     pub(crate) fn is_drawn(&self) -> bool {
         self.metadata().get("generator").is_some_and(|generator| generator == DRAWN_BY)
     }

@@ -66,7 +66,6 @@ const GLOBALS: [(&str, &str, Global); 13] = [
 pub(super) struct Storage<'a> {
     pub(super) key: &'a str,
     pub(super) scalar: Scalar,
-    /// Number of values.
     pub(super) values: usize,
 }
 
@@ -79,7 +78,6 @@ pub(super) struct View<'a> {
     pub(super) strides: Vec<usize>,
 }
 
-/// The content of a pickle.
 #[derive(Debug)]
 pub(super) struct Pickle<'a> {
     pub(super) root: Value<'a>,
@@ -87,7 +85,6 @@ pub(super) struct Pickle<'a> {
     pub(super) tensors: Vec<View<'a>>,
 }
 
-/// Reads a pickle.
 pub(super) fn read(bytes: &[u8]) -> Result<Pickle<'_>, FormatError> {
     let mut unpickler = Unpickler { bytes, ..Unpickler::default() };
     loop {
@@ -378,7 +375,6 @@ impl<'a> Unpickler<'a> {
 }
 
 impl Value<'_> {
-    /// Its kind, for messages.
     pub(super) fn kind(&self) -> &'static str {
         match self {
             Self::Mark => "a mark",

@@ -21,7 +21,6 @@ const MAX_HEADER: u64 = 1 << 24;
 /// The tensors and the metadata of a safetensors file.
 type Contents = (BTreeMap<String, Tensor>, BTreeMap<String, String>);
 
-/// Reads the bytes of a safetensors file.
 pub(super) fn read(bytes: &[u8]) -> Result<Contents, FormatError> {
     if let Some(&length) = bytes.first_chunk() {
         let length = u64::from_le_bytes(length);
@@ -222,7 +221,6 @@ impl Tensor {
     }
 }
 
-/// Whether values of this type become f32.
 pub(super) fn is_float(dtype: Dtype) -> bool {
     matches!(dtype, Dtype::F16 | Dtype::BF16 | Dtype::F32 | Dtype::F64)
 }
@@ -242,7 +240,6 @@ pub(crate) fn float(dtype: Dtype, bytes: &[u8], index: usize) -> Option<f32> {
 
 /// IEEE 754 binary16 as f32, exactly.
 pub(crate) fn f16_to_f32(bits: u16) -> f32 {
-    /// 2^-24, the smallest subnormal of binary16.
     const UNIT: f32 = 1.0 / 16_777_216.0;
     let sign = u32::from(bits & 0x8000) << 16;
     let exponent = u32::from(bits >> 10 & 0x1f);

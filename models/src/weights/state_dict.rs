@@ -21,7 +21,6 @@ pub(super) fn is_legacy(bytes: &[u8]) -> bool {
     bytes.starts_with(&[0x80, 2, 0x8a, 10, 0x6c, 0xfc, 0x9c, 0x46, 0xf9, 0x20])
 }
 
-/// Reads the tensors of a `.pt` or `.pth` file.
 pub(super) fn read(bytes: &[u8]) -> Result<BTreeMap<String, Tensor>, FormatError> {
     let entries = zip::entries(bytes)?;
     let is_root = |root: &&str| root.is_empty() || root.ends_with('/');

@@ -15,7 +15,6 @@ pub(super) const MAGIC: &[u8] = b"PK\x03\x04";
 /// The end record with the longest comment.
 const SEARCHED: u64 = 22 + u16::MAX as u64;
 
-/// The entries of an archive by name.
 pub(super) fn entries(bytes: &[u8]) -> Result<BTreeMap<String, &[u8]>, FormatError> {
     let located = ZipLocator::new().max_search_space(SEARCHED).locate_in_slice(bytes);
     let archive = located

@@ -13,7 +13,8 @@ mod consecutive {
         ConsecutiveFrames::counts(Sensor::new(4, 1), options, 4.0).expect("admissible")
     }
 
-    /// What comes out, in words: begin, values, touched, changed; or begin and number of empty frames.
+    /// What comes out, in words: begin, values, touched, changed; or begin and number of empty
+    /// frames.
     fn told(completed: Completed<'_>) -> String {
         match completed {
             Completed::Frame(f) => {

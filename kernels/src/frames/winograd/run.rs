@@ -26,7 +26,6 @@ pub struct ConvScratch {
     sums: Vec<Wide>,
 }
 
-/// A region of a layer's outputs.
 pub(super) struct Job<'a, T, const N: usize> {
     packed: &'a Packed,
     inputs: &'a [View<'a>],
@@ -43,7 +42,6 @@ pub(super) struct Job<'a, T, const N: usize> {
 /// each, and so on, plus one vector: else places would be pages apart and compete for cache lines.
 #[derive(Clone, Copy)]
 struct Plane {
-    /// Number of tiles in the batch.
     tiles: usize,
     /// Distance between places in vectors.
     place: usize,
@@ -298,7 +296,6 @@ pub(super) fn scratch_bytes(side: usize, channels: &[usize], tiles: u128) -> [u1
     [patch, place * (at_hand(1) * all + 1), place * (at_hand(blocks) * blocks + 1)]
 }
 
-/// Grows `memory` to at least `vectors`.
 #[inline(always)]
 fn grow(memory: &mut Vec<Wide>, vectors: usize) {
     if memory.len() < vectors {

@@ -16,11 +16,8 @@ use crate::description::layer::activations;
 use crate::description::table::{Table, integer, name, number};
 use crate::systems::contact_area::ContactSettings;
 
-/// Values that a dense layer writes.
 const OUTPUTS: RangeInclusive<i64> = 1..=1 << 16;
-/// Numbers of stacked LSTM layers.
 const STACKED: RangeInclusive<i64> = 0..=1023;
-/// Frames of a delay.
 const FRAMES: RangeInclusive<i64> = 1..=1 << 16;
 
 /// Kinds of layers; [`kind`] reads the keys of each.
@@ -40,7 +37,6 @@ const KINDS: [&str; 13] = [
     "dense",
 ];
 
-/// Reads the tables `[[layer]]` of a frame network.
 pub(super) fn read_layers(root: &mut Table<'_, '_>) -> Vec<ParsedLayer<FrameKind>> {
     let reference = "the name of a layer, or \"frame\"";
     layers(root, LAYER, FRAME, reference, &KINDS, |word, table, layer| keys(word, reference, table, layer))
@@ -56,7 +52,6 @@ pub(in crate::description) fn read_head(
     layers(root, list, input, reference, &KINDS, |word, table, layer| keys(word, reference, table, layer))
 }
 
-/// Reads the keys of the kind `word`.
 fn keys(word: &str, reference: &str, mut table: Table<'_, '_>, layer: &mut ParsedLayer<FrameKind>) {
     if word == "concat" {
         layer.second = table.required("with", reference, name);
@@ -124,14 +119,12 @@ fn activation<const N: usize>(table: &mut Table<'_, '_>, kinds: [Activation; N])
     table.option("activation", &activations(kinds))
 }
 
-/// Values of a frame that is a vector.
 const VALUES: RangeInclusive<i64> = 1..=1 << 16;
 /// Lengths of windows in microseconds: up to an hour.
 const TIMES_US: RangeInclusive<i64> = 1..=3_600_000_000;
 /// The range that the engine accepts.
 const STEPS: RangeInclusive<i64> = 1..=1 << 16;
 
-/// Shape and source of the frames.
 pub(super) fn read(mut table: Table<'_, '_>) -> (Option<FrameShape>, Option<FrameSource>) {
     let shape = match table.choice("kind", &[("image", true), ("vector", false)]) {
         Some(true) => table.known(|table| FrameShape::Image {
@@ -295,7 +288,6 @@ fn real(value: &DeValue<'_>) -> Option<f32> {
     number(value).map(|v| v as f32).filter(|v| v.is_finite())
 }
 
-/// A list of exactly N numbers.
 fn numbers<const N: usize>(value: &DeValue<'_>) -> Option<[f64; N]> {
     let values: Option<Vec<f64>> = value.as_array()?.iter().map(|v| number(v.get_ref())).collect();
     values?.try_into().ok()

@@ -11,7 +11,6 @@ use crate::description::tensors::{Listing, Needed};
 
 /// The input of a network: the name that layers refer to it by.
 pub(crate) const FRAME: &str = "frame";
-/// Bounds of images.
 pub(super) const MAX_SIDE: usize = 4096;
 pub(super) const MAX_CHANNELS: usize = 4096;
 pub(super) const SIDES: RangeInclusive<i64> = 1..=MAX_SIDE as i64;
@@ -215,7 +214,6 @@ impl FrameLayer {
         }
     }
 
-    /// Name of one of its tensors.
     pub(crate) fn tensor(&self, part: &str) -> String {
         format!("{}.{part}", self.weights)
     }

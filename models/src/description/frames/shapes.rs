@@ -26,9 +26,7 @@ pub(in crate::description) struct Stack<'a> {
     pub(in crate::description) scope: Scope<'a>,
     /// The shape of the input; `None` where a problem of it was reported.
     pub(in crate::description) shape: Option<FrameShape>,
-    /// Whether layers may have state.
     pub(in crate::description) state: bool,
-    /// Names of the predicted values.
     pub(in crate::description) names: Option<&'a Spanned<Vec<String>>>,
     /// Whether an image that is predicted has a name for each channel, rather than for each value.
     pub(in crate::description) by_channel: bool,
@@ -54,7 +52,6 @@ struct Shapes<'a> {
     parameters: usize,
 }
 
-/// Checks the layers and their inputs.
 pub(in crate::description) fn check(stack: Stack<'_>, problems: &mut Problems) -> Vec<FrameLayer> {
     let before = problems.0.len();
     let reads = references(stack.layers, stack.scope, problems);
@@ -104,7 +101,6 @@ impl Shapes<'_> {
         }
     }
 
-    /// Reports an input that is not as expected.
     fn refuse(
         &mut self,
         layer: &ParsedLayer<FrameKind>,
@@ -146,7 +142,6 @@ impl Shapes<'_> {
         self.bounded(layer, checked)
     }
 
-    /// Shape of the output of a layer of `kind`.
     fn output(
         &mut self,
         layer: &ParsedLayer<FrameKind>,
@@ -247,7 +242,6 @@ pub(in crate::description) fn extent(shape: FrameShape) -> ProblemKind {
     ProblemKind::Extent { expected, found: shape.to_string() }
 }
 
-/// Whether a value of `shape` is within bounds.
 pub(in crate::description) fn fits(shape: FrameShape) -> bool {
     match shape {
         Vector(values) => values <= MAX_VALUES,

@@ -14,8 +14,8 @@ use crate::systems::contact_area::{ContactError, ForceNormalisation, ImageNormal
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum FrameSource {
-    /// Events of each polarity per pixel over consecutive windows, divided by a maximum
-    /// ([`ConsecutiveFrames::counts`](meissner_engine::representations::ConsecutiveFrames::counts)).
+    /// Events of each polarity per pixel over consecutive windows, divided by a maximum: counts of
+    /// [`meissner_engine::representations::ConsecutiveFrames`].
     EventCounts {
         /// Length of a window in microseconds.
         period_us: i64,
@@ -24,9 +24,8 @@ pub enum FrameSource {
         /// Count that becomes 1.
         maximum: f32,
     },
-    /// Polarities of events:
-    /// [`ConsecutiveFrames::signed`](meissner_engine::representations::ConsecutiveFrames::signed)
-    /// or [`SlidingSigned`](meissner_engine::representations::SlidingSigned).
+    /// Polarities of events: signed frames of
+    /// [`meissner_engine::representations::ConsecutiveFrames`] or [`meissner_engine::representations::SlidingSigned`].
     Signed {
         /// The events that a frame shows.
         timing: SignedTiming,
@@ -252,7 +251,6 @@ impl Readings {
     }
 }
 
-/// A scaling as a file has it.
 fn scaling_value(scaling: Scaling) -> Value {
     match scaling {
         Scaling::PerImage => json!("image"),

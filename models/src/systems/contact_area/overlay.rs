@@ -98,7 +98,6 @@ impl Overlay {
     }
 }
 
-/// Lays a colour over a pixel.
 pub(crate) fn blend(pixel: &mut [u8], [r, g, b, opacity]: [u8; 4]) {
     let over = u32::from(opacity);
     for (level, colour) in pixel.iter_mut().zip([r, g, b]) {

@@ -198,7 +198,7 @@ mod overlay {
     fn a_contact_has_an_outline_and_forces_inside_it() {
         let found = drawn(&square(), Some(&[1.0; 25]), None);
         // Half of the full scale: 255, 170, 0 with an opacity of 165 over 100.
-        // (100 * 90 + 255 * 165) / 255 = 200.3, (9000 + 170 * 165) / 255 = 145.3, 9000 / 255 = 35.3.
+        // (9000 + 255 * 165) / 255 = 200.3, (9000 + 170 * 165) / 255 = 145.3, 9000 / 255 = 35.3.
         for (at, pixel) in found.into_iter().enumerate() {
             let expected = match (square()[at], at) {
                 (_, 12) => [200, 145, 35],

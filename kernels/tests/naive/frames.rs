@@ -1,30 +1,32 @@
 //! Scalar versions of the kernels over frames.
 
-use crate::error::KernelError;
-use crate::frames::{ConvParts, FeatureMap, View, WinogradTile};
+use meissner_kernels::{ConvParts, FeatureMap, KernelError, View, WinogradTile};
 
 /// (height, width, channels), row after row.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Image {
+pub(crate) struct Image {
     /// Rows.
-    pub height: usize,
+    pub(crate) height: usize,
     /// Pixels in a row.
-    pub width: usize,
+    pub(crate) width: usize,
     /// Channels of a pixel.
-    pub channels: usize,
+    pub(crate) channels: usize,
     /// The channels of each pixel, row after row.
-    pub values: Vec<f32>,
+    pub(crate) values: Vec<f32>,
 }
 
 impl Image {
     /// An image whose value at (y, x, c) is `value(y, x, c)`.
-    pub fn new([height, width, channels]: [usize; 3], value: impl Fn(usize, usize, usize) -> f32) -> Self {
+    pub(crate) fn new(
+        [height, width, channels]: [usize; 3],
+        value: impl Fn(usize, usize, usize) -> f32,
+    ) -> Self {
         let at = |i: usize| value(i / channels / width, i / channels % width, i % channels);
         Self { height, width, channels, values: (0..height * width * channels).map(at).collect() }
     }
 
     /// Channel `c` of pixel (y, x); zero beyond the image.
-    pub fn at(&self, y: isize, x: isize, c: usize) -> f32 {
+    pub(crate) fn at(&self, y: isize, x: isize, c: usize) -> f32 {
         if y < 0 || x < 0 || y as usize >= self.height || x as usize >= self.width {
             return 0.0;
         }
@@ -35,12 +37,12 @@ impl Image {
     ///
     /// # Errors
     /// As [`FeatureMap::from_pixels`].
-    pub fn to_map(&self, halo: usize) -> Result<FeatureMap, KernelError> {
+    pub(crate) fn to_map(&self, halo: usize) -> Result<FeatureMap, KernelError> {
         FeatureMap::from_pixels([self.height, self.width, self.channels], halo, &self.values)
     }
 
     /// The values of a view.
-    pub fn of(view: View<'_>) -> Self {
+    pub(crate) fn of(view: View<'_>) -> Self {
         Self::new(view.size(), |y, x, c| view.pixel(y, x)[c])
     }
 }
@@ -61,7 +63,7 @@ fn finish(parts: &ConvParts, y: f32) -> f32 {
 }
 
 /// A convolution with a `size` x `size` kernel, 3 or 1, over the images one after the other.
-pub fn conv(parts: &ConvParts, size: usize, inputs: &[Image]) -> Image {
+pub(crate) fn conv(parts: &ConvParts, size: usize, inputs: &[Image]) -> Image {
     let all: usize = parts.inputs.iter().sum();
     let half = (size / 2) as isize;
     Image::new([inputs[0].height, inputs[0].width, parts.outputs], |y, x, o| {
@@ -85,7 +87,7 @@ pub fn conv(parts: &ConvParts, size: usize, inputs: &[Image]) -> Image {
 }
 
 /// A 3 x 3 convolution whose products are summed for each place of the kernel, then over places.
-pub fn kn2row(parts: &ConvParts, image: &Image) -> Image {
+pub(crate) fn kn2row(parts: &ConvParts, image: &Image) -> Image {
     Image::new([image.height, image.width, parts.outputs], |y, x, o| {
         let mut sum = bias(parts, o);
         for place in 0..9 {
@@ -103,7 +105,7 @@ pub fn kn2row(parts: &ConvParts, image: &Image) -> Image {
 }
 
 /// A transposed convolution with a 2 x 2 kernel and stride 2.
-pub fn transposed(parts: &ConvParts, inputs: &[Image]) -> Image {
+pub(crate) fn transposed(parts: &ConvParts, inputs: &[Image]) -> Image {
     Image::new([2 * inputs[0].height, 2 * inputs[0].width, parts.outputs], |y, x, o| {
         let mut sum = bias(parts, o);
         let mut before = 0;
@@ -178,7 +180,7 @@ fn kernel(n: usize) -> Vec<[f64; 3]> {
 }
 
 /// A 3 x 3 convolution by Winograd's tiles.
-pub fn winograd(parts: &ConvParts, tile: WinogradTile, inputs: &[Image]) -> Image {
+pub(crate) fn winograd(parts: &ConvParts, tile: WinogradTile, inputs: &[Image]) -> Image {
     let (m, n) = (tile.size(), tile.size() + 2);
     let all: usize = parts.inputs.iter().sum();
     let g = kernel(n);
@@ -222,7 +224,7 @@ pub fn winograd(parts: &ConvParts, tile: WinogradTile, inputs: &[Image]) -> Imag
 }
 
 /// Maximum of 2 x 2 pixels; NaN if any of them is.
-pub fn max_pool_2x2(input: &Image) -> Image {
+pub(crate) fn max_pool_2x2(input: &Image) -> Image {
     Image::new([input.height / 2, input.width / 2, input.channels], |y, x, c| {
         let at = |i: usize| input.at((2 * y + i / 2) as isize, (2 * x + i % 2) as isize, c);
         (1..4).fold(at(0), |largest, i| if at(i) > largest || at(i).is_nan() { at(i) } else { largest })
@@ -230,7 +232,7 @@ pub fn max_pool_2x2(input: &Image) -> Image {
 }
 
 /// Average of `size` x `size` pixels.
-pub fn average_pool(size: usize, input: &Image) -> Image {
+pub(crate) fn average_pool(size: usize, input: &Image) -> Image {
     Image::new([input.height / size, input.width / size, input.channels], |y, x, c| {
         let at = |i: usize| input.at((size * y + i / size) as isize, (size * x + i % size) as isize, c);
         let sum = (0..size * size).fold(0.0, |sum, i| sum + at(i));
@@ -239,7 +241,7 @@ pub fn average_pool(size: usize, input: &Image) -> Image {
 }
 
 /// Average of all pixels.
-pub fn global_average(input: &Image) -> Vec<f32> {
+pub(crate) fn global_average(input: &Image) -> Vec<f32> {
     let row =
         |y: usize, c: usize| (0..input.width).fold(0.0, |sum, x| sum + input.at(y as isize, x as isize, c));
     let total = |c: usize| (0..input.height).fold(0.0, |sum, y| sum + row(y, c));
