@@ -1,7 +1,5 @@
 //! Admission of events: the sensor's bounds, the clock, the epoch.
 
-use std::fmt;
-
 use crate::metric::Node;
 use crate::restart::Decision;
 use crate::{DropReason, Event, EventCounters, Sensor};
@@ -16,21 +14,7 @@ pub enum LatePolicy {
     Clamp,
 }
 
-impl LatePolicy {
-    /// Short name, as in the program's reports.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Drop => "drop",
-            Self::Clamp => "clamp",
-        }
-    }
-}
-
-impl fmt::Display for LatePolicy {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(self.name())
-    }
-}
+names!(LatePolicy { Drop => "drop", Clamp => "clamp" });
 
 /// Admission check before the window. It keeps the clock: `now` never goes back.
 #[derive(Clone, Debug)]

@@ -1,6 +1,5 @@
 //! Counts of work done and avoided, what became of an event, and the time of stages.
 
-use std::fmt;
 use std::time::{Duration, Instant};
 
 /// Reason why an event did not enter the window.
@@ -17,23 +16,12 @@ pub enum DropReason {
     Outlier,
 }
 
-impl DropReason {
-    /// Short name, as in the program's reports.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::OutsideSensor => "outside_sensor",
-            Self::Late => "late",
-            Self::TimeOutOfRange => "time_out_of_range",
-            Self::Outlier => "outlier",
-        }
-    }
-}
-
-impl fmt::Display for DropReason {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(self.name())
-    }
-}
+names!(DropReason {
+    OutsideSensor => "outside_sensor",
+    Late => "late",
+    TimeOutOfRange => "time_out_of_range",
+    Outlier => "outlier",
+});
 
 /// Result of pushing an event.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -279,27 +267,18 @@ impl Stage {
         Self::Readout,
         Self::Dense,
     ];
-
-    /// Name for reports.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::EventGraph => "event graph",
-            Self::PooledGraphs => "pooled graphs",
-            Self::EventLayers => "event layers",
-            Self::PooledMaxima => "pooled maxima",
-            Self::PooledAttributes => "pooled attributes",
-            Self::PooledLayers => "pooled layers",
-            Self::Readout => "readout",
-            Self::Dense => "dense",
-        }
-    }
 }
 
-impl fmt::Display for Stage {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(self.name())
-    }
-}
+names!(Stage {
+    EventGraph => "event graph",
+    PooledGraphs => "pooled graphs",
+    EventLayers => "event layers",
+    PooledMaxima => "pooled maxima",
+    PooledAttributes => "pooled attributes",
+    PooledLayers => "pooled layers",
+    Readout => "readout",
+    Dense => "dense",
+});
 
 /// Sums the time of each stage; does nothing unless enabled.
 #[derive(Clone, Debug)]

@@ -418,8 +418,6 @@ struct Find<'a> {
 
 impl Task for Find<'_> {
     type Output = ();
-
-    #[allow(clippy::inline_always, reason = "compiled for the instruction set that runs it")]
     #[inline(always)]
     fn run<S: Simd>(self, simd: S) {
         let Self { grid, metric, window, node, found } = self;

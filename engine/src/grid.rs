@@ -36,8 +36,6 @@ pub(crate) enum Times {
     /// Not later than the query.
     Past,
 }
-
-#[allow(clippy::inline_always, reason = "compiled for the instruction set that searches")]
 impl Grid {
     /// A grid for at most `capacity` nodes with cells of at least 2^`least_log2` pixels a side.
     pub(crate) fn new(sensor: Sensor, least_log2: u32, capacity: usize, memory: &mut Memory) -> Self {
@@ -89,10 +87,7 @@ impl Grid {
         self.nodes += 1;
     }
 
-    /// Removes the oldest node of a cell.
-    ///
-    /// # Panics
-    /// If `node` is not the first that entered its cell.
+    /// Removes the oldest node of a cell. Panics if `node` is not the first that entered its cell.
     pub(crate) fn pop(&mut self, slot: u32, node: Node) {
         let first = self.cells.pop(self.cell(node.x, node.y));
         assert_eq!(first.map(|e| e.slot), Some(slot), "nodes expire in order of arrival");
@@ -305,7 +300,6 @@ pub(crate) struct Reader {
 }
 
 /// d2 of a query to each node of a block, and its term of time; undefined where there is no node.
-#[allow(clippy::inline_always, reason = "compiled for the instruction set that searches")]
 #[inline(always)]
 fn distances2<S: Simd>(simd: S, metric: &Metric, query: Node, block: &Block) -> [[f64; NODES]; 2] {
     let (mut d2, mut t2) = ([0.0; NODES], [0.0; NODES]);
@@ -319,7 +313,6 @@ fn distances2<S: Simd>(simd: S, metric: &Metric, query: Node, block: &Block) -> 
 
 /// Visits a cell from the query's time outwards; later nodes start at `later`. Returns the new
 /// bound.
-#[allow(clippy::inline_always, reason = "compiled for the instruction set that searches")]
 #[inline(always)]
 fn scan(
     metric: &Metric,

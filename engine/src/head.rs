@@ -95,10 +95,8 @@ impl Head {
 }
 
 impl ImageHead {
-    /// Its memory counts as part of the event engine's, and is checked against that limit.
-    ///
-    /// # Panics
-    /// Never fails: the maps are small enough, and no other option is out of range.
+    /// Its memory counts as part of the event engine's, and is checked against that limit. Never
+    /// fails: the maps are small enough, and no other option is out of range.
     fn new(network: &Arc<FrameNetwork>, isa: Isa) -> Self {
         let options = FrameOptions::new().with_isa(isa).with_memory_limit(u128::MAX);
         let mut engine =

@@ -72,6 +72,27 @@
 //!
 //! An unoptimised build gives the same bits, many times slower: measure with `--release`.
 #![forbid(unsafe_code)]
+#![allow(clippy::inline_always, reason = "compiled for the instruction set that runs it")]
+
+/// The names of an enum's variants, as reports show them.
+macro_rules! names {
+    ($kind:ident { $($variant:ident => $name:literal),* $(,)? }) => {
+        impl $kind {
+            /// Short name, as in the program's reports.
+            pub fn name(self) -> &'static str {
+                match self {
+                    $(Self::$variant => $name),*
+                }
+            }
+        }
+
+        impl std::fmt::Display for $kind {
+            fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+                f.write_str(self.name())
+            }
+        }
+    };
+}
 
 mod activations;
 mod admission;

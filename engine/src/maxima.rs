@@ -200,8 +200,6 @@ struct Over<'a, I> {
 
 impl<I: Iterator<Item = u32>> Task for Over<'_, I> {
     type Output = ();
-
-    #[allow(clippy::inline_always, reason = "compiled for the instruction set that runs it")]
     #[inline(always)]
     fn run<S: Simd>(self, _: S) {
         for member in self.members {
@@ -224,8 +222,6 @@ struct FromQueue<'a, I> {
 
 impl<I: Iterator<Item = u32>> Task for FromQueue<'_, I> {
     type Output = ();
-
-    #[allow(clippy::inline_always, reason = "compiled for the instruction set that runs it")]
     #[inline(always)]
     fn run<S: Simd>(self, _: S) {
         let Self { queue, cell, members, fresh, features, out } = self;

@@ -170,9 +170,7 @@ impl Merged {
     }
 
     /// Inserts an in-edge of `row` from `source` at index `at`, for one edge of the level below.
-    ///
-    /// # Panics
-    /// If there are more edges than the store is made for.
+    /// Panics if there are more edges than the store is made for.
     pub(crate) fn insert(&mut self, row: u32, at: usize, source: u32) {
         assert!(self.has_room(1), "merged edges are at most as many as the edges that they merge");
         let Run { len, room, .. } = self.runs[row as usize];

@@ -63,14 +63,12 @@ impl Metric {
     }
 
     /// (dt / span)^2.
-    #[allow(clippy::inline_always, reason = "compiled for the instruction set that searches")]
     #[inline(always)]
     pub(crate) fn t2<S: Simd>(&self, simd: S, dt: i64) -> f64 {
         square(self.span.divide(simd, dt as f64))
     }
 
     /// (dx / width)^2 + (dy / height)^2, computed: for several nodes at once.
-    #[allow(clippy::inline_always, reason = "compiled for the instruction set that searches")]
     #[inline(always)]
     pub(crate) fn plane2<S: Simd>(&self, simd: S, [dx, dy]: [u16; 2]) -> f64 {
         let [width, height] = self.extents;

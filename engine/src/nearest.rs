@@ -37,8 +37,6 @@ pub(crate) struct Nearest {
     last: u32,
     sorted: FixedVec<(f64, u32)>,
 }
-
-#[allow(clippy::inline_always, reason = "compiled for the instruction set that searches")]
 impl Nearest {
     pub(crate) fn new(most: usize, memory: &mut Memory) -> Self {
         let room = if most <= FEW {

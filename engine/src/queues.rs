@@ -112,10 +112,8 @@ impl Queues {
         Queue { chain: &self.chains[queue], blocks: &self.blocks, links: &self.links }
     }
 
-    /// Appends a node.
-    ///
-    /// # Panics
-    /// If the queues already hold as many nodes as they were made for, and no block has room.
+    /// Appends a node. Panics if the queues already hold as many nodes as they were made for, and
+    /// no block has room.
     #[inline]
     pub(crate) fn push(&mut self, queue: usize, entry: Entry) {
         let chain = &mut self.chains[queue];
@@ -178,8 +176,6 @@ pub(crate) struct Queue<'a> {
     blocks: &'a [Block],
     links: &'a [Links],
 }
-
-#[allow(clippy::inline_always, reason = "compiled for the instruction set that searches")]
 impl<'a> Queue<'a> {
     #[inline(always)]
     pub(crate) fn len(self) -> usize {

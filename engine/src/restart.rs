@@ -14,8 +14,6 @@
 //! Invariants: only outliers are lost, and nothing is reordered; decisions depend on events and
 //! advances, not on how they are split into calls. O(1) for an event; nothing is allocated.
 
-use std::fmt;
-
 use crate::{Event, Outcome, Sensor};
 
 /// What is done when the clock of the sensor restarts.
@@ -31,21 +29,9 @@ pub enum RestartPolicy {
 impl RestartPolicy {
     /// All policies.
     pub const ALL: [Self; 2] = [Self::Reset, Self::Keep];
-
-    /// Short name, as in the program's reports.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Reset => "reset",
-            Self::Keep => "keep",
-        }
-    }
 }
 
-impl fmt::Display for RestartPolicy {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(self.name())
-    }
-}
+names!(RestartPolicy { Reset => "reset", Keep => "keep" });
 
 /// Events of a run that confirm a restart: more than late packets bring, few for a sparse stream.
 pub const CONFIRMING: usize = 8;

@@ -151,8 +151,6 @@ struct Over<'a, I> {
 
 impl<I: Iterator<Item = u32>> Task for Over<'_, I> {
     type Output = ();
-
-    #[allow(clippy::inline_always, reason = "compiled for the instruction set that runs it")]
     #[inline(always)]
     fn run<S: Simd>(self, _: S) {
         for row in self.rows {

@@ -61,10 +61,7 @@ impl Window {
         self.len == self.capacity
     }
 
-    /// Appends `node`, the newest; returns its slot.
-    ///
-    /// # Panics
-    /// If the window is full.
+    /// Appends `node`, the newest; returns its slot. Panics if the window is full.
     pub(crate) fn push(&mut self, node: Node) -> u32 {
         assert!(!self.is_full(), "the window must have room");
         let number = self.first.wrapping_add(self.len);
@@ -94,10 +91,7 @@ impl Window {
         self.slots().take_while(|&slot| self.node(slot).t < t).count() as u32
     }
 
-    /// Removes the oldest `count` nodes.
-    ///
-    /// # Panics
-    /// If there are fewer.
+    /// Removes the oldest `count` nodes. Panics if there are fewer.
     pub(crate) fn pop(&mut self, count: u32) {
         assert!(count <= self.len, "the window must hold that many");
         // Chunks that end before the next node.

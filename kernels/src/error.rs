@@ -65,19 +65,13 @@ pub enum KernelError {
 /// Largest number of channels of a convolution.
 pub(crate) const MAX_CHANNELS: usize = 1 << 16;
 
-/// Refuses sizes of zero.
-///
-/// # Errors
-/// [`KernelError::Size`].
+/// Refuses sizes of zero. Errors: [`KernelError::Size`].
 pub(crate) fn check_sizes<const N: usize>(sizes: [(&'static str, usize); N]) -> Result<(), KernelError> {
     let zero = sizes.into_iter().find(|&(_, size)| size == 0);
     zero.map_or(Ok(()), |(what, found)| Err(KernelError::Size { what, expected: "at least 1", found }))
 }
 
-/// Refuses numbers of channels of zero or above [`MAX_CHANNELS`].
-///
-/// # Errors
-/// [`KernelError::Size`].
+/// Refuses numbers of channels of zero or above [`MAX_CHANNELS`]. Errors: [`KernelError::Size`].
 pub(crate) fn check_channels(inputs: &[usize], outputs: usize) -> Result<(), KernelError> {
     let sizes = inputs.iter().map(|&inputs| ("input channels", inputs)).chain([("output channels", outputs)]);
     for (what, found) in sizes {
@@ -88,9 +82,7 @@ pub(crate) fn check_channels(inputs: &[usize], outputs: usize) -> Result<(), Ker
     Ok(())
 }
 
-/// Refuses a tensor of the wrong length, or one that holds NaN or an infinity.
-///
-/// # Errors
+/// Refuses a tensor of the wrong length, or one that holds NaN or an infinity. Errors:
 /// [`KernelError::Length`] or [`KernelError::NotFinite`].
 pub(crate) fn check(tensor: &'static str, values: &[f32], expected: usize) -> Result<(), KernelError> {
     if values.len() != expected {

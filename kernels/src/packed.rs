@@ -72,9 +72,7 @@ pub(crate) struct Affine {
 
 impl Affine {
     /// Checks and packs a bias and a norm of `outputs` values; without a norm, the identity.
-    ///
-    /// # Errors
-    /// A tensor of the wrong length, or a value that is not finite.
+    /// Errors: a tensor of the wrong length, or a value that is not finite.
     pub(crate) fn new(
         bias: &[f32],
         norm: Option<&(Vec<f32>, Vec<f32>)>,

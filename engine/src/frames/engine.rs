@@ -130,9 +130,7 @@ impl FrameEngine {
     }
 
     /// Takes an image that differs from the last frame in `cells` alone, at the cost of the change.
-    /// Needs the default [`FrameOptions::skip`] and [`FrameOptions::sparse`].
-    ///
-    /// # Errors
+    /// Needs the default [`FrameOptions::skip`] and [`FrameOptions::sparse`]. Errors:
     /// [`EngineError::FrameValue`] for a value that is not finite. The state is then unchanged.
     pub(crate) fn push_cells<'a>(
         &mut self,

@@ -9,10 +9,8 @@ use crate::lanes::{LANES, Wide};
 const WIDE: usize = 2 * LANES;
 
 /// acc(r, b) += sum of values(r stride + k) weights(b, k) for k from `FIRST` in steps of `STEP`,
-/// ascending, each product rounded once with the sum.
-///
-/// # Panics
-/// If the weights differ in length, or `values` is too short.
+/// ascending, each product rounded once with the sum. Panics if the weights differ in length, or
+/// `values` is too short.
 #[inline(always)]
 pub(crate) fn accumulate<
     S: Simd,
@@ -55,10 +53,8 @@ pub(crate) fn accumulate<
 
 /// acc(r, b) += sum over k < the weights' number, ascending, of values(k / 16 apart + r)[k mod 16]
 /// weights(b, k), each product rounded once with the sum. The rows' constant distance is part of
-/// the instructions, so that addresses need no registers.
-///
-/// # Panics
-/// If the weights differ in length, or `values` is too short.
+/// the instructions, so that addresses need no registers. Panics if the weights differ in length,
+/// or `values` is too short.
 #[inline(always)]
 pub(crate) fn accumulate_wide<S: Simd, V: Vector<S>, const R: usize, const B: usize>(
     simd: S,
@@ -97,9 +93,7 @@ pub(crate) fn accumulate_wide<S: Simd, V: Vector<S>, const R: usize, const B: us
 }
 
 /// acc(p, b) += sum of values(k) weights(b, k) over k mod 4 = p: one row in four partial sums.
-///
-/// # Panics
-/// If weights and values differ in length.
+/// Panics if weights and values differ in length.
 #[inline(always)]
 pub(crate) fn accumulate_in_four<S: Simd, V: Vector<S>, const B: usize>(
     simd: S,
@@ -175,10 +169,8 @@ pub(crate) struct Taps<'a> {
 }
 
 /// acc(o, b) += sum over channels, rows and columns of the window, ascending, of weights(tap, o)
-/// values(tap + b), each product rounded once with the sum. `weights`: (channels x 9, O).
-///
-/// # Panics
-/// If `weights` are not whole windows, or there are too few values.
+/// values(tap + b), each product rounded once with the sum. `weights`: (channels x 9, O). Panics if
+/// `weights` are not whole windows, or there are too few values.
 #[inline(always)]
 pub(crate) fn accumulate_taps<S: Simd, V: Vector<S>, const O: usize, const B: usize>(
     simd: S,

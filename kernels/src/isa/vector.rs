@@ -39,17 +39,11 @@ pub trait Vector<S>: Copy {
     fn splat(simd: S, value: f32) -> Self;
     /// Loads a vector.
     fn load(simd: S, from: &Self::Memory) -> Self;
-    /// Loads the first values of a slice.
-    ///
-    /// # Panics
-    /// If `from` is shorter than the vector.
+    /// Loads the first values of a slice. Panics if `from` is shorter than the vector.
     fn load_slice(simd: S, from: &[f32]) -> Self;
     /// Stores the vector.
     fn store(self, to: &mut Self::Memory);
-    /// Stores the vector to the first values of a slice.
-    ///
-    /// # Panics
-    /// If `to` is shorter than the vector.
+    /// Stores the vector to the first values of a slice. Panics if `to` is shorter than the vector.
     fn store_slice(self, to: &mut [f32]);
     /// self + other.
     #[must_use]

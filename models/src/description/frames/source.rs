@@ -25,7 +25,8 @@ pub enum FrameSource {
         maximum: f32,
     },
     /// Polarities of events: signed frames of
-    /// [`meissner_engine::representations::ConsecutiveFrames`] or [`meissner_engine::representations::SlidingSigned`].
+    /// [`meissner_engine::representations::ConsecutiveFrames`] or of
+    /// [`meissner_engine::representations::SlidingSigned`].
     Signed {
         /// The events that a frame shows.
         timing: SignedTiming,
