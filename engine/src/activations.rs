@@ -44,7 +44,6 @@ pub(crate) struct Activations {
     large: usize,
     /// Whether threads share the blocks that are being computed.
     shared: bool,
-    /// One per thread.
     threads: Vec<Thread>,
 }
 

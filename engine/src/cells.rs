@@ -101,7 +101,6 @@ impl CellGrid {
     }
 }
 
-/// Exact sums over the events of a cell.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct EventSums {
     count: i64,

@@ -63,7 +63,7 @@ impl ConvolutionScratch {
         let pointnet = convs.filter_map(GraphConvolution::pointnet);
         let bytes = SplineScratch::bytes(spline.clone(), most) + PointNetScratch::bytes(pointnet.clone());
         memory.add(bytes as u128);
-        if memory.counts_only() {
+        if memory.counts_only {
             return Self::default();
         }
         Self { spline: SplineScratch::new(spline, most), pointnet: PointNetScratch::new(pointnet) }

@@ -105,7 +105,6 @@ pub struct PredictionCounters {
     pub neighbourhoods_unchanged: u64,
 }
 
-/// Counters of a layer, and the rows that they counted.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct LayerLog {
     pub(crate) counters: LayerCounters,

@@ -45,7 +45,6 @@ pub(crate) struct EventGraph {
     /// With `frozen`, each slot's place in `edges`, and its sources in order; some may have left.
     places: Vec<u8>,
     sources: Vec<u32>,
-    /// The place of the next node.
     next: u8,
     /// For each grid cell, an upper bound of [`Self::bound`] of its nodes.
     reach: Vec<f64>,
@@ -112,7 +111,6 @@ impl EdgeStore {
     }
 }
 
-/// A node found by a search.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Candidate {
     pub(crate) d2: f64,

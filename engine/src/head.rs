@@ -35,7 +35,7 @@ impl Head {
         if let Some(head) = &parts.head {
             let image = head.input().values() * size_of::<f32>() + size_of::<ImageHead>();
             memory.add(head.engine_bytes(FrameOptions::default()) + image as u128);
-            if !memory.counts_only() {
+            if !memory.counts_only {
                 return Self::Image(Box::new(ImageHead::new(head, isa)));
             }
         }

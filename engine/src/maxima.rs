@@ -17,7 +17,7 @@ use crate::rows::{Members, RowSet};
 
 #[derive(Clone, Debug)]
 pub(crate) struct Maxima {
-    members: Members,
+    pub(crate) members: Members,
     /// Whether the cell's row is the maximum over its members except the fresh ones.
     filled: Vec<bool>,
     /// Members that entered since the last `update`.
@@ -75,10 +75,6 @@ impl Maxima {
     #[inline]
     pub(crate) fn cell_of(&self, row: u32) -> u32 {
         self.members.cell_of(row)
-    }
-
-    pub(crate) fn members(&self) -> &Members {
-        &self.members
     }
 
     pub(crate) fn enter(&mut self, row: u32, cell: u32) {

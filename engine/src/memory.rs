@@ -11,7 +11,7 @@ use meissner_kernels::{Lanes, Matrix};
 #[derive(Debug, Default)]
 pub(crate) struct Memory {
     bytes: u128,
-    counts_only: bool,
+    pub(crate) counts_only: bool,
 }
 
 impl Memory {
@@ -20,10 +20,6 @@ impl Memory {
         let mut memory = Self { counts_only: true, ..Self::default() };
         make(&mut memory);
         memory.bytes
-    }
-
-    pub(crate) fn counts_only(&self) -> bool {
-        self.counts_only
     }
 
     /// Counts storage that the caller allocates. Saturates.

@@ -76,7 +76,6 @@ pub(crate) struct Merged {
 }
 
 impl Merged {
-    /// No edges; `reads` is the edge data that blocks read.
     pub(crate) fn new(extent: Extent, reads: EdgeReads, memory: &mut Memory) -> Self {
         let (rows, stored) = (extent.rows, extent.stored());
         Self {
@@ -342,7 +341,6 @@ impl ReadBy {
 
 const WORD: usize = u64::BITS as usize;
 
-/// One bit for each pair of rows.
 #[derive(Clone, Debug)]
 struct Bits {
     words: usize,

@@ -21,7 +21,6 @@ use crate::network::{Level, Network, Position};
 use crate::rows::{Delta, RowSet};
 use crate::window::Window;
 
-/// The level below, which a pooling reads.
 #[derive(Clone, Copy)]
 pub(crate) enum Below<'a> {
     Events(&'a Window),
@@ -99,7 +98,7 @@ pub(crate) struct PooledGraph {
     /// Cells whose in-edges or attributes may have changed.
     stale: RowSet,
     /// Cells whose position changed since `finish`.
-    shifted: RowSet,
+    pub(crate) shifted: RowSet,
     order: FixedVec<(Key, u32)>,
 }
 
@@ -144,7 +143,7 @@ impl PooledGraph {
     }
 
     pub(crate) fn is_alive(&self, cell: u32) -> bool {
-        self.maxima.members().count(cell) > 0
+        self.maxima.members.count(cell) > 0
     }
 
     pub(crate) fn nodes(&self) -> usize {
@@ -278,11 +277,6 @@ impl PooledGraph {
         }
     }
 
-    /// Cells whose position changed since `finish`.
-    pub(crate) fn shifted(&self) -> &RowSet {
-        &self.shifted
-    }
-
     /// Updates positions and attributes; calls `rewired` with cells of changed neighbourhoods.
     pub(crate) fn update_positions(
         &mut self,
@@ -327,7 +321,7 @@ impl PooledGraph {
 
     fn mean_of_cells(&mut self, below: &Self, cell: u32) -> [f64; 3] {
         self.order.clear();
-        let members = self.maxima.members().oldest_first(cell);
+        let members = self.maxima.members.oldest_first(cell);
         self.order.extend(members.map(|m| (below.keys[m as usize], m)));
         self.order.sort_unstable();
         mean_position(self.order.iter().map(|&(_, m)| below.positions[m as usize]))

@@ -64,7 +64,6 @@ struct Chain {
 
 const EMPTY: Chain = Chain { first: NONE, last: NONE, nodes: 0, start: 0, end: NODES as u16 };
 
-/// Queues that share one store of blocks.
 #[derive(Clone, Debug)]
 pub(crate) struct Queues {
     chains: Vec<Chain>,

@@ -79,7 +79,7 @@ pub(crate) struct ReadoutState {
     head: Head,
     /// Pooled nodes whose cell is not known yet.
     entered: RowSet,
-    prediction: Vec<f32>,
+    pub(crate) prediction: Vec<f32>,
     valid: bool,
 }
 
@@ -176,7 +176,7 @@ impl ReadoutState {
             let place = pooled.time_cell(row) as usize % self.times;
             (place * self.grid.cells()) as u32 + self.grid.of_position(pooled.position(row))
         };
-        for &row in pooled.shifted().as_slice() {
+        for &row in pooled.shifted.as_slice() {
             let cell = cell_of(row);
             if !self.entered.contains(row) && cell != maxima.cell_of(row) {
                 maxima.relocate(row, cell);
@@ -253,9 +253,5 @@ impl ReadoutState {
 
     pub(crate) fn failure(&self, network: &Network) -> Option<EngineError> {
         self.head.failure(network)
-    }
-
-    pub(crate) fn prediction(&self) -> &[f32] {
-        &self.prediction
     }
 }

@@ -99,7 +99,7 @@ impl StageState {
             rows = shape.slots();
             let mut own =
                 Activations::new(rows, level, channels, shape.most(), options.tolerance, options, memory);
-            if !memory.counts_only() {
+            if !memory.counts_only {
                 own.grow(rows);
             }
             activations.push(own);
@@ -276,7 +276,7 @@ impl StageState {
             });
             self.stopwatch.lap(Stage::PooledMaxima);
             if let Some(lower) = lower.last() {
-                lower.shifted().as_slice().iter().for_each(|&row| graph.member_shifted(row));
+                lower.shifted.as_slice().iter().for_each(|&row| graph.member_shifted(row));
             }
             let below = lower.last().map_or(Below::Events(&self.window), Below::Cells);
             graph.update_positions(below, &mut log.predictions, |cell| own.rewire(cell));
@@ -297,15 +297,13 @@ impl StageState {
         self.pooled.iter_mut().for_each(PooledGraph::finish);
     }
 
-    /// The prediction as of the last `compute_changes`.
     pub(crate) fn prediction(&self) -> Result<&[f32], EngineError> {
         match self.not_a_number() {
             Some(error) => Err(error),
-            None => Ok(self.readout.prediction()),
+            None => Ok(&self.readout.prediction),
         }
     }
 
-    /// The readout as of the last `compute_changes`.
     pub(crate) fn readout(&self) -> &Matrix {
         self.readout.values()
     }

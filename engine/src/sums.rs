@@ -25,7 +25,6 @@ pub(crate) struct Sums {
     newest: i64,
     /// Members of each part of each cell; part p is at p modulo [`RING`] of its [`RING`] places.
     members: Members,
-    /// Sums over them.
     rows: Matrix,
     /// Places that had members since the last `clear`.
     used: RowSet,

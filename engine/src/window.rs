@@ -124,14 +124,12 @@ impl Window {
         self.slots_of(0..self.len)
     }
 
-    /// Slot of the node at an index in the window.
     #[inline]
     pub(crate) fn slot_of(&self, index: u32) -> u32 {
         let number = self.first.wrapping_add(index);
         self.chunks[self.place_of(number)] * CHUNK + number % CHUNK
     }
 
-    /// Slots of the nodes at a range of indices in the window.
     pub(crate) fn slots_of(&self, indices: Range<u32>) -> impl Iterator<Item = u32> + '_ {
         indices.map(|index| self.slot_of(index))
     }

@@ -106,12 +106,10 @@ pub fn dense(x: &[Vec<f32>], weight: &[Vec<f32>], bias: &[f32], activation: Acti
     weight.iter().zip(bias).map(output).collect()
 }
 
-/// A dot product in one chain.
 fn chain(x: &[f32], weight: &[f32]) -> f32 {
     x.iter().zip(weight).fold(0.0, |sum, (x, w)| x.mul_add(*w, sum))
 }
 
-/// A dot product in 32 partial sums.
 fn in_32_sums(x: &[f32], weight: &[f32]) -> f32 {
     let mut acc = [0.0; 32];
     for (i, (x, w)) in x.iter().zip(weight).enumerate() {

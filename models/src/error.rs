@@ -1,7 +1,9 @@
-//! The errors between a description, a weights file and a network.
+//! The errors between a description, a weights file and a network, and files read up to a bound.
 
 use std::borrow::Cow;
-use std::path::PathBuf;
+use std::fs::File;
+use std::io::Read;
+use std::path::{Path, PathBuf};
 
 use thiserror::Error;
 
@@ -141,4 +143,18 @@ pub enum TensorProblemKind {
         index: usize,
         value: f64,
     },
+}
+
+/// The bytes of the file at `path`: at most one beyond `limit` is read, also from a device or pipe.
+pub(crate) fn read(path: &Path, limit: u64) -> Result<Vec<u8>, ModelError> {
+    let unreadable = |source| ModelError::Read { path: path.to_owned(), source };
+    let large = |found| ModelError::Large { path: path.to_owned(), limit, found };
+    let file = File::open(path).map_err(unreadable)?;
+    let length = file.metadata().map_err(unreadable)?.len();
+    if length > limit {
+        return Err(large(length));
+    }
+    let mut bytes = Vec::new();
+    file.take(limit + 1).read_to_end(&mut bytes).map_err(unreadable)?;
+    if bytes.len() as u64 > limit { Err(large(limit + 1)) } else { Ok(bytes) }
 }

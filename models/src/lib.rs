@@ -21,7 +21,6 @@
 //! ```
 #![forbid(unsafe_code)]
 
-mod bounded;
 pub mod description;
 mod draw;
 mod error;

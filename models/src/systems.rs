@@ -2,9 +2,7 @@
 //! output to what a controller reads.
 
 pub mod contact_area;
-pub mod digits;
 pub mod slip;
-pub mod touch;
 
 use thiserror::Error;
 
@@ -31,6 +29,59 @@ pub fn check_outputs(network: &str, outputs: &[String], classes: &[&str]) -> Res
     }
     let (expected, found) = (classes.join(", "), outputs.join(", "));
     Err(OutputsError { network: network.to_owned(), expected, found })
+}
+
+pub mod digits {
+    //! Handwritten digits in front of a moving event camera (N-MNIST, 34 x 34 pixels): 10 classes.
+    //!
+    //! - [`CLASSES`]: the digits, in the order of a network's outputs; [`SENSOR`]: the pixels,
+    //! - [`trained_as`]: the network whose weights a network runs with.
+
+    use meissner_engine::Sensor;
+
+    /// Names of the classes, in the order of their indices.
+    pub const CLASSES: [&str; 10] = ["0", "1", "2", "3", "4", "5", "6", "7", "8", "9"];
+
+    /// The sensor of all recordings.
+    pub const SENSOR: Sensor = Sensor { width: 34, height: 34 };
+
+    /// Networks that run with the weights of another network, and that network.
+    const SHARED_WEIGHTS: &[(&str, &str)] = &[("digits-frozen", "digits-past")];
+
+    /// The network that the weights of `network` were trained as: itself, or one that shares them.
+    pub fn trained_as(network: &str) -> &str {
+        SHARED_WEIGHTS.iter().find(|(name, _)| *name == network).map_or(network, |(_, trained)| trained)
+    }
+}
+
+pub mod touch {
+    //! Objects and containers in a gripper, felt by a tactile skin with 39 taxels (`NeuTouch`).
+    //!
+    //! - [`OBJECTS`], [`CONTAINERS`]: the classes, in the order of outputs; the data number them.
+    //! - [`SENSOR`]: the pixels, steps of 0.05 mm.
+
+    use meissner_engine::Sensor;
+
+    /// Names of the objects, in the order of their indices.
+    pub const OBJECTS: [&str; 36] = [
+        "0", "1", "2", "3", "4", "5", "6", "7", "8", "9", "10", "11", "12", "13", "14", "15", "16", "17",
+        "18", "19", "20", "21", "22", "23", "24", "25", "26", "27", "28", "29", "30", "31", "32", "33", "34",
+        "35",
+    ];
+
+    /// Names of the containers, each with five fillings, in the order of their indices.
+    pub const CONTAINERS: [&str; 20] = {
+        let mut names = [""; 20];
+        let mut i = 0;
+        while i < names.len() {
+            names[i] = OBJECTS[i];
+            i += 1;
+        }
+        names
+    };
+
+    /// The sensor of all recordings.
+    pub const SENSOR: Sensor = Sensor { width: 241, height: 357 };
 }
 
 #[cfg(test)]

@@ -2,7 +2,7 @@
 
 mod bounded {
     use crate::ModelError;
-    use crate::bounded::read;
+    use crate::error::read;
 
     #[test]
     fn a_file_of_the_bound_is_read_and_one_byte_more_is_refused() {

@@ -8,7 +8,6 @@ mod error;
 mod pickle;
 pub(crate) mod safetensors;
 mod state_dict;
-mod zip;
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -59,7 +58,7 @@ impl Weights {
     /// # Errors
     /// [`ModelError::Read`], [`ModelError::Large`] beyond 2 GiB, and as [`Self::from_bytes`].
     pub fn load(path: impl AsRef<Path>) -> Result<Self, ModelError> {
-        Ok(Self::from_bytes(&crate::bounded::read(path.as_ref(), MAX_FILE)?)?)
+        Ok(Self::from_bytes(&crate::error::read(path.as_ref(), MAX_FILE)?)?)
     }
 
     /// Reads weights from the bytes of a file.
@@ -71,7 +70,7 @@ impl Weights {
     /// # Errors
     /// [`FormatError`] for bytes in neither format, damaged, or that would execute something.
     pub fn from_bytes(bytes: &[u8]) -> Result<Self, FormatError> {
-        if bytes.starts_with(zip::MAGIC) {
+        if bytes.starts_with(state_dict::MAGIC) {
             return Ok(Self::new(state_dict::read(bytes)?));
         }
         if state_dict::is_legacy(bytes) {

@@ -194,7 +194,6 @@ pub(super) fn take(
     list[at] = candidate;
 }
 
-/// Neighbours of rows, in neighbourhood order.
 #[derive(Clone, Debug)]
 pub(super) struct Lists {
     /// Start and number of each row's neighbours.

@@ -150,7 +150,6 @@ impl Engine {
         Ok(())
     }
 
-    /// Properties that a state of this engine depends on.
     fn origin(&self) -> Origin<'_> {
         Origin {
             fingerprint: self.network.fingerprint(),

@@ -13,7 +13,6 @@ const KIND: &str = "a value is stored as its layer reads and writes it";
 pub(super) enum Buffer {
     /// The values are in another buffer, or taken out while a layer writes them.
     Away,
-    /// One row.
     Vector(Matrix),
     Map(FeatureMap),
     Planes(Planes),

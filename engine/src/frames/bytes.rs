@@ -131,7 +131,6 @@ fn of_flags(unit: &CompiledLayer, from: FrameShape) -> u128 {
     if keeps { (height as u128 + 2) * (width.div_ceil(TILE) as u128 + 2) } else { 0 }
 }
 
-/// Bytes of the change marks of an image.
 fn of_changes(shape: FrameShape) -> u128 {
     let [height, width] = shape.marks();
     height as u128 * width.div_ceil(u64::BITS as usize) as u128 * size_of::<u64>() as u128

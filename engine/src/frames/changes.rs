@@ -127,7 +127,6 @@ impl Changes {
         (rectangle.height * rectangle.width == marked).then_some(rectangle)
     }
 
-    /// Whether any pixel of `region` is marked.
     pub(crate) fn any_in(&self, region: Region) -> bool {
         (region.y..region.y + region.height).any(|y| {
             let row = &self.bits[y * self.words..][..self.words];

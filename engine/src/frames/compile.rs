@@ -42,7 +42,6 @@ pub(super) struct Value {
 pub(super) struct CompiledLayer {
     pub(super) name: String,
     pub(super) from: usize,
-    /// The second input, if any.
     pub(super) with: Option<usize>,
     pub(super) kernel: Kernel,
     /// Whether it runs for every frame, and not only when a prediction is read.

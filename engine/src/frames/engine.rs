@@ -152,11 +152,11 @@ impl FrameEngine {
     /// [`EngineError::NotANumber`] with the first layer that holds NaN.
     pub fn predict(&mut self) -> Result<FramePrediction<'_>, EngineError> {
         self.state.predict(&self.network, self.options);
-        if self.state.prediction().iter().any(|v| v.is_nan()) {
+        if self.state.prediction.iter().any(|v| v.is_nan()) {
             let layer = self.state.not_a_number(&self.network);
             return Err(EngineError::NotANumber { layer, rows: 1 });
         }
-        Ok(FramePrediction { values: self.state.prediction(), frames: self.state.frames() })
+        Ok(FramePrediction { values: &self.state.prediction, frames: self.state.frames })
     }
 
     /// Returns to the state before the first frame. Counters are kept.
@@ -250,7 +250,7 @@ impl FrameEngine {
 
     /// Counts since the engine was made.
     pub fn counters(&self) -> &FrameCounters {
-        self.state.counters()
+        &self.state.counters
     }
 
     /// Bytes of activations and state; [`FrameNetwork::engine_bytes`] adds working space.
@@ -273,7 +273,7 @@ impl fmt::Debug for FrameEngine {
         f.debug_struct("FrameEngine")
             .field("network", &self.network.name())
             .field("options", &self.options)
-            .field("frames", &self.state.frames())
+            .field("frames", &self.state.frames)
             .finish_non_exhaustive()
     }
 }

@@ -92,7 +92,6 @@ impl Memory {
 pub(super) struct Scratch {
     conv: ConvScratch,
     kn2row: Kn2rowScratch,
-    /// One per thread.
     pooled: [PooledScratch; 2],
     squeeze: SqueezeScratch,
     patch: PatchScratch,
@@ -112,7 +111,6 @@ pub(super) struct Run<'a> {
     pub(super) unit: &'a CompiledLayer,
     pub(super) options: FrameOptions,
     pub(super) input: &'a Buffer,
-    /// The second input, if any.
     pub(super) with: Option<&'a Buffer>,
     pub(super) from: Value,
     pub(super) to: Value,

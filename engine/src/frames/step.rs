@@ -17,7 +17,6 @@ use crate::counters::{FrameCounters, FrameLayerCounters};
 #[derive(Clone, Debug)]
 pub(super) struct State {
     buffers: Vec<Buffer>,
-    /// Memory of each layer from frame to frame.
     memories: Vec<Memory>,
     /// Changes that each layer has not processed yet.
     pending: Vec<Pending>,
@@ -26,11 +25,11 @@ pub(super) struct State {
     /// Changes of the layer that is running.
     changed: Changes,
     tiles: Changes,
-    prediction: Vec<f32>,
+    pub(super) prediction: Vec<f32>,
     /// Whether the last layer's output has changed since `prediction` was copied from it.
     stale: bool,
-    frames: u64,
-    counters: FrameCounters,
+    pub(super) frames: u64,
+    pub(super) counters: FrameCounters,
 }
 
 /// New values of adjacent channels of a pixel of a frame.
@@ -275,17 +274,5 @@ impl State {
     pub(super) fn not_a_number(&self, network: &FrameNetwork) -> String {
         let nan = network.values.iter().skip(1).position(|value| self.buffers[value.buffer].has_nan());
         nan.map_or_else(String::new, |layer| network.units[layer].name.clone())
-    }
-
-    pub(super) fn prediction(&self) -> &[f32] {
-        &self.prediction
-    }
-
-    pub(super) fn frames(&self) -> u64 {
-        self.frames
-    }
-
-    pub(super) fn counters(&self) -> &FrameCounters {
-        &self.counters
     }
 }

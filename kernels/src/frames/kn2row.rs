@@ -176,7 +176,6 @@ impl Products<'_> {
     }
 }
 
-/// B blocks of products of every pixel.
 struct Blocks<'a, S, const B: usize> {
     simd: S,
     packed: &'a Packed,

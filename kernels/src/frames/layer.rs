@@ -20,7 +20,6 @@ const STRIP: usize = 1 << 16;
 /// Products of an output from which its tile takes long enough to fetch lines. Measured.
 const LONG: usize = 64;
 
-/// Largest number of places of a kernel.
 const PLACES: usize = 9;
 
 /// The values of one map that a rectangle of outputs reads.

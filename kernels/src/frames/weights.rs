@@ -107,7 +107,6 @@ pub(super) struct Packed {
 }
 
 impl Packed {
-    /// Packs the weights `weight(row, o)`.
     pub(super) fn new(parts: &ConvParts, rows: usize, weight: impl Fn(usize, usize) -> f32) -> Self {
         let outputs = parts.outputs;
         let row = |block: usize| {

@@ -161,7 +161,6 @@ impl LstmState {
     }
 }
 
-/// Gates per block.
 const WIDTH: usize = 2 * LANES;
 
 /// Blocks of gates: each gate is padded to whole lanes, so all four are whole blocks.

@@ -1,6 +1,6 @@
 //! S(s, c): the inputs of a row, summed per kernel slot in the order of the edges.
 
-use super::block::SplineConv;
+use super::SplineConv;
 use crate::graph::{GraphRow, Neighbour};
 use crate::isa::{Simd, Vector, flat, flat_mut};
 use crate::lanes::{LANES, Lanes, Wide};

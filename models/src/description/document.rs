@@ -10,8 +10,7 @@ use toml::de::{DeTable, DeValue};
 
 use super::problem::{DescriptionError, ProblemKind, Problems};
 use super::table::{self, Lines, NAME, Spanned, Table, name};
-use crate::bounded;
-use crate::error::ModelError;
+use crate::error::{self, ModelError};
 
 /// Largest description file: the most layers, at 256 bytes each. One wrong byte can take 700 bytes
 /// of messages, most from the TOML parser.
@@ -65,7 +64,7 @@ pub(super) struct Output {
 }
 
 pub(super) fn text(path: &Path) -> Result<String, ModelError> {
-    String::from_utf8(bounded::read(path, MAX_FILE)?).map_err(|error| {
+    String::from_utf8(error::read(path, MAX_FILE)?).map_err(|error| {
         let at = error.utf8_error().valid_up_to();
         let found = format!("expected text in UTF-8, found other bytes at byte {at}");
         ModelError::Read { path: path.to_owned(), source: io::Error::new(io::ErrorKind::InvalidData, found) }

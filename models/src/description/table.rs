@@ -105,12 +105,10 @@ impl<'t, 'i> Table<'t, 'i> {
         self.report(line, ProblemKind::value(key, expected, found));
     }
 
-    /// The line that the table starts on.
     pub(super) fn line(&self) -> usize {
         self.line
     }
 
-    /// The line that `value` starts on.
     pub(super) fn line_at(&self, value: &toml::Spanned<DeValue<'_>>) -> usize {
         self.lines.of(value.span().start)
     }

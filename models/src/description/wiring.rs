@@ -17,9 +17,7 @@ use crate::description::table::Spanned;
 /// The graph of the layers of a network over events.
 #[derive(Debug)]
 pub(super) struct Wiring {
-    /// The input and the skip of each layer.
     pub(super) reads: Vec<Reads>,
-    /// Layers in an order of evaluation.
     pub(super) order: Vec<usize>,
     /// The dense layer that predicts; with a head, the readout, which it reads.
     pub(super) prediction: Option<usize>,

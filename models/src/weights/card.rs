@@ -23,7 +23,6 @@ use crate::ModelError;
 pub(crate) const DRAWN_BY: &str = "meissner_models::draw";
 /// Last layer of the published checkpoint of the contact-angle network.
 const PUBLISHED_TENSOR: &str = "fc.weight";
-/// Its values.
 const PUBLISHED_VALUES: usize = 1024;
 /// FNV-1a with 64 bits of the bytes of these values.
 const PUBLISHED_DIGEST: u64 = 0xd37f_dd17_d69b_3d94;

@@ -27,7 +27,6 @@ pub(super) enum Value<'a> {
     Tensor(usize),
 }
 
-/// A global that a pickle may name.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Global {
     OrderedDict,
@@ -101,7 +100,6 @@ struct Unpickler<'a> {
     at: usize,
     /// Where the current instruction starts, for messages.
     opcode: usize,
-    /// Values and marks.
     stack: Vec<Value<'a>>,
     memo: std::collections::BTreeMap<u64, Value<'a>>,
     tuples: Vec<Vec<Value<'a>>>,

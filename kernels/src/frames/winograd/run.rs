@@ -33,7 +33,6 @@ pub(super) struct Job<'a, T, const N: usize> {
     region: Region,
     target: Target<'a>,
     scratch: &'a mut ConvScratch,
-    /// Tiles in a row of the region.
     columns: usize,
     transform: PhantomData<T>,
 }
