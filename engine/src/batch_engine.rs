@@ -106,8 +106,8 @@ impl BatchEngine {
     #[must_use]
     pub fn with_bounded_memory(self) -> Self {
         let parts = self.batch.network().parts();
-        // The edges of the window, which a pooled level reads, are chosen among the events of one more window; so are those
-        // of each block, whose rows read rows that are older by a window.
+        // A pooled level reads the window's edges, chosen among the events of one more window; so
+        // are those of each block, whose rows read rows that are older by a window.
         let windows = if parts.graph.is_frozen() { parts.events.blocks.len().max(1) + 1 } else { 1 };
         Self { most_events: parts.capacity.saturating_mul(windows), ..self }
     }

@@ -13,13 +13,15 @@ mod layers;
 mod network;
 mod options;
 mod patch;
+mod shapes;
 mod step;
 mod timed;
 
 pub use crate::counters::{FrameCounters, FrameLayerCounters};
 pub use compile::FrameNetwork;
 pub use engine::{FrameEngine, FramePrediction, FrameSnapshot};
-pub use network::{Convolution, FrameLayer, FrameLayerKind, FrameNetworkParts, FrameShape, output_shape};
+pub use network::{Convolution, FrameLayer, FrameLayerKind, FrameNetworkParts, FrameShape};
 pub use options::{FrameOptions, Skip};
+pub use shapes::output_shape;
 pub(crate) use step::Cell;
 pub use timed::{CONFIRMING_FRAMES, Frame, TimedFrames};

@@ -13,6 +13,7 @@ pub mod frames;
 mod layer;
 pub(crate) mod preparation;
 mod problem;
+mod references;
 mod shapes;
 mod table;
 pub(crate) mod tensors;

@@ -8,9 +8,9 @@ use meissner_kernels::{
 };
 
 use super::network::{
-    Convolution, FrameLayer, FrameLayerKind, FrameNetworkParts, FrameShape, check_shape, fingerprint_of,
-    output_shape, with,
+    Convolution, FrameLayer, FrameLayerKind, FrameNetworkParts, FrameShape, fingerprint_of,
 };
+use super::shapes::{check_shape, output_shape, with};
 use crate::EngineError;
 use crate::error::misfit;
 

@@ -14,9 +14,9 @@ use serde::Serialize;
 
 use crate::description::document::{EVENT_NETWORK, FRAME_NETWORK, INPUT, output};
 use crate::description::problem::ProblemKind;
+use crate::description::references::Scope;
 use crate::description::table::{self, NAME, Table};
 use crate::description::tensors::{Needed, Tensors, Values, report_shared};
-use crate::description::wiring::Scope;
 use crate::error::ModelError;
 use crate::weights::Weights;
 

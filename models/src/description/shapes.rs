@@ -12,9 +12,10 @@ use super::file::{EVENTS, File, FileKind};
 use super::frames::{self, FrameLayer};
 use super::layer::{Cell, Cost, CostUnit, FieldStart, FieldStep, Layer, LayerKind, ReceptiveField};
 use super::problem::{ProblemKind, Problems};
+use super::references::{Scope, check_names};
 use super::table::Spanned;
 use super::tensors::{MAX_TENSOR, Needed};
-use super::wiring::{Scope, Wiring, check_names};
+use super::wiring::Wiring;
 
 /// Most parameters of a network: 1 GiB of f32.
 const MAX_PARAMETERS: usize = 1 << 28;

@@ -8,9 +8,9 @@ use meissner_engine::frames::FrameShape::{self, Image, Vector};
 use super::layer::{FrameKind, FrameLayer, MAX_CHANNELS, MAX_SIDE};
 use crate::description::document::ParsedLayer;
 use crate::description::problem::{ProblemKind, Problems};
+use crate::description::references::{Reads, Scope, check_names, references, report_unused};
 use crate::description::table::Spanned;
 use crate::description::tensors::{MAX_TENSOR, Needed};
-use crate::description::wiring::{Reads, Scope, check_names, references, report_unused};
 
 /// Most parameters of a network, and most values that its layers write and keep: 1 GiB of f32 each.
 const MAX_VALUES: usize = 1 << 28;
