@@ -1,8 +1,10 @@
-//! Contact area and normal force from pictures of a gel: the data, and how networks and image differences are judged.
+//! Contact area and normal force from pictures of a gel: the data, and how networks and image
+//! differences are judged.
 //!
-//! Enters: files of pictures with the force on each pixel or with a circle of contact, and networks with their trainings. Leaves: a
-//! [`Report`] and the maps of force. Each press begins with a reset; its figures are computed from its pictures in their order, so
-//! that the number of threads changes no bit, except in measured times.
+//! Enters: files of pictures with the force on each pixel or with a circle of contact, and networks
+//! with their trainings. Leaves: a [`Report`] and the maps of force. Each press begins with a
+//! reset; its figures are computed from its pictures in their order, so that the number of threads
+//! changes no bit, except in measured times.
 
 pub(crate) mod figures;
 pub(crate) mod pictures;
@@ -114,11 +116,12 @@ pub struct TrainingReport {
     pub sets: Vec<Figures>,
 }
 
-/// Judges the networks of `options` with the threads of `workers`. `done` is called after each training with its label and the time since
-/// judging began.
+/// Judges the networks of `options` with the threads of `workers`. `done` is called after each
+/// training with its label and the time since judging began.
 ///
 /// # Errors
-/// A file or a network cannot be read, or pictures do not fit a network. All of this is checked before a network runs.
+/// A file or a network cannot be read, or pictures do not fit a network. All of this is checked
+/// before a network runs.
 pub fn evaluate(
     options: &Options<'_>,
     workers: &Workers,

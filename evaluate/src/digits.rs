@@ -1,4 +1,5 @@
-//! Digits in front of a moving event camera (N-MNIST): the data set, and the trainings of its networks.
+//! Digits in front of a moving event camera (N-MNIST): the data set, and the trainings of its
+//! networks.
 
 use std::path::Path;
 

@@ -2,10 +2,12 @@
 
 use libm::{log, sqrt};
 
-/// The distance of dynamic time warping between `a` and `b`: the least sum of `|a[i] - b[j]|` over all paths of pairs from the first two
-/// values to the last two, each step of which moves on in one series or in both (Sakoe and Chiba 1978, "Dynamic programming algorithm
-/// optimization for spoken word recognition", without window and with equal weights). In the unit of the values; infinite where one
-/// series is empty and the other is not, 0 where both are. O(length of a times length of b), in memory for one series.
+/// The distance of dynamic time warping between `a` and `b`: the least sum of `|a[i] - b[j]|` over
+/// all paths of pairs from the first two values to the last two, each step of which moves on in one
+/// series or in both (Sakoe and Chiba 1978, "Dynamic programming algorithm optimization for spoken
+/// word recognition", without window and with equal weights). In the unit of the values; infinite
+/// where one series is empty and the other is not, 0 where both are. O(length of a times length of
+/// b), in memory for one series.
 pub fn time_warping(a: &[f64], b: &[f64]) -> f64 {
     let mut before = vec![f64::INFINITY; b.len() + 1];
     before[0] = 0.0;
@@ -19,9 +21,10 @@ pub fn time_warping(a: &[f64], b: &[f64]) -> f64 {
     before[b.len()]
 }
 
-/// Bhattacharyya's distance `-ln sum sqrt(p q)` between the histograms p and q of `a` and `b`, in bins of `width` from 0 on
-/// (Bhattacharyya 1943, "On a measure of divergence between two statistical populations defined by their probability distributions").
-/// 0 for equal histograms; `None` where they share no bin, or a series is empty. O(n log n).
+/// Bhattacharyya's distance `-ln sum sqrt(p q)` between the histograms p and q of `a` and `b`, in
+/// bins of `width` from 0 on (Bhattacharyya 1943, "On a measure of divergence between two
+/// statistical populations defined by their probability distributions"). 0 for equal histograms;
+/// `None` where they share no bin, or a series is empty. O(n log n).
 ///
 /// # Panics
 /// Where a value is not finite, or `width` is not above 0.

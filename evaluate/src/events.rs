@@ -60,7 +60,8 @@ pub struct EventSet {
 }
 
 impl EventSet {
-    /// The description of a shipped network or in a file, which predicts the classes, and whether it is shipped.
+    /// The description of a shipped network or in a file, which predicts the classes, and whether
+    /// it is shipped.
     pub(crate) fn describe(&self, network: &str) -> Result<(Description, bool), EvaluateError> {
         let (description, shipped) = describe(network)?;
         check_outputs(description.name(), description.outputs().0, self.classes)?;
@@ -109,8 +110,8 @@ impl EventData {
         self.recordings.iter().map(|recording| recording.events.len() as u64).sum()
     }
 
-    /// The multiples of `every_us`, from the first event of a recording on, up to the first at or after the end of every
-    /// recording. In microseconds.
+    /// The multiples of `every_us`, from the first event of a recording on, up to the first at or
+    /// after the end of every recording. In microseconds.
     pub(crate) fn times(&self, every_us: i64) -> Vec<i64> {
         let length = |events: &[Event]| {
             let (first, last) = (events.first(), events.iter().map(|event| event.t_us).max());
@@ -122,8 +123,9 @@ impl EventData {
         (1..=count.max(1)).map(|i| i * every_us).collect()
     }
 
-    /// The trials of `trainings`: whole ones on the split test, and folds, which hold out every recording once. With `count`,
-    /// these must be the folds that [`prepare`](crate::prepare) writes for that number.
+    /// The trials of `trainings`: whole ones on the split test, and folds, which hold out every
+    /// recording once. With `count`, these must be the folds that [`prepare`](crate::prepare)
+    /// writes for that number.
     pub(crate) fn trials(
         &self,
         trainings: &[Arc<Training>],
@@ -151,7 +153,8 @@ impl EventData {
     }
 }
 
-/// Logs and returns the warnings about events of `streams` that networks drop. The data are called `name`.
+/// Logs and returns the warnings about events of `streams` that networks drop. The data are called
+/// `name`.
 pub(crate) fn lost<'a, S: IntoIterator<Item = &'a Event>>(
     name: &str,
     sensor: Sensor,

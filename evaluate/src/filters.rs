@@ -1,7 +1,7 @@
 //! What filters keep of the signal, and of each kind of noise.
 //!
-//! Enters: streams of simulated events, each with its cause, and filters. Leaves: for each cause, the number of events and of
-//! those that passed. Filters forget all events between two streams.
+//! Enters: streams of simulated events, each with its cause, and filters. Leaves: for each cause,
+//! the number of events and of those that passed. Filters forget all events between two streams.
 
 use std::path::Path;
 

@@ -1,9 +1,11 @@
 //! Contact force over time: networks that predict the force of a grasp from its events.
 //!
-//! Enters: a file of recordings with the force along time, and networks with their trainings. Leaves: a [`Report`] with errors over all
-//! frames, by phase and by bolt, and the predicted forces. A recording begins with a reset. Frames last [`PERIOD_US`] from the first time
-//! of the truth on, and the force at the end of each counts, for every kind of network. Figures are computed in a fixed order, so that the
-//! number of threads changes no bit, except in measured times and in what depends on them.
+//! Enters: a file of recordings with the force along time, and networks with their trainings.
+//! Leaves: a [`Report`] with errors over all frames, by phase and by bolt, and the predicted
+//! forces. A recording begins with a reset. Frames last [`PERIOD_US`] from the first time of the
+//! truth on, and the force at the end of each counts, for every kind of network. Figures are
+//! computed in a fixed order, so that the number of threads changes no bit, except in measured
+//! times and in what depends on them.
 
 mod errors;
 pub(crate) mod recording;
@@ -60,7 +62,8 @@ impl Task for Force {
         description.name()
     }
 
-    /// The recordings that a fold held out, by their numbers in the file; to a whole training, a file is unseen as a whole.
+    /// The recordings that a fold held out, by their numbers in the file; to a whole training, a
+    /// file is unseen as a whole.
     fn held_out(metadata: Metadata<'_>) -> Result<Option<HeldOut>, TrainingError> {
         let expected = "with a JSON list of recordings, such as [\"17\"]";
         metadata.0.contains_key("held_out").then(|| metadata.recordings(expected)).transpose()
@@ -72,7 +75,8 @@ impl Task for Force {
 pub struct Options<'a> {
     /// Networks and trainings.
     pub request: Request<'a>,
-    /// Microseconds from one prediction of a network over events to the next, which divide [`PERIOD_US`].
+    /// Microseconds from one prediction of a network over events to the next, which divide
+    /// [`PERIOD_US`].
     pub every_us: i64,
     /// How predictions of networks over events are computed.
     pub mode: Mode,
@@ -98,7 +102,8 @@ pub struct DataReport {
     pub file: String,
     pub recordings: usize,
     pub events: u64,
-    /// Variance of the true force over all frames, in square newtons: the mean squared error of a network that always says the mean.
+    /// Variance of the true force over all frames, in square newtons: the mean squared error of a
+    /// network that always says the mean.
     pub variance: f64,
     /// Remarks about the trainings, for people.
     pub notes: Vec<String>,
@@ -119,14 +124,16 @@ pub struct ForceFigures {
 /// Figures of several trainings on the same recordings.
 pub type Judged = judged::Judged<ForceErrors>;
 
-/// Judges the networks of `options` on the recordings in the safetensors file `events`, with the threads of `workers`. `done` is
-/// called after each training with its label and the time since judging began.
+/// Judges the networks of `options` on the recordings in the safetensors file `events`, with the
+/// threads of `workers`. `done` is called after each training with its label and the time since
+/// judging began.
 ///
-/// The file has streams as `meissner simulate grasp` writes them; the labels `phase` and `bolt` may be missing.
+/// The file has streams as `meissner simulate grasp` writes them; the labels `phase` and `bolt` may
+/// be missing.
 ///
 /// # Errors
-/// The file or a network cannot be read, `every_us` does not divide a frame, or trainings do not fit. All of this is checked before a
-/// network runs.
+/// The file or a network cannot be read, `every_us` does not divide a frame, or trainings do not
+/// fit. All of this is checked before a network runs.
 pub fn evaluate(
     events: &Path,
     options: &Options<'_>,

@@ -1,9 +1,10 @@
 //! The frame of every evaluation: networks of a task with their trainings, judged on labelled data.
 //!
-//! Enters: candidates, and a [`Judge`], which knows the data and the figures of its task. Leaves: the
-//! report of each network, and the outputs of the trainings. Everything that can be refused is refused
-//! before a network runs. Cases are shared by threads and their outcomes are taken in order, so that the
-//! number of threads changes no bit, except in measured times and in what depends on them.
+//! Enters: candidates, and a [`Judge`], which knows the data and the figures of its task. Leaves:
+//! the report of each network, and the outputs of the trainings. Everything that can be refused is
+//! refused before a network runs. Cases are shared by threads and their outcomes are taken in
+//! order, so that the number of threads changes no bit, except in measured times and in what
+//! depends on them.
 
 use std::time::{Duration, Instant};
 
@@ -133,8 +134,8 @@ impl<F> JudgedNetworks<F> {
     }
 }
 
-/// Judges `candidates` with the threads of `workers`, and adds their outputs to `logits`. `done` is called
-/// after each training with its label and the time since judging began.
+/// Judges `candidates` with the threads of `workers`, and adds their outputs to `logits`. `done` is
+/// called after each training with its label and the time since judging began.
 ///
 /// # Errors
 /// A candidate does not fit the data, before any network runs; an engine fails.

@@ -1,7 +1,7 @@
 //! Figures of one training, and of several trainings together.
 //!
-//! A kind of figures implements [`Figures`], which says how several trainings are summed up. The rest of a report is the same
-//! for every kind of figures, of classes or of quantities.
+//! A kind of figures implements [`Figures`], which says how several trainings are summed up. The
+//! rest of a report is the same for every kind of figures, of classes or of quantities.
 
 use serde::Serialize;
 

@@ -1,4 +1,5 @@
-//! Evaluates networks on labelled data sets. Nothing here parses arguments or prints; warnings go to the `log` crate.
+//! Evaluates networks on labelled data sets. Nothing here parses arguments or prints; warnings go
+//! to the `log` crate.
 //!
 //! | module | contents |
 //! |---|---|
@@ -19,8 +20,9 @@
 //! | [`prepare`] | inputs of networks with labels, for training |
 //! | [`pareto`] | run time against error, with each approximation |
 //!
-//! Recordings are shared by the threads of [`Workers`], which the caller passes. The number of threads changes no bit of a result.
-//! Another thread can see how far they are, and stop them, with a [`ProgressHandle`].
+//! Recordings are shared by the threads of [`Workers`], which the caller passes. The number of
+//! threads changes no bit of a result. Another thread can see how far they are, and stop them, with
+//! a [`ProgressHandle`].
 //!
 //! ```
 //! use meissner_evaluate::metrics::{Confusion, Scores, wilson_95};

@@ -1,7 +1,7 @@
 //! Figures of merit for predictions: of classes, over several trainings, and their uncertainty.
 //!
-//! Counts are integers. Figures are fractions in f64, computed from counts in a fixed order, so they are equal on every
-//! machine.
+//! Counts are integers. Figures are fractions in f64, computed from counts in a fixed order, so
+//! they are equal on every machine.
 
 mod clusters;
 
@@ -113,9 +113,10 @@ impl Serialize for Confusion {
 /// precision = TP / (TP + FP)    recall = TP / (TP + FN)    F1 = 2 TP / (2 TP + FP + FN)
 /// ```
 ///
-/// for each class. The means are over the classes that are true or predicted at least once, with equal weights. A class that
-/// is never predicted has precision 0. A class that is only ever predicted has recall 0. Both have F1 0, so a network gains
-/// nothing by ignoring a class. Classes that are neither true nor predicted are left out.
+/// for each class. The means are over the classes that are true or predicted at least once, with
+/// equal weights. A class that is never predicted has precision 0. A class that is only ever
+/// predicted has recall 0. Both have F1 0, so a network gains nothing by ignoring a class. Classes
+/// that are neither true nor predicted are left out.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct Scores<T = f64> {
     /// Share of predictions that are right.
@@ -212,7 +213,8 @@ const Z: f64 = 1.959_963_984_540_054;
 
 /// The 95 % confidence interval of a probability after `hits` in `trials`; `None` without trials.
 ///
-/// The score interval (Wilson 1927): all p whose distance from the share h of n trials is at most z standard errors of p,
+/// The score interval (Wilson 1927): all p whose distance from the share h of n trials is at most z
+/// standard errors of p,
 ///
 /// ```text
 /// |h - p| <= z sqrt(p (1 - p) / n)

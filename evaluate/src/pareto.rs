@@ -1,7 +1,8 @@
 //! Run time against error: networks exactly, and with each approximation.
 //!
-//! Enters: networks with data ([`angle`], [`events`](fn@events), [`slip`], [`area`], [`force`]). Leaves: a [`Report`] with times, work and errors of every
-//! setting of every network, and the settings that no other one beats. Finished measurements are kept in a [`State`] and not
+//! Enters: networks with data ([`angle`], [`events`](fn@events), [`slip`], [`area`], [`force`]).
+//! Leaves: a [`Report`] with times, work and errors of every setting of every network, and the
+//! settings that no other one beats. Finished measurements are kept in a [`State`] and not
 //! repeated.
 
 mod event_network;
@@ -31,11 +32,13 @@ pub use task_error::{ErrorKind, TaskError};
 /// What is measured, and how often.
 #[derive(Clone, Debug)]
 pub struct Options {
-    /// About how many events, windows, pictures or recordings are timed in each repeat; `None` for 20,000, 400, 40 or 20.
+    /// About how many events, windows, pictures or recordings are timed in each repeat; `None` for
+    /// 20,000, 400, 40 or 20.
     pub timed: Option<usize>,
     /// Repeats of each measurement of time; at least 1.
     pub repeats: u32,
-    /// Only settings with one of these in "NETWORK, SETTING" are measured, and the exact ones; empty for all settings.
+    /// Only settings with one of these in "NETWORK, SETTING" are measured, and the exact ones;
+    /// empty for all settings.
     pub only: Vec<String>,
 }
 
@@ -78,11 +81,12 @@ pub enum Progress<'a> {
 }
 
 impl Study<'_> {
-    /// Measures the settings that `options` ask for and `state` lacks, and reports all of them. An error of `progress` ends it; what
-    /// was measured is in the state.
+    /// Measures the settings that `options` ask for and `state` lacks, and reports all of them. An
+    /// error of `progress` ends it; what was measured is in the state.
     ///
     /// # Errors
-    /// No setting has a name that was asked for, a network cannot run, or the state cannot be written.
+    /// No setting has a name that was asked for, a network cannot run, or the state cannot be
+    /// written.
     pub fn run(
         mut self,
         options: &Options,
@@ -125,7 +129,8 @@ impl Study<'_> {
         Ok(Report::new((self.system, self.unit), self.data, options.repeats, self.notes, networks))
     }
 
-    /// Keeps the settings with one of the texts `only` in their name, and the exact ones of these networks.
+    /// Keeps the settings with one of the texts `only` in their name, and the exact ones of these
+    /// networks.
     fn choose(&mut self, only: &[String]) -> Result<(), EvaluateError> {
         let settings =
             self.networks.first().map(|network| network.settings.iter().map(|(_, name)| name.as_str()));

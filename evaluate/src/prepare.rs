@@ -1,7 +1,7 @@
 //! Inputs of networks with labels, for training: as tensors of a safetensors file.
 //!
-//! Enters: a data set, or streams of events. Leaves: [`Prepared`] tensors. Inputs are made as the engine makes them, and equal
-//! data give equal bytes.
+//! Enters: a data set, or streams of events. Leaves: [`Prepared`] tensors. Inputs are made as the
+//! engine makes them, and equal data give equal bytes.
 
 mod dome;
 mod filmed;
@@ -41,8 +41,8 @@ pub struct Prepared {
     pub contents: String,
 }
 
-/// The windows of all recordings of `data` as `description` reads them, with labels. `meissner prepare slip --help` lists the
-/// tensors.
+/// The windows of all recordings of `data` as `description` reads them, with labels. `meissner
+/// prepare slip --help` lists the tensors.
 ///
 /// # Errors
 /// The network does not read electrodes, or a reading cannot be scaled.
@@ -103,8 +103,8 @@ fn metadata<const N: usize>(entries: [(&str, Value); N]) -> BTreeMap<String, Str
     entries.map(|(key, value)| (key.to_owned(), value.to_string())).into()
 }
 
-/// The events of all recordings of `data`, one recording after the other, with labels, splits and `folds` folds.
-/// `meissner prepare digits --help` lists the tensors.
+/// The events of all recordings of `data`, one recording after the other, with labels, splits and
+/// `folds` folds. `meissner prepare digits --help` lists the tensors.
 ///
 /// # Errors
 /// There cannot be so many folds.
@@ -136,8 +136,8 @@ pub fn labelled_events(data: &EventData, folds: usize) -> Result<Prepared, Evalu
     Ok(Prepared { file, contents })
 }
 
-/// Adds the events of `streams`, one stream after the other, as `t_us`, `x`, `y` and `on`, and the bounds of the streams as
-/// `start`.
+/// Adds the events of `streams`, one stream after the other, as `t_us`, `x`, `y` and `on`, and the
+/// bounds of the streams as `start`.
 fn add_streams<'a, S>(file: &mut TensorFile, streams: impl Iterator<Item = S> + Clone)
 where
     S: ExactSizeIterator<Item = &'a Event>,
@@ -171,9 +171,9 @@ struct Level {
     index: Vec<i32>,
 }
 
-/// The graphs of the streams in the safetensors file `events`, as a network of `description` builds them: each stream from a
-/// reset to its last event. The streams are shared by the threads of `pool`. `meissner prepare graphs --help` lists the
-/// tensors.
+/// The graphs of the streams in the safetensors file `events`, as a network of `description` builds
+/// them: each stream from a reset to its last event. The streams are shared by the threads of
+/// `pool`. `meissner prepare graphs --help` lists the tensors.
 ///
 /// # Errors
 /// The file cannot be read, or its streams do not fit.

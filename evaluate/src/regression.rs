@@ -1,8 +1,10 @@
-//! Regression over events: networks that predict quantities, such as the angles of a contact, at any time of a press.
+//! Regression over events: networks that predict quantities, such as the angles of a contact, at
+//! any time of a press.
 //!
-//! Enters: a file of streams of events with the truth along time, and networks with their trainings. Leaves: a [`Report`] and
-//! the outputs at the end of each press. A press begins with a reset, and its figures are computed from its predictions in a
-//! fixed order, so that the number of threads changes no bit, except in measured times and in what depends on them.
+//! Enters: a file of streams of events with the truth along time, and networks with their
+//! trainings. Leaves: a [`Report`] and the outputs at the end of each press. A press begins with a
+//! reset, and its figures are computed from its predictions in a fixed order, so that the number of
+//! threads changes no bit, except in measured times and in what depends on them.
 //!
 //! | time | meaning |
 //! |---|---|
@@ -96,7 +98,8 @@ pub struct Report {
     pub mode: &'static str,
     /// Microseconds from one prediction to the next.
     pub every_us: i64,
-    /// Times since contact of `mean_absolute_at`; the last one is at or after the end of every press.
+    /// Times since contact of `mean_absolute_at`; the last one is at or after the end of every
+    /// press.
     pub times_us: Vec<i64>,
     pub networks: Vec<NetworkReport<PressFigures>>,
 }
@@ -123,11 +126,12 @@ pub struct PressFigures {
     pub stride: usize,
     /// Figures of the trainings; `None` for a file without presses.
     pub figures: Option<Judged>,
-    /// True and predicted values at the end of each press, in the units of the report, for each output of the first training.
+    /// True and predicted values at the end of each press, in the units of the report, for each
+    /// output of the first training.
     #[serde(skip)]
     pub scatter: Vec<Vec<(f64, f64)>>,
-    /// A point for each press, from what the first training reads out of it, where this was asked for; frame networks and
-    /// fewer than seven presses have none.
+    /// A point for each press, from what the first training reads out of it, where this was asked
+    /// for; frame networks and fewer than seven presses have none.
     #[serde(skip)]
     pub embedding: Option<Vec<(f64, f64)>>,
 }
@@ -135,13 +139,16 @@ pub struct PressFigures {
 /// Figures of several trainings on the same presses.
 pub type Judged = judged::Judged<Errors>;
 
-/// Judges the networks of `options` on the presses in the safetensors file `events`, with the threads of `workers`. `done` is
-/// called after each training with its label and the time since judging began.
+/// Judges the networks of `options` on the presses in the safetensors file `events`, with the
+/// threads of `workers`. `done` is called after each training with its label and the time since
+/// judging began.
 ///
-/// The file has streams as `meissner simulate markers` writes them, with a label for each output of each network.
+/// The file has streams as `meissner simulate markers` writes them, with a label for each output of
+/// each network.
 ///
 /// # Errors
-/// The file or a network cannot be read, or trainings do not fit. All of this is checked before a network runs.
+/// The file or a network cannot be read, or trainings do not fit. All of this is checked before a
+/// network runs.
 pub fn evaluate(
     events: &Path,
     options: &Options<'_>,

@@ -1,4 +1,5 @@
-//! Direction of slip from 24 electrodes: the data set, its windows, and the trainings of its networks.
+//! Direction of slip from 24 electrodes: the data set, its windows, and the trainings of its
+//! networks.
 //!
 //! [`evaluate`] judges networks on seen and unseen objects.
 
@@ -147,7 +148,8 @@ impl Windows {
         self.values[(end - steps) * frame..end * frame].chunks_exact(frame)
     }
 
-    /// The outputs of `engine` for a window, from its last `steps` frames. The engine is reset before.
+    /// The outputs of `engine` for a window, from its last `steps` frames. The engine is reset
+    /// before.
     pub(crate) fn logits(
         &self,
         engine: &mut FrameEngine,

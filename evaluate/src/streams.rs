@@ -1,8 +1,8 @@
 //! Streams of events from a safetensors file.
 //!
-//! Enters: the bytes of a file. Leaves: streams of events that lie on the sensor, with times that do not descend within a
-//! stream, and the truth about each stream along time where the file has it. A file that breaks this is refused with the
-//! index of the first value that does.
+//! Enters: the bytes of a file. Leaves: streams of events that lie on the sensor, with times that
+//! do not descend within a stream, and the truth about each stream along time where the file has
+//! it. A file that breaks this is refused with the index of the first value that does.
 
 use std::path::Path;
 
@@ -35,7 +35,8 @@ pub struct Labels<'a> {
 }
 
 impl Streams {
-    /// The streams in the safetensors file at `path`, as `meissner simulate markers` writes them. All are held in memory.
+    /// The streams in the safetensors file at `path`, as `meissner simulate markers` writes them.
+    /// All are held in memory.
     ///
     /// # Errors
     /// The file cannot be read or does not fit.
@@ -43,7 +44,8 @@ impl Streams {
         Self::parsed(path, Self::from_bytes)
     }
 
-    /// The streams in the file at `path`, and the cause of each event as [`crate::prepare::film_markers`] writes it.
+    /// The streams in the file at `path`, and the cause of each event as
+    /// [`crate::prepare::film_markers`] writes it.
     pub(crate) fn with_causes(path: &Path) -> Result<(Self, Vec<Cause>), EvaluateError> {
         Self::parsed(path, |bytes| {
             let streams = Self::from_bytes(bytes)?;

@@ -1,5 +1,5 @@
-//! Objects and containers in a gripper, felt by a tactile skin (`NeuTouch`): the data sets, and the trainings of their
-//! networks.
+//! Objects and containers in a gripper, felt by a tactile skin (`NeuTouch`): the data sets, and the
+//! trainings of their networks.
 
 use std::path::Path;
 

@@ -1,7 +1,8 @@
 //! Networks that are judged, and their trainings.
 //!
-//! Enters: names of networks or description files; a file of weights, a folder of trainings, or the shipped weights. Leaves:
-//! each network with its trainings, which state what they were trained on and what they have not seen.
+//! Enters: names of networks or description files; a file of weights, a folder of trainings, or the
+//! shipped weights. Leaves: each network with its trainings, which state what they were trained on
+//! and what they have not seen.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -56,8 +57,8 @@ pub trait Task {
         network
     }
 
-    /// The part that a training held out by its metadata; `None` for a whole training. By default, the recordings that a
-    /// fold held out; a whole training must have left out the split test.
+    /// The part that a training held out by its metadata; `None` for a whole training. By default,
+    /// the recordings that a fold held out; a whole training must have left out the split test.
     ///
     /// # Errors
     /// The metadata do not state which part of the data set is unseen.
@@ -120,7 +121,8 @@ pub(crate) struct Training {
     pub(crate) weights: Weights,
 }
 
-/// The networks of `request` in the order of their names, and notes about trainings that are left out.
+/// The networks of `request` in the order of their names, and notes about trainings that are left
+/// out.
 pub(crate) fn candidates<T: Task>(request: Request<'_>) -> Result<Candidates<T>, EvaluateError> {
     let descriptions = descriptions::<T>(request.networks)?;
     if let Some(folder) = request.trainings {

@@ -1,7 +1,8 @@
 //! Trainings with the labelled cases that they have not seen.
 //!
-//! Enters: the trainings of a network, and the cases of a data set: its recordings, or windows of them. Leaves: trials, each
-//! a whole training or the folds of a cross-validation. No case is held out twice within a trial.
+//! Enters: the trainings of a network, and the cases of a data set: its recordings, or windows of
+//! them. Leaves: trials, each a whole training or the folds of a cross-validation. No case is held
+//! out twice within a trial.
 
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -86,11 +87,12 @@ impl Cases {
         Ok(cases)
     }
 
-    /// The trials of `trainings`: whole ones, which have not seen the cases `unseen`, then the folds by scheme and seed.
-    /// `check` can refuse the cases of a fold.
+    /// The trials of `trainings`: whole ones, which have not seen the cases `unseen`, then the
+    /// folds by scheme and seed. `check` can refuse the cases of a fold.
     ///
     /// # Errors
-    /// A fold held out something that is no case, that `check` refuses, or that another fold of its trial held out.
+    /// A fold held out something that is no case, that `check` refuses, or that another fold of its
+    /// trial held out.
     pub(crate) fn trials(
         &self,
         trainings: &[Arc<Training>],
@@ -167,8 +169,8 @@ impl Trial {
         self.folds.iter().flat_map(|fold| fold.training.files()).collect()
     }
 
-    /// The unseen cases with their outcomes, in the order of the cases. `outcomes` has those of a training on its cases;
-    /// `done` is called after each training.
+    /// The unseen cases with their outcomes, in the order of the cases. `outcomes` has those of a
+    /// training on its cases; `done` is called after each training.
     pub(crate) fn outcomes<O>(
         &self,
         mut done: impl FnMut(&Training),
@@ -183,8 +185,8 @@ impl Trial {
         Ok(all)
     }
 
-    /// Adds the outputs of `network` for the unseen cases, row-major (cases, `outputs`), as the tensor `NETWORK.SEED` or
-    /// `NETWORK.SEED.folds`.
+    /// Adds the outputs of `network` for the unseen cases, row-major (cases, `outputs`), as the
+    /// tensor `NETWORK.SEED` or `NETWORK.SEED.folds`.
     pub(crate) fn write(&self, network: &str, outputs: usize, values: &[f32], file: &mut TensorFile) {
         let folds = if self.scheme.is_some() { ".folds" } else { "" };
         let name = format!("{network}.{}{folds}", seed_name(self.seed));

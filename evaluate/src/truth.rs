@@ -1,7 +1,8 @@
 //! Labels of streams along time: what a network over events should have said, at any time.
 //!
-//! Enters: tensors of a safetensors file, of tracks or of events. Leaves: values at any time, linear between the times of the
-//! labels and constant outside them. Every stream has a time, times ascend in each, and values are finite.
+//! Enters: tensors of a safetensors file, of tracks or of events. Leaves: values at any time,
+//! linear between the times of the labels and constant outside them. Every stream has a time, times
+//! ascend in each, and values are finite.
 
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -28,7 +29,8 @@ pub(crate) struct Truth {
 }
 
 impl Truth {
-    /// The labels of tracks whose times are `t_us` and `start`: every F32 tensor of shape (times). `None` without any.
+    /// The labels of tracks whose times are `t_us` and `start`: every F32 tensor of shape (times).
+    /// `None` without any.
     pub(crate) fn of_tracks(
         file: &SafeTensors<'_>,
         start: Vec<usize>,
@@ -89,7 +91,8 @@ impl Truth {
         Ok((!labels.is_empty()).then_some(Self { start, t_us, labels }))
     }
 
-    /// Labels of streams one after the other: for each, its times and the values of the labels `names` at each of them.
+    /// Labels of streams one after the other: for each, its times and the values of the labels
+    /// `names` at each of them.
     ///
     /// # Panics
     /// Where a stream has no time.
@@ -136,15 +139,16 @@ impl Truth {
         [self.t_us[times.start], self.t_us[times.end - 1]]
     }
 
-    /// When the label `name` of `stream` leaves 0: the last time at which it has not been above 0 yet. `None` where there is
-    /// no such label or it never rises.
+    /// When the label `name` of `stream` leaves 0: the last time at which it has not been above 0
+    /// yet. `None` where there is no such label or it never rises.
     pub(crate) fn rises_us(&self, name: &str, stream: usize) -> Option<i64> {
         let (values, times) = (self.labels.get(name)?, self.times(stream));
         let first = times.clone().find(|&i| values[i] > 0.0)?;
         Some(self.t_us[first.saturating_sub(1).max(times.start)])
     }
 
-    /// The value of the label `name` of `stream` at `t_us`; `None` without such a label. O(log times).
+    /// The value of the label `name` of `stream` at `t_us`; `None` without such a label. O(log
+    /// times).
     pub(crate) fn at(&self, name: &str, stream: usize, t_us: i64) -> Option<f64> {
         let (values, times) = (self.labels.get(name)?, self.times(stream));
         let after = times.start + self.t_us[times.clone()].partition_point(|&time| time <= t_us);

@@ -73,9 +73,11 @@ impl Workers {
         self.watch.0.total.store(items as u64, Ordering::Relaxed);
     }
 
-    /// The results of `work` for each of `items`, in their order, each thread with clones of `engine`.
+    /// The results of `work` for each of `items`, in their order, each thread with clones of
+    /// `engine`.
     ///
-    /// The number of threads and the order in which they take items cannot reach a result if `work` resets its engine.
+    /// The number of threads and the order in which they take items cannot reach a result if `work`
+    /// resets its engine.
     ///
     /// # Errors
     /// The first error in the order of the items; [`EvaluateError::Stopped`].

@@ -1,7 +1,8 @@
 //! Approximations, and the report of their effects.
 //!
-//! Filters drop events before the engine. Fewer neighbours change the network before it runs. The tolerance is an
-//! option of the engine. A stale readout repeats its last prediction. Without any of them, results are exact.
+//! Filters drop events before the engine. Fewer neighbours change the network before it runs. The
+//! tolerance is an option of the engine. A stale readout repeats its last prediction. Without any
+//! of them, results are exact.
 
 use std::sync::Arc;
 
@@ -14,7 +15,8 @@ use serde::Serialize;
 /// Approximations that make results cheaper and less exact. `Default` has none.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Approximations {
-    /// A recomputed row or pixel keeps its stored values if no channel differs from them by more than this.
+    /// A recomputed row or pixel keeps its stored values if no channel differs from them by more
+    /// than this.
     pub tolerance: Option<f32>,
     /// Largest number of neighbours that a node reads.
     pub neighbours: Option<u8>,
@@ -70,8 +72,8 @@ impl Approximations {
         Ok(Chain::new(filters))
     }
 
-    /// An engine for `network` with the tolerance and the staleness. The number of neighbours is that of `network`, see
-    /// [`Self::adapt`].
+    /// An engine for `network` with the tolerance and the staleness. The number of neighbours is
+    /// that of `network`, see [`Self::adapt`].
     ///
     /// # Errors
     /// The engine refuses the sensor, an option or an approximation.

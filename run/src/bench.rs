@@ -1,4 +1,5 @@
-//! Benchmarks: latency of events and frames, its distribution over phases, and the time of each stage.
+//! Benchmarks: latency of events and frames, its distribution over phases, and the time of each
+//! stage.
 //!
 //! | benchmark | measures |
 //! |---|---|

@@ -1,7 +1,8 @@
 //! How many empty frames of a silence a network takes.
 //!
-//! Enters: runs of empty frames, and frames with events. Leaves: how many of the empty ones the network takes, and whether its state is reset
-//! after them. Invariant: of a silence, a network takes at most the longest number of frames; the next one resets its state, once.
+//! Enters: runs of empty frames, and frames with events. Leaves: how many of the empty ones the
+//! network takes, and whether its state is reset after them. Invariant: of a silence, a network
+//! takes at most the longest number of frames; the next one resets its state, once.
 
 /// The default for the largest number of consecutive empty frames that a network takes.
 const MAX: u64 = 6000;

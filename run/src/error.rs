@@ -53,7 +53,8 @@ pub enum PipelineError {
     Lines {
         /// The text.
         recording: String,
-        /// The number of malformed lines and of all lines, the first malformed line, and the reason.
+        /// The number of malformed lines and of all lines, the first malformed line, and the
+        /// reason.
         problem: String,
     },
     /// A file cannot be read or written; the source names it.
@@ -116,7 +117,8 @@ pub enum PipelineError {
         /// The reason.
         source: RepresentationError,
     },
-    /// Predictions would be due between two frames, or frames would have no period or another period than the network.
+    /// Predictions would be due between two frames, or frames would have no period or another
+    /// period than the network.
     #[error("expected {expected}, found {found}")]
     FramePeriod {
         /// The accepted times of predictions.
@@ -191,7 +193,8 @@ fn names_file(error: &ModelError) -> bool {
     matches!(error, ModelError::Read { .. } | ModelError::Large { .. })
 }
 
-/// An error and its sources in one line, from the outermost to the first cause; each in part, where it is very long.
+/// An error and its sources in one line, from the outermost to the first cause; each in part, where
+/// it is very long.
 pub fn chain(error: &dyn Error) -> String {
     let mut text = in_part(&error.to_string()).into_owned();
     let mut inner = error.source();

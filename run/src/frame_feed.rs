@@ -1,15 +1,18 @@
 //! Makes the frames that a network reads from events.
 //!
-//! Enters: events in order of arrival. Leaves: the frames that the `[input]` of a description defines, (channels, rows,
-//! columns), each with its time on the clock of the events. Of a silence, as many empty frames come as [`EmptyFrameLimit`] lets
-//! through, and then the news of how many were left out: its cost does not depend on its length. Invariant: frames come in
-//! order of time, and every accepted event inside the crop is or will be in a frame.
+//! Enters: events in order of arrival. Leaves: the frames that the `[input]` of a description
+//! defines, (channels, rows, columns), each with its time on the clock of the events. Of a silence,
+//! as many empty frames come as [`EmptyFrameLimit`] lets through, and then the news of how many
+//! were left out: its cost does not depend on its length. Invariant: frames come in order of time,
+//! and every accepted event inside the crop is or will be in a frame.
 //!
-//! The frame of a consecutive window comes once, when time has passed the end of the window. That end is the time of
-//! the frame. A sliding window is read when [`Every`] says, and the time of its frame is the time of reading.
+//! The frame of a consecutive window comes once, when time has passed the end of the window. That
+//! end is the time of the frame. A sliding window is read when [`Every`] says, and the time of its
+//! frame is the time of reading.
 //!
-//! A feed that was told to [keep](FrameFeed::keep) events can return its state, and another feed can resume from it.
-//! The state has the events of the open consecutive window, or the events in the span of the sliding window.
+//! A feed that was told to [keep](FrameFeed::keep) events can return its state, and another feed
+//! can resume from it. The state has the events of the open consecutive window, or the events in
+//! the span of the sliding window.
 
 mod state;
 
@@ -31,8 +34,8 @@ pub(crate) use state::FeedState;
 
 /// Makes the frames of one stream of events.
 pub(crate) struct FrameFeed {
-    /// Admits events before they reach the frames. The gates of the frames only drop late events, so they accept every
-    /// event that this gate accepts.
+    /// Admits events before they reach the frames. The gates of the frames only drop late events,
+    /// so they accept every event that this gate accepts.
     gate: Admission,
     /// Decides about restarts of the clock.
     watch: ClockWatch,
@@ -85,13 +88,15 @@ enum Made<'a> {
     Empty { count: u64, t_us: i64, period_us: i64 },
 }
 
-/// A step back of the clock that is no restart, at least: frames may be shorter than a packet of events is late.
+/// A step back of the clock that is no restart, at least: frames may be shorter than a packet of
+/// events is late.
 const MIN_RESTART_US: i64 = 100_000;
 
 impl FrameFeed {
-    /// A feed for the network of `description` on `sensor`; `None` if its frames are not made of events. `every` says
-    /// when a sliding window is read, and has no effect on consecutive windows. The feed continues from `state` if it
-    /// is given, with `silence` as it stood. The sensor must have the pixels that a frame covers.
+    /// A feed for the network of `description` on `sensor`; `None` if its frames are not made of
+    /// events. `every` says when a sliding window is read, and has no effect on consecutive
+    /// windows. The feed continues from `state` if it is given, with `silence` as it stood. The
+    /// sensor must have the pixels that a frame covers.
     pub(crate) fn new(
         description: &FrameDescription,
         sensor: Sensor,
@@ -166,8 +171,9 @@ impl FrameFeed {
         }
     }
 
-    /// Takes `event`. The frames that its time completes go to `sink` before it enters. A sliding frame that becomes
-    /// due with it goes to `sink` after it enters. `sink` is not called again after an error.
+    /// Takes `event`. The frames that its time completes go to `sink` before it enters. A sliding
+    /// frame that becomes due with it goes to `sink` after it enters. `sink` is not called again
+    /// after an error.
     pub(crate) fn push<E>(
         &mut self,
         event: Event,
@@ -249,8 +255,9 @@ impl FrameFeed {
         done.map(|()| Outcome::Accepted)
     }
 
-    /// Advances time to `t_us`. The frames that end or are due before it go to `sink`. Earlier times, and any time before the first event,
-    /// change nothing. `sink` is not called again after an error.
+    /// Advances time to `t_us`. The frames that end or are due before it go to `sink`. Earlier
+    /// times, and any time before the first event, change nothing. `sink` is not called again after
+    /// an error.
     pub(crate) fn advance<E>(
         &mut self,
         t_us: i64,
@@ -279,8 +286,8 @@ impl FrameFeed {
         done
     }
 
-    /// Delivers the last frame after the last event: the window that is still open, or the sliding window if it is due
-    /// once more. Delivers nothing if no event has been accepted.
+    /// Delivers the last frame after the last event: the window that is still open, or the sliding
+    /// window if it is due once more. Delivers nothing if no event has been accepted.
     pub(crate) fn finish<E>(
         &mut self,
         mut sink: impl FnMut(FeedOutput<'_>) -> Result<(), E>,
@@ -300,7 +307,8 @@ impl FrameFeed {
         self.kept.get_or_insert_default();
     }
 
-    /// The state of the feed; `None` before the first event, and if the feed was not told to [keep](Self::keep) events.
+    /// The state of the feed; `None` before the first event, and if the feed was not told to
+    /// [keep](Self::keep) events.
     pub(crate) fn state(&mut self) -> Option<FeedState> {
         let events = self.kept.as_ref()?.iter().map(|e| (e.t_us, e.x, e.y, e.on)).collect();
         let open_us = match &mut self.frames {

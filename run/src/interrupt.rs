@@ -1,11 +1,12 @@
-//! The signals that ask the program to end: SIGINT (Ctrl-C), SIGTERM, and SIGHUP (its terminal is gone) unless that is ignored
-//! from the start, as by `nohup`.
+//! The signals that ask the program to end: SIGINT (Ctrl-C), SIGTERM, and SIGHUP (its terminal is
+//! gone) unless that is ignored from the start, as by `nohup`.
 //!
-//! At first, each signal ends the program at once with exit status [`STATUS`]. A subcommand that works on a stream
-//! calls [`listen`] as soon as it has results to keep. From then on the first signal is a request: [`requested`]
-//! returns true, and every wait in [`sleep`], for [`input`], for an [`awaited`] file or for the reader of an [`output`] ends. The
-//! second signal ends the program at once or, where something is to be written that must not be lost ([`hold`]), as soon as it
-//! is. The third ends it at once.
+//! At first, each signal ends the program at once with exit status [`STATUS`]. A subcommand that
+//! works on a stream calls [`listen`] as soon as it has results to keep. From then on the first
+//! signal is a request: [`requested`] returns true, and every wait in [`sleep`], for [`input`], for
+//! an [`awaited`] file or for the reader of an [`output`] ends. The second signal ends the program
+//! at once or, where something is to be written that must not be lost ([`hold`]), as soon as it is.
+//! The third ends it at once.
 //!
 //! On platforms other than Unix, nothing is requested, and signals have their default effect.
 
@@ -72,11 +73,13 @@ mod unix {
     /// Standard input. A request ends it with an error.
     pub type Input = BufReader<Awaited>;
 
-    /// A file that is waited for together with signals. A plain read would keep waiting after a signal.
+    /// A file that is waited for together with signals. A plain read would keep waiting after a
+    /// signal.
     #[derive(Debug)]
     pub struct Awaited(File);
 
-    /// Makes signals end the program with [`STATUS`]. If that fails, they keep their default effect.
+    /// Makes signals end the program with [`STATUS`]. If that fails, they keep their default
+    /// effect.
     pub fn install() {
         let signals = || {
             let (at_once, asked) = (Arc::new(AtomicBool::new(true)), Arc::new(AtomicBool::new(false)));
@@ -105,7 +108,8 @@ mod unix {
         ignored.is_some_and(|mask| mask >> (signal - 1) & 1 == 1)
     }
 
-    /// Makes the first signal from now on a request. If that fails, the first signal still ends the program at once.
+    /// Makes the first signal from now on a request. If that fails, the first signal still ends the
+    /// program at once.
     pub fn listen() {
         let Some(signals) = SIGNALS.get() else { return };
         let counted = signals.counted.lock().unwrap_or_else(PoisonError::into_inner).take();
@@ -116,7 +120,8 @@ mod unix {
         }
     }
 
-    /// Ends the program at the second signal once nothing is [held](hold), and at the third at once.
+    /// Ends the program at the second signal once nothing is [held](hold), and at the third at
+    /// once.
     fn count(mut signals: UnixStream) {
         let mut two = [0; 2];
         if signals.read_exact(&mut two).is_err() {
@@ -131,7 +136,8 @@ mod unix {
         low_level::exit(STATUS.into());
     }
 
-    /// Lets the second signal wait until the result is dropped. A thread that holds does not call this again.
+    /// Lets the second signal wait until the result is dropped. A thread that holds does not call
+    /// this again.
     pub fn hold() -> Hold {
         Hold(HELD.lock().unwrap_or_else(PoisonError::into_inner))
     }
@@ -205,8 +211,8 @@ mod unix {
         Err(io::Error::other("interrupted"))
     }
 
-    /// Waits until `file` is ready for `what` or has failed: for `longest`, or until a signal asks the program to end. Whether it
-    /// is ready.
+    /// Waits until `file` is ready for `what` or has failed: for `longest`, or until a signal asks
+    /// the program to end. Whether it is ready.
     pub(super) fn is_ready(file: &impl AsFd, what: PollFlags, longest: Option<Duration>) -> io::Result<bool> {
         let longest = longest.and_then(|longest| Timespec::try_from(longest).ok());
         // A wait that has an end goes on after a request.

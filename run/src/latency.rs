@@ -13,8 +13,8 @@ const DIGITS: u8 = 3;
 const CLOCK_READS: u32 = 2000;
 const CLOCK_RUNS: usize = 50;
 
-/// A histogram of durations, with a resolution of a nanosecond or three digits. It is written as its
-/// [distribution](Self::distribution).
+/// A histogram of durations, with a resolution of a nanosecond or three digits. It is written as
+/// its [distribution](Self::distribution).
 #[derive(Debug)]
 pub struct Latency {
     histogram: Histogram<u64>,
@@ -68,8 +68,8 @@ impl Serialize for Latencies {
     }
 }
 
-/// Overhead of the clock in microseconds, measured by timing nothing. It is the smallest mean of several runs, since an
-/// interruption can only increase a mean.
+/// Overhead of the clock in microseconds, measured by timing nothing. It is the smallest mean of
+/// several runs, since an interruption can only increase a mean.
 pub fn clock_us() -> f64 {
     let mean = |_| {
         let mut nothing = Duration::ZERO;
@@ -134,8 +134,8 @@ impl Latency {
         self.histogram.len()
     }
 
-    /// Points (duration in microseconds, share of longer durations) in ascending order of duration. There is one point
-    /// for each value of the histogram that occurred. The last share is 0.
+    /// Points (duration in microseconds, share of longer durations) in ascending order of duration.
+    /// There is one point for each value of the histogram that occurred. The last share is 0.
     pub fn longer(&self) -> Vec<(f64, f64)> {
         let mut left = self.count();
         let point = |bucket: hdrhistogram::iterators::IterationValue<u64>| {

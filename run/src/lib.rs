@@ -1,7 +1,8 @@
-//! Drives an engine over a source: recordings and live streams in, predictions out. This crate does not parse arguments
-//! and does not print. Messages go to the `tracing` crate.
+//! Drives an engine over a source: recordings and live streams in, predictions out. This crate does
+//! not parse arguments and does not print. Messages go to the `tracing` crate.
 //!
-//! This example runs a shipped network over the embedded recording, and prints a line of JSON for each prediction:
+//! This example runs a shipped network over the embedded recording, and prints a line of JSON for
+//! each prediction:
 //!
 //! ```
 //! use meissner_run::model::Model;

@@ -1,7 +1,8 @@
 //! Lines of a text of events or readings that cannot be read. They are logged, counted and skipped.
 //!
-//! Enters: the problem of each line. Leaves: a warning for each of the first [`LINES_TOLD`] lines, the total number,
-//! and an error if a line cannot be skipped: any line of a strict source, or most lines of a text.
+//! Enters: the problem of each line. Leaves: a warning for each of the first [`LINES_TOLD`] lines,
+//! the total number, and an error if a line cannot be skipped: any line of a strict source, or most
+//! lines of a text.
 
 use std::path::Path;
 
@@ -12,8 +13,8 @@ use crate::losses::LINES_TOLD;
 use crate::streams;
 use crate::text::grouped;
 
-/// Number of first lines of which more than half may not be refused. Otherwise the text probably has a different
-/// format. For a shorter text, all lines count.
+/// Number of first lines of which more than half may not be refused. Otherwise the text probably
+/// has a different format. For a shorter text, all lines count.
 const FIRST: u64 = 100;
 
 /// Counts of the refused and the taken lines of a text.
@@ -26,7 +27,8 @@ pub(crate) struct LineErrors {
     of_anybody: bool,
     taken: u64,
     count: u64,
-    /// Problems of the first lines until one is taken. Before that, the text may have a different format.
+    /// Problems of the first lines until one is taken. Before that, the text may have a different
+    /// format.
     held: Vec<String>,
     /// The problem of the first refused line.
     first: String,
@@ -39,7 +41,8 @@ impl LineErrors {
         Self { name, strict, of_anybody: false, taken: 0, count: 0, held, first }
     }
 
-    /// Counts for the file or stream `path`. Datagrams may be from anybody: any number of them may be refused.
+    /// Counts for the file or stream `path`. Datagrams may be from anybody: any number of them may
+    /// be refused.
     pub(crate) fn of(path: &Path, strict: bool) -> Self {
         let of_anybody = streams::is_of_datagrams(path);
         Self { of_anybody, ..Self::new(&streams::name(path), strict) }

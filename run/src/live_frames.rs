@@ -1,8 +1,11 @@
-//! A frame network that takes events one by one and predicts at any time, as [`meissner_live`] needs it.
+//! A frame network that takes events one by one and predicts at any time, as [`meissner_live`]
+//! needs it.
 //!
-//! Enters: events in order of arrival. Leaves: the prediction after the newest complete frame. Frames, and the rule for silences, are those
-//! of a [run](crate::run::FrameRun) with default options: a consecutive window is a frame when time has passed its end, and a sliding window is
-//! read every 10 ms of stream time. So predictions depend on the events alone, not on when they are asked for.
+//! Enters: events in order of arrival. Leaves: the prediction after the newest complete frame.
+//! Frames, and the rule for silences, are those of a [run](crate::run::FrameRun) with default
+//! options: a consecutive window is a frame when time has passed its end, and a sliding window is
+//! read every 10 ms of stream time. So predictions depend on the events alone, not on when they are
+//! asked for.
 
 use std::sync::Arc;
 
@@ -21,8 +24,8 @@ use crate::run::EVERY;
 
 /// A frame network over the events of one sensor.
 ///
-/// In a [`Prediction`], `t_us` is the end of the newest complete frame, and `nodes` the number of frames since the last reset. Events that
-/// are earlier than one before them are dropped.
+/// In a [`Prediction`], `t_us` is the end of the newest complete frame, and `nodes` the number of
+/// frames since the last reset. Events that are earlier than one before them are dropped.
 pub struct LiveFrames {
     model: Arc<FrameModel>,
     sensor: Sensor,
@@ -62,7 +65,8 @@ impl LiveFrames {
     /// The network of `model` before the first event of `sensor`.
     ///
     /// # Errors
-    /// The frames of the model are not made of events, the sensor lacks pixels that they cover, or the engine refuses an option.
+    /// The frames of the model are not made of events, the sensor lacks pixels that they cover, or
+    /// the engine refuses an option.
     pub fn new(model: Arc<FrameModel>, sensor: Sensor, options: FrameOptions) -> Result<Self, PipelineError> {
         let feed = feed(&model, sensor, 0, None)?;
         let frames = Frames {
@@ -83,8 +87,9 @@ impl LiveFrames {
         dropped
     }
 
-    /// Encodes the state as bytes for [`Self::restore_bytes`], with a note of the caller that [`Self::note`] returns. Size: that of
-    /// the engine's state, plus the events that the next frames cover.
+    /// Encodes the state as bytes for [`Self::restore_bytes`], with a note of the caller that
+    /// [`Self::note`] returns. Size: that of the engine's state, plus the events that the next
+    /// frames cover.
     pub fn to_bytes_with(&mut self, note: &[u8]) -> Vec<u8> {
         let note = Note {
             made: self.made(),
@@ -105,12 +110,13 @@ impl LiveFrames {
         Ok(Note::read(bytes)?.caller)
     }
 
-    /// Restores the state that [`Self::to_bytes_with`] wrote for an equal network and sensor. Later predictions are those of the network that
-    /// wrote it.
+    /// Restores the state that [`Self::to_bytes_with`] wrote for an equal network and sensor. Later
+    /// predictions are those of the network that wrote it.
     ///
     /// # Errors
-    /// [`EngineError::Snapshot`] and [`EngineError::SnapshotBytes`] as [`FrameEngine::restore_bytes`], or for frames that were made in another
-    /// way. The state is then unchanged.
+    /// [`EngineError::Snapshot`] and [`EngineError::SnapshotBytes`] as
+    /// [`FrameEngine::restore_bytes`], or for frames that were made in another way. The state is
+    /// then unchanged.
     pub fn restore_bytes(&mut self, bytes: &[u8]) -> Result<(), EngineError> {
         let note = Note::read(bytes)?;
         let made = self.made();

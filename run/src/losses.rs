@@ -1,9 +1,10 @@
 //! Unintended loss of input, and truncated recordings.
 //!
-//! Enters: counts. Leaves: a warning for each reason that lost more than one percent of the input, with the likely
-//! cause. Events that a filter or a queue drops are not counted, because that loss was requested. A live stream can run
-//! for days, so its losses are reported after the first thousand events and then every second: those since the last report,
-//! with the likely cause the first time.
+//! Enters: counts. Leaves: a warning for each reason that lost more than one percent of the input,
+//! with the likely cause. Events that a filter or a queue drops are not counted, because that loss
+//! was requested. A live stream can run for days, so its losses are reported after the first
+//! thousand events and then every second: those since the last report, with the likely cause the
+//! first time.
 
 use std::fmt;
 use std::time::{Duration, Instant};
@@ -75,18 +76,21 @@ pub struct LossWarning {
 /// Logs the losses of a stream, once for each reason.
 #[derive(Debug)]
 pub struct LossWatch {
-    /// When the losses were checked last, and what they were; `None` for a recording, whose end is near.
+    /// When the losses were checked last, and what they were; `None` for a recording, whose end is
+    /// near.
     last: Option<(Instant, Option<InputLosses>)>,
     told: Vec<LossReason>,
 }
 
-/// Number of events after which a live stream is checked for the first time, if that is within a second.
+/// Number of events after which a live stream is checked for the first time, if that is within a
+/// second.
 const FIRST: u64 = 1000;
 /// Time between two checks of a live stream.
 const PERIOD: Duration = Duration::from_secs(1);
 
 impl LossWatch {
-    /// A watch over a stream. It checks a `live` stream from time to time while the stream continues.
+    /// A watch over a stream. It checks a `live` stream from time to time while the stream
+    /// continues.
     pub fn new(live: bool) -> Self {
         Self { last: live.then(|| (Instant::now(), None)), told: Vec::new() }
     }
@@ -126,8 +130,8 @@ impl LossWatch {
         }
     }
 
-    /// Ends the watch over the stream called `name`: logs the warnings that were not logged before, and returns all
-    /// warnings.
+    /// Ends the watch over the stream called `name`: logs the warnings that were not logged before,
+    /// and returns all warnings.
     pub fn end(&mut self, name: &str, losses: &InputLosses) -> Vec<LossWarning> {
         let warnings = losses.warnings();
         // A few refused lines have each been logged already.
@@ -153,7 +157,8 @@ pub struct InputLosses {
 }
 
 impl InputLosses {
-    /// Losses of a stream of events from `sensor`. `events` counts the events that reached the network.
+    /// Losses of a stream of events from `sensor`. `events` counts the events that reached the
+    /// network.
     pub fn of_events(events: EventCounters, sensor: Sensor) -> Self {
         Self { events, sensor: Some(sensor), outside_crop: 0, lines_refused: 0, advice: |_| None }
     }

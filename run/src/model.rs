@@ -51,7 +51,8 @@ pub struct Model {
     pub network: Network,
     /// The card of network and weights, for reports.
     pub card: ModelCard,
-    /// Largest number of multiply-adds of a row, for each of [`Network::layers`]; 0 for a pooling, which only compares.
+    /// Largest number of multiply-adds of a row, for each of [`Network::layers`]; 0 for a pooling,
+    /// which only compares.
     pub multiply_adds: Vec<u64>,
 }
 
@@ -79,8 +80,8 @@ pub fn describe_frames(network: &str) -> Result<(FrameDescription, bool), Pipeli
     }
 }
 
-/// The network of `description` with `weights`, and the card of both. `label` names the weights. Weights of another
-/// preparation are refused unless the difference is to be ignored.
+/// The network of `description` with `weights`, and the card of both. `label` names the weights.
+/// Weights of another preparation are refused unless the difference is to be ignored.
 ///
 /// # Errors
 /// The weights do not fit.
@@ -151,7 +152,8 @@ pub fn labelled(label: String, weights: &Weights) -> String {
     label + &about.unwrap_or_default()
 }
 
-/// The format of the file at `path` if its content identifies it as a recording. CSV and N-MNIST have no signature.
+/// The format of the file at `path` if its content identifies it as a recording. CSV and N-MNIST
+/// have no signature.
 fn recording_format(path: &str) -> Option<Format> {
     match Kind::of_file(Path::new(path)) {
         Ok(Some(Kind::Events(format))) if !matches!(format, Format::Csv | Format::Nmnist) => Some(format),
@@ -174,8 +176,8 @@ impl Model {
         Ok(Self { network, card, ..model })
     }
 
-    /// The network called `name`, unchanged, with the weights in the file at `path` or its shipped weights. Weights of
-    /// another preparation are refused unless the difference is to be ignored.
+    /// The network called `name`, unchanged, with the weights in the file at `path` or its shipped
+    /// weights. Weights of another preparation are refused unless the difference is to be ignored.
     ///
     /// # Errors
     /// The network is unknown, or the weights do not fit.
@@ -200,7 +202,8 @@ impl Model {
             description.network(weights)
         };
         let network = network.map_err(|source| PipelineError::weights(label.clone(), source))?;
-        // The layers of levels compute rows; readout and dense layers are evaluated once per prediction.
+        // The layers of levels compute rows; readout and dense layers are evaluated once per
+        // prediction.
         let rows = description.layers().iter().filter(|layer| layer.level.is_some());
         let of_row = |name: &str| {
             let layer = rows.clone().find(|layer| layer.name == name);
@@ -228,8 +231,9 @@ pub struct FrameModel {
 }
 
 impl FrameModel {
-    /// The frame network called `name`, or described in the file `name`, with the weights in the file at `path` or its
-    /// shipped weights. Weights of another preparation are refused unless the difference is to be ignored.
+    /// The frame network called `name`, or described in the file `name`, with the weights in the
+    /// file at `path` or its shipped weights. Weights of another preparation are refused unless the
+    /// difference is to be ignored.
     ///
     /// # Errors
     /// The network is unknown, or the weights do not fit.
@@ -279,7 +283,8 @@ pub struct LayerCost {
     pub pixels: u64,
     /// Multiply-adds of all its pixels.
     multiply_adds: u64,
-    /// Multiply-adds of one absorbed pixel. A convolutional LSTM still reads its hidden state if the frame is empty.
+    /// Multiply-adds of one absorbed pixel. A convolutional LSTM still reads its hidden state if
+    /// the frame is empty.
     absorbed: u64,
 }
 
@@ -301,7 +306,8 @@ impl LayerCost {
 
     /// Multiply-adds of the pixels that `counters` counted.
     pub fn of(&self, counters: &FrameLayerCounters) -> u64 {
-        // In u128, because the pixels of a recording times the products of a layer can exceed a u64.
+        // In u128, because the pixels of a recording times the products of a layer can exceed a
+        // u64.
         let computed =
             u128::from(counters.computed) * u128::from(self.multiply_adds) / u128::from(self.pixels);
         u64::try_from(computed).unwrap_or(u64::MAX).saturating_add(counters.absorbed * self.absorbed)

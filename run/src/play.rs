@@ -1,9 +1,10 @@
-//! Plays recordings at real speed, each of a sensor of its own, or what arrives on a stream, through bounded queues that may overflow,
-//! with reports by their deadlines.
+//! Plays recordings at real speed, each of a sensor of its own, or what arrives on a stream,
+//! through bounded queues that may overflow, with reports by their deadlines.
 //!
-//! Each input has a thread that offers the events when they are due or arrive, and a thread that pushes and predicts. The caller's
-//! thread requests the predictions of all inputs at the time of every report. After the end, one more prediction covers all
-//! waiting events. An input whose engine fails ends there, and the others go on.
+//! Each input has a thread that offers the events when they are due or arrive, and a thread that
+//! pushes and predicts. The caller's thread requests the predictions of all inputs at the time of
+//! every report. After the end, one more prediction covers all waiting events. An input whose
+//! engine fails ends there, and the others go on.
 
 mod reader;
 mod summary;
@@ -43,13 +44,15 @@ use tally::{Tally, state};
 pub struct PlayOptions {
     /// Seconds of stream time per second.
     pub speed: f64,
-    /// The number of times that recordings are played, one after the other without a reset; at least 1.
+    /// The number of times that recordings are played, one after the other without a reset; at
+    /// least 1.
     pub repeat: u32,
     /// Largest number of events that wait in a queue.
     pub queue: usize,
     /// Shortest time on the wall clock between two packets of events of a recording.
     pub packet: Duration,
-    /// Cores that the threads of the engines are pinned to, in turn; the system places them if there are none.
+    /// Cores that the threads of the engines are pinned to, in turn; the system places them if
+    /// there are none.
     pub cores: Vec<usize>,
     /// Whether engines compute while nothing waits and no report is due.
     pub ahead: bool,
@@ -65,8 +68,8 @@ pub struct PlayOptions {
     pub approximations: Approximations,
     /// Largest number of events to take of an input.
     pub limit: Option<u64>,
-    /// If given, the last prediction is compared with one from scratch. This function proposes the candidate
-    /// neighbours.
+    /// If given, the last prediction is compared with one from scratch. This function proposes the
+    /// candidate neighbours.
     pub verify: Option<Propose>,
 }
 
@@ -138,10 +141,12 @@ struct Played {
 }
 
 impl Play {
-    /// A play of `inputs` at once. Waits for the first event of a stream. Recordings begin together, whatever their times.
+    /// A play of `inputs` at once. Waits for the first event of a stream. Recordings begin
+    /// together, whatever their times.
     ///
     /// # Errors
-    /// An input cannot be read, or one of several is a stream: another one could not begin before its first event.
+    /// An input cannot be read, or one of several is a stream: another one could not begin before
+    /// its first event.
     pub fn new(model: &Model, inputs: Vec<PlayInput>, options: PlayOptions) -> Result<Self, PipelineError> {
         let several = inputs.len() > 1;
         let mut started = None;
@@ -182,11 +187,12 @@ impl Play {
             .try_fold(0, |most, reports| Some(reports?.max(most)))
     }
 
-    /// Plays all events, or the events up to a [requested](interrupt::requested) end. Returns the summary of each input, or the error
-    /// that ended it.
+    /// Plays all events, or the events up to a [requested](interrupt::requested) end. Returns the
+    /// summary of each input, or the error that ended it.
     ///
     /// # Errors
-    /// An engine or a queue refuses an option, a thread cannot be started, or the observer cannot show a report.
+    /// An engine or a queue refuses an option, a thread cannot be started, or the observer cannot
+    /// show a report.
     pub fn run(
         self,
         observer: &mut dyn Observer,
@@ -316,8 +322,8 @@ impl Track {
         let reader =
             Reader { clock, input: queue, chain, packet: options.packet, lag: Duration::ZERO, taken: 0 };
         let (limit, repeat) = (limit(options), options.repeat);
-        // It ends when the queue's other side does, and on a stream when the next event arrives after that: nobody waits for it if
-        // another input cannot start.
+        // It ends when the queue's other side does, and on a stream when the next event arrives
+        // after that: nobody waits for it if another input cannot start.
         Ok(thread::spawn(move || {
             let reader = if let Some(reports) = due.reports {
                 let laps = Laps { number: repeat, us: due.elapsed_us(reports / u64::from(repeat)) };

@@ -1,5 +1,5 @@
-//! The engine of a run over events, after its filters: incremental, or the same network from scratch at every
-//! prediction.
+//! The engine of a run over events, after its filters: incremental, or the same network from
+//! scratch at every prediction.
 
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -81,9 +81,10 @@ impl Backend {
 }
 
 impl EventPredictor {
-    /// A predictor over an empty window, with the filters, the tolerance and the staleness of `approximations`. The
-    /// number of neighbours is that of `network`, see [`Approximations::adapt`]. [`Mode::Batch`] uses only the filters,
-    /// and only the policies of `options`.
+    /// A predictor over an empty window, with the filters, the tolerance and the staleness of
+    /// `approximations`. The number of neighbours is that of `network`, see
+    /// [`Approximations::adapt`]. [`Mode::Batch`] uses only the filters, and only the policies of
+    /// `options`.
     ///
     /// # Errors
     /// The engine refuses the sensor, an option or an approximation.
@@ -113,7 +114,8 @@ impl EventPredictor {
         Ok(Self { chain: approximations.chain(sensor)?, backend, before, decided })
     }
 
-    /// Continues from the state in `bytes`. Requires [`Mode::Incremental`] and a readout that is never stale.
+    /// Continues from the state in `bytes`. Requires [`Mode::Incremental`] and a readout that is
+    /// never stale.
     ///
     /// # Errors
     /// As [`Engine::restore_bytes`].
@@ -227,7 +229,8 @@ impl EventPredictor {
         counters
     }
 
-    /// Counts of this run. Events that a filter dropped count as pushed, and repeated predictions count as read.
+    /// Counts of this run. Events that a filter dropped count as pushed, and repeated predictions
+    /// count as read.
     pub fn counters(&self) -> Counters {
         let mut counters = self.counted();
         counters.events.pushed += self.chain.counters().dropped;

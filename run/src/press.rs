@@ -1,7 +1,7 @@
 //! What a network should say about the embedded recording, a simulated press and release.
 //!
-//! Enters: nothing. Leaves: times of the press, and the angles of the plane that the dome is pressed on. `run/assets/README.md`
-//! says how it was made.
+//! Enters: nothing. Leaves: times of the press, and the angles of the plane that the dome is
+//! pressed on. `run/assets/README.md` says how it was made.
 
 use crate::error::PipelineError;
 use crate::source::embedded;
@@ -59,8 +59,9 @@ mod tests {
 
     const SENSOR: Sensor = Sensor { width: 346, height: 260 };
 
-    /// How far `tactigraph-past` is off at the end of the press, in degrees, if a pixel in the middle sends `rate` more events per
-    /// second. The filter drops events of a pixel within `refractory_us` after its last one.
+    /// How far `tactigraph-past` is off at the end of the press, in degrees, if a pixel in the
+    /// middle sends `rate` more events per second. The filter drops events of a pixel within
+    /// `refractory_us` after its last one.
     fn error_with_hot_pixel(rate: i64, refractory_us: Option<i64>) -> f64 {
         let press = Press::embedded().expect("it can be read");
         let mut events = embedded().expect("it can be read").events;

@@ -1,7 +1,7 @@
 //! The origin of results: the network, its weights and the input. `docs/json.md` explains the keys.
 //!
-//! Every JSON output of a network has a [`Header`]. It is the first line, `{"header": {...}}`, of an output with
-//! several lines, and the field `header` of a single object.
+//! Every JSON output of a network has a [`Header`]. It is the first line, `{"header": {...}}`, of
+//! an output with several lines, and the field `header` of a single object.
 
 use meissner_engine::Sensor;
 use meissner_models::{Agreement, AnyDescription, Weights};
@@ -83,7 +83,8 @@ pub struct WeightsCard {
     about: Option<String>,
     /// Whether the weights were trained; `None` if the metadata does not say.
     pub trained: Option<bool>,
-    /// Preparation of the training input compared with that of the network: "same", "other", "drawn" or "unstated".
+    /// Preparation of the training input compared with that of the network: "same", "other",
+    /// "drawn" or "unstated".
     pub preparation: &'static str,
     /// Stride of the events in the training: one of every `stride` events was taken.
     stride: usize,
@@ -156,7 +157,8 @@ impl ModelCard {
         })
     }
 
-    /// Adds the data of the running network: its `fingerprint` and, over events, the length and capacity of its window.
+    /// Adds the data of the running network: its `fingerprint` and, over events, the length and
+    /// capacity of its window.
     #[must_use]
     pub fn running(mut self, fingerprint: u64, window: Option<(i64, usize)>) -> Self {
         self.network.fingerprint = Some(format!("{fingerprint:016x}"));

@@ -7,8 +7,8 @@
 //! | readings of 24 electrodes | [`ElectrodeRun`] |
 //! | pictures of an optical tactile sensor | [`PictureRun`] |
 //!
-//! Inputs are taken as fast as they come. The timings cover making frames, pushes, clock advances and predictions. They
-//! do not cover reading and the observer.
+//! Inputs are taken as fast as they come. The timings cover making frames, pushes, clock advances
+//! and predictions. They do not cover reading and the observer.
 //!
 //! The steps at the end of a stream depend on how it ends:
 //!

@@ -1,8 +1,10 @@
-//! When predictions are read: at every event, every N events, every period of stream time, or once at the end.
+//! When predictions are read: at every event, every N events, every period of stream time, or once
+//! at the end.
 //!
-//! Enters: the times of accepted events. Leaves: the times at which a prediction is due before an event enters, and
-//! whether one is due after it. All readers of predictions follow a `Schedule`, so that all modes and all passes of a
-//! benchmark predict at the same times. For frames, each frame counts as an event.
+//! Enters: the times of accepted events. Leaves: the times at which a prediction is due before an
+//! event enters, and whether one is due after it. All readers of predictions follow a `Schedule`,
+//! so that all modes and all passes of a benchmark predict at the same times. For frames, each
+//! frame counts as an event.
 
 use std::fmt;
 use std::str::FromStr;
@@ -56,7 +58,8 @@ pub(crate) struct Schedule {
     since: u64,
     /// Whether an event has been accepted.
     has_begun: bool,
-    /// Next time of [`Every::StreamUs`]; `None` before the first event and beyond the end of the clock.
+    /// Next time of [`Every::StreamUs`]; `None` before the first event and beyond the end of the
+    /// clock.
     due_us: Option<i64>,
 }
 
@@ -66,8 +69,8 @@ impl Schedule {
         Self { every, since: 0, has_begun: false, due_us: None }
     }
 
-    /// Continues a schedule that has seen `accepted` events, from the time of the first to `now_us`. Periods count from
-    /// the first event, even if the other schedule had another period.
+    /// Continues a schedule that has seen `accepted` events, from the time of the first to
+    /// `now_us`. Periods count from the first event, even if the other schedule had another period.
     pub(crate) fn resume(&mut self, first_us: i64, now_us: i64, accepted: u64) {
         self.begin(first_us);
         self.skip_to(now_us);
@@ -89,8 +92,8 @@ impl Schedule {
         self.has_begun = true;
     }
 
-    /// The time at which the next event will enter, if stream time matters. `arrival_us` is asked for it; a
-    /// dropped event has none and does not advance the clock.
+    /// The time at which the next event will enter, if stream time matters. `arrival_us` is asked
+    /// for it; a dropped event has none and does not advance the clock.
     pub(crate) fn arrival_us(&mut self, arrival_us: impl FnOnce() -> Option<i64>) -> Option<i64> {
         let Every::StreamUs(_) = self.every else { return None };
         let t_us = arrival_us()?;
@@ -98,15 +101,16 @@ impl Schedule {
         Some(t_us)
     }
 
-    /// Takes the next time that is due before `t_us`. An event at a due time belongs to the window of that time.
+    /// Takes the next time that is due before `t_us`. An event at a due time belongs to the window
+    /// of that time.
     pub(crate) fn due_before(&mut self, t_us: i64) -> Option<i64> {
         let due = self.due_us.filter(|&due| due < t_us)?;
         self.due_us = due.checked_add(self.period_us()?);
         Some(due)
     }
 
-    /// Calls `read` with each time due before `t_us`. `read` returns the number of events in the window. If it returns
-    /// 0, the window stays empty, and the other times are skipped.
+    /// Calls `read` with each time due before `t_us`. `read` returns the number of events in the
+    /// window. If it returns 0, the window stays empty, and the other times are skipped.
     pub(crate) fn each_due_before<E>(
         &mut self,
         t_us: i64,

@@ -1,7 +1,9 @@
-//! Sends a recording to another program, each event when it is due: a sensor, as far as the receiver can tell.
+//! Sends a recording to another program, each event when it is due: a sensor, as far as the
+//! receiver can tell.
 //!
-//! Enters: events, and the name of a stream ([`crate::streams`]). Leaves: lines of text, or records of 16 bytes
-//! ([`meissner_io::LiveEvents`]). An event whose time steps back is sent together with the event before it.
+//! Enters: events, and the name of a stream ([`crate::streams`]). Leaves: lines of text, or records
+//! of 16 bytes ([`meissner_io::LiveEvents`]). An event whose time steps back is sent together with
+//! the event before it.
 
 use std::io::{self, Write};
 use std::path::Path;

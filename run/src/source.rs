@@ -1,7 +1,7 @@
 //! Sources of events: a file, a stream on which they arrive, or the embedded recording.
 //!
-//! Invariant: what is no regular file, such as a pipe, is opened and read once. What was read is held until the recording is
-//! decoded, and what of it can be salvaged is found from there.
+//! Invariant: what is no regular file, such as a pipe, is opened and read once. What was read is
+//! held until the recording is decoded, and what of it can be salvaged is found from there.
 
 use std::path::Path;
 
@@ -27,8 +27,8 @@ const MAX_EVENTS: u64 = STREAM_BYTES / RECORD_BYTES as u64;
 
 /// A stream of events with its name, format and geometry.
 ///
-/// Lines of a text that cannot be read are skipped and counted, and words and events of a file that a recording leaves out, unless the
-/// source is strict.
+/// Lines of a text that cannot be read are skipped and counted, and words and events of a file that
+/// a recording leaves out, unless the source is strict.
 pub struct Source {
     /// Name for messages and reports.
     pub name: String,
@@ -62,8 +62,8 @@ enum Events {
     },
 }
 
-/// The recording in the file at `path`, or everything that arrives on the stream of this name. What is no event in a datagram is
-/// passed over: anybody can send.
+/// The recording in the file at `path`, or everything that arrives on the stream of this name. What
+/// is no event in a datagram is passed over: anybody can send.
 ///
 /// # Errors
 /// The recording cannot be read, or a line of a text is malformed.
@@ -154,10 +154,12 @@ fn arriving(path: &Path, options: &ReadOptions) -> Result<LiveEvents<interrupt::
 }
 
 impl Source {
-    /// Opens `recording`, or the embedded recording for `None`. With `strict`, a line of a text that cannot be read is
-    /// an error. For a file it is returned here, for a stream when the line arrives.
+    /// Opens `recording`, or the embedded recording for `None`. With `strict`, a line of a text
+    /// that cannot be read is an error. For a file it is returned here, for a stream when the line
+    /// arrives.
     ///
-    /// Without `sensor_known`, this waits for the first event of a stream, since a comment before it may state the geometry.
+    /// Without `sensor_known`, this waits for the first event of a stream, since a comment before
+    /// it may state the geometry.
     ///
     /// # Errors
     /// The recording cannot be read.
@@ -308,7 +310,8 @@ impl Iterator for Source {
     }
 }
 
-/// The next of `events`; `None` at the end, and if the program is asked to end. Lines of a text that are no events are passed over.
+/// The next of `events`; `None` at the end, and if the program is asked to end. Lines of a text
+/// that are no events are passed over.
 ///
 /// # Errors
 /// The error that ends the events, and the errors of [`LineErrors`].

@@ -1,6 +1,7 @@
 //! Streams that events arrive on: standard input, TCP and UDP.
 //!
-//! Enters: the name of a stream. Leaves: its bytes, as they arrive. A wait for them ends when a signal asks the program to end.
+//! Enters: the name of a stream. Leaves: its bytes, as they arrive. A wait for them ends when a
+//! signal asks the program to end.
 //!
 //! | name | stream |
 //! |---|---|
@@ -9,8 +10,8 @@
 //! | `tcp-listen://HOST:PORT` | the first connection of a client |
 //! | `udp://HOST:PORT` | datagrams to this address, each of whole lines or records; an empty one ends the stream. What is not whole is refused and counted, and the stream goes on |
 //!
-//! Back-pressure: what is not read yet waits in the operating system's buffers. A writer to standard input or over TCP then waits; over UDP,
-//! datagrams are lost, and nobody can count them.
+//! Back-pressure: what is not read yet waits in the operating system's buffers. A writer to
+//! standard input or over TCP then waits; over UDP, datagrams are lost, and nobody can count them.
 
 use std::io::{self, BufRead, Read, Write};
 use std::net::{TcpStream, ToSocketAddrs, UdpSocket};
@@ -69,7 +70,8 @@ pub fn name(path: &Path) -> String {
 /// The bytes of the stream that `path` names.
 ///
 /// # Errors
-/// It is no stream, an address cannot be used, or a signal asked the program to end while it waited for a client.
+/// It is no stream, an address cannot be used, or a signal asked the program to end while it waited
+/// for a client.
 pub(crate) fn open(path: &Path) -> Result<interrupt::Input, PipelineError> {
     let opened = match stream(path) {
         Some(Stream::Stdin) => interrupt::input(),
@@ -81,8 +83,8 @@ pub(crate) fn open(path: &Path) -> Result<interrupt::Input, PipelineError> {
     opened.map_err(|source| PipelineError::file("open", name(path), source))
 }
 
-/// The lines of the stream that `path` names. A line ends with its datagram, and one that is too long is shortened, so that it is
-/// refused alone.
+/// The lines of the stream that `path` names. A line ends with its datagram, and one that is too
+/// long is shortened, so that it is refused alone.
 ///
 /// # Errors
 /// As [`open`].
@@ -143,7 +145,8 @@ pub(crate) enum Receiver {
     Datagrams(UdpSocket),
 }
 
-/// The receiver at the other end of the stream `path`: `-` is standard output, and an address of `udp://` that of the receiver.
+/// The receiver at the other end of the stream `path`: `-` is standard output, and an address of
+/// `udp://` that of the receiver.
 ///
 /// # Errors
 /// It is no stream, an address cannot be used, or nobody listens there.

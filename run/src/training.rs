@@ -1,7 +1,8 @@
 //! The outputs of a network, their units for people, and the ranges that they had in the training.
 //!
-//! Enters: the values of predictions. Leaves: the names of the outputs outside the range of the training, and a warning
-//! with their number at the end. A network has seen nothing of what lies outside; its values there are guesses.
+//! Enters: the values of predictions. Leaves: the names of the outputs outside the range of the
+//! training, and a warning with their number at the end. A network has seen nothing of what lies
+//! outside; its values there are guesses.
 
 use std::f64::consts::PI;
 
@@ -10,8 +11,8 @@ use serde::Serialize;
 
 use crate::text::grouped;
 
-/// A value counts as outside if it is farther outside than this share of the length of the range: labels at the ends of a
-/// range are met with the usual error.
+/// A value counts as outside if it is farther outside than this share of the length of the range:
+/// labels at the ends of a range are met with the usual error.
 const TOLERANCE: f64 = 0.1;
 
 /// A predicted value.
@@ -21,7 +22,8 @@ pub struct Output {
     pub name: String,
     /// Its unit.
     pub unit: String,
-    /// Lowest and highest label of the training, in this unit; `None` if the weights do not state them.
+    /// Lowest and highest label of the training, in this unit; `None` if the weights do not state
+    /// them.
     pub range: Option<[f64; 2]>,
 }
 
@@ -77,7 +79,8 @@ impl Output {
         self.unit == "rad"
     }
 
-    /// Whether `value` is outside the range of the training by more than a tenth of its length, or not a number.
+    /// Whether `value` is outside the range of the training by more than a tenth of its length, or
+    /// not a number.
     pub fn is_outside(&self, value: f32) -> bool {
         let Some([low, high]) = self.range else { return false };
         let slack = (high - low) * TOLERANCE;
@@ -117,7 +120,8 @@ impl Training {
         self.outputs.iter().any(|output| output.range.is_some()).then_some(self.outside)
     }
 
-    /// Logs the number of predictions of the input called `name` that are outside, if there were any.
+    /// Logs the number of predictions of the input called `name` that are outside, if there were
+    /// any.
     pub fn warn(&self, name: &str) {
         if let Some(warning) = self.warning() {
             tracing::warn!("{name}: {warning}");

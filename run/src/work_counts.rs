@@ -1,4 +1,5 @@
-//! The counters of an engine with the names of the JSON reports: computed and skipped rows, cells and predictions.
+//! The counters of an engine with the names of the JSON reports: computed and skipped rows, cells
+//! and predictions.
 
 use std::collections::BTreeMap;
 

@@ -1,7 +1,7 @@
 //! An event camera: images in, events out.
 //!
-//! A pixel turns light into a voltage and reports each change of it by a threshold. The model, with x the time and E the
-//! illuminance of the pixel in lux:
+//! A pixel turns light into a voltage and reports each change of it by a threshold. The model, with
+//! x the time and E the illuminance of the pixel in lux:
 //!
 //! | step | equation | facts |
 //! |---|---|---|
@@ -15,12 +15,14 @@
 //! | hot pixels | a share of the pixels has on events at a rate of its own, in addition | |
 //! | latency | an event is stamped `latency_us` after its crossing, with normal jitter | IEBCS: 100 us, jitter of 10 to 30 us |
 //!
-//! v2e: Hu, Liu and Delbruck 2021, "v2e: From video frames to realistic DVS events". IEBCS: Joubert et al. 2021, "Event
-//! camera simulator improvements via characterized parameters". The response to a linear ramp of `u` is known in closed form
-//! (`pixel.rs`), so that the time of a crossing depends on the scene and not on the times of the images.
+//! v2e: Hu, Liu and Delbruck 2021, "v2e: From video frames to realistic DVS events". IEBCS: Joubert
+//! et al. 2021, "Event camera simulator improvements via characterized parameters". The response to
+//! a linear ramp of `u` is known in closed form (`pixel.rs`), so that the time of a crossing
+//! depends on the scene and not on the times of the images.
 //!
-//! Left out: the readout bus, which delays and loses events when many pixels fire at once; flicker of lamps, unless the
-//! images have it; the dependence of thresholds on temperature; correlated noise of neighbouring pixels.
+//! Left out: the readout bus, which delays and loses events when many pixels fire at once; flicker
+//! of lamps, unless the images have it; the dependence of thresholds on temperature; correlated
+//! noise of neighbouring pixels.
 
 mod pixel;
 mod settings;
@@ -46,8 +48,8 @@ pub struct SimulatedEvent {
 
 /// An event camera that looks at a sequence of images.
 ///
-/// Memory: about 100 bytes a pixel. Time: a few nanoseconds for a pixel whose light is constant, some tens for one whose
-/// light changes, some hundreds for an event.
+/// Memory: about 100 bytes a pixel. Time: a few nanoseconds for a pixel whose light is constant,
+/// some tens for one whose light changes, some hundreds for an event.
 #[derive(Clone, Debug)]
 pub struct Camera {
     sensor: Sensor,
@@ -56,8 +58,8 @@ pub struct Camera {
     times: Option<(i64, i64)>,
     /// The newest image.
     intensity: Vec<f32>,
-    /// When the next event of each pixel is due at the earliest if its light stays as it is, in microseconds after the first
-    /// image.
+    /// When the next event of each pixel is due at the earliest if its light stays as it is, in
+    /// microseconds after the first image.
     due: Vec<f64>,
     pixels: Vec<Pixel>,
     /// Events that a later crossing with less latency can still precede.
@@ -65,7 +67,8 @@ pub struct Camera {
 }
 
 impl Camera {
-    /// A camera before its first image. `seed` determines thresholds, hot pixels, initial phases and noise.
+    /// A camera before its first image. `seed` determines thresholds, hot pixels, initial phases
+    /// and noise.
     ///
     /// # Errors
     /// A setting that is outside its range.
@@ -90,14 +93,17 @@ impl Camera {
         self.sensor
     }
 
-    /// Takes the image at `t_us` microseconds and appends the events that are certain by then to `events`, in order of time.
+    /// Takes the image at `t_us` microseconds and appends the events that are certain by then to
+    /// `events`, in order of time.
     ///
-    /// `image` has an intensity for each pixel, row by row: the share of the light of a white surface, so at least 0 and
-    /// rarely above 1. Between two images the logarithm of a pixel's light changes linearly. The first image causes no
-    /// events: the camera has looked at it forever. Complexity: O(pixels + events).
+    /// `image` has an intensity for each pixel, row by row: the share of the light of a white
+    /// surface, so at least 0 and rarely above 1. Between two images the logarithm of a pixel's
+    /// light changes linearly. The first image causes no events: the camera has looked at it
+    /// forever. Complexity: O(pixels + events).
     ///
     /// # Errors
-    /// A time that does not ascend, another number of pixels, a negative or non-finite intensity. The camera is as it was.
+    /// A time that does not ascend, another number of pixels, a negative or non-finite intensity.
+    /// The camera is as it was.
     pub fn push(
         &mut self,
         t_us: i64,
@@ -145,7 +151,8 @@ impl Camera {
         Ok(())
     }
 
-    /// Appends the events that wait for their latency. The camera goes on after it, but a later event can then precede these.
+    /// Appends the events that wait for their latency. The camera goes on after it, but a later
+    /// event can then precede these.
     pub fn finish(&mut self, events: &mut Vec<SimulatedEvent>) {
         self.release(i64::MAX, events);
     }

@@ -1,19 +1,23 @@
 //! A flat gel on a rigid plate, pressed by a rigid indenter of any shape.
 //!
-//! Enters: the gel, a grid of pixels, the heights of the indenter, and a depth or a force. Leaves: the pressure on each pixel, whose
-//! sum over pixels times their area is the force, and the displaced surface.
+//! Enters: the gel, a grid of pixels, the heights of the indenter, and a depth or a force. Leaves:
+//! the pressure on each pixel, whose sum over pixels times their area is the force, and the
+//! displaced surface.
 //!
-//! The surface moves by the convolution of the pressure with a kernel (`gel/kernel.rs`). Of all pressures that are not negative,
-//! the contact has the one for which gel and indenter touch wherever they press and are apart elsewhere. Conjugate gradients on the
-//! pixels in contact find it (Polonsky and Keer 1999, "A numerical method for solving rough contact problems based on the multi-level
-//! multi-summation and conjugate gradient techniques", section 3), with products by FFT.
+//! The surface moves by the convolution of the pressure with a kernel (`gel/kernel.rs`). Of all
+//! pressures that are not negative, the contact has the one for which gel and indenter touch
+//! wherever they press and are apart elsewhere. Conjugate gradients on the pixels in contact find
+//! it (Polonsky and Keer 1999, "A numerical method for solving rough contact problems based on the
+//! multi-level multi-summation and conjugate gradient techniques", section 3), with products by
+//! FFT.
 //!
-//! A sideways shift is one of Cattaneo and Mindlin: the shear traction is the friction coefficient times the difference of two pressures
-//! (Ciavarella 1998, "The generalized Cattaneo partial slip plane contact problem", Eq. 16; Jaeger 1998). The gel relaxes by one
-//! Prony term.
+//! A sideways shift is one of Cattaneo and Mindlin: the shear traction is the friction coefficient
+//! times the difference of two pressures (Ciavarella 1998, "The generalized Cattaneo partial slip
+//! plane contact problem", Eq. 16; Jaeger 1998). The gel relaxes by one Prony term.
 //!
-//! Left out: large strains, for which a gel is stiffer; adhesion; friction under the normal load; the coupling of shear and pressure,
-//! which an incompressible half-space does not have; the sides of the gel.
+//! Left out: large strains, for which a gel is stiffer; adhesion; friction under the normal load;
+//! the coupling of shear and pressure, which an incompressible half-space does not have; the sides
+//! of the gel.
 //!
 //! ```
 //! use meissner_simulator::gel::{Gel, GelCamera, GelSolver, Grid, Indenter, Load, Placed};
@@ -46,7 +50,8 @@ pub use picture::{GelCamera, Light};
 pub use relaxation::Relaxation;
 pub use sensor::GelSensor;
 
-/// Greatest depth of an indenter, as a share of the gel's thickness: beyond it a linear gel is too soft.
+/// Greatest depth of an indenter, as a share of the gel's thickness: beyond it a linear gel is too
+/// soft.
 pub const MAX_DEPTH_SHARE: f64 = 0.3;
 
 /// Material and thickness of a gel. The default is a soft silicone of 4 mm.
@@ -56,7 +61,8 @@ pub struct Gel {
     pub modulus_mpa: f64,
     /// Poisson's ratio, from 0 to 0.5.
     pub poisson: f64,
-    /// Thickness above the rigid plate that it is bonded to, in millimetres; infinite: an elastic half-space.
+    /// Thickness above the rigid plate that it is bonded to, in millimetres; infinite: an elastic
+    /// half-space.
     pub thickness_mm: f64,
     /// Friction coefficient between gel and indenter.
     pub friction: f64,
@@ -92,7 +98,8 @@ impl Grid {
         (from_middle(column, self.width), from_middle(row, self.height))
     }
 
-    /// The value at a place (column, row) between pixels, bilinear from those `at` the pixels around it. Outside, that of the border.
+    /// The value at a place (column, row) between pixels, bilinear from those `at` the pixels
+    /// around it. Outside, that of the border.
     pub fn between(&self, [column, row]: [f64; 2], at: impl Fn(usize) -> f64) -> f64 {
         let split = |place: f64, count: usize| {
             let place = place.clamp(0.0, (count - 1) as f64);
@@ -109,7 +116,8 @@ impl Grid {
         above + down * (below - above)
     }
 
-    /// The heights of an indenter above its lowest point, row by row, from its height at a place in millimetres.
+    /// The heights of an indenter above its lowest point, row by row, from its height at a place in
+    /// millimetres.
     pub fn heights(&self, height: impl Fn(f64, f64) -> f64) -> Vec<f64> {
         let pixels =
             (0..self.height).flat_map(|row| (0..self.width).map(move |column| self.place(column, row)));
@@ -129,7 +137,8 @@ pub enum Load {
 /// A gel under an indenter. All fields are row by row.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Contact {
-    /// Pressure in megapascals (newtons per square millimetre); 0 where the indenter does not touch.
+    /// Pressure in megapascals (newtons per square millimetre); 0 where the indenter does not
+    /// touch.
     pub pressure_mpa: Vec<f64>,
     /// How far the surface lies below its place at rest, in millimetres.
     pub displacement_mm: Vec<f64>,
@@ -157,7 +166,8 @@ const TOLERANCE: f64 = 1e-7;
 /// Most iterations; contacts on 320 x 240 pixels take 10 to 50.
 const MAX_ITERATIONS: usize = 5000;
 
-/// Finds contacts of a gel on a grid. A press takes an iteration for each conjugate direction, O(pixels log pixels) each.
+/// Finds contacts of a gel on a grid. A press takes an iteration for each conjugate direction,
+/// O(pixels log pixels) each.
 #[derive(Clone)]
 pub struct GelSolver {
     gel: Gel,
@@ -211,7 +221,8 @@ impl GelSolver {
         self.grid
     }
 
-    /// How far the surface moves under `pressure_mpa`, row by row, in millimetres. O(pixels log pixels).
+    /// How far the surface moves under `pressure_mpa`, row by row, in millimetres. O(pixels log
+    /// pixels).
     ///
     /// # Panics
     /// Where there is not a pressure for each pixel.
@@ -219,13 +230,14 @@ impl GelSolver {
         self.convolution.apply(pressure_mpa)
     }
 
-    /// The contact with an indenter of these heights in millimetres, row by row ([`Grid::heights`]). A height may be infinite: there
-    /// is no indenter.
+    /// The contact with an indenter of these heights in millimetres, row by row
+    /// ([`Grid::heights`]). A height may be infinite: there is no indenter.
     ///
     /// # Errors
-    /// [`SimulatorError::Pixels`] where there is not a height for each pixel; [`SimulatorError::Setting`] where a height or the load is
-    /// not a number, or the load is negative; [`SimulatorError::NoContact`] where the search does not end, or a force has nothing to
-    /// press with.
+    /// [`SimulatorError::Pixels`] where there is not a height for each pixel;
+    /// [`SimulatorError::Setting`] where a height or the load is not a number, or the load is
+    /// negative; [`SimulatorError::NoContact`] where the search does not end, or a force has
+    /// nothing to press with.
     pub fn press(&mut self, heights_mm: &[f64], load: Load) -> Result<Contact, SimulatorError> {
         self.check(heights_mm, load)?;
         let pixels = self.grid.pixels();
@@ -274,7 +286,8 @@ impl GelSolver {
             for (pressure, direction) in pressure.iter_mut().zip(&direction) {
                 *pressure = (*pressure - step * direction).max(0.0);
             }
-            // Where the indenter would be inside the gel, there is contact too, and a new search begins.
+            // Where the indenter would be inside the gel, there is contact too, and a new search
+            // begins.
             is_conjugate = true;
             for i in 0..pixels {
                 if pressure[i] == 0.0 && gap[i] < 0.0 {
@@ -317,7 +330,8 @@ impl GelSolver {
         }
     }
 
-    /// A pressure of the right size where the indenter would be inside the gel, or everywhere under it.
+    /// A pressure of the right size where the indenter would be inside the gel, or everywhere under
+    /// it.
     fn first_guess(&self, heights_mm: &[f64], load: Load) -> Vec<f64> {
         let heights = heights_mm.iter();
         match load {
@@ -334,7 +348,8 @@ impl GelSolver {
         }
     }
 
-    /// Shifts the indenter of these heights, which is pressed to `contact`, sideways by `shift_mm`. O(one press).
+    /// Shifts the indenter of these heights, which is pressed to `contact`, sideways by `shift_mm`.
+    /// O(one press).
     ///
     /// # Errors
     /// As [`GelSolver::press`]; [`SimulatorError::Setting`] where the shift is negative.

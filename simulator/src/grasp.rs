@@ -1,11 +1,15 @@
-//! Two fingers of transparent silicone grasp a bolt, hold it while it vibrates, and release it; a camera sees one of them from within.
+//! Two fingers of transparent silicone grasp a bolt, hold it while it vibrates, and release it; a
+//! camera sees one of them from within.
 //!
-//! Enters: a plan of motion and light, which a seed can draw. Leaves: events of the camera, and force, depth and phase along time.
+//! Enters: a plan of motion and light, which a seed can draw. Leaves: events of the camera, and
+//! force, depth and phase along time.
 //!
-//! A finger is a flat pad ([`PAD`]): 19.2 mm square and 4 mm thick. The other finger is its mirror image, and the bolt lies free
-//! between them, so that both press with the same force. The bolt is gripped on its smooth shank, a rigid cylinder that lies across the
-//! pad and may end within it; thread and head are outside. The motor moves the fingers, and not the force: what the pad answers
-//! follows from the contact (`grasp/contact.rs`), and what the camera sees from light (`grasp/view.rs`).
+//! A finger is a flat pad ([`PAD`]): 19.2 mm square and 4 mm thick. The other finger is its mirror
+//! image, and the bolt lies free between them, so that both press with the same force. The bolt is
+//! gripped on its smooth shank, a rigid cylinder that lies across the pad and may end within it;
+//! thread and head are outside. The motor moves the fingers, and not the force: what the pad
+//! answers follows from the contact (`grasp/contact.rs`), and what the camera sees from light
+//! (`grasp/view.rs`).
 //!
 //! | phase | motion |
 //! |---|---|
@@ -13,7 +17,8 @@
 //! | holding | the depth stays, with a small vibration of depth and place; the force relaxes |
 //! | releasing | the bolt leaves; at equal depth the force is smaller than before, because the pad gives way slowly |
 //!
-//! Left out: sliding, friction and the tilt of a bolt in the grip; the motor's elasticity; large strains, for which silicone is stiffer.
+//! Left out: sliding, friction and the tilt of a bolt in the grip; the motor's elasticity; large
+//! strains, for which silicone is stiffer.
 
 mod contact;
 mod setting;
@@ -95,7 +100,8 @@ pub struct Grasp {
     pub smooth: [f64; 2],
     /// Vibration while holding.
     pub vibration: Vibration,
-    /// How far the bolt slips into its place across and along while the fingers close, in millimetres.
+    /// How far the bolt slips into its place across and along while the fingers close, in
+    /// millimetres.
     pub settles_mm: [f64; 2],
     /// Light and surface.
     pub look: Look,
@@ -172,7 +178,8 @@ impl Grasp {
         GelSolver::new(Gel::default(), PAD)
     }
 
-    /// Films the recording. `settings` are those of the camera, with the light of [`Look::lux`]; events come in order of time.
+    /// Films the recording. `settings` are those of the camera, with the light of [`Look::lux`];
+    /// events come in order of time.
     ///
     /// Complexity: 13 contacts, and 206 pictures of the pixels of [`SENSOR`].
     ///

@@ -1,6 +1,8 @@
-//! Markers that move, as the camera inside a tactile sensor sees them: bright discs on a darker ground, or the reverse.
+//! Markers that move, as the camera inside a tactile sensor sees them: bright discs on a darker
+//! ground, or the reverse.
 //!
-//! Enters: positions of markers at some times. Leaves: images at any time between, or events through a camera.
+//! Enters: positions of markers at some times. Leaves: images at any time between, or events
+//! through a camera.
 
 use meissner_engine::Sensor;
 
@@ -11,7 +13,8 @@ use crate::{Camera, SimulatedEvent, SimulatorError};
 pub struct MarkerScene {
     /// Radius of a marker in pixels.
     pub radius: f32,
-    /// Width of the blurred edge in pixels: the share of a marker's light in a pixel falls linearly from 1 to 0 over it.
+    /// Width of the blurred edge in pixels: the share of a marker's light in a pixel falls linearly
+    /// from 1 to 0 over it.
     pub edge: f32,
     /// Intensity of markers, as in [`Camera::push`].
     pub marker: f32,
@@ -20,15 +23,15 @@ pub struct MarkerScene {
 }
 
 impl Default for MarkerScene {
-    /// The scene that agrees with a real stream of a tactile sensor (docs/simulated-touch.md), and that the networks for the
-    /// angle of contact were trained on.
+    /// The scene that agrees with a real stream of a tactile sensor (docs/simulated-touch.md), and
+    /// that the networks for the angle of contact were trained on.
     fn default() -> Self {
         Self { radius: 1.5, edge: 1.0, marker: 0.5, ground: 0.25 }
     }
 }
 
-/// Positions of markers over time, in pixels: (0, 0) is the centre of the pixel in the corner. Markers move along straight
-/// lines between the times.
+/// Positions of markers over time, in pixels: (0, 0) is the centre of the pixel in the corner.
+/// Markers move along straight lines between the times.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MarkerTracks {
     t_us: Vec<i64>,
@@ -38,10 +41,12 @@ pub struct MarkerTracks {
 }
 
 impl MarkerTracks {
-    /// Tracks of `markers` markers; `positions` has those of the first time, then of the second, and so on.
+    /// Tracks of `markers` markers; `positions` has those of the first time, then of the second,
+    /// and so on.
     ///
     /// # Errors
-    /// Times that do not ascend, a number of positions other than times multiplied by markers, a position that is not finite.
+    /// Times that do not ascend, a number of positions other than times multiplied by markers, a
+    /// position that is not finite.
     pub fn new(t_us: Vec<i64>, markers: usize, positions: Vec<[f32; 2]>) -> Result<Self, SimulatorError> {
         if positions.len() != t_us.len() * markers {
             return Err(SimulatorError::Tracks { times: t_us.len(), markers, found: positions.len() });
@@ -55,10 +60,11 @@ impl MarkerTracks {
         Ok(Self { t_us, markers, positions })
     }
 
-    /// Films the tracks from the first time to the last, and appends the events to `events` in order of time.
+    /// Films the tracks from the first time to the last, and appends the events to `events` in
+    /// order of time.
     ///
-    /// Images are drawn so often that no marker moves more than `STEP` pixels between two. Complexity: O(images x (pixels +
-    /// markers x area of a marker) + events).
+    /// Images are drawn so often that no marker moves more than `STEP` pixels between two.
+    /// Complexity: O(images x (pixels + markers x area of a marker) + events).
     ///
     /// # Errors
     /// As [`Camera::push`]. Events of images before the error are in `events`.
@@ -78,8 +84,8 @@ impl MarkerTracks {
         self.t_us.len().saturating_sub(1)
     }
 
-    /// Films an interval, for a caller that films them one by one in order, each with the same `camera`, and calls
-    /// [`Camera::finish`] at the end: the events are those of [`Self::film`].
+    /// Films an interval, for a caller that films them one by one in order, each with the same
+    /// `camera`, and calls [`Camera::finish`] at the end: the events are those of [`Self::film`].
     ///
     /// # Errors
     /// As [`Camera::push`].
@@ -117,8 +123,8 @@ impl MarkerTracks {
     }
 }
 
-/// How far a marker may move between two images, in pixels. Within it, the light of a pixel at a marker's edge is close to a
-/// line.
+/// How far a marker may move between two images, in pixels. Within it, the light of a pixel at a
+/// marker's edge is close to a line.
 const STEP: f32 = 0.125;
 
 /// Images that a motion needs, at least 1.
@@ -129,7 +135,8 @@ fn images(before: &[[f32; 2]], after: &[[f32; 2]]) -> u64 {
 }
 
 impl MarkerScene {
-    /// Draws markers at `positions` into `image`, row by row. Where two overlap, the one that covers more counts.
+    /// Draws markers at `positions` into `image`, row by row. Where two overlap, the one that
+    /// covers more counts.
     ///
     /// # Panics
     /// If `image` does not have the pixels of `sensor`.

@@ -1,10 +1,11 @@
 //! Presses of a dome at any tilt and depth, between presses that were computed before.
 //!
-//! Enters: a dome, the greatest depth. Leaves: the markers at any tilt up to [`PressTable::MAX_TILT`], direction and depth, in
-//! microseconds instead of a second, for simulations at real speed.
+//! Enters: a dome, the greatest depth. Leaves: the markers at any tilt up to
+//! [`PressTable::MAX_TILT`], direction and depth, in microseconds instead of a second, for
+//! simulations at real speed.
 //!
-//! The mesh of a [`Dome`] looks the same after a turn by 60 degrees, so presses in a sixth of all directions are enough. Between them, the
-//! markers are linear in tilt, direction and depth.
+//! The mesh of a [`Dome`] looks the same after a turn by 60 degrees, so presses in a sixth of all
+//! directions are enough. Between them, the markers are linear in tilt, direction and depth.
 
 use std::f64::consts::{FRAC_PI_3, PI};
 use std::num::NonZero;
@@ -30,7 +31,8 @@ pub struct PressTable {
     markers: usize,
     /// Records of a press.
     records: usize,
-    /// The flat press, then those of each tilt, direction after direction: markers record after record.
+    /// The flat press, then those of each tilt, direction after direction: markers record after
+    /// record.
     presses: Vec<Vec<Vector>>,
 }
 
@@ -73,8 +75,8 @@ impl PressTable {
         self.markers
     }
 
-    /// Writes the markers of a press to `markers`, instead of what it held, in the order of [`Press::markers`]. A tilt or depth beyond
-    /// the table's is that of its end.
+    /// Writes the markers of a press to `markers`, instead of what it held, in the order of
+    /// [`Press::markers`]. A tilt or depth beyond the table's is that of its end.
     pub fn markers(&self, tilt: f64, azimuth: f64, depth_mm: f64, markers: &mut Vec<Vector>) {
         let (tilt, tilt_share) = split(tilt / Self::MAX_TILT * TILTS as f64, TILTS);
         let turns = azimuth.rem_euclid(2.0 * PI) / FRAC_PI_3 * DIRECTIONS as f64;
@@ -107,7 +109,8 @@ impl PressTable {
     }
 }
 
-/// The whole part of `place`, at most `last - 1`, and the rest; a place outside 0 to `last` is moved to its end.
+/// The whole part of `place`, at most `last - 1`, and the rest; a place outside 0 to `last` is
+/// moved to its end.
 fn split(place: f64, last: usize) -> (usize, f64) {
     let place = place.clamp(0.0, last as f64);
     let whole = (place as usize).min(last - 1);

@@ -1,6 +1,7 @@
 //! The camera inside a dome: where it sees each marker.
 //!
-//! Enters: markers in millimetres. Leaves: places in the image in pixels. The camera looks along the axis from below the base.
+//! Enters: markers in millimetres. Leaves: places in the image in pixels. The camera looks along
+//! the axis from below the base.
 
 use meissner_engine::Sensor;
 
@@ -8,8 +9,8 @@ use crate::{Dome, Vector};
 
 /// Distance from the camera to the base in millimetres.
 const CAMERA_MM: f64 = 20.0;
-/// The share of half the image's smaller side that the outermost ring fills at rest. The deepest press of the published plan, 15 mm, widens
-/// it by half.
+/// The share of half the image's smaller side that the outermost ring fills at rest. The deepest
+/// press of the published plan, 15 mm, widens it by half.
 const FILLED: f64 = 0.65;
 
 /// A pinhole camera below a dome.

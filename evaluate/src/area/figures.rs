@@ -1,7 +1,8 @@
 //! Figures of maps of force against what is true.
 //!
-//! A map of a network has forces on pixels of its own size. They are scaled to the pixels of the sensor that took the picture, whose
-//! size is known. A pixel is truly in contact where the pressure exceeds [`CONTACT_MPA`].
+//! A map of a network has forces on pixels of its own size. They are scaled to the pixels of the
+//! sensor that took the picture, whose size is known. A pixel is truly in contact where the
+//! pressure exceeds [`CONTACT_MPA`].
 
 use std::collections::BTreeMap;
 
@@ -57,7 +58,8 @@ pub struct KindFigures {
 #[derive(Serialize)]
 #[expect(missing_docs, reason = "the keys of the JSON report")]
 pub struct BaselineFigures {
-    /// The threshold in grey levels, of twelve, at which these pictures have the highest `IoU`: the baseline is favoured.
+    /// The threshold in grey levels, of twelve, at which these pictures have the highest `IoU`: the
+    /// baseline is favoured.
     pub threshold: f32,
     pub iou: MeanStd,
     pub centroid_mm: Option<MeanStd>,
@@ -130,7 +132,8 @@ impl Outcome {
         (self.pictures.iter().map(|contact| 1.0 - contact.iou).sum(), self.pictures.len() as u64)
     }
 
-    /// The sum of the absolute errors of the total force in N, and the number of pictures with a true force.
+    /// The sum of the absolute errors of the total force in N, and the number of pictures with a
+    /// true force.
     pub(crate) fn force_error(&self) -> (f64, u64) {
         let errors = self.pictures.iter().filter_map(|contact| contact.force_n);
         let errors = errors.map(|(expected, found)| (found - expected).abs());
@@ -214,10 +217,12 @@ pub(crate) fn baseline(set: &Set, workers: &Workers) -> Result<BaselineFigures, 
     Ok(best.expect("there are thresholds"))
 }
 
-/// Pressure of a contact: the published threshold of 1e-4 N on the pixels of the shipped networks, 0.06 mm wide.
+/// Pressure of a contact: the published threshold of 1e-4 N on the pixels of the shipped networks,
+/// 0.06 mm wide.
 const CONTACT_MPA: f64 = 1e-4 / (0.06 * 0.06);
 
-/// The pixels in contact: those under more pressure than [`CONTACT_MPA`], or those that were marked.
+/// The pixels in contact: those under more pressure than [`CONTACT_MPA`], or those that were
+/// marked.
 fn true_mask(truth: &Truth, pixel_mm: f64) -> Vec<bool> {
     let least_n = CONTACT_MPA * pixel_mm * pixel_mm;
     match truth {
@@ -230,7 +235,8 @@ fn count(mask: &[bool]) -> usize {
     mask.iter().filter(|&&touches| touches).count()
 }
 
-/// The middle of the pixels in contact, weighted by force where it is known; `None` without contact.
+/// The middle of the pixels in contact, weighted by force where it is known; `None` without
+/// contact.
 fn centroid(truth: &Truth, mask: &[bool], width: usize) -> Option<[f64; 2]> {
     let (mut sum, mut at) = (0.0, [0.0; 2]);
     for i in (0..mask.len()).filter(|&i| mask[i]) {

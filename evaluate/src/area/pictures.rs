@@ -64,11 +64,13 @@ impl Labelled {
     }
 }
 
-/// Real pictures become so many times as large: those of the balls have half of the pixels along a side that the networks read.
+/// Real pictures become so many times as large: those of the balls have half of the pixels along a
+/// side that the networks read.
 const ENLARGED: usize = 2;
 
 impl Set {
-    /// The pictures in the file at `path`: an archive of balls (.npz), or a file of `meissner simulate gel`.
+    /// The pictures in the file at `path`: an archive of balls (.npz), or a file of `meissner
+    /// simulate gel`.
     pub(crate) fn read(path: &Path) -> Result<Self, EvaluateError> {
         if path.extension().is_some_and(|extension| extension == "npz") {
             return Ok(Self::of_balls(&path.display().to_string(), &BallPictures::read(path)?));
@@ -154,13 +156,15 @@ impl Set {
         })
     }
 
-    /// Pictures of balls, enlarged, and turned by a quarter where they are higher than wide, as the pictures of the simulated sensor are.
+    /// Pictures of balls, enlarged, and turned by a quarter where they are higher than wide, as the
+    /// pictures of the simulated sensor are.
     pub(crate) fn of_balls(name: &str, balls: &BallPictures) -> Self {
         let (width, height) = (balls.width, balls.height);
         let is_upright = height > width;
         let size = if is_upright { [height, width] } else { [width, height] }.map(|side| ENLARGED * side);
         let grid = Grid { width, height, pitch_mm: 1.0 };
-        // Where a place of the enlarged picture is in the real one. Rows become columns, and columns become rows from below.
+        // Where a place of the enlarged picture is in the real one. Rows become columns, and
+        // columns become rows from below.
         let place = |column: usize, row: usize| {
             let [x, y] = [column, row].map(|at| (at as f64 + 0.5) / ENLARGED as f64 - 0.5);
             if is_upright { [(width - 1) as f64 - y, x] } else { [x, y] }

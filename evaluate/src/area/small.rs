@@ -4,8 +4,9 @@ use std::path::{Path, PathBuf};
 
 use meissner_models::TensorFile;
 
-/// The description of a network `name` over differences of pictures of 32 x 24 pixels, divided by `std`. An output of 1 is a force of
-/// `force_n` on a pixel, and a pixel is in contact above `threshold_n`.
+/// The description of a network `name` over differences of pictures of 32 x 24 pixels, divided by
+/// `std`. An output of 1 is a force of `force_n` on a pixel, and a pixel is in contact above
+/// `threshold_n`.
 pub(crate) fn description(name: &str, std: f32, [force_n, threshold_n]: [f32; 2], layers: &str) -> String {
     format!(
         r#"
@@ -32,8 +33,8 @@ unit = "N per pixel"
     )
 }
 
-/// Writes a network whose force on a pixel is `force_n` times the change of its red, as a share of 255 levels. Returns its name for a
-/// request, and its weights.
+/// Writes a network whose force on a pixel is `force_n` times the change of its red, as a share of
+/// 255 levels. Returns its name for a request, and its weights.
 pub(crate) fn red(folder: &Path, forces_n: [f32; 2]) -> (Vec<String>, PathBuf) {
     let head = "[[layer]]\nname = \"head\"\nkind = \"conv\"\nchannels = 1\nkernel = 1";
     let [network, weights] = ["red.toml", "red.safetensors"].map(|name| folder.join(name));

@@ -125,7 +125,8 @@ fn a_real_ball_is_turned_and_enlarged_with_its_circle() {
         Set::of_balls("balls", &BallPictures { width: 6, height: 8, background: rgb, balls: vec![ball] });
     assert_eq!((set.size.width, set.size.height), (16, 12));
     let picture = &set.presses[0].pictures[0];
-    // The place of column 1 and row 5 is on the right and below the middle: rows become columns, columns rows from below.
+    // The place of column 1 and row 5 is on the right and below the middle: rows become columns,
+    // columns rows from below.
     let at = (2 * (5 - 1) + 1) * 16 + 2 * 5 + 1;
     let pixel = &picture.rgb[3 * at..3 * at + 3];
     assert!(pixel[0].abs_diff(10) <= 3 && pixel[1].abs_diff(50) <= 3 && pixel[2] == 7, "{pixel:?}");

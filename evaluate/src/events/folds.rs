@@ -2,11 +2,13 @@
 
 use crate::error::{EvaluateError, TrainingError};
 
-/// The fold, from 0 to below `count`, of each recording; `classes` has the class of each. O(n log n).
+/// The fold, from 0 to below `count`, of each recording; `classes` has the class of each. O(n log
+/// n).
 ///
-/// Recordings are dealt like cards. They are sorted by class, and recordings of one class keep their order. The k-th (from
-/// 0) goes to fold k mod `count`. Of each class, and of all classes together, no two folds differ by more than one
-/// recording. The assignment depends on nothing but the order of the recordings.
+/// Recordings are dealt like cards. They are sorted by class, and recordings of one class keep
+/// their order. The k-th (from 0) goes to fold k mod `count`. Of each class, and of all classes
+/// together, no two folds differ by more than one recording. The assignment depends on nothing but
+/// the order of the recordings.
 ///
 /// # Errors
 /// [`EvaluateError::Folds`] for fewer than two folds, and for more folds than recordings.

@@ -1,9 +1,10 @@
 //! Networks over events on the labels, event by event.
 //!
-//! Enters: the data set, networks with their trainings. Leaves: a [`Report`], and the outputs at the end of each recording.
-//! Whole trainings are judged on the split test. Folds are judged on the recordings that they held out, all folds of a seed
-//! together. Counts are integers, and figures are computed from them in a fixed order. Every recording begins with a reset,
-//! so the number of threads changes no bit.
+//! Enters: the data set, networks with their trainings. Leaves: a [`Report`], and the outputs at
+//! the end of each recording. Whole trainings are judged on the split test. Folds are judged on the
+//! recordings that they held out, all folds of a seed together. Counts are integers, and figures
+//! are computed from them in a fixed order. Every recording begins with a reset, so the number of
+//! threads changes no bit.
 
 use std::collections::BTreeMap;
 use std::marker::PhantomData;
@@ -56,7 +57,8 @@ pub struct Report {
     pub mode: &'static str,
     /// Microseconds from one prediction to the next.
     pub every_us: i64,
-    /// Times of predictions from the first event of a recording on. The last one is at or after the end of every recording.
+    /// Times of predictions from the first event of a recording on. The last one is at or after the
+    /// end of every recording.
     pub times_us: Vec<i64>,
     pub networks: Vec<NetworkReport<Protocols>>,
 }
@@ -90,7 +92,8 @@ pub struct Protocols {
 /// Figures of several trainings on the same recordings.
 pub type Judged = judged::Judged<OverTime>;
 
-/// Figures of answers that change over time; `T` is a number for one training and [`MeanStd`] for several.
+/// Figures of answers that change over time; `T` is a number for one training and [`MeanStd`] for
+/// several.
 #[derive(Serialize)]
 pub struct OverTime<T = f64> {
     /// Number of recordings that each training is judged on.
@@ -99,7 +102,8 @@ pub struct OverTime<T = f64> {
     pub accuracy: T,
     /// 95 % interval; for several trainings the means of the bounds.
     pub interval_95: (f64, f64),
-    /// Time by which half of the answers of all trainings are right and stay right, in microseconds.
+    /// Time by which half of the answers of all trainings are right and stay right, in
+    /// microseconds.
     pub settled_us: Option<i64>,
     /// Counts of predictions at the end, the sum over the trainings.
     pub confusion: Confusion,
@@ -113,17 +117,19 @@ pub struct OverTime<T = f64> {
 }
 
 impl Protocols {
-    /// Names and figures of the protocols: whole trainings on the split test, folds on the recordings that they held out.
+    /// Names and figures of the protocols: whole trainings on the split test, folds on the
+    /// recordings that they held out.
     pub fn protocols(&self) -> [(&'static str, Option<&Judged>); 2] {
         [("test split", self.test.as_ref()), ("cross-validation", self.cross_validation.as_ref())]
     }
 }
 
-/// Judges the networks of `options` on the data set in `folder`, with the threads of `workers`. `done` is called after each
-/// training with its label and the time since judging began.
+/// Judges the networks of `options` on the data set in `folder`, with the threads of `workers`.
+/// `done` is called after each training with its label and the time since judging began.
 ///
 /// # Errors
-/// The data set or a network cannot be read, or trainings do not fit. All of this is checked before a network runs.
+/// The data set or a network cannot be read, or trainings do not fit. All of this is checked before
+/// a network runs.
 pub fn evaluate<T: EventTask>(
     folder: &Path,
     options: &Options<'_>,
@@ -274,7 +280,8 @@ fn outcome(
 }
 
 impl OverTime {
-    /// The figures of `outcomes`, each with its true one of so many `classes`, at so many `times`; `None` for no outcomes.
+    /// The figures of `outcomes`, each with its true one of so many `classes`, at so many `times`;
+    /// `None` for no outcomes.
     fn new(classes: usize, outcomes: &[(usize, &Outcome)], every_us: i64, times: usize) -> Option<Self> {
         let recordings = outcomes.len() as u64;
         let right_at =
@@ -338,8 +345,8 @@ impl Outcome {
     }
 }
 
-/// The index of the first of `answers`, in order of time, from which on all are `truth`; `None` where the last one is not,
-/// or where there are no answers. O(n).
+/// The index of the first of `answers`, in order of time, from which on all are `truth`; `None`
+/// where the last one is not, or where there are no answers. O(n).
 fn correct_from(answers: &[usize], truth: usize) -> Option<usize> {
     let wrong = answers.iter().rposition(|&answer| answer != truth);
     let first = wrong.map_or(0, |last_wrong| last_wrong + 1);

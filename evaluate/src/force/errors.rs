@@ -14,19 +14,22 @@ use crate::regression::Work;
 /// Width of the bins of Bhattacharyya's distance, in newtons.
 const BIN_N: f64 = 0.1;
 
-/// Figures of a network on recordings; `T` is a number for one training and [`MeanStd`] for several.
+/// Figures of a network on recordings; `T` is a number for one training and [`MeanStd`] for
+/// several.
 #[derive(Serialize)]
 pub struct ForceErrors<T = f64> {
     /// Number of recordings.
     pub recordings: u64,
     /// All frames, those of each phase, and those of each bolt.
     pub parts: Vec<PartErrors<T>>,
-    /// Mean over the recordings of the distance of dynamic time warping between predicted and true force, in newtons.
+    /// Mean over the recordings of the distance of dynamic time warping between predicted and true
+    /// force, in newtons.
     pub time_warping: T,
-    /// Bhattacharyya's distance between the histograms of all predicted and all true forces; `None` where they share no bin.
+    /// Bhattacharyya's distance between the histograms of all predicted and all true forces; `None`
+    /// where they share no bin.
     pub bhattacharyya: Option<T>,
-    /// Mean squared error, in square newtons, of the newest prediction that a reader has at each millisecond; `None` where no prediction
-    /// came in time.
+    /// Mean squared error, in square newtons, of the newest prediction that a reader has at each
+    /// millisecond; `None` where no prediction came in time.
     pub newest: Option<T>,
     /// Events and work of all trainings together.
     pub work: Work,

@@ -43,8 +43,8 @@ impl Outcome {
     }
 }
 
-/// Lets `engine` predict during recording `number`, from every `stride`-th event, every `every_us`, which divides `period_us`. The force
-/// at the end of each `period_us` counts.
+/// Lets `engine` predict during recording `number`, from every `stride`-th event, every `every_us`,
+/// which divides `period_us`. The force at the end of each `period_us` counts.
 pub(crate) fn run(
     engine: &mut PressEngine,
     recordings: &Presses,

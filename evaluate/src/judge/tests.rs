@@ -61,7 +61,8 @@ impl Judge for Numbers {
     }
 }
 
-/// The figures of two networks or an error, the cases that ran, and those that are done and expected.
+/// The figures of two networks or an error, the cases that ran, and those that are done and
+/// expected.
 fn run(refused: &'static str) -> (Result<Vec<Vec<f32>>, EvaluateError>, usize, [u64; 2]) {
     let networks = ["tactigraph-past", "tactip-past"].map(str::to_owned);
     let request = Request { networks: &networks, ..Request::default() };

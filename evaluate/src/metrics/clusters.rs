@@ -1,16 +1,19 @@
 //! The mean of figures that come in clusters, such as the pictures of a press, and how sure it is.
 //!
-//! Figures of one cluster depend on each other, so the cluster is the independent unit. Clusters may differ in size.
+//! Figures of one cluster depend on each other, so the cluster is the independent unit. Clusters
+//! may differ in size.
 
 use libm::atan;
 
 /// Sum and number of the figures of a cluster.
 pub(crate) type Cluster = (f64, u64);
 
-/// The 95 % interval of the mean over all figures of `clusters`; `None` for fewer than two clusters with figures.
+/// The 95 % interval of the mean over all figures of `clusters`; `None` for fewer than two clusters
+/// with figures.
 ///
-/// With sums s and sizes n of c clusters, the mean is a ratio (Cochran 1977, "Sampling techniques", 3rd edition, section 2.11), and Student's
-/// t for c - 1 degrees of freedom (Student 1908, "The probable error of a mean") is its quantile:
+/// With sums s and sizes n of c clusters, the mean is a ratio (Cochran 1977, "Sampling techniques",
+/// 3rd edition, section 2.11), and Student's t for c - 1 degrees of freedom (Student 1908, "The
+/// probable error of a mean") is its quantile:
 ///
 /// ```text
 /// r = sum s / sum n     v = c / (c - 1) sum (s - r n)^2 / (sum n)^2     r +- t sqrt(v)
@@ -28,8 +31,8 @@ pub(crate) fn clustered_95(clusters: &[Cluster]) -> Option<(f64, f64)> {
     Some((mean - reach, mean + reach))
 }
 
-/// The t that Student's distribution with `freedom` degrees of freedom, at least 1, exceeds in absolute value with a probability of 5 %.
-/// Bisection; O(freedom).
+/// The t that Student's distribution with `freedom` degrees of freedom, at least 1, exceeds in
+/// absolute value with a probability of 5 %. Bisection; O(freedom).
 fn student_95(freedom: usize) -> f64 {
     // Those of an infinite number of degrees, and of one, with some room.
     let (mut low, mut high) = (1.959, 12.707);
@@ -44,7 +47,8 @@ fn student_95(freedom: usize) -> f64 {
     f64::midpoint(low, high)
 }
 
-/// The probability that Student's distribution is within `t` (Abramowitz and Stegun 1964, equations 26.7.3 and 26.7.4).
+/// The probability that Student's distribution is within `t` (Abramowitz and Stegun 1964, equations
+/// 26.7.3 and 26.7.4).
 fn within(t: f64, freedom: usize) -> f64 {
     let n = freedom as f64;
     let (sine, square) = (t / (n + t * t).sqrt(), n / (n + t * t));
@@ -98,7 +102,8 @@ mod tests {
 
     #[test]
     fn larger_clusters_weigh_more_and_empty_ones_nothing() {
-        // One figure of 4 and three of 1: mean 7/4; s - r n is 9/4 and -9/4, so v is 2 * (81/8) / 16.
+        // One figure of 4 and three of 1: mean 7/4; s - r n is 9/4 and -9/4, so v is 2 * (81/8) /
+        // 16.
         let (low, high) = clustered_95(&[(4.0, 1), (0.0, 0), (3.0, 3)]).expect("two clusters");
         let reach = 12.706_204_736 * (81.0_f64 / 64.0).sqrt();
         assert!((low - (1.75 - reach)).abs() < 1e-7 && (high - (1.75 + reach)).abs() < 1e-7, "{low} {high}");

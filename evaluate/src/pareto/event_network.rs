@@ -1,11 +1,13 @@
 //! A network over events with each of its settings.
 //!
-//! Enters: streams of events, and recordings with labels where there are any. Leaves: a [`Measurement`] of each setting. The
-//! exact network and the setting take turns. A prediction is read after each event that enters, and stands until the next
-//! one. It is compared with the exact prediction at every event.
+//! Enters: streams of events, and recordings with labels where there are any. Leaves: a
+//! [`Measurement`] of each setting. The exact network and the setting take turns. A prediction is
+//! read after each event that enters, and stands until the next one. It is compared with the exact
+//! prediction at every event.
 //!
-//! Answers: every recording begins with a reset, so the number of threads changes no count. Where a prediction depends on
-//! earlier reads (tolerance, stale readout), a prediction is read after each event, as in timing; otherwise at the end.
+//! Answers: every recording begins with a reset, so the number of threads changes no count. Where a
+//! prediction depends on earlier reads (tolerance, stale readout), a prediction is read after each
+//! event, as in timing; otherwise at the end.
 
 use std::sync::Arc;
 use std::time::{Duration, Instant};

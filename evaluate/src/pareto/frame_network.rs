@@ -1,8 +1,8 @@
 //! A frame network over windows of readings with each of its settings.
 //!
-//! Enters: the windows of a data set. Leaves: a [`Measurement`] of each setting. Some windows, evenly chosen, are timed in
-//! turns with the exact network. The outputs for all windows of unseen objects are compared with the exact outputs and with
-//! the labels.
+//! Enters: the windows of a data set. Leaves: a [`Measurement`] of each setting. Some windows,
+//! evenly chosen, are timed in turns with the exact network. The outputs for all windows of unseen
+//! objects are compared with the exact outputs and with the labels.
 
 use std::cell::OnceCell;
 use std::sync::Arc;

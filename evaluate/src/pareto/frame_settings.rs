@@ -1,6 +1,7 @@
 //! The settings of frame networks: which approximations, and their names.
 //!
-//! Enters: the parts of a network. Leaves: the settings that change it; each study adds those of its frames.
+//! Enters: the parts of a network. Leaves: the settings that change it; each study adds those of
+//! its frames.
 
 use meissner_engine::frames::{
     Convolution, FrameLayer, FrameLayerKind, FrameNetwork, FrameNetworkParts, FrameOptions, Skip,
@@ -28,7 +29,8 @@ pub(super) enum Thinning {
     EverySecond,
 }
 
-/// The exact setting, Winograd's convolutions, and `tolerances`, as far as they change a network of `parts`.
+/// The exact setting, Winograd's convolutions, and `tolerances`, as far as they change a network of
+/// `parts`.
 pub(super) fn common(parts: &FrameNetworkParts, tolerances: &[f32]) -> Vec<FrameSetting> {
     let exact = FrameSetting::default();
     let mut settings = vec![exact];
@@ -65,7 +67,8 @@ pub(super) fn has_winograd(parts: &FrameNetworkParts) -> bool {
     network.is_ok_and(|network| network.has_winograd())
 }
 
-/// Whether a tolerance can keep any pixel: recurrent layers couple all pixels, and vectors have none.
+/// Whether a tolerance can keep any pixel: recurrent layers couple all pixels, and vectors have
+/// none.
 pub(super) fn has_pixels_to_keep(parts: &FrameNetworkParts) -> bool {
     use FrameLayerKind as Kind;
     let keeps = |kind: &Kind| {

@@ -1,8 +1,10 @@
 //! The study of the force of grasps: event graphs and frame networks, with each of their settings.
 //!
-//! Enters: a file of recordings, and networks with their trainings. Leaves: a [`Study`] whose error is the mean squared error of the force.
-//! The unit of the times is a recording, so that networks of both kinds are on one front: all its events, and a prediction at the end of
-//! each frame. Some recordings, evenly chosen, are timed in turns with the exact network. All are judged as `eval force` judges them.
+//! Enters: a file of recordings, and networks with their trainings. Leaves: a [`Study`] whose error
+//! is the mean squared error of the force. The unit of the times is a recording, so that networks
+//! of both kinds are on one front: all its events, and a prediction at the end of each frame. Some
+//! recordings, evenly chosen, are timed in turns with the exact network. All are judged as `eval
+//! force` judges them.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -34,11 +36,12 @@ use crate::workers::Workers;
 
 /// Timed recordings without another number.
 const RECORDINGS: usize = 20;
-/// Tolerances of frame networks, whose pixels are counts of events divided by 8: the first is far below the change of one event.
+/// Tolerances of frame networks, whose pixels are counts of events divided by 8: the first is far
+/// below the change of one event.
 const TOLERANCES: [f32; 4] = [1e-3, 1e-2, 3e-2, 1e-1];
 
-/// The study of networks that predict the force of grasps, on the recordings in the file `events`. Errors are those on all recordings, or
-/// of the cross-validation where all trainings are folds.
+/// The study of networks that predict the force of grasps, on the recordings in the file `events`.
+/// Errors are those on all recordings, or of the cross-validation where all trainings are folds.
 ///
 /// # Errors
 /// The file or a network cannot be read, no recording lasts for a frame, or trainings do not fit.

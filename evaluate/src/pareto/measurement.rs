@@ -1,15 +1,15 @@
 //! Times, work and errors of a network with one setting.
 //!
-//! Numerical errors are those of all values a of an approximation against the values e of the exact network at the same
-//! moments:
+//! Numerical errors are those of all values a of an approximation against the values e of the exact
+//! network at the same moments:
 //!
 //! ```text
 //! max = max |a - e|     rms = sqrt(mean (a - e)^2)     relative rms = rms / sqrt(mean e^2)
 //! ```
 //!
-//! Sums are in f64 in the order of the moments. Both are also formed for each tenth of a stream, so that an error that grows
-//! with time is seen. Times are medians over repeats, which all compute the same, so an interruption of one repeat changes no
-//! figure.
+//! Sums are in f64 in the order of the moments. Both are also formed for each tenth of a stream, so
+//! that an error that grows with time is seen. Times are medians over repeats, which all compute
+//! the same, so an interruption of one repeat changes no figure.
 
 use std::time::Duration;
 
@@ -24,8 +24,8 @@ pub const EXACT: &str = "exact";
 /// Number of parts of each stream whose errors are formed apart.
 const PARTS: usize = 10;
 
-/// Times, work and errors of one setting. Times, rows and multiply-adds are those of an event of the input, of a
-/// window, of a picture or of a recording.
+/// Times, work and errors of one setting. Times, rows and multiply-adds are those of an event of
+/// the input, of a window, of a picture or of a recording.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Measurement {
     /// Events, windows, pictures or recordings that were timed in each repeat.
@@ -102,9 +102,10 @@ impl Numerical {
 /// Times of the events of a repeat: those of filters and push, and the same with the prediction.
 pub(super) type Lap = Vec<(Duration, Duration)>;
 
-/// Times two networks over `streams`, `repeats` times, in turns of `turn` items each, so that a slower machine slows both. The
-/// order alternates: neither network always finds the caches of the other. `begin` begins a stream, `run` pushes items. In the
-/// first repeat, `after` is called after each turn with the index of its first item and the number of items of the stream.
+/// Times two networks over `streams`, `repeats` times, in turns of `turn` items each, so that a
+/// slower machine slows both. The order alternates: neither network always finds the caches of the
+/// other. `begin` begins a stream, `run` pushes items. In the first repeat, `after` is called after
+/// each turn with the index of its first item and the number of items of the stream.
 pub(super) fn take_turns<N, I, E>(
     (exact, own): (&mut N, &mut N),
     (streams, repeats, turn): (&[Vec<I>], u32, usize),

@@ -1,9 +1,11 @@
-//! The study of contact area and normal force: networks over pictures of a gel, with each of their settings.
+//! The study of contact area and normal force: networks over pictures of a gel, with each of their
+//! settings.
 //!
-//! Enters: files of pictures, and networks with their trainings. Leaves: a [`Study`] whose error is what the intersection over union lacks
-//! to 1. Some presses, evenly chosen, are timed in turns with the exact network, and their maps of force are compared with the exact ones.
-//! All presses are judged as `eval area` judges them. A press begins with a reset and the picture of the sensor at rest, whose times do
-//! not count.
+//! Enters: files of pictures, and networks with their trainings. Leaves: a [`Study`] whose error is
+//! what the intersection over union lacks to 1. Some presses, evenly chosen, are timed in turns
+//! with the exact network, and their maps of force are compared with the exact ones. All presses
+//! are judged as `eval area` judges them. A press begins with a reset and the picture of the sensor
+//! at rest, whose times do not count.
 
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -31,13 +33,15 @@ use crate::workers::Workers;
 
 /// Timed pictures without another number.
 const PICTURES: usize = 40;
-/// Tolerances in the unit of the network's input, in which a grey level of the camera is 0.04 for the shipped networks. Activations are
-/// compared with them, layer by layer; normalised layers have about the scale of the input. Half a grey level is below the noise of a
-/// camera, which is 1 to 3 grey levels, so nearly every pixel of a real picture changes by more. 0.05 and 0.1 are within the noise, and
-/// 0.2 is 5 grey levels, which only contact changes.
+/// Tolerances in the unit of the network's input, in which a grey level of the camera is 0.04 for
+/// the shipped networks. Activations are compared with them, layer by layer; normalised layers have
+/// about the scale of the input. Half a grey level is below the noise of a camera, which is 1 to 3
+/// grey levels, so nearly every pixel of a real picture changes by more. 0.05 and 0.1 are within
+/// the noise, and 0.2 is 5 grey levels, which only contact changes.
 const TOLERANCES: [f32; 4] = [0.02, 0.05, 0.1, 0.2];
 
-/// The study of networks over pictures on the presses in `files`. Errors are those on all of the files.
+/// The study of networks over pictures on the presses in `files`. Errors are those on all of the
+/// files.
 ///
 /// # Errors
 /// A file or a network cannot be read, there are no pictures, or pictures do not fit a network.
@@ -115,8 +119,8 @@ fn fingerprint(presses: &[&Press]) -> String {
     fingerprint.finish()
 }
 
-/// The settings of a network of `parts`, where pictures `follow` others of their press or not: without that, a tolerance has nothing to
-/// keep, and no picture can be left out.
+/// The settings of a network of `parts`, where pictures `follow` others of their press or not:
+/// without that, a tolerance has nothing to keep, and no picture can be left out.
 fn settings(parts: &FrameNetworkParts, follow: bool) -> Vec<FrameSetting> {
     let mut settings = common(parts, if follow { &TOLERANCES } else { &[] });
     if follow {
@@ -204,7 +208,8 @@ impl PicturesNetwork<'_> {
         })
     }
 
-    /// Errors on all files together, then on each of several: of the contact, and of the force where it is known.
+    /// Errors on all files together, then on each of several: of the contact, and of the force
+    /// where it is known.
     fn errors(&self, setting: FrameSetting) -> Result<Vec<TaskError>, EvaluateError> {
         let mut judged: Vec<Vec<Vec<Outcome>>> = Vec::new();
         for training in &self.trainings {

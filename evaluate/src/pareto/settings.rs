@@ -1,6 +1,7 @@
 //! The settings of a network over events: which approximations, alone and together.
 //!
-//! Enters: a network, and the mean rate of its events. Leaves: every setting that changes the network, after the exact one.
+//! Enters: a network, and the mean rate of its events. Leaves: every setting that changes the
+//! network, after the exact one.
 
 use meissner_engine::{Event, Network};
 use meissner_run::approximations::Approximations;
@@ -75,8 +76,8 @@ const SETTINGS: &[&[Change]] = &[
     &[Activity(1250), Tolerance(1e-2), Stale(5)],
 ];
 
-/// The settings of `network` over events with a mean rate of `rate` per second, where a prediction is read every `every_us`, or after each
-/// event for 0.
+/// The settings of `network` over events with a mean rate of `rate` per second, where a prediction
+/// is read every `every_us`, or after each event for 0.
 pub(super) fn settings(network: &Network, rate: f64, every_us: i64) -> Vec<Setting> {
     let fits = |change: &Change| change.fits(network, every_us);
     let fitting = SETTINGS.iter().filter(|changes| changes.iter().all(fits));
@@ -155,7 +156,8 @@ impl Change {
     }
 }
 
-/// Events a second over all of `streams`, each from its first event to its last; 0 where no time passes.
+/// Events a second over all of `streams`, each from its first event to its last; 0 where no time
+/// passes.
 pub(super) fn mean_rate(streams: &[Vec<Event>]) -> f64 {
     let length = |events: &[Event]| {
         let times = || events.iter().map(|event| event.t_us);

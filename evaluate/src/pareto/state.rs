@@ -1,7 +1,8 @@
 //! Finished measurements in a file, one JSON object a line, so that nothing is measured twice.
 //!
-//! A line is appended when a measurement finishes. A program that is stopped can leave a last line without an end: it is cut
-//! off. Any other line that cannot be read is an error. Lines of other systems, networks, data or versions stay.
+//! A line is appended when a measurement finishes. A program that is stopped can leave a last line
+//! without an end: it is cut off. Any other line that cannot be read is an error. Lines of other
+//! systems, networks, data or versions stay.
 
 use std::fs::{File, OpenOptions};
 use std::hash::Hasher;
@@ -48,7 +49,8 @@ pub struct State {
 }
 
 impl State {
-    /// Reads the file at `path`, which is created if it does not exist. Without a path, nothing is kept.
+    /// Reads the file at `path`, which is created if it does not exist. Without a path, nothing is
+    /// kept.
     ///
     /// # Errors
     /// The file cannot be read or written, or one of its lines cannot be read.
@@ -79,7 +81,8 @@ impl State {
         let Some((path, file)) = &mut self.file else { return Ok(measurement) };
         let failed = |source| EvaluateError::Write { path: path.clone(), source };
         let mut text = serde_json::to_vec(&Line { key, measurement }).map_err(|e| failed(e.into()))?;
-        // A reader may round the last digit: a run that goes on must report what one that did not stop would.
+        // A reader may round the last digit: a run that goes on must report what one that did not
+        // stop would.
         let line: Line = serde_json::from_slice(&text).map_err(|e| failed(e.into()))?;
         text.push(b'\n');
         file.write_all(&text).and_then(|()| file.flush()).map_err(failed)?;

@@ -1,7 +1,8 @@
 //! The studies: one recording without labels, digits, direction of slip.
 //!
-//! Networks over events are timed on streams, each from an empty window on. Errors against labels are those of recordings and
-//! objects that a training has not seen. With several trainings, the first one is timed.
+//! Networks over events are timed on streams, each from an empty window on. Errors against labels
+//! are those of recordings and objects that a training has not seen. With several trainings, the
+//! first one is timed.
 
 use std::cell::OnceCell;
 use std::path::Path;
@@ -104,8 +105,9 @@ pub fn angle(
     Ok(Study { system: "angle", unit: "event", asked: count, data, networks, notes })
 }
 
-/// The study of networks over events for a task, on the data set in `folder`. Errors are those on the split test, or of the
-/// cross-validation where a network has folds, of which there must be `folds`.
+/// The study of networks over events for a task, on the data set in `folder`. Errors are those on
+/// the split test, or of the cross-validation where a network has folds, of which there must be
+/// `folds`.
 ///
 /// # Errors
 /// The data set or a network cannot be read, or trainings do not fit.
@@ -169,7 +171,8 @@ pub(super) fn timed_label(trainings: usize, first: &str) -> String {
     if trainings == 1 { first.to_owned() } else { format!("{trainings} trainings, timed with {first}") }
 }
 
-/// Some of the recordings `chosen`, as far apart as possible: at least one, and with about `count` events.
+/// Some of the recordings `chosen`, as far apart as possible: at least one, and with about `count`
+/// events.
 pub(super) fn spread(chosen: &[usize], events: impl Fn(usize) -> usize, count: usize) -> Vec<usize> {
     let all: usize = chosen.iter().map(|&place| events(place)).sum();
     // A recording has at least one event.
@@ -182,8 +185,8 @@ pub(super) fn evenly<T: Copy>(items: &[T], count: usize) -> Vec<T> {
     (0..count).map(|i| items[(2 * i + 1) * items.len() / (2 * count)]).collect()
 }
 
-/// The study of frame networks for the direction of slip, on the data set in `folder`. Errors are those on unseen objects;
-/// folds are left out.
+/// The study of frame networks for the direction of slip, on the data set in `folder`. Errors are
+/// those on unseen objects; folds are left out.
 ///
 /// # Errors
 /// The data set or a network cannot be read, a network has only folds, or all objects are seen.

@@ -1,6 +1,7 @@
 //! Presses of the simulated dome, as marker tracks with labels.
 //!
-//! Enters: how many presses, and a seed. Leaves: tracks for [`super::film_markers`], with tilt, depth and force of each press.
+//! Enters: how many presses, and a seed. Leaves: tracks for [`super::film_markers`], with tilt,
+//! depth and force of each press.
 
 use std::f64::consts::PI;
 
@@ -15,8 +16,8 @@ use serde_json::json;
 
 use super::{Prepared, metadata};
 
-/// The plan of the published recordings: tilts from 0 to 9 degrees, directions, presses of each, and ranges of depth and
-/// duration.
+/// The plan of the published recordings: tilts from 0 to 9 degrees, directions, presses of each,
+/// and ranges of depth and duration.
 const TILTS: usize = 10;
 const DIRECTIONS: usize = 20;
 const DEPTH_MM: [f64; 2] = [5.0, 15.0];
@@ -27,15 +28,19 @@ const REST_US: i64 = 10_000;
 /// Tilts and directions of the plan, with each other.
 pub const DOME_KINDS: usize = TILTS * DIRECTIONS;
 
-/// Depth between two recorded positions, in millimetres. Markers move along straight lines between them.
+/// Depth between two recorded positions, in millimetres. Markers move along straight lines between
+/// them.
 const RECORD_MM: f64 = 0.5;
 
-/// Presses of the default [`Dome`] on planes of all tilts and directions, `each` of a kind, seen by a camera of `sensor`.
+/// Presses of the default [`Dome`] on planes of all tilts and directions, `each` of a kind, seen by
+/// a camera of `sensor`.
 ///
-/// Depth rises from 0 with a smooth start and a smooth end. Presses of one tilt and direction differ in depth and duration,
-/// which `seed` determines. The result has `t_us` I64 (times), `start` I64 (presses + 1) and `position` F32
-/// (times, markers, 2), as [`super::film_markers`] reads them, and for each time `roll`, `pitch` (radians), `depth` (mm) and
-/// `force` (N), F32 (times). Roll and pitch are the angles of the plane about x and y. The threads of `pool` share the tilts.
+/// Depth rises from 0 with a smooth start and a smooth end. Presses of one tilt and direction
+/// differ in depth and duration, which `seed` determines. The result has `t_us` I64 (times),
+/// `start` I64 (presses + 1) and `position` F32 (times, markers, 2), as [`super::film_markers`]
+/// reads them, and for each time `roll`, `pitch` (radians), `depth` (mm) and `force` (N), F32
+/// (times). Roll and pitch are the angles of the plane about x and y. The threads of `pool` share
+/// the tilts.
 ///
 /// Complexity: two hundred presses to 15 mm, each about two seconds of one core.
 pub fn dome_presses(each: usize, sensor: Sensor, seed: u64, pool: &ThreadPool) -> Prepared {
@@ -125,7 +130,8 @@ fn record(tilt: f64, azimuth: f64, sensor: Sensor) -> Vec<Recorded> {
     (0..=steps).map(at).collect()
 }
 
-/// When depth has risen to `share` of its end, as a share of the duration: the inverse of `3 t^2 - 2 t^3`.
+/// When depth has risen to `share` of its end, as a share of the duration: the inverse of `3 t^2 -
+/// 2 t^3`.
 fn rising_time(share: f64) -> f64 {
     0.5 - libm::sin(libm::asin((1.0 - 2.0 * share).clamp(-1.0, 1.0)) / 3.0)
 }

@@ -1,7 +1,7 @@
 //! Marker tracks and images, filmed by the camera model.
 //!
-//! Enters: a safetensors file with times and positions of markers for each stream, and labels where it has them, or a sequence
-//! of images. Leaves: events with their causes, and the labels.
+//! Enters: a safetensors file with times and positions of markers for each stream, and labels where
+//! it has them, or a sequence of images. Leaves: events with their causes, and the labels.
 
 use std::path::Path;
 
@@ -32,9 +32,10 @@ use crate::truth::Truth;
 /// | `position` | F32 (times, markers, 2) | column and row of each marker in pixels |
 /// | any other | F32 (times) | a label of the streams along time |
 ///
-/// The result has `t_us`, `x`, `y`, `on`, `start` as [`super::graphs`] reads them, and `cause` (0 signal, 1 leak, 2 shot noise,
-/// 3 hot pixel), all I64. With labels it also has `truth.start` I64 (streams + 1), `truth.t_us` I64 (times), and a label NAME
-/// as `truth.NAME` F32 (times), linear between the times. The threads of `pool` share the streams.
+/// The result has `t_us`, `x`, `y`, `on`, `start` as [`super::graphs`] reads them, and `cause` (0
+/// signal, 1 leak, 2 shot noise, 3 hot pixel), all I64. With labels it also has `truth.start` I64
+/// (streams + 1), `truth.t_us` I64 (times), and a label NAME as `truth.NAME` F32 (times), linear
+/// between the times. The threads of `pool` share the streams.
 ///
 /// # Errors
 /// The file cannot be read, its tensors do not fit, or the simulator refuses settings or tracks.

@@ -1,6 +1,7 @@
 //! Grasps of simulated bolts, as events with labels.
 //!
-//! Enters: how many recordings, and a seed. Leaves: what [`super::film_markers`] writes, with the force of each grasp along time.
+//! Enters: how many recordings, and a seed. Leaves: what [`super::film_markers`] writes, with the
+//! force of each grasp along time.
 
 use meissner_simulator::gel::GelSolver;
 use meissner_simulator::grasp::{Grasp, Grip, SENSOR};
@@ -13,15 +14,15 @@ use super::filmed::prepared;
 use crate::error::EvaluateError;
 use crate::truth::Truth;
 
-/// The labels of a grasp: force (N), depth (mm), area (mm2), the number of the [`Phase`](meissner_simulator::grasp::Phase), diameter of the
-/// bolt (mm).
+/// The labels of a grasp: force (N), depth (mm), area (mm2), the number of the
+/// [`Phase`](meissner_simulator::grasp::Phase), diameter of the bolt (mm).
 const LABELS: [&str; 5] = ["force", "depth", "area", "phase", "bolt"];
 
 /// `recordings` grasps of bolts of 8, 12 and 16 mm in turn; `seed` determines all of them.
 ///
-/// The file has streams as [`super::film_markers`] writes them, with `truth.force` (N), `truth.depth` (mm), `truth.area` (mm2),
-/// `truth.phase` (0 grasping, 1 holding, 2 releasing) and `truth.bolt` (mm). The threads of `pool` share the recordings, and change no
-/// bit of them.
+/// The file has streams as [`super::film_markers`] writes them, with `truth.force` (N),
+/// `truth.depth` (mm), `truth.area` (mm2), `truth.phase` (0 grasping, 1 holding, 2 releasing) and
+/// `truth.bolt` (mm). The threads of `pool` share the recordings, and change no bit of them.
 ///
 /// Complexity: about a second of one core for each recording.
 ///

@@ -1,20 +1,22 @@
 //! What a network reads out of presses, in two dimensions (t-SNE).
 //!
-//! Enters: the readout of each press at its end. Leaves: a point for each. Neighbours in the readout are neighbours in the
-//! plane; distances between groups mean nothing (van der Maaten and Hinton 2008, "Visualizing data using t-SNE").
+//! Enters: the readout of each press at its end. Leaves: a point for each. Neighbours in the
+//! readout are neighbours in the plane; distances between groups mean nothing (van der Maaten and
+//! Hinton 2008, "Visualizing data using t-SNE").
 
 use bhtsne::tSNE;
 use meissner_kernels::random::Random;
 use rayon::ThreadPoolBuilder;
 
-/// The number of neighbours that a point is placed among, of which a press has at least three times as many.
+/// The number of neighbours that a point is placed among, of which a press has at least three times
+/// as many.
 const PERPLEXITY: usize = 30;
 const EPOCHS: usize = 1_000;
 /// Size of the square in which the points begin.
 const START: f32 = 1e-4;
 
-/// A point for each of `readouts`; `None` for too few. O(presses^2 (channels + epochs)), in one thread: the order of the sums
-/// over points is then the same every time.
+/// A point for each of `readouts`; `None` for too few. O(presses^2 (channels + epochs)), in one
+/// thread: the order of the sums over points is then the same every time.
 ///
 /// # Panics
 /// If the system gives no thread.

@@ -1,7 +1,8 @@
-//! Networks that read events, behind the same calls: event graphs, and frame networks over a sliding or over consecutive windows.
+//! Networks that read events, behind the same calls: event graphs, and frame networks over a
+//! sliding or over consecutive windows.
 //!
-//! Enters: events in order of time. Leaves: the values at any time, and counts of the work that they took. The value of consecutive
-//! windows is that of the last one that has ended.
+//! Enters: events in order of time. Leaves: the values at any time, and counts of the work that
+//! they took. The value of consecutive windows is that of the last one that has ended.
 
 use std::sync::Arc;
 
@@ -32,8 +33,9 @@ pub(crate) enum PressEngine {
 pub(crate) struct CountsOptions {
     pub(crate) convolution: Convolution,
     pub(crate) options: FrameOptions,
-    /// Of so many windows the network sees the first, without the events of the others. It makes a step for each window that it sees, so
-    /// that time passes more slowly for it; its last answer stands for the windows after that.
+    /// Of so many windows the network sees the first, without the events of the others. It makes a
+    /// step for each window that it sees, so that time passes more slowly for it; its last answer
+    /// stands for the windows after that.
     pub(crate) every: usize,
 }
 
@@ -93,7 +95,8 @@ impl PressEngine {
         Self::adapted(description, training, (sensor, mode), &Approximations::default(), Ok)
     }
 
-    /// The network of `description` as `adapt` changes it, with the filters, the tolerance and the staleness of `approximations`.
+    /// The network of `description` as `adapt` changes it, with the filters, the tolerance and the
+    /// staleness of `approximations`.
     pub(crate) fn adapted(
         description: &Description,
         training: &Training,
@@ -106,7 +109,8 @@ impl PressEngine {
         let dense = description.layers().iter().filter(|layer| layer.cost.per == CostUnit::Prediction);
         let dense: usize = dense.map(|layer| layer.cost.multiply_adds).sum();
         let head: usize = description.head().iter().map(|layer| layer.multiply_adds).sum();
-        // The grids of a readout by time move from age to age, so that a prediction may read all of them again.
+        // The grids of a readout by time move from age to age, so that a prediction may read all of
+        // them again.
         let parts = network.parts();
         let cells = parts.readout.columns * parts.readout.rows;
         let first = parts.dense.first().map(|layer| &layer.dense);
@@ -146,7 +150,8 @@ impl PressEngine {
         Ok(Self::Frames { window: Box::new(window), engine: Box::new(FrameEngine::new(network)?), costs })
     }
 
-    /// The network of `description` over counts of events in windows of which the first begins at 0.
+    /// The network of `description` over counts of events in windows of which the first begins at
+    /// 0.
     pub(crate) fn counts(
         description: &FrameDescription,
         training: &Training,
@@ -256,7 +261,8 @@ impl PressEngine {
         }
     }
 
-    /// Rows of event graphs, or pixels of frame networks, that were computed since the engine was made.
+    /// Rows of event graphs, or pixels of frame networks, that were computed since the engine was
+    /// made.
     pub(crate) fn computed(&self) -> u64 {
         let pixels = |engine: &FrameEngine| engine.counters().layers.iter().map(|layer| layer.computed).sum();
         match self {
@@ -281,8 +287,9 @@ fn of_frames(engine: &FrameEngine, costs: &[LayerCost]) -> Count {
     Count { rows: 0, multiply_adds: layers.map(|(cost, layer)| cost.of(layer)).sum() }
 }
 
-/// Largest number of multiply-adds of a row, for each of [`Network::layers`]: at the event level with all in-edges that the
-/// network allows, at a pooled level with all adjacent cells; 0 for a pooling.
+/// Largest number of multiply-adds of a row, for each of [`Network::layers`]: at the event level
+/// with all in-edges that the network allows, at a pooled level with all adjacent cells; 0 for a
+/// pooling.
 pub(crate) fn row_costs(network: &Network) -> Vec<u64> {
     let parts = network.parts();
     let events = parts.graph.reach.most();

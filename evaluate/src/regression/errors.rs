@@ -19,8 +19,8 @@ pub struct Errors<T = f64> {
     pub outputs: Vec<OutputErrors<T>>,
     /// All angles together, where there are several.
     pub angles: Option<OutputErrors<T>>,
-    /// Median share of the press from which on all angles stay within 1 degree, over all trainings; `None` where half or more
-    /// never settle.
+    /// Median share of the press from which on all angles stay within 1 degree, over all trainings;
+    /// `None` where half or more never settle.
     pub settled_share: Option<f64>,
     /// Events and work of all trainings together.
     pub work: Work,
@@ -40,10 +40,11 @@ pub struct OutputErrors<T = f64> {
     pub mean_absolute: T,
     /// Standard deviation of that absolute error over the presses; 0 for a single press.
     pub std: T,
-    /// Mean absolute error of the newest prediction that a reader has, at each millisecond since contact; `None` where no
-    /// prediction came in time.
+    /// Mean absolute error of the newest prediction that a reader has, at each millisecond since
+    /// contact; `None` where no prediction came in time.
     pub newest: Option<T>,
-    /// Mean absolute error at each time since contact. After the end of a press, its last error stands.
+    /// Mean absolute error at each time since contact. After the end of a press, its last error
+    /// stands.
     pub mean_absolute_at: Vec<T>,
 }
 
@@ -65,7 +66,8 @@ pub struct Work {
 }
 
 impl Errors {
-    /// The figures of presses with these `outcomes`, over `times` times since contact; `None` for no presses.
+    /// The figures of presses with these `outcomes`, over `times` times since contact; `None` for
+    /// no presses.
     pub(super) fn new(quantities: &[Quantity], outcomes: &[Outcome], times: usize) -> Option<Self> {
         let each = |i: usize| OutputErrors::of(&quantities[i], &[i], outcomes, times);
         let outputs = (0..quantities.len()).map(each).collect::<Option<Vec<_>>>()?;

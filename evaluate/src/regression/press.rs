@@ -36,10 +36,11 @@ pub(super) struct Outcome {
     pub(super) truth: Vec<f64>,
     /// Absolute errors of each output at every time since contact, and at the end.
     pub(super) errors_at: Vec<Vec<f64>>,
-    /// The mean of each output's absolute error of the newest prediction that a reader has, over the milliseconds since
-    /// contact; `None` where no prediction came in time.
+    /// The mean of each output's absolute error of the newest prediction that a reader has, over
+    /// the milliseconds since contact; `None` where no prediction came in time.
     pub(super) newest: Option<Vec<f64>>,
-    /// The share of the press from which on all angles stay within [`SETTLED_DEG`]; `None` if they do not.
+    /// The share of the press from which on all angles stay within [`SETTLED_DEG`]; `None` if they
+    /// do not.
     pub(super) settled: Option<f64>,
     /// What the network reads out at the end, where it is embedded.
     pub(super) readout: Option<Vec<f32>>,
@@ -104,7 +105,8 @@ impl Presses {
         [self.truth.rises_us(DEPTH, press).unwrap_or(start), end]
     }
 
-    /// Multiples of `every_us` from contact on, from 0 to the first at or after the end of every press.
+    /// Multiples of `every_us` from contact on, from 0 to the first at or after the end of every
+    /// press.
     pub(super) fn times(&self, every_us: i64) -> Vec<i64> {
         let length = |press| {
             let [contact, end] = self.span_us(press);
@@ -114,7 +116,8 @@ impl Presses {
         (0..=(longest + every_us - 1) / every_us).map(|i| i * every_us).collect()
     }
 
-    /// Lets `engine` predict during `press`, from every `stride`-th event. With `embeds` the outcome has the readout at the end.
+    /// Lets `engine` predict during `press`, from every `stride`-th event. With `embeds` the
+    /// outcome has the readout at the end.
     pub(super) fn judge(
         &self,
         engine: &mut PressEngine,
@@ -194,14 +197,16 @@ impl TimedPrediction {
     }
 }
 
-/// The times of predictions: every `every_us` before and after `contact` from `start` on, below `end`, and `end`.
+/// The times of predictions: every `every_us` before and after `contact` from `start` on, below
+/// `end`, and `end`.
 fn due(start: i64, contact: i64, end: i64, every_us: i64) -> impl Iterator<Item = i64> {
     let before = (contact - start) / every_us;
     let ticks = (-before..).map(move |tick| contact + tick * every_us);
     ticks.take_while(move |&t_us| t_us < end).chain([end])
 }
 
-/// The means of the `errors` of the newest prediction that a reader has at every millisecond from `contact` to `end`.
+/// The means of the `errors` of the newest prediction that a reader has at every millisecond from
+/// `contact` to `end`.
 pub(crate) fn newest(
     found: &[TimedPrediction],
     contact: i64,

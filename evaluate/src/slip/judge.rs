@@ -1,8 +1,8 @@
 //! Networks for the direction of slip on the labels.
 //!
-//! Enters: the data set, networks with their trainings. Leaves: a [`Report`], and the outputs of whole trainings. Whole
-//! trainings are judged on the objects of each set. Folds are judged on the windows that they held out, all folds of a
-//! scheme and a seed together.
+//! Enters: the data set, networks with their trainings. Leaves: a [`Report`], and the outputs of
+//! whole trainings. Whole trainings are judged on the objects of each set. Folds are judged on the
+//! windows that they held out, all folds of a scheme and a seed together.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -89,10 +89,12 @@ pub struct ValidationReport {
 /// Figures of several trainings.
 pub type Judged = judged::Judged<Classified>;
 
-/// Figures of a classification of windows; `T` is a number for one training and [`MeanStd`] for several.
+/// Figures of a classification of windows; `T` is a number for one training and [`MeanStd`] for
+/// several.
 #[derive(Serialize)]
 pub struct Classified<T = f64> {
-    /// Number of windows; for several trainings the smallest. It differs only where folds are missing.
+    /// Number of windows; for several trainings the smallest. It differs only where folds are
+    /// missing.
     pub windows: u64,
     /// Accuracy, precision, recall and F1.
     #[serde(flatten)]
@@ -131,8 +133,8 @@ fn named<S: Serializer>(references: &[Reference], s: S) -> Result<S::Ok, S::Erro
     }))
 }
 
-/// Judges the networks of `request` on the data set in `folder`, with the threads of `workers`. `done` is called after each
-/// training with its label and the time since judging began.
+/// Judges the networks of `request` on the data set in `folder`, with the threads of `workers`.
+/// `done` is called after each training with its label and the time since judging began.
 ///
 /// # Errors
 /// The data set or a network cannot be read, or trainings do not fit.

@@ -1,11 +1,12 @@
 //! Compares a network over events with a frame network over the same stream.
 //!
-//! At each moment, the network over events takes the events of the moment and predicts. The frame network makes a frame
-//! of the same events, takes it, and predicts. It runs twice: with everything computed, and with exact skipping. Both
-//! runs give the same bits. Everything runs on one thread.
+//! At each moment, the network over events takes the events of the moment and predicts. The frame
+//! network makes a frame of the same events, takes it, and predicts. It runs twice: with everything
+//! computed, and with exact skipping. Both runs give the same bits. Everything runs on one thread.
 //!
-//! The clock is read two or three times per moment, between its parts, independently of the number of events. The time
-//! to make an engine is not counted. The cost of its first frame or event is counted.
+//! The clock is read two or three times per moment, between its parts, independently of the number
+//! of events. The time to make an engine is not counted. The cost of its first frame or event is
+//! counted.
 
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -47,7 +48,8 @@ pub struct CompareReport {
     pub ratio_percent: Ratios,
     /// Multiply-adds of the network over events.
     pub multiply_adds_ratio_percent: Ratios,
-    /// Predictions over frames that differ in any bit between the pass without skipping and the pass with skipping.
+    /// Predictions over frames that differ in any bit between the pass without skipping and the
+    /// pass with skipping.
     pub predictions_that_differ: u64,
     /// Peak resident memory of the process; `None` if the platform does not report it.
     pub peak_resident_bytes: Option<u64>,
@@ -83,8 +85,8 @@ pub struct SideReport {
     pub frames: Option<u64>,
     /// Predictions.
     pub predictions: u64,
-    /// Multiply-adds. For the network over events they are counted at full neighbourhoods, without readout and dense
-    /// layers.
+    /// Multiply-adds. For the network over events they are counted at full neighbourhoods, without
+    /// readout and dense layers.
     pub multiply_adds: u64,
     /// Activations, graph and state.
     pub state_bytes: u64,
@@ -130,7 +132,8 @@ impl SideReport {
 /// Compares `model` with the frame network `against` over `input`.
 ///
 /// # Errors
-/// The period differs from that of the frame network, there are too many frames, or an engine refuses an option.
+/// The period differs from that of the frame network, there are too many frames, or an engine
+/// refuses an option.
 pub fn compare(
     model: &Model,
     against: &EventFrameModel,
@@ -200,8 +203,8 @@ impl Predictions {
         self.bits.extend(values.iter().map(|value| value.to_bits()));
     }
 
-    /// The number of predictions that differ in any bit of any value. Predictions that only one side has count as
-    /// different.
+    /// The number of predictions that differ in any bit of any value. Predictions that only one
+    /// side has count as different.
     fn that_differ(&self, other: &Self) -> u64 {
         let each = |of: &Self| of.values.max(1);
         let [a, b] = [self, other].map(|of| of.bits.chunks(each(of)));
@@ -210,7 +213,8 @@ impl Predictions {
     }
 }
 
-/// Runs a new engine over the first events, up to the moment at which at least `most` events have entered.
+/// Runs a new engine over the first events, up to the moment at which at least `most` events have
+/// entered.
 fn over_events(
     model: &Model,
     sensor: Sensor,

@@ -1,15 +1,17 @@
 //! Deadlines: whether the work of each period is done within a period.
 //!
-//! Stream time is divided into periods from the first accepted event on. An event at the end of a period belongs to the
-//! period. The work of a period is to push its events, to advance the clock to its end, and to predict. It is measured
-//! as a whole, so the clock is read twice per period, independently of the number of events.
+//! Stream time is divided into periods from the first accepted event on. An event at the end of a
+//! period belongs to the period. The work of a period is to push its events, to advance the clock
+//! to its end, and to predict. It is measured as a whole, so the clock is read twice per period,
+//! independently of the number of events.
 //!
-//! The cost of a period depends on the events that leave the window as much as on the events that enter: in the silence
-//! after a burst no event enters and all events leave. The rate of a period is therefore the larger of the two numbers.
-//! In a steady stream they are equal.
+//! The cost of a period depends on the events that leave the window as much as on the events that
+//! enter: in the silence after a burst no event enters and all events leave. The rate of a period
+//! is therefore the larger of the two numbers. In a steady stream they are equal.
 //!
-//! Lag: work begins at the end of the period, or when the work of earlier periods is done, if that is later. The lag is
-//! the time from the end of the period to its prediction. A missed deadline therefore delays later periods.
+//! Lag: work begins at the end of the period, or when the work of earlier periods is done, if that
+//! is later. The lag is the time from the end of the period to its prediction. A missed deadline
+//! therefore delays later periods.
 
 use std::collections::BTreeMap;
 use std::time::Duration;
@@ -18,8 +20,9 @@ use serde::Serialize;
 
 use crate::latency::{Latency, microseconds};
 
-/// Smallest number of periods whose p99.9 is not simply the slowest period. A bin with fewer periods is judged together
-/// with the bins below it, so that a single interruption by the system does not determine a rate.
+/// Smallest number of periods whose p99.9 is not simply the slowest period. A bin with fewer
+/// periods is judged together with the bins below it, so that a single interruption by the system
+/// does not determine a rate.
 const POOLED_PERIODS: u64 = 1000;
 
 /// Whether the work of each period was done within a period.
@@ -42,12 +45,13 @@ pub struct DeadlineReport {
     pub lag_max_us: f64,
     /// Total work divided by the length of all periods.
     pub load: Option<f64>,
-    /// Its inverse: stream time divided by the work on it. From 1 on the network keeps up with the recording in the mean.
+    /// Its inverse: stream time divided by the work on it. From 1 on the network keeps up with the
+    /// recording in the mean.
     pub real_time: Option<f64>,
     /// Work of a period.
     pub work_us: Latency,
-    /// Highest rate up to which `pooled_p999_us` is below the period, in this bin and in all lower bins; `None` if the
-    /// lowest bin already exceeds the period.
+    /// Highest rate up to which `pooled_p999_us` is below the period, in this bin and in all lower
+    /// bins; `None` if the lowest bin already exceeds the period.
     pub sustained: Option<Sustained>,
     /// Whether the sustained rate is the highest rate of the recording.
     pub sustained_is_all_seen: bool,
@@ -81,7 +85,8 @@ pub struct DeadlineBin {
     pub missed: u64,
     /// Work of a period.
     pub work_us: Latency,
-    /// p99.9 of the work of this bin, together with as many lower bins as are needed for 1,000 periods.
+    /// p99.9 of the work of this bin, together with as many lower bins as are needed for 1,000
+    /// periods.
     pub pooled_p999_us: f64,
 }
 

@@ -1,8 +1,10 @@
-//! Measures a network over events, with every call timed: latencies by phase, work, stages, memory and deadlines.
+//! Measures a network over events, with every call timed: latencies by phase, work, stages, memory
+//! and deadlines.
 //!
-//! Enters: the events. Leaves: histograms for each phase, and the counters of the engine. The cost of an event is its
-//! push, the predictions that are due before it enters, and the prediction that is due after it. The cost of the last
-//! event also includes the prediction at the end of the stream.
+//! Enters: the events. Leaves: histograms for each phase, and the counters of the engine. The cost
+//! of an event is its push, the predictions that are due before it enters, and the prediction that
+//! is due after it. The cost of the last event also includes the prediction at the end of the
+//! stream.
 
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -82,7 +84,8 @@ pub struct SlicesReport {
     pub events: usize,
     /// Events of all slices divided by the time in pushes and predictions.
     pub events_per_s: Option<f64>,
-    /// Time of a slice: of its push and the prediction. The prediction covers its last event so much later.
+    /// Time of a slice: of its push and the prediction. The prediction covers its last event so
+    /// much later.
     pub latency_us: Latency,
 }
 
@@ -163,8 +166,8 @@ pub struct StageReport {
 pub struct MemoryReport {
     /// Approximate size of a new engine.
     pub state_bytes: u64,
-    /// Peak resident memory of the process after the latency passes, including the recording; `None` if the platform
-    /// does not report it.
+    /// Peak resident memory of the process after the latency passes, including the recording;
+    /// `None` if the platform does not report it.
     pub peak_resident_bytes: Option<u64>,
 }
 
@@ -296,7 +299,8 @@ impl Passes<'_> {
         (self.progress)(self.taken);
     }
 
-    /// Runs a new engine over `events`, which are the first events in `phases`, and records latencies in `into`.
+    /// Runs a new engine over `events`, which are the first events in `phases`, and records
+    /// latencies in `into`.
     fn latency(
         &mut self,
         events: &[Event],
@@ -374,7 +378,8 @@ impl Passes<'_> {
     }
 }
 
-/// Does the work of the period that ends at `end_us`, and returns the number of events in the window.
+/// Does the work of the period that ends at `end_us`, and returns the number of events in the
+/// window.
 fn period(
     deadline: &mut Deadline,
     engine: &mut EventPredictor,
@@ -397,7 +402,8 @@ fn period(
 }
 
 impl PhaseReport {
-    /// Reads a prediction, for the time `due_us` if it is given, and returns the number of events in its window.
+    /// Reads a prediction, for the time `due_us` if it is given, and returns the number of events
+    /// in its window.
     fn read(
         &mut self,
         engine: &mut EventPredictor,

@@ -1,7 +1,7 @@
 //! Passes of a frame network over events, and the part of the sensor that its frames cover.
 //!
-//! Enters: events and their moments. Leaves: histograms, and the engine with its counters. The cost of a frame is the
-//! time to enter its events, to make it, to push it, and to predict.
+//! Enters: events and their moments. Leaves: histograms, and the engine with its counters. The cost
+//! of a frame is the time to enter its events, to make it, to push it, and to predict.
 
 use std::path::Path;
 use std::time::{Duration, Instant};
@@ -47,8 +47,8 @@ pub struct Field {
 }
 
 impl EventFrameModel {
-    /// The frame network called `name`, or described in the file `name`, with the weights in the file at `path` or its
-    /// shipped weights.
+    /// The frame network called `name`, or described in the file `name`, with the weights in the
+    /// file at `path` or its shipped weights.
     ///
     /// # Errors
     /// The network is unknown, its frames are not made of events, or the weights do not fit.
@@ -202,8 +202,8 @@ struct InProgress<'a> {
 }
 
 impl FramePasses<'_> {
-    /// Runs a new engine over the first `frames` frames, records latencies in `into`, and passes every prediction to
-    /// `look`.
+    /// Runs a new engine over the first `frames` frames, records latencies in `into`, and passes
+    /// every prediction to `look`.
     pub(super) fn pass(
         &self,
         skip: Skip,

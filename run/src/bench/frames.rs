@@ -42,7 +42,8 @@ pub struct FrameReport {
 /// Measures the frame network `model` over `input`.
 ///
 /// # Errors
-/// The period differs from that of the network, there are too many frames, or the engine refuses an option.
+/// The period differs from that of the network, there are too many frames, or the engine refuses an
+/// option.
 pub fn bench_frames(
     model: &EventFrameModel,
     input: &BenchInput,
@@ -116,7 +117,8 @@ pub struct PixelReport {
     pub name: String,
     /// Pixels of all frames.
     pub pixels: u64,
-    /// Of these, computed. Pixels are computed in blocks, so some skipped and absorbed pixels are computed too.
+    /// Of these, computed. Pixels are computed in blocks, so some skipped and absorbed pixels are
+    /// computed too.
     pub computed: u64,
     /// Kept because their inputs had not changed.
     pub skipped: u64,

@@ -1,4 +1,5 @@
-//! The events of a benchmark: the measured part of a recording, and the fields of a report about the input.
+//! The events of a benchmark: the measured part of a recording, and the fields of a report about
+//! the input.
 
 use std::collections::BTreeMap;
 use std::fmt;
@@ -28,8 +29,8 @@ pub struct BenchOptions {
     pub late: LatePolicy,
     /// What is done when the clock of the sensor restarts.
     pub restart: RestartPolicy,
-    /// When predictions are read, or the time from frame to frame. The default is every event; for frames, the length
-    /// of their windows, or 10 ms for a sliding window.
+    /// When predictions are read, or the time from frame to frame. The default is every event; for
+    /// frames, the length of their windows, or 10 ms for a sliding window.
     pub every: Option<Every>,
     /// Approximations of a network over events.
     pub approximations: Approximations,
@@ -91,8 +92,8 @@ pub struct BenchInput {
 }
 
 impl BenchInput {
-    /// Takes the events of `source`, at most the limit of `options`, for a benchmark of the network of `card`. Logs the warnings of
-    /// the network's header.
+    /// Takes the events of `source`, at most the limit of `options`, for a benchmark of the network
+    /// of `card`. Logs the warnings of the network's header.
     ///
     /// # Errors
     /// The source cannot be read.
@@ -161,8 +162,8 @@ pub struct InputReport {
 }
 
 impl FrameInputReport {
-    /// The report of the frames that `model` makes of `field` at `moments`. `outside` counts the events outside
-    /// `field`.
+    /// The report of the frames that `model` makes of `field` at `moments`. `outside` counts the
+    /// events outside `field`.
     pub(super) fn new(
         input: &BenchInput,
         model: &EventFrameModel,

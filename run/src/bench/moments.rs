@@ -1,8 +1,9 @@
 //! The moments at which a frame is taken and a prediction is read, and the events of each.
 //!
-//! Enters: events, and the time from frame to frame. Leaves: the accepted events, cut at the moments
-//! `first + period, first + 2 period, ...` up to the first one that covers the last event. All networks of a comparison
-//! predict at these moments, from the same events. Silence also has moments.
+//! Enters: events, and the time from frame to frame. Leaves: the accepted events, cut at the
+//! moments `first + period, first + 2 period, ...` up to the first one that covers the last event.
+//! All networks of a comparison predict at these moments, from the same events. Silence also has
+//! moments.
 
 use std::ops::Range;
 

@@ -1,9 +1,9 @@
 //! Bursts: the phase of each event.
 //!
-//! Enters: the events. Leaves: a phase for each. An event belongs to a burst if the accepted events of the
-//! [`WINDOW_US`] before it came at the burst rate or faster. The default burst rate is [`FACTOR`] times the mean rate
-//! of the stream. Times are the times at which the engine accepts events. A dropped event has the phase of its position
-//! in the stream.
+//! Enters: the events. Leaves: a phase for each. An event belongs to a burst if the accepted events
+//! of the [`WINDOW_US`] before it came at the burst rate or faster. The default burst rate is
+//! [`FACTOR`] times the mean rate of the stream. Times are the times at which the engine accepts
+//! events. A dropped event has the phase of its position in the stream.
 
 use meissner_engine::{Admission, Event, LatePolicy, Sensor};
 
@@ -25,7 +25,8 @@ pub(super) struct Phases {
     of: Vec<Phase>,
     /// Accepted events per second of stream time; `None` without a span.
     pub(super) mean_rate: Option<f64>,
-    /// Minimum rate of a burst, in events per second; `None` without a given rate and without a span.
+    /// Minimum rate of a burst, in events per second; `None` without a given rate and without a
+    /// span.
     pub(super) burst_rate: Option<f64>,
 }
 
@@ -51,7 +52,8 @@ impl Phases {
         let of = before
             .into_iter()
             .map(|before| {
-                // A dropped event after all accepted ones takes the time of the newest accepted event.
+                // A dropped event after all accepted ones takes the time of the newest accepted
+                // event.
                 let now = accepted.get(before).or(accepted.last()).copied().unwrap_or(0);
                 while oldest < before && now.abs_diff(accepted[oldest]) >= WINDOW_US.unsigned_abs() {
                     oldest += 1;

@@ -22,8 +22,8 @@ pub(crate) struct FeedState {
 }
 
 impl FeedState {
-    /// The first field that a feed on `sensor` cannot have written, if there is one: its name, the expected value and
-    /// the actual value.
+    /// The first field that a feed on `sensor` cannot have written, if there is one: its name, the
+    /// expected value and the actual value.
     pub(crate) fn fault(&self, sensor: Sensor) -> Option<(&'static str, String, String)> {
         let &Self { epoch_us, now_us, accepted, open_us, .. } = self;
         if now_us.checked_sub(epoch_us).is_none_or(|span_us| span_us < 0) {

@@ -8,8 +8,8 @@ use crate::schedule::Every;
 use meissner_engine::{Event, LatePolicy, RestartPolicy, Sensor};
 use meissner_models::FrameDescription;
 
-/// A feed of frames of two columns and one row; `lines` are the lines of its `[input]` table. Of a silence, four empty
-/// frames come.
+/// A feed of frames of two columns and one row; `lines` are the lines of its `[input]` table. Of a
+/// silence, four empty frames come.
 fn feed(channels: usize, lines: &str, every: Every) -> FrameFeed {
     feed_with(4, channels, lines, every)
 }

@@ -1,8 +1,10 @@
-//! Output that is awaited as input is: a reader who does not read does not keep the program from ending.
+//! Output that is awaited as input is: a reader who does not read does not keep the program from
+//! ending.
 //!
-//! Enters: bytes for standard output, standard error or a connection. Leaves: the same bytes, in order. Until the program is asked
-//! to end, a write waits for the reader. From then on, what the reader does not take at once is kept, so that the stream can end
-//! with its state; it is sent when the output is dropped, as long as the reader takes something within each [`PATIENCE`].
+//! Enters: bytes for standard output, standard error or a connection. Leaves: the same bytes, in
+//! order. Until the program is asked to end, a write waits for the reader. From then on, what the
+//! reader does not take at once is kept, so that the stream can end with its state; it is sent when
+//! the output is dropped, as long as the reader takes something within each [`PATIENCE`].
 
 use std::fs::File;
 use std::io::{self, Write};
@@ -30,7 +32,8 @@ enum Kind {
     File,
     /// It says itself how much it takes.
     Socket,
-    /// A pipe or a terminal. A pipe that takes something takes [`PIPE_BUF`] bytes; a longer write could wait.
+    /// A pipe or a terminal. A pipe that takes something takes [`PIPE_BUF`] bytes; a longer write
+    /// could wait.
     Pipe,
 }
 
@@ -55,7 +58,8 @@ pub fn output<F: AsFd>(file: F) -> Output<F> {
 }
 
 impl<F: AsFd> Output<F> {
-    /// Writes some of `bytes` without a wait; `None`: nothing is taken now. `longest` is the wait before, see [`is_ready`].
+    /// Writes some of `bytes` without a wait; `None`: nothing is taken now. `longest` is the wait
+    /// before, see [`is_ready`].
     fn put(&self, bytes: &[u8], longest: Option<Duration>) -> io::Result<Option<usize>> {
         loop {
             if !matches!(self.kind, Kind::File) && !is_ready(&self.file, PollFlags::OUT, longest)? {

@@ -1,4 +1,5 @@
-//! Compares predictions with those of an engine that is given the frames by their definition, every empty one by itself.
+//! Compares predictions with those of an engine that is given the frames by their definition, every
+//! empty one by itself.
 
 use std::sync::Arc;
 
@@ -19,7 +20,8 @@ const PERIOD_US: i64 = 10_000;
 const COUNTS: &str = "channels = 2\nframes = \"event-counts\"\nperiod_us = 10000\nmaximum = 4";
 const SLIDING: &str = "channels = 1\nframes = \"signed\"\nspan_us = 15000";
 
-/// A network with a memory over frames of two columns and one row; `lines` are the lines of its `[input]` table.
+/// A network with a memory over frames of two columns and one row; `lines` are the lines of its
+/// `[input]` table.
 fn model(lines: &str) -> Arc<FrameModel> {
     let text = format!(
         "[network]\nname = \"n\"\n[input]\nkind = \"image\"\nheight = 1\nwidth = 2\n{lines}\n\

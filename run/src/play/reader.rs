@@ -1,7 +1,9 @@
-//! Offers events to a queue: those of a recording when they are due, as a sensor would, and those of a stream when they arrive.
+//! Offers events to a queue: those of a recording when they are due, as a sensor would, and those
+//! of a stream when they arrive.
 //!
-//! Enters: a recording, or a stream. Leaves: events and clock advances into the queue. An event of a recording whose time steps back is
-//! due together with the event before it. Only the events of a stream advance the clock: nobody knows how late the next one will be.
+//! Enters: a recording, or a stream. Leaves: events and clock advances into the queue. An event of
+//! a recording whose time steps back is due together with the event before it. Only the events of a
+//! stream advance the clock: nobody knows how late the next one will be.
 
 use std::thread;
 use std::time::{Duration, Instant};
@@ -43,8 +45,8 @@ pub(super) struct Reader {
 }
 
 impl Reader {
-    /// Offers `events` in `laps`, and advances the clock to `end_us` when that time has come. Ends early if events are no longer
-    /// taken, and if the program is asked to end.
+    /// Offers `events` in `laps`, and advances the clock to `end_us` when that time has come. Ends
+    /// early if events are no longer taken, and if the program is asked to end.
     pub(super) fn read(mut self, events: &[Event], laps: Laps, end_us: i64) -> Result<Self, LiveError> {
         let mut laps_us =
             (0..laps.number).map(|lap| i64::try_from(i128::from(lap) * laps.us).unwrap_or(i64::MAX));
@@ -87,8 +89,8 @@ impl Reader {
         Ok(self)
     }
 
-    /// Offers `events`, each as soon as it has arrived. Ends at their end, if events are no longer taken, and if the program is asked
-    /// to end.
+    /// Offers `events`, each as soon as it has arrived. Ends at their end, if events are no longer
+    /// taken, and if the program is asked to end.
     pub(super) fn follow(
         mut self,
         events: &mut dyn Iterator<Item = Result<Event, PipelineError>>,

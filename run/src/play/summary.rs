@@ -33,10 +33,12 @@ pub struct PlaySummary {
     pub queue: QueueReport,
     /// Counts of reports.
     pub reports: ReportCounts,
-    /// Reports with a value outside the range of the training; `None` if the weights state no range.
+    /// Reports with a value outside the range of the training; `None` if the weights state no
+    /// range.
     pub outside_training: Option<u64>,
-    /// Times of reports: since the request, since the start of the prediction, and stream time that is not covered; and of events, from
-    /// the offer of the first one that no fresh report before covers to the report that does.
+    /// Times of reports: since the request, since the start of the prediction, and stream time that
+    /// is not covered; and of events, from the offer of the first one that no fresh report before
+    /// covers to the report that does.
     pub latency_us: Latencies,
     /// Longest time from the due time of an event until it was offered.
     pub reader_lag_max_us: f64,

@@ -15,7 +15,8 @@ use crate::model::FrameModel;
 
 /// Contacts in one picture after another.
 ///
-/// Of a network whose pictures enter as differences, the first picture is the reference, unless another was set.
+/// Of a network whose pictures enter as differences, the first picture is the reference, unless
+/// another was set.
 pub struct ContactPredictor {
     size: ImageSize,
     pixel: PixelSize,
@@ -71,7 +72,8 @@ impl ContactPredictor {
         self.pixel
     }
 
-    /// Sets the picture without contact, interleaved RGB. Networks whose pictures do not enter as differences ignore it.
+    /// Sets the picture without contact, interleaved RGB. Networks whose pictures do not enter as
+    /// differences ignore it.
     pub fn set_reference(&mut self, rgb: &[u8]) {
         self.reference = Some(rgb.to_vec());
     }

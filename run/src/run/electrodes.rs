@@ -1,17 +1,20 @@
-//! Runs a network over readings of 24 electrodes: CSV from a file or standard input, one prediction per window.
+//! Runs a network over readings of 24 electrodes: CSV from a file or standard input, one prediction
+//! per window.
 //!
-//! Enters: one reading per line, at 100 Hz. Leaves, before the next line is read: for each complete window a prediction
-//! and, if its values are logits of classes, the decision of a [`DecisionFilter`].
+//! Enters: one reading per line, at 100 Hz. Leaves, before the next line is read: for each complete
+//! window a prediction and, if its values are logits of classes, the decision of a
+//! [`DecisionFilter`].
 //!
-//! The network is reset to the state before the first frame, the readings of a window are pushed, and the prediction is
-//! read after the last of them. A reading is prepared once; the steps of the network are computed again for each
-//! window.
+//! The network is reset to the state before the first frame, the readings of a window are pushed,
+//! and the prediction is read after the last of them. A reading is prepared once; the steps of the
+//! network are computed again for each window.
 //!
-//! Invariant: the readings of a window are consecutive, and so are the windows of a decision. An interruption starts a
-//! new window and clears the decision. Interruptions are rows that cannot be read, which are reported with their line,
-//! and readings that are earlier than the one before or more than 5 periods later, which are counted. The late or early
-//! reading is the first of the new window. Other intervals off the rate, repeated times and values outside the range of
-//! the sensor are only counted. Without a column of time, readings are assumed to be consecutive.
+//! Invariant: the readings of a window are consecutive, and so are the windows of a decision. An
+//! interruption starts a new window and clears the decision. Interruptions are rows that cannot be
+//! read, which are reported with their line, and readings that are earlier than the one before or
+//! more than 5 periods later, which are counted. The late or early reading is the first of the new
+//! window. Other intervals off the rate, repeated times and values outside the range of the sensor
+//! are only counted. Without a column of time, readings are assumed to be consecutive.
 
 use std::fs::{self, File};
 use std::io::BufRead;
@@ -56,7 +59,8 @@ pub struct ElectrodeOptions {
 pub struct ElectrodeRun {
     live: bool,
     rows: Electrodes<Box<dyn BufRead>>,
-    /// The next row. It is read before anything is shown, so that a header that does not fit is found early.
+    /// The next row. It is read before anything is shown, so that a header that does not fit is
+    /// found early.
     next: Option<Result<Reading, IoError>>,
     refusals: LineErrors,
     limit: u64,
@@ -198,7 +202,8 @@ impl Windows {
         self.filter.reset();
     }
 
-    /// Takes a reading. `follows` says whether it continues the one before. Returns the problem if it cannot be taken.
+    /// Takes a reading. `follows` says whether it continues the one before. Returns the problem if
+    /// it cannot be taken.
     fn take(
         &mut self,
         reading: &Reading,
@@ -265,7 +270,8 @@ fn open(path: &Path) -> Result<Box<dyn BufRead>, PipelineError> {
     Ok(Box::new(interrupt::awaited(file)))
 }
 
-/// The next row: a reading, or the problem of this row; `None` at the end, and if a signal asks the process to end.
+/// The next row: a reading, or the problem of this row; `None` at the end, and if a signal asks the
+/// process to end.
 ///
 /// # Errors
 /// An error that ends the rows.

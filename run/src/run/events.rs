@@ -1,4 +1,5 @@
-//! Runs a network over the events of a recording or a live stream, and predicts whenever a prediction is due.
+//! Runs a network over the events of a recording or a live stream, and predicts whenever a
+//! prediction is due.
 
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -31,7 +32,8 @@ pub struct EventSteps {
     approximations: Approximations,
     layers: Vec<String>,
     schedule: Schedule,
-    /// Decides about restarts in front of schedule and engine, so that each event reaches them at its own time.
+    /// Decides about restarts in front of schedule and engine, so that each event reaches them at
+    /// its own time.
     watch: ClockWatch,
     classes: Classes,
     training: Training,
@@ -50,7 +52,8 @@ impl EventRun {
     /// A run of `model` over the events of `source`, which come from `sensor`.
     ///
     /// # Errors
-    /// The engine refuses the sensor, an approximation, or (as [`PipelineError::Resume`]) the state to resume from.
+    /// The engine refuses the sensor, an approximation, or (as [`PipelineError::Resume`]) the state
+    /// to resume from.
     pub fn new(
         model: &Model,
         source: Source,
@@ -208,7 +211,8 @@ impl EventSteps {
         self.taken += 1;
     }
 
-    /// Reads a prediction, for the time `due_us` if it is given, and returns the number of events in its window.
+    /// Reads a prediction, for the time `due_us` if it is given, and returns the number of events
+    /// in its window.
     fn read(&mut self, due_us: Option<i64>, observer: &mut dyn Observer) -> Result<usize, PipelineError> {
         let start = Instant::now();
         if let Some(due_us) = due_us {

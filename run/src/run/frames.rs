@@ -1,4 +1,5 @@
-//! Runs a network over frames made of the events of a recording or a live stream, with one prediction per frame.
+//! Runs a network over frames made of the events of a recording or a live stream, with one
+//! prediction per frame.
 
 use std::io;
 use std::time::{Duration, Instant};
@@ -51,8 +52,8 @@ struct Frames {
     left_out: u64,
     resets: u64,
     taken: u64,
-    /// The reason why predictions are no longer shown. All frames that an event completes are taken before the run
-    /// ends, so that the state is always the one after an event.
+    /// The reason why predictions are no longer shown. All frames that an event completes are taken
+    /// before the run ends, so that the state is always the one after an event.
     unshown: Option<io::Error>,
     /// The newest prediction.
     values: Vec<f32>,
@@ -73,8 +74,9 @@ impl FrameRun {
     /// A run of `model` over the events of `source`, which come from `sensor`.
     ///
     /// # Errors
-    /// The frames of the model are not made of events, the sensor lacks pixels that they cover, predictions would be
-    /// due between two frames, or (as [`PipelineError::Resume`]) the state to resume from does not fit.
+    /// The frames of the model are not made of events, the sensor lacks pixels that they cover,
+    /// predictions would be due between two frames, or (as [`PipelineError::Resume`]) the state to
+    /// resume from does not fit.
     pub fn new(
         model: &FrameModel,
         frame_options: FrameOptions,

@@ -1,4 +1,5 @@
-//! Runs a network over pictures of an optical tactile sensor: contact areas and forces, and overlays if requested.
+//! Runs a network over pictures of an optical tactile sensor: contact areas and forces, and
+//! overlays if requested.
 
 use std::ffi::OsString;
 use std::fs;
@@ -31,14 +32,16 @@ pub struct PictureOptions {
     pub reference: Option<PathBuf>,
     /// Folder for overlays.
     pub overlay: Option<PathBuf>,
-    /// Force in N per pixel at the strongest colour of an overlay. The default is the strongest force of each picture.
+    /// Force in N per pixel at the strongest colour of an overlay. The default is the strongest
+    /// force of each picture.
     pub full_scale_n: Option<f32>,
 }
 
 /// A network over pictures with its pictures, before the run.
 pub struct PictureRun {
     pictures: ImageSequence,
-    /// The first picture. It is read before anything is shown, so that a picture that does not fit is found early.
+    /// The first picture. It is read before anything is shown, so that a picture that does not fit
+    /// is found early.
     first: Option<(PathBuf, Image)>,
     count: u64,
     limit: usize,
@@ -58,8 +61,8 @@ impl PictureRun {
     /// A run of `model` over the picture, the folder of pictures or the list of pictures at `path`.
     ///
     /// # Errors
-    /// The model does not predict forces from pictures, the first picture or the reference cannot be read or has a
-    /// different size, or overlays would replace input files.
+    /// The model does not predict forces from pictures, the first picture or the reference cannot
+    /// be read or has a different size, or overlays would replace input files.
     pub fn open(
         model: &FrameModel,
         frame_options: FrameOptions,
@@ -189,7 +192,8 @@ impl Overlays {
     /// Prepares overlays of the pictures in `paths`. Creates `folder` if it does not exist.
     ///
     /// # Errors
-    /// Two pictures have the same name, an overlay would replace its picture, or the folder cannot be created.
+    /// Two pictures have the same name, an overlay would replace its picture, or the folder cannot
+    /// be created.
     fn new(
         folder: &Path,
         paths: &[PathBuf],

@@ -12,7 +12,8 @@ pub trait Observer {
     /// Takes a prediction.
     ///
     /// # Errors
-    /// The prediction cannot be shown; the run ends with [`PipelineError::Output`](crate::PipelineError::Output).
+    /// The prediction cannot be shown; the run ends with
+    /// [`PipelineError::Output`](crate::PipelineError::Output).
     fn prediction(&mut self, prediction: &Prediction<'_>) -> io::Result<()>;
 
     /// Reports the number of events taken so far.
@@ -163,7 +164,8 @@ pub struct ReportPrediction<'a> {
     pub behind_events: u64,
     /// Stream time that had entered the queue and is not covered.
     pub behind_us: u64,
-    /// Events since the report before that the engine did not take: late, outside the sensor, far ahead or held.
+    /// Events since the report before that the engine did not take: late, outside the sensor, far
+    /// ahead or held.
     pub lost_events: u64,
     /// Events since the report before that the queue dropped.
     pub dropped_events: u64,
@@ -187,7 +189,8 @@ pub struct ReportPrediction<'a> {
 pub enum ReportState {
     /// It covers all events that had entered the queue.
     Fresh,
-    /// It covers the events that the engine had taken shortly before the deadline, or the engine lost some.
+    /// It covers the events that the engine had taken shortly before the deadline, or the engine
+    /// lost some.
     Behind,
     /// It is the prediction of an earlier report.
     Old,

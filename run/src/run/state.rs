@@ -1,8 +1,9 @@
 //! Options of a run over events, and the states that it writes so that a later run can resume.
 //!
-//! Invariant: a state is taken directly after an event, before any result that is due only because the input ends. A
-//! run that resumes from it makes the same predictions as a single run over both inputs, unless the clock restarts at the
-//! very end of the first: events that wait for a restart to be confirmed are late in the state.
+//! Invariant: a state is taken directly after an event, before any result that is due only because
+//! the input ends. A run that resumes from it makes the same predictions as a single run over both
+//! inputs, unless the clock restarts at the very end of the first: events that wait for a restart
+//! to be confirmed are late in the state.
 
 use std::io::Write;
 use std::path::PathBuf;
@@ -30,7 +31,8 @@ pub struct RunOptions {
     pub restart: RestartPolicy,
     /// Approximations of a network over events.
     pub approximations: Approximations,
-    /// Whether two threads share the work of a network over events, see [`Options`](meissner_engine::Options::two_threads).
+    /// Whether two threads share the work of a network over events, see
+    /// [`Options`](meissner_engine::Options::two_threads).
     pub two_threads: bool,
     /// Largest number of events to take.
     pub limit: Option<u64>,

@@ -44,8 +44,8 @@ pub trait Steps {
     /// As [`Self::take`].
     fn settle(&mut self, observer: &mut dyn Observer) -> Result<(), PipelineError>;
 
-    /// Shows the predictions that are due at the end. With `resumes`, results that are due only because the input ends
-    /// are left to the resumed run.
+    /// Shows the predictions that are due at the end. With `resumes`, results that are due only
+    /// because the input ends are left to the resumed run.
     ///
     /// # Errors
     /// As [`Self::take`].

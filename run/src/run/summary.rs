@@ -73,14 +73,16 @@ pub struct EventSummary {
     pub predictions: u64,
     /// Largest number of events in the window after any push.
     pub nodes_max: usize,
-    /// Times of pushes, and of predictions with advancing the clock to those that are due between events.
+    /// Times of pushes, and of predictions with advancing the clock to those that are due between
+    /// events.
     pub latency_us: Latencies,
     /// Events taken, divided by the time in pushes and predictions.
     pub events_per_s: Option<f64>,
-    /// Stream time of the accepted events divided by the time in pushes and predictions: from 1 on the network keeps up with
-    /// the recording in the mean.
+    /// Stream time of the accepted events divided by the time in pushes and predictions: from 1 on
+    /// the network keeps up with the recording in the mean.
     pub real_time: Option<f64>,
-    /// Predictions with a value outside the range of the training; `None` if the weights state no range.
+    /// Predictions with a value outside the range of the training; `None` if the weights state no
+    /// range.
     pub outside_training: Option<u64>,
     /// Counts of computed and skipped values.
     pub skips: WorkCounts,
@@ -107,15 +109,16 @@ pub struct FrameSummary {
     pub frames: u64,
     /// Predictions read.
     pub predictions: u64,
-    /// Times of making a frame (for each event, reading or picture), of pushes, of predictions and, over electrodes,
-    /// from a reading to the decision after it.
+    /// Times of making a frame (for each event, reading or picture), of pushes, of predictions and,
+    /// over electrodes, from a reading to the decision after it.
     pub latency_us: Latencies,
     /// Frames divided by the time for making them, pushing them and predicting.
     pub frames_per_s: Option<f64>,
-    /// Stream time of the input divided by the same time: from 1 on the network keeps up with the recording in the mean;
-    /// `None` for pictures, which have no time.
+    /// Stream time of the input divided by the same time: from 1 on the network keeps up with the
+    /// recording in the mean; `None` for pictures, which have no time.
     pub real_time: Option<f64>,
-    /// Predictions with a value outside the range of the training; `None` if the weights state no range.
+    /// Predictions with a value outside the range of the training; `None` if the weights state no
+    /// range.
     pub outside_training: Option<u64>,
     /// Sums over all layers.
     pub pixels: Pixels,
@@ -190,7 +193,8 @@ pub struct ElectrodeCounts {
     pub times_repeated: u64,
     /// Readings of a window.
     pub steps: usize,
-    /// Number of times that a decision was made or changed; `None` if the values are not logits of classes.
+    /// Number of times that a decision was made or changed; `None` if the values are not logits of
+    /// classes.
     pub decisions: Option<u64>,
 }
 

@@ -1,9 +1,9 @@
 //! One pixel: its light over a time in, its firings out, at the exact times of the model.
 //!
 //! While the logarithm of the light is a line, `u(x) = u0 + s x`, the level after the low-pass is
-//! `v(x) = u0 + s x - s tau + (v0 - u0 + s tau) exp(-x / tau)`. The difference to a reference that leaks is this plus a line.
-//! It has at most one extremum, so that a crossing is found between two points of a monotone function. Times are in
-//! microseconds after the first image.
+//! `v(x) = u0 + s x - s tau + (v0 - u0 + s tau) exp(-x / tau)`. The difference to a reference that
+//! leaks is this plus a line. It has at most one extremum, so that a crossing is found between two
+//! points of a monotone function. Times are in microseconds after the first image.
 
 use libm::{exp, log};
 use meissner_kernels::random::Random;
@@ -75,7 +75,8 @@ pub(super) struct Pixel {
     random: Random,
 }
 
-/// The parameters of a pixel that depend on its light, for a time in which the logarithm of the light is a line.
+/// The parameters of a pixel that depend on its light, for a time in which the logarithm of the
+/// light is a line.
 #[derive(Clone, Copy)]
 struct Segment {
     end: f64,
@@ -86,7 +87,8 @@ struct Segment {
     shot: f64,
 }
 
-/// `constant + slope x + transient exp(-x / tau)`: the difference between level and reference from a time on.
+/// `constant + slope x + transient exp(-x / tau)`: the difference between level and reference from
+/// a time on.
 #[derive(Clone, Copy)]
 struct Difference {
     constant: f64,
@@ -135,7 +137,8 @@ impl Pixel {
         self.due(segment)
     }
 
-    /// The logarithm of the light changes to that of `intensity` until `end`; returns as [`Self::stay`].
+    /// The logarithm of the light changes to that of `intensity` until `end`; returns as
+    /// [`Self::stay`].
     pub(super) fn change(
         &mut self,
         settings: &CameraSettings,
@@ -150,7 +153,8 @@ impl Pixel {
         self.due(self.segment(settings, target, end))
     }
 
-    /// The light goes from where it is to `target` at `end`. Bandwidth and noise follow the geometric mean of the light.
+    /// The light goes from where it is to `target` at `end`. Bandwidth and noise follow the
+    /// geometric mean of the light.
     fn segment(&self, settings: &CameraSettings, target: f64, end: f64) -> Segment {
         let lux = exp(0.5 * (self.target + target));
         let duration = end - self.time;
@@ -250,7 +254,8 @@ impl Difference {
         self.constant + self.slope * x + decayed(self.transient, x, self.tau)
     }
 
-    /// When the difference first reaches `on` or `-off` until `horizon`, and whether it is `on`. It is between them at 0.
+    /// When the difference first reaches `on` or `-off` until `horizon`, and whether it is `on`. It
+    /// is between them at 0.
     fn first_crossing(&self, on: f64, off: f64, horizon: f64) -> Option<(f64, bool)> {
         let mut from = 0.0;
         for to in [self.extremum().min(horizon), horizon] {
@@ -270,8 +275,8 @@ impl Difference {
         if ratio > 1.0 && ratio.is_finite() { self.tau * log(ratio) } else { f64::INFINITY }
     }
 
-    /// Where the difference reaches `level` in `from..=to`, in which it is monotone and does: Newton's method, and halving
-    /// where that leaves the interval.
+    /// Where the difference reaches `level` in `from..=to`, in which it is monotone and does:
+    /// Newton's method, and halving where that leaves the interval.
     fn reaches(&self, level: f64, from: f64, to: f64) -> f64 {
         const RESOLUTION_US: f64 = 1e-6;
         let rises = self.at(to) >= level && self.at(from) < level;

@@ -4,7 +4,8 @@ use crate::SimulatorError;
 
 /// Parameters of a [`Camera`](crate::Camera); its module has the equations.
 ///
-/// The default is a sensor in lamp light. [`Self::ideal`] has no noise, no delay and no limit of bandwidth.
+/// The default is a sensor in lamp light. [`Self::ideal`] has no noise, no delay and no limit of
+/// bandwidth.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CameraSettings {
     /// Illuminance of a pixel of intensity 1, in lux. A lamp that is off is less light.
@@ -39,7 +40,8 @@ pub struct CameraSettings {
     pub latency_us: f64,
     /// Standard deviation of that time. No event is stamped before its crossing.
     pub jitter_us: f64,
-    /// Whether pixels start anywhere between their thresholds. Without this, all pixels of equal light fire together.
+    /// Whether pixels start anywhere between their thresholds. Without this, all pixels of equal
+    /// light fire together.
     pub initial_phase: bool,
 }
 
@@ -68,7 +70,8 @@ impl Default for CameraSettings {
 }
 
 impl CameraSettings {
-    /// The thresholds and the leak that agree with a real stream of a tactile sensor (docs/simulated-touch.md).
+    /// The thresholds and the leak that agree with a real stream of a tactile sensor
+    /// (docs/simulated-touch.md).
     #[must_use]
     pub fn tactile() -> Self {
         Self {
@@ -80,7 +83,8 @@ impl CameraSettings {
         }
     }
 
-    /// No noise, no spread, no delay, no dark current, any bandwidth. Pixels still start at random phases.
+    /// No noise, no spread, no delay, no dark current, any bandwidth. Pixels still start at random
+    /// phases.
     #[must_use]
     pub fn ideal() -> Self {
         Self {

@@ -77,7 +77,8 @@ pub enum Indenter {
         /// Its radius of curvature without the waves.
         radius_mm: f64,
     },
-    /// A flat end whose outline is a polygon with corners at drawn distances from its middle, determined by a seed.
+    /// A flat end whose outline is a polygon with corners at drawn distances from its middle,
+    /// determined by a seed.
     Polygon {
         /// The seed.
         seed: u64,
@@ -98,7 +99,8 @@ pub enum Indenter {
 /// The letters that [`Indenter::Letter`] knows.
 pub const LETTERS: &str = "ACEFHKLOTUXZ";
 
-/// Strokes of [`LETTERS`] on 5 x 7 squares: a row a number, from the top, the leftmost square in its highest bit.
+/// Strokes of [`LETTERS`] on 5 x 7 squares: a row a number, from the top, the leftmost square in
+/// its highest bit.
 const STROKES: [[u8; 7]; 12] = [
     [0b01110, 0b10001, 0b10001, 0b11111, 0b10001, 0b10001, 0b10001],
     [0b01111, 0b10000, 0b10000, 0b10000, 0b10000, 0b10000, 0b01111],
@@ -119,7 +121,8 @@ const RELIEF_MM: f64 = 1.5;
 const WAVES: usize = 6;
 
 impl Indenter {
-    /// The height of the underside at a place from the body's middle, about 0 at its lowest; infinite where there is no body.
+    /// The height of the underside at a place from the body's middle, about 0 at its lowest;
+    /// infinite where there is no body.
     pub fn height(&self, x: f64, y: f64) -> f64 {
         let flat = |is_there: bool| if is_there { 0.0 } else { f64::INFINITY };
         match *self {
@@ -177,7 +180,8 @@ impl Indenter {
                         [away * cos(angle), away * sin(angle)]
                     })
                     .collect();
-                // The middle sees every corner, so that a place is inside where it is on the inner side of the side that it faces.
+                // The middle sees every corner, so that a place is inside where it is on the inner
+                // side of the side that it faces.
                 let left_of = |[ax, ay]: [f64; 2], [bx, by]: [f64; 2]| ax * by - ay * bx >= 0.0;
                 let is_inside = (0..corners.len()).any(|i| {
                     let (a, b) = (corners[i], corners[(i + 1) % corners.len()]);
@@ -220,7 +224,8 @@ impl Placed {
         Self { indenter, at_mm: [0.0; 2], turn: 0.0, tilts: [0.0; 2] }
     }
 
-    /// The height of the underside at a place of the gel, before the lowest point of a grid becomes 0.
+    /// The height of the underside at a place of the gel, before the lowest point of a grid becomes
+    /// 0.
     pub(crate) fn height(&self, x: f64, y: f64) -> f64 {
         let (cosine, sine) = (cos(self.turn), sin(self.turn));
         let [slope_x, slope_y] = self.tilts.map(tan);
@@ -229,8 +234,8 @@ impl Placed {
         self.indenter.height(own_x, own_y) + slope_x * x + slope_y * y
     }
 
-    /// The heights above the lowest point over each pixel, row by row, in millimetres. Of steep sides, the middle of a pixel counts.
-    /// O(pixels).
+    /// The heights above the lowest point over each pixel, row by row, in millimetres. Of steep
+    /// sides, the middle of a pixel counts. O(pixels).
     pub fn heights(&self, grid: &Grid) -> Vec<f64> {
         let mut heights = grid.heights(|x, y| self.height(x, y));
         let lowest = heights.iter().copied().fold(f64::INFINITY, f64::min);

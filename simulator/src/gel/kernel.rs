@@ -5,8 +5,9 @@
 //! | half-space | in closed form | Love 1929; Johnson 1985, "Contact Mechanics", Eq. 3.25 |
 //! | layer of thickness H bonded to a plate | that, and `(1 - nu^2) / (pi E H) * integral of (S(w) - 1) J0(w r / H) dw` times the area of the pixel | transfer function S: Bentall and Johnson 1968, "An elastic strip in plane rolling contact", section 2 |
 //!
-//! `S(w) = ((3 - 4 nu) sinh 2w - 2w) / ((3 - 4 nu) cosh 2w + 2 w^2 + 5 - 12 nu + 8 nu^2)`: 1 for short waves, which do not reach the
-//! plate. The difference from the half-space is smooth, so that the middle of a pixel stands for its area.
+//! `S(w) = ((3 - 4 nu) sinh 2w - 2w) / ((3 - 4 nu) cosh 2w + 2 w^2 + 5 - 12 nu + 8 nu^2)`: 1 for
+//! short waves, which do not reach the plate. The difference from the half-space is smooth, so that
+//! the middle of a pixel stands for its area.
 
 use std::f64::consts::PI;
 

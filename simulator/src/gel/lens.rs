@@ -4,11 +4,13 @@ use libm::{ceil, exp};
 
 use super::Grid;
 
-/// How a lens changes a picture. The default changes nothing. Distances `r` are from the middle of the picture, in half widths.
+/// How a lens changes a picture. The default changes nothing. Distances `r` are from the middle of
+/// the picture, in half widths.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Lens {
-    /// Radial distortion k: a pixel at `r` shows the surface at `r (1 + k r^2)` (Brown 1966, "Decentering distortion of lenses", first
-    /// radial term). Above 0 straight lines bulge inwards, as a barrel does not.
+    /// Radial distortion k: a pixel at `r` shows the surface at `r (1 + k r^2)` (Brown 1966,
+    /// "Decentering distortion of lenses", first radial term). Above 0 straight lines bulge
+    /// inwards, as a barrel does not.
     pub distortion: f64,
     /// Share of the light that is missing at `r = 1`; it grows with `r^2`.
     pub vignetting: f64,
@@ -17,8 +19,8 @@ pub struct Lens {
 }
 
 impl Lens {
-    /// The place on the surface (column, row) that pixel number `i` of a picture of this size shows, and the share of the light that
-    /// passes.
+    /// The place on the surface (column, row) that pixel number `i` of a picture of this size
+    /// shows, and the share of the light that passes.
     pub(super) fn pixel(&self, surface: &Grid, size: [usize; 2], i: usize) -> ([f64; 2], f64) {
         let [x, y] = offset(size, i);
         let squared = x * x + y * y;
@@ -29,8 +31,8 @@ impl Lens {
         (place, (1.0 - self.vignetting * squared).max(0.0))
     }
 
-    /// The force on the surface that each pixel of a picture of this size shows, from the pressure: in newtons where the pressure is in
-    /// megapascals. O(pixels).
+    /// The force on the surface that each pixel of a picture of this size shows, from the pressure:
+    /// in newtons where the pressure is in megapascals. O(pixels).
     ///
     /// # Panics
     /// Where there is not a pressure for each pixel of `surface`.
@@ -47,7 +49,8 @@ impl Lens {
         (0..size[0] * size[1]).map(force).collect()
     }
 
-    /// Blurs grey levels along rows, then along columns, by a Gaussian that is cut at three deviations. O(pixels x blur).
+    /// Blurs grey levels along rows, then along columns, by a Gaussian that is cut at three
+    /// deviations. O(pixels x blur).
     pub(super) fn blur(&self, size: [usize; 2], levels: &mut [[f64; 3]]) {
         let deviation = self.blur * size[0] as f64;
         if deviation <= 0.0 {

@@ -1,10 +1,11 @@
 //! Pictures of a gel's coated surface under coloured lights, as a camera behind the gel sees it.
 //!
 //! The surface bulges towards the camera where an indenter presses. A light adds its colour times
-//! `(c + sqrt(c^2 + w^2)) / 2 / d^2` to a pixel: `c` is the cosine between the normal and the direction of the light, `d` its distance, `w`
-//! its width, because a wide light sets little by little behind a slope. A part of the surface that rises above the line to a light
-//! takes some of it away: a cast shadow. The sum of the lights and an even light becomes grey levels by the power `1 / gamma`. The
-//! [`Lens`] bends, darkens and blurs the picture.
+//! `(c + sqrt(c^2 + w^2)) / 2 / d^2` to a pixel: `c` is the cosine between the normal and the
+//! direction of the light, `d` its distance, `w` its width, because a wide light sets little by
+//! little behind a slope. A part of the surface that rises above the line to a light takes some of
+//! it away: a cast shadow. The sum of the lights and an even light becomes grey levels by the power
+//! `1 / gamma`. The [`Lens`] bends, darkens and blurs the picture.
 //!
 //! Left out: light that the surface reflects onto itself.
 
@@ -19,20 +20,23 @@ use crate::error::SimulatorError;
 /// A light beside a gel.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Light {
-    /// Its place in widths of the picture: columns from the left border, rows from the upper one, and towards the camera.
+    /// Its place in widths of the picture: columns from the left border, rows from the upper one,
+    /// and towards the camera.
     pub place: [f64; 3],
     /// Its red, green and blue at a distance of one width.
     pub colour: [f64; 3],
 }
 
-/// The lights and the camera of a sensor. The default is fitted to pictures of a real one (`models/train/area/lights.py`).
+/// The lights and the camera of a sensor. The default is fitted to pictures of a real one
+/// (`models/train/area/lights.py`).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct GelCamera {
     /// The lights.
     pub lights: [Light; 3],
     /// How wide they are, as a cosine.
     pub wide: f64,
-    /// The share of a light that its cast shadow takes away. It is 0 in the default: any other made the fit worse.
+    /// The share of a light that its cast shadow takes away. It is 0 in the default: any other made
+    /// the fit worse.
     pub shadow: f64,
     /// Red, green and blue of light that comes from everywhere.
     pub even: [f64; 3],
@@ -63,10 +67,11 @@ impl Default for GelCamera {
 }
 
 impl GelCamera {
-    /// Red, green and blue of each pixel of a picture of this `size`, row by row, in grey levels from 0 to 255, with noise from
-    /// `random` if there is one. The surface is `displacement_mm` away from its place at rest, towards the camera
-    /// ([`Contact::displacement_mm`](super::Contact::displacement_mm)). The picture may have more pixels than `surface`, whose slopes are
-    /// interpolated. O(pixels).
+    /// Red, green and blue of each pixel of a picture of this `size`, row by row, in grey levels
+    /// from 0 to 255, with noise from `random` if there is one. The surface is `displacement_mm`
+    /// away from its place at rest, towards the camera
+    /// ([`Contact::displacement_mm`](super::Contact::displacement_mm)). The picture may have more
+    /// pixels than `surface`, whose slopes are interpolated. O(pixels).
     ///
     /// # Errors
     /// [`SimulatorError::Pixels`] where there is not a displacement for each pixel of `surface`.
@@ -104,8 +109,9 @@ impl GelCamera {
         Ok(levels.into_iter().map(noisy).collect())
     }
 
-    /// This camera on a picture that lies on its side: of a surface that was turned by a quarter from rows to columns, it shows the
-    /// picture turned in the same way. `aspect` is the width of the picture over its height, before the turn.
+    /// This camera on a picture that lies on its side: of a surface that was turned by a quarter
+    /// from rows to columns, it shows the picture turned in the same way. `aspect` is the width of
+    /// the picture over its height, before the turn.
     #[must_use]
     pub fn turned(&self, aspect: f64) -> Self {
         let lights = self.lights.map(|Light { place: [x, y, z], colour }| Light {
@@ -136,8 +142,8 @@ impl GelCamera {
         light.map(|light| 255.0 * pow(share * light, 1.0 / self.gamma))
     }
 
-    /// The share of a light, `to` widths away, that the surface does not hide from a place, relative to that of a flat surface.
-    /// O(log(pixels of a side)).
+    /// The share of a light, `to` widths away, that the surface does not hide from a place,
+    /// relative to that of a flat surface. O(log(pixels of a side)).
     fn seen(&self, surface: &Surface<'_>, [column, row]: [f64; 2], to: [f64; 3]) -> f64 {
         let Grid { width, height, pitch_mm } = *surface.grid;
         let away = hypot(to[0], to[1]);
@@ -172,7 +178,8 @@ struct Surface<'a> {
     slopes: &'a [[f64; 2]],
 }
 
-/// The slopes of the surface along columns and rows: half the difference of the neighbours, at a border that of the pixel and its neighbour.
+/// The slopes of the surface along columns and rows: half the difference of the neighbours, at a
+/// border that of the pixel and its neighbour.
 fn slopes(grid: &Grid, displacement_mm: &[f64], column: usize, row: usize) -> [f64; 2] {
     let at = |column: usize, row: usize| displacement_mm[row * grid.width + column];
     let slope = |index: usize, count: usize, at: &dyn Fn(usize) -> f64| {

@@ -2,11 +2,13 @@
 
 use libm::expm1;
 
-/// The pressure of a gel of which a share of the stiffness relaxes, from the pressures of the elastic one.
+/// The pressure of a gel of which a share of the stiffness relaxes, from the pressures of the
+/// elastic one.
 ///
-/// `p(t) = (1 - share) e(t) + share * integral of exp(-(t - s) / time) de(s)`, with the elastic pressure `e` linear between two steps
-/// (Fung 1981, "Biomechanics", section 7.6: quasi-linear viscoelasticity). Where this is negative the indenter has left the gel, and the
-/// pressure is 0. What relaxes slowly makes loading and unloading differ.
+/// `p(t) = (1 - share) e(t) + share * integral of exp(-(t - s) / time) de(s)`, with the elastic
+/// pressure `e` linear between two steps (Fung 1981, "Biomechanics", section 7.6: quasi-linear
+/// viscoelasticity). Where this is negative the indenter has left the gel, and the pressure is 0.
+/// What relaxes slowly makes loading and unloading differ.
 #[derive(Clone, Debug)]
 pub struct Relaxation {
     share: f64,
@@ -18,7 +20,8 @@ pub struct Relaxation {
 }
 
 impl Relaxation {
-    /// A gel at rest of `pixels` pixels, of which `share` (0 to 1) relaxes with the time constant `time_s` in seconds, above 0.
+    /// A gel at rest of `pixels` pixels, of which `share` (0 to 1) relaxes with the time constant
+    /// `time_s` in seconds, above 0.
     pub fn new(pixels: usize, share: f64, time_s: f64) -> Self {
         Self { share, time_s, elastic: vec![0.0; pixels], memory: vec![0.0; pixels] }
     }

@@ -6,8 +6,8 @@ use meissner_kernels::random::Random;
 use super::{Gel, GelCamera, Grid, Lens};
 use crate::camera::normal_pair;
 
-/// A gel with its camera. The default has the lights that are fitted to pictures of a real sensor, turned to pictures that are wider
-/// than high.
+/// A gel with its camera. The default has the lights that are fitted to pictures of a real sensor,
+/// turned to pictures that are wider than high.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct GelSensor {
     /// The gel.
@@ -27,8 +27,9 @@ impl Default for GelSensor {
 }
 
 impl GelSensor {
-    /// A second sensor of the same kind: a stiffer and thinner gel, lights of other strength at other places, a lens that bends and
-    /// darkens, shadows, another scale. Each differs from the default by about as much as [`Self::drawn`] spreads it.
+    /// A second sensor of the same kind: a stiffer and thinner gel, lights of other strength at
+    /// other places, a lens that bends and darkens, shadows, another scale. Each differs from the
+    /// default by about as much as [`Self::drawn`] spreads it.
     pub fn second() -> Self {
         let mut sensor = Self::default();
         sensor.gel.modulus_mpa *= 1.12;
@@ -51,9 +52,10 @@ impl GelSensor {
 
     /// A sensor of the same kind whose properties are spread about the default's.
     ///
-    /// Normal, of the logarithm: modulus 0.12, thickness 0.1, width 0.07, the strength of each light 0.2, its height 0.15. Normal:
-    /// the place of each light 0.3 widths. Uniform: shadow 0 to 0.5, distortion -0.06 to 0.06, vignetting 0 to 0.2, blur 0.001 to 0.004
-    /// widths, noise 1 to 3 grey levels.
+    /// Normal, of the logarithm: modulus 0.12, thickness 0.1, width 0.07, the strength of each
+    /// light 0.2, its height 0.15. Normal: the place of each light 0.3 widths. Uniform: shadow 0 to
+    /// 0.5, distortion -0.06 to 0.06, vignetting 0 to 0.2, blur 0.001 to 0.004 widths, noise 1 to 3
+    /// grey levels.
     pub fn drawn(random: &mut Random) -> Self {
         let mut sensor = Self::default();
         let spread = |value: f64, random: &mut Random, deviation: f64| {

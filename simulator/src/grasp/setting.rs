@@ -10,7 +10,8 @@ pub const PAD: Grid = Grid { width: 48, height: 48, pitch_mm: 0.4 };
 pub const SENSOR: Sensor = Sensor { width: 115, height: 115 };
 /// Length of a recording: 41 frames of 10 ms.
 pub const DURATION_US: i64 = 410_000;
-/// Time from one picture and one label to the next. An edge of a contact moves by at most half a pixel in it.
+/// Time from one picture and one label to the next. An edge of a contact moves by at most half a
+/// pixel in it.
 pub const STEP_US: i64 = 2_000;
 
 /// Light, and how bolt and pad reflect it.

@@ -1,4 +1,5 @@
-//! What the camera inside a finger sees through the transparent pad: a bolt that comes near, and the contact.
+//! What the camera inside a finger sees through the transparent pad: a bolt that comes near, and
+//! the contact.
 //!
 //! The light of a pixel, as a share of a white surface's, is
 //!
@@ -7,15 +8,19 @@
 //! b = m (0.3 + 0.7 n^2) exp(-gap / G)            r = r0 exp(-|slope|^2 / (2 W^2))
 //! ```
 //!
-//! c is the share of the pixel in real contact: metal and silicone are rough, and the area where they touch grows in proportion to a small
-//! pressure p (Greenwood and Williamson 1966, "Contact of nominally flat surfaces"); here it saturates. Where they touch, silicone wets the
-//! metal, which looks darker by the factor w. m is the metal's brightness with scratches, g the ground far behind, s the share of the pixel that
-//! the bolt covers, out of focus with its distance. The lamps stand around the camera: a surface that is turned away by the angle whose
-//! cosine is n gives less, and so does one that is far away. r is the reflection of the lamps on the free surface of the pad, which turns
-//! away from the camera where its slope rises (the lobe of Beckmann and Spizzichino 1963).
+//! c is the share of the pixel in real contact: metal and silicone are rough, and the area where
+//! they touch grows in proportion to a small pressure p (Greenwood and Williamson 1966, "Contact of
+//! nominally flat surfaces"); here it saturates. Where they touch, silicone wets the metal, which
+//! looks darker by the factor w. m is the metal's brightness with scratches, g the ground far
+//! behind, s the share of the pixel that the bolt covers, out of focus with its distance. The lamps
+//! stand around the camera: a surface that is turned away by the angle whose cosine is n gives
+//! less, and so does one that is far away. r is the reflection of the lamps on the free surface of
+//! the pad, which turns away from the camera where its slope rises (the lobe of Beckmann and
+//! Spizzichino 1963).
 //!
-//! Left out: refraction at a bent surface, light from one part of the pad onto another, shadows, and the lens apart from its blur. No
-//! constant was fitted to a real sensor: contrasts, light and scratches are drawn over ranges instead.
+//! Left out: refraction at a bent surface, light from one part of the pad onto another, shadows,
+//! and the lens apart from its blur. No constant was fitted to a real sensor: contrasts, light and
+//! scratches are drawn over ranges instead.
 
 use std::f64::consts::TAU;
 
@@ -38,7 +43,8 @@ const BLUR_MM: (f64, f64) = (0.2, 0.12);
 /// Wavelengths of the scratches along the bolt, and their slant across it.
 const SCRATCHES_MM: [(f64, f64); 3] = [(0.9, 0.2), (1.7, -0.4), (3.1, 0.1)];
 
-/// The view of a bolt. Its axis and its end are those of a cylinder; of other indenters nothing is seen but the contact.
+/// The view of a bolt. Its axis and its end are those of a cylinder; of other indenters nothing is
+/// seen but the contact.
 pub(super) struct View<'a> {
     bolt: &'a Placed,
     look: &'a Look,
@@ -60,7 +66,8 @@ impl<'a> View<'a> {
         Self { bolt, look, lowest_mm, radius_mm, half_mm, turn, slopes: bolt.tilts.map(tan) }
     }
 
-    /// Draws the picture row by row, with the bolt at a depth and moved by `place_mm`; the contact moves with it. O(pixels).
+    /// Draws the picture row by row, with the bolt at a depth and moved by `place_mm`; the contact
+    /// moves with it. O(pixels).
     pub(super) fn draw(&self, pad: &PressedPad, depth_mm: f64, place_mm: [f64; 2], picture: &mut [f32]) {
         let contact: Vec<f64> = pad
             .pressure_mpa()
@@ -80,7 +87,8 @@ impl<'a> View<'a> {
         }
     }
 
-    /// What is seen through a pad that is not touched, and the brightness of the metal itself; that is 0 beside the bolt.
+    /// What is seen through a pad that is not touched, and the brightness of the metal itself; that
+    /// is 0 beside the bolt.
     fn behind(&self, (x, y): (f64, f64), depth_mm: f64, displacement_mm: f64, blur_mm: f64) -> (f64, f64) {
         let Look { metal, ground, scratches: (contrast, phases), .. } = *self.look;
         let (x, y) = (x - self.bolt.at_mm[0], y - self.bolt.at_mm[1]);

@@ -48,7 +48,8 @@ fn a_step_of_contrast_gives_its_logarithm_over_the_threshold() {
 
 #[test]
 fn a_step_reaches_a_slow_pixel_when_the_low_pass_says() {
-    // A step of ln 3 in 1 us through tau = 1 / (2 pi 100 Hz) crosses 0.2 at -tau ln(1 - 0.2 / ln 3).
+    // A step of ln 3 in 1 us through tau = 1 / (2 pi 100 Hz) crosses 0.2 at -tau ln(1 - 0.2 / ln
+    // 3).
     let slow = CameraSettings { cutoff_max_hz: 100.0, dark_lux: 1e-12, ..in_phase() };
     let events = events_of(slow, &[(0, 0.2), (1, 0.6), (100_000, 0.6)]);
     let tau_us = 1e6 / (2.0 * std::f64::consts::PI * 100.0);
@@ -89,8 +90,8 @@ fn random_phases_spread_the_first_events_of_equal_pixels_over_a_threshold() {
     let mut camera =
         Camera::new(sensor, CameraSettings { dark_lux: 1e-12, ..CameraSettings::ideal() }, 3).unwrap();
     let mut events = Vec::new();
-    // The logarithm rises by one threshold in 10 ms: each pixel fires once, at a time that its phase decides, except for
-    // the half that start below their reference.
+    // The logarithm rises by one threshold in 10 ms: each pixel fires once, at a time that its
+    // phase decides, except for the half that start below their reference.
     camera.push(0, &[0.5; 2_000], &mut events).unwrap();
     camera.push(10_000, &[0.5 * 0.2_f32.exp(); 2_000], &mut events).unwrap();
     camera.finish(&mut events);
@@ -192,7 +193,8 @@ fn settings_out_of_range_are_refused_by_name() {
     assert_eq!(refused(CameraSettings { cutoff_max_hz: 0.0, ..settings }), "cutoff_max_hz");
 }
 
-/// The pixel's equations in steps of a twentieth of a microsecond: slow, and obviously what the table of `camera` says.
+/// The pixel's equations in steps of a twentieth of a microsecond: slow, and obviously what the
+/// table of `camera` says.
 fn in_small_steps(settings: &CameraSettings, images: &[(i64, f32)]) -> Vec<Event> {
     const STEP_US: f64 = 0.05;
     let logarithm = |intensity: f32| (settings.lux * f64::from(intensity) + settings.dark_lux).ln();
@@ -253,8 +255,9 @@ proptest! {
             ..in_phase()
         };
         let (found, expected) = (events_of(settings, &images), in_small_steps(&settings, &images));
-        // Where the level only touches a threshold, one of the two may miss it, and everything after it differs. Where it
-        // comes close slowly, a small difference of levels is a larger one of times.
+        // Where the level only touches a threshold, one of the two may miss it, and everything
+        // after it differs. Where it comes close slowly, a small difference of levels is a larger
+        // one of times.
         let close = |i: usize| {
             let since = if i == 0 { 0 } else { expected[i].t_us - expected[i - 1].t_us };
             found[i].on == expected[i].on && (found[i].t_us - expected[i].t_us).abs() <= 3 + since / 100

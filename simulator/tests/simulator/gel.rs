@@ -121,7 +121,8 @@ fn a_ball_that_is_shifted_sticks_in_the_circle_of_mindlin() {
     let mut gel = solver(HALF_SPACE, GRID);
     let contact = gel.press(&heights, Load::Depth(depth_mm)).unwrap();
     let limit_n = HALF_SPACE.friction * contact.force_n;
-    // Mindlin 1949; Johnson 1985, Eq. 7.39 and 7.42: the shift and the stick circle that a share of the limit takes.
+    // Mindlin 1949; Johnson 1985, Eq. 7.39 and 7.42: the shift and the stick circle that a share of
+    // the limit takes.
     let (a, shear) = ((radius_mm * depth_mm).sqrt(), HALF_SPACE.modulus_mpa / 3.0);
     for share in [0.2, 0.5, 0.9_f64] {
         let slips = (1.0 - share).powf(1.0 / 3.0);

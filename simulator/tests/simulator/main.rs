@@ -1,4 +1,5 @@
-//! Behaviour of the simulator: the camera against its equations and against measured noise, and markers.
+//! Behaviour of the simulator: the camera against its equations and against measured noise, and
+//! markers.
 
 mod camera;
 mod gel;

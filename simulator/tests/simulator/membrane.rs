@@ -12,7 +12,8 @@ fn pressed(tilt_deg: f64, azimuth_deg: f64, depth_mm: f64) -> Press {
 fn a_press_flattens_the_top_and_pushes_the_sides_outwards() {
     let press = pressed(0.0, 0.0, 5.0);
     let markers = press.markers();
-    // Nothing is beyond the plane. The top may bend away from it a little, as a flattened shell does.
+    // Nothing is beyond the plane. The top may bend away from it a little, as a flattened shell
+    // does.
     assert!(markers.iter().all(|marker| marker[2] <= 15.0 + 0.05), "{:?}", markers[0]);
     assert!((14.5..=15.05).contains(&markers[0][2]), "{:?}", markers[0]);
     let rest = Press::new(&Dome::default(), 0.0, 0.0);

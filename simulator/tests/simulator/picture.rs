@@ -18,7 +18,8 @@ fn near(found: [f32; 3], expected: [f32; 3], most: f32) {
 
 #[test]
 fn slopes_have_the_levels_of_the_fit() {
-    // `lit` of models/train/area/lights.py, with the settings that it found, at a corner, in the middle, and at the other corner.
+    // `lit` of models/train/area/lights.py, with the settings that it found, at a corner, in the
+    // middle, and at the other corner.
     let golden = [
         ([0.0, 0.0], [[175.79, 153.63, 201.64], [162.43, 169.71, 188.77], [153.19, 201.2, 182.8]]),
         ([0.4, -0.2], [[219.45, 170.71, 171.13], [202.46, 196.96, 171.04], [190.35, 246.34, 185.2]]),
@@ -61,7 +62,8 @@ fn a_picture_of_half_the_pixels_has_the_same_levels() {
     let surface = |x: f64, y: f64| 0.8 * (-(x * x + y * y) / 8.0).exp();
     let half = Grid { width: 60, height: 80, pitch_mm: 0.2 };
     let [fine, coarse] = [GRID, half].map(|grid| {
-        // The upper left corners of the pixels: those of the coarse grid are among those of the fine one.
+        // The upper left corners of the pixels: those of the coarse grid are among those of the
+        // fine one.
         let corner = grid.heights(|x, y| surface(x - grid.pitch_mm / 2.0, y - grid.pitch_mm / 2.0));
         GelCamera::default().picture(&grid, &corner, [grid.width, grid.height], None).unwrap()
     });
@@ -141,7 +143,8 @@ fn a_lens_bends_darkens_and_blurs() {
     assert!(
         dark[0][0] < 0.95 * plain[0][0] && (dark[80 * 120 + 60][0] - plain[80 * 120 + 60][0]).abs() < 1.0
     );
-    // All of the force is in the picture, wherever it presses: what is bent away from the middle covers less of it.
+    // All of the force is in the picture, wherever it presses: what is bent away from the middle
+    // covers less of it.
     for place in [(60, 80), (40, 100), (90, 60)] {
         let pressure = GRID.heights(|x, y| {
             let (at_x, at_y) = GRID.place(place.0, place.1);
@@ -182,7 +185,8 @@ fn drawn_sensors_are_spread_about_the_default_and_the_second_one_is_among_them()
     let default = GelSensor::default();
     let drawn: Vec<_> = (0..400).map(|seed| GelSensor::drawn(&mut Random::new(seed))).collect();
     assert_eq!(drawn[7], GelSensor::drawn(&mut Random::new(7)));
-    // The logarithm of a property over the default's: its mean, its deviation, and the second sensor's.
+    // The logarithm of a property over the default's: its mean, its deviation, and the second
+    // sensor's.
     let spread = |of: Property<'_>| {
         let logarithm = |sensor: &GelSensor| (of(sensor) / of(&default)).ln();
         let values: Vec<_> = drawn.iter().map(logarithm).collect();

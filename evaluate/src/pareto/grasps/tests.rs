@@ -1,4 +1,5 @@
-//! The study on a few simulated grasps: the exact setting against `eval force`, and what settings make of the frames.
+//! The study on a few simulated grasps: the exact setting against `eval force`, and what settings
+//! make of the frames.
 
 use std::path::{Path, PathBuf};
 
@@ -37,7 +38,8 @@ fn simulated() -> (tempfile::TempDir, PathBuf) {
     written(&grasps(RECORDINGS, 4, &pool).expect("recordings").file.into_bytes())
 }
 
-/// Recordings without any event, of which each lasts so many microseconds, under a force that rises to 1 N.
+/// Recordings without any event, of which each lasts so many microseconds, under a force that rises
+/// to 1 N.
 fn silent(lengths: &[i64]) -> (tempfile::TempDir, PathBuf) {
     let mut file = TensorFile::new([("sensor".to_owned(), "[115, 115]".to_owned())].into());
     ["t_us", "x", "y", "on"].into_iter().for_each(|name| file.i64(name, &[0], &[]));
@@ -102,7 +104,8 @@ fn the_exact_setting_of_both_kinds_of_network_has_the_errors_of_eval_force() {
     assert!(report.summary.contains("within 5 % more nothing is faster"), "{}", report.summary);
 }
 
-/// Forces at the end of each frame of every recording, from every second frame that is counted event by event.
+/// Forces at the end of each frame of every recording, from every second frame that is counted
+/// event by event.
 fn every_second(path: &Path, network: &str) -> Vec<f32> {
     let description = FrameDescription::shipped(network).expect("a network");
     let parts = description.network_parts(&Weights::shipped(network).expect("weights")).expect("they fit");

@@ -1,4 +1,5 @@
-//! The study on small simulated presses: the exact setting against `eval area`, and what each setting changes.
+//! The study on small simulated presses: the exact setting against `eval area`, and what each
+//! setting changes.
 
 use std::path::{Path, PathBuf};
 
