@@ -7,7 +7,7 @@ mod plot;
 mod table;
 
 use meissner_models::AnyDescription;
-use meissner_run::PipelineError;
+use meissner_run::RunError;
 use meissner_run::bench::{self, BenchInput, EventBench, EventFrameModel};
 use meissner_run::model::describe_any;
 use meissner_run::provenance::ModelCard;
@@ -89,9 +89,9 @@ fn input(args: &BenchArgs, card: &ModelCard) -> Result<BenchInput, CliError> {
 }
 
 /// Rewrites `error` to name the option for the weights of the compared frame network.
-fn with_its_option(error: PipelineError) -> CliError {
+fn with_its_option(error: RunError) -> CliError {
     match error {
-        PipelineError::NoWeights(network) => {
+        RunError::NoWeights(network) => {
             let expected = format!("a file of weights: the description file {network} comes without");
             CliError::usage("--compare-weights", &expected, "none")
         }

@@ -12,7 +12,7 @@ use crate::output;
 use crate::output::Force;
 use crate::progress::Progress;
 use crate::stderr::tell;
-use meissner_run::PipelineError;
+use meissner_run::RunError;
 use meissner_run::text::grouped;
 
 /// `meissner convert`.
@@ -69,7 +69,7 @@ pub(crate) fn convert(args: &ConvertArgs) -> Result<(), CliError> {
         print(format, sensor, &recording.events, &output)?;
     } else {
         meissner_io::write(&args.output, format, sensor, &recording.events)
-            .map_err(|e| PipelineError::recording(&output, e))?;
+            .map_err(|e| RunError::recording(&output, e))?;
     }
     progress.finish();
     for stream in &recording.other_streams {
@@ -93,7 +93,7 @@ fn print(format: Format, sensor: Option<Sensor>, events: &[Event], name: &str) -
     let mut out = BufWriter::with_capacity(1 << 16, stdout().lock());
     meissner_io::encode(format, sensor, events, &mut out).map_err(|error| match error {
         IoError::Stream { source, .. } => CliError::Output(source),
-        error => PipelineError::recording(name, error).into(),
+        error => RunError::recording(name, error).into(),
     })?;
     Ok(out.flush()?)
 }

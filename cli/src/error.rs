@@ -9,7 +9,7 @@ use meissner_evaluate::{EvaluateError, RequestPart};
 use meissner_io::{IoError, Kind};
 use meissner_models::ModelError;
 use meissner_models::systems::slip::DecisionError;
-use meissner_run::PipelineError;
+use meissner_run::RunError;
 use meissner_run::streams::STDIN_NAME;
 use meissner_verify::VerifyError;
 
@@ -20,7 +20,7 @@ use crate::kind::readers;
 pub(crate) enum CliError {
     /// A source cannot be read, or a network cannot run.
     #[error(transparent)]
-    Pipeline(Box<PipelineError>),
+    Run(Box<RunError>),
     /// The requested format, given by name or by extension, cannot be written.
     #[error("{0}; choose one with --to csv|npy|dat|evt3|es")]
     NotWritable(String),
@@ -44,7 +44,7 @@ pub(crate) enum CliError {
     },
     /// The value of an option does not fit the network or the input.
     #[error("{option}")]
-    OptionValue { option: &'static str, source: Box<PipelineError> },
+    OptionValue { option: &'static str, source: Box<RunError> },
     /// The options for decisions contradict each other.
     #[error(transparent)]
     Decision(#[from] DecisionError),
@@ -85,13 +85,13 @@ pub(crate) enum CliError {
     Output(#[from] io::Error),
 }
 
-impl From<PipelineError> for CliError {
-    fn from(error: PipelineError) -> Self {
+impl From<RunError> for CliError {
+    fn from(error: RunError) -> Self {
         let option = match error {
-            PipelineError::Output(error) => return Self::Output(error),
-            PipelineError::FramePeriod { .. } | PipelineError::ManyFrames { .. } => "--every",
-            PipelineError::OverlayTaken { .. } => "--overlay",
-            error => return Self::Pipeline(Box::new(error)),
+            RunError::Output(error) => return Self::Output(error),
+            RunError::FramePeriod { .. } | RunError::ManyFrames { .. } => "--every",
+            RunError::OverlayTaken { .. } => "--overlay",
+            error => return Self::Run(Box::new(error)),
         };
         Self::OptionValue { option, source: Box::new(error) }
     }
@@ -99,7 +99,7 @@ impl From<PipelineError> for CliError {
 
 impl From<EngineError> for CliError {
     fn from(error: EngineError) -> Self {
-        PipelineError::Engine(error).into()
+        RunError::Engine(error).into()
     }
 }
 
@@ -109,7 +109,7 @@ impl From<EvaluateError> for CliError {
         use EvaluateError as Error;
         let usage = Self::usage;
         match error {
-            Error::Pipeline(error) => Self::Pipeline(error),
+            Error::Run(error) => Self::Run(error),
             Error::Write { path, source } => Self::write(&path, source),
             Error::Request { part, expected, found } => {
                 let option = match part {
@@ -139,7 +139,7 @@ impl From<VerifyError> for CliError {
     fn from(error: VerifyError) -> Self {
         match error {
             VerifyError::Engine(error) => error.into(),
-            VerifyError::Pipeline(error) => (*error).into(),
+            VerifyError::Run(error) => (*error).into(),
             error => Self::Verify(error),
         }
     }
@@ -154,13 +154,13 @@ impl CliError {
 
     /// The error `source` of writing the file at `path`.
     pub(crate) fn write(path: &Path, source: io::Error) -> Self {
-        PipelineError::file("write", path, source).into()
+        RunError::file("write", path, source).into()
     }
 
     /// Advice beyond the message, if there is any.
     pub(crate) fn hint(&self) -> Option<String> {
         match self {
-            Self::Pipeline(error) | Self::OptionValue { source: error, .. } => hint(error),
+            Self::Run(error) | Self::OptionValue { source: error, .. } => hint(error),
             Self::Evaluate(error) if matches!(**error, EvaluateError::NeedsTrainings(_)) => {
                 Some("add --trainings DIR".to_owned())
             }
@@ -179,9 +179,9 @@ impl CliError {
     /// 2 if other arguments would help, otherwise 1.
     pub(crate) fn exit_code(&self) -> ExitCode {
         let is_usage = match self {
-            Self::Pipeline(error) => match error.as_ref() {
-                PipelineError::NoGeometry { .. } | PipelineError::NoWeights(_) => true,
-                PipelineError::Recording { source, .. } => matches!(**source, IoError::Undecided { .. }),
+            Self::Run(error) => match error.as_ref() {
+                RunError::NoGeometry { .. } | RunError::NoWeights(_) => true,
+                RunError::Recording { source, .. } => matches!(**source, IoError::Undecided { .. }),
                 _ => false,
             },
             Self::Evaluate(error) => {
@@ -201,24 +201,24 @@ impl CliError {
 }
 
 /// Advice against `error` in terms of the program's options.
-fn hint(error: &PipelineError) -> Option<String> {
+fn hint(error: &RunError) -> Option<String> {
     let text = match error {
-        PipelineError::NoGeometry { .. } => "add --sensor WxH, such as --sensor 346x260",
-        PipelineError::Engine(EngineError::NotIncremental(_)) => "`meissner run --mode batch` runs it",
-        PipelineError::NoWeights(_) => "add --weights FILE (`meissner draw` writes untrained ones)",
-        PipelineError::UnknownNetwork { .. } => "`meissner networks` lists the shipped networks",
-        PipelineError::OtherNetwork { .. } => "`meissner inspect` shows the network",
-        PipelineError::ManyFrames { .. } => "--for takes a part of the recording",
-        PipelineError::Image(IoError::Content { source, .. }) => {
+        RunError::NoGeometry { .. } => "add --sensor WxH, such as --sensor 346x260",
+        RunError::Engine(EngineError::NotIncremental(_)) => "`meissner run --mode batch` runs it",
+        RunError::NoWeights(_) => "add --weights FILE (`meissner draw` writes untrained ones)",
+        RunError::UnknownNetwork { .. } => "`meissner networks` lists the shipped networks",
+        RunError::OtherNetwork { .. } => "`meissner inspect` shows the network",
+        RunError::ManyFrames { .. } => "--for takes a part of the recording",
+        RunError::Image(IoError::Content { source, .. }) => {
             let IoError::OtherKind { found, .. } = **source else { return None };
             return readers(found);
         }
-        PipelineError::IsRecording { .. } => "`meissner info` shows a recording",
-        PipelineError::Recording { salvaged: Some(salvaged), .. } => {
+        RunError::IsRecording { .. } => "`meissner info` shows a recording",
+        RunError::Recording { salvaged: Some(salvaged), .. } => {
             return Some(format!("with --salvage it is read as far as it is whole: {salvaged}"));
         }
-        PipelineError::Recording { recording, source, .. } => return hint_of_recording(recording, source),
-        PipelineError::Weights { source, .. } => {
+        RunError::Recording { recording, source, .. } => return hint_of_recording(recording, source),
+        RunError::Weights { source, .. } => {
             let ModelError::Preparation { published, .. } = **source else { return None };
             let instead =
                 published.map_or_else(String::new, |name| format!("--network {name} --mode batch, or "));

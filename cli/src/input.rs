@@ -5,7 +5,7 @@ use std::path::Path;
 use meissner_engine::EngineError;
 use meissner_io::{Format, Recording};
 use meissner_models::DEFAULT_NETWORK;
-use meissner_run::PipelineError;
+use meissner_run::RunError;
 use meissner_run::bench::Part;
 use meissner_run::losses::LossReason;
 use meissner_run::model::{Model, ModelOptions};
@@ -118,9 +118,9 @@ pub(crate) fn advice(reason: LossReason) -> Option<&'static str> {
 }
 
 /// Names the option that caused `error`, if one did.
-fn with_option(error: PipelineError) -> CliError {
+fn with_option(error: RunError) -> CliError {
     match error {
-        PipelineError::Engine(EngineError::Option { what: "neighbours of a node", expected, found }) => {
+        RunError::Engine(EngineError::Option { what: "neighbours of a node", expected, found }) => {
             CliError::usage("--neighbours", &expected, &found)
         }
         error => error.into(),

@@ -3,7 +3,7 @@
 use std::io::{self, BufWriter, Stdout, Write, stdout};
 use std::path::{Path, PathBuf};
 
-use meissner_run::{PipelineError, interrupt};
+use meissner_run::{RunError, interrupt};
 use serde::Serialize;
 
 use crate::args::{JsonArgs, OUTPUT};
@@ -78,7 +78,7 @@ pub(crate) fn print(
 /// Checks before minutes of work that the file at `path` can be written or replaced. Nothing is
 /// changed.
 pub(crate) fn check_writable(path: &Path) -> Result<(), CliError> {
-    meissner_io::check_writable(path).map_err(|error| PipelineError::File(error).into())
+    meissner_io::check_writable(path).map_err(|error| RunError::File(error).into())
 }
 
 /// [`check_writable`] for the file of a result, which is not replaced unless `force` says so.
@@ -119,5 +119,5 @@ pub(crate) fn json(report: &impl Serialize) -> Result<Vec<u8>, io::Error> {
 /// Writes `content` to the file at `path`, which is replaced as a whole if it exists.
 pub(crate) fn write(path: &Path, content: impl AsRef<[u8]>) -> Result<(), CliError> {
     let written = meissner_io::write_file(path, |out| out.write_all(content.as_ref()));
-    written.map_err(|error| PipelineError::File(error).into())
+    written.map_err(|error| RunError::File(error).into())
 }

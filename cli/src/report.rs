@@ -9,7 +9,7 @@ pub(crate) mod summary;
 use std::collections::BTreeMap;
 use std::io::{self, Write};
 
-use meissner_run::error::{PipelineError, chain};
+use meissner_run::error::{RunError, chain};
 use meissner_run::model::FrameModel;
 use meissner_run::play::PlaySummary;
 use meissner_run::provenance::{Header, InputCard, ModelCard};
@@ -132,7 +132,7 @@ impl Report {
     }
 
     /// Writes the summaries of the inputs of a play, or how they failed.
-    pub(crate) fn end_play(mut self, ended: &[Result<PlaySummary, PipelineError>]) -> io::Result<()> {
+    pub(crate) fn end_play(mut self, ended: &[Result<PlaySummary, RunError>]) -> io::Result<()> {
         if let [Ok(summary)] = ended {
             return self.summary(&Of { input: 0, about: summary }, summary.reports.made, |out| {
                 summary::play(out, summary)

@@ -13,7 +13,7 @@ use meissner_evaluate::prepare::{
     self, DOME_KINDS, GelPlan, Shapes, dome_presses, film_images, film_markers, gel_presses,
 };
 use meissner_io::{Format, ImageSequence};
-use meissner_run::PipelineError;
+use meissner_run::RunError;
 use meissner_run::text::{grouped, span_us};
 use meissner_simulator::{CameraSettings, MarkerScene};
 
@@ -328,7 +328,7 @@ fn images(args: &ImagesArgs) -> Result<String, CliError> {
         return Err(CliError::usage("--out", expected, &args.file.out.display().to_string()));
     }
     args.file.check()?;
-    let images = ImageSequence::open(&args.images).map_err(PipelineError::from)?;
+    let images = ImageSequence::open(&args.images).map_err(RunError::from)?;
     let count = images.len();
     let (sensor, simulated) = film_images(
         images,
@@ -343,7 +343,7 @@ fn images(args: &ImagesArgs) -> Result<String, CliError> {
     };
     let events: Vec<_> = simulated.iter().map(|simulated| simulated.event).collect();
     meissner_io::write(&args.file.out, format, Some(sensor), &events)
-        .map_err(|error| PipelineError::recording(&args.file.out.display().to_string(), error))?;
+        .map_err(|error| RunError::recording(&args.file.out.display().to_string(), error))?;
     Ok(format!("{about}, as {format}"))
 }
 

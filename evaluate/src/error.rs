@@ -8,7 +8,7 @@ use meissner_io::IoError;
 use meissner_models::ModelError;
 use meissner_models::systems::OutputsError;
 use meissner_models::systems::slip::SlipError;
-use meissner_run::PipelineError;
+use meissner_run::RunError;
 use meissner_simulator::SimulatorError;
 use safetensors::SafeTensorError;
 use thiserror::Error;
@@ -20,7 +20,7 @@ use thiserror::Error;
 pub enum EvaluateError {
     /// A network or its weights cannot be read or cannot run.
     #[error(transparent)]
-    Pipeline(Box<PipelineError>),
+    Run(Box<RunError>),
     /// A data set is missing or has another layout; the source names the path.
     #[error(transparent)]
     Dataset(#[from] IoError),
@@ -122,21 +122,21 @@ impl EvaluateError {
     }
 }
 
-impl From<PipelineError> for EvaluateError {
-    fn from(error: PipelineError) -> Self {
-        Self::Pipeline(Box::new(error))
+impl From<RunError> for EvaluateError {
+    fn from(error: RunError) -> Self {
+        Self::Run(Box::new(error))
     }
 }
 
 impl From<EngineError> for EvaluateError {
     fn from(error: EngineError) -> Self {
-        PipelineError::Engine(error).into()
+        RunError::Engine(error).into()
     }
 }
 
 /// The error of weights that `label` names.
 pub(crate) fn weights_error(label: &str) -> impl Fn(ModelError) -> EvaluateError + '_ {
-    |source| PipelineError::weights(label.to_owned(), source).into()
+    |source| RunError::weights(label.to_owned(), source).into()
 }
 
 /// A file of streams of events cannot be read.

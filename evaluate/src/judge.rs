@@ -9,7 +9,7 @@
 use std::time::{Duration, Instant};
 
 use meissner_models::{AnyDescription, ModelError, TensorFile};
-use meissner_run::PipelineError;
+use meissner_run::RunError;
 use meissner_run::provenance::ModelCard;
 use serde::Serialize;
 
@@ -186,9 +186,9 @@ pub(crate) fn judge<J: Judge>(
 
 /// An engine's `error`, which names the weights.
 fn of_weights(label: &str, error: EvaluateError) -> EvaluateError {
-    let EvaluateError::Pipeline(error) = error else { return error };
+    let EvaluateError::Run(error) = error else { return error };
     match *error {
-        PipelineError::Engine(source) => weights_error(label)(ModelError::Engine(source)),
+        RunError::Engine(source) => weights_error(label)(ModelError::Engine(source)),
         other => other.into(),
     }
 }

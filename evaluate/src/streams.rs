@@ -7,7 +7,7 @@
 use std::path::Path;
 
 use meissner_engine::{Event, Sensor};
-use meissner_run::PipelineError;
+use meissner_run::RunError;
 use meissner_simulator::Cause;
 use safetensors::SafeTensors;
 
@@ -56,7 +56,7 @@ impl Streams {
     }
 
     fn parsed<T>(path: &Path, parse: impl Fn(&[u8]) -> Result<T, StreamsError>) -> Result<T, EvaluateError> {
-        let bytes = meissner_io::read_whole(path).map_err(PipelineError::File)?;
+        let bytes = meissner_io::read_whole(path).map_err(RunError::File)?;
         parse(&bytes).map_err(|source| EvaluateError::Streams { path: path.to_owned(), source })
     }
 

@@ -10,7 +10,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use meissner_models::{AnyDescription, TensorFile, Weights};
-use meissner_run::PipelineError;
+use meissner_run::RunError;
 use meissner_run::model::{labelled, weights};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
@@ -205,7 +205,7 @@ fn files(folder: &Path) -> Result<Vec<PathBuf>, EvaluateError> {
     let list = || -> std::io::Result<Vec<PathBuf>> {
         std::fs::read_dir(folder)?.map(|entry| entry.map(|entry| entry.path())).collect()
     };
-    let mut files = list().map_err(|source| PipelineError::file("open", folder, source))?;
+    let mut files = list().map_err(|source| RunError::file("open", folder, source))?;
     files.retain(|path| path.extension().is_some_and(|extension| extension == "safetensors"));
     files.sort();
     Ok(files)
@@ -245,7 +245,7 @@ impl Training {
     /// The weights in the file at `path`, or those `shipped` with `network`, as a whole training.
     fn whole(network: &str, shipped: bool, path: Option<&Path>) -> Result<Self, EvaluateError> {
         let (weights, label) = weights(network, shipped, path).map_err(|error| match error {
-            PipelineError::NoWeights(network) => EvaluateError::NeedsTrainings(network),
+            RunError::NoWeights(network) => EvaluateError::NeedsTrainings(network),
             error => error.into(),
         })?;
         let metadata = Metadata(weights.metadata());

@@ -18,7 +18,7 @@ use crate::text::grouped;
 /// A source cannot be read, or a network cannot run.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
-pub enum PipelineError {
+pub enum RunError {
     /// The size of the sensor is unknown.
     #[error("{recording}: this {format} recording does not name its geometry")]
     NoGeometry {
@@ -179,7 +179,7 @@ pub enum PipelineError {
     Engine(#[from] EngineError),
 }
 
-impl From<LiveError> for PipelineError {
+impl From<LiveError> for RunError {
     fn from(error: LiveError) -> Self {
         match error {
             LiveError::Engine(error) => Self::Engine(error),
@@ -205,7 +205,7 @@ pub fn chain(error: &dyn Error) -> String {
     text
 }
 
-impl PipelineError {
+impl RunError {
     /// The error `source` of reading `recording`.
     pub fn recording(recording: &str, source: IoError) -> Self {
         match source {
@@ -262,7 +262,7 @@ mod tests {
     use meissner_io::IoError;
     use meissner_models::ModelError;
 
-    use super::{PipelineError, chain};
+    use super::{RunError, chain};
 
     fn denied() -> io::Error {
         io::Error::new(io::ErrorKind::PermissionDenied, "denied")
@@ -274,11 +274,11 @@ mod tests {
         let format = IoError::Unsupported { expected: "some", actual: "other".to_owned() };
         let engine = || EngineError::Sensor(Sensor::new(0, 1));
         for error in [
-            PipelineError::recording("some.file", format),
-            PipelineError::file("open", &path, denied()),
-            PipelineError::description("some".to_owned(), ModelError::Engine(engine())),
-            PipelineError::weights("some".to_owned(), ModelError::Read { path, source: denied() }),
-            PipelineError::Engine(engine()),
+            RunError::recording("some.file", format),
+            RunError::file("open", &path, denied()),
+            RunError::description("some".to_owned(), ModelError::Engine(engine())),
+            RunError::weights("some".to_owned(), ModelError::Read { path, source: denied() }),
+            RunError::Engine(engine()),
         ] {
             let mut outer: &dyn Error = &error;
             while let Some(source) = outer.source() {
@@ -291,8 +291,7 @@ mod tests {
     #[test]
     fn a_chain_has_all_sources_once() {
         let path = PathBuf::from("some.pth");
-        let error =
-            PipelineError::weights("some.pth".to_owned(), ModelError::Read { path, source: denied() });
+        let error = RunError::weights("some.pth".to_owned(), ModelError::Read { path, source: denied() });
         assert_eq!(chain(&error), "cannot read some.pth: denied");
     }
 }

@@ -23,7 +23,7 @@
 //! let sensor = source.sensor(None)?;
 //! let options = RunOptions { limit: Some(500), ..RunOptions::default() };
 //! EventRun::new(&model, source, sensor, options)?.run(&mut Print).result?;
-//! # Ok::<(), meissner_run::PipelineError>(())
+//! # Ok::<(), meissner_run::RunError>(())
 //! ```
 //!
 //! | module | contents |
@@ -77,4 +77,4 @@ pub mod text;
 pub mod training;
 pub mod work_counts;
 
-pub use error::PipelineError;
+pub use error::RunError;

@@ -8,7 +8,7 @@ use std::path::Path;
 
 use meissner_io::{LeftOut, LeftOutKind, is_mostly_refused};
 
-use crate::error::PipelineError;
+use crate::error::RunError;
 use crate::losses::LINES_TOLD;
 use crate::streams;
 use crate::text::grouped;
@@ -75,9 +75,9 @@ impl LineErrors {
     ///
     /// # Errors
     /// The source is strict, or most lines are refused.
-    pub(crate) fn refuse(&mut self, problem: String) -> Result<(), PipelineError> {
+    pub(crate) fn refuse(&mut self, problem: String) -> Result<(), RunError> {
         if self.strict {
-            return Err(PipelineError::Line { recording: self.name.clone(), problem });
+            return Err(RunError::Line { recording: self.name.clone(), problem });
         }
         self.count += 1;
         if self.count == 1 {
@@ -106,7 +106,7 @@ impl LineErrors {
     ///
     /// # Errors
     /// Most lines were refused.
-    pub(crate) fn end(&self) -> Result<(), PipelineError> {
+    pub(crate) fn end(&self) -> Result<(), RunError> {
         let lines = self.taken + self.count;
         if !self.of_anybody && is_mostly_refused(self.count, self.taken, true) {
             Err(self.most(lines))
@@ -125,17 +125,17 @@ impl LineErrors {
         tracing::warn!("{}: {problem}", self.name);
     }
 
-    fn most(&self, lines: u64) -> PipelineError {
+    fn most(&self, lines: u64) -> RunError {
         let counts = format!("{} of the first {} lines are refused", grouped(self.count), grouped(lines));
         let problem = if lines == 1 { self.first.clone() } else { format!("{counts}; {}", self.first) };
-        PipelineError::Lines { recording: self.name.clone(), problem }
+        RunError::Lines { recording: self.name.clone(), problem }
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::{FIRST, LineErrors};
-    use crate::error::PipelineError;
+    use crate::error::RunError;
 
     /// So many lines have been taken.
     fn refusals(strict: bool, taken: u64) -> LineErrors {
@@ -147,7 +147,7 @@ mod tests {
     #[test]
     fn with_strict_the_first_refused_line_is_an_error() {
         let refused = refusals(true, 7).refuse("line 8: bad".to_owned());
-        assert!(matches!(refused, Err(PipelineError::Line { .. })));
+        assert!(matches!(refused, Err(RunError::Line { .. })));
     }
 
     #[test]
@@ -156,7 +156,7 @@ mod tests {
         for _ in 0..FIRST / 2 {
             assert!(refusals.refuse(String::new()).is_ok());
         }
-        assert!(matches!(refusals.refuse(String::new()), Err(PipelineError::Lines { .. })));
+        assert!(matches!(refusals.refuse(String::new()), Err(RunError::Lines { .. })));
     }
 
     #[test]

@@ -17,7 +17,7 @@ use meissner_engine::{
 use serde::{Deserialize, Serialize};
 
 use crate::empty_frames::EmptyFrameLimit;
-use crate::error::PipelineError;
+use crate::error::RunError;
 use crate::frame_feed::{FeedOutput, FeedState, FrameFeed};
 use crate::model::FrameModel;
 use crate::run::EVERY;
@@ -67,7 +67,7 @@ impl LiveFrames {
     /// # Errors
     /// The frames of the model are not made of events, the sensor lacks pixels that they cover, or
     /// the engine refuses an option.
-    pub fn new(model: Arc<FrameModel>, sensor: Sensor, options: FrameOptions) -> Result<Self, PipelineError> {
+    pub fn new(model: Arc<FrameModel>, sensor: Sensor, options: FrameOptions) -> Result<Self, RunError> {
         let feed = feed(&model, sensor, 0, None)?;
         let frames = Frames {
             engine: FrameEngine::with_options(Arc::clone(&model.network), options)?,
@@ -150,14 +150,14 @@ fn feed(
     sensor: Sensor,
     silence: u64,
     state: Option<&FeedState>,
-) -> Result<FrameFeed, PipelineError> {
+) -> Result<FrameFeed, RunError> {
     let policies = (LatePolicy::Drop, RestartPolicy::Reset);
     let silence = EmptyFrameLimit::new(None, silence);
     let feed = FrameFeed::new(&model.description, sensor, policies, EVERY, silence, state);
     let network = &model.name;
-    let feed = feed.map_err(|source| PipelineError::Frames { network: network.clone(), source })?;
+    let feed = feed.map_err(|source| RunError::Frames { network: network.clone(), source })?;
     let mut feed = feed.ok_or_else(|| {
-        PipelineError::other_network(network, "a network over events or their frames", "one over other input")
+        RunError::other_network(network, "a network over events or their frames", "one over other input")
     })?;
     feed.keep();
     Ok(feed)

@@ -12,7 +12,7 @@ use meissner_models::{
 };
 
 use crate::approximations::Approximations;
-use crate::error::PipelineError;
+use crate::error::RunError;
 use crate::provenance::ModelCard;
 
 /// The name of a network over events, and options that change it.
@@ -60,10 +60,10 @@ pub struct Model {
 ///
 /// # Errors
 /// The network is unknown, it is a frame network, or its description cannot be read.
-pub fn describe(network: &str) -> Result<(Description, bool), PipelineError> {
+pub fn describe(network: &str) -> Result<(Description, bool), RunError> {
     match describe_any(network)? {
         (AnyDescription::Events(description), shipped) => Ok((description, shipped)),
-        (AnyDescription::Frames(_), _) => Err(PipelineError::is_frame_network(network)),
+        (AnyDescription::Frames(_), _) => Err(RunError::is_frame_network(network)),
     }
 }
 
@@ -71,11 +71,11 @@ pub fn describe(network: &str) -> Result<(Description, bool), PipelineError> {
 ///
 /// # Errors
 /// The network is unknown, it is a network over events, or its description cannot be read.
-pub fn describe_frames(network: &str) -> Result<(FrameDescription, bool), PipelineError> {
+pub fn describe_frames(network: &str) -> Result<(FrameDescription, bool), RunError> {
     match describe_any(network)? {
         (AnyDescription::Frames(description), shipped) => Ok((description, shipped)),
         (AnyDescription::Events(_), _) => {
-            Err(PipelineError::other_network(network, "a frame network", "a network over events"))
+            Err(RunError::other_network(network, "a frame network", "a network over events"))
         }
     }
 }
@@ -90,13 +90,13 @@ pub fn frame_network(
     (weights, label): (&Weights, String),
     convolution: Convolution,
     ignore_preparation: bool,
-) -> Result<(Arc<FrameNetwork>, ModelCard), PipelineError> {
+) -> Result<(Arc<FrameNetwork>, ModelCard), RunError> {
     let parts = if ignore_preparation {
         description.network_parts_regardless(weights)
     } else {
         description.network_parts(weights)
     };
-    let parts = parts.map_err(|source| PipelineError::weights(label.clone(), source))?;
+    let parts = parts.map_err(|source| RunError::weights(label.clone(), source))?;
     let network = FrameNetwork::new(parts, convolution)?;
     let card = ModelCard::new(&AnyDescription::Frames(description.clone()), weights, label)?;
     let card = card.running(network.fingerprint(), None);
@@ -107,19 +107,19 @@ pub fn frame_network(
 ///
 /// # Errors
 /// The network is unknown, or its description cannot be read.
-pub fn describe_any(network: &str) -> Result<(AnyDescription, bool), PipelineError> {
+pub fn describe_any(network: &str) -> Result<(AnyDescription, bool), RunError> {
     if let Some(description) = AnyDescription::shipped(network) {
         return Ok((description, true));
     }
     if !Path::new(network).exists() {
-        return Err(PipelineError::UnknownNetwork { name: network.to_owned(), nearest: nearest(network) });
+        return Err(RunError::UnknownNetwork { name: network.to_owned(), nearest: nearest(network) });
     }
     let network = network.to_owned();
     match AnyDescription::load(&network) {
         Ok(description) => Ok((description, false)),
         Err(source) => Err(match recording_format(&network) {
-            Some(format) => PipelineError::IsRecording { network, format },
-            None => PipelineError::description(network, source),
+            Some(format) => RunError::IsRecording { network, format },
+            None => RunError::description(network, source),
         }),
     }
 }
@@ -128,21 +128,17 @@ pub fn describe_any(network: &str) -> Result<(AnyDescription, bool), PipelineErr
 ///
 /// # Errors
 /// There are no weights, or they cannot be read.
-pub fn weights(
-    network: &str,
-    shipped: bool,
-    path: Option<&Path>,
-) -> Result<(Weights, String), PipelineError> {
+pub fn weights(network: &str, shipped: bool, path: Option<&Path>) -> Result<(Weights, String), RunError> {
     let Some(path) = path else {
         return match Weights::shipped(network).filter(|_| shipped) {
             Some(weights) => Ok((weights, "shipped with the network".to_owned())),
-            None => Err(PipelineError::NoWeights(network.to_owned())),
+            None => Err(RunError::NoWeights(network.to_owned())),
         };
     };
     let label = path.display().to_string();
     match Weights::load(path) {
         Ok(weights) => Ok((weights, label)),
-        Err(source) => Err(PipelineError::weights(label, source)),
+        Err(source) => Err(RunError::weights(label, source)),
     }
 }
 
@@ -166,7 +162,7 @@ impl Model {
     ///
     /// # Errors
     /// The network is unknown, its weights do not fit, or it cannot be adapted.
-    pub fn load(options: &ModelOptions) -> Result<Self, PipelineError> {
+    pub fn load(options: &ModelOptions) -> Result<Self, RunError> {
         let model = Self::named(&options.network, options.weights.as_deref(), options.ignore_preparation)?;
         let network = options.adapt(model.network)?;
         let mut card = model.card.running(network.fingerprint(), Some(window(&network)));
@@ -181,7 +177,7 @@ impl Model {
     ///
     /// # Errors
     /// The network is unknown, or the weights do not fit.
-    pub fn named(name: &str, path: Option<&Path>, ignore_preparation: bool) -> Result<Self, PipelineError> {
+    pub fn named(name: &str, path: Option<&Path>, ignore_preparation: bool) -> Result<Self, RunError> {
         let (description, shipped) = describe(name)?;
         let (weights, label) = weights(name, shipped, path)?;
         Self::of(&description, (&weights, label), ignore_preparation)
@@ -195,13 +191,13 @@ impl Model {
         description: &Description,
         (weights, label): (&Weights, String),
         ignore_preparation: bool,
-    ) -> Result<Self, PipelineError> {
+    ) -> Result<Self, RunError> {
         let network = if ignore_preparation {
             description.network_ignoring_preparation(weights)
         } else {
             description.network(weights)
         };
-        let network = network.map_err(|source| PipelineError::weights(label.clone(), source))?;
+        let network = network.map_err(|source| RunError::weights(label.clone(), source))?;
         // The layers of levels compute rows; readout and dense layers are evaluated once per
         // prediction.
         let rows = description.layers().iter().filter(|layer| layer.level.is_some());
@@ -242,7 +238,7 @@ impl FrameModel {
         path: Option<&Path>,
         convolution: Convolution,
         ignore_preparation: bool,
-    ) -> Result<Self, PipelineError> {
+    ) -> Result<Self, RunError> {
         let (description, shipped) = describe_frames(name)?;
         let (weights, label) = weights(name, shipped, path)?;
         let model = Self::of(&description, (&weights, label), convolution, ignore_preparation)?;
@@ -258,7 +254,7 @@ impl FrameModel {
         weights: (&Weights, String),
         convolution: Convolution,
         ignore_preparation: bool,
-    ) -> Result<Self, PipelineError> {
+    ) -> Result<Self, RunError> {
         let (network, card) = frame_network(description, weights, convolution, ignore_preparation)?;
         let (name, source) = (description.name().to_owned(), *description.source());
         Ok(Self { name, description: description.clone(), source, network, card })

@@ -24,7 +24,7 @@ use meissner_live::{Fleet, Input, Live, Overload, Predictor, QueueOptions, Timed
 use crate::answer::{Classes, Values};
 use crate::approximations::Approximations;
 use crate::clock::Clock;
-use crate::error::PipelineError;
+use crate::error::RunError;
 use crate::interrupt;
 use crate::latency::microseconds;
 use crate::losses::LossWatch;
@@ -129,7 +129,7 @@ impl Due {
 }
 
 /// A thread that offers the events of an input; it returns what it read from.
-type Offering = JoinHandle<Result<(Reader, PlayInput), PipelineError>>;
+type Offering = JoinHandle<Result<(Reader, PlayInput), RunError>>;
 
 /// The outcome of a play.
 struct Played {
@@ -147,7 +147,7 @@ impl Play {
     /// # Errors
     /// An input cannot be read, or one of several is a stream: another one could not begin before
     /// its first event.
-    pub fn new(model: &Model, inputs: Vec<PlayInput>, options: PlayOptions) -> Result<Self, PipelineError> {
+    pub fn new(model: &Model, inputs: Vec<PlayInput>, options: PlayOptions) -> Result<Self, RunError> {
         let several = inputs.len() > 1;
         let mut started = None;
         let mut tracks = Vec::with_capacity(inputs.len());
@@ -155,7 +155,7 @@ impl Play {
             let live = input.source.is_live();
             if live {
                 if several {
-                    return Err(PipelineError::SeveralStreams(input.source.name));
+                    return Err(RunError::SeveralStreams(input.source.name));
                 }
                 // From now on a signal ends the wait for an event.
                 interrupt::listen();
@@ -193,10 +193,7 @@ impl Play {
     /// # Errors
     /// An engine or a queue refuses an option, a thread cannot be started, or the observer cannot
     /// show a report.
-    pub fn run(
-        self,
-        observer: &mut dyn Observer,
-    ) -> Result<Vec<Result<PlaySummary, PipelineError>>, PipelineError> {
+    pub fn run(self, observer: &mut dyn Observer) -> Result<Vec<Result<PlaySummary, RunError>>, RunError> {
         let options = self.options.clone();
         let sensors: Vec<_> = self.tracks.iter().map(|track| track.input.sensor).collect();
         let readout = |&sensor: &Sensor| {
@@ -214,7 +211,7 @@ impl Play {
             let batch = BatchEngine::new(Arc::clone(&self.network), *sensor)?.with_late(options.late);
             let batch = batch.with_restart(options.restart);
             let batch = batch.with_search(Search::Proposed(propose)).with_bounded_memory();
-            Ok::<_, PipelineError>((readout(sensor)?, batch))
+            Ok::<_, RunError>((readout(sensor)?, batch))
         };
         let recorded = sensors.iter().map(recorded).collect::<Result<_, _>>()?;
         let verified = |(played, (readout, batch)): (Played, (StaleReadout, _))| {
@@ -230,7 +227,7 @@ impl Play {
         self,
         predictors: Vec<P>,
         observer: &mut dyn Observer,
-    ) -> Result<Vec<Result<(Played, P), PipelineError>>, PipelineError> {
+    ) -> Result<Vec<Result<(Played, P), RunError>>, RunError> {
         let Self { mut classes, training, tracks, options, started, .. } = self;
         let dues: Vec<_> = tracks.iter().map(|track| track.due).collect();
         let queue = |(index, predictor): (usize, P)| {
@@ -289,7 +286,7 @@ impl Play {
                         shown = observer.prediction(&Prediction::Report(report));
                     }
                 }
-                Err(error) => failed[input] = Some(PipelineError::from(error)),
+                Err(error) => failed[input] = Some(RunError::from(error)),
             });
             for (input, (watch, name, losses)) in watches.iter_mut().enumerate() {
                 let events = fleet.sensors()[input].event_counters();
@@ -299,7 +296,7 @@ impl Play {
                 break;
             }
         }
-        shown.map_err(PipelineError::Output)?;
+        shown.map_err(RunError::Output)?;
         let lives = fleet.into_sensors().into_iter();
         let inputs = lives.zip(offering).zip(tallies).zip(failed).zip(&dues);
         let end = |((((live, offering), tally), failed), due): ((((Live<P>, Offering), Tally), _), &Due)| {
@@ -315,7 +312,7 @@ impl Play {
 
 impl Track {
     /// Starts the thread that offers the events to `queue`.
-    fn offer(self, queue: Input, start: Instant, options: &PlayOptions) -> Result<Offering, PipelineError> {
+    fn offer(self, queue: Input, start: Instant, options: &PlayOptions) -> Result<Offering, RunError> {
         let Self { mut input, events, due } = self;
         let chain = options.approximations.chain(input.sensor)?;
         let clock = Clock::new(start, due.first_us, options.speed);
@@ -342,7 +339,7 @@ fn end<P: Predictor<Input = Event>>(
     offering: Offering,
     mut tally: Tally,
     due: Due,
-) -> Result<(Played, P), PipelineError> {
+) -> Result<(Played, P), RunError> {
     if due.reports.is_none() {
         tally.reports.due = tally.reports.made;
     }
@@ -434,7 +431,7 @@ impl Played {
 }
 
 /// Compares `values` with the prediction of `batch`, which was given the same events.
-fn verify(mut batch: BatchEngine, values: &[f32]) -> Result<Verified, PipelineError> {
+fn verify(mut batch: BatchEngine, values: &[f32]) -> Result<Verified, RunError> {
     let start = Instant::now();
     let expected = batch.predict()?.values.to_vec();
     let bits = |values: &[f32]| values.iter().map(|value| value.to_bits()).collect::<Vec<_>>();

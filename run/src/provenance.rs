@@ -8,7 +8,7 @@ use meissner_models::{Agreement, AnyDescription, Weights};
 use serde::Serialize;
 use serde_json::Value;
 
-use crate::error::PipelineError;
+use crate::error::RunError;
 use crate::training::Output;
 
 /// Version of the JSON format. It increases when a key is removed or changes its meaning.
@@ -118,12 +118,8 @@ impl ModelCard {
     ///
     /// # Errors
     /// The metadata of the weights cannot be read, or state ranges of other outputs.
-    pub fn new(
-        description: &AnyDescription,
-        weights: &Weights,
-        source: String,
-    ) -> Result<Self, PipelineError> {
-        let card = weights.card().map_err(|error| PipelineError::weights(source.clone(), error))?;
+    pub fn new(description: &AnyDescription, weights: &Weights, source: String) -> Result<Self, RunError> {
+        let card = weights.card().map_err(|error| RunError::weights(source.clone(), error))?;
         let (names, units) = description.outputs();
         let (kind, agreement, window) = match description {
             AnyDescription::Events(events) => {
@@ -132,7 +128,7 @@ impl ModelCard {
             AnyDescription::Frames(frames) => ("frames", frames.agreement(weights), None),
         };
         let outputs = Output::all(names, units, card.ranges)
-            .map_err(|error| PipelineError::weights(source.clone(), error))?;
+            .map_err(|error| RunError::weights(source.clone(), error))?;
         let preparation = description.preparation().and_then(|text| serde_json::from_str(&text).ok());
         Ok(Self {
             network: NetworkCard {

@@ -14,7 +14,7 @@ use meissner_io::{RECORD_BYTES, record};
 use serde::Serialize;
 
 use crate::clock::Clock;
-use crate::error::PipelineError;
+use crate::error::RunError;
 use crate::streams::{self, Receiver};
 use crate::{interrupt, latency};
 
@@ -54,12 +54,12 @@ pub fn send(
     sensor: Option<Sensor>,
     to: &Path,
     options: SendOptions,
-) -> Result<SendSummary, PipelineError> {
+) -> Result<SendSummary, RunError> {
     let failed = |source| {
         if streams::is_stdin(to) {
-            PipelineError::Output(source)
+            RunError::Output(source)
         } else {
-            PipelineError::file("write", streams::name(to), source)
+            RunError::file("write", streams::name(to), source)
         }
     };
     let mut out = Pieces::new(streams::receiver(to)?);

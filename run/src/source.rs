@@ -12,7 +12,7 @@ use meissner_io::{
     TimeRange,
 };
 
-use crate::error::{PipelineError, chain};
+use crate::error::{RunError, chain};
 use crate::interrupt;
 use crate::left_out;
 use crate::line_errors::LineErrors;
@@ -67,7 +67,7 @@ enum Events {
 ///
 /// # Errors
 /// The recording cannot be read, or a line of a text is malformed.
-pub fn read(path: &Path, options: &ReadOptions) -> Result<Recording, PipelineError> {
+pub fn read(path: &Path, options: &ReadOptions) -> Result<Recording, RunError> {
     if streams::is_live(path) {
         let (mut arriving, mut events) = (arriving(path, options)?, Vec::new());
         let mut refusals = LineErrors::of(path, options.strict && !streams::is_of_datagrams(path));
@@ -79,7 +79,7 @@ pub fn read(path: &Path, options: &ReadOptions) -> Result<Recording, PipelineErr
                     (arriving.format(), "stream", Place::Event(MAX_EVENTS), "events");
                 let (limit, actual, at_least) = (MAX_EVENTS, events.len() as u64, true);
                 let error = IoError::TooLarge { format, what, place, unit, limit, actual, at_least };
-                return Err(PipelineError::recording(refusals.name(), error));
+                return Err(RunError::recording(refusals.name(), error));
             }
         }
         let left_out = refusals.left_out();
@@ -96,12 +96,12 @@ struct InFile<'a> {
 }
 
 impl<'a> InFile<'a> {
-    fn open(path: &'a Path, options: &ReadOptions) -> Result<Self, PipelineError> {
+    fn open(path: &'a Path, options: &ReadOptions) -> Result<Self, RunError> {
         let once = !path.is_file() && !path.is_dir();
         let held = once.then(|| HeldContent::read(path, options.salvage)).transpose();
         Ok(Self {
             path,
-            held: held.map_err(|source| PipelineError::recording(&path.display().to_string(), source))?,
+            held: held.map_err(|source| RunError::recording(&path.display().to_string(), source))?,
         })
     }
 
@@ -112,7 +112,7 @@ impl<'a> InFile<'a> {
         }
     }
 
-    fn read(&self, options: &ReadOptions) -> Result<Recording, PipelineError> {
+    fn read(&self, options: &ReadOptions) -> Result<Recording, RunError> {
         let recording = self.decode(*options).map_err(|source| self.refused(options, source))?;
         if let Some(salvaged) = Salvaged::of(&recording) {
             tracing::warn!("{}: salvaged: {salvaged}", self.path.display());
@@ -122,7 +122,7 @@ impl<'a> InFile<'a> {
     }
 
     /// The error for the failed read `source`, with the part that can be salvaged.
-    fn refused(&self, options: &ReadOptions, source: IoError) -> PipelineError {
+    fn refused(&self, options: &ReadOptions, source: IoError) -> RunError {
         use IoError::{Malformed, Truncated};
         let name = self.path.display().to_string();
         let may_be_cut = matches!(source, Truncated { .. } | Malformed { place: Place::Line(_), .. });
@@ -132,19 +132,19 @@ impl<'a> InFile<'a> {
             && let Some(salvaged) = Salvaged::of(&recording)
         {
             let (source, salvaged) = (Box::new(source), Some(Box::new(salvaged)));
-            return PipelineError::Recording { recording: name.into(), source, salvaged };
+            return RunError::Recording { recording: name.into(), source, salvaged };
         }
-        PipelineError::recording(&name, source)
+        RunError::recording(&name, source)
     }
 }
 
 /// The embedded recording.
-pub(crate) fn embedded() -> Result<Recording, PipelineError> {
-    meissner_io::decode(EMBEDDED).map_err(|error| PipelineError::recording(EMBEDDED_NAME, error))
+pub(crate) fn embedded() -> Result<Recording, RunError> {
+    meissner_io::decode(EMBEDDED).map_err(|error| RunError::recording(EMBEDDED_NAME, error))
 }
 
 /// The events that arrive on the stream `path`.
-fn arriving(path: &Path, options: &ReadOptions) -> Result<LiveEvents<interrupt::Input>, PipelineError> {
+fn arriving(path: &Path, options: &ReadOptions) -> Result<LiveEvents<interrupt::Input>, RunError> {
     let input = streams::open(path)?;
     Ok(if streams::is_of_datagrams(path) {
         LiveEvents::of_datagrams(input, options.text)
@@ -168,7 +168,7 @@ impl Source {
         options: &ReadOptions,
         sensor_known: bool,
         strict: bool,
-    ) -> Result<Self, PipelineError> {
+    ) -> Result<Self, RunError> {
         match recording {
             None => {
                 let mut recording = embedded()?;
@@ -229,11 +229,10 @@ impl Source {
     ///
     /// # Errors
     /// Neither is known.
-    pub fn sensor(&self, asked: Option<Sensor>) -> Result<Sensor, PipelineError> {
-        asked.or(self.sensor).ok_or_else(|| PipelineError::NoGeometry {
-            recording: self.name.clone(),
-            format: self.format.clone(),
-        })
+    pub fn sensor(&self, asked: Option<Sensor>) -> Result<Sensor, RunError> {
+        asked
+            .or(self.sensor)
+            .ok_or_else(|| RunError::NoGeometry { recording: self.name.clone(), format: self.format.clone() })
     }
 
     /// Takes only every `stride`-th event, beginning with the first.
@@ -276,7 +275,7 @@ impl Source {
         Some(rest.div_ceil(self.stride as u64))
     }
 
-    fn next_recorded(&mut self) -> Option<Result<Event, PipelineError>> {
+    fn next_recorded(&mut self) -> Option<Result<Event, RunError>> {
         loop {
             let next = match &mut self.events {
                 Events::Read(events) => events.next().map(Ok),
@@ -296,7 +295,7 @@ impl Source {
 }
 
 impl Iterator for Source {
-    type Item = Result<Event, PipelineError>;
+    type Item = Result<Event, RunError>;
 
     fn next(&mut self) -> Option<Self::Item> {
         while self.pass_over > 0 {
@@ -318,7 +317,7 @@ impl Iterator for Source {
 fn next(
     events: &mut impl Iterator<Item = Result<Event, IoError>>,
     refusals: &mut LineErrors,
-) -> Option<Result<Event, PipelineError>> {
+) -> Option<Result<Event, RunError>> {
     loop {
         let refused = match events.next() {
             None => refusals.end(),
@@ -331,7 +330,7 @@ fn next(
                 Ok(()) => continue,
                 refused => refused,
             },
-            Some(Err(error)) => Err(PipelineError::recording(refusals.name(), error)),
+            Some(Err(error)) => Err(RunError::recording(refusals.name(), error)),
         };
         return refused.err().map(Err);
     }

@@ -19,7 +19,7 @@ use std::path::Path;
 
 use meissner_io::limits::LINE_BYTES;
 
-use crate::error::PipelineError;
+use crate::error::RunError;
 use crate::interrupt;
 
 /// Name of standard input, for messages.
@@ -72,7 +72,7 @@ pub fn name(path: &Path) -> String {
 /// # Errors
 /// It is no stream, an address cannot be used, or a signal asked the program to end while it waited
 /// for a client.
-pub(crate) fn open(path: &Path) -> Result<interrupt::Input, PipelineError> {
+pub(crate) fn open(path: &Path) -> Result<interrupt::Input, RunError> {
     let opened = match stream(path) {
         Some(Stream::Stdin) => interrupt::input(),
         Some(Stream::Connect(address)) => TcpStream::connect(address).map(interrupt::received),
@@ -80,7 +80,7 @@ pub(crate) fn open(path: &Path) -> Result<interrupt::Input, PipelineError> {
         Some(Stream::Datagrams(address)) => interrupt::datagrams(address),
         None => Err(io::ErrorKind::NotFound.into()),
     };
-    opened.map_err(|source| PipelineError::file("open", name(path), source))
+    opened.map_err(|source| RunError::file("open", name(path), source))
 }
 
 /// The lines of the stream that `path` names. A line ends with its datagram, and one that is too
@@ -88,7 +88,7 @@ pub(crate) fn open(path: &Path) -> Result<interrupt::Input, PipelineError> {
 ///
 /// # Errors
 /// As [`open`].
-pub(crate) fn lines(path: &Path) -> Result<Box<dyn BufRead>, PipelineError> {
+pub(crate) fn lines(path: &Path) -> Result<Box<dyn BufRead>, RunError> {
     let input = open(path)?;
     Ok(if is_of_datagrams(path) {
         Box::new(DatagramLines { input, lines: Vec::new(), read: 0 })
@@ -150,7 +150,7 @@ pub(crate) enum Receiver {
 ///
 /// # Errors
 /// It is no stream, an address cannot be used, or nobody listens there.
-pub(crate) fn receiver(path: &Path) -> Result<Receiver, PipelineError> {
+pub(crate) fn receiver(path: &Path) -> Result<Receiver, RunError> {
     let opened = || -> io::Result<Receiver> {
         Ok(match stream(path) {
             Some(Stream::Stdin) => Receiver::Bytes(Box::new(interrupt::output(io::stdout()))),
@@ -174,7 +174,7 @@ pub(crate) fn receiver(path: &Path) -> Result<Receiver, PipelineError> {
             }
         })
     };
-    opened().map_err(|source| PipelineError::file("open", name(path), source))
+    opened().map_err(|source| RunError::file("open", name(path), source))
 }
 
 /// A connection that sends small pieces at once.

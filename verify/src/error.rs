@@ -2,7 +2,7 @@
 
 use meissner_engine::{EngineError, Event};
 use meissner_reference::ReferenceError;
-use meissner_run::PipelineError;
+use meissner_run::RunError;
 
 use crate::difference::Difference;
 use crate::step::Stream;
@@ -64,14 +64,14 @@ pub enum VerifyError {
     Engine(#[from] EngineError),
     /// A shipped network cannot be built.
     #[error(transparent)]
-    Pipeline(Box<PipelineError>),
+    Run(Box<RunError>),
     /// A network cannot be computed in f64.
     #[error(transparent)]
     Reference(#[from] ReferenceError),
 }
 
-impl From<PipelineError> for VerifyError {
-    fn from(error: PipelineError) -> Self {
-        Self::Pipeline(Box::new(error))
+impl From<RunError> for VerifyError {
+    fn from(error: RunError) -> Self {
+        Self::Run(Box::new(error))
     }
 }

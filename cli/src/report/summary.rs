@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::io::{self, Write};
 
 use meissner_run::approximations::{ApproximationReport, FilteredEvents};
-use meissner_run::error::{PipelineError, chain};
+use meissner_run::error::{RunError, chain};
 use meissner_run::latency::{Latencies, Quantiles};
 use meissner_run::play::PlaySummary;
 use meissner_run::run::{ElectrodeCounts, EventCounts, EventSummary, FrameSummary, InputCounts, Pixels};
@@ -233,7 +233,7 @@ fn write_counts(out: &mut impl Write, key: &str, counts: &[(u64, &str)]) -> io::
 }
 
 /// Writes the summaries of the inputs of a play: a row for each, and what was dropped or failed.
-pub(super) fn plays(out: &mut impl Write, ended: &[Result<PlaySummary, PipelineError>]) -> io::Result<()> {
+pub(super) fn plays(out: &mut impl Write, ended: &[Result<PlaySummary, RunError>]) -> io::Result<()> {
     let mut table =
         Table::new(&["input", "events", "accepted", "fresh (%)", "event to report, p50", "p99", "max (us)"]);
     for (input, summary) in ended.iter().enumerate() {

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use meissner_engine::frames::{Convolution, FrameOptions, Skip};
 use meissner_engine::representations::Sampling;
 use meissner_kernels::WinogradTile;
-use meissner_run::PipelineError;
+use meissner_run::RunError;
 use meissner_run::model::FrameModel;
 use meissner_run::predictor::Mode;
 use meissner_run::provenance::{InputCard, ModelCard};
@@ -204,9 +204,8 @@ const STATES: &[&str] = &["--save-state", "--resume"];
 impl RunArgs {
     /// The options of a run over events.
     pub(super) fn options(&self) -> Result<RunOptions, CliError> {
-        let read = |path: &PathBuf| {
-            meissner_io::read_file(path, STATE_MARK, STATE_BYTES).map_err(PipelineError::File)
-        };
+        let read =
+            |path: &PathBuf| meissner_io::read_file(path, STATE_MARK, STATE_BYTES).map_err(RunError::File);
         let save = |path: PathBuf| SaveState { path, every_us: self.state.save_every_us };
         Ok(RunOptions {
             mode: self.mode,
@@ -223,9 +222,9 @@ impl RunArgs {
     }
 
     /// Adds the path of the state file to `error`.
-    pub(super) fn refused(&self, error: PipelineError) -> CliError {
+    pub(super) fn refused(&self, error: RunError) -> CliError {
         match (error, &self.state.resume) {
-            (PipelineError::Resume(source), Some(path)) => CliError::Resume { path: path.clone(), source },
+            (RunError::Resume(source), Some(path)) => CliError::Resume { path: path.clone(), source },
             (error, _) => error.into(),
         }
     }
@@ -306,7 +305,7 @@ impl RunArgs {
         }
         // Hours later it would be too late.
         let state = self.state.save_state.as_deref();
-        Ok(state.map_or(Ok(()), meissner_io::check_replaceable).map_err(PipelineError::File)?)
+        Ok(state.map_or(Ok(()), meissner_io::check_replaceable).map_err(RunError::File)?)
     }
 
     /// Refuses approximations that reuse earlier results in batch mode, and states of runs with

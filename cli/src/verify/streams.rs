@@ -11,7 +11,7 @@ use std::sync::Arc;
 use meissner_engine::Event;
 use meissner_engine::frames::{Convolution, FrameEngine, FrameNetwork};
 use meissner_models::{AnyDescription, Weights, drawn_file};
-use meissner_run::PipelineError;
+use meissner_run::RunError;
 use meissner_run::bench::Part;
 use meissner_run::model::{Model, describe_any, frame_network, weights};
 use meissner_run::provenance::{Header, InputCard, ModelCard};
@@ -165,9 +165,9 @@ fn replayed<'a, I: 'a>(
     path: &Path,
     parse: impl FnOnce(&str) -> Result<Stream<I>, VerifyError>,
 ) -> Result<Source<'a, I>, CliError> {
-    let bytes = meissner_io::read_whole(path).map_err(PipelineError::File)?;
+    let bytes = meissner_io::read_whole(path).map_err(RunError::File)?;
     let text = String::from_utf8(bytes).map_err(|error| {
-        PipelineError::file("read", path, io::Error::new(io::ErrorKind::InvalidData, error.utf8_error()))
+        RunError::file("read", path, io::Error::new(io::ErrorKind::InvalidData, error.utf8_error()))
     })?;
     let refused = |source| CliError::Replay { path: path.to_owned(), source: Box::new(source) };
     let stream = parse(&text).map_err(refused)?;

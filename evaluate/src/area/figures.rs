@@ -9,7 +9,7 @@ use std::collections::BTreeMap;
 use meissner_models::systems::contact_area::{
     Centroid, DifferenceBaseline, DifferenceSettings, PixelSize, iou,
 };
-use meissner_run::PipelineError;
+use meissner_run::RunError;
 use meissner_run::latency::microseconds;
 use meissner_run::model::{FrameModel, LayerCost};
 use meissner_run::run::BLUR_RADIUS;
@@ -101,7 +101,7 @@ impl Outcome {
         let own_mm = run.predictor.pixel().sides_mm()[0];
         let pixel_mm = press.pixel_mm.unwrap_or(own_mm);
         let (scale, pixel) = ((pixel_mm / own_mm) * (pixel_mm / own_mm), PixelSize::new(pixel_mm, pixel_mm));
-        let pixel = pixel.map_err(PipelineError::from)?;
+        let pixel = pixel.map_err(RunError::from)?;
         let mut outcome =
             Self { kind: press.kind.clone(), pictures: Vec::new(), multiply_adds: 0, maps: Vec::new() };
         for picture in &press.pictures {
@@ -112,7 +112,7 @@ impl Outcome {
             let found = predictor.mask();
             let width = predictor.size().width;
             outcome.pictures.push(Contact {
-                iou: iou(found, &mask).map_err(PipelineError::from)?,
+                iou: iou(found, &mask).map_err(RunError::from)?,
                 force_n: picture.force_n().map(|force| (force, report.force_n * scale)),
                 centroid_mm: distance(report.centroid, centroid(&picture.truth, &mask, width), pixel_mm),
                 area_mm2: (pixel.area_mm2(report.pixels) - pixel.area_mm2(count(&mask))).abs(),
@@ -175,7 +175,7 @@ impl Figures {
 
 /// The figures of image differences on the pictures of `set`.
 pub(crate) fn baseline(set: &Set, workers: &Workers) -> Result<BaselineFigures, EvaluateError> {
-    let judge = |(): &mut (), press: &Press| -> Result<Vec<Vec<Contact>>, PipelineError> {
+    let judge = |(): &mut (), press: &Press| -> Result<Vec<Vec<Contact>>, RunError> {
         let pixel_mm = press.pixel_mm.unwrap_or(1.0);
         let pixel = PixelSize::new(pixel_mm, pixel_mm)?;
         let masks: Vec<_> =

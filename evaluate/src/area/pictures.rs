@@ -4,7 +4,7 @@ use std::path::Path;
 
 use meissner_io::datasets::BallPictures;
 use meissner_models::systems::contact_area::ImageSize;
-use meissner_run::PipelineError;
+use meissner_run::RunError;
 use meissner_simulator::gel::Grid;
 use safetensors::tensor::{Dtype, SafeTensors, TensorView};
 use serde::Serialize;
@@ -75,7 +75,7 @@ impl Set {
         if path.extension().is_some_and(|extension| extension == "npz") {
             return Ok(Self::of_balls(&path.display().to_string(), &BallPictures::read(path)?));
         }
-        let bytes = meissner_io::read_whole(path).map_err(PipelineError::File)?;
+        let bytes = meissner_io::read_whole(path).map_err(RunError::File)?;
         let set = Self::read_bytes(&path.display().to_string(), &bytes)
             .map_err(|source| EvaluateError::Streams { path: path.to_owned(), source })?;
         if set.pictures() == 0 {

@@ -4,7 +4,7 @@ use std::time::{Duration, Instant};
 
 use meissner_engine::frames::FrameOptions;
 use meissner_models::systems::contact_area::ContactReport;
-use meissner_run::PipelineError;
+use meissner_run::RunError;
 use meissner_run::model::FrameModel;
 use meissner_run::run::ContactPredictor;
 
@@ -38,7 +38,7 @@ pub(crate) struct Answer {
 }
 
 impl Run {
-    pub(crate) fn new(model: &FrameModel, how: PressOptions) -> Result<Self, PipelineError> {
+    pub(crate) fn new(model: &FrameModel, how: PressOptions) -> Result<Self, RunError> {
         let predictor = ContactPredictor::new(model, how.options)?;
         Ok(Self { predictor, every: how.every, pictures: 0, last: None })
     }
@@ -51,7 +51,7 @@ impl Run {
     }
 
     /// The answer to the next picture, or the last one where the network does not see it.
-    pub(crate) fn measure(&mut self, rgb: &[u8]) -> Result<Answer, PipelineError> {
+    pub(crate) fn measure(&mut self, rgb: &[u8]) -> Result<Answer, RunError> {
         let start = Instant::now();
         let is_seen = self.pictures.is_multiple_of(self.every);
         self.pictures += 1;

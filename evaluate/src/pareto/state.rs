@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 use fnv::FnvHasher;
 use meissner_engine::Event;
 use meissner_models::Weights;
-use meissner_run::PipelineError;
+use meissner_run::RunError;
 use serde::{Deserialize, Serialize};
 
 use super::measurement::Measurement;
@@ -58,7 +58,7 @@ impl State {
         let Some(path) = path else { return Ok(Self::default()) };
         let failed = |source| EvaluateError::Write { path: path.to_owned(), source };
         let mut file = OpenOptions::new().create(true).append(true).open(path).map_err(failed)?;
-        let bytes = meissner_io::read_whole(path).map_err(PipelineError::File)?;
+        let bytes = meissner_io::read_whole(path).map_err(RunError::File)?;
         let (lines, keep) = parse(&bytes).map_err(|(line, source)| EvaluateError::State {
             path: path.to_owned(),
             line,

@@ -8,7 +8,7 @@ use std::path::Path;
 use meissner_engine::Sensor;
 use meissner_io::ImageSequence;
 use meissner_models::TensorFile;
-use meissner_run::PipelineError;
+use meissner_run::RunError;
 use meissner_run::text::grouped;
 use meissner_simulator::{Camera, CameraSettings, MarkerScene, MarkerTracks, SimulatedEvent, SimulatorError};
 use rayon::ThreadPool;
@@ -47,7 +47,7 @@ pub fn film_markers(
     seed: u64,
     pool: &ThreadPool,
 ) -> Result<Prepared, EvaluateError> {
-    let bytes = meissner_io::read_whole(tracks).map_err(PipelineError::File)?;
+    let bytes = meissner_io::read_whole(tracks).map_err(RunError::File)?;
     let (tracks, truth) =
         read(&bytes).map_err(|source| EvaluateError::Streams { path: tracks.to_owned(), source })?;
     let film = |(i, tracks): (usize, MarkerTracks)| -> Result<Vec<SimulatedEvent>, SimulatorError> {
@@ -99,7 +99,7 @@ pub fn film_images(
     let mut camera: Option<Camera> = None;
     let (mut intensity, mut events) = (Vec::new(), Vec::new());
     for (i, image) in images.enumerate() {
-        let (path, image) = image.map_err(PipelineError::from)?;
+        let (path, image) = image.map_err(RunError::from)?;
         let camera = match &mut camera {
             Some(camera) => camera,
             none => {

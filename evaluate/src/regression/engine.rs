@@ -12,7 +12,7 @@ use meissner_engine::{EngineError, Event, Network, Options, Sensor};
 use meissner_models::description::CostUnit;
 use meissner_models::description::frames::SignedTiming;
 use meissner_models::{AnyDescription, Description, FrameDescription, FrameSource, ModelError};
-use meissner_run::PipelineError;
+use meissner_run::RunError;
 use meissner_run::approximations::Approximations;
 use meissner_run::model::{LayerCost, Model, frame_network};
 use meissner_run::predictor::{EventPredictor, Mode};
@@ -145,7 +145,7 @@ impl PressEngine {
         let crop = place.crop(width as u16, height as u16, sensor);
         let window = SlidingSigned::new(sensor, crop, rule, span_us, SlidingSigned::DEFAULT_CAPACITY);
         let network_name = description.name().to_owned();
-        let window = window.map_err(|source| PipelineError::Frames { network: network_name, source })?;
+        let window = window.map_err(|source| RunError::Frames { network: network_name, source })?;
         let costs = Arc::new(description.layers().iter().map(LayerCost::new).collect());
         Ok(Self::Frames { window: Box::new(window), engine: Box::new(FrameEngine::new(network)?), costs })
     }
@@ -174,7 +174,7 @@ impl PressEngine {
         let windows =
             ConsecutiveFrames::counts(sensor, Consecutive { crop, period_us, start_us: Some(0) }, maximum);
         let network_name = description.name().to_owned();
-        let windows = windows.map_err(|source| PipelineError::Frames { network: network_name, source })?;
+        let windows = windows.map_err(|source| RunError::Frames { network: network_name, source })?;
         let costs = Arc::new(description.layers().iter().map(LayerCost::new).collect());
         let engine = FrameEngine::with_options(network, how.options)?;
         let taker = WindowedEngine { engine, every: how.every as u64, ended: 0 };

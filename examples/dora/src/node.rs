@@ -20,7 +20,7 @@ pub(crate) enum Failure {
     Dora(#[from] NodeError),
     /// A network or a recording cannot be used.
     #[error(transparent)]
-    Pipeline(#[from] meissner_run::PipelineError),
+    Run(#[from] meissner_run::RunError),
     /// An engine cannot go on.
     #[error("sensor {sensor}")]
     Sensor { sensor: String, source: Box<PacketError> },

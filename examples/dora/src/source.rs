@@ -12,7 +12,7 @@ use clap::Args;
 use meissner::io::ReadOptions;
 use meissner::{Event, Sensor};
 use meissner_packets::{FeedOptions, feed};
-use meissner_run::PipelineError;
+use meissner_run::RunError;
 use meissner_run::source::Source;
 use meissner_run::text::sensor;
 
@@ -43,7 +43,7 @@ pub(crate) struct StreamOptions {
 impl StreamOptions {
     /// The source and the geometry of its sensor. Waits for the first event of a stream unless that
     /// is given.
-    fn open(&self) -> Result<(Sensor, Source), PipelineError> {
+    fn open(&self) -> Result<(Sensor, Source), RunError> {
         let source =
             Source::open(self.recording.as_deref(), &ReadOptions::default(), self.sensor.is_some(), false)?;
         Ok((source.sensor(self.sensor)?, source))
@@ -53,7 +53,7 @@ impl StreamOptions {
     ///
     /// # Errors
     /// The recording cannot be read, or its geometry is not known.
-    pub(crate) fn recorded(&self) -> Result<(Sensor, Vec<Event>), PipelineError> {
+    pub(crate) fn recorded(&self) -> Result<(Sensor, Vec<Event>), RunError> {
         let (sensor, source) = self.open()?;
         let events = source.collect::<Result<Vec<_>, _>>()?;
         Ok((sensor, repeated(&events, self.runs)))

@@ -3,7 +3,7 @@
 use std::error::Error as StdError;
 
 use meissner_packets::PacketError;
-use meissner_run::PipelineError;
+use meissner_run::RunError;
 
 /// An error of iceoryx2.
 pub type Cause = Box<dyn StdError + Send + Sync>;
@@ -45,7 +45,7 @@ pub enum Error {
     },
     /// The source or the network.
     #[error(transparent)]
-    Pipeline(#[from] PipelineError),
+    Run(#[from] RunError),
     /// The engine.
     #[error(transparent)]
     Packets(Box<PacketError>),

@@ -3,7 +3,7 @@
 use meissner_engine::{EngineError, Sensor};
 use meissner_io::IoError;
 use meissner_live::LiveError;
-use meissner_run::PipelineError;
+use meissner_run::RunError;
 
 /// An engine cannot start, or cannot go on.
 #[derive(Debug, thiserror::Error)]
@@ -11,7 +11,7 @@ use meissner_run::PipelineError;
 pub enum PacketError {
     /// The network or the source.
     #[error(transparent)]
-    Pipeline(#[from] PipelineError),
+    Run(#[from] RunError),
     /// The engine refuses a sensor or a state, or its prediction is not a number.
     #[error(transparent)]
     Engine(#[from] EngineError),

@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 
 use meissner_engine::Event;
 use meissner_run::clock::Clock;
-use meissner_run::{PipelineError, interrupt};
+use meissner_run::{RunError, interrupt};
 
 /// Events of a live stream that wait to be sent; more wait in the operating system's buffers.
 const WAITING: usize = 1 << 16;
@@ -32,8 +32,8 @@ pub struct FeedOptions {
 ///
 /// # Errors
 /// An event cannot be read, or as `send`.
-pub fn feed<E: From<PipelineError>>(
-    events: impl Iterator<Item = Result<Event, PipelineError>> + Send + 'static,
+pub fn feed<E: From<RunError>>(
+    events: impl Iterator<Item = Result<Event, RunError>> + Send + 'static,
     options: FeedOptions,
     ended: impl FnMut() -> bool,
     send: impl FnMut(&[Event], Instant) -> Result<(), E>,
@@ -45,8 +45,8 @@ pub fn feed<E: From<PipelineError>>(
     }
 }
 
-fn recorded<E: From<PipelineError>>(
-    events: impl Iterator<Item = Result<Event, PipelineError>>,
+fn recorded<E: From<RunError>>(
+    events: impl Iterator<Item = Result<Event, RunError>>,
     options: FeedOptions,
     mut ended: impl FnMut() -> bool,
     mut send: impl FnMut(&[Event], Instant) -> Result<(), E>,
@@ -85,8 +85,8 @@ fn recorded<E: From<PipelineError>>(
     Ok(())
 }
 
-fn arriving<E: From<PipelineError>>(
-    events: impl Iterator<Item = Result<Event, PipelineError>> + Send + 'static,
+fn arriving<E: From<RunError>>(
+    events: impl Iterator<Item = Result<Event, RunError>> + Send + 'static,
     FeedOptions { every, max_wait, max_events, .. }: FeedOptions,
     mut ended: impl FnMut() -> bool,
     mut send: impl FnMut(&[Event], Instant) -> Result<(), E>,

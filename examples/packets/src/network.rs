@@ -9,7 +9,7 @@ use meissner_engine::{
     snapshot_note,
 };
 use meissner_models::AnyDescription;
-use meissner_run::PipelineError;
+use meissner_run::RunError;
 use meissner_run::live_frames::LiveFrames;
 use meissner_run::model::{FrameModel, Model, describe_any};
 
@@ -28,7 +28,7 @@ impl AnyNetwork {
     ///
     /// # Errors
     /// The network is unknown, or the weights do not fit.
-    pub fn named(name: &str, weights: Option<&Path>) -> Result<Self, PipelineError> {
+    pub fn named(name: &str, weights: Option<&Path>) -> Result<Self, RunError> {
         Ok(match describe_any(name)?.0 {
             AnyDescription::Events(_) => Self::Events(Model::named(name, weights, false)?.network.into()),
             AnyDescription::Frames(_) => {
@@ -49,7 +49,7 @@ impl AnyNetwork {
     ///
     /// # Errors
     /// The network does not fit the sensor, or reads other input than events.
-    pub fn engine(&self, sensor: Sensor) -> Result<AnyEngine, PipelineError> {
+    pub fn engine(&self, sensor: Sensor) -> Result<AnyEngine, RunError> {
         Ok(match self {
             Self::Events(network) => AnyEngine::Events(Box::new(Engine::new(Arc::clone(network), sensor)?)),
             Self::Frames(model) => {

@@ -5,7 +5,7 @@
 //! predicted, its gaps go back to the event that the restored state ends with; so does this engine.
 
 use meissner_engine::{EngineError, Event, Predictor, Sensor};
-use meissner_run::PipelineError;
+use meissner_run::RunError;
 
 use crate::coverage::Gap;
 use crate::network::{AnyEngine, AnyNetwork};
@@ -27,7 +27,7 @@ impl<'a> Replay<'a> {
     ///
     /// # Errors
     /// The network does not fit the sensor.
-    pub fn new(network: &'a AnyNetwork, sensor: Sensor, events: &'a [Event]) -> Result<Self, PipelineError> {
+    pub fn new(network: &'a AnyNetwork, sensor: Sensor, events: &'a [Event]) -> Result<Self, RunError> {
         let engine = network.engine(sensor)?;
         Ok(Self { network, sensor, events, engine, next: 0, gaps: Vec::new() })
     }
@@ -42,7 +42,7 @@ impl<'a> Replay<'a> {
     ///
     /// # Errors
     /// As [`Self::new`].
-    pub fn lose(&mut self, gap: Gap) -> Result<(), PipelineError> {
+    pub fn lose(&mut self, gap: Gap) -> Result<(), RunError> {
         self.gaps.retain(|known| known.from < gap.from);
         if let Some(last) = self.gaps.last_mut() {
             last.until = last.until.min(gap.from);

@@ -12,7 +12,7 @@ use meissner_packets::{
     AnyNetwork, Coverage, FeedOptions, Gap, LiveOptions, LiveSensor, Lost, Numbers, PacketError, Reason,
     Replay, SensorEngine, feed,
 };
-use meissner_run::PipelineError;
+use meissner_run::RunError;
 use meissner_run::source::Source;
 
 /// Events of a packet.
@@ -422,7 +422,7 @@ mod live {
     fn a_sensor_without_the_pixels_of_the_frames_is_refused() {
         let options = options(&frame_network(), 1000, None);
         let refused = LiveSensor::start("finger", STREAM, Sensor::new(64, 64), &options).err().unwrap();
-        assert!(matches!(refused, PacketError::Pipeline(_)), "{refused}");
+        assert!(matches!(refused, PacketError::Run(_)), "{refused}");
     }
 
     #[test]
@@ -471,7 +471,7 @@ fn a_feed_sends_every_event_in_order_and_in_packets_of_a_bounded_size() {
         let send = |packet: &[Event], _| {
             assert!(packet.len() <= 64);
             sent.extend_from_slice(packet);
-            Ok::<_, PipelineError>(())
+            Ok::<_, RunError>(())
         };
         feed(source.into_iter(), options, || false, send).unwrap();
         assert_eq!(sent, events);
@@ -489,7 +489,7 @@ fn a_feed_ends_with_the_fault_of_its_source_after_the_events_before_it() {
         let mut sent = 0;
         let send = |packet: &[Event], _| {
             sent += packet.len();
-            Ok::<_, PipelineError>(())
+            Ok::<_, RunError>(())
         };
         assert!(feed(source.into_iter(), options, || false, send).is_err());
         assert_eq!(sent, 10);

@@ -4,7 +4,7 @@ use std::error::Error as StdError;
 
 use meissner_io::IoError;
 use meissner_packets::PacketError;
-use meissner_run::PipelineError;
+use meissner_run::RunError;
 
 /// The node cannot start, or cannot go on.
 #[derive(Debug, thiserror::Error)]
@@ -30,7 +30,7 @@ pub enum Error {
     },
     /// The network.
     #[error(transparent)]
-    Pipeline(#[from] PipelineError),
+    Run(#[from] RunError),
 }
 
 impl Error {

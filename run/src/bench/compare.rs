@@ -18,7 +18,7 @@ use serde::Serialize;
 use super::frame_passes::{EventFrameModel, FrameLatencies, FramePasses, Pass, Predicted, WARMUP_FRAMES};
 use super::input::{BenchInput, BenchOptions, FrameInputReport, InputReport};
 use super::moments::PredictionTimes;
-use crate::error::PipelineError;
+use crate::error::RunError;
 use crate::latency::Latency;
 use crate::memory::peak_resident_bytes;
 use crate::model::Model;
@@ -139,7 +139,7 @@ pub fn compare(
     against: &EventFrameModel,
     input: &BenchInput,
     options: &BenchOptions,
-) -> Result<CompareReport, PipelineError> {
+) -> Result<CompareReport, RunError> {
     let period_us = against.period_us(options.every)?;
     let moments =
         PredictionTimes::new(&input.events, (input.sensor, options.late), period_us, against.end())?;
@@ -156,7 +156,7 @@ pub fn compare(
         let (frames_everything, whole, _) = over_frames(&frames, Skip::Nothing)?;
         let (frames_skipping, skipping, Pass { outside, evicted, .. }) = over_frames(&frames, Skip::Exact)?;
         let sides = SidesReport { events, frames_everything, frames_skipping };
-        Ok::<_, PipelineError>((sides, whole.that_differ(&skipping), outside, evicted))
+        Ok::<_, RunError>((sides, whole.that_differ(&skipping), outside, evicted))
     };
     let (mut ways, predictions_that_differ, outside, evicted_from_frames) = round()?;
     for _ in 1..options.repeat {
@@ -220,7 +220,7 @@ fn over_events(
     sensor: Sensor,
     moments: &PredictionTimes,
     most: usize,
-) -> Result<SideReport, PipelineError> {
+) -> Result<SideReport, RunError> {
     let mut engine = Engine::new(Arc::new(model.network.clone()), sensor)?;
     let (mut events, mut predict, mut moment_us) = (Duration::ZERO, Duration::ZERO, Latency::new());
     for moment in moments.iter() {
@@ -250,10 +250,7 @@ fn over_events(
 }
 
 /// Runs a pass over frames, and returns its predictions too.
-fn over_frames(
-    frames: &FramePasses<'_>,
-    skip: Skip,
-) -> Result<(SideReport, Predictions, Pass), PipelineError> {
+fn over_frames(frames: &FramePasses<'_>, skip: Skip) -> Result<(SideReport, Predictions, Pass), RunError> {
     let (mut times, mut moment_us) = (FrameLatencies::default(), Latency::new());
     let mut predictions = Predictions::default();
     let pass = frames.pass(skip, u64::MAX, &mut times, &mut |Predicted { values, work, .. }| {

@@ -16,7 +16,7 @@ use super::deadline::{Deadline, DeadlineReport};
 use super::input::{BenchInput, BenchOptions, InputReport};
 use super::phases::{Phase, Phases, WINDOW_US};
 use crate::approximations::ApproximationReport;
-use crate::error::PipelineError;
+use crate::error::RunError;
 use crate::latency::{CallLatencies, Latency, clock_us, microseconds};
 use crate::memory::peak_resident_bytes;
 use crate::model::Model;
@@ -200,7 +200,7 @@ impl<'a> EventBench<'a> {
     ///
     /// # Errors
     /// The engine refuses an option, or a result is not a number.
-    pub fn run(self, progress: &mut dyn FnMut(u64)) -> Result<EventReport, PipelineError> {
+    pub fn run(self, progress: &mut dyn FnMut(u64)) -> Result<EventReport, RunError> {
         let Self { model, input, options, .. } = &self;
         let (events, repeat) = (&input.events, options.repeat.max(1));
         let phases = Phases::new(events, input.sensor, options.late, options.burst_rate);
@@ -285,7 +285,7 @@ struct Passes<'a> {
 }
 
 impl Passes<'_> {
-    fn engine(&self, stage_times: bool) -> Result<EventPredictor, PipelineError> {
+    fn engine(&self, stage_times: bool) -> Result<EventPredictor, RunError> {
         let options = Options::new().with_late(self.options.late).with_restart(self.options.restart);
         let options = options.with_stage_times(stage_times).with_two_threads(self.options.two_threads);
         let network = Arc::clone(&self.network);
@@ -307,7 +307,7 @@ impl Passes<'_> {
         phases: &Phases,
         stage_times: bool,
         into: &mut Measured,
-    ) -> Result<EventPredictor, PipelineError> {
+    ) -> Result<EventPredictor, RunError> {
         let mut engine = self.engine(stage_times)?;
         let mut schedule = Schedule::new(self.options.every.unwrap_or(Every::Events(1)));
         for (index, &event) in events.iter().enumerate() {
@@ -342,7 +342,7 @@ impl Passes<'_> {
     }
 
     /// Runs a new engine over slices of `events`, and records their latencies in `into`.
-    fn slices(&mut self, events: &[Event], into: &mut SlicesReport) -> Result<(), PipelineError> {
+    fn slices(&mut self, events: &[Event], into: &mut SlicesReport) -> Result<(), RunError> {
         let mut engine = self.engine(false)?;
         for slice in events.chunks(into.events) {
             let start = Instant::now();
@@ -356,7 +356,7 @@ impl Passes<'_> {
     }
 
     /// Runs a new engine over `events`, in periods of `period_us`.
-    fn deadline(&mut self, events: &[Event], period_us: i64) -> Result<Deadline, PipelineError> {
+    fn deadline(&mut self, events: &[Event], period_us: i64) -> Result<Deadline, RunError> {
         let mut engine = self.engine(false)?;
         let mut gate = Admission::new(self.sensor, self.options.late);
         let mut schedule = Schedule::new(Every::StreamUs(period_us));
@@ -385,7 +385,7 @@ fn period(
     engine: &mut EventPredictor,
     waiting: &mut Vec<Event>,
     end_us: i64,
-) -> Result<usize, PipelineError> {
+) -> Result<usize, RunError> {
     let before = engine.events();
     let start = Instant::now();
     engine.push_slice(waiting);
@@ -409,7 +409,7 @@ impl PhaseReport {
         engine: &mut EventPredictor,
         due_us: Option<i64>,
         both: &mut Duration,
-    ) -> Result<usize, PipelineError> {
+    ) -> Result<usize, RunError> {
         let start = Instant::now();
         if let Some(due_us) = due_us {
             engine.advance(due_us);

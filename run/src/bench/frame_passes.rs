@@ -15,7 +15,7 @@ use serde::Serialize;
 
 use super::moments::{End, PredictionTimes};
 use crate::empty_frames::EmptyFrameLimit;
-use crate::error::PipelineError;
+use crate::error::RunError;
 use crate::frame_feed::{FeedOutput, FrameFeed};
 use crate::latency::{CallLatencies, Latency};
 use crate::model::{FrameModel, LayerCost};
@@ -52,7 +52,7 @@ impl EventFrameModel {
     ///
     /// # Errors
     /// The network is unknown, its frames are not made of events, or the weights do not fit.
-    pub fn named(name: &str, path: Option<&Path>, ignore_preparation: bool) -> Result<Self, PipelineError> {
+    pub fn named(name: &str, path: Option<&Path>, ignore_preparation: bool) -> Result<Self, RunError> {
         let model = FrameModel::named(name, path, Convolution::Direct, ignore_preparation)?;
         let of_other = || frames_of_other(name, model.source);
         let (place, windows_us) = match model.source {
@@ -72,7 +72,7 @@ impl EventFrameModel {
     }
 
     /// Microseconds from frame to frame: `asked`, or the value of the network.
-    pub(super) fn period_us(&self, asked: Option<Every>) -> Result<i64, PipelineError> {
+    pub(super) fn period_us(&self, asked: Option<Every>) -> Result<i64, RunError> {
         match (asked, self.windows_us) {
             (None, windows_us) => Ok(windows_us.unwrap_or(PERIOD_US)),
             (Some(Every::StreamUs(asked_us)), None) => Ok(asked_us),
@@ -83,7 +83,7 @@ impl EventFrameModel {
                     || "the time from frame to frame, such as 10ms".to_owned(),
                     |us| format!("{}, the length of the windows of {name}", display_us(us)),
                 );
-                Err(PipelineError::FramePeriod { expected, found })
+                Err(RunError::FramePeriod { expected, found })
             }
         }
     }
@@ -102,7 +102,7 @@ impl EventFrameModel {
     }
 
     /// A feed that makes a frame over `field` every `period_us` from accepted events.
-    fn feed(&self, field: Field, period_us: i64) -> Result<FrameFeed, PipelineError> {
+    fn feed(&self, field: Field, period_us: i64) -> Result<FrameFeed, RunError> {
         let every = Every::StreamUs(period_us);
         let name = self.model.network.name();
         let feed = FrameFeed::new(
@@ -113,7 +113,7 @@ impl EventFrameModel {
             EmptyFrameLimit::new(Some(u64::MAX), 0),
             None,
         )
-        .map_err(|source| PipelineError::Frames { network: name.to_owned(), source })?;
+        .map_err(|source| RunError::Frames { network: name.to_owned(), source })?;
         feed.ok_or_else(|| frames_of_other(name, self.model.source))
     }
 
@@ -123,9 +123,9 @@ impl EventFrameModel {
     }
 }
 
-fn frames_of_other(network: &str, source: FrameSource) -> PipelineError {
+fn frames_of_other(network: &str, source: FrameSource) -> RunError {
     let expected = "a frame network whose frames are made of events (event-counts, signed)";
-    PipelineError::other_network(network, expected, format!("frames = {:?}", source.word()))
+    RunError::other_network(network, expected, format!("frames = {:?}", source.word()))
 }
 
 impl Field {
@@ -210,7 +210,7 @@ impl FramePasses<'_> {
         frames: u64,
         into: &mut FrameLatencies,
         look: &mut dyn FnMut(Predicted<'_>),
-    ) -> Result<Pass, PipelineError> {
+    ) -> Result<Pass, RunError> {
         let options = FrameOptions::new().with_skip(skip).with_sparse(true).with_two_threads(false);
         let engine = FrameEngine::with_options(self.model.model.network.clone(), options)?;
         let mut feed = self.model.feed(self.field, self.moments.period_us)?;
@@ -229,7 +229,7 @@ impl FramePasses<'_> {
 
 impl InProgress<'_> {
     /// Takes the complete frames.
-    fn take(&mut self, output: FeedOutput<'_>) -> Result<(), PipelineError> {
+    fn take(&mut self, output: FeedOutput<'_>) -> Result<(), RunError> {
         match output {
             FeedOutput::Frame { values, t_us, .. } => self.frame(values, t_us),
             FeedOutput::LeftOut { .. } | FeedOutput::Restart => {
@@ -238,7 +238,7 @@ impl InProgress<'_> {
         }
     }
 
-    fn frame(&mut self, values: &[f32], t_us: i64) -> Result<(), PipelineError> {
+    fn frame(&mut self, values: &[f32], t_us: i64) -> Result<(), RunError> {
         if self.left == 0 {
             return Ok(());
         }
@@ -263,7 +263,7 @@ mod tests {
     use meissner_engine::{Event, LatePolicy, Sensor};
 
     use super::{EventFrameModel, FeedOutput, PredictionTimes};
-    use crate::error::PipelineError;
+    use crate::error::RunError;
 
     /// Times of the frames that the feed delivers for `moments`.
     fn times(model: &EventFrameModel, moments: &PredictionTimes, sensor: Sensor) -> Vec<i64> {
@@ -274,7 +274,7 @@ mod tests {
                 FeedOutput::Frame { t_us, .. } => times.push(t_us),
                 other => unreachable!("{other:?}: every frame is wanted, and the clock goes on"),
             }
-            Ok::<_, PipelineError>(())
+            Ok::<_, RunError>(())
         };
         for &event in &moments.events {
             feed.push(event, &mut note).expect("nothing refuses a frame");

@@ -7,7 +7,7 @@ use super::deadline::{Deadline, DeadlineReport};
 use super::frame_passes::{EventFrameModel, FrameLatencies, FramePasses, WARMUP_FRAMES};
 use super::input::{BenchInput, BenchOptions, FrameInputReport, InputReport};
 use super::moments::PredictionTimes;
-use crate::error::PipelineError;
+use crate::error::RunError;
 use crate::latency::clock_us;
 use crate::memory::peak_resident_bytes;
 
@@ -48,7 +48,7 @@ pub fn bench_frames(
     model: &EventFrameModel,
     input: &BenchInput,
     options: &BenchOptions,
-) -> Result<FrameReport, PipelineError> {
+) -> Result<FrameReport, RunError> {
     let (period_us, repeat) = (model.period_us(options.every)?, options.repeat.max(1));
     let moments = PredictionTimes::new(&input.events, (input.sensor, options.late), period_us, model.end())?;
     let field = model.field(input.sensor);
@@ -70,7 +70,7 @@ pub fn bench_frames(
             })?;
         }
         let way = FrameModeReport::new(model, &last.engine, times, repeat);
-        Ok::<_, PipelineError>((way, last))
+        Ok::<_, RunError>((way, last))
     });
     let ((skipping, last), (everything, _)) = (skipping?, everything?);
 

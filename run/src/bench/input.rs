@@ -11,7 +11,7 @@ use serde::Serialize;
 use super::frame_passes::{EventFrameModel, Field};
 use super::moments::PredictionTimes;
 use crate::approximations::Approximations;
-use crate::error::PipelineError;
+use crate::error::RunError;
 use crate::losses::{InputLosses, LossWarning};
 use crate::provenance::{Header, InputCard, ModelCard};
 use crate::schedule::Every;
@@ -102,7 +102,7 @@ impl BenchInput {
         sensor: Sensor,
         card: &ModelCard,
         options: &BenchOptions,
-    ) -> Result<Self, PipelineError> {
+    ) -> Result<Self, RunError> {
         let described = InputCard::events(&source.name, &source.format, sensor, source.recorded());
         let header = Header::new("bench", described, card.clone());
         header.warn();

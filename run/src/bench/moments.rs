@@ -9,7 +9,7 @@ use std::ops::Range;
 
 use meissner_engine::{Admission, Event, EventCounters, LatePolicy, Sensor};
 
-use crate::error::PipelineError;
+use crate::error::RunError;
 use crate::schedule::{Every, Last, Schedule, times_before};
 
 /// Largest number of moments in a benchmark. The frames of more would take too long.
@@ -51,7 +51,7 @@ impl PredictionTimes {
         (sensor, late): (Sensor, LatePolicy),
         period_us: i64,
         end: End,
-    ) -> Result<Self, PipelineError> {
+    ) -> Result<Self, RunError> {
         let mut gate = Admission::new(sensor, late);
         let events: Vec<Event> = events.iter().filter_map(|&event| gate.admit(event).ok()).collect();
         let mut moments = Self { events, period_us, counters: *gate.counters(), ends: Vec::new() };
@@ -60,7 +60,7 @@ impl PredictionTimes {
         };
         let found = times_before(first.t_us, last.t_us, period_us).max(1);
         if found > MAX {
-            return Err(PipelineError::ManyFrames { most: MAX, found, period_us });
+            return Err(RunError::ManyFrames { most: MAX, found, period_us });
         }
         let mut schedule = Schedule::new(Every::StreamUs(period_us));
         schedule.begin(first.t_us);
@@ -74,7 +74,7 @@ impl PredictionTimes {
         }
         // There is no moment beyond the end of the clock.
         let Last::At(last_us) = schedule.last() else {
-            return Err(PipelineError::ManyFrames { most: MAX, found, period_us });
+            return Err(RunError::ManyFrames { most: MAX, found, period_us });
         };
         moments.ends.push((last_us, moments.events.len()));
         Ok(moments)
@@ -100,7 +100,7 @@ impl PredictionTimes {
 #[cfg(test)]
 mod tests {
     use super::{End, PredictionTimes};
-    use crate::error::PipelineError;
+    use crate::error::RunError;
     use meissner_engine::{Event, LatePolicy, Sensor};
 
     fn moments(times: &[i64], end: End) -> PredictionTimes {
@@ -137,6 +137,6 @@ mod tests {
     fn more_frames_than_anybody_waits_for_are_refused() {
         let events = [0, i64::MAX / 2].map(|t| Event::new(t, 0, 0, true));
         let refused = PredictionTimes::new(&events, (Sensor::new(4, 4), LatePolicy::Drop), 10, End::Included);
-        assert!(matches!(refused, Err(PipelineError::ManyFrames { most: 1_000_000, .. })), "{refused:?}");
+        assert!(matches!(refused, Err(RunError::ManyFrames { most: 1_000_000, .. })), "{refused:?}");
     }
 }

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use proptest::prelude::*;
 
 use super::LiveFrames;
-use crate::PipelineError;
+use crate::RunError;
 use crate::model::FrameModel;
 use meissner_engine::frames::{Convolution, FrameEngine, FrameOptions};
 use meissner_engine::{DropReason, EngineError, Event, Outcome, Predictor, Sensor};
@@ -177,7 +177,7 @@ fn networks_over_other_input_are_refused_by_name() {
         let model = FrameModel::named(name, None, Convolution::Direct, false).expect("it is shipped");
         let refused = LiveFrames::new(model.into(), Sensor::new(346, 260), FrameOptions::new()).err();
         let refused = refused.expect("it reads no events");
-        assert!(matches!(refused, PipelineError::OtherNetwork { .. }), "{refused}");
+        assert!(matches!(refused, RunError::OtherNetwork { .. }), "{refused}");
         assert!(refused.to_string().contains(name), "{refused}");
     }
 }

@@ -13,7 +13,7 @@ use meissner_engine::filters::{Chain, EventFilter};
 use meissner_live::{Input, LiveError};
 
 use crate::clock::Clock;
-use crate::error::PipelineError;
+use crate::error::RunError;
 use crate::interrupt;
 
 /// Longest sleep, unless packets are further apart: it makes the clock advance in a gap.
@@ -93,8 +93,8 @@ impl Reader {
     /// taken, and if the program is asked to end.
     pub(super) fn follow(
         mut self,
-        events: &mut dyn Iterator<Item = Result<Event, PipelineError>>,
-    ) -> Result<Self, PipelineError> {
+        events: &mut dyn Iterator<Item = Result<Event, RunError>>,
+    ) -> Result<Self, RunError> {
         while !self.input.is_closed()
             && let Some(event) = events.next().transpose()?
         {

@@ -10,7 +10,7 @@ use meissner_models::systems::contact_area::{
 };
 
 use super::frame_predictor::FramePredictor;
-use crate::error::PipelineError;
+use crate::error::RunError;
 use crate::model::FrameModel;
 
 /// Contacts in one picture after another.
@@ -35,16 +35,16 @@ impl ContactPredictor {
     ///
     /// # Errors
     /// The model does not predict forces from pictures, or it refuses `options`.
-    pub fn new(model: &FrameModel, options: FrameOptions) -> Result<Self, PipelineError> {
+    pub fn new(model: &FrameModel, options: FrameOptions) -> Result<Self, RunError> {
         let (input, output) = (model.description.input(), model.description.output());
         let (FrameSource::Picture(settings), FrameShape::Image { height, width, .. }) = (model.source, input)
         else {
-            return Err(PipelineError::is_frame_network(&model.name));
+            return Err(RunError::is_frame_network(&model.name));
         };
         let expected = FrameShape::Image { channels: 1, height, width };
         if output != expected {
             let expected = format!("a prediction of {expected}, a force for each pixel");
-            return Err(PipelineError::other_network(&model.name, expected, output.to_string()));
+            return Err(RunError::other_network(&model.name, expected, output.to_string()));
         }
         let (size, pixel) = (ImageSize { width, height }, settings.pixel_size()?);
         let (threshold_n, median_window) = (settings.threshold_n, settings.median_window);
@@ -82,7 +82,7 @@ impl ContactPredictor {
     ///
     /// # Errors
     /// The picture or the reference has another size, or a force is not finite.
-    pub fn measure(&mut self, rgb: &[u8]) -> Result<ContactReport, PipelineError> {
+    pub fn measure(&mut self, rgb: &[u8]) -> Result<ContactReport, RunError> {
         self.push(rgb)?;
         self.predict()
     }
@@ -91,7 +91,7 @@ impl ContactPredictor {
     ///
     /// # Errors
     /// The picture or the reference has another size.
-    pub fn push(&mut self, rgb: &[u8]) -> Result<(), PipelineError> {
+    pub fn push(&mut self, rgb: &[u8]) -> Result<(), RunError> {
         let start = Instant::now();
         let reference = self.difference.then(|| &**self.reference.get_or_insert_with(|| rgb.to_vec()));
         self.images.apply(rgb, reference, &mut self.planes)?;
@@ -103,7 +103,7 @@ impl ContactPredictor {
     ///
     /// # Errors
     /// A force is not finite.
-    pub fn predict(&mut self) -> Result<ContactReport, PipelineError> {
+    pub fn predict(&mut self) -> Result<ContactReport, RunError> {
         self.predictor.predict(|predicted| {
             for (force, &y) in self.force.iter_mut().zip(predicted.values) {
                 *force = self.forces.force(y);

@@ -31,7 +31,7 @@ use super::frame_predictor::FramePredictor;
 use super::prediction::{ElectrodePrediction, Observer, Prediction};
 use super::summary::{ElectrodeCounts, Ended, Ending, FrameSummary, InputCounts, Summary};
 use crate::answer::{Classes, Values};
-use crate::error::{PipelineError, chain};
+use crate::error::{RunError, chain};
 use crate::interrupt;
 use crate::latency::microseconds;
 use crate::line_errors::LineErrors;
@@ -90,18 +90,18 @@ impl ElectrodeRun {
         frame_options: FrameOptions,
         path: &Path,
         options: ElectrodeOptions,
-    ) -> Result<Self, PipelineError> {
+    ) -> Result<Self, RunError> {
         let network = &model.name;
         let (readings, form) = match model.source {
             FrameSource::TactileImage(readings) => (readings, TactileForm::Image),
             FrameSource::Electrodes(readings) => (readings, TactileForm::Reading),
-            _ => return Err(PipelineError::is_frame_network(network)),
+            _ => return Err(RunError::is_frame_network(network)),
         };
         let name = streams::name(path);
         // A pipe or a serial port is live, like standard input.
         let live = streams::is_live(path) || fs::metadata(path).is_ok_and(|file| !file.is_file());
         let window = TactileWindow::new(readings.steps, readings.sampling, readings.scaling, form)
-            .map_err(|source| PipelineError::Frames { network: network.clone(), source })?;
+            .map_err(|source| RunError::Frames { network: network.clone(), source })?;
         let predictor = FramePredictor::new(model.network.clone(), frame_options, &model.card.outputs)?;
         let mut rows = Electrodes::new(open(path)?, ElectrodeSettings::default());
         interrupt::listen();
@@ -165,7 +165,7 @@ impl ElectrodeRun {
         self.refusals.taken() + self.refusals.count()
     }
 
-    fn take_all(&mut self, observer: &mut dyn Observer) -> Result<(), PipelineError> {
+    fn take_all(&mut self, observer: &mut dyn Observer) -> Result<(), RunError> {
         while self.lines() < self.limit {
             let Some(row) = self.next.take() else {
                 return if interrupt::requested() { Ok(()) } else { self.refusals.end() };
@@ -209,7 +209,7 @@ impl Windows {
         reading: &Reading,
         follows: bool,
         observer: &mut dyn Observer,
-    ) -> Result<Option<String>, PipelineError> {
+    ) -> Result<Option<String>, RunError> {
         let start = Instant::now();
         if !follows {
             self.begin_anew();
@@ -230,7 +230,7 @@ impl Windows {
         let class = predictor.predict(|predicted| {
             values.clear();
             values.extend_from_slice(predicted.values);
-            Ok::<_, PipelineError>(classes.update(values))
+            Ok::<_, RunError>(classes.update(values))
         })?;
         let decision = class.and_then(|(class, probability)| filter.push(class, probability));
         self.decisions += u64::from(decision.is_some_and(|decision| decision.held == 1));
@@ -249,12 +249,12 @@ impl Windows {
             outside_training: self.predictor.training.newest(),
             update_us,
         };
-        observer.prediction(&Prediction::Electrodes(prediction)).map_err(PipelineError::Output)?;
+        observer.prediction(&Prediction::Electrodes(prediction)).map_err(RunError::Output)?;
         Ok(None)
     }
 }
 
-fn open(path: &Path) -> Result<Box<dyn BufRead>, PipelineError> {
+fn open(path: &Path) -> Result<Box<dyn BufRead>, RunError> {
     if streams::is_live(path) {
         return streams::lines(path);
     }
@@ -264,9 +264,9 @@ fn open(path: &Path) -> Result<Box<dyn BufRead>, PipelineError> {
         && found != Kind::Electrodes
     {
         let source = IoError::OtherKind { expected: "readings of electrodes", found };
-        return Err(PipelineError::recording(&path.display().to_string(), source));
+        return Err(RunError::recording(&path.display().to_string(), source));
     }
-    let file = File::open(path).map_err(|source| PipelineError::file("open", path, source))?;
+    let file = File::open(path).map_err(|source| RunError::file("open", path, source))?;
     Ok(Box::new(interrupt::awaited(file)))
 }
 
@@ -278,11 +278,11 @@ fn open(path: &Path) -> Result<Box<dyn BufRead>, PipelineError> {
 fn next<R: BufRead>(
     rows: &mut Electrodes<R>,
     name: &str,
-) -> Result<Option<Result<Reading, IoError>>, PipelineError> {
+) -> Result<Option<Result<Reading, IoError>>, RunError> {
     match rows.next() {
         Some(Err(_)) if interrupt::requested() => Ok(None),
         Some(Err(error)) if !matches!(error, IoError::Malformed { what: "row" | "field", .. }) => {
-            Err(PipelineError::recording(name, error))
+            Err(RunError::recording(name, error))
         }
         row => Ok(row),
     }

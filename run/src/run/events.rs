@@ -13,7 +13,7 @@ use super::summary::{EventSummary, Summary};
 use crate::answer::{Classes, Values};
 use crate::approximations::Approximations;
 use crate::clock::Passed;
-use crate::error::PipelineError;
+use crate::error::RunError;
 use crate::latency::{Latencies, Latency, microseconds};
 use crate::losses::{InputLosses, LossWarning};
 use crate::model::Model;
@@ -52,14 +52,9 @@ impl EventRun {
     /// A run of `model` over the events of `source`, which come from `sensor`.
     ///
     /// # Errors
-    /// The engine refuses the sensor, an approximation, or (as [`PipelineError::Resume`]) the state
+    /// The engine refuses the sensor, an approximation, or (as [`RunError::Resume`]) the state
     /// to resume from.
-    pub fn new(
-        model: &Model,
-        source: Source,
-        sensor: Sensor,
-        options: RunOptions,
-    ) -> Result<Self, PipelineError> {
+    pub fn new(model: &Model, source: Source, sensor: Sensor, options: RunOptions) -> Result<Self, RunError> {
         let network = Arc::new(model.network.clone());
         let layers = network.layers().into_iter().map(str::to_owned).collect();
         let RunOptions {
@@ -71,7 +66,7 @@ impl EventRun {
         let mut predictor = EventPredictor::new(mode, network, sensor, &approximations, engine_options)?;
         let mut schedule = Schedule::new(every.unwrap_or(EVERY));
         if let Some(bytes) = resume {
-            predictor = predictor.resume(&bytes).map_err(PipelineError::Resume)?;
+            predictor = predictor.resume(&bytes).map_err(RunError::Resume)?;
             if let Some(engine) = predictor.engine()
                 && let (Some(first_us), Some(now_us)) = (engine.epoch_us(), engine.now_us())
             {
@@ -99,7 +94,7 @@ impl EventRun {
 }
 
 impl Steps for EventSteps {
-    fn take(&mut self, event: Event, observer: &mut dyn Observer) -> Result<(), PipelineError> {
+    fn take(&mut self, event: Event, observer: &mut dyn Observer) -> Result<(), RunError> {
         match self.watch.decide(event, self.predictor.now_us()) {
             None => self.enter(event, observer),
             Some(decision) => self.carry_out(&decision, observer),
@@ -118,12 +113,12 @@ impl Steps for EventSteps {
         self.predictor.engine().map(Engine::to_bytes)
     }
 
-    fn settle(&mut self, observer: &mut dyn Observer) -> Result<(), PipelineError> {
+    fn settle(&mut self, observer: &mut dyn Observer) -> Result<(), RunError> {
         let decision = self.watch.end(self.predictor.now_us());
         self.carry_out(&decision, observer)
     }
 
-    fn finish(&mut self, resumes: bool, observer: &mut dyn Observer) -> Result<(), PipelineError> {
+    fn finish(&mut self, resumes: bool, observer: &mut dyn Observer) -> Result<(), RunError> {
         match self.schedule.last() {
             Last::Now => self.read(None, observer)?,
             Last::At(due_us) if !resumes => self.read(Some(due_us), observer)?,
@@ -163,7 +158,7 @@ impl Steps for EventSteps {
 }
 
 impl EventSteps {
-    fn carry_out(&mut self, decision: &Decision, observer: &mut dyn Observer) -> Result<(), PipelineError> {
+    fn carry_out(&mut self, decision: &Decision, observer: &mut dyn Observer) -> Result<(), RunError> {
         self.predictor.decided(decision);
         self.taken += decision.outliers;
         if decision.restarts {
@@ -175,7 +170,7 @@ impl EventSteps {
     }
 
     /// Takes an event whose time is that of the clock.
-    fn enter(&mut self, event: Event, observer: &mut dyn Observer) -> Result<(), PipelineError> {
+    fn enter(&mut self, event: Event, observer: &mut dyn Observer) -> Result<(), RunError> {
         let (passes, filtering) = self.predictor.admit(event);
         if !passes {
             self.pushed(filtering);
@@ -213,7 +208,7 @@ impl EventSteps {
 
     /// Reads a prediction, for the time `due_us` if it is given, and returns the number of events
     /// in its window.
-    fn read(&mut self, due_us: Option<i64>, observer: &mut dyn Observer) -> Result<usize, PipelineError> {
+    fn read(&mut self, due_us: Option<i64>, observer: &mut dyn Observer) -> Result<usize, RunError> {
         let start = Instant::now();
         if let Some(due_us) = due_us {
             self.predictor.advance(due_us);
@@ -238,7 +233,7 @@ impl EventSteps {
             elapsed_us: now_us.zip(self.epoch_us).map(|(now, epoch)| i128::from(now) - i128::from(epoch)),
             taken: self.taken,
         };
-        observer.prediction(&Prediction::Events(shown)).map_err(PipelineError::Output)?;
+        observer.prediction(&Prediction::Events(shown)).map_err(RunError::Output)?;
         Ok(prediction.nodes)
     }
 }

@@ -15,7 +15,7 @@ use super::stream::{Steps, StreamRun};
 use super::summary::{EventCounts, FrameSummary, InputCounts, Summary};
 use crate::answer::{Classes, Values};
 use crate::empty_frames::EmptyFrameLimit;
-use crate::error::PipelineError;
+use crate::error::RunError;
 use crate::frame_feed::{FeedOutput, FeedState, FrameFeed};
 use crate::latency::microseconds;
 use crate::losses::{InputLosses, LossWarning};
@@ -75,7 +75,7 @@ impl FrameRun {
     ///
     /// # Errors
     /// The frames of the model are not made of events, the sensor lacks pixels that they cover,
-    /// predictions would be due between two frames, or (as [`PipelineError::Resume`]) the state to
+    /// predictions would be due between two frames, or (as [`RunError::Resume`]) the state to
     /// resume from does not fit.
     pub fn new(
         model: &FrameModel,
@@ -83,15 +83,15 @@ impl FrameRun {
         source: Source,
         sensor: Sensor,
         options: RunOptions,
-    ) -> Result<Self, PipelineError> {
+    ) -> Result<Self, RunError> {
         let network = &model.name;
         let RunOptions { every, late, restart, limit, resume, save, longest_silence, .. } = options;
         let mut predictor = FramePredictor::new(model.network.clone(), frame_options, &model.card.outputs)?;
         let made = format!("{:?} on {sensor}, late events: {late:?}", model.source);
         let note = match resume {
             Some(bytes) => {
-                predictor.resume(&bytes).map_err(PipelineError::Resume)?;
-                Some(Note::read(&bytes, &made, sensor).map_err(PipelineError::Resume)?)
+                predictor.resume(&bytes).map_err(RunError::Resume)?;
+                Some(Note::read(&bytes, &made, sensor).map_err(RunError::Resume)?)
             }
             None => None,
         };
@@ -100,8 +100,8 @@ impl FrameRun {
         let every_us = every.unwrap_or(EVERY);
         let feed = FrameFeed::new(&model.description, sensor, (late, restart), every_us, silence, state);
         let mut feed = feed
-            .map_err(|source| PipelineError::Frames { network: network.clone(), source })?
-            .ok_or_else(|| PipelineError::is_frame_network(network))?;
+            .map_err(|source| RunError::Frames { network: network.clone(), source })?
+            .ok_or_else(|| RunError::is_frame_network(network))?;
         if save.is_some() {
             feed.keep();
         }
@@ -128,7 +128,7 @@ impl FrameRun {
 }
 
 impl Steps for FrameSteps {
-    fn take(&mut self, event: Event, observer: &mut dyn Observer) -> Result<(), PipelineError> {
+    fn take(&mut self, event: Event, observer: &mut dyn Observer) -> Result<(), RunError> {
         let frames = &mut self.frames;
         frames.taken += 1;
         let (mut start, mut prepare) = (Instant::now(), Duration::ZERO);
@@ -168,12 +168,12 @@ impl Steps for FrameSteps {
         Some(frames.predictor.engine.to_bytes_with(&note))
     }
 
-    fn settle(&mut self, observer: &mut dyn Observer) -> Result<(), PipelineError> {
+    fn settle(&mut self, observer: &mut dyn Observer) -> Result<(), RunError> {
         let Self { feed, frames, .. } = self;
         feed.settle(|output| frames.take(output, observer))
     }
 
-    fn finish(&mut self, resumes: bool, observer: &mut dyn Observer) -> Result<(), PipelineError> {
+    fn finish(&mut self, resumes: bool, observer: &mut dyn Observer) -> Result<(), RunError> {
         let Self { feed, frames, .. } = self;
         let ends_now = frames.schedule.last() == Last::Now;
         // The open window, and predictions that are due later, are left to the resumed run.
@@ -215,7 +215,7 @@ impl Steps for FrameSteps {
 }
 
 /// Converts `every` from stream time to a schedule over frames, if `feed` makes the frames.
-fn every_frames(network: &str, every: Option<Every>, feed: &FrameFeed) -> Result<Every, PipelineError> {
+fn every_frames(network: &str, every: Option<Every>, feed: &FrameFeed) -> Result<Every, RunError> {
     match (every, feed.period_us()) {
         (Some(Every::End), Some(_)) => Ok(Every::End),
         // The feed delivers a frame whenever a prediction is due.
@@ -228,7 +228,7 @@ fn every_frames(network: &str, every: Option<Every>, feed: &FrameFeed) -> Result
             let expected = format!(
                 "`end` or a multiple of {period}, since network {network} reads a frame every {period}"
             );
-            Err(PipelineError::FramePeriod { expected, found: every })
+            Err(RunError::FramePeriod { expected, found: every })
         }
     }
 }
@@ -252,11 +252,11 @@ impl Note {
 
 impl Frames {
     /// Whether all predictions could be shown so far.
-    fn shown(&mut self) -> Result<(), PipelineError> {
-        self.unshown.take().map_or(Ok(()), |error| Err(PipelineError::Output(error)))
+    fn shown(&mut self) -> Result<(), RunError> {
+        self.unshown.take().map_or(Ok(()), |error| Err(RunError::Output(error)))
     }
 
-    fn take(&mut self, output: FeedOutput<'_>, observer: &mut dyn Observer) -> Result<(), PipelineError> {
+    fn take(&mut self, output: FeedOutput<'_>, observer: &mut dyn Observer) -> Result<(), RunError> {
         match output {
             FeedOutput::Frame { values, t_us, events } => {
                 self.predictor.push(values)?;
@@ -281,13 +281,13 @@ impl Frames {
         }
     }
 
-    fn predict(&mut self, observer: &mut dyn Observer) -> Result<(), PipelineError> {
+    fn predict(&mut self, observer: &mut dyn Observer) -> Result<(), RunError> {
         let Some((t_us, events)) = self.newest else { return Ok(()) };
         let values = &mut self.values;
         let frames = self.predictor.predict(|predicted| {
             values.clear();
             values.extend_from_slice(predicted.values);
-            Ok::<_, PipelineError>(predicted.frames)
+            Ok::<_, RunError>(predicted.frames)
         })?;
         let update_us = microseconds(self.predictor.take_update());
         if self.unshown.is_some() {

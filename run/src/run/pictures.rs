@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use super::contact::ContactPredictor;
 use super::prediction::{Observer, PicturePrediction, Prediction};
 use super::summary::{Ended, Ending, FrameSummary, InputCounts, Summary};
-use crate::error::PipelineError;
+use crate::error::RunError;
 use crate::interrupt;
 use crate::latency::microseconds;
 use crate::model::FrameModel;
@@ -68,7 +68,7 @@ impl PictureRun {
         frame_options: FrameOptions,
         path: &Path,
         options: &PictureOptions,
-    ) -> Result<Self, PipelineError> {
+    ) -> Result<Self, RunError> {
         interrupt::listen();
         let mut pictures = ImageSequence::open(path)?;
         let count = pictures.len() as u64;
@@ -95,7 +95,7 @@ impl PictureRun {
         Ended { summary: Summary::Frames(summary), result: ending.0 }
     }
 
-    fn take_all(&mut self, observer: &mut dyn Observer) -> Result<(), PipelineError> {
+    fn take_all(&mut self, observer: &mut dyn Observer) -> Result<(), RunError> {
         let Self { pictures, first, limit, taken, measure, .. } = self;
         for picture in first.take().map(Ok).into_iter().chain(pictures).take(*limit) {
             if interrupt::requested() {
@@ -116,7 +116,7 @@ impl Measure {
         frame_options: FrameOptions,
         options: &PictureOptions,
         paths: &[PathBuf],
-    ) -> Result<Self, PipelineError> {
+    ) -> Result<Self, RunError> {
         let contacts = ContactPredictor::new(model, frame_options)?;
         let (size, pixel) = (contacts.size(), contacts.pixel());
         let mut measure = Self { network: model.name.clone(), contacts, baseline: None, overlays: None };
@@ -135,18 +135,13 @@ impl Measure {
     }
 
     /// Refuses an image whose size differs from the network's input.
-    fn check(&self, path: &Path, image: &Image) -> Result<(), PipelineError> {
+    fn check(&self, path: &Path, image: &Image) -> Result<(), RunError> {
         let ImageSize { width, height } = self.contacts.size();
         let (expected, found) = ((width, height), image.size());
         if found == expected {
             return Ok(());
         }
-        Err(PipelineError::PictureSize {
-            path: path.to_owned(),
-            network: self.network.clone(),
-            expected,
-            found,
-        })
+        Err(RunError::PictureSize { path: path.to_owned(), network: self.network.clone(), expected, found })
     }
 
     /// Measures picture number `taken`, and shows the result.
@@ -156,7 +151,7 @@ impl Measure {
         taken: u64,
         path: &Path,
         image: &Image,
-    ) -> Result<(), PipelineError> {
+    ) -> Result<(), RunError> {
         let contact = self.contacts.measure(&image.data)?;
         let update_us = microseconds(self.contacts.take_update());
         let baseline = self.baseline.as_mut().map(|baseline| baseline.measure(&image.data)).transpose()?;
@@ -176,7 +171,7 @@ impl Measure {
             update_us,
             taken,
         };
-        observer.prediction(&Prediction::Picture(prediction)).map_err(PipelineError::Output)
+        observer.prediction(&Prediction::Picture(prediction)).map_err(RunError::Output)
     }
 }
 
@@ -199,7 +194,7 @@ impl Overlays {
         paths: &[PathBuf],
         size: ImageSize,
         full_scale_n: Option<f32>,
-    ) -> Result<Self, PipelineError> {
+    ) -> Result<Self, RunError> {
         let drawn = vec![0; size.pixels()? * 3];
         let overlays = Self { folder: folder.to_owned(), size, full_scale_n, drawn };
         let pictures: Vec<PathBuf> = paths.iter().filter_map(|path| path.canonicalize().ok()).collect();
@@ -207,16 +202,13 @@ impl Overlays {
             paths.iter().map(|path| (overlays.target(path), path)).collect();
         for (target, _) in &targets {
             if target.canonicalize().is_ok_and(|target| pictures.contains(&target)) {
-                return Err(PipelineError::OverlayTaken {
-                    path: target.clone(),
-                    other: "a picture".to_owned(),
-                });
+                return Err(RunError::OverlayTaken { path: target.clone(), other: "a picture".to_owned() });
             }
         }
         targets.sort();
         if let Some(pair) = targets.windows(2).find(|pair| pair[0].0 == pair[1].0) {
             let other = format!("the overlay of {}", pair[0].1.display());
-            return Err(PipelineError::OverlayTaken { path: pair[1].0.clone(), other });
+            return Err(RunError::OverlayTaken { path: pair[1].0.clone(), other });
         }
         Ok(overlays)
     }
@@ -229,7 +221,7 @@ impl Overlays {
     }
 
     /// Writes the overlay of `picture`, which was read from `path`, and returns its path.
-    fn write(&mut self, path: &Path, image: &Image, picture: &Picture<'_>) -> Result<String, PipelineError> {
+    fn write(&mut self, path: &Path, image: &Image, picture: &Picture<'_>) -> Result<String, RunError> {
         let forces = picture.force.unwrap_or_default();
         let strongest = forces.iter().copied().fold(f32::MIN_POSITIVE, f32::max);
         let overlay = Overlay::new(self.size, self.full_scale_n.unwrap_or(strongest))?;
@@ -237,7 +229,7 @@ impl Overlays {
         let target = self.target(path);
         // Not before there is something to put into it.
         let made = fs::create_dir_all(&self.folder);
-        made.map_err(|source| PipelineError::file("write", &self.folder, source))?;
+        made.map_err(|source| RunError::file("write", &self.folder, source))?;
         write_png(&target, image.width, image.height, &self.drawn)?;
         Ok(target.display().to_string())
     }

@@ -13,7 +13,7 @@ pub trait Observer {
     ///
     /// # Errors
     /// The prediction cannot be shown; the run ends with
-    /// [`PipelineError::Output`](crate::PipelineError::Output).
+    /// [`RunError::Output`](crate::RunError::Output).
     fn prediction(&mut self, prediction: &Prediction<'_>) -> io::Result<()>;
 
     /// Reports the number of events taken so far.

@@ -11,7 +11,7 @@ use std::path::PathBuf;
 use meissner_engine::{LatePolicy, RestartPolicy};
 
 use crate::approximations::Approximations;
-use crate::error::PipelineError;
+use crate::error::RunError;
 use crate::predictor::Mode;
 use crate::schedule::Every;
 
@@ -77,8 +77,8 @@ impl Saver {
         due
     }
 
-    pub(super) fn write(&self, bytes: &[u8]) -> Result<(), PipelineError> {
-        meissner_io::replace_file(&self.to.path, |out| out.write_all(bytes)).map_err(PipelineError::File)
+    pub(super) fn write(&self, bytes: &[u8]) -> Result<(), RunError> {
+        meissner_io::replace_file(&self.to.path, |out| out.write_all(bytes)).map_err(RunError::File)
     }
 }
 

@@ -7,7 +7,7 @@ use meissner_engine::{Event, Sensor};
 use super::prediction::Observer;
 use super::state::Saver;
 use super::summary::{Ended, Ending, Summary};
-use crate::error::PipelineError;
+use crate::error::RunError;
 use crate::interrupt;
 use crate::losses::{InputLosses, LossWarning, LossWatch};
 use crate::source::Source;
@@ -27,7 +27,7 @@ pub trait Steps {
     ///
     /// # Errors
     /// The engine fails, or the observer cannot show a prediction.
-    fn take(&mut self, event: Event, observer: &mut dyn Observer) -> Result<(), PipelineError>;
+    fn take(&mut self, event: Event, observer: &mut dyn Observer) -> Result<(), RunError>;
 
     /// Events taken so far.
     fn taken(&self) -> u64;
@@ -42,14 +42,14 @@ pub trait Steps {
     ///
     /// # Errors
     /// As [`Self::take`].
-    fn settle(&mut self, observer: &mut dyn Observer) -> Result<(), PipelineError>;
+    fn settle(&mut self, observer: &mut dyn Observer) -> Result<(), RunError>;
 
     /// Shows the predictions that are due at the end. With `resumes`, results that are due only
     /// because the input ends are left to the resumed run.
     ///
     /// # Errors
     /// As [`Self::take`].
-    fn finish(&mut self, resumes: bool, observer: &mut dyn Observer) -> Result<(), PipelineError>;
+    fn finish(&mut self, resumes: bool, observer: &mut dyn Observer) -> Result<(), RunError>;
 
     /// The losses so far.
     fn losses(&self, source: &Source, sensor: Sensor) -> InputLosses;
@@ -98,14 +98,14 @@ impl<S: Steps> StreamRun<S> {
         Ended { summary: steps.summary(source, warnings), result: ending.0 }
     }
 
-    fn take(&mut self, event: Event, observer: &mut dyn Observer) -> Result<(), PipelineError> {
+    fn take(&mut self, event: Event, observer: &mut dyn Observer) -> Result<(), RunError> {
         self.steps.take(event, observer)?;
         let due = self.saver.as_mut().zip(self.steps.now_us()).is_some_and(|(saver, now)| saver.is_due(now));
         if due { self.save() } else { Ok(()) }
     }
 
     /// Writes the state, if requested.
-    fn save(&mut self) -> Result<(), PipelineError> {
+    fn save(&mut self) -> Result<(), RunError> {
         let Some(saver) = &self.saver else { return Ok(()) };
         self.steps.state().map_or(Ok(()), |state| saver.write(&state))
     }

@@ -7,7 +7,7 @@ use serde::Serialize;
 
 use super::frame_predictor::FramePredictor;
 use crate::approximations::ApproximationReport;
-use crate::error::PipelineError;
+use crate::error::RunError;
 use crate::latency::Latencies;
 use crate::losses::{LossWarning, Salvaged};
 use crate::work_counts::WorkCounts;
@@ -19,25 +19,25 @@ pub struct Ended {
     /// Counts and latencies up to the end.
     pub summary: Summary,
     /// The first error, if there was one.
-    pub result: Result<(), PipelineError>,
+    pub result: Result<(), RunError>,
 }
 
 /// The first error of a stream, and the steps that are still possible after it.
-pub(super) struct Ending(pub(super) Result<(), PipelineError>);
+pub(super) struct Ending(pub(super) Result<(), RunError>);
 
 impl Ending {
     /// Whether the state is worth keeping.
     pub(super) fn saves(&self) -> bool {
-        !matches!(self.0, Err(PipelineError::Engine(_) | PipelineError::Lines { .. }))
+        !matches!(self.0, Err(RunError::Engine(_) | RunError::Lines { .. }))
     }
 
     /// Whether due predictions can be read and shown.
     pub(super) fn predicts(&self) -> bool {
-        !matches!(self.0, Err(PipelineError::Engine(_) | PipelineError::Output(_)))
+        !matches!(self.0, Err(RunError::Engine(_) | RunError::Output(_)))
     }
 
     /// Records the result of one more step.
-    pub(super) fn then(&mut self, next: Result<(), PipelineError>) {
+    pub(super) fn then(&mut self, next: Result<(), RunError>) {
         if self.0.is_ok() {
             self.0 = next;
         }

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use meissner_engine::{Event, Network, Sensor};
 use meissner_kernels::random::Random;
 use meissner_models::Weights;
-use meissner_run::PipelineError;
+use meissner_run::RunError;
 
 use super::Prepared;
 use super::events::EventRun;
@@ -123,7 +123,7 @@ fn events(shape: &Shape, count: usize) -> Vec<Event> {
 pub(super) fn network(name: &str, weights: &Weights) -> Result<Network, VerifyError> {
     let (description, _) = meissner_run::model::describe(name)?;
     let network =
-        description.network(weights).map_err(|source| PipelineError::weights(name.to_owned(), source))?;
+        description.network(weights).map_err(|source| RunError::weights(name.to_owned(), source))?;
     Ok(network.with_capacity(CAPACITY)?)
 }
 
