@@ -2,90 +2,122 @@
 //!
 //! Enters: events in order of arrival. Leaves: the frames that the `[input]` of a description
 //! defines, (channels, rows, columns), each with its time on the clock of the events. Of a silence,
-//! as many empty frames come as [`EmptyFrameLimit`] lets through, and then the news of how many
-//! were left out: its cost does not depend on its length. Invariant: frames come in order of time,
-//! and every accepted event inside the crop is or will be in a frame.
+//! as many empty frames come as [`EmptyFrameLimit`] lets through, and then the number of those left
+//! out: its cost does not depend on its length. Invariant: frames come in order of time, and every
+//! accepted event inside the crop is or will be in a frame.
 //!
-//! The frame of a consecutive window comes once, when time has passed the end of the window. That
-//! end is the time of the frame. A sliding window is read when [`Every`] says, and the time of its
-//! frame is the time of reading.
+//! The frame of a consecutive window comes once, when time has passed its end, and has the time of
+//! that end. A sliding window is read when [`Every`] says; its frame has the time of reading.
 //!
-//! A feed that was told to [keep](FrameFeed::keep) events can return its state, and another feed
-//! can resume from it. The state has the events of the open consecutive window, or the events in
-//! the span of the sliding window.
+//! A feed that keeps events can return its state, from which another feed can resume: the events of
+//! the open consecutive window, or those in the span of the sliding window.
 
-mod state;
+mod windows;
 
 use std::collections::VecDeque;
 
-use meissner_engine::frames::FrameShape;
-use meissner_engine::representations::{
-    Completed, Consecutive, ConsecutiveFrames, EventFrame, RepresentationError, SlidingSigned,
-};
+use meissner_engine::representations::RepresentationError;
 use meissner_engine::{
     Admission, ClockWatch, Decision, Event, EventCounters, LatePolicy, Outcome, RestartPolicy, Sensor,
 };
-use meissner_models::description::frames::SignedTiming;
-use meissner_models::{FrameDescription, FrameSource};
+use meissner_models::FrameDescription;
+use serde::{Deserialize, Serialize};
 
-use crate::empty_frames::{EmptyFrameLimit, EmptyFrames};
-use crate::schedule::{Every, Last, Schedule};
-pub(crate) use state::FeedState;
+use crate::schedule::Every;
+use windows::Windows;
+pub use windows::{EmptyFrameLimit, FeedOutput};
+
+/// How a feed makes frames.
+#[derive(Clone, Copy, Debug)]
+pub struct FeedOptions {
+    /// Policy for events that are earlier than an event before them.
+    pub late: LatePolicy,
+    /// What is done when the clock of the sensor restarts.
+    pub restart: RestartPolicy,
+    /// When a sliding window is read. Consecutive windows come when they end.
+    pub every: Every,
+    /// How many empty frames come.
+    pub silence: EmptyFrameLimit,
+    /// Whether the feed keeps the events that its state needs.
+    pub keeps: bool,
+}
 
 /// Makes the frames of one stream of events.
-pub(crate) struct FrameFeed {
-    /// Admits events before they reach the frames. The gates of the frames only drop late events,
-    /// so they accept every event that this gate accepts.
+#[derive(Clone)]
+pub struct FrameFeed {
+    /// Admits events before they reach the windows, which then accept all of them.
     gate: Admission,
     /// Decides about restarts of the clock.
     watch: ClockWatch,
-    frames: Frames,
+    windows: Windows,
     silence: EmptyFrameLimit,
     /// The values of an empty frame.
     zeros: Vec<f32>,
-    /// Events that later frames will cover, if the state will be needed.
+    /// Events that later frames will cover, if they are kept.
     kept: Option<VecDeque<Event>>,
     /// Events that were accepted before this input.
     before: u64,
-    /// Events outside the crop, and evicted events, before this input.
-    shown_before: [u64; 2],
+    /// Events outside the crop in this input that the windows do not count, less those that they
+    /// count of another input.
+    outside_before: i64,
+    /// Events that were evicted before this input.
+    evicted_before: u64,
 }
 
-enum Frames {
-    Consecutive { windows: ConsecutiveFrames, period_us: i64 },
-    Sliding(Sliding),
+/// The state of a feed between two inputs: its clock, and the events that later frames will cover.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct FeedState {
+    /// Time of the first accepted event.
+    pub(crate) epoch_us: i64,
+    /// The newest time.
+    now_us: i64,
+    /// Accepted events so far.
+    accepted: u64,
+    /// Start of the open window, if windows are consecutive.
+    open_us: Option<i64>,
+    /// Time, column, row, polarity of the events of the open window or of the span.
+    events: Vec<(i64, u16, u16, bool)>,
+    /// The same of events that wait until it is clear whether the clock has restarted.
+    #[serde(default)]
+    held: Vec<(i64, u16, u16, bool)>,
 }
 
-/// An item that a feed delivers.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) enum FeedOutput<'a> {
-    /// A frame.
-    Frame {
-        /// (channels, rows, columns), row-major.
-        values: &'a [f32],
-        /// Time at which its window ends or is read, in microseconds.
-        t_us: i64,
-        /// Number of events in it; 0 for an empty frame.
-        events: u64,
-    },
-    /// Empty frames that no network takes, since the silence is too long.
-    LeftOut {
-        /// Number of frames.
-        count: u64,
-        /// Whether a network's state is reset: with the first of them.
-        resets: bool,
-    },
-    /// The clock of the sensor has restarted: what came before is forgotten.
-    Restart,
-}
+impl FeedState {
+    /// The state of a feed whose clock, and with it the first consecutive window, begins at `t_us`.
+    pub fn beginning(t_us: i64) -> Self {
+        let (events, held) = (Vec::new(), Vec::new());
+        Self { epoch_us: t_us, now_us: t_us, accepted: 0, open_us: Some(t_us), events, held }
+    }
 
-/// What windows make.
-#[derive(Clone, Copy)]
-enum Made<'a> {
-    /// A frame with events.
-    Frame { values: &'a [f32], t_us: i64, events: u64 },
-    /// Empty frames: the time of the first, and from one to the next.
-    Empty { count: u64, t_us: i64, period_us: i64 },
+    /// The first field that a feed on `sensor` cannot have written, if there is one: its name, the
+    /// expected value and the actual value.
+    pub(crate) fn fault(&self, sensor: Sensor) -> Option<(&'static str, String, String)> {
+        let &Self { epoch_us, now_us, accepted, open_us, .. } = self;
+        if now_us.checked_sub(epoch_us).is_none_or(|span_us| span_us < 0) {
+            let expected = format!("from {epoch_us} to 2^63 after it");
+            return Some(("newest time in the note", expected, now_us.to_string()));
+        }
+        if let Some(open_us) = open_us.filter(|open_us| !(epoch_us..=now_us).contains(open_us)) {
+            let expected = format!("from {epoch_us} to {now_us}");
+            return Some(("open window in the note", expected, open_us.to_string()));
+        }
+        if accepted < self.events.len() as u64 {
+            let expected = format!("at least {}, the events that are kept", self.events.len());
+            return Some(("accepted events in the note", expected, accepted.to_string()));
+        }
+        if let Some((_, x, y, _)) = self.held.iter().find(|&&(_, x, y, _)| !sensor.contains(x, y)) {
+            return Some(("held event in the note", format!("a pixel of {sensor}"), format!("({x}, {y})")));
+        }
+        let mut least_us = open_us.unwrap_or(epoch_us);
+        for &(t_us, x, y, _) in &self.events {
+            if !(least_us..=now_us).contains(&t_us) || !sensor.contains(x, y) {
+                let expected = format!("from {least_us} to {now_us} us on {sensor}");
+                return Some(("kept event in the note", expected, format!("{t_us} us at ({x}, {y})")));
+            }
+            least_us = t_us;
+        }
+        None
+    }
 }
 
 /// A step back of the clock that is no restart, at least: frames may be shorter than a packet of
@@ -93,50 +125,31 @@ enum Made<'a> {
 const MIN_RESTART_US: i64 = 100_000;
 
 impl FrameFeed {
-    /// A feed for the network of `description` on `sensor`; `None` if its frames are not made of
-    /// events. `every` says when a sliding window is read, and has no effect on consecutive
-    /// windows. The feed continues from `state` if it is given, with `silence` as it stood. The
-    /// sensor must have the pixels that a frame covers.
-    pub(crate) fn new(
+    /// A feed for the network of `description` on `sensor`, from `state` on if it is given; `None`
+    /// if its frames are not made of events.
+    ///
+    /// # Errors
+    /// The sensor lacks pixels that a frame covers.
+    pub fn new(
         description: &FrameDescription,
         sensor: Sensor,
-        (late, restart): (LatePolicy, RestartPolicy),
-        every: Every,
-        silence: EmptyFrameLimit,
+        options: FeedOptions,
         state: Option<&FeedState>,
     ) -> Result<Option<Self>, RepresentationError> {
+        let FeedOptions { late, restart, every, silence, keeps } = options;
         let start_us = state.and_then(|state| state.open_us);
-        let FrameShape::Image { height, width, .. } = description.input() else { return Ok(None) };
-        // The sides in a description are at most 4096.
-        let (width, height) = (width as u16, height as u16);
-        let frames = match *description.source() {
-            FrameSource::EventCounts { period_us, place, maximum } => {
-                let crop = place.crop(width, height, sensor);
-                let options = Consecutive { crop, period_us, start_us };
-                let windows = ConsecutiveFrames::counts(sensor, options, maximum)?;
-                Frames::Consecutive { windows, period_us }
-            }
-            FrameSource::Signed { timing: SignedTiming::Consecutive { period_us }, place, rule } => {
-                let crop = place.crop(width, height, sensor);
-                let options = Consecutive { crop, period_us, start_us };
-                let windows = ConsecutiveFrames::signed(sensor, options, rule)?;
-                Frames::Consecutive { windows, period_us }
-            }
-            FrameSource::Signed { timing: SignedTiming::Sliding { span_us }, place, rule } => {
-                let crop = place.crop(width, height, sensor);
-                let capacity = SlidingSigned::DEFAULT_CAPACITY;
-                let window = SlidingSigned::new(sensor, crop, rule, span_us, capacity)?;
-                Frames::Sliding(Sliding { window, span_us, schedule: Schedule::new(every) })
-            }
-            _ => return Ok(None),
+        let Some(windows) = Windows::new(description, sensor, every, start_us)? else { return Ok(None) };
+        let mut feed = Self {
+            gate: Admission::new(sensor, late),
+            watch: ClockWatch::new(restart, sensor, windows.length_us().max(MIN_RESTART_US)),
+            windows,
+            silence,
+            zeros: vec![0.0; description.input().values()],
+            kept: keeps.then(VecDeque::new),
+            before: 0,
+            outside_before: 0,
+            evicted_before: 0,
         };
-        let gate = Admission::new(sensor, late);
-        let (Frames::Consecutive { period_us: window_us, .. }
-        | Frames::Sliding(Sliding { span_us: window_us, .. })) = frames;
-        let watch = ClockWatch::new(restart, sensor, window_us.max(MIN_RESTART_US));
-        let zeros = vec![0.0; description.input().values()];
-        let (before, shown_before) = (0, [0; 2]);
-        let mut feed = Self { gate, watch, frames, silence, zeros, kept: None, before, shown_before };
         if let Some(state) = state {
             feed.resume(state);
         }
@@ -145,36 +158,30 @@ impl FrameFeed {
 
     /// Continues from `state`.
     fn resume(&mut self, state: &FeedState) {
-        let events = state.events.iter().map(|&(t_us, x, y, on)| Event::new(t_us, x, y, on));
-        self.kept = Some(events.clone().collect());
-        for event in events {
-            match &mut self.frames {
-                Frames::Consecutive { windows, .. } => drop(windows.push(event, |_| {})),
-                Frames::Sliding(sliding) => drop(sliding.window.push(event)),
-            }
+        let event = |&(t_us, x, y, on): &(i64, u16, u16, bool)| Event::new(t_us, x, y, on);
+        let events = state.events.iter().map(event);
+        if let Some(kept) = &mut self.kept {
+            kept.extend(events.clone());
         }
-        if let Frames::Sliding(sliding) = &mut self.frames {
-            sliding.schedule.resume(state.epoch_us, state.now_us, state.accepted);
-        }
+        self.windows.resume(events, state.epoch_us, state.now_us, state.accepted);
         self.gate.resume(state.epoch_us, state.now_us);
-        let held = state.held.iter().map(|&(t_us, x, y, on)| Event::new(t_us, x, y, on));
-        self.watch.hold(&held.collect::<Vec<_>>(), Some(state.now_us));
+        self.watch.hold(&state.held.iter().map(event).collect::<Vec<_>>(), Some(state.now_us));
         self.before = state.accepted;
-        self.shown_before = [self.outside_crop(), self.evicted()];
+        self.outside_before = -(self.windows.outside_crop() as i64);
+        self.evicted_before = self.windows.evicted();
     }
 
     /// Length of the windows in microseconds, if they are consecutive.
     pub(crate) fn period_us(&self) -> Option<i64> {
-        match self.frames {
-            Frames::Consecutive { period_us, .. } => Some(period_us),
-            Frames::Sliding(_) => None,
-        }
+        matches!(self.windows, Windows::Consecutive { .. }).then(|| self.windows.length_us())
     }
 
     /// Takes `event`. The frames that its time completes go to `sink` before it enters. A sliding
-    /// frame that becomes due with it goes to `sink` after it enters. `sink` is not called again
-    /// after an error.
-    pub(crate) fn push<E>(
+    /// frame that becomes due with it goes to `sink` after it enters.
+    ///
+    /// # Errors
+    /// The first error of `sink`, which is not called again after it.
+    pub fn push<E>(
         &mut self,
         event: Event,
         mut sink: impl FnMut(FeedOutput<'_>) -> Result<(), E>,
@@ -203,13 +210,7 @@ impl FrameFeed {
         self.gate.count(decision);
         if decision.restarts {
             self.gate.reset();
-            match &mut self.frames {
-                Frames::Consecutive { windows, .. } => windows.reset(),
-                Frames::Sliding(sliding) => {
-                    sliding.window.reset();
-                    sliding.schedule.restart();
-                }
-            }
+            self.outside_before += self.windows.restart() as i64;
             self.kept.iter_mut().for_each(VecDeque::clear);
             self.silence.end();
             sink(FeedOutput::Restart)?;
@@ -227,28 +228,21 @@ impl FrameFeed {
             Ok(event) => event,
             Err(reason) => return Ok(Outcome::Dropped(reason)),
         };
-        let mut done = Ok(());
+        let Self { windows, silence, zeros, kept, .. } = self;
         let mut completed = false;
-        let (silence, zeros) = (&mut self.silence, &self.zeros);
-        let mut sink = |made: Made<'_>| {
+        let done = windows.push(event, &mut |made| {
             completed = true;
-            deliver(made, silence, zeros, sink)
-        };
-        match &mut self.frames {
-            Frames::Consecutive { windows, period_us } => {
-                windows.push(event, |window| hand_over(window, *period_us, &mut done, &mut sink));
-            }
-            Frames::Sliding(sliding) => done = sliding.push(event, &mut sink),
-        }
-        if let Some(kept) = &mut self.kept {
-            match &self.frames {
-                Frames::Sliding(sliding) => {
-                    let first = event.t_us.saturating_sub(sliding.span_us);
+            silence.deliver(made, zeros, sink)
+        });
+        if let Some(kept) = kept {
+            match windows {
+                Windows::Sliding { span_us, .. } => {
+                    let first = event.t_us.saturating_sub(*span_us);
                     let old = kept.partition_point(|kept| kept.t_us < first);
                     kept.drain(..old);
                 }
-                Frames::Consecutive { .. } if completed => kept.clear(),
-                Frames::Consecutive { .. } => {}
+                Windows::Consecutive { .. } if completed => kept.clear(),
+                Windows::Consecutive { .. } => {}
             }
             kept.push_back(event);
         }
@@ -256,9 +250,11 @@ impl FrameFeed {
     }
 
     /// Advances time to `t_us`. The frames that end or are due before it go to `sink`. Earlier
-    /// times, and any time before the first event, change nothing. `sink` is not called again after
-    /// an error.
-    pub(crate) fn advance<E>(
+    /// times, and any time before the first event, change nothing.
+    ///
+    /// # Errors
+    /// The first error of `sink`, which is not called again after it.
+    pub fn advance<E>(
         &mut self,
         t_us: i64,
         mut sink: impl FnMut(FeedOutput<'_>) -> Result<(), E>,
@@ -267,61 +263,38 @@ impl FrameFeed {
         self.carry_out(&decision, &mut sink)?;
         self.gate.advance(t_us);
         let Some(now_us) = self.gate.now_us() else { return Ok(()) };
-        let mut done = Ok(());
-        let (silence, zeros) = (&mut self.silence, &self.zeros);
-        let mut sink = |made: Made<'_>| deliver(made, silence, zeros, &mut sink);
-        match &mut self.frames {
-            Frames::Consecutive { windows, period_us } => {
-                let mut completed = false;
-                windows.advance(now_us, |window| {
-                    completed = true;
-                    hand_over(window, *period_us, &mut done, &mut sink);
-                });
-                if let Some(kept) = self.kept.as_mut().filter(|_| completed) {
-                    kept.clear();
-                }
-            }
-            Frames::Sliding(sliding) => done = sliding.read_before(now_us, &mut sink),
+        let Self { windows, silence, zeros, kept, .. } = self;
+        let mut completed = false;
+        let done = windows.advance(now_us, &mut |made| {
+            completed = true;
+            silence.deliver(made, zeros, &mut sink)
+        });
+        if let (Some(kept), Windows::Consecutive { .. }, true) = (kept, windows, completed) {
+            kept.clear();
         }
         done
     }
 
-    /// Delivers the last frame after the last event: the window that is still open, or the sliding
-    /// window if it is due once more. Delivers nothing if no event has been accepted.
-    pub(crate) fn finish<E>(
-        &mut self,
-        mut sink: impl FnMut(FeedOutput<'_>) -> Result<(), E>,
-    ) -> Result<(), E> {
-        let now_us = self.gate.now_us();
-        let (silence, zeros) = (&mut self.silence, &self.zeros);
-        let mut sink = |made: Made<'_>| deliver(made, silence, zeros, &mut sink);
-        let (open, period_us) = match &mut self.frames {
-            Frames::Consecutive { windows, period_us } => (windows.open(), *period_us),
-            Frames::Sliding(sliding) => return sliding.finish(now_us, &mut sink),
-        };
-        open.map_or(Ok(()), |frame| sink(made(&frame, frame.start_us.saturating_add(period_us), period_us)))
+    /// Delivers the window that is still open, or the sliding window if it is due once more, as
+    /// after the last event. Delivers nothing before the first event.
+    ///
+    /// # Errors
+    /// The error of `sink`.
+    pub fn finish<E>(&mut self, mut sink: impl FnMut(FeedOutput<'_>) -> Result<(), E>) -> Result<(), E> {
+        let Self { gate, windows, silence, zeros, .. } = self;
+        windows.finish(gate.now_us(), &mut |made| silence.deliver(made, zeros, &mut sink))
     }
 
-    /// From now on, keeps the events that [`Self::state`] needs.
-    pub(crate) fn keep(&mut self) {
-        self.kept.get_or_insert_default();
-    }
-
-    /// The state of the feed; `None` before the first event, and if the feed was not told to
-    /// [keep](Self::keep) events.
+    /// The state of the feed; `None` before the first event, and if events are not kept.
     pub(crate) fn state(&mut self) -> Option<FeedState> {
-        let events = self.kept.as_ref()?.iter().map(|e| (e.t_us, e.x, e.y, e.on)).collect();
-        let open_us = match &mut self.frames {
-            Frames::Consecutive { windows, .. } => windows.open().map(|frame| frame.start_us),
-            Frames::Sliding(_) => None,
-        };
+        let tuple = |e: &Event| (e.t_us, e.x, e.y, e.on);
         Some(FeedState {
+            events: self.kept.as_ref()?.iter().map(tuple).collect(),
             epoch_us: self.gate.epoch_us()?,
             now_us: self.gate.now_us()?,
             accepted: self.before.saturating_add(self.gate.counters().accepted),
-            open_us,
-            events,
-            held: self.watch.held().iter().map(|e| (e.t_us, e.x, e.y, e.on)).collect(),
+            open_us: self.windows.open_us(),
+            held: self.watch.held().iter().map(tuple).collect(),
         })
     }
 
@@ -342,126 +315,12 @@ impl FrameFeed {
 
     /// Accepted events outside the part of the sensor that frames cover.
     pub(crate) fn outside_crop(&self) -> u64 {
-        let outside_crop = match &self.frames {
-            Frames::Consecutive { windows, .. } => windows.outside_crop(),
-            Frames::Sliding(sliding) => sliding.window.outside_crop(),
-        };
-        outside_crop - self.shown_before[0]
+        self.windows.outside_crop().saturating_add_signed(self.outside_before)
     }
 
     /// Events that left a sliding window early because it was full.
     pub(crate) fn evicted(&self) -> u64 {
-        match &self.frames {
-            Frames::Consecutive { .. } => 0,
-            Frames::Sliding(sliding) => sliding.window.counters().evicted - self.shown_before[1],
-        }
-    }
-}
-
-/// A sliding window with its schedule.
-struct Sliding {
-    window: SlidingSigned,
-    span_us: i64,
-    schedule: Schedule,
-}
-
-impl Sliding {
-    /// Takes an accepted event.
-    fn push<E>(&mut self, event: Event, sink: &mut impl FnMut(Made<'_>) -> Result<(), E>) -> Result<(), E> {
-        self.schedule.begin(event.t_us);
-        self.read_before(event.t_us, sink)?;
-        self.window.push(event);
-        if self.schedule.is_due_after_event() {
-            sink(made(&self.window.frame(), event.t_us, 0))?;
-        }
-        Ok(())
-    }
-
-    /// Delivers the frames that are due before `t_us`.
-    fn read_before<E>(
-        &mut self,
-        t_us: i64,
-        sink: &mut impl FnMut(Made<'_>) -> Result<(), E>,
-    ) -> Result<(), E> {
-        let period_us = self.schedule.period_us().unwrap_or(0);
-        while let Some(due_us) = self.schedule.due_before(t_us) {
-            self.window.advance(due_us);
-            let frame = self.window.frame();
-            if frame.is_empty() {
-                let count = 1 + self.schedule.skip_to(t_us);
-                sink(Made::Empty { count, t_us: due_us, period_us })?;
-            } else {
-                sink(made(&frame, due_us, period_us))?;
-            }
-        }
-        Ok(())
-    }
-
-    fn finish<E>(
-        &mut self,
-        now_us: Option<i64>,
-        sink: &mut impl FnMut(Made<'_>) -> Result<(), E>,
-    ) -> Result<(), E> {
-        let t_us = match self.schedule.last() {
-            Last::Nothing => None,
-            Last::Now => now_us,
-            Last::At(due_us) => Some(due_us),
-        };
-        let Some(t_us) = t_us else { return Ok(()) };
-        self.window.advance(t_us);
-        sink(made(&self.window.frame(), t_us, self.schedule.period_us().unwrap_or(0)))
-    }
-}
-
-/// What a window made.
-fn made<'a>(frame: &EventFrame<'a>, t_us: i64, period_us: i64) -> Made<'a> {
-    if frame.is_empty() {
-        Made::Empty { count: 1, t_us, period_us }
-    } else {
-        Made::Frame { values: frame.values, t_us, events: frame.events[0] + frame.events[1] }
-    }
-}
-
-/// Hands completed windows to the sink, up to its first error.
-fn hand_over<E>(
-    completed: Completed<'_>,
-    period_us: i64,
-    done: &mut Result<(), E>,
-    sink: &mut impl FnMut(Made<'_>) -> Result<(), E>,
-) {
-    if done.is_ok() {
-        *done = match completed {
-            Completed::Frame(frame) => {
-                sink(made(&frame, frame.start_us.saturating_add(period_us), period_us))
-            }
-            Completed::Empty(run) => {
-                let t_us = run.start_us.saturating_add(period_us);
-                sink(Made::Empty { count: run.count, t_us, period_us })
-            }
-        };
-    }
-}
-
-/// Delivers what windows made, as far as `silence` lets empty frames through.
-fn deliver<E>(
-    made: Made<'_>,
-    silence: &mut EmptyFrameLimit,
-    zeros: &[f32],
-    sink: &mut impl FnMut(FeedOutput<'_>) -> Result<(), E>,
-) -> Result<(), E> {
-    match made {
-        Made::Frame { values, t_us, events } => {
-            silence.end();
-            sink(FeedOutput::Frame { values, t_us, events })
-        }
-        Made::Empty { count, t_us, period_us } => {
-            let EmptyFrames { taken, left_out, resets } = silence.take(count);
-            for i in 0..taken {
-                let t_us = t_us.saturating_add(period_us.saturating_mul(i as i64));
-                sink(FeedOutput::Frame { values: zeros, t_us, events: 0 })?;
-            }
-            if left_out > 0 { sink(FeedOutput::LeftOut { count: left_out, resets }) } else { Ok(()) }
-        }
+        self.windows.evicted() - self.evicted_before
     }
 }
 

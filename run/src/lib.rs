@@ -38,6 +38,7 @@
 //! | [`approximations`] | approximations, and the report of their effects |
 //! | [`schedule`], [`text`] | when predictions are read; numbers and times as text |
 //! | [`predictor`] | incremental inference and inference from scratch, with the same methods |
+//! | [`frame_feed`] | the frames that a network reads from events |
 //! | [`live_frames`] | a frame network that takes events and predicts at any time |
 //! | [`run`] | a network over a whole input: predictions, summary, states |
 //! | [`play`] | recordings at real speed, each through a bounded queue |
@@ -53,9 +54,8 @@ pub mod answer;
 pub mod approximations;
 pub mod bench;
 pub mod clock;
-mod empty_frames;
 pub mod error;
-mod frame_feed;
+pub mod frame_feed;
 pub mod interrupt;
 pub mod latency;
 pub mod left_out;

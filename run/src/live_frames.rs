@@ -16,9 +16,8 @@ use meissner_engine::{
 };
 use serde::{Deserialize, Serialize};
 
-use crate::empty_frames::EmptyFrameLimit;
 use crate::error::RunError;
-use crate::frame_feed::{FeedOutput, FeedState, FrameFeed};
+use crate::frame_feed::{EmptyFrameLimit, FeedOptions, FeedOutput, FeedState, FrameFeed};
 use crate::model::FrameModel;
 use crate::run::EVERY;
 
@@ -151,16 +150,19 @@ fn feed(
     silence: u64,
     state: Option<&FeedState>,
 ) -> Result<FrameFeed, RunError> {
-    let policies = (LatePolicy::Drop, RestartPolicy::Reset);
-    let silence = EmptyFrameLimit::new(None, silence);
-    let feed = FrameFeed::new(&model.description, sensor, policies, EVERY, silence, state);
+    let options = FeedOptions {
+        late: LatePolicy::Drop,
+        restart: RestartPolicy::Reset,
+        every: EVERY,
+        silence: EmptyFrameLimit::new(None, silence),
+        keeps: true,
+    };
     let network = &model.name;
-    let feed = feed.map_err(|source| RunError::Frames { network: network.clone(), source })?;
-    let mut feed = feed.ok_or_else(|| {
-        RunError::other_network(network, "a network over events or their frames", "one over other input")
-    })?;
-    feed.keep();
-    Ok(feed)
+    FrameFeed::new(&model.description, sensor, options, state)
+        .map_err(|source| RunError::Frames { network: network.clone(), source })?
+        .ok_or_else(|| {
+            RunError::other_network(network, "a network over events or their frames", "one over other input")
+        })
 }
 
 fn misfit(what: &'static str, expected: String, found: String) -> EngineError {
@@ -233,6 +235,3 @@ impl Predictor for LiveFrames {
         *self.feed.counters()
     }
 }
-
-#[cfg(test)]
-mod tests;

@@ -14,9 +14,8 @@ use meissner_models::description::frames::{CropPlace, SignedTiming};
 use serde::Serialize;
 
 use super::moments::{End, PredictionTimes};
-use crate::empty_frames::EmptyFrameLimit;
 use crate::error::RunError;
-use crate::frame_feed::{FeedOutput, FrameFeed};
+use crate::frame_feed::{EmptyFrameLimit, FeedOptions, FeedOutput, FrameFeed};
 use crate::latency::{CallLatencies, Latency};
 use crate::model::{FrameModel, LayerCost};
 use crate::schedule::Every;
@@ -103,18 +102,17 @@ impl EventFrameModel {
 
     /// A feed that makes a frame over `field` every `period_us` from accepted events.
     fn feed(&self, field: Field, period_us: i64) -> Result<FrameFeed, RunError> {
-        let every = Every::StreamUs(period_us);
         let name = self.model.network.name();
-        let feed = FrameFeed::new(
-            &self.model.description,
-            field.around(),
-            (LatePolicy::Drop, RestartPolicy::Keep),
-            every,
-            EmptyFrameLimit::new(Some(u64::MAX), 0),
-            None,
-        )
-        .map_err(|source| RunError::Frames { network: name.to_owned(), source })?;
-        feed.ok_or_else(|| frames_of_other(name, self.model.source))
+        let options = FeedOptions {
+            late: LatePolicy::Drop,
+            restart: RestartPolicy::Keep,
+            every: Every::StreamUs(period_us),
+            silence: EmptyFrameLimit::new(Some(u64::MAX), 0),
+            keeps: false,
+        };
+        FrameFeed::new(&self.model.description, field.around(), options, None)
+            .map_err(|source| RunError::Frames { network: name.to_owned(), source })?
+            .ok_or_else(|| frames_of_other(name, self.model.source))
     }
 
     /// Multiply-adds of the pixels that `counters` counted.

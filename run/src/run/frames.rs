@@ -14,9 +14,8 @@ use super::state::{EVERY, RunOptions, Saver};
 use super::stream::{Steps, StreamRun};
 use super::summary::{EventCounts, FrameSummary, InputCounts, Summary};
 use crate::answer::{Classes, Values};
-use crate::empty_frames::EmptyFrameLimit;
 use crate::error::RunError;
-use crate::frame_feed::{FeedOutput, FeedState, FrameFeed};
+use crate::frame_feed::{EmptyFrameLimit, FeedOptions, FeedOutput, FeedState, FrameFeed};
 use crate::latency::microseconds;
 use crate::losses::{InputLosses, LossWarning};
 use crate::model::FrameModel;
@@ -97,14 +96,11 @@ impl FrameRun {
         };
         let state = note.as_ref().and_then(|note| note.feed.as_ref());
         let silence = EmptyFrameLimit::new(longest_silence, note.as_ref().map_or(0, |note| note.silence));
-        let every_us = every.unwrap_or(EVERY);
-        let feed = FrameFeed::new(&model.description, sensor, (late, restart), every_us, silence, state);
-        let mut feed = feed
+        let feed_options =
+            FeedOptions { late, restart, every: every.unwrap_or(EVERY), silence, keeps: save.is_some() };
+        let feed = FrameFeed::new(&model.description, sensor, feed_options, state)
             .map_err(|source| RunError::Frames { network: network.clone(), source })?
             .ok_or_else(|| RunError::is_frame_network(network))?;
-        if save.is_some() {
-            feed.keep();
-        }
         let mut schedule = Schedule::new(every_frames(network, every, &feed)?);
         if let Some(note) = &note {
             schedule.resume(0, 0, note.since);
