@@ -176,6 +176,11 @@ impl FrameFeed {
         matches!(self.windows, Windows::Consecutive { .. }).then(|| self.windows.length_us())
     }
 
+    /// Whether the window slides.
+    pub fn slides(&self) -> bool {
+        self.period_us().is_none()
+    }
+
     /// Takes `event`. The frames that its time completes go to `sink` before it enters. A sliding
     /// frame that becomes due with it goes to `sink` after it enters.
     ///

@@ -55,7 +55,7 @@ pub(crate) fn run(
     let [start, end] = recordings.truth.span_us(number);
     let label = |name: &str, since: i64| recordings.truth.at(name, number, start + since);
     let force = |since: i64| label(FORCE, since).unwrap_or(f64::NAN);
-    engine.reset();
+    engine.reset(0);
     let before = engine.count();
     let part = recordings.streams.parts()[number];
     // Frames begin with the truth, and so do the engine's times.
@@ -85,7 +85,6 @@ pub(crate) fn run(
     let square = |held: &TimedPrediction, t_us: i64| {
         vec![(held.values[0] - force(t_us)) * (held.values[0] - force(t_us))]
     };
-    let after = engine.count();
     Ok(Outcome {
         values: of_frames().map(|found| found.values[0]).collect(),
         truth: of_frames().map(|found| force(found.t_us)).collect(),
@@ -95,10 +94,7 @@ pub(crate) fn run(
         bolt_mm: label(BOLT, 0),
         newest: newest(&found, 0, end - start, square).map(|means| means[0]),
         events: pushed,
-        count: Count {
-            rows: after.rows - before.rows,
-            multiply_adds: after.multiply_adds - before.multiply_adds,
-        },
+        count: engine.count().since(before),
         update_ns,
         push_ns,
     })

@@ -203,8 +203,11 @@ impl GraspsNetwork<'_> {
             }
             Kind::Frames(description, settings) => {
                 let of = settings[setting];
-                let how =
-                    CountsOptions { convolution: of.convolution, options: of.options(), every: of.every() };
+                let how = CountsOptions {
+                    convolution: of.convolution,
+                    options: of.options(),
+                    every: of.every() as u64,
+                };
                 PressEngine::counts(description, training, sensor, how)
             }
         }

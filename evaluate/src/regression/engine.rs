@@ -1,21 +1,22 @@
-//! Networks that read events, behind the same calls: event graphs, and frame networks over a
-//! sliding or over consecutive windows.
+//! Networks that read events, behind the same calls: event graphs, and networks over frames of
+//! sliding or of consecutive windows.
 //!
 //! Enters: events in order of time. Leaves: the values at any time, and counts of the work that
 //! they took. The value of consecutive windows is that of the last one that has ended.
 
 use std::sync::Arc;
 
-use meissner_engine::frames::{Convolution, FrameEngine, FrameOptions, FrameShape};
-use meissner_engine::representations::{Completed, Consecutive, ConsecutiveFrames, SlidingSigned};
-use meissner_engine::{EngineError, Event, Network, Options, Sensor};
+use meissner_engine::frames::{Convolution, FrameEngine, FrameOptions};
+use meissner_engine::{EngineError, Event, LatePolicy, Network, Options, RestartPolicy, Sensor};
 use meissner_models::description::CostUnit;
 use meissner_models::description::frames::SignedTiming;
 use meissner_models::{AnyDescription, Description, FrameDescription, FrameSource, ModelError};
 use meissner_run::RunError;
 use meissner_run::approximations::Approximations;
+use meissner_run::frame_feed::{EmptyFrameLimit, FeedOptions, FeedOutput, FeedState, FrameFeed};
 use meissner_run::model::{LayerCost, Model, frame_network};
 use meissner_run::predictor::{EventPredictor, Mode};
+use meissner_run::schedule::Every;
 
 use crate::error::{EvaluateError, RequestPart, weights_error};
 use crate::trainings::Training;
@@ -24,8 +25,7 @@ use crate::trainings::Training;
 #[derive(Clone)]
 pub(crate) enum PressEngine {
     Graph { predictor: Box<EventPredictor>, costs: Arc<GraphCosts> },
-    Frames { window: Box<SlidingSigned>, engine: Box<FrameEngine>, costs: Arc<Vec<LayerCost>> },
-    Counts { windows: Box<ConsecutiveFrames>, taker: Box<WindowedEngine>, costs: Arc<Vec<LayerCost>> },
+    Frames(Box<FramePress>),
 }
 
 /// How a network over consecutive windows runs: exactly by default.
@@ -36,7 +36,7 @@ pub(crate) struct CountsOptions {
     /// Of so many windows the network sees the first, without the events of the others. It makes a
     /// step for each window that it sees, so that time passes more slowly for it; its last answer
     /// stands for the windows after that.
-    pub(crate) every: usize,
+    pub(crate) every: u64,
 }
 
 impl Default for CountsOptions {
@@ -45,13 +45,23 @@ impl Default for CountsOptions {
     }
 }
 
-/// A frame engine that takes windows that have ended.
+/// A network over frames of events, with what makes them.
 #[derive(Clone)]
-pub(crate) struct WindowedEngine {
+pub(crate) struct FramePress {
+    description: Arc<FrameDescription>,
+    sensor: Sensor,
+    feed: FrameFeed,
+    frames: FramesSeen,
+    costs: Arc<Vec<LayerCost>>,
+}
+
+/// A frame engine that sees some of the frames.
+#[derive(Clone)]
+struct FramesSeen {
     engine: FrameEngine,
     every: u64,
-    /// Windows that have ended since the last reset.
-    ended: u64,
+    /// Frames since the last reset.
+    count: u64,
 }
 
 /// Multiply-adds of a network over events.
@@ -72,8 +82,16 @@ pub(crate) struct Count {
     pub(crate) multiply_adds: u64,
 }
 
+impl Count {
+    /// The work since `before`.
+    pub(crate) fn since(self, before: Self) -> Self {
+        Self { rows: self.rows - before.rows, multiply_adds: self.multiply_adds - before.multiply_adds }
+    }
+}
+
 impl PressEngine {
-    /// The network of `description` with the weights of `training`, for events of `sensor`.
+    /// The network of `description` with the weights of `training`, for events of `sensor`. Frames
+    /// must be those of a sliding window.
     pub(crate) fn new(
         description: &AnyDescription,
         training: &Training,
@@ -81,18 +99,50 @@ impl PressEngine {
         mode: Mode,
     ) -> Result<Self, EvaluateError> {
         match description {
-            AnyDescription::Events(description) => Self::graph(description, training, sensor, mode),
-            AnyDescription::Frames(description) => Self::frames(description, training, sensor),
+            AnyDescription::Events(description) => {
+                Self::adapted(description, training, (sensor, mode), &Approximations::default(), Ok)
+            }
+            AnyDescription::Frames(description) => {
+                if !matches!(
+                    description.source(),
+                    FrameSource::Signed { timing: SignedTiming::Sliding { .. }, .. }
+                ) {
+                    return Err(other_frames(description, "signed frames of a sliding window"));
+                }
+                Self::frames(description, training, sensor, CountsOptions::default())
+            }
         }
     }
 
-    fn graph(
-        description: &Description,
+    /// The network of `description` over counts of events in consecutive windows.
+    pub(crate) fn counts(
+        description: &FrameDescription,
         training: &Training,
         sensor: Sensor,
-        mode: Mode,
+        how: CountsOptions,
     ) -> Result<Self, EvaluateError> {
-        Self::adapted(description, training, (sensor, mode), &Approximations::default(), Ok)
+        if !matches!(description.source(), FrameSource::EventCounts { .. }) {
+            return Err(other_frames(description, "counts of events in consecutive windows"));
+        }
+        Self::frames(description, training, sensor, how)
+    }
+
+    fn frames(
+        description: &FrameDescription,
+        training: &Training,
+        sensor: Sensor,
+        how: CountsOptions,
+    ) -> Result<Self, EvaluateError> {
+        let weights = (&training.weights, training.label.clone());
+        let (network, _) = frame_network(description, weights, how.convolution, false)?;
+        let engine = FrameEngine::with_options(network, how.options)?;
+        Ok(Self::Frames(Box::new(FramePress {
+            feed: feed(description, sensor, 0)?,
+            frames: FramesSeen { engine, every: how.every, count: 0 },
+            costs: Arc::new(description.layers().iter().map(LayerCost::new).collect()),
+            description: Arc::new(description.clone()),
+            sensor,
+        })))
     }
 
     /// The network of `description` as `adapt` changes it, with the filters, the tolerance and the
@@ -125,73 +175,14 @@ impl PressEngine {
         Ok(Self::Graph { predictor: Box::new(predictor), costs: Arc::new(costs) })
     }
 
-    fn frames(
-        description: &FrameDescription,
-        training: &Training,
-        sensor: Sensor,
-    ) -> Result<Self, EvaluateError> {
-        let (
-            &FrameSource::Signed { timing: SignedTiming::Sliding { span_us }, place, rule },
-            FrameShape::Image { height, width, .. },
-        ) = (description.source(), description.input())
-        else {
-            let expected = "networks over events, or over signed frames of a sliding window";
-            let found = format!("{}, which reads other frames", description.name());
-            return Err(EvaluateError::request(RequestPart::Networks, expected, found));
-        };
-        let weights = (&training.weights, training.label.clone());
-        let (network, _) = frame_network(description, weights, Convolution::Direct, false)?;
-        // The sides in a description are at most 4096.
-        let crop = place.crop(width as u16, height as u16, sensor);
-        let window = SlidingSigned::new(sensor, crop, rule, span_us, SlidingSigned::DEFAULT_CAPACITY);
-        let network_name = description.name().to_owned();
-        let window = window.map_err(|source| RunError::Frames { network: network_name, source })?;
-        let costs = Arc::new(description.layers().iter().map(LayerCost::new).collect());
-        Ok(Self::Frames { window: Box::new(window), engine: Box::new(FrameEngine::new(network)?), costs })
-    }
-
-    /// The network of `description` over counts of events in windows of which the first begins at
-    /// 0.
-    pub(crate) fn counts(
-        description: &FrameDescription,
-        training: &Training,
-        sensor: Sensor,
-        how: CountsOptions,
-    ) -> Result<Self, EvaluateError> {
-        let (
-            &FrameSource::EventCounts { period_us, place, maximum },
-            FrameShape::Image { height, width, .. },
-        ) = (description.source(), description.input())
-        else {
-            let expected = "networks over events, or over counts of events in consecutive windows";
-            let found = format!("{}, which reads other frames", description.name());
-            return Err(EvaluateError::request(RequestPart::Networks, expected, found));
-        };
-        let weights = (&training.weights, training.label.clone());
-        let (network, _) = frame_network(description, weights, how.convolution, false)?;
-        // The sides in a description are at most 4096.
-        let crop = place.crop(width as u16, height as u16, sensor);
-        let windows =
-            ConsecutiveFrames::counts(sensor, Consecutive { crop, period_us, start_us: Some(0) }, maximum);
-        let network_name = description.name().to_owned();
-        let windows = windows.map_err(|source| RunError::Frames { network: network_name, source })?;
-        let costs = Arc::new(description.layers().iter().map(LayerCost::new).collect());
-        let engine = FrameEngine::with_options(network, how.options)?;
-        let taker = WindowedEngine { engine, every: how.every as u64, ended: 0 };
-        Ok(Self::Counts { windows: Box::new(windows), taker: Box::new(taker), costs })
-    }
-
-    pub(crate) fn reset(&mut self) {
+    /// Forgets all events. Time begins at `t_us`, and with it the first of consecutive windows.
+    pub(crate) fn reset(&mut self, t_us: i64) {
         match self {
-            Self::Counts { windows, taker, .. } => {
-                windows.reset();
-                taker.ended = 0;
-                taker.engine.reset();
-            }
             Self::Graph { predictor, .. } => predictor.reset(),
-            Self::Frames { window, engine, .. } => {
-                window.reset();
-                engine.reset();
+            Self::Frames(press) => {
+                press.feed = feed(&press.description, press.sensor, t_us).expect("there was a feed before");
+                press.frames.engine.reset();
+                press.frames.count = 0;
             }
         }
     }
@@ -202,15 +193,10 @@ impl PressEngine {
                 if predictor.admit(event).0 {
                     predictor.push(event);
                 }
+                Ok(())
             }
-            Self::Frames { window, .. } => drop(window.push(event)),
-            Self::Counts { windows, taker, .. } => {
-                let mut pushed = Ok(());
-                windows.push(event, |completed| taker.take(&completed, &mut pushed));
-                return pushed;
-            }
+            Self::Frames(press) => press.feed.push(event, |frame| press.frames.take(frame)).map(drop),
         }
-        Ok(())
     }
 
     /// Writes the prediction at `t_us` to `values`.
@@ -221,16 +207,13 @@ impl PressEngine {
                 predictor.advance(t_us);
                 values.extend_from_slice(predictor.predict()?.values);
             }
-            Self::Frames { window, engine, .. } => {
-                window.advance(t_us);
-                engine.push(window.frame().values)?;
-                values.extend_from_slice(engine.predict()?.values);
-            }
-            Self::Counts { windows, taker, .. } => {
-                let mut pushed = Ok(());
-                windows.advance(t_us, |completed| taker.take(&completed, &mut pushed));
-                pushed?;
-                values.extend_from_slice(taker.engine.predict()?.values);
+            Self::Frames(press) => {
+                let FramePress { feed, frames, .. } = &mut **press;
+                feed.advance(t_us, |frame| frames.take(frame))?;
+                if feed.slides() {
+                    feed.finish(|frame| frames.take(frame))?;
+                }
+                values.extend_from_slice(frames.engine.predict()?.values);
             }
         }
         Ok(())
@@ -240,7 +223,7 @@ impl PressEngine {
     pub(crate) fn readout(&self) -> Option<Vec<f32>> {
         match self {
             Self::Graph { predictor, .. } => Some(predictor.engine()?.readout().concat()),
-            Self::Frames { .. } | Self::Counts { .. } => None,
+            Self::Frames(_) => None,
         }
     }
 
@@ -256,35 +239,63 @@ impl PressEngine {
                 let after = cells * costs.cell + (of.read - of.reused) * costs.prediction;
                 Count { rows: rows().sum(), multiply_adds: products + after }
             }
-            Self::Frames { engine, costs, .. } => of_frames(engine, costs),
-            Self::Counts { taker, costs, .. } => of_frames(&taker.engine, costs),
+            Self::Frames(press) => {
+                let layers = press.costs.iter().zip(&press.frames.engine.counters().layers);
+                Count { rows: 0, multiply_adds: layers.map(|(cost, layer)| cost.of(layer)).sum() }
+            }
         }
     }
 
     /// Rows of event graphs, or pixels of frame networks, that were computed since the engine was
     /// made.
     pub(crate) fn computed(&self) -> u64 {
-        let pixels = |engine: &FrameEngine| engine.counters().layers.iter().map(|layer| layer.computed).sum();
         match self {
             Self::Graph { .. } => self.count().rows,
-            Self::Frames { engine, .. } => pixels(engine),
-            Self::Counts { taker, .. } => pixels(&taker.engine),
+            Self::Frames(press) => {
+                press.frames.engine.counters().layers.iter().map(|layer| layer.computed).sum()
+            }
         }
     }
 
-    /// Events that no filter dropped, or windows that the network saw, since the engine was made.
+    /// Events that no filter dropped, or frames that the network saw, since the engine was made.
     pub(crate) fn entered(&self) -> u64 {
         match self {
             Self::Graph { predictor, .. } => predictor.events().pushed,
-            Self::Frames { engine, .. } => engine.counters().frames,
-            Self::Counts { taker, .. } => taker.engine.counters().frames,
+            Self::Frames(press) => press.frames.engine.counters().frames,
         }
     }
 }
 
-fn of_frames(engine: &FrameEngine, costs: &[LayerCost]) -> Count {
-    let layers = costs.iter().zip(&engine.counters().layers);
-    Count { rows: 0, multiply_adds: layers.map(|(cost, layer)| cost.of(layer)).sum() }
+impl FramesSeen {
+    /// Takes a frame: of `every` one after the other, the first.
+    fn take(&mut self, output: FeedOutput<'_>) -> Result<(), EngineError> {
+        let FeedOutput::Frame { values, .. } = output else {
+            unreachable!("every frame is wanted, and the clock goes on")
+        };
+        let is_seen = self.count.is_multiple_of(self.every);
+        self.count += 1;
+        if is_seen { self.engine.push(values) } else { Ok(()) }
+    }
+}
+
+/// A feed of all frames of `description`, from `t_us` on. A sliding window is read when asked for.
+fn feed(description: &FrameDescription, sensor: Sensor, t_us: i64) -> Result<FrameFeed, RunError> {
+    let options = FeedOptions {
+        late: LatePolicy::Drop,
+        restart: RestartPolicy::Keep,
+        every: Every::End,
+        silence: EmptyFrameLimit::new(Some(u64::MAX), 0),
+        keeps: false,
+    };
+    let feed = FrameFeed::new(description, sensor, options, Some(&FeedState::beginning(t_us)));
+    let feed = feed.map_err(|source| RunError::Frames { network: description.name().to_owned(), source })?;
+    Ok(feed.expect("frames of events"))
+}
+
+fn other_frames(description: &FrameDescription, expected: &str) -> EvaluateError {
+    let expected = format!("networks over events, or over {expected}");
+    let found = format!("{}, which reads other frames", description.name());
+    EvaluateError::request(RequestPart::Networks, expected, found)
 }
 
 /// Largest number of multiply-adds of a row, for each of [`Network::layers`]: at the event level
@@ -301,23 +312,4 @@ pub(crate) fn row_costs(network: &Network) -> Vec<u64> {
         costs.extend(level.blocks.iter().map(|block| block.conv.multiply_adds(touching) as u64));
     }
     costs
-}
-
-impl WindowedEngine {
-    /// Pushes windows that have ended, unless `pushed` has failed.
-    fn take(&mut self, completed: &Completed<'_>, pushed: &mut Result<(), EngineError>) {
-        let count = if let Completed::Empty(run) = completed { run.count } else { 1 };
-        // Window 0 is seen, and then every `every`-th one.
-        let seen = |windows: u64| windows.div_ceil(self.every);
-        let (before, after) = (seen(self.ended), seen(self.ended + count));
-        self.ended += count;
-        match completed {
-            _ if pushed.is_err() || before == after => {}
-            Completed::Frame(frame) => *pushed = self.engine.push(frame.values),
-            Completed::Empty(_) => {
-                let zeros = vec![0.0; self.engine.network().input().values()];
-                *pushed = (before..after).try_for_each(|_| self.engine.push(&zeros));
-            }
-        }
-    }
 }

@@ -135,9 +135,9 @@ impl Presses {
             };
             quantities.iter().map(value).collect()
         };
-        engine.reset();
-        let before = engine.count();
         let part = self.streams.parts()[press];
+        engine.reset(part.first().map_or(start, |event| event.t_us.min(start)));
+        let before = engine.count();
         let mut events = part.iter().step_by(stride).copied().peekable();
         let (mut values, mut pushed) = (Vec::new(), 0);
         let mut found: Vec<TimedPrediction> = Vec::new();
@@ -162,7 +162,6 @@ impl Presses {
         let since_contact = found.iter().filter(|found| found.t_us >= contact);
         let errors_at: Vec<Vec<f64>> =
             since_contact.map(|found| found.errors(&truth_at(found.t_us))).collect();
-        let after = engine.count();
         Ok(Outcome {
             truth: truth_at(end),
             newest: newest(&found, contact, end, |held, t_us| held.errors(&truth_at(t_us))),
@@ -174,10 +173,7 @@ impl Presses {
             errors_at,
             readout: if embeds { engine.readout() } else { None },
             events: pushed,
-            count: Count {
-                rows: after.rows - before.rows,
-                multiply_adds: after.multiply_adds - before.multiply_adds,
-            },
+            count: engine.count().since(before),
             update_ns,
         })
     }
