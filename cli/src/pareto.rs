@@ -11,10 +11,10 @@ mod table;
 
 use std::path::Path;
 
-use meissner_evaluate::digits::Digits;
+use meissner_evaluate::events::Digits;
 use meissner_evaluate::events::EventTask;
 use meissner_evaluate::pareto::{AngleOptions, Progress, State, Study, angle, area, events, force, slip};
-use meissner_evaluate::touch::{TouchContainers, TouchObjects};
+use meissner_evaluate::events::{TouchContainers, TouchObjects};
 use meissner_io::datasets::NeutouchSet;
 use meissner_run::bench::Part;
 

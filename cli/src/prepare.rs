@@ -4,11 +4,11 @@ use std::io::{Write, stdout};
 use std::path::PathBuf;
 
 use clap::Subcommand;
-use meissner_evaluate::digits::Digits;
+use meissner_evaluate::events::Digits;
 use meissner_evaluate::events::{EventData, EventTask};
 use meissner_evaluate::prepare::{Prepared, graphs, labelled_events, slip_windows};
 use meissner_evaluate::slip::SlipData;
-use meissner_evaluate::touch::{TouchContainers, TouchObjects};
+use meissner_evaluate::events::{TouchContainers, TouchObjects};
 use meissner_io::datasets::NeutouchSet;
 use meissner_run::model::{describe, describe_frames};
 

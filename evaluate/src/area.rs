@@ -8,7 +8,6 @@
 
 pub(crate) mod figures;
 pub(crate) mod pictures;
-pub(crate) mod run;
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -32,9 +31,9 @@ use crate::trainings::{
 };
 use crate::trials::{Cases, Trial};
 use crate::workers::Workers;
+use figures::PressOptions;
 use figures::{Outcome, baseline};
 use pictures::{Press, Set};
-use run::PressOptions;
 
 /// The task of contact area and normal force.
 #[derive(Clone, Copy, Debug)]
@@ -238,6 +237,4 @@ fn data_report(set: &Set, workers: &Workers) -> Result<DataReport, EvaluateError
 }
 
 #[cfg(test)]
-pub(crate) mod small;
-#[cfg(test)]
-mod tests;
+pub(crate) mod tests;

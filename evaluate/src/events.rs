@@ -2,31 +2,34 @@
 //!
 //! [`evaluate`] judges networks event by event. A new task implements [`EventTask`].
 
-pub mod folds;
 mod judge;
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+pub use judge::{DataReport, Judged, Options, OverTime, Protocols, Report, evaluate};
 use meissner_engine::{Admission, Event, LatePolicy, Sensor};
 use meissner_io::IoError;
-use meissner_io::datasets::{Dataset, EventDataset, EventRecording, Split};
+use meissner_io::datasets::{Dataset, EventDataset, EventRecording, NeutouchSet, Split};
 use meissner_models::Description;
-use meissner_models::systems::check_outputs;
+use meissner_models::systems::{check_outputs, digits, touch};
 use meissner_run::losses::{InputLosses, LossWarning};
 use meissner_run::model::describe;
 use meissner_run::text::grouped;
 
-use crate::error::EvaluateError;
+use crate::error::{EvaluateError, TrainingError};
 use crate::trainings::{Task, Training};
 use crate::trials::{Cases, Trial};
-use folds::{folds, is_a_fold};
-pub use judge::{DataReport, Judged, Options, OverTime, Protocols, Report, evaluate};
 
 /// A task on labelled recordings of events.
-pub trait EventTask: Task<Description = Description> + Sync {
+pub trait EventTask: Sync {
     /// The data set.
     const SET: EventSet;
+
+    /// The network that the weights of `network` were trained as.
+    fn trained_as(network: &str) -> &str {
+        network
+    }
 
     /// The recordings of the data set in `folder`.
     ///
@@ -57,15 +60,86 @@ pub struct EventSet {
     pub sensor: Sensor,
     /// Names of the classes, in the order of their indices.
     pub classes: &'static [&'static str],
+    /// Beginning of the names of the shipped networks.
+    pub prefix: &'static str,
 }
 
-impl EventSet {
-    /// The description of a shipped network or in a file, which predicts the classes, and whether
-    /// it is shipped.
-    pub(crate) fn describe(&self, network: &str) -> Result<(Description, bool), EvaluateError> {
+impl<T: EventTask> Task for T {
+    type Description = Description;
+    const PREFIX: &'static str = T::SET.prefix;
+
+    fn describe(network: &str) -> Result<(Description, bool), EvaluateError> {
         let (description, shipped) = describe(network)?;
-        check_outputs(description.name(), description.outputs().0, self.classes)?;
+        check_outputs(description.name(), description.outputs().0, T::SET.classes)?;
         Ok((description, shipped))
+    }
+
+    fn name(description: &Description) -> &str {
+        description.name()
+    }
+
+    fn trained_as(network: &str) -> &str {
+        T::trained_as(network)
+    }
+}
+
+/// Digits in front of a moving event camera (N-MNIST).
+#[derive(Clone, Copy, Debug)]
+pub struct Digits;
+
+impl EventTask for Digits {
+    const SET: EventSet = EventSet {
+        task: "digits",
+        command: "eval digits",
+        name: "N-MNIST",
+        sensor: digits::SENSOR,
+        classes: &digits::CLASSES,
+        prefix: "digits-",
+    };
+
+    fn trained_as(network: &str) -> &str {
+        digits::trained_as(network)
+    }
+
+    fn recordings(folder: &Path) -> Result<EventDataset, IoError> {
+        EventDataset::nmnist(folder)
+    }
+}
+
+/// Objects in a gripper, felt by a tactile skin (`NeuTouch`).
+#[derive(Clone, Copy, Debug)]
+pub struct TouchObjects;
+
+impl EventTask for TouchObjects {
+    const SET: EventSet = EventSet {
+        task: "touch objects",
+        command: "eval touch objects",
+        name: "NeuTouch",
+        sensor: touch::SENSOR,
+        classes: &touch::OBJECTS,
+        prefix: "touch-objects",
+    };
+
+    fn recordings(folder: &Path) -> Result<EventDataset, IoError> {
+        EventDataset::neutouch(folder, NeutouchSet::Objects)
+    }
+}
+
+/// Containers with fillings in a gripper, felt by a tactile skin (`NeuTouch`).
+#[derive(Clone, Copy, Debug)]
+pub struct TouchContainers;
+
+impl EventTask for TouchContainers {
+    const SET: EventSet = EventSet {
+        task: "touch containers",
+        command: "eval touch containers",
+        classes: &touch::CONTAINERS,
+        prefix: "touch-containers",
+        ..TouchObjects::SET
+    };
+
+    fn recordings(folder: &Path) -> Result<EventDataset, IoError> {
+        EventDataset::neutouch(folder, NeutouchSet::Containers)
     }
 }
 
@@ -188,14 +262,40 @@ fn late(events: &[Event]) -> u64 {
     late
 }
 
-#[cfg(test)]
-mod tests {
-    use super::late;
-    use meissner_engine::Event;
-
-    #[test]
-    fn an_event_is_late_after_any_newer_one() {
-        let events = [5, 3, 4, 5, 9].map(|t_us| Event::new(t_us, 0, 0, true));
-        assert_eq!(late(&events), 2);
+/// The fold, from 0 to below `count`, of each recording; `classes` has the class of each. O(n log
+/// n).
+///
+/// Recordings are dealt like cards. They are sorted by class, and recordings of one class keep
+/// their order. The k-th (from 0) goes to fold k mod `count`. Of each class, and of all classes
+/// together, no two folds differ by more than one recording. The assignment depends on nothing but
+/// the order of the recordings.
+///
+/// # Errors
+/// [`EvaluateError::Folds`] for fewer than two folds, and for more folds than recordings.
+pub fn folds(classes: &[usize], count: usize) -> Result<Vec<usize>, EvaluateError> {
+    if count < 2 || count > classes.len() {
+        return Err(EvaluateError::Folds { recordings: classes.len(), found: count });
     }
+    let mut order: Vec<usize> = (0..classes.len()).collect();
+    order.sort_by_key(|&recording| classes[recording]);
+    let mut folds = vec![0; classes.len()];
+    for (k, recording) in order.into_iter().enumerate() {
+        folds[recording] = k % count;
+    }
+    Ok(folds)
 }
+
+/// `Ok` where the recordings `chosen` are one of the `folds`, of which there are `count`.
+pub(super) fn is_a_fold(chosen: &[usize], count: usize, folds: &[usize]) -> Result<(), TrainingError> {
+    let mut met: Vec<usize> = chosen.iter().map(|&recording| folds[recording]).collect();
+    met.sort_unstable();
+    met.dedup();
+    let expected = met.first().map_or(0, |first| folds.iter().filter(|fold| *fold == first).count());
+    if met.len() == 1 && chosen.len() == expected {
+        return Ok(());
+    }
+    Err(TrainingError::OtherFold { count, expected, found: chosen.len(), folds: met.len() })
+}
+
+#[cfg(test)]
+mod tests;

@@ -7,7 +7,6 @@
 //! computed in a fixed order, so that the number of threads changes no bit, except in measured
 //! times and in what depends on them.
 
-mod errors;
 pub(crate) mod recording;
 
 use std::collections::BTreeMap;
@@ -21,15 +20,14 @@ use meissner_run::predictor::Mode;
 use meissner_run::provenance::{Header, InputCard, ModelCard};
 use serde::Serialize;
 
-pub use errors::{ForceErrors, PartErrors};
+pub use recording::{ForceErrors, PartErrors};
 
 use crate::error::{EvaluateError, RequestPart, TrainingError};
 use crate::events::lost;
 use crate::judge::{Judge, JudgedTrial, NetworkReport, judge};
-use crate::judged;
 use crate::regression::engine::{CountsOptions, PressEngine};
 use crate::regression::press::Presses;
-use crate::regression::quantity::Quantity;
+use crate::regression::press::Quantity;
 use crate::trainings::{
     EvaluatedNetwork, Evaluation, HeldOut, Metadata, Request, Task, Training, candidates,
 };
@@ -122,7 +120,7 @@ pub struct ForceFigures {
 }
 
 /// Figures of several trainings on the same recordings.
-pub type Judged = judged::Judged<ForceErrors>;
+pub type Judged = crate::judge::Judged<ForceErrors>;
 
 /// Judges the networks of `options` on the recordings in the safetensors file `events`, with the
 /// threads of `workers`. `done` is called after each training with its label and the time since

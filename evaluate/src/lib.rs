@@ -3,15 +3,12 @@
 //!
 //! | module | contents |
 //! |---|---|
-//! | [`metrics`] | confusion matrices, accuracy, precision, recall, F1, and their uncertainty |
+//! | [`metrics`] | confusion matrices, scores and their uncertainty, distances between series |
 //! | [`trainings`] | networks by name with their trainings, and the folds of a cross-validation |
-//! | [`judged`] | figures of one training and of several |
-//! | [`events`] | labelled recordings of events: accuracy event by event |
-//! | [`digits`] | N-MNIST, a task of [`events`] |
+//! | [`judge`] | figures of one training and of several |
+//! | [`events`] | labelled recordings of events (N-MNIST, `NeuTouch`): accuracy over time |
 //! | [`regression`] | quantities such as the angles of a contact: errors over the time of a press |
 //! | [`force`] | contact force over time: errors by phase and by size |
-//! | [`distances`] | distances between two series |
-//! | [`touch`] | `NeuTouch`, two tasks of [`events`] |
 //! | [`area`] | contact area and normal force from pictures of a gel |
 //! | [`closed_loop`] | control by touch: what a network's error and run time do to it |
 //! | [`slip`] | direction of slip: data set, windows, accuracy on seen and unseen objects |
@@ -45,29 +42,25 @@
 
 pub mod area;
 pub mod closed_loop;
-pub mod digits;
-pub mod distances;
 pub mod error;
 pub mod events;
 pub mod filters;
 pub mod force;
-mod judge;
-pub mod judged;
+pub mod judge;
 pub mod metrics;
 pub mod pareto;
 pub mod prepare;
 pub mod regression;
 pub mod slip;
 pub mod streams;
-mod tasks;
-mod tensors;
-pub mod touch;
 pub mod trainings;
 mod trials;
-mod truth;
 mod workers;
 
 pub use error::{EvaluateError, RequestPart, StreamsError, TrainingError};
 pub use judge::NetworkReport;
-pub use tasks::TaskName;
+pub use trainings::TaskName;
 pub use workers::{ProgressHandle, Workers};
+
+#[cfg(test)]
+mod tests;

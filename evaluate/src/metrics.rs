@@ -3,9 +3,7 @@
 //! Counts are integers. Figures are fractions in f64, computed from counts in a fixed order, so
 //! they are equal on every machine.
 
-mod clusters;
-
-pub(crate) use clusters::{Cluster, clustered_95};
+use libm::{atan, log, sqrt};
 pub use meissner_run::answer::largest;
 use serde::ser::{Serialize, Serializer};
 
@@ -238,6 +236,113 @@ pub fn wilson_95(hits: u64, trials: u64) -> Option<(f64, f64)> {
     let low = if hits == 0 { 0.0 } else { (centre - reach) / (1.0 + square) };
     let high = if hits == trials { 1.0 } else { (centre + reach) / (1.0 + square) };
     Some((low, high))
+}
+
+/// Sum and number of the figures of a cluster.
+pub(crate) type Cluster = (f64, u64);
+
+/// The 95 % interval of the mean over all figures of `clusters`; `None` for fewer than two clusters
+/// with figures.
+///
+/// With sums s and sizes n of c clusters, the mean is a ratio (Cochran 1977, "Sampling techniques",
+/// 3rd edition, section 2.11), and Student's t for c - 1 degrees of freedom (Student 1908, "The
+/// probable error of a mean") is its quantile:
+///
+/// ```text
+/// r = sum s / sum n     v = c / (c - 1) sum (s - r n)^2 / (sum n)^2     r +- t sqrt(v)
+/// ```
+///
+/// For clusters of one size it is the interval of the mean of their means. O(clusters).
+pub(crate) fn clustered_95(clusters: &[Cluster]) -> Option<(f64, f64)> {
+    let filled: Vec<(f64, f64)> =
+        clusters.iter().filter(|(_, size)| *size > 0).map(|&(sum, size)| (sum, size as f64)).collect();
+    let freedom = filled.len().checked_sub(1).filter(|&freedom| freedom > 0)?;
+    let (sum, size) = filled.iter().fold((0.0, 0.0), |(sum, size), one| (sum + one.0, size + one.1));
+    let mean = sum / size;
+    let squares: f64 = filled.iter().map(|(sum, size)| (sum - mean * size) * (sum - mean * size)).sum();
+    let reach = student_95(freedom) * (filled.len() as f64 / freedom as f64 * squares).sqrt() / size;
+    Some((mean - reach, mean + reach))
+}
+
+/// The t that Student's distribution with `freedom` degrees of freedom, at least 1, exceeds in
+/// absolute value with a probability of 5 %. Bisection; O(freedom).
+fn student_95(freedom: usize) -> f64 {
+    // Those of an infinite number of degrees, and of one, with some room.
+    let (mut low, mut high) = (1.959, 12.707);
+    for _ in 0..60 {
+        let middle = f64::midpoint(low, high);
+        if within(middle, freedom) < 0.95 {
+            low = middle;
+        } else {
+            high = middle;
+        }
+    }
+    f64::midpoint(low, high)
+}
+
+/// The probability that Student's distribution is within `t` (Abramowitz and Stegun 1964, equations
+/// 26.7.3 and 26.7.4).
+fn within(t: f64, freedom: usize) -> f64 {
+    let n = freedom as f64;
+    let (sine, square) = (t / (n + t * t).sqrt(), n / (n + t * t));
+    let is_odd = freedom % 2 == 1;
+    // Each term is the one before it times (k - 1) / k times the square of the cosine.
+    let (first, rest) = if is_odd { (square.sqrt(), 3) } else { (1.0, 2) };
+    let ratios = (rest..freedom).step_by(2).map(|k| (k - 1) as f64 / k as f64 * square);
+    let terms = ratios.scan(first, |term, ratio| {
+        *term *= ratio;
+        Some(*term)
+    });
+    let series = sine * (first + terms.sum::<f64>());
+    match (is_odd, freedom) {
+        (false, _) => series,
+        (true, 1) => std::f64::consts::FRAC_2_PI * atan(t),
+        (true, _) => std::f64::consts::FRAC_2_PI * (atan(t / n.sqrt()) + series),
+    }
+}
+
+/// The distance of dynamic time warping between `a` and `b`: the least sum of `|a[i] - b[j]|` over
+/// all paths of pairs from the first two values to the last two, each step of which moves on in one
+/// series or in both (Sakoe and Chiba 1978, "Dynamic programming algorithm optimization for spoken
+/// word recognition", without window and with equal weights). In the unit of the values; infinite
+/// where one series is empty and the other is not, 0 where both are. O(length of a times length of
+/// b), in memory for one series.
+pub fn time_warping(a: &[f64], b: &[f64]) -> f64 {
+    let mut before = vec![f64::INFINITY; b.len() + 1];
+    before[0] = 0.0;
+    for &value in a {
+        let mut row = vec![f64::INFINITY; b.len() + 1];
+        for (j, other) in b.iter().enumerate() {
+            row[j + 1] = (value - other).abs() + before[j].min(before[j + 1]).min(row[j]);
+        }
+        before = row;
+    }
+    before[b.len()]
+}
+
+/// Bhattacharyya's distance `-ln sum sqrt(p q)` between the histograms p and q of `a` and `b`, in
+/// bins of `width` from 0 on (Bhattacharyya 1943, "On a measure of divergence between two
+/// statistical populations defined by their probability distributions"). 0 for equal histograms;
+/// `None` where they share no bin, or a series is empty. O(n log n).
+///
+/// # Panics
+/// Where a value is not finite, or `width` is not above 0.
+pub fn bhattacharyya(a: &[f64], b: &[f64], width: f64) -> Option<f64> {
+    assert!(width > 0.0 && a.iter().chain(b).all(|value| value.is_finite()), "bins of finite values");
+    let binned = |values: &[f64]| {
+        let mut bins: Vec<i64> = values.iter().map(|value| (value / width).floor() as i64).collect();
+        bins.sort_unstable();
+        let runs = bins.chunk_by(|one, next| one == next);
+        runs.map(|run| (run[0], run.len() as f64 / values.len() as f64)).collect::<Vec<_>>()
+    };
+    let (p, q) = (binned(a), binned(b));
+    let shared = p.iter().filter_map(|(bin, p)| {
+        let found = q.binary_search_by_key(bin, |(bin, _)| *bin).ok()?;
+        Some(sqrt(p * q[found].1))
+    });
+    let coefficient: f64 = shared.sum();
+    // Rounding can lift the sum above 1.
+    (coefficient > 0.0).then(|| (-log(coefficient)).max(0.0))
 }
 
 #[cfg(test)]

@@ -5,28 +5,27 @@
 //! settings that no other one beats. Finished measurements are kept in a [`State`] and not
 //! repeated.
 
-mod event_network;
-mod frame_network;
-mod frame_settings;
+mod events;
 mod grasps;
 mod measurement;
 mod pictures;
 mod report;
 mod settings;
+mod slip;
 mod state;
-mod studies;
 mod task_error;
 
 use meissner_kernels::Isa;
 
 use crate::error::{EvaluateError, RequestPart};
+pub use events::{AngleOptions, angle, events};
 pub use grasps::force;
 pub use measurement::{EXACT, Measurement, Numerical, Time, Timing};
 pub use pictures::area;
 pub use report::{Compared, DataReport, Fastest, NetworkReport, Report, SettingReport, pareto_front};
+pub use slip::slip;
 use state::Key;
 pub use state::State;
-pub use studies::{AngleOptions, angle, events, slip};
 pub use task_error::{ErrorKind, TaskError};
 
 /// What is measured, and how often.
@@ -151,3 +150,6 @@ impl Study<'_> {
         Ok(())
     }
 }
+
+#[cfg(test)]
+mod tests;

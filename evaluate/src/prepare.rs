@@ -6,12 +6,11 @@
 mod dome;
 mod filmed;
 mod gel;
-mod grasp;
 
 pub use dome::{DOME_KINDS, dome_presses};
+pub use filmed::grasps;
 pub use filmed::{film_images, film_markers, with_causes};
 pub use gel::{GelPlan, Shapes, gel_presses};
-pub use grasp::grasps;
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -252,3 +251,6 @@ impl Level {
         }
     }
 }
+
+#[cfg(test)]
+mod tests;

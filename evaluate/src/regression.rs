@@ -12,38 +12,35 @@
 //! | end | the last time of the truth |
 //! | predictions | every [`Options::every_us`] before and after contact, and at the end |
 
-mod embedding;
 pub(crate) mod engine;
 mod errors;
 pub(crate) mod press;
-pub(crate) mod quantity;
 
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::time::Duration;
 
+use bhtsne::tSNE;
+use engine::PressEngine;
+pub use errors::{Errors, OutputErrors, Work};
+use meissner_kernels::random::Random;
 use meissner_models::{AnyDescription, TensorFile};
 use meissner_run::losses::LossWarning;
 use meissner_run::model::describe_any;
 use meissner_run::predictor::Mode;
 use meissner_run::provenance::{Header, InputCard, ModelCard};
+use press::{Outcome, Presses, Quantity};
+use rayon::ThreadPoolBuilder;
 use serde::Serialize;
-
-pub use errors::{Errors, OutputErrors, Work};
 
 use crate::error::{EvaluateError, RequestPart, TrainingError};
 use crate::events::lost;
 use crate::judge::{Judge, JudgedTrial, NetworkReport, judge};
-use crate::judged;
 use crate::trainings::{
     EvaluatedNetwork, Evaluation, HeldOut, Metadata, Request, Task, Training, candidates,
 };
 use crate::trials::Trial;
 use crate::workers::Workers;
-use embedding::embedding;
-use engine::PressEngine;
-use press::{Outcome, Presses};
-use quantity::Quantity;
 
 /// The task of predicting quantities from events.
 #[derive(Clone, Copy, Debug)]
@@ -137,7 +134,7 @@ pub struct PressFigures {
 }
 
 /// Figures of several trainings on the same presses.
-pub type Judged = judged::Judged<Errors>;
+pub type Judged = crate::judge::Judged<Errors>;
 
 /// Judges the networks of `options` on the presses in the safetensors file `events`, with the
 /// threads of `workers`. `done` is called after each training with its label and the time since
@@ -258,6 +255,36 @@ impl Judge for OfPresses<'_> {
         let figures = judged.into_iter().map(|(trial, (errors, ..))| (trial, errors));
         PressFigures { stride: plan.stride, figures: Judged::new(figures), scatter, embedding }
     }
+}
+
+/// The number of neighbours that a point is placed among, of which a press has at least three times
+/// as many.
+const PERPLEXITY: usize = 30;
+const EPOCHS: usize = 1_000;
+/// Size of the square in which the points begin.
+const START: f32 = 1e-4;
+
+/// A point for each of `readouts`; `None` for too few. O(presses^2 (channels + epochs)), in one
+/// thread: the order of the sums over points is then the same every time.
+///
+/// # Panics
+/// If the system gives no thread.
+pub(super) fn embedding(readouts: &[Vec<f32>]) -> Option<Vec<(f64, f64)>> {
+    let perplexity = PERPLEXITY.min(readouts.len().checked_sub(1)? / 3);
+    if perplexity < 2 {
+        return None;
+    }
+    let start = Random::new(1).values(2 * readouts.len(), START);
+    let distance =
+        |a: &Vec<f32>, b: &Vec<f32>| a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum::<f32>().sqrt();
+    let thread = ThreadPoolBuilder::new().num_threads(1).build().expect("the system has a thread");
+    let points = thread.install(|| {
+        let mut plane: tSNE<'_, f32, Vec<f32>, 2> = tSNE::new(readouts);
+        plane.perplexity(perplexity as f32).epochs(EPOCHS).initial_embedding(start);
+        plane.exact(distance);
+        plane.embedding()
+    });
+    Some(points.chunks(2).map(|point| (f64::from(point[0]), f64::from(point[1]))).collect())
 }
 
 #[cfg(test)]

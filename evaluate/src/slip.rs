@@ -161,39 +161,3 @@ impl Windows {
         Ok(engine.predict()?.values.to_vec())
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::{HeldOut, Scheme, Slip};
-    use crate::trainings::{Metadata, Task};
-
-    fn held_out(entries: &[(&str, &str)]) -> Result<Option<HeldOut>, String> {
-        let entries = [&[("trained_on", "Basic")], entries].concat();
-        let entries = entries.iter().map(|&(key, value)| (key.to_owned(), value.to_owned())).collect();
-        Slip::held_out(Metadata(&entries)).map_err(|error| error.to_string())
-    }
-
-    #[test]
-    fn a_fold_states_the_part_that_it_held_out() {
-        assert_eq!(held_out(&[("seed", "1")]), Ok(None));
-        let part = |scheme, window| Ok(Some(HeldOut { scheme, parts: vec![("n/pen1".to_owned(), window)] }));
-        let recordings = part(Scheme::Recordings, None);
-        assert_eq!(held_out(&[("held_out", "[\"n/pen1\"]")]), recordings);
-        assert_eq!(held_out(&[("scheme", "recordings"), ("held_out", "[\"n/pen1\"]")]), recordings);
-        let windows = part(Scheme::Windows, Some(3));
-        assert_eq!(held_out(&[("scheme", "windows"), ("held_out_windows", "[[\"n/pen1\", 3]]")]), windows);
-    }
-
-    #[test]
-    fn a_fold_in_another_form_is_refused_with_the_expected_form() {
-        for (entries, expected) in [
-            (&[("scheme", "objects")][..], "\"recordings\" or \"windows\""),
-            (&[("scheme", "windows"), ("held_out", "[]")], "held_out_windows"),
-            (&[("held_out", "n/pen1")], "JSON list of recordings"),
-            (&[("held_out", "[]"), ("held_out_windows", "[]")], "scheme"),
-        ] {
-            let error = held_out(entries).unwrap_err();
-            assert!(error.contains(expected), "{error}");
-        }
-    }
-}

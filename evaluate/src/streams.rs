@@ -1,19 +1,20 @@
-//! Streams of events from a safetensors file.
+//! Streams of events from a safetensors file, with labels along time.
 //!
 //! Enters: the bytes of a file. Leaves: streams of events that lie on the sensor, with times that
-//! do not descend within a stream, and the truth about each stream along time where the file has
-//! it. A file that breaks this is refused with the index of the first value that does.
+//! do not descend within a stream, and the [`Truth`] about each stream where the file has it. A
+//! file that breaks this is refused with the index of the first value that does.
 
+use std::collections::BTreeMap;
+use std::ops::Range;
 use std::path::Path;
 
 use meissner_engine::{Event, Sensor};
+use meissner_models::TensorFile;
 use meissner_run::RunError;
 use meissner_simulator::Cause;
-use safetensors::SafeTensors;
+use safetensors::tensor::{Dtype, SafeTensors};
 
 use crate::error::{EvaluateError, StreamsError};
-use crate::tensors::{bounds, integers, value};
-use crate::truth::Truth;
 
 /// Events, stream after stream.
 pub struct Streams {
@@ -136,57 +137,201 @@ fn of_number((i, &cause): (usize, &i64)) -> Result<Cause, StreamsError> {
         .ok_or_else(|| value("cause", i, format!("0 to {}", Cause::ALL.len() - 1), cause.to_string()))
 }
 
-#[cfg(test)]
-mod tests {
-    use meissner_models::TensorFile;
+/// Beginning of the names of labels in a file of events.
+const PREFIX: &str = "truth.";
+const START: &str = "truth.start";
+const TIMES: &str = "truth.t_us";
 
-    use super::Streams;
+/// Labels of streams along time.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Truth {
+    /// Index of the first time of each stream, and the number of times.
+    start: Vec<usize>,
+    t_us: Vec<i64>,
+    /// The values of each label at all times.
+    labels: BTreeMap<String, Vec<f32>>,
+}
 
-    /// Two streams of two events each.
-    fn file() -> Vec<u8> {
-        let mut file = TensorFile::new([("sensor".to_owned(), "[8, 6]".to_owned())].into());
-        for (name, values) in
-            [("t_us", [5, 9, -7, -7]), ("x", [0, 7, 1, 2]), ("y", [5, 0, 3, 3]), ("on", [0, 1, 1, 0])]
-        {
-            file.i64(name, &[4], &values);
-        }
-        file.i64("start", &[3], &[0, 2, 4]);
-        file.into_bytes()
+impl Truth {
+    /// The labels of tracks whose times are `t_us` and `start`: every F32 tensor of shape (times).
+    /// `None` without any.
+    pub(crate) fn of_tracks(
+        file: &SafeTensors<'_>,
+        start: Vec<usize>,
+        t_us: Vec<i64>,
+    ) -> Result<Option<Self>, StreamsError> {
+        Self::new(file, "", start, t_us)
     }
 
-    /// Reads `bytes`; what is accepted lies on its sensor, what is refused says why in brief.
-    fn check(bytes: &[u8]) -> bool {
-        match Streams::from_bytes(bytes) {
-            Ok(streams) => {
-                let events: Vec<_> = streams.parts().concat();
-                assert!(events.iter().all(|event| streams.sensor.contains(event.x, event.y)));
-                assert_eq!(streams.ends().last(), Some(events.len()).filter(|_| streams.start.len() > 1));
-                true
+    /// The labels of `streams` streams in a file of events; `None` without any.
+    pub(crate) fn of_events(file: &SafeTensors<'_>, streams: usize) -> Result<Option<Self>, StreamsError> {
+        if !file.names().iter().any(|name| name.starts_with(PREFIX)) {
+            return Ok(None);
+        }
+        let t_us = integers(file, TIMES, None)?;
+        let start = integers(file, START, Some(streams + 1))?;
+        let start = bounds(&start, t_us.len()).map_err(|error| match error {
+            StreamsError::Value { index, expected, found, .. } => value(START, index, expected, found),
+            error => error,
+        })?;
+        Self::new(file, PREFIX, start, t_us)
+    }
+
+    fn new(
+        file: &SafeTensors<'_>,
+        prefix: &str,
+        start: Vec<usize>,
+        t_us: Vec<i64>,
+    ) -> Result<Option<Self>, StreamsError> {
+        let (start_name, times_name) = (format!("{prefix}start"), format!("{prefix}t_us"));
+        let mut labels = BTreeMap::new();
+        for (tensor, view) in file.iter() {
+            let Some(name) = tensor.strip_prefix(prefix) else { continue };
+            if view.dtype() != Dtype::F32 || view.shape() != [t_us.len()] {
+                continue;
             }
-            Err(error) => {
-                let text = error.to_string();
-                assert!(text.contains("expected") && text.len() < 500, "{text:.600}");
-                false
+            let number = |bytes: &[u8]| f32::from_le_bytes([bytes[0], bytes[1], bytes[2], bytes[3]]);
+            let values: Vec<f32> = view.data().chunks_exact(4).map(number).collect();
+            if let Some(i) = values.iter().position(|value| !value.is_finite()) {
+                return Err(value(tensor, i, "a finite number".to_owned(), values[i].to_string()));
             }
+            labels.insert(name.to_owned(), values);
+        }
+        for range in start.windows(2) {
+            if range[0] == range[1] {
+                return Err(value(
+                    &start_name,
+                    range[0],
+                    "a time for each stream".to_owned(),
+                    "none".to_owned(),
+                ));
+            }
+            let times = range[0] + 1..range[1];
+            if let Some(i) = times.clone().find(|&i| t_us[i] <= t_us[i - 1]) {
+                let expected = format!("a time above {}", t_us[i - 1]);
+                return Err(value(&times_name, i, expected, t_us[i].to_string()));
+            }
+        }
+        Ok((!labels.is_empty()).then_some(Self { start, t_us, labels }))
+    }
+
+    /// Labels of streams one after the other: for each, its times and the values of the labels
+    /// `names` at each of them.
+    ///
+    /// # Panics
+    /// Where a stream has no time.
+    pub(crate) fn of_streams<const N: usize>(names: [&str; N], streams: &[Vec<(i64, [f32; N])>]) -> Self {
+        assert!(streams.iter().all(|stream| !stream.is_empty()), "a time for each stream");
+        let mut start = vec![0];
+        start.extend(streams.iter().scan(0, |end, stream| {
+            *end += stream.len();
+            Some(*end)
+        }));
+        let values = |i: usize| streams.iter().flatten().map(|(_, values)| values[i]).collect();
+        Self {
+            start,
+            t_us: streams.iter().flatten().map(|(t_us, _)| *t_us).collect(),
+            labels: names.iter().enumerate().map(|(i, name)| ((*name).to_owned(), values(i))).collect(),
         }
     }
 
-    #[test]
-    fn a_file_of_streams_that_was_cut_flipped_or_made_up_anywhere_is_read_or_refused() {
-        let whole = file();
-        assert!(check(&whole));
-        (0..whole.len()).for_each(|length| assert!(!check(&whole[..length]), "cut at {length}"));
-        for bit in 0..8 * whole.len() {
-            let mut flipped = whole.clone();
-            flipped[bit / 8] ^= 1 << (bit % 8);
-            check(&flipped);
-        }
-        for at in 0..=whole.len() - 8 {
-            for length in [1_u64 << 63, u64::MAX, u64::from(u32::MAX), 0] {
-                let mut wrong = whole.clone();
-                wrong[at..at + 8].copy_from_slice(&length.to_le_bytes());
-                check(&wrong);
-            }
+    /// Adds the labels to a file of events.
+    pub(crate) fn write(&self, file: &mut TensorFile) {
+        let start: Vec<i64> = self.start.iter().map(|&start| start as i64).collect();
+        file.i64(START, &[start.len()], &start);
+        file.i64(TIMES, &[self.t_us.len()], &self.t_us);
+        for (name, values) in &self.labels {
+            file.f32(&format!("{PREFIX}{name}"), &[values.len()], values);
         }
     }
+
+    /// The names of the labels.
+    pub(crate) fn names(&self) -> impl Iterator<Item = &str> {
+        self.labels.keys().map(String::as_str)
+    }
+
+    /// The times of `stream`, and the name and the values at these times of each label.
+    pub(crate) fn of(&self, stream: usize) -> (&[i64], impl Iterator<Item = (&str, &[f32])>) {
+        let times = self.times(stream);
+        let t_us = &self.t_us[times.clone()];
+        (t_us, self.labels.iter().map(move |(name, values)| (name.as_str(), &values[times.clone()])))
+    }
+
+    /// The first and the last time of `stream`.
+    pub(crate) fn span_us(&self, stream: usize) -> [i64; 2] {
+        let times = self.times(stream);
+        [self.t_us[times.start], self.t_us[times.end - 1]]
+    }
+
+    /// When the label `name` of `stream` leaves 0: the last time at which it has not been above 0
+    /// yet. `None` where there is no such label or it never rises.
+    pub(crate) fn rises_us(&self, name: &str, stream: usize) -> Option<i64> {
+        let (values, times) = (self.labels.get(name)?, self.times(stream));
+        let first = times.clone().find(|&i| values[i] > 0.0)?;
+        Some(self.t_us[first.saturating_sub(1).max(times.start)])
+    }
+
+    /// The value of the label `name` of `stream` at `t_us`; `None` without such a label. O(log
+    /// times).
+    pub(crate) fn at(&self, name: &str, stream: usize, t_us: i64) -> Option<f64> {
+        let (values, times) = (self.labels.get(name)?, self.times(stream));
+        let after = times.start + self.t_us[times.clone()].partition_point(|&time| time <= t_us);
+        let value = |i: usize| f64::from(values[i]);
+        if after == times.start {
+            return Some(value(after));
+        }
+        if after == times.end {
+            return Some(value(after - 1));
+        }
+        let (from, to) = (self.t_us[after - 1], self.t_us[after]);
+        let share = t_us.abs_diff(from) as f64 / to.abs_diff(from) as f64;
+        Some(value(after - 1) + share * (value(after) - value(after - 1)))
+    }
+
+    fn times(&self, stream: usize) -> Range<usize> {
+        self.start[stream]..self.start[stream + 1]
+    }
+}
+
+/// A value of `list` that is not as `expected`.
+pub(crate) fn value(list: &str, index: usize, expected: String, found: String) -> StreamsError {
+    StreamsError::Value { list: list.to_owned(), index, expected, found }
+}
+
+/// Bounds of streams among `count` events or times.
+pub(crate) fn bounds(start: &[i64], count: usize) -> Result<Vec<usize>, StreamsError> {
+    let mut bounds = Vec::with_capacity(start.len());
+    let mut least = 0;
+    for (i, &at) in start.iter().enumerate() {
+        let most = if i == 0 { 0 } else { count };
+        let least_here = if i + 1 == start.len() { count } else { least };
+        match usize::try_from(at) {
+            Ok(at) if (least_here..=most).contains(&at) => {
+                bounds.push(at);
+                least = at;
+            }
+            _ => return Err(value("start", i, format!("{least_here} to {most}"), at.to_string())),
+        }
+    }
+    Ok(bounds)
+}
+
+/// The values of a vector of I64, `count` of them where that is known.
+pub(crate) fn integers(
+    file: &SafeTensors<'_>,
+    name: &str,
+    count: Option<usize>,
+) -> Result<Vec<i64>, StreamsError> {
+    let expected = || match count {
+        Some(count) => format!("I64 ({count})"),
+        None => "I64 (any number)".to_owned(),
+    };
+    let wrong = |found: String| StreamsError::Tensor { tensor: name.to_owned(), expected: expected(), found };
+    let view = file.tensor(name).map_err(|_| wrong("nothing".to_owned()))?;
+    let fits = view.shape().len() == 1 && count.is_none_or(|count| view.shape() == [count]);
+    if view.dtype() != Dtype::I64 || !fits {
+        return Err(wrong(format!("{:?} {:?}", view.dtype(), view.shape())));
+    }
+    let value = |bytes: &[u8]| bytes.iter().rev().fold(0, |value, &byte| value << 8 | i64::from(byte));
+    Ok(view.data().chunks_exact(8).map(value).collect())
 }

@@ -94,31 +94,3 @@ impl Classes {
         Some(Answer { class, probabilities: Values(&self.probabilities) })
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::{Classes, Values};
-
-    #[test]
-    fn digits_restore_every_bit_through_f64_and_through_f32() {
-        let mut values = vec![0.0, -0.0, 0.1, 7.038_531e-26, f32::MIN_POSITIVE, f32::MAX, f32::from_bits(1)];
-        values.extend((0..2000_u32).map(|i| f32::from_bits(i.wrapping_mul(2_654_435_761) & 0xbf7f_ffff)));
-        let text = serde_json::to_string(&Values(&values)).expect("numbers are JSON");
-        for (value, digits) in values.iter().zip(text.trim_matches(['[', ']']).split(',')) {
-            let through = [digits.parse::<f64>().map(|v| v as f32).ok(), digits.parse::<f32>().ok()];
-            assert!(
-                through.iter().all(|v| v.map(f32::to_bits) == Some(value.to_bits())),
-                "{value}: {digits}"
-            );
-        }
-    }
-
-    #[test]
-    fn values_that_are_no_logits_have_no_answer() {
-        let mut classes = Classes::new(Some(vec!["a".to_owned(), "b".to_owned()]));
-        assert_eq!(classes.update(&[0.0, 2.0]).map(|(class, _)| class), Some(1));
-        assert_eq!(classes.answer().map(|answer| answer.class), Some("b"));
-        assert!(classes.update(&[0.0; 3]).is_none() && classes.answer().is_none());
-        assert!(Classes::default().update(&[1.0]).is_none());
-    }
-}

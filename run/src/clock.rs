@@ -85,19 +85,3 @@ impl Clock {
         false
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::Clock;
-    use std::time::{Duration, Instant};
-
-    #[test]
-    fn at_twice_the_speed_a_second_of_the_stream_takes_half_a_second() {
-        let start = Instant::now();
-        let clock = Clock::new(start, 1_000_000, 2.0);
-        assert_eq!(clock.at(2_000_000), start + Duration::from_millis(500));
-        assert_eq!(clock.stream_us(start + Duration::from_millis(500)), 2_000_000);
-        assert_eq!(clock.at(0), start);
-        assert!(clock.at(i64::MAX) > start && Clock::new(start, i64::MIN, 1e-6).at(i64::MAX) > start);
-    }
-}

@@ -186,35 +186,3 @@ impl CallLatencies {
         self.push_predict.add(&other.push_predict);
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::Latency;
-    use std::time::Duration;
-
-    #[test]
-    fn the_share_of_longer_durations_falls_to_0() {
-        let mut latency = Latency::new();
-        for us in [10, 10, 20, 40] {
-            latency.record(Duration::from_micros(us));
-        }
-        let points = latency.longer();
-        let shares: Vec<f64> = points.iter().map(|point| point.1).collect();
-        assert_eq!(shares, [0.5, 0.25, 0.0]);
-        assert!(points.iter().zip([10.0, 20.0, 40.0]).all(|(point, us)| (point.0 / us - 1.0).abs() < 2e-3));
-    }
-
-    #[test]
-    fn quantiles_are_in_microseconds_and_the_maximum_is_exact() {
-        let mut latency = Latency::new();
-        assert_eq!(latency.quantiles(), None);
-        for us in 1..=1000 {
-            latency.record(Duration::from_micros(us));
-        }
-        latency.record(Duration::from_nanos(123_456_789));
-        let quantiles = latency.quantiles().expect("it is not empty");
-        assert!((quantiles.p50 - 501.0).abs() < 2.0 && (quantiles.p99 - 991.0).abs() < 2.0);
-        assert_eq!(quantiles.max, 123_456.789);
-        assert_eq!(latency.total(), Duration::from_nanos(500_500_000 + 123_456_789));
-    }
-}

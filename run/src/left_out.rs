@@ -1,8 +1,17 @@
-//! What a reader left out of a recording or took for granted, told to the user.
+//! What is left out of a recording or a text, or taken for granted, told to the user.
+//!
+//! Lines of a text that cannot be read are logged, counted and skipped. Enters: the problem of each
+//! line. Leaves: a warning for each of the first [`LINES_TOLD`] lines, the total number, and an
+//! error if a line cannot be skipped: any line of a strict source, or most lines of a text.
 
-use meissner_io::{LeftOut, LeftOutKind, Recording};
+use std::path::Path;
+
+use meissner_io::{LeftOut, LeftOutKind, Recording, is_mostly_refused};
 use serde::Serialize;
 
+use crate::error::RunError;
+use crate::losses::LINES_TOLD;
+use crate::streams;
 use crate::text::grouped;
 
 /// What was left out of a recording for one reason.
@@ -45,5 +54,124 @@ pub(crate) fn warn(name: &str, recording: &Recording) {
         if left_out.count > left_out.first.len() as u64 {
             tracing::warn!("{name}: more lines are refused; the summary says how many");
         }
+    }
+}
+
+/// Number of first lines of which more than half may not be refused. Otherwise the text probably
+/// has a different format. For a shorter text, all lines count.
+pub(crate) const FIRST: u64 = 100;
+
+/// Counts of the refused and the taken lines of a text.
+#[derive(Debug)]
+pub(crate) struct LineErrors {
+    /// Name of the text, for messages.
+    name: String,
+    strict: bool,
+    /// Whether anybody can send lines: most of them may be refused.
+    of_anybody: bool,
+    taken: u64,
+    count: u64,
+    /// Problems of the first lines until one is taken. Before that, the text may have a different
+    /// format.
+    held: Vec<String>,
+    /// The problem of the first refused line.
+    first: String,
+}
+
+impl LineErrors {
+    /// Counts for the text called `name`. With `strict`, the first refused line is an error.
+    pub(crate) fn new(name: &str, strict: bool) -> Self {
+        let (name, held, first) = (name.to_owned(), Vec::new(), String::new());
+        Self { name, strict, of_anybody: false, taken: 0, count: 0, held, first }
+    }
+
+    /// Counts for the file or stream `path`. Datagrams may be from anybody: any number of them may
+    /// be refused.
+    pub(crate) fn of(path: &Path, strict: bool) -> Self {
+        let of_anybody = streams::is_of_datagrams(path);
+        Self { of_anybody, ..Self::new(&streams::name(path), strict) }
+    }
+
+    /// The name of the text.
+    pub(crate) fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// The number of refused lines.
+    pub(crate) fn count(&self) -> u64 {
+        self.count
+    }
+
+    /// The number of taken lines.
+    pub(crate) fn taken(&self) -> u64 {
+        self.taken
+    }
+
+    /// Counts a line that could be read.
+    pub(crate) fn take(&mut self) {
+        self.taken += 1;
+        for held in std::mem::take(&mut self.held) {
+            self.warn(&held);
+        }
+    }
+
+    /// Counts a line that is refused because of `problem`, which names the line.
+    ///
+    /// # Errors
+    /// The source is strict, or most lines are refused.
+    pub(crate) fn refuse(&mut self, problem: String) -> Result<(), RunError> {
+        if self.strict {
+            return Err(RunError::Line { recording: self.name.clone(), problem });
+        }
+        self.count += 1;
+        if self.count == 1 {
+            self.first.clone_from(&problem);
+        }
+        let problem = match self.count {
+            ..=LINES_TOLD => Some(problem),
+            count if count == LINES_TOLD + 1 => {
+                Some("more lines are refused; the summary says how many".to_owned())
+            }
+            _ => None,
+        };
+        match problem {
+            Some(problem) if self.taken == 0 && !self.of_anybody => self.held.push(problem),
+            Some(problem) => self.warn(&problem),
+            None => {}
+        }
+        if !self.of_anybody && is_mostly_refused(self.count, self.taken, false) {
+            Err(self.most(FIRST))
+        } else {
+            Ok(())
+        }
+    }
+
+    /// Ends the text.
+    ///
+    /// # Errors
+    /// Most lines were refused.
+    pub(crate) fn end(&self) -> Result<(), RunError> {
+        let lines = self.taken + self.count;
+        if !self.of_anybody && is_mostly_refused(self.count, self.taken, true) {
+            Err(self.most(lines))
+        } else {
+            Ok(())
+        }
+    }
+
+    /// The refused lines as a reader of files has them.
+    pub(crate) fn left_out(&self) -> Vec<LeftOut> {
+        let lines = LeftOut { kind: LeftOutKind::Lines, count: self.count, first: vec![self.first.clone()] };
+        if self.count > 0 { vec![lines] } else { Vec::new() }
+    }
+
+    fn warn(&self, problem: &str) {
+        tracing::warn!("{}: {problem}", self.name);
+    }
+
+    fn most(&self, lines: u64) -> RunError {
+        let counts = format!("{} of the first {} lines are refused", grouped(self.count), grouped(lines));
+        let problem = if lines == 1 { self.first.clone() } else { format!("{counts}; {}", self.first) };
+        RunError::Lines { recording: self.name.clone(), problem }
     }
 }

@@ -59,7 +59,6 @@ pub mod frame_feed;
 pub mod interrupt;
 pub mod latency;
 pub mod left_out;
-mod line_errors;
 pub mod live_frames;
 pub mod losses;
 pub mod memory;
@@ -78,3 +77,6 @@ pub mod training;
 pub mod work_counts;
 
 pub use error::RunError;
+
+#[cfg(test)]
+mod tests;

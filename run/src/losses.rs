@@ -194,7 +194,7 @@ impl InputLosses {
     }
 
     /// The losses since `earlier`, of the same input.
-    fn since(&self, earlier: &Self) -> Self {
+    pub(crate) fn since(&self, earlier: &Self) -> Self {
         Self {
             events: self.events.since(earlier.events),
             outside_crop: self.outside_crop.saturating_sub(earlier.outside_crop),
@@ -209,7 +209,7 @@ impl InputLosses {
     }
 
     /// A warning for each reason that lost more than [`PERCENT`] percent of the input.
-    fn warnings(&self) -> Vec<LossWarning> {
+    pub(crate) fn warnings(&self) -> Vec<LossWarning> {
         let Self { events, outside_crop, lines_refused, .. } = *self;
         let sensor = self.sensor.map_or_else(String::new, |sensor| format!(" of {sensor} pixels"));
         let outside = format!(
@@ -280,83 +280,5 @@ impl fmt::Display for Salvaged {
         let Self { events, what, place, bytes_not_read } = self;
         let (events, bytes) = (grouped(*events as u64), grouped(*bytes_not_read));
         write!(f, "{events} events kept; {what}, from {place} on, is not whole: {bytes} bytes not read")
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use std::time::{Duration, Instant};
-
-    use super::{InputLosses, LossReason, LossWatch};
-    use meissner_engine::{EventCounters, Sensor};
-
-    fn reasons(events: EventCounters, outside_crop: u64, lines_refused: u64) -> Vec<LossReason> {
-        let losses = InputLosses::of_events(events, Sensor::new(4, 4));
-        let losses = losses.with_outside_crop(outside_crop).with_lines_refused(lines_refused);
-        losses.warnings().into_iter().map(|warning| warning.reason).collect()
-    }
-
-    #[test]
-    fn a_live_stream_is_looked_at_after_a_thousand_events_and_every_second_and_a_recording_at_its_end() {
-        let looks = |live| {
-            let (mut watch, mut looks) = (LossWatch::new(live), Vec::new());
-            let start = Instant::now();
-            for ms in (0..5000).step_by(300) {
-                watch.look(
-                    ms,
-                    || start + Duration::from_millis(ms),
-                    "stream",
-                    || {
-                        looks.push(ms);
-                        InputLosses::of_events(EventCounters::default(), Sensor::new(4, 4))
-                    },
-                );
-            }
-            looks
-        };
-        assert_eq!((looks(true), looks(false)), (vec![1200, 2400, 3600, 4800], vec![]));
-    }
-
-    #[test]
-    fn the_losses_of_a_second_are_those_since_the_second_before() {
-        let losses = |pushed, late| {
-            let events = EventCounters { pushed, late, ..EventCounters::default() };
-            InputLosses::of_events(events, Sensor::new(4, 4))
-        };
-        assert!(losses(2000, 20).since(&losses(1000, 20)).warnings().is_empty());
-        let warning = losses(2000, 520).since(&losses(1000, 20)).warnings().remove(0);
-        assert_eq!((warning.reason, warning.count, warning.of), (LossReason::Late, 500, 1000));
-    }
-
-    #[test]
-    fn every_restart_is_told() {
-        let events =
-            EventCounters { pushed: 1_000_000, accepted: 1_000_000, restarts: 1, ..EventCounters::default() };
-        assert_eq!(reasons(events, 0, 0), [LossReason::Restart]);
-    }
-
-    #[test]
-    fn more_than_a_hundredth_is_warned_of_and_a_hundredth_is_not() {
-        let events = EventCounters { pushed: 1000, accepted: 500, late: 10, ..EventCounters::default() };
-        assert!(reasons(events, 5, 10).is_empty());
-        assert_eq!(reasons(EventCounters { late: 11, ..events }, 5, 0), [LossReason::Late]);
-        assert_eq!(
-            reasons(EventCounters { outside_sensor: 11, ..events }, 0, 0),
-            [LossReason::OutsideSensor]
-        );
-        assert_eq!(
-            reasons(EventCounters { time_out_of_range: 11, ..events }, 0, 0),
-            [LossReason::TimeOutOfRange]
-        );
-        assert_eq!(reasons(events, 6, 11), [LossReason::OutsideCrop, LossReason::LinesRefused]);
-        assert!(reasons(EventCounters::default(), 0, 0).is_empty());
-    }
-
-    #[test]
-    fn advice_stands_at_the_end_of_the_message_of_its_reason() {
-        let losses = InputLosses::of_lines(1).with_lines_refused(1);
-        let advice = |reason| (reason == LossReason::LinesRefused).then_some("look at them");
-        let message = losses.with_advice(advice).warnings().remove(0).message;
-        assert_eq!(message, "1 of 2 (50.0 %) lines are refused: the first are named above (look at them)");
     }
 }

@@ -8,7 +8,6 @@
 
 mod reader;
 mod summary;
-mod tally;
 
 use std::panic;
 use std::sync::Arc;
@@ -37,7 +36,7 @@ use crate::training::Training;
 use crate::work_counts::dropped;
 use reader::{Laps, Reader};
 pub use summary::{LastPrediction, PlaySummary, QueueReport, ReportCounts, Verified};
-use tally::{Tally, state};
+use summary::{Tally, state};
 
 /// Options of a play.
 #[derive(Clone, Debug)]

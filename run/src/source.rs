@@ -15,7 +15,7 @@ use meissner_io::{
 use crate::error::{RunError, chain};
 use crate::interrupt;
 use crate::left_out;
-use crate::line_errors::LineErrors;
+use crate::left_out::LineErrors;
 use crate::losses::{Advice, InputLosses, Salvaged};
 use crate::streams;
 
@@ -341,23 +341,4 @@ fn text(sensor: Option<Sensor>, events: Vec<Event>, range: Option<TimeRange>) ->
     let mut recording = Recording::of_events(Format::Csv, sensor, events);
     range.inspect(|range| range.cut(&mut recording));
     recording
-}
-
-#[cfg(test)]
-mod tests {
-    use super::Source;
-    use meissner_io::ReadOptions;
-
-    #[test]
-    fn every_so_many_events_are_those_of_step_by_and_are_counted_beforehand() {
-        let all: Vec<_> =
-            Source::open(None, &ReadOptions::default(), false, true).unwrap().map(Result::unwrap).collect();
-        for stride in [1, 2, 7, all.len(), all.len() + 1] {
-            let source = Source::open(None, &ReadOptions::default(), false, true).unwrap().every(stride);
-            assert_eq!(source.recorded(), Some(all.len() as u64));
-            let expected: Vec<_> = all.iter().copied().step_by(stride).collect();
-            assert_eq!(source.remaining(), Some(expected.len() as u64));
-            assert_eq!(source.map(Result::unwrap).collect::<Vec<_>>(), expected);
-        }
-    }
 }

@@ -32,14 +32,14 @@ pub fn is_stdin(path: &Path) -> bool {
 
 /// A stream by its name.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Stream<'a> {
+pub(crate) enum Stream<'a> {
     Stdin,
     Connect(&'a str),
     Listen(&'a str),
     Datagrams(&'a str),
 }
 
-fn stream(path: &Path) -> Option<Stream<'_>> {
+pub(crate) fn stream(path: &Path) -> Option<Stream<'_>> {
     if is_stdin(path) {
         return Some(Stream::Stdin);
     }
@@ -90,20 +90,22 @@ pub(crate) fn open(path: &Path) -> Result<interrupt::Input, RunError> {
 /// As [`open`].
 pub(crate) fn lines(path: &Path) -> Result<Box<dyn BufRead>, RunError> {
     let input = open(path)?;
-    Ok(if is_of_datagrams(path) {
-        Box::new(DatagramLines { input, lines: Vec::new(), read: 0 })
-    } else {
-        Box::new(input)
-    })
+    Ok(if is_of_datagrams(path) { Box::new(DatagramLines::new(input)) } else { Box::new(input) })
 }
 
 /// The lines of datagrams.
-struct DatagramLines<R> {
+pub(crate) struct DatagramLines<R> {
     input: R,
     /// The lines of the newest datagram, each with its end.
     lines: Vec<u8>,
     /// The number of bytes of them that were read.
     read: usize,
+}
+
+impl<R> DatagramLines<R> {
+    pub(crate) fn new(input: R) -> Self {
+        Self { input, lines: Vec::new(), read: 0 }
+    }
 }
 
 impl<R: BufRead> BufRead for DatagramLines<R> {
@@ -181,46 +183,4 @@ pub(crate) fn receiver(path: &Path) -> Result<Receiver, RunError> {
 fn without_delay(stream: TcpStream) -> io::Result<TcpStream> {
     stream.set_nodelay(true)?;
     Ok(stream)
-}
-
-#[cfg(test)]
-mod tests {
-    use std::io::{BufReader, Read};
-    use std::path::Path;
-
-    use super::{DatagramLines, Stream, is_live, stream};
-
-    #[test]
-    fn a_line_ends_with_its_datagram() {
-        /// A datagram at each read.
-        struct Datagrams(Vec<Vec<u8>>);
-
-        impl Read for Datagrams {
-            fn read(&mut self, bytes: &mut [u8]) -> std::io::Result<usize> {
-                if self.0.is_empty() { Ok(0) } else { self.0.remove(0).as_slice().read(bytes) }
-            }
-        }
-
-        let sent = ["1,2\n3", "4,5\n\n", &"6".repeat(5_000), "7"].map(|text| text.as_bytes().to_vec());
-        let input = BufReader::with_capacity(1 << 16, Datagrams(sent.to_vec()));
-        let mut text = String::new();
-        let mut lines = DatagramLines { input, lines: Vec::new(), read: 0 };
-        lines.read_to_string(&mut text).expect("it is text");
-        assert_eq!(text, "1,2\n3\n4,5\n\na line that is too long\n7\n");
-    }
-
-    #[test]
-    fn a_scheme_names_a_stream_and_anything_else_is_a_file() {
-        for (name, expected) in [
-            ("-", Some(Stream::Stdin)),
-            ("tcp://localhost:5000", Some(Stream::Connect("localhost:5000"))),
-            ("tcp-listen://0.0.0.0:5000", Some(Stream::Listen("0.0.0.0:5000"))),
-            ("udp://[::]:5000", Some(Stream::Datagrams("[::]:5000"))),
-            ("http://x", None),
-            ("a.csv", None),
-            ("./-", None),
-        ] {
-            assert_eq!((stream(Path::new(name)), is_live(Path::new(name))), (expected, expected.is_some()));
-        }
-    }
 }

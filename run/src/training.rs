@@ -128,7 +128,7 @@ impl Training {
         }
     }
 
-    fn warning(&self) -> Option<String> {
+    pub(crate) fn warning(&self) -> Option<String> {
         if self.outside == 0 {
             return None;
         }
@@ -142,46 +142,5 @@ impl Training {
             "{outside} of {all} predictions have values outside the range of the training ({}): they mean little",
             ranges.collect::<Vec<_>>().join(", ")
         ))
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::{Output, Training};
-
-    fn outputs(ranges: Option<Vec<[f64; 2]>>) -> Vec<Output> {
-        let text = |words: [&str; 2]| words.map(str::to_owned);
-        Output::all(&text(["roll", "depth"]), &text(["rad", "mm"]), ranges).expect("a range for each")
-    }
-
-    #[test]
-    fn values_beyond_a_tenth_of_the_range_and_no_numbers_are_marked_and_counted() {
-        let mut training = Training::new(&outputs(Some(vec![[-0.15708, 0.15708], [2.0, 5.0]])));
-        let mut marks = |values: [f32; 2]| {
-            training.update(&values);
-            training.newest().join(" ")
-        };
-        assert_eq!(marks([0.18, 1.71]), "");
-        assert_eq!(marks([0.19, 3.0]), "roll");
-        assert_eq!(marks([-0.19, 5.31]), "roll depth");
-        assert_eq!(marks([0.0, f32::NAN]), "depth");
-        assert_eq!(training.outside(), Some(3));
-        let expected = "3 of 4 predictions have values outside the range of the training (roll -9.0 to 9.0 deg, depth 2.0 to \
-                        5.0 mm): they mean little";
-        assert_eq!(training.warning().as_deref(), Some(expected));
-    }
-
-    #[test]
-    fn without_ranges_nothing_is_marked() {
-        let mut training = Training::new(&outputs(None));
-        training.update(&[9.0, f32::NAN]);
-        assert_eq!((training.newest().len(), training.outside(), training.warning()), (0, None, None));
-    }
-
-    #[test]
-    fn radians_are_degrees_for_people() {
-        let [roll, depth] = &outputs(None)[..] else { panic!("two outputs") };
-        assert_eq!((roll.shown_unit(), depth.shown_unit()), ("deg", "mm"));
-        assert!((roll.shown(0.5) - 28.647_889).abs() < 1e-6 && depth.shown(0.5) == 0.5);
     }
 }

@@ -32,22 +32,18 @@
 //! # Ok::<(), meissner_simulator::SimulatorError>(())
 //! ```
 
-mod convolution;
-mod drift;
 mod indenters;
-mod kernel;
-mod lens;
 mod picture;
-mod relaxation;
+mod response;
 mod sensor;
 
 use crate::error::SimulatorError;
-use convolution::Convolution;
-pub use drift::{Drift, picture_bytes};
 pub use indenters::{Indenter, LETTERS, Placed};
-pub use lens::Lens;
+pub use picture::Lens;
+pub use picture::{Drift, picture_bytes};
 pub use picture::{GelCamera, Light};
-pub use relaxation::Relaxation;
+use response::Convolution;
+pub use response::Relaxation;
 pub use sensor::GelSensor;
 
 /// Greatest depth of an indenter, as a share of the gel's thickness: beyond it a linear gel is too
@@ -206,7 +202,7 @@ impl GelSolver {
                 found: gel.friction,
             });
         }
-        let kernel = kernel::Kernel::new(&gel, &grid);
+        let kernel = response::Kernel::new(&gel, &grid);
         let convolution = Convolution::new(grid.width, grid.height, |column, row| kernel.at(column, row));
         Ok(Self { gel, grid, convolution })
     }

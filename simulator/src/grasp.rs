@@ -21,7 +21,6 @@
 //! strains, for which silicone is stiffer.
 
 mod contact;
-mod setting;
 mod view;
 
 use std::f64::consts::{PI, TAU};
@@ -32,7 +31,8 @@ use meissner_kernels::random::Random;
 use crate::gel::{Gel, GelSolver, Indenter, Placed};
 use crate::{Camera, CameraSettings, SimulatedEvent, SimulatorError};
 pub use contact::PressedPad;
-pub use setting::{DURATION_US, Look, PAD, SENSOR, STEP_US};
+pub use contact::{DURATION_US, PAD, SENSOR, STEP_US};
+pub use view::Look;
 use view::View;
 
 /// The diameters of the bolts, in millimetres.

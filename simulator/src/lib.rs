@@ -29,18 +29,17 @@
 #![deny(clippy::print_stdout, clippy::print_stderr)]
 
 mod camera;
+mod dome;
 mod error;
 pub mod gel;
 pub mod grasp;
 mod markers;
 mod membrane;
 pub mod plants;
-mod table;
-mod view;
 
 pub use camera::{Camera, CameraSettings, Cause, SimulatedEvent};
+pub use dome::DomeView;
+pub use dome::PressTable;
 pub use error::SimulatorError;
 pub use markers::{MarkerScene, MarkerTracks};
 pub use membrane::{Dome, Press, Vector};
-pub use table::PressTable;
-pub use view::DomeView;

@@ -11,16 +11,14 @@
 mod ball;
 mod datagrams;
 mod fingertip;
-mod surface;
 mod tap;
-mod wrist;
 
 pub use ball::{BallContact, BallOnGel, ball_depth_mm};
 pub use datagrams::{FingertipState, WristTarget};
 pub use fingertip::{FINGERTIP_SENSOR, Fingertip, TICK_US, presses};
-pub use surface::{COURSE, Surface};
+pub use tap::Wrist;
+pub use tap::{COURSE, Surface};
 pub use tap::{DEPTH_MM, Phase, TAP_US, depth_mm};
-pub use wrist::Wrist;
 
 /// Angles about x and y in radians: roll and pitch. They are small, so they are added and
 /// subtracted like vectors.

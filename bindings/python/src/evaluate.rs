@@ -7,10 +7,10 @@ use std::time::Duration;
 
 use meissner::frames::FrameOptions;
 use meissner::io::ReadOptions;
-use meissner_evaluate::digits::Digits;
+use meissner_evaluate::events::Digits;
 use meissner_evaluate::events::{self, EventTask};
 use meissner_evaluate::pareto::{self, AngleOptions, Progress, State, Study};
-use meissner_evaluate::touch::{TouchContainers, TouchObjects};
+use meissner_evaluate::events::{TouchContainers, TouchObjects};
 use meissner_evaluate::trainings::{Evaluation, Request};
 use meissner_evaluate::{EvaluateError, ProgressHandle, TaskName, Workers, area, force, regression, slip};
 use meissner_run::predictor::Mode;

@@ -3,7 +3,7 @@
 use std::io::{self, Write};
 
 use meissner_evaluate::NetworkReport;
-use meissner_evaluate::judged::TrainingFigures;
+use meissner_evaluate::judge::TrainingFigures;
 use meissner_evaluate::metrics::MeanStd;
 use meissner_evaluate::regression::{Errors, Options, OutputErrors, PressFigures, Report, evaluate};
 use meissner_evaluate::trainings::seed_name;

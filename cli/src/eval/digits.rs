@@ -1,6 +1,6 @@
 //! `meissner eval digits`: accuracies of networks over events for digits, event by event.
 
-use meissner_evaluate::digits::Digits;
+use meissner_evaluate::events::Digits;
 
 use super::events::JudgeArgs;
 use crate::error::CliError;

@@ -7,7 +7,7 @@ use std::io::{self, Write};
 use std::path::Path;
 
 use meissner_evaluate::events::{EventTask, Judged, Options, Report, evaluate};
-use meissner_evaluate::judged::TrainingFigures;
+use meissner_evaluate::judge::TrainingFigures;
 use meissner_evaluate::trainings::seed_name;
 use meissner_plot::{AccuracyCurve, Curves, Panel, page};
 use meissner_run::predictor::Mode;

@@ -1,6 +1,6 @@
 //! `meissner eval touch`: accuracies of networks over the events of a tactile skin, event by event.
 
-use meissner_evaluate::touch::{TouchContainers, TouchObjects};
+use meissner_evaluate::events::{TouchContainers, TouchObjects};
 use meissner_io::datasets::NeutouchSet;
 
 use super::events::JudgeArgs;

@@ -1,6 +1,6 @@
 //! Networks judged on a data set of digits over several trainings and cross-validations.
 
-use meissner_evaluate::events::folds::folds;
+use meissner_evaluate::events::folds;
 use meissner_models::{Description, Weights};
 use serde_json::{Value, json};
 

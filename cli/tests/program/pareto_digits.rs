@@ -109,7 +109,7 @@ fn folds_are_judged_together_on_every_recording_as_the_evaluation_does() {
     let (network, description) = runs.network(&small("own", &[]));
     let names: Vec<String> = digits().into_iter().map(|digit| digit.name).collect();
     let classes: Vec<usize> = digits().iter().map(|digit| digit.class).collect();
-    let folds = meissner_evaluate::events::folds::folds(&classes, 3).expect("enough recordings");
+    let folds = meissner_evaluate::events::folds(&classes, 3).expect("enough recordings");
     for fold in 0..3 {
         let held_out: Vec<&String> =
             names.iter().zip(&folds).filter(|(_, own)| **own == fold).map(|(name, _)| name).collect();

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use meissner_engine::Event;
-use meissner_evaluate::events::folds::folds;
+use meissner_evaluate::events::folds;
 use meissner_models::Weights;
 use safetensors::{Dtype, SafeTensors};
 use serde_json::{Value, json};

@@ -10,7 +10,7 @@ use safetensors::tensor::{Dtype, SafeTensors, TensorView};
 use serde::Serialize;
 
 use crate::error::{EvaluateError, RequestPart, StreamsError};
-use crate::tensors::{bounds, integers};
+use crate::streams::{bounds, integers};
 
 /// Where pictures come from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
@@ -128,7 +128,7 @@ impl Set {
             .iter()
             .position(|v| !v.is_finite() || *v < least)
         {
-            Some(at) => Err(crate::tensors::value(
+            Some(at) => Err(crate::streams::value(
                 list,
                 at,
                 format!("a finite number of at least {least}"),

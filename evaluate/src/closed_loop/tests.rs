@@ -1,7 +1,7 @@
 use meissner_simulator::gel::GelSensor;
 
 use super::{Delays, Goal, MAX_N, PERIOD_S, Plan, Report, Variation, run, saw_tooth};
-use crate::area::small::red;
+use crate::area::tests::red;
 use crate::error::EvaluateError;
 use crate::trainings::Request;
 
@@ -94,5 +94,56 @@ fn what_is_no_loop_is_refused() {
     {
         let error = report(Goal::Marble, seconds, &[variation]).err().expect("it is refused");
         assert!(matches!(error, EvaluateError::Request { .. }), "{error}");
+    }
+}
+
+mod line {
+    use std::convert::Infallible;
+    use std::time::Duration;
+
+    use meissner_simulator::plants::BallContact;
+
+    use crate::closed_loop::line::{Delays, Line};
+
+    /// A network that takes a millisecond and says the first byte of a picture.
+    #[expect(clippy::unnecessary_wraps, reason = "networks may fail")]
+    fn says(picture: &[u8]) -> Result<(BallContact, Duration), Infallible> {
+        let reading = BallContact { force_n: picture[0].into(), middle_mm: None };
+        Ok((reading, Duration::from_millis(1)))
+    }
+
+    fn line(delays: Delays, pictures: &[f64]) -> Line {
+        let mut line = Line::new(delays, 3);
+        for (number, &now_us) in pictures.iter().enumerate() {
+            let pushed = line.push(now_us, || Ok(vec![number as u8]), &mut says);
+            pushed.expect("it never fails");
+        }
+        line
+    }
+
+    #[test]
+    fn a_busy_network_takes_the_newest_picture_when_it_is_free() {
+        let delays = Delays { slower: 2.5, stale_us: 300, ..Delays::default() };
+        let mut line = line(delays, &[0.0, 1000.0, 2000.0, 3000.0]);
+        line.advance(9000.0, &mut says).expect("it never fails");
+        let found: Vec<_> = line
+            .readings
+            .iter()
+            .map(|timed| (timed.reading.force_n, timed.taken_us, timed.ready_us))
+            .collect();
+        // Picture 1 is replaced by 2 at 2000, which begins at 2500; 3 waits until 5000.
+        assert_eq!(found, [(0.0, 0.0, 2800.0), (2.0, 2000.0, 5300.0), (3.0, 3000.0, 7800.0)]);
+        assert_eq!(line.newest(2799.0), None);
+        assert_eq!(line.newest(5299.0).map(|timed| timed.taken_us), Some(0.0));
+        assert_eq!(line.newest(1e9).map(|timed| timed.taken_us), Some(3000.0));
+    }
+
+    #[test]
+    fn lost_pictures_are_about_their_share_and_a_network_never_sees_them() {
+        let times: Vec<f64> = (0..1000).map(|i| 10_000.0 * f64::from(i)).collect();
+        let half = line(Delays { lost: 0.5, ..Delays::default() }, &times);
+        assert!((400..600).contains(&half.lost), "{}", half.lost);
+        assert_eq!(half.readings.len() as u64 + half.lost, 1000);
+        assert_eq!(line(Delays { lost: 1.0, ..Delays::default() }, &times).readings.len(), 0);
     }
 }

@@ -24,8 +24,7 @@ use serde_json::json;
 
 use super::{EventData, EventTask, lost};
 use crate::error::{EvaluateError, weights_error};
-use crate::judge::{Judge, JudgedTrial, NetworkReport, judge};
-use crate::judged::{self, Figures};
+use crate::judge::{Figures, Judge, JudgedTrial, NetworkReport, judge};
 use crate::metrics::{Confusion, MeanStd, mean_interval, predicted, wilson_95};
 use crate::trainings::{EvaluatedNetwork, Evaluation, Request, Training, candidates};
 use crate::trials::Trial;
@@ -90,7 +89,7 @@ pub struct Protocols {
 }
 
 /// Figures of several trainings on the same recordings.
-pub type Judged = judged::Judged<OverTime>;
+pub type Judged = crate::judge::Judged<OverTime>;
 
 /// Figures of answers that change over time; `T` is a number for one training and [`MeanStd`] for
 /// several.
@@ -182,13 +181,13 @@ struct OfEvents<'a, T> {
 
 /// Predictions for a recording.
 #[derive(Debug, PartialEq)]
-struct Outcome {
+pub(super) struct Outcome {
     /// The class at each time before the end, and the class at the end.
-    answers: Vec<usize>,
+    pub(super) answers: Vec<usize>,
     /// The outputs at the end.
-    logits: Vec<f32>,
+    pub(super) logits: Vec<f32>,
     /// Time of the newest event since the first one.
-    end_us: i64,
+    pub(super) end_us: i64,
 }
 
 impl<T: EventTask> Judge for OfEvents<'_, T> {
@@ -282,7 +281,12 @@ fn outcome(
 impl OverTime {
     /// The figures of `outcomes`, each with its true one of so many `classes`, at so many `times`;
     /// `None` for no outcomes.
-    fn new(classes: usize, outcomes: &[(usize, &Outcome)], every_us: i64, times: usize) -> Option<Self> {
+    pub(super) fn new(
+        classes: usize,
+        outcomes: &[(usize, &Outcome)],
+        every_us: i64,
+        times: usize,
+    ) -> Option<Self> {
         let recordings = outcomes.len() as u64;
         let right_at =
             |time| outcomes.iter().filter(|(truth, outcome)| outcome.at(time) == *truth).count() as u64;
@@ -347,17 +351,14 @@ impl Outcome {
 
 /// The index of the first of `answers`, in order of time, from which on all are `truth`; `None`
 /// where the last one is not, or where there are no answers. O(n).
-fn correct_from(answers: &[usize], truth: usize) -> Option<usize> {
+pub(super) fn correct_from(answers: &[usize], truth: usize) -> Option<usize> {
     let wrong = answers.iter().rposition(|&answer| answer != truth);
     let first = wrong.map_or(0, |last_wrong| last_wrong + 1);
     (first < answers.len()).then_some(first)
 }
 
 /// The lower median of `times`, where `None` is later than all times.
-fn lower_median(mut times: Vec<Option<i64>>) -> Option<i64> {
+pub(super) fn lower_median(mut times: Vec<Option<i64>>) -> Option<i64> {
     times.sort_unstable_by_key(|time| time.unwrap_or(i64::MAX));
     times.get(times.len().checked_sub(1)? / 2).copied().flatten()
 }
-
-#[cfg(test)]
-mod tests;

@@ -1,10 +1,16 @@
-//! A network on a recording of a grasp.
+//! A network on a recording of a grasp, and its errors: over all frames, by phase, by bolt.
 
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use meissner_engine::Event;
+use meissner_simulator::grasp::Phase;
+use serde::Serialize;
 
 use crate::error::EvaluateError;
+use crate::judge::Figures;
+use crate::metrics::MeanStd;
+use crate::metrics::{bhattacharyya, time_warping};
+use crate::regression::Work;
 use crate::regression::engine::{Count, PressEngine};
 use crate::regression::press::{Presses, TimedPrediction, newest};
 
@@ -98,4 +104,148 @@ pub(crate) fn run(
         update_ns,
         push_ns,
     })
+}
+
+/// Width of the bins of Bhattacharyya's distance, in newtons.
+const BIN_N: f64 = 0.1;
+
+/// Figures of a network on recordings; `T` is a number for one training and [`MeanStd`] for
+/// several.
+#[derive(Serialize)]
+pub struct ForceErrors<T = f64> {
+    /// Number of recordings.
+    pub recordings: u64,
+    /// All frames, those of each phase, and those of each bolt.
+    pub parts: Vec<PartErrors<T>>,
+    /// Mean over the recordings of the distance of dynamic time warping between predicted and true
+    /// force, in newtons.
+    pub time_warping: T,
+    /// Bhattacharyya's distance between the histograms of all predicted and all true forces; `None`
+    /// where they share no bin.
+    pub bhattacharyya: Option<T>,
+    /// Mean squared error, in square newtons, of the newest prediction that a reader has at each
+    /// millisecond; `None` where no prediction came in time.
+    pub newest: Option<T>,
+    /// Events and work of all trainings together.
+    pub work: Work,
+}
+
+/// Errors of some of the frames.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct PartErrors<T = f64> {
+    /// What the frames have in common: "all", a phase, or a bolt such as "8 mm".
+    pub part: String,
+    /// Number of frames.
+    pub frames: u64,
+    /// Mean squared error in square newtons.
+    pub mse: T,
+    /// Standard deviation of the recordings' own mean squared errors; 0 for a single recording.
+    pub mse_std: T,
+    /// Mean absolute error in newtons.
+    pub mae: T,
+    /// Standard deviation of the recordings' own mean absolute errors; 0 for a single recording.
+    pub mae_std: T,
+}
+
+impl ForceErrors {
+    /// The figures of these `outcomes`; `None` for none.
+    pub(super) fn new(outcomes: &[Outcome]) -> Option<Self> {
+        let mut parts = vec![PartErrors::of("all", outcomes, |_, _| true)?];
+        for (number, phase) in Phase::ALL.into_iter().enumerate() {
+            let is_in = |outcome: &Outcome, frame: usize| outcome.phases[frame] == Some(number);
+            parts.extend(PartErrors::of(phase.name(), outcomes, is_in));
+        }
+        let mut bolts: Vec<f64> = outcomes.iter().filter_map(|outcome| outcome.bolt_mm).collect();
+        bolts.sort_unstable_by(f64::total_cmp);
+        bolts.dedup();
+        for bolt in bolts {
+            let is_of = |outcome: &Outcome, _| outcome.bolt_mm == Some(bolt);
+            parts.extend(PartErrors::of(&format!("{bolt} mm"), outcomes, is_of));
+        }
+        let warped = |outcome: &Outcome| time_warping(&outcome.values, &outcome.truth);
+        let all = |of: fn(&Outcome) -> &[f64]| outcomes.iter().flat_map(of).copied().collect::<Vec<f64>>();
+        let newest: Vec<f64> = outcomes.iter().filter_map(|outcome| outcome.newest).collect();
+        let mut work = Work::default();
+        for outcome in outcomes {
+            work.presses += 1;
+            work.events += outcome.events;
+            work.predictions += outcome.update_ns.len() as u64;
+            work.rows += outcome.count.rows;
+            work.multiply_adds += outcome.count.multiply_adds;
+            outcome.update_ns.iter().for_each(|&ns| work.update_us.record(Duration::from_nanos(ns)));
+        }
+        Some(Self {
+            recordings: outcomes.len() as u64,
+            parts,
+            time_warping: MeanStd::over(outcomes, warped)?.mean,
+            bhattacharyya: bhattacharyya(
+                &all(|outcome| &outcome.values),
+                &all(|outcome| &outcome.truth),
+                BIN_N,
+            ),
+            newest: MeanStd::of(&newest).map(|newest| newest.mean),
+            work,
+        })
+    }
+}
+
+impl PartErrors {
+    /// The errors of the frames that are in the part; `None` for no frames.
+    pub(crate) fn of(
+        part: &str,
+        outcomes: &[Outcome],
+        is_in: impl Fn(&Outcome, usize) -> bool,
+    ) -> Option<Self> {
+        let (mut squares, mut absolutes) = (Vec::new(), Vec::new());
+        let (mut own_squares, mut own_absolutes) = (Vec::new(), Vec::new());
+        for outcome in outcomes {
+            let errors = outcome.values.iter().zip(&outcome.truth).enumerate();
+            let errors = errors.filter(|&(frame, _)| is_in(outcome, frame));
+            let errors: Vec<f64> = errors.map(|(_, (value, truth))| value - truth).collect();
+            own_squares.extend(MeanStd::over(&errors, |error| error * error).map(|own| own.mean));
+            own_absolutes.extend(MeanStd::over(&errors, |error| error.abs()).map(|own| own.mean));
+            squares.extend(errors.iter().map(|error| error * error));
+            absolutes.extend(errors.iter().map(|error| error.abs()));
+        }
+        Some(Self {
+            part: part.to_owned(),
+            frames: squares.len() as u64,
+            mse: MeanStd::of(&squares)?.mean,
+            mse_std: MeanStd::of(&own_squares)?.std.unwrap_or(0.0),
+            mae: MeanStd::of(&absolutes)?.mean,
+            mae_std: MeanStd::of(&own_absolutes)?.std.unwrap_or(0.0),
+        })
+    }
+}
+
+impl Figures for ForceErrors {
+    type Mean = ForceErrors<MeanStd>;
+
+    fn mean(each: &[&Self]) -> Option<ForceErrors<MeanStd>> {
+        let first = each.first()?;
+        let mut work = Work::default();
+        each.iter().for_each(|one| work.add(&one.work));
+        let part = |i: usize| {
+            let parts: Vec<&PartErrors> = each.iter().filter_map(|one| one.parts.get(i)).collect();
+            Some(PartErrors {
+                part: first.parts[i].part.clone(),
+                frames: first.parts[i].frames,
+                mse: MeanStd::over(&parts, |part| part.mse)?,
+                mse_std: MeanStd::over(&parts, |part| part.mse_std)?,
+                mae: MeanStd::over(&parts, |part| part.mae)?,
+                mae_std: MeanStd::over(&parts, |part| part.mae_std)?,
+            })
+        };
+        let of = |figure: fn(&Self) -> Option<f64>| {
+            MeanStd::of(&each.iter().filter_map(|one| figure(one)).collect::<Vec<_>>())
+        };
+        Some(ForceErrors {
+            recordings: first.recordings,
+            parts: (0..first.parts.len()).map(part).collect::<Option<_>>()?,
+            time_warping: MeanStd::over(each, |one| one.time_warping)?,
+            bhattacharyya: of(|one| one.bhattacharyya),
+            newest: of(|one| one.newest),
+            work,
+        })
+    }
 }

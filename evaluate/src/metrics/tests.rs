@@ -175,3 +175,125 @@ proptest! {
         prop_assert!((high - slow_bound(share, 1.0, n)).abs() < 1e-9, "{}", high);
     }
 }
+
+mod clusters {
+    use crate::metrics::{clustered_95, student_95};
+
+    #[test]
+    fn quantiles_are_those_of_the_tables() {
+        let table = [
+            (1, 12.706_204_736),
+            (2, 4.302_652_730),
+            (3, 3.182_446_305),
+            (4, 2.776_445_105),
+            (5, 2.570_581_836),
+            (10, 2.228_138_852),
+            (29, 2.045_229_642),
+            (30, 2.042_272_456),
+            (100, 1.983_971_519),
+        ];
+        for (freedom, expected) in table {
+            let found = student_95(freedom);
+            assert!((found - expected).abs() < 1e-8, "{freedom}: {found}");
+        }
+        assert!((student_95(100_000) - 1.959_988).abs() < 1e-6);
+    }
+
+    #[test]
+    fn clusters_of_one_size_give_the_interval_of_their_means() {
+        // Means 1, 2 and 6 of two figures each: mean 3, deviation sqrt(7), t of 2 degrees.
+        let (low, high) = clustered_95(&[(2.0, 2), (4.0, 2), (12.0, 2)]).expect("three clusters");
+        let reach = 4.302_652_730 * (7.0_f64 / 3.0).sqrt();
+        assert!((low - (3.0 - reach)).abs() < 1e-8 && (high - (3.0 + reach)).abs() < 1e-8, "{low} {high}");
+    }
+
+    #[test]
+    fn larger_clusters_weigh_more_and_empty_ones_nothing() {
+        // One figure of 4 and three of 1: mean 7/4; s - r n is 9/4 and -9/4, so v is 2 * (81/8) /
+        // 16.
+        let (low, high) = clustered_95(&[(4.0, 1), (0.0, 0), (3.0, 3)]).expect("two clusters");
+        let reach = 12.706_204_736 * (81.0_f64 / 64.0).sqrt();
+        assert!((low - (1.75 - reach)).abs() < 1e-7 && (high - (1.75 + reach)).abs() < 1e-7, "{low} {high}");
+        assert_eq!(clustered_95(&[(4.0, 2), (0.0, 0)]), None);
+        assert_eq!(clustered_95(&[]), None);
+        assert_eq!(clustered_95(&[(1.0, 1), (1.0, 1)]), Some((1.0, 1.0)));
+    }
+}
+
+mod distances {
+    use std::collections::BTreeMap;
+
+    use proptest::prelude::*;
+
+    use crate::metrics::{bhattacharyya, time_warping};
+
+    /// The least cost over every path, one after the other.
+    fn over_all_paths(a: &[f64], b: &[f64]) -> f64 {
+        let here = (a[0] - b[0]).abs();
+        let mut rest = Vec::new();
+        if a.len() > 1 {
+            rest.push(over_all_paths(&a[1..], b));
+        }
+        if b.len() > 1 {
+            rest.push(over_all_paths(a, &b[1..]));
+        }
+        if a.len() > 1 && b.len() > 1 {
+            rest.push(over_all_paths(&a[1..], &b[1..]));
+        }
+        here + rest.into_iter().reduce(f64::min).unwrap_or(0.0)
+    }
+
+    fn naive_bhattacharyya(a: &[f64], b: &[f64], width: f64) -> Option<f64> {
+        let share = |values: &[f64]| {
+            let mut bins = BTreeMap::new();
+            for value in values {
+                *bins.entry((value / width).floor() as i64).or_insert(0.0) += 1.0 / values.len() as f64;
+            }
+            bins
+        };
+        let (p, q) = (share(a), share(b));
+        let sum: f64 = p.iter().map(|(bin, p): (_, &f64)| (p * q.get(bin).unwrap_or(&0.0)).sqrt()).sum();
+        (sum > 0.0).then(|| -sum.ln())
+    }
+
+    proptest! {
+        #[test]
+        fn time_warping_is_the_cheapest_of_all_paths(
+            a in prop::collection::vec(-3.0..3.0, 1..6),
+            b in prop::collection::vec(-3.0..3.0, 1..6),
+        ) {
+            let (found, expected) = (time_warping(&a, &b), over_all_paths(&a, &b));
+            prop_assert!((found - expected).abs() < 1e-9, "{found}, {expected}");
+            prop_assert!((found - time_warping(&b, &a)).abs() < 1e-9, "it is symmetric");
+            let point_by_point: f64 = a.iter().zip(&b).map(|(a, b)| (a - b).abs()).sum();
+            prop_assert!(a.len() != b.len() || found <= point_by_point + 1e-9);
+        }
+
+        #[test]
+        fn bhattacharyyas_distance_is_that_of_histograms(
+            a in prop::collection::vec(-3.0..3.0, 1..40),
+            b in prop::collection::vec(-3.0..3.0, 1..40),
+            width in 0.05..2.0,
+        ) {
+            match (bhattacharyya(&a, &b, width), naive_bhattacharyya(&a, &b, width)) {
+                (Some(found), Some(expected)) => prop_assert!((found - expected).abs() < 1e-9),
+                (found, expected) => prop_assert_eq!(found.is_some(), expected.is_some()),
+            }
+            prop_assert!(bhattacharyya(&a, &a, width).expect("equal histograms") < 1e-12);
+        }
+    }
+
+    #[test]
+    fn a_series_that_only_comes_later_is_near_in_time_warping() {
+        let (early, late) = ([0.0, 1.0, 2.0, 0.0, 0.0], [0.0, 0.0, 1.0, 2.0, 0.0]);
+        assert_eq!(time_warping(&early, &late), 0.0);
+        assert_eq!(time_warping(&[], &[]), 0.0);
+        assert_eq!(time_warping(&[], &late), f64::INFINITY);
+    }
+
+    #[test]
+    fn histograms_that_share_nothing_have_no_distance() {
+        assert_eq!(bhattacharyya(&[0.0], &[5.0], 1.0), None);
+        assert_eq!(bhattacharyya(&[], &[5.0], 1.0), None);
+    }
+}

@@ -139,7 +139,7 @@ pub(super) fn take_turns<N, I, E>(
 
 impl Timing {
     /// Times over repeats (setting, exact).
-    fn of(laps: &[(Lap, Lap)]) -> Self {
+    pub(super) fn of(laps: &[(Lap, Lap)]) -> Self {
         let own = || laps.iter().map(|(own, _)| own);
         let push_predict_us = time(own(), |event| event.1);
         let exact_us = time(laps.iter().map(|(_, exact)| exact), |event| event.1).mean;
@@ -168,7 +168,7 @@ fn time<'a>(laps: impl Iterator<Item = &'a Lap>, of: fn(&(Duration, Duration)) -
 }
 
 /// The median, for an even number the mean of both middle times; 0 for no times.
-fn median(mut times: Vec<Duration>) -> Duration {
+pub(super) fn median(mut times: Vec<Duration>) -> Duration {
     times.sort_unstable();
     match times.len() {
         0 => Duration::ZERO,
@@ -230,5 +230,21 @@ impl Sum {
     }
 }
 
-#[cfg(test)]
-mod tests;
+/// Source of the weights of so many trainings.
+pub(super) fn timed_label(trainings: usize, first: &str) -> String {
+    if trainings == 1 { first.to_owned() } else { format!("{trainings} trainings, timed with {first}") }
+}
+
+/// Some of the recordings `chosen`, as far apart as possible: at least one, and with about `count`
+/// events.
+pub(super) fn spread(chosen: &[usize], events: impl Fn(usize) -> usize, count: usize) -> Vec<usize> {
+    let all: usize = chosen.iter().map(|&place| events(place)).sum();
+    // A recording has at least one event.
+    let mean = (all / chosen.len()).max(1);
+    evenly(chosen, count.div_ceil(mean).min(chosen.len()))
+}
+
+/// `count` of `items`, as far apart as possible.
+pub(super) fn evenly<T: Copy>(items: &[T], count: usize) -> Vec<T> {
+    (0..count).map(|i| items[(2 * i + 1) * items.len() / (2 * count)]).collect()
+}

@@ -73,7 +73,7 @@ impl Serialize for Compared {
 impl Compared {
     /// The first kind of error of a task that all settings have; without one, the error against the
     /// exact outputs.
-    fn of(networks: &[NetworkReport]) -> Self {
+    pub(super) fn of(networks: &[NetworkReport]) -> Self {
         let settings = || networks.iter().flat_map(|network| &network.settings);
         let kind = |setting: &SettingReport| setting.measurement.task.first().map(|task| task.kind);
         let first = settings().next().and_then(kind);
@@ -276,7 +276,7 @@ const NOTICEABLE: f64 = 1.02;
 
 /// The fastest setting of each network within each bound of its exact error, the exact one
 /// included; the first of equally fast ones.
-fn fastest(networks: &[NetworkReport], compared: Compared) -> Vec<Fastest> {
+pub(super) fn fastest(networks: &[NetworkReport], compared: Compared) -> Vec<Fastest> {
     let mut all = Vec::new();
     for network in networks {
         let exact = network.exact().error;
@@ -300,7 +300,7 @@ fn fastest(networks: &[NetworkReport], compared: Compared) -> Vec<Fastest> {
 }
 
 /// The fastest settings in a paragraph.
-fn summary(networks: &[NetworkReport], fastest: &[Fastest], compared: Compared) -> String {
+pub(super) fn summary(networks: &[NetworkReport], fastest: &[Fastest], compared: Compared) -> String {
     let sentence = |network: &NetworkReport| {
         let own = fastest.iter().filter(|fastest| fastest.network == network.network);
         let parts: Vec<String> = own.map(|fastest| part(fastest, network.exact(), compared)).collect();
@@ -333,6 +333,3 @@ fn part(fastest: &Fastest, exact: &SettingReport, compared: Compared) -> String 
     let error = compared.in_words(fastest.error);
     format!("{bound} the fastest is {setting}, {speed_up:.2} times as fast ({error})")
 }
-
-#[cfg(test)]
-mod tests;

@@ -1,13 +1,17 @@
-//! The settings of a network over events: which approximations, alone and together.
+//! The settings of a network: which approximations, alone and together, and their names.
 //!
 //! Enters: a network, and the mean rate of its events. Leaves: every setting that changes the
-//! network, after the exact one.
+//! network, after the exact one. Each study of frames adds those of its frames.
 
+use meissner_engine::frames::{
+    Convolution, FrameLayer, FrameLayerKind, FrameNetwork, FrameNetworkParts, FrameOptions, Skip,
+};
 use meissner_engine::{Event, Network};
+use meissner_kernels::WinogradTile;
 use meissner_run::approximations::Approximations;
 
-use super::measurement::EXACT;
 use crate::error::EvaluateError;
+use crate::pareto::measurement::EXACT;
 
 /// A network with some approximations.
 #[derive(Clone, Debug)]
@@ -168,88 +172,105 @@ pub(super) fn mean_rate(streams: &[Vec<Event>]) -> f64 {
     if us > 0.0 { events as f64 * 1e6 / us } else { 0.0 }
 }
 
-#[cfg(test)]
-mod tests {
-    use super::{mean_rate, settings};
-    use crate::regression::engine::row_costs;
-    use meissner_engine::Event;
-    use meissner_models::{Description, Weights};
-    use meissner_run::model::Model;
+/// A frame network with some approximations.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(super) struct FrameSetting {
+    pub(super) convolution: Convolution,
+    pub(super) tolerance: Option<f32>,
+    pub(super) thinning: Thinning,
+}
 
-    fn shipped(name: &str) -> meissner_engine::Network {
-        let weights = Weights::shipped(name).expect("shipped");
-        Description::shipped(name).expect("shipped").network(&weights).expect("they fit")
+/// Frames that the network does not see.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(super) enum Thinning {
+    #[default]
+    None,
+    /// All but the last `kept` of the `of` readings of a window.
+    Last { kept: usize, of: usize },
+    /// Every second frame; the answer to the one before stands for it.
+    EverySecond,
+}
+
+/// The exact setting, Winograd's convolutions, and `tolerances`, as far as they change a network of
+/// `parts`.
+pub(super) fn common(parts: &FrameNetworkParts, tolerances: &[f32]) -> Vec<FrameSetting> {
+    let exact = FrameSetting::default();
+    let mut settings = vec![exact];
+    if has_winograd(parts) {
+        let tiles = [WinogradTile::Two, WinogradTile::Four];
+        settings.extend(tiles.map(|tile| FrameSetting { convolution: Convolution::Winograd(tile), ..exact }));
     }
+    if has_pixels_to_keep(parts) {
+        settings.extend(tolerances.iter().map(|&of| FrameSetting { tolerance: Some(of), ..exact }));
+    }
+    settings
+}
 
-    #[test]
-    fn the_first_setting_is_exact_and_names_are_different() {
-        for name in ["graphres", "tactigraph", "tactigraph-frozen", "tactigraph-past"] {
-            let names: Vec<String> =
-                settings(&shipped(name), 1000.0, 0).into_iter().map(|setting| setting.name).collect();
-            assert_eq!(names[0], "exact");
-            let mut sorted = names.clone();
-            sorted.sort();
-            sorted.dedup();
-            assert_eq!(sorted.len(), names.len(), "{names:?}");
+/// What cannot be approximated in the network `name` of `parts`, for people.
+pub(super) fn notes(name: &str, parts: &FrameNetworkParts) -> Vec<String> {
+    let mut notes = Vec::new();
+    let is_3x3 = |layer: &FrameLayer| matches!(layer.kind, FrameLayerKind::Conv { kernel: 3, .. });
+    if !parts.layers.iter().any(is_3x3) {
+        notes.push(format!("{name}: no 3 x 3 convolution outside recurrent layers, so none by Winograd"));
+    } else if !has_winograd(parts) {
+        notes.push(format!(
+            "{name}: convolutions of few channels, which Winograd's algorithm does not compute"
+        ));
+    }
+    if !has_pixels_to_keep(parts) {
+        notes.push(format!("{name}: no pixel that a tolerance could keep, so none with one"));
+    }
+    notes
+}
+
+/// Whether Winograd's algorithm computes any convolution.
+pub(super) fn has_winograd(parts: &FrameNetworkParts) -> bool {
+    let network = FrameNetwork::new(parts.clone(), Convolution::Winograd(WinogradTile::Two));
+    network.is_ok_and(|network| network.has_winograd())
+}
+
+/// Whether a tolerance can keep any pixel: recurrent layers couple all pixels, and vectors have
+/// none.
+pub(super) fn has_pixels_to_keep(parts: &FrameNetworkParts) -> bool {
+    use FrameLayerKind as Kind;
+    let keeps = |kind: &Kind| {
+        matches!(kind, Kind::Conv { .. } | Kind::UpConv { .. } | Kind::MaxPool | Kind::AveragePool { .. })
+    };
+    parts.layers.iter().any(|layer| keeps(&layer.kind))
+}
+
+impl FrameSetting {
+    pub(super) fn name(self) -> String {
+        let mut names = Vec::new();
+        match self.convolution {
+            Convolution::Direct => {}
+            Convolution::Winograd(WinogradTile::Two) => names.push("winograd 2x2".to_owned()),
+            Convolution::Winograd(WinogradTile::Four) => names.push("winograd 4x4".to_owned()),
+            Convolution::Kn2row => names.push("kn2row".to_owned()),
         }
-    }
-
-    #[test]
-    fn every_setting_makes_a_network() {
-        let network = shipped("tactigraph");
-        for setting in settings(&network, 1000.0, 0) {
-            let adapted = setting.network(&network).expect("it fits");
-            assert!(setting.name != "exact" || adapted.parts().span_us == network.parts().span_us);
-            assert_eq!(row_costs(&adapted).len(), network.layers().len(), "{}", setting.name);
+        match self.thinning {
+            Thinning::None => {}
+            Thinning::Last { kept, of } => names.push(format!("steps {kept} of {of}")),
+            Thinning::EverySecond => names.push("every 2nd frame".to_owned()),
         }
+        names.extend(self.tolerance.map(|tolerance| format!("tolerance {tolerance}")));
+        if names.is_empty() { EXACT.to_owned() } else { names.join(" + ") }
     }
 
-    #[test]
-    fn settings_that_change_nothing_are_left_out() {
-        let names = |name| settings(&shipped(name), 1000.0, 0).into_iter().map(|setting| setting.name);
-        let of_past: Vec<String> = names("tactigraph-past").collect();
-        assert!(
-            !of_past.iter().any(|name| name.contains("tolerance")),
-            "rows are computed once: {of_past:?}"
-        );
-        assert!(!of_past.iter().any(|name| name.contains("neighbours 8")), "it has 8: {of_past:?}");
-        assert!(!names("digits-frozen").any(|name| name.contains("tolerance")), "its cells have no blocks");
-        assert!(names("digits-past").any(|name| name.contains("tolerance")));
+    /// The names of `settings` with their indices.
+    pub(super) fn names(settings: &[Self]) -> Vec<(usize, String)> {
+        settings.iter().map(|setting| setting.name()).enumerate().collect()
     }
 
-    #[test]
-    fn a_readout_that_is_never_stale_when_it_is_read_is_left_out() {
-        let stale = |every_us| -> Vec<String> {
-            let settings = settings(&shipped("force-graph"), 1000.0, every_us);
-            settings.into_iter().map(|setting| setting.name).filter(|name| name.contains("stale")).collect()
-        };
-        assert_eq!(stale(10_000), ["stale 20 ms"]);
-        assert!(stale(0).iter().any(|name| name == "stale 1 ms"));
+    pub(super) fn options(self) -> FrameOptions {
+        FrameOptions::new().with_skip(self.tolerance.map_or(Skip::Exact, Skip::Tolerance))
     }
 
-    #[test]
-    fn costs_of_rows_are_those_that_inspect_lists() {
-        for name in ["graphres", "tactigraph", "tactigraph-past", "digits-past", "force-graph"] {
-            let (description, weights) = (Description::shipped(name), Weights::shipped(name));
-            let (description, weights) = (description.expect("shipped"), weights.expect("shipped"));
-            let model = Model::of(&description, (&weights, String::new()), false).expect("they fit");
-            assert_eq!(row_costs(&model.network), model.multiply_adds, "{name}");
-        }
-    }
-
-    #[test]
-    fn fewer_neighbours_are_fewer_products() {
-        let network = shipped("graphres");
-        let few = network.clone().with_neighbours(2).expect("it has more");
-        let (all, few) = (row_costs(&network), row_costs(&few));
-        assert!(few[0] < all[0] && few.last() == all.last(), "{few:?} {all:?}");
-    }
-
-    #[test]
-    fn a_rate_is_of_the_time_that_passes_within_streams() {
-        let stream = |times: &[i64]| times.iter().map(|&t| Event::new(t, 0, 0, true)).collect::<Vec<_>>();
-        let (a, b) = (stream(&[0, 500_000]), stream(&[7_000_000, 7_500_000]));
-        assert_eq!(mean_rate(&[a, b]), 4.0);
-        assert_eq!(mean_rate(&[stream(&[7])]), 0.0);
+    /// Of so many frames the network sees the first.
+    pub(super) fn every(self) -> usize {
+        if self.thinning == Thinning::EverySecond { 2 } else { 1 }
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -36,9 +36,9 @@ pub(super) struct Key {
 
 /// A line of the file.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-struct Line {
-    key: Key,
-    measurement: Measurement,
+pub(super) struct Line {
+    pub(super) key: Key,
+    pub(super) measurement: Measurement,
 }
 
 /// Finished measurements, and the file that keeps them.
@@ -96,7 +96,7 @@ impl State {
 ///
 /// # Errors
 /// The number of the first line that cannot be read.
-fn parse(bytes: &[u8]) -> Result<(Vec<Line>, usize), (usize, serde_json::Error)> {
+pub(super) fn parse(bytes: &[u8]) -> Result<(Vec<Line>, usize), (usize, serde_json::Error)> {
     let mut lines = Vec::new();
     let mut begin = 0;
     for (number, text) in (1..).zip(bytes.split_inclusive(|&byte| byte == b'\n')) {
@@ -156,6 +156,3 @@ impl Fingerprint {
         format!("{:016x}", self.0.finish())
     }
 }
-
-#[cfg(test)]
-mod tests;

@@ -93,11 +93,11 @@ pub fn dome_presses(each: usize, sensor: Sensor, seed: u64, pool: &ThreadPool) -
 }
 
 /// A dome during a press.
-struct Recorded {
+pub(super) struct Recorded {
     /// Column and row of each marker in the image, in pixels.
-    markers: Vec<[f32; 2]>,
-    depth_mm: f64,
-    force_n: f64,
+    pub(super) markers: Vec<[f32; 2]>,
+    pub(super) depth_mm: f64,
+    pub(super) force_n: f64,
 }
 
 impl Recorded {
@@ -117,7 +117,7 @@ impl Recorded {
 }
 
 /// A press to the greatest depth.
-fn record(tilt: f64, azimuth: f64, sensor: Sensor) -> Vec<Recorded> {
+pub(super) fn record(tilt: f64, azimuth: f64, sensor: Sensor) -> Vec<Recorded> {
     let dome = Dome::default();
     let mut press = Press::new(&dome, tilt, azimuth);
     let view = DomeView::new(&dome, sensor);
@@ -132,42 +132,6 @@ fn record(tilt: f64, azimuth: f64, sensor: Sensor) -> Vec<Recorded> {
 
 /// When depth has risen to `share` of its end, as a share of the duration: the inverse of `3 t^2 -
 /// 2 t^3`.
-fn rising_time(share: f64) -> f64 {
+pub(super) fn rising_time(share: f64) -> f64 {
     0.5 - libm::sin(libm::asin((1.0 - 2.0 * share).clamp(-1.0, 1.0)) / 3.0)
-}
-
-#[cfg(test)]
-mod tests {
-    use meissner_engine::Sensor;
-
-    use super::{record, rising_time};
-
-    #[test]
-    fn the_depth_rises_as_the_smooth_step_says() {
-        for i in 0..=10 {
-            let time = f64::from(i) / 10.0;
-            let share = time * time * (3.0 - 2.0 * time);
-            assert!((rising_time(share) - time).abs() < 1e-9, "{share}");
-        }
-    }
-
-    #[test]
-    fn a_recorded_press_fills_the_image_and_moves_every_ring() {
-        let recorded = record(0.1, 0.7, Sensor::new(346, 260));
-        assert_eq!(recorded.len(), 31);
-        for (i, at) in recorded.iter().enumerate() {
-            assert!((at.depth_mm - 0.5 * i as f64).abs() < 1e-9);
-            assert!(
-                at.markers.iter().all(|&[x, y]| (0.0..345.0).contains(&x) && (0.0..259.0).contains(&y)),
-                "{i}"
-            );
-        }
-        assert!(recorded.windows(2).all(|pair| pair[1].force_n >= pair[0].force_n - 0.05));
-        let moved = |i: usize| {
-            let [from, to] = [&recorded[0].markers[i], &recorded[30].markers[i]];
-            (to[0] - from[0]).hypot(to[1] - from[1])
-        };
-        // The first marker of each ring that is not the top.
-        assert!((1..=7).all(|ring| moved(1 + 3 * ring * (ring - 1)) > 1.0));
-    }
 }

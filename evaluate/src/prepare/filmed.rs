@@ -1,7 +1,8 @@
-//! Marker tracks and images, filmed by the camera model.
+//! Marker tracks, images and grasps, filmed by the camera model.
 //!
 //! Enters: a safetensors file with times and positions of markers for each stream, and labels where
-//! it has them, or a sequence of images. Leaves: events with their causes, and the labels.
+//! it has them; a sequence of images; or a number of grasps and a seed. Leaves: events with their
+//! causes, and the labels.
 
 use std::path::Path;
 
@@ -10,16 +11,17 @@ use meissner_io::ImageSequence;
 use meissner_models::TensorFile;
 use meissner_run::RunError;
 use meissner_run::text::grouped;
+use meissner_simulator::gel::GelSolver;
+use meissner_simulator::grasp::{Grasp, Grip, SENSOR};
 use meissner_simulator::{Camera, CameraSettings, MarkerScene, MarkerTracks, SimulatedEvent, SimulatorError};
 use rayon::ThreadPool;
 use rayon::prelude::*;
 use safetensors::tensor::{Dtype, SafeTensors};
 use serde_json::json;
 
-use super::{Prepared, add_streams, metadata};
 use crate::error::{EvaluateError, StreamsError};
-use crate::tensors::{bounds, integers};
-use crate::truth::Truth;
+use crate::prepare::{Prepared, add_streams, metadata};
+use crate::streams::{Truth, bounds, integers};
 
 /// The events that a camera sees of the marker tracks in the safetensors file `tracks`.
 ///
@@ -146,4 +148,37 @@ fn read(bytes: &[u8]) -> Result<(Vec<MarkerTracks>, Option<Truth>), StreamsError
     };
     let tracks = start.windows(2).enumerate().map(tracks).collect::<Result<_, _>>()?;
     Ok((tracks, Truth::of_tracks(&file, start, t_us)?))
+}
+
+/// The labels of a grasp: force (N), depth (mm), area (mm2), the number of the
+/// [`Phase`](meissner_simulator::grasp::Phase), diameter of the bolt (mm).
+const LABELS: [&str; 5] = ["force", "depth", "area", "phase", "bolt"];
+
+/// `recordings` grasps of bolts of 8, 12 and 16 mm in turn; `seed` determines all of them.
+///
+/// The file has streams as [`crate::prepare::film_markers`] writes them, with `truth.force` (N),
+/// `truth.depth` (mm), `truth.area` (mm2), `truth.phase` (0 grasping, 1 holding, 2 releasing) and
+/// `truth.bolt` (mm). The threads of `pool` share the recordings, and change no bit of them.
+///
+/// Complexity: about a second of one core for each recording.
+///
+/// # Errors
+/// As [`Grasp::film`].
+pub fn grasps(recordings: usize, seed: u64, pool: &ThreadPool) -> Result<Prepared, EvaluateError> {
+    let solver = Grasp::solver()?;
+    let film = |solver: &mut GelSolver, number: usize| -> Result<_, SimulatorError> {
+        let grasp = Grasp::drawn(seed, number);
+        let (events, grips) = grasp.film(solver, CameraSettings::tactile())?;
+        let label = |grip: Grip| {
+            let Grip { t_us, force_n, depth_mm, area_mm2, phase } = grip;
+            let number = f32::from(phase as u8);
+            (t_us, [force_n as f32, depth_mm as f32, area_mm2 as f32, number, grasp.bolt_mm() as f32])
+        };
+        Ok((events, grips.into_iter().map(label).collect::<Vec<_>>()))
+    };
+    let filmed: Vec<_> = pool.install(|| {
+        (0..recordings).into_par_iter().map_init(|| solver.clone(), film).collect::<Result<_, _>>()
+    })?;
+    let (streams, labels): (Vec<_>, Vec<_>) = filmed.into_iter().unzip();
+    Ok(prepared(SENSOR, &streams, Some(Truth::of_streams(LABELS, &labels))))
 }

@@ -6,8 +6,8 @@ use meissner_run::latency::Latency;
 use serde::Serialize;
 
 use super::press::Outcome;
-use super::quantity::Quantity;
-use crate::judged::Figures;
+use super::press::Quantity;
+use crate::judge::Figures;
 use crate::metrics::MeanStd;
 
 /// Figures of a network on presses; `T` is a number for one training and [`MeanStd`] for several.

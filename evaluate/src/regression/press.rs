@@ -5,14 +5,13 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use meissner_engine::Event;
+use meissner_models::AnyDescription;
 
-use super::engine::{Count, PressEngine};
-use super::quantity::Quantity;
 use crate::error::{EvaluateError, RequestPart, StreamsError};
-use crate::streams::Streams;
+use crate::regression::engine::{Count, PressEngine};
+use crate::streams::{Streams, Truth};
 use crate::trainings::Training;
 use crate::trials::{Cases, Trial};
-use crate::truth::Truth;
 
 /// The label whose rise is the contact.
 const DEPTH: &str = "depth";
@@ -188,14 +187,14 @@ pub(crate) struct TimedPrediction {
 }
 
 impl TimedPrediction {
-    fn errors(&self, truth: &[f64]) -> Vec<f64> {
+    pub(super) fn errors(&self, truth: &[f64]) -> Vec<f64> {
         self.values.iter().zip(truth).map(|(value, truth)| (value - truth).abs()).collect()
     }
 }
 
 /// The times of predictions: every `every_us` before and after `contact` from `start` on, below
 /// `end`, and `end`.
-fn due(start: i64, contact: i64, end: i64, every_us: i64) -> impl Iterator<Item = i64> {
+pub(super) fn due(start: i64, contact: i64, end: i64, every_us: i64) -> impl Iterator<Item = i64> {
     let before = (contact - start) / every_us;
     let ticks = (-before..).map(move |tick| contact + tick * every_us);
     ticks.take_while(move |&t_us| t_us < end).chain([end])
@@ -225,7 +224,7 @@ pub(crate) fn newest(
 }
 
 /// The first time from which on the errors of all angles are small; `None` without angles.
-fn settled(errors_at: &[Vec<f64>], quantities: &[Quantity]) -> Option<usize> {
+pub(super) fn settled(errors_at: &[Vec<f64>], quantities: &[Quantity]) -> Option<usize> {
     let small = |errors: &Vec<f64>| {
         let angles = errors.iter().zip(quantities).filter(|(_, quantity)| quantity.is_angle());
         angles.map(|(error, _)| *error).all(|error| error <= SETTLED_DEG)
@@ -234,43 +233,27 @@ fn settled(errors_at: &[Vec<f64>], quantities: &[Quantity]) -> Option<usize> {
     (first < errors_at.len() && quantities.iter().any(Quantity::is_angle)).then_some(first)
 }
 
-#[cfg(test)]
-mod tests {
-    use super::{TimedPrediction, due, newest, settled};
-    use crate::regression::quantity::Quantity;
+/// An output as it is reported.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Quantity {
+    pub(crate) name: String,
+    pub(crate) unit: String,
+    /// A value times this is in `unit`.
+    pub(crate) scale: f64,
+}
 
-    #[test]
-    fn predictions_are_due_around_contact_and_at_the_end_once() {
-        let times = |start, contact, end| due(start, contact, end, 10).collect::<Vec<_>>();
-        assert_eq!(times(-25, 0, 25), [-20, -10, 0, 10, 20, 25]);
-        assert_eq!(times(5, 5, 25), [5, 15, 25]);
-        assert_eq!(times(5, 5, 5), [5]);
-    }
-
-    #[test]
-    fn a_reader_has_a_prediction_only_after_its_latency() {
-        let found =
-            |t_us: i64, available_us: f64, value| TimedPrediction { t_us, available_us, values: vec![value] };
-        let predictions = [found(0, 900.0, 5.0), found(1_000, 3_500.0, 1.0)];
-        // At 0 there is none; at 1, 2 and 3 ms the first, at 4 ms the second.
-        let errors = newest(&predictions, 0, 4_000, |held, _| held.errors(&[0.0])).expect("one came in time");
-        assert_eq!(errors, [4.0 * 4.0 / 4.0]);
-        assert!(newest(&predictions, 0, 500, |held, _| held.errors(&[0.0])).is_none());
-    }
-
-    #[test]
-    fn an_angle_has_settled_after_its_last_large_error() {
-        let quantity = |unit: &str| Quantity { name: "a".to_owned(), unit: unit.to_owned(), scale: 1.0 };
-        let (angle, depth) = (quantity("deg"), quantity("mm"));
-        let at = |errors: &[f64], quantity: &Quantity| {
-            let errors: Vec<_> = errors.iter().map(|&error| vec![error]).collect();
-            settled(&errors, std::slice::from_ref(quantity))
+impl Quantity {
+    /// The outputs of `description`: angles in radians are reported in degrees.
+    pub(crate) fn of(description: &AnyDescription) -> Vec<Self> {
+        let (names, units) = description.outputs();
+        let quantity = |(name, unit): (&String, &String)| match unit.as_str() {
+            "rad" => Self { name: name.clone(), unit: "deg".to_owned(), scale: 180.0 / std::f64::consts::PI },
+            unit => Self { name: name.clone(), unit: unit.to_owned(), scale: 1.0 },
         };
-        assert_eq!(at(&[0.5, 2.0, 1.0, 0.1], &angle), Some(2));
-        assert_eq!(
-            [at(&[0.5, 0.9], &angle), at(&[0.1, 1.1], &angle), at(&[], &angle)],
-            [Some(0), None, None]
-        );
-        assert_eq!(at(&[0.1], &depth), None);
+        names.iter().zip(units).map(quantity).collect()
+    }
+
+    pub(crate) fn is_angle(&self) -> bool {
+        self.unit == "deg"
     }
 }

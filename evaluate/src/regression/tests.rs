@@ -155,3 +155,71 @@ fn presses_without_labels_and_networks_of_other_quantities_are_refused() {
         "expected networks over events, or over signed frames of a sliding window",
     );
 }
+
+mod press {
+    use crate::regression::press::Quantity;
+    use crate::regression::press::{TimedPrediction, due, newest, settled};
+
+    #[test]
+    fn predictions_are_due_around_contact_and_at_the_end_once() {
+        let times = |start, contact, end| due(start, contact, end, 10).collect::<Vec<_>>();
+        assert_eq!(times(-25, 0, 25), [-20, -10, 0, 10, 20, 25]);
+        assert_eq!(times(5, 5, 25), [5, 15, 25]);
+        assert_eq!(times(5, 5, 5), [5]);
+    }
+
+    #[test]
+    fn a_reader_has_a_prediction_only_after_its_latency() {
+        let found =
+            |t_us: i64, available_us: f64, value| TimedPrediction { t_us, available_us, values: vec![value] };
+        let predictions = [found(0, 900.0, 5.0), found(1_000, 3_500.0, 1.0)];
+        // At 0 there is none; at 1, 2 and 3 ms the first, at 4 ms the second.
+        let errors = newest(&predictions, 0, 4_000, |held, _| held.errors(&[0.0])).expect("one came in time");
+        assert_eq!(errors, [4.0 * 4.0 / 4.0]);
+        assert!(newest(&predictions, 0, 500, |held, _| held.errors(&[0.0])).is_none());
+    }
+
+    #[test]
+    fn an_angle_has_settled_after_its_last_large_error() {
+        let quantity = |unit: &str| Quantity { name: "a".to_owned(), unit: unit.to_owned(), scale: 1.0 };
+        let (angle, depth) = (quantity("deg"), quantity("mm"));
+        let at = |errors: &[f64], quantity: &Quantity| {
+            let errors: Vec<_> = errors.iter().map(|&error| vec![error]).collect();
+            settled(&errors, std::slice::from_ref(quantity))
+        };
+        assert_eq!(at(&[0.5, 2.0, 1.0, 0.1], &angle), Some(2));
+        assert_eq!(
+            [at(&[0.5, 0.9], &angle), at(&[0.1, 1.1], &angle), at(&[], &angle)],
+            [Some(0), None, None]
+        );
+        assert_eq!(at(&[0.1], &depth), None);
+    }
+}
+
+mod embedding {
+    use crate::regression::embedding;
+    use meissner_kernels::random::Random;
+
+    #[test]
+    fn two_groups_stay_apart_and_the_same_presses_give_the_same_points() {
+        let mut random = Random::new(3);
+        let readouts: Vec<Vec<f32>> = (0..60)
+            .map(|i| (0..5).map(|_| random.symmetric() + if i < 30 { 0.0 } else { 20.0 }).collect())
+            .collect();
+        let points = embedding(&readouts).expect("enough presses");
+        assert_eq!(Some(&points), embedding(&readouts).as_ref());
+        let distance = |a: (f64, f64), b: (f64, f64)| (a.0 - b.0).hypot(a.1 - b.1);
+        for (i, &point) in points.iter().enumerate() {
+            let others = (0..60).filter(|&j| j != i);
+            let nearest =
+                others.min_by(|&a, &b| distance(point, points[a]).total_cmp(&distance(point, points[b])));
+            assert_eq!(nearest.map(|j| j < 30), Some(i < 30), "press {i}");
+        }
+    }
+
+    #[test]
+    fn a_few_presses_have_no_embedding() {
+        assert!(embedding(&[]).is_none() && embedding(&vec![vec![1.0]; 6]).is_none());
+        assert_eq!(embedding(&vec![vec![1.0]; 7]).map(|points| points.len()), Some(7), "equal ones too");
+    }
+}

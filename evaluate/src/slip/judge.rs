@@ -19,8 +19,7 @@ use serde_json::{Value, json};
 
 use super::{Slip, SlipData, Windows, trained_on_basic};
 use crate::error::{EvaluateError, TrainingError};
-use crate::judge::{Judge, JudgedTrial, NetworkReport, judge};
-use crate::judged::{self, Figures};
+use crate::judge::{Figures, Judge, JudgedTrial, NetworkReport, judge};
 use crate::metrics::{Confusion, MeanStd, Scores, predicted};
 use crate::trainings::{EvaluatedNetwork, Evaluation, Metadata, Request, Scheme, Training, candidates};
 use crate::trials::Trial;
@@ -87,7 +86,7 @@ pub struct ValidationReport {
 }
 
 /// Figures of several trainings.
-pub type Judged = judged::Judged<Classified>;
+pub type Judged = crate::judge::Judged<Classified>;
 
 /// Figures of a classification of windows; `T` is a number for one training and [`MeanStd`] for
 /// several.

@@ -15,9 +15,9 @@ use meissner_engine::frames::Skip;
 use meissner_engine::{Engine, Sensor};
 use serde::Serialize;
 
+use super::frame_passes::PredictionTimes;
 use super::frame_passes::{EventFrameModel, FrameLatencies, FramePasses, Pass, Predicted, WARMUP_FRAMES};
-use super::input::{BenchInput, BenchOptions, FrameInputReport, InputReport};
-use super::moments::PredictionTimes;
+use super::{BenchInput, BenchOptions, FrameInputReport, InputReport};
 use crate::error::RunError;
 use crate::latency::Latency;
 use crate::memory::peak_resident_bytes;
@@ -192,20 +192,20 @@ impl SidesReport {
 
 /// The bits of consecutive predictions.
 #[derive(Debug, Default)]
-struct Predictions {
+pub(super) struct Predictions {
     values: usize,
     bits: Vec<u32>,
 }
 
 impl Predictions {
-    fn note(&mut self, values: &[f32]) {
+    pub(super) fn note(&mut self, values: &[f32]) {
         self.values = values.len();
         self.bits.extend(values.iter().map(|value| value.to_bits()));
     }
 
     /// The number of predictions that differ in any bit of any value. Predictions that only one
     /// side has count as different.
-    fn that_differ(&self, other: &Self) -> u64 {
+    pub(super) fn that_differ(&self, other: &Self) -> u64 {
         let each = |of: &Self| of.values.max(1);
         let [a, b] = [self, other].map(|of| of.bits.chunks(each(of)));
         let more = a.len().abs_diff(b.len());
@@ -269,24 +269,4 @@ fn over_frames(frames: &FramePasses<'_>, skip: Skip) -> Result<(SideReport, Pred
         ..SideReport::new(frames.moments.stream_s(), frame, Some(push), predict)
     };
     Ok((side, predictions, pass))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::Predictions;
-
-    fn predictions(all: &[[f32; 2]]) -> Predictions {
-        let mut predictions = Predictions::default();
-        all.iter().for_each(|values| predictions.note(values));
-        predictions
-    }
-
-    #[test]
-    fn predictions_differ_in_bits_and_if_one_is_missing() {
-        let a = predictions(&[[0.0, 1.0], [2.0, 3.0], [4.0, 5.0]]);
-        assert_eq!(a.that_differ(&predictions(&[[0.0, 1.0], [2.0, 3.0], [4.0, 5.0]])), 0);
-        assert_eq!(a.that_differ(&predictions(&[[-0.0, 1.0], [2.0, 3.0], [4.0, 5.0]])), 1);
-        assert_eq!(a.that_differ(&predictions(&[[9.0, 9.0], [2.0, 3.0]])), 2);
-        assert_eq!(predictions(&[]).that_differ(&a), 3);
-    }
 }

@@ -173,72 +173,8 @@ impl Deadline {
 }
 
 /// Lower and upper limit of the bin for `events`. There are two bins for each doubling.
-fn bin(events: u64) -> (u64, u64) {
+pub(super) fn bin(events: u64) -> (u64, u64) {
     let shift = events.max(2).ilog2() - 1;
     let half = events >> shift;
     (half << shift, (half << shift) + ((1 << shift) - 1))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::{Deadline, bin};
-    use std::time::Duration;
-
-    #[test]
-    fn bins_follow_one_another_two_for_each_doubling() {
-        let expected = [(0, 0), (1, 1), (2, 2), (3, 3), (4, 5), (4, 5), (6, 7), (6, 7), (8, 11)];
-        assert_eq!(std::array::from_fn::<_, 9, _>(|n| bin(n as u64)), expected);
-        assert_eq!(bin(u64::MAX), (3 << 62, u64::MAX));
-        let mut next = 0;
-        while next < 100_000 {
-            let (least, most) = bin(next);
-            assert!(least == next && bin(most) == (least, most));
-            next = most + 1;
-        }
-    }
-
-    #[test]
-    fn a_missed_period_delays_those_after_it_and_a_pause_makes_up_for_it() {
-        let mut deadline = Deadline::new(1000);
-        for (end_us, work_us) in [(1000, 1700), (2000, 900), (3000, 100), (10_000, 1000)] {
-            deadline.record(1, end_us, Duration::from_micros(work_us));
-        }
-        let report = deadline.report();
-        assert_eq!((report.periods, report.periods_without_work, report.missed), (10, 6, 1));
-        assert_eq!((report.excess_max_us, report.excess_mean_us), (700.0, Some(700.0)));
-        // 1700, then 700 left + 900, then 600 + 100, then 1000.
-        assert_eq!(report.lag_max_us, 1700.0);
-        assert_eq!(report.load, Some(0.37));
-    }
-
-    #[test]
-    fn the_sustained_rate_is_below_the_first_bin_that_does_not_hold() {
-        let mut deadline = Deadline::new(1000);
-        for (events, work_us) in [(1, 10), (9, 100), (30, 1200), (100, 50)] {
-            deadline.record(events, 1000, Duration::from_micros(work_us));
-        }
-        let report = deadline.report();
-        assert_eq!(report.sustained.map(|s| (s.events_per_period, s.events_per_s)), Some((9, 9000.0)));
-        assert!(!report.sustained_is_all_seen);
-    }
-
-    #[test]
-    fn a_single_interruption_among_1000_periods_does_not_end_the_sustained_rate_and_two_do() {
-        for (interruptions, sustained) in [(1, 9), (2, 1)] {
-            let mut deadline = Deadline::new(1000);
-            let works = [(1, 1000, 10), (9, 1, 100), (9, interruptions, 5000)];
-            for (events, count, work_us) in works {
-                (0..count).for_each(|_| deadline.record(events, 1000, Duration::from_micros(work_us)));
-            }
-            let report = deadline.report();
-            assert_eq!(report.sustained.map(|s| s.events_per_period), Some(sustained));
-        }
-    }
-
-    #[test]
-    fn no_periods_have_no_figures() {
-        let report = Deadline::new(1000).report();
-        assert_eq!((report.periods, report.missed, report.load), (0, 0, None));
-        assert!(report.sustained.is_none() && report.work_us.count() == 0);
-    }
 }

@@ -13,8 +13,8 @@ use meissner_engine::{Admission, Engine, Event, Network, Options, Outcome, Senso
 use serde::Serialize;
 
 use super::deadline::{Deadline, DeadlineReport};
-use super::input::{BenchInput, BenchOptions, InputReport};
 use super::phases::{Phase, Phases, WINDOW_US};
+use super::{BenchInput, BenchOptions, InputReport};
 use crate::approximations::ApproximationReport;
 use crate::error::RunError;
 use crate::latency::{CallLatencies, Latency, clock_us, microseconds};

@@ -3,22 +3,22 @@
 //! Enters: events and their moments. Leaves: histograms, and the engine with its counters. The cost
 //! of a frame is the time to enter its events, to make it, to push it, and to predict.
 
+use std::ops::Range;
 use std::path::Path;
 use std::time::{Duration, Instant};
 
 use meissner_engine::frames::{Convolution, FrameEngine, FrameLayerCounters, FrameOptions, FrameShape, Skip};
 use meissner_engine::representations::Crop;
-use meissner_engine::{LatePolicy, RestartPolicy, Sensor};
+use meissner_engine::{Admission, Event, EventCounters, LatePolicy, RestartPolicy, Sensor};
 use meissner_models::FrameSource;
 use meissner_models::description::frames::{CropPlace, SignedTiming};
 use serde::Serialize;
 
-use super::moments::{End, PredictionTimes};
 use crate::error::RunError;
 use crate::frame_feed::{EmptyFrameLimit, FeedOptions, FeedOutput, FrameFeed};
 use crate::latency::{CallLatencies, Latency};
 use crate::model::{FrameModel, LayerCost};
-use crate::schedule::Every;
+use crate::schedule::{Every, Last, Schedule, times_before};
 use crate::text::display_us;
 
 /// The default time from frame to frame: 10 ms, as in the force networks.
@@ -101,7 +101,7 @@ impl EventFrameModel {
     }
 
     /// A feed that makes a frame over `field` every `period_us` from accepted events.
-    fn feed(&self, field: Field, period_us: i64) -> Result<FrameFeed, RunError> {
+    pub(super) fn feed(&self, field: Field, period_us: i64) -> Result<FrameFeed, RunError> {
         let name = self.model.network.name();
         let options = FeedOptions {
             late: LatePolicy::Drop,
@@ -256,50 +256,87 @@ impl InProgress<'_> {
     }
 }
 
-#[cfg(test)]
-mod tests {
-    use meissner_engine::{Event, LatePolicy, Sensor};
+/// Largest number of moments in a benchmark. The frames of more would take too long.
+const MAX: u64 = 1_000_000;
 
-    use super::{EventFrameModel, FeedOutput, PredictionTimes};
-    use crate::error::RunError;
+/// The rule for the events that belong to a moment.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum End {
+    /// Events up to and at the moment, as in a sliding window.
+    Included,
+    /// Events before the moment, as in consecutive windows.
+    Excluded,
+}
 
-    /// Times of the frames that the feed delivers for `moments`.
-    fn times(model: &EventFrameModel, moments: &PredictionTimes, sensor: Sensor) -> Vec<i64> {
-        let mut feed = model.feed(model.field(sensor), moments.period_us).expect("the field fits");
-        let mut times = Vec::new();
-        let mut note = |output: FeedOutput<'_>| {
-            match output {
-                FeedOutput::Frame { t_us, .. } => times.push(t_us),
-                other => unreachable!("{other:?}: every frame is wanted, and the clock goes on"),
-            }
-            Ok::<_, RunError>(())
+/// Events and moments.
+#[derive(Debug)]
+pub(super) struct PredictionTimes {
+    /// The accepted events, with the times at which they enter.
+    pub(super) events: Vec<Event>,
+    pub(super) period_us: i64,
+    /// Counts of all events.
+    pub(super) counters: EventCounters,
+    /// Each moment's time, and the end of its events in `events`.
+    ends: Vec<(i64, usize)>,
+}
+
+/// A moment.
+#[derive(Clone, Debug)]
+pub(super) struct Moment {
+    /// The events since the moment before.
+    pub(super) events: Range<usize>,
+    pub(super) t_us: i64,
+}
+
+impl PredictionTimes {
+    /// The moments of those `events` that `sensor` and `late` accept.
+    pub(super) fn new(
+        events: &[Event],
+        (sensor, late): (Sensor, LatePolicy),
+        period_us: i64,
+        end: End,
+    ) -> Result<Self, RunError> {
+        let mut gate = Admission::new(sensor, late);
+        let events: Vec<Event> = events.iter().filter_map(|&event| gate.admit(event).ok()).collect();
+        let mut moments = Self { events, period_us, counters: *gate.counters(), ends: Vec::new() };
+        let (Some(first), Some(last)) = (moments.events.first(), moments.events.last()) else {
+            return Ok(moments);
         };
-        for &event in &moments.events {
-            feed.push(event, &mut note).expect("nothing refuses a frame");
+        let found = times_before(first.t_us, last.t_us, period_us).max(1);
+        if found > MAX {
+            return Err(RunError::ManyFrames { most: MAX, found, period_us });
         }
-        feed.finish(&mut note).expect("nothing refuses a frame");
-        times
+        let mut schedule = Schedule::new(Every::StreamUs(period_us));
+        schedule.begin(first.t_us);
+        for (index, event) in moments.events.iter().enumerate() {
+            // A moment that is due before an event ends a window without the event.
+            let t_us = match end {
+                End::Included => event.t_us,
+                End::Excluded => event.t_us.saturating_add(1),
+            };
+            moments.ends.extend(std::iter::from_fn(|| schedule.due_before(t_us)).map(|due| (due, index)));
+        }
+        // There is no moment beyond the end of the clock.
+        let Last::At(last_us) = schedule.last() else {
+            return Err(RunError::ManyFrames { most: MAX, found, period_us });
+        };
+        moments.ends.push((last_us, moments.events.len()));
+        Ok(moments)
     }
 
-    #[test]
-    fn frames_come_at_the_moments_whatever_the_gaps_between_events() {
-        let sensor = Sensor::new(200, 100);
-        for name in ["force-tdnn", "event-frame-cnn"] {
-            let model = EventFrameModel::named(name, None, false).expect("it is shipped");
-            let period_us = model.period_us(None).expect("it has one");
-            for seed in 1..50_u64 {
-                // Gaps of 0, of less than a frame, of whole frames, and longer than the window.
-                let gaps = [0, 1, 3333, 9999, 10_000, 10_001, 70_000, 150_000, 200_000];
-                let gap = |i: u64| gaps[(seed * (i + 1) * (i + 7) / 3 % gaps.len() as u64) as usize];
-                let at = |i: u64| -5 + (0..=i).map(gap).sum::<i64>();
-                let events: Vec<Event> =
-                    (0..30).map(|i| Event::new(at(i), (i * 6) as u16, (i * 3) as u16, i % 2 == 0)).collect();
-                let moments =
-                    PredictionTimes::new(&events, (sensor, LatePolicy::Drop), period_us, model.end());
-                let moments = moments.expect("there are few");
-                let expected: Vec<i64> = moments.iter().map(|moment| moment.t_us).collect();
-                assert_eq!(times(&model, &moments, sensor), expected, "{name}, seed {seed}");
-            }
-        }
+    /// The number of moments.
+    pub(super) fn count(&self) -> usize {
+        self.ends.len()
+    }
+
+    /// Stream time from the first event to the last moment, in seconds.
+    pub(super) fn stream_s(&self) -> f64 {
+        self.count() as f64 * self.period_us as f64 / 1e6
+    }
+
+    /// All moments, in order.
+    pub(super) fn iter(&self) -> impl Iterator<Item = Moment> {
+        let begins = std::iter::once(0).chain(self.ends.iter().map(|&(_, end)| end));
+        begins.zip(&self.ends).map(|(begin, &(t_us, end))| Moment { events: begin..end, t_us })
     }
 }

@@ -4,9 +4,9 @@ use meissner_engine::frames::{FrameEngine, Skip};
 use serde::Serialize;
 
 use super::deadline::{Deadline, DeadlineReport};
+use super::frame_passes::PredictionTimes;
 use super::frame_passes::{EventFrameModel, FrameLatencies, FramePasses, WARMUP_FRAMES};
-use super::input::{BenchInput, BenchOptions, FrameInputReport, InputReport};
-use super::moments::PredictionTimes;
+use super::{BenchInput, BenchOptions, FrameInputReport, InputReport};
 use crate::error::RunError;
 use crate::latency::clock_us;
 use crate::memory::peak_resident_bytes;

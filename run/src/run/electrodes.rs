@@ -34,7 +34,7 @@ use crate::answer::{Classes, Values};
 use crate::error::{RunError, chain};
 use crate::interrupt;
 use crate::latency::microseconds;
-use crate::line_errors::LineErrors;
+use crate::left_out::LineErrors;
 use crate::losses::{Advice, InputLosses};
 use crate::model::FrameModel;
 use crate::streams;

@@ -7,9 +7,9 @@ use std::time::{Duration, Instant};
 use meissner_engine::{ClockWatch, Decision, Engine, Event, Options, Outcome, RestartPolicy, Sensor};
 
 use super::prediction::{EventPrediction, Observer, Prediction};
-use super::state::{EVERY, RunOptions, Saver};
-use super::stream::{Steps, StreamRun};
 use super::summary::{EventSummary, Summary};
+use super::{EVERY, RunOptions, Saver};
+use super::{Steps, StreamRun};
 use crate::answer::{Classes, Values};
 use crate::approximations::Approximations;
 use crate::clock::Passed;

@@ -10,9 +10,9 @@ use serde::{Deserialize, Serialize};
 
 use super::frame_predictor::FramePredictor;
 use super::prediction::{FramePrediction, Observer, Prediction};
-use super::state::{EVERY, RunOptions, Saver};
-use super::stream::{Steps, StreamRun};
 use super::summary::{EventCounts, FrameSummary, InputCounts, Summary};
+use super::{EVERY, RunOptions, Saver};
+use super::{Steps, StreamRun};
 use crate::answer::{Classes, Values};
 use crate::error::RunError;
 use crate::frame_feed::{EmptyFrameLimit, FeedOptions, FeedOutput, FeedState, FrameFeed};

@@ -5,10 +5,10 @@
 //! pressure where the bolt touches, and less than 0 in proportion to the gap elsewhere: the edge of
 //! a contact then moves evenly from one depth to the next.
 
-use crate::SimulatorError;
-use crate::gel::{GelSolver, Load, Placed, Relaxation};
+use meissner_engine::Sensor;
 
-use super::setting::{PAD, STEP_US};
+use crate::SimulatorError;
+use crate::gel::{GelSolver, Grid, Load, Placed, Relaxation};
 
 /// Depths of the table, with 0.
 const DEPTHS: usize = 12;
@@ -168,3 +168,13 @@ impl PressedPad {
 
 /// Forces that a search for a depth looks up.
 const TABLED: usize = 256;
+
+/// The pixels of a pad's surface, on which contacts are solved.
+pub const PAD: Grid = Grid { width: 48, height: 48, pitch_mm: 0.4 };
+/// The part of the camera's picture that sees the pad: the crop of the published networks.
+pub const SENSOR: Sensor = Sensor { width: 115, height: 115 };
+/// Length of a recording: 41 frames of 10 ms.
+pub const DURATION_US: i64 = 410_000;
+/// Time from one picture and one label to the next. An edge of a contact moves by at most half a
+/// pixel in it.
+pub const STEP_US: i64 = 2_000;

@@ -26,8 +26,7 @@ use std::f64::consts::TAU;
 
 use libm::{cos, exp, sin, sqrt, tan};
 
-use super::contact::PressedPad;
-use super::setting::{Look, PAD, SENSOR};
+use super::contact::{PAD, PressedPad, SENSOR};
 use crate::gel::{Grid, Indenter, Placed};
 
 /// The camera's pixels on the pad.
@@ -42,6 +41,23 @@ const LOBE: f64 = 0.12;
 const BLUR_MM: (f64, f64) = (0.2, 0.12);
 /// Wavelengths of the scratches along the bolt, and their slant across it.
 const SCRATCHES_MM: [(f64, f64); 3] = [(0.9, 0.2), (1.7, -0.4), (3.1, 0.1)];
+
+/// Light, and how bolt and pad reflect it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Look {
+    /// Light of a white surface, in lux.
+    pub lux: f64,
+    /// Share of the light that the metal gives back where it faces the camera.
+    pub metal: f64,
+    /// The same share, relative to the metal, where silicone touches it.
+    pub wet: f64,
+    /// Brightness far behind the pad.
+    pub ground: f64,
+    /// Share of the light that the free surface of the pad reflects.
+    pub reflection: f64,
+    /// Contrast of scratches on the bolt, and their phases in radians.
+    pub scratches: (f64, [f64; 3]),
+}
 
 /// The view of a bolt. Its axis and its end are those of a cylinder; of other indenters nothing is
 /// seen but the contact.

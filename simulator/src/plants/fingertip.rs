@@ -12,16 +12,16 @@ use std::sync::Arc;
 use meissner_engine::{Event, Sensor};
 
 use super::datagrams::FingertipState;
-use super::surface::Surface;
+use super::tap::Surface;
+use super::tap::Wrist;
 use super::tap::{DEPTH_MM, Phase, TAP_US, depth_mm};
-use super::wrist::Wrist;
 use super::{Angles, tilt};
 use crate::camera::{Camera, CameraSettings, SimulatedEvent};
+use crate::dome::DomeView;
+use crate::dome::PressTable;
 use crate::error::SimulatorError;
 use crate::markers::MarkerScene;
 use crate::membrane::{Dome, Vector};
-use crate::table::PressTable;
-use crate::view::DomeView;
 
 /// The camera's sensor, as in the training of `tactigraph-past`.
 pub const FINGERTIP_SENSOR: Sensor = Sensor { width: 346, height: 260 };

@@ -1,10 +1,11 @@
-//! When the dome touches the plane: the phases of a tap, which repeats.
-//!
-//! Enters: a time. Leaves: phase and depth.
+//! The taps of a dome on a plane: when they touch, how the plane is tilted, and the wrist that turns
+//! the dome between them.
 //!
 //! The times fit the networks for contact angles. They were trained on presses of 90 to 200 ms that
 //! begin at rest, and read the events of the last 150 ms: at the end of the hold they are those of
 //! this press alone, because the phases between two contacts are longer than the window.
+
+use crate::plants::Angles;
 
 /// What the fingertip does.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -78,4 +79,73 @@ pub fn depth_mm(t_us: i64) -> f64 {
             (Phase::Hold, _) => 1.0,
             (Phase::Lift, share) => 1.0 - smooth(share),
         }
+}
+
+/// How the plane is tilted.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Surface {
+    /// Always the same angles, in radians.
+    Fixed(Angles),
+    /// The course of [`COURSE`].
+    Course,
+}
+
+/// Number of a tap, and roll and pitch in degrees from it on: two jumps, then a slow turn, whose
+/// taps lie on a line between the last two.
+pub const COURSE: [(u32, Angles); 4] =
+    [(0, [4.0, -3.0]), (6, [-1.5, 2.5]), (12, [2.0, 5.0]), (24, [-4.0, 0.0])];
+
+impl Surface {
+    /// Roll and pitch of the plane at a tap, in radians.
+    pub fn at(&self, tap: u32) -> Angles {
+        let degrees = match *self {
+            Self::Fixed(angles) => return angles,
+            Self::Course => {
+                let [.., (from, start), (to, end)] = COURSE;
+                if tap < from {
+                    COURSE.iter().rev().find(|(first, _)| *first <= tap).map_or(start, |(_, angles)| *angles)
+                } else {
+                    let share = f64::from(tap.min(to) - from) / f64::from(to - from);
+                    [0, 1].map(|axis| start[axis] + share * (end[axis] - start[axis]))
+                }
+            }
+        };
+        degrees.map(f64::to_radians)
+    }
+}
+
+/// Time constant in seconds.
+const LAG_S: f64 = 0.015;
+/// Greatest speed of an axis, in radians per second.
+const MAX_SPEED: f64 = 2.0;
+/// Greatest angle of an axis, in radians.
+const MAX_ANGLE: f64 = 0.35;
+
+/// A wrist.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Wrist {
+    angles: Angles,
+    target: Angles,
+}
+
+impl Wrist {
+    /// Where it points.
+    pub fn angles(&self) -> Angles {
+        self.angles
+    }
+
+    /// Sets the target. An angle that is not finite is ignored, and one out of range is moved to
+    /// its end.
+    pub fn aim(&mut self, target: Angles) {
+        for (own, angle) in self.target.iter_mut().zip(target).filter(|(_, angle)| angle.is_finite()) {
+            *own = angle.clamp(-MAX_ANGLE, MAX_ANGLE);
+        }
+    }
+
+    /// Turns for `seconds`, which should be short beside the lag.
+    pub fn turn(&mut self, seconds: f64) {
+        for (angle, target) in self.angles.iter_mut().zip(self.target) {
+            *angle += ((target - *angle) / LAG_S).clamp(-MAX_SPEED, MAX_SPEED) * seconds;
+        }
+    }
 }

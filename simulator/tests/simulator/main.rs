@@ -2,11 +2,9 @@
 //! markers.
 
 mod camera;
+mod dome;
 mod gel;
 mod grasp;
-mod markers;
-mod membrane;
 mod noise;
 mod picture;
 mod plants;
-mod table;

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use meissner_engine::Event;
 use meissner_simulator::gel::GelSensor;
 use meissner_simulator::plants::{
-    BallOnGel, DEPTH_MM, Fingertip, FingertipState, Phase, Surface, TAP_US, TICK_US, WristTarget,
+    BallOnGel, DEPTH_MM, Fingertip, FingertipState, Phase, Surface, TAP_US, TICK_US, Wrist, WristTarget,
     ball_depth_mm, depth_mm, presses,
 };
 
@@ -88,4 +88,21 @@ fn a_coarse_grid_is_fine_enough_for_a_ball() {
             [[320, 240], [640, 480]].map(|size| ball_depth_mm(&sensor, 5.0, size, force_n).unwrap());
         assert!((coarse / fine - 1.0).abs() < 0.02, "{force_n} N: {coarse} mm, {fine} mm");
     }
+}
+
+#[test]
+fn a_wrist_turns_no_faster_than_its_limit_and_arrives() {
+    let mut wrist = Wrist::default();
+    wrist.aim([0.14, f64::NAN]);
+    let mut before = 0.0;
+    for _ in 0..130 {
+        wrist.turn(0.001);
+        let [roll, pitch] = wrist.angles();
+        assert!(roll - before <= 0.002 + 1e-12 && pitch == 0.0);
+        before = roll;
+    }
+    assert!((before - 0.14).abs() < 0.002, "{before}");
+    wrist.aim([9.0, -9.0]);
+    (0..1000).for_each(|_| wrist.turn(0.001));
+    assert!((wrist.angles()[0] - 0.35).abs() < 1e-6 && (wrist.angles()[1] + 0.35).abs() < 1e-6);
 }

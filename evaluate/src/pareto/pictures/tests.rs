@@ -8,7 +8,7 @@ use meissner_models::{FrameDescription, TensorFile, draw};
 use rayon::ThreadPoolBuilder;
 
 use super::area;
-use crate::area::{self as judged, Figures, small};
+use crate::area::{self as judged, Figures, tests::description};
 use crate::pareto::{Compared, ErrorKind, Options, Report, SettingReport, State};
 use crate::prepare::{GelPlan, Shapes, gel_presses};
 use crate::trainings::Request;
@@ -41,7 +41,7 @@ impl Folder {
     fn new() -> Self {
         let path = tempfile::tempdir().unwrap();
         let [network, weights] = ["two.toml", "two.safetensors"].map(|name| path.path().join(name));
-        std::fs::write(&network, small::description("two", 0.1, [0.01, 0.001], LAYERS)).unwrap();
+        std::fs::write(&network, description("two", 0.1, [0.01, 0.001], LAYERS)).unwrap();
         let description = FrameDescription::load(&network).unwrap();
         let drawn = draw(&meissner_models::AnyDescription::Frames(description), 5);
         std::fs::write(&weights, drawn.to_safetensors(&[("seed".to_owned(), "5".to_owned())].into()))

@@ -1,10 +1,12 @@
-//! A frame network over windows of readings with each of its settings.
+//! The study of the direction of slip: frame networks over windows of readings, with each of their
+//! settings.
 //!
 //! Enters: the windows of a data set. Leaves: a [`Measurement`] of each setting. Some windows,
 //! evenly chosen, are timed in turns with the exact network. The outputs for all windows of unseen
 //! objects are compared with the exact outputs and with the labels.
 
 use std::cell::OnceCell;
+use std::path::Path;
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -13,40 +15,121 @@ use meissner_engine::frames::{FrameEngine, FrameNetwork, FrameNetworkParts};
 use meissner_models::systems::slip::ObjectSet;
 use meissner_run::model::LayerCost;
 
-use super::frame_settings::{FrameSetting, Thinning, common, has_pixels_to_keep};
-use super::measurement::{Differences, Lap, Measurement, take_turns};
+use super::measurement::{Differences, Lap, Measurement, evenly, take_turns, timed_label};
+use super::report::DataReport;
+use super::settings::{FrameSetting, Thinning, common, has_pixels_to_keep, notes};
+use super::state::Fingerprint;
 use super::task_error::TaskError;
-use super::{NetworkReport, NetworkStudy};
-use crate::error::EvaluateError;
+use super::{NetworkReport, NetworkStudy, Options, Study};
+use crate::error::{EvaluateError, RequestPart, weights_error};
 use crate::metrics::predicted;
-use crate::slip::{SlipData, Windows};
+use crate::slip::{Slip, SlipData, Windows};
+use crate::trainings::{EvaluatedNetwork, Request, candidates};
 use crate::workers::Workers;
 
+/// Timed windows without another number.
+const WINDOWS: usize = 400;
 /// Windows of a turn.
 const TURN: usize = 10;
+
+/// The study of frame networks for the direction of slip, on the data set in `folder`. Errors are
+/// those on unseen objects; folds are left out.
+///
+/// # Errors
+/// The data set or a network cannot be read, a network has only folds, or all objects are seen.
+pub fn slip<'a>(
+    folder: &Path,
+    request: Request<'_>,
+    options: &Options,
+    workers: &'a Workers,
+) -> Result<Study<'a>, EvaluateError> {
+    let (candidates, mut remarks) = candidates::<Slip>(request)?;
+    let data = Arc::new(SlipData::read(folder)?);
+    remarks.splice(0..0, data.notes.iter().cloned());
+    let asked = options.timed.unwrap_or(WINDOWS);
+    let (mut networks, mut size, mut timed) = (Vec::new(), 0, 0);
+    for EvaluatedNetwork { description, trainings } in candidates {
+        let name = description.name().to_owned();
+        let whole: Vec<_> = trainings.iter().filter(|training| training.held_out.is_none()).collect();
+        let folds = trainings.len() - whole.len();
+        if folds > 0 {
+            remarks.push(format!(
+                "{name}: {folds} folds are passed over, unseen objects are for whole trainings"
+            ));
+        }
+        let Some(first) = whole.first() else {
+            let expected = format!("a whole training of {name}");
+            return Err(EvaluateError::request(RequestPart::Trainings, expected, "folds alone"));
+        };
+        let label = timed_label(whole.len(), &first.label);
+        let windows = Windows::cut(&data, &description)?;
+        let set = |window: usize| data.objects[windows.cases.recording(window)].set;
+        let windows_of_unseen = (0..windows.cases.len()).filter(|&window| set(window) != ObjectSet::Basic);
+        let unseen: Vec<usize> = windows_of_unseen.collect();
+        if unseen.is_empty() {
+            let (expected, found) = ("recordings of unseen objects", "Basic alone");
+            return Err(EvaluateError::request(RequestPart::Data, expected, found));
+        }
+        let mut fingerprint = Fingerprint::default();
+        fingerprint.text(&format!("{description:?}"));
+        let mut parts = Vec::new();
+        for training in &whole {
+            fingerprint.weights(&training.weights);
+            parts.push(description.network_parts(&training.weights).map_err(weights_error(&training.label))?);
+        }
+        remarks.extend(notes(&name, &parts[0]));
+        let network = FramesNetwork {
+            trainings: parts,
+            costs: description.layers().iter().map(LayerCost::new).collect(),
+            data: Arc::clone(&data),
+            timed: evenly(&unseen, asked.min(unseen.len())),
+            windows,
+            unseen,
+            repeats: options.repeats,
+            workers,
+            exact: OnceCell::new(),
+        };
+        (size, timed) = (network.windows.cases.len(), network.timed.len());
+        networks.push(network.study(NetworkReport::new(name, label, fingerprint)));
+    }
+    let mut fingerprint = Fingerprint::default();
+    for (recording, object) in data.recordings.iter().zip(&data.objects) {
+        fingerprint.text(&recording.name);
+        fingerprint.text(&format!("{} {}", recording.class, object.name));
+        recording.readings.iter().for_each(|reading| fingerprint.floats(&reading.values));
+    }
+    let report = DataReport {
+        name: folder.display().to_string(),
+        recordings: data.recordings.len() as u64,
+        size: size as u64,
+        timed: timed as u64,
+        fingerprint: fingerprint.finish(),
+    };
+    Ok(Study { system: "slip", unit: "window", asked, data: report, networks, notes: remarks })
+}
 
 /// Outputs of each training for the unseen windows.
 type Outputs = Vec<Vec<Vec<f32>>>;
 
 /// A frame network with its trainings and its data.
-pub(super) struct FramesNetwork<'a> {
+struct FramesNetwork<'a> {
     /// Each training; the first one is timed.
-    pub(super) trainings: Vec<FrameNetworkParts>,
-    pub(super) costs: Vec<LayerCost>,
-    pub(super) data: Arc<SlipData>,
-    pub(super) windows: Windows,
+    trainings: Vec<FrameNetworkParts>,
+    costs: Vec<LayerCost>,
+    data: Arc<SlipData>,
+    windows: Windows,
     /// The windows of unseen objects.
-    pub(super) unseen: Vec<usize>,
+    unseen: Vec<usize>,
     /// The timed windows among them.
-    pub(super) timed: Vec<usize>,
-    pub(super) repeats: u32,
-    pub(super) workers: &'a Workers,
+    timed: Vec<usize>,
+    repeats: u32,
+    workers: &'a Workers,
     /// Outputs of the exact network, once they are computed.
-    pub(super) exact: OnceCell<Outputs>,
+    exact: OnceCell<Outputs>,
 }
 
 /// The settings of a network of `parts` over windows of `steps` readings.
-fn settings(parts: &FrameNetworkParts, steps: usize) -> Vec<FrameSetting> {
+pub(super) fn settings(parts: &FrameNetworkParts, steps: usize) -> Vec<FrameSetting> {
     let mut settings = common(parts, &[1e-3, 1e-2, 3e-2, 1e-1]);
     let without = |left_out| Thinning::Last { kept: steps - left_out, of: steps };
     let shorter = |left_out| FrameSetting { thinning: without(left_out), ..FrameSetting::default() };
@@ -76,7 +159,7 @@ struct Run {
 
 impl<'a> FramesNetwork<'a> {
     /// The study of this network, for a `report` without settings.
-    pub(super) fn study(self, report: NetworkReport) -> NetworkStudy<'a> {
+    fn study(self, report: NetworkReport) -> NetworkStudy<'a> {
         let all = settings(&self.trainings[0], self.windows.steps);
         let settings = FrameSetting::names(&all);
         let measure = Box::new(move |setting: usize| self.measure(all[setting]));
@@ -174,31 +257,5 @@ impl<'a> FramesNetwork<'a> {
             }
         }
         differences
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::{FrameSetting, settings};
-    use meissner_models::{FrameDescription, Weights};
-
-    #[test]
-    fn settings_that_change_nothing_are_left_out() {
-        let names = |name: &str| -> Vec<String> {
-            let weights = Weights::shipped(name).expect("shipped");
-            let parts = FrameDescription::shipped(name).expect("shipped").network_parts(&weights);
-            settings(&parts.expect("they fit"), 5).into_iter().map(FrameSetting::name).collect()
-        };
-        let (slip, canf) = (names("slip-tuned"), names("canf"));
-        assert_eq!((slip[0].as_str(), canf[1].as_str()), ("exact", "winograd 2x2"));
-        assert!(!slip.iter().any(|name| name.contains("winograd") || name.contains("tolerance")), "{slip:?}");
-        for expected in ["steps 4 of 5", "steps 2 of 5"] {
-            assert!(slip.iter().any(|name| name == expected), "{expected}: {slip:?}");
-        }
-        assert!(canf.iter().any(|name| name == "tolerance 0.01"), "{canf:?}");
-        let mut sorted = canf.clone();
-        sorted.sort();
-        sorted.dedup();
-        assert_eq!(sorted.len(), canf.len());
     }
 }
