@@ -1,5 +1,4 @@
-//! Contact area and normal force from pictures of a gel: the data, and how networks and image
-//! differences are judged.
+//! Contact area and normal force from pictures of a gel: the data, and how networks are judged.
 //!
 //! Enters: files of pictures with the force on each pixel or with a circle of contact, and networks
 //! with their trainings. Leaves: a [`Report`] and the maps of force. Each press begins with a
@@ -21,18 +20,16 @@ use meissner_run::provenance::{Header, InputCard, ModelCard};
 use meissner_run::run::ContactPredictor;
 use serde::Serialize;
 
-pub use figures::{BaselineFigures, Figures, KindFigures};
-pub use pictures::Source;
-
-use crate::error::{EvaluateError, RequestPart, TrainingError};
+use crate::error::{EvaluateError, RequestPart, Result, TrainingError};
 use crate::judge::{Judge, JudgedTrial, NetworkReport, judge};
 use crate::trainings::{
     EvaluatedNetwork, Evaluation, HeldOut, Metadata, Request, Task, Training, candidates, seed_name,
 };
 use crate::trials::{Cases, Trial};
 use crate::workers::Workers;
-use figures::PressOptions;
-use figures::{Outcome, baseline};
+pub use figures::{BaselineFigures, Figures, KindFigures};
+use figures::{Outcome, PressOptions, baseline};
+pub use pictures::Source;
 use pictures::{Press, Set};
 
 /// The task of contact area and normal force.
@@ -43,7 +40,7 @@ impl Task for Area {
     type Description = FrameDescription;
     const PREFIX: &'static str = "canf";
 
-    fn describe(network: &str) -> Result<(FrameDescription, bool), EvaluateError> {
+    fn describe(network: &str) -> Result<(FrameDescription, bool)> {
         let (description, shipped) = describe_frames(network)?;
         if !matches!(description.source(), FrameSource::Picture(_)) {
             let found = format!("{network}, which reads other frames");
@@ -115,17 +112,15 @@ pub struct TrainingReport {
     pub sets: Vec<Figures>,
 }
 
-/// Judges the networks of `options` with the threads of `workers`. `done` is called after each
-/// training with its label and the time since judging began.
+/// Judges the networks of `options`; `done` gets each training's label and the time so far.
 ///
 /// # Errors
-/// A file or a network cannot be read, or pictures do not fit a network. All of this is checked
-/// before a network runs.
+/// A file or a network cannot be read, or pictures do not fit: before a network runs.
 pub fn evaluate(
     options: &Options<'_>,
     workers: &Workers,
     done: impl FnMut(&str, Duration),
-) -> Result<Evaluation<Report>, EvaluateError> {
+) -> Result<Evaluation<Report>> {
     let (candidates, notes) = candidates::<Area>(options.request)?;
     let sets = options.data.iter().map(|path| Set::read(path)).collect::<Result<Vec<_>, _>>()?;
     let of_area = OfArea { sets: &sets, frames: options.frames };
@@ -157,22 +152,14 @@ impl Judge for OfArea<'_> {
     type Figures = Vec<Figures>;
     type Network = AreaFigures;
 
-    fn plan(
-        &self,
-        candidate: &EvaluatedNetwork<FrameDescription>,
-    ) -> Result<((), Vec<Trial>), EvaluateError> {
+    fn plan(&self, candidate: &EvaluatedNetwork<FrameDescription>) -> Result<((), Vec<Trial>)> {
         let mut cases = Cases::default();
         self.presses().enumerate().for_each(|(press, _)| cases.push(&press.to_string(), 1));
         let all: Vec<usize> = (0..cases.len()).collect();
         Ok(((), cases.trials(&candidate.trainings, &all, |_| Ok(()))?))
     }
 
-    fn engine(
-        &self,
-        description: &FrameDescription,
-        (): &(),
-        training: &Training,
-    ) -> Result<Self::Engine, EvaluateError> {
+    fn engine(&self, description: &FrameDescription, (): &(), training: &Training) -> Result<Self::Engine> {
         let model = model(description, training, Convolution::Direct)?;
         let size = ContactPredictor::new(&model, self.frames)?.size();
         self.sets.iter().try_for_each(|set| set.check(&model.name, size))?;
@@ -180,7 +167,7 @@ impl Judge for OfArea<'_> {
         Ok(Arc::new((model, costs)))
     }
 
-    fn outcome(&self, (): &(), engine: &mut Self::Engine, case: usize) -> Result<Outcome, EvaluateError> {
+    fn outcome(&self, (): &(), engine: &mut Self::Engine, case: usize) -> Result<Outcome> {
         let how = PressOptions { options: self.frames, every: 1 };
         let press = self.presses().nth(case).expect("a case is a press");
         Outcome::of(&engine.0, how, &engine.1, press)
@@ -212,17 +199,16 @@ impl Judge for OfArea<'_> {
     }
 }
 
-/// The network of `description` with the weights of a training.
 pub(crate) fn model(
     description: &FrameDescription,
     training: &Training,
     convolution: Convolution,
-) -> Result<FrameModel, EvaluateError> {
+) -> Result<FrameModel> {
     let weights = (&training.weights, training.label.clone());
     Ok(FrameModel::of(description, weights, convolution, false)?)
 }
 
-fn data_report(set: &Set, workers: &Workers) -> Result<DataReport, EvaluateError> {
+fn data_report(set: &Set, workers: &Workers) -> Result<DataReport> {
     let forces =
         || set.presses.iter().flat_map(|press| &press.pictures).filter_map(pictures::Labelled::force_n);
     let ends = forces().fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], n| [low.min(n), high.max(n)]);

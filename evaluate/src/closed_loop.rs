@@ -1,5 +1,4 @@
-//! Control by touch: a simulated sensor, a network on its pictures, and a controller that moves
-//! what touches it.
+//! Control by touch: a simulated sensor, a network on its pictures, and a controller.
 //!
 //! Enters: networks, a goal, and what may be wrong between camera and controller. Leaves: a
 //! [`Report`] with the error of the controlled quantity beside the run time of the network, for
@@ -16,9 +15,8 @@
 //! the sensor moves, the marble rolls, and the contact moves by half as much in the other
 //! direction.
 //!
-//! What a reading says is brought up to date by the motion since its picture, which the controller
-//! knows (Smith 1957, "Closer control of loops with dead time"), and the rest of the error is to
-//! vanish in two pictures.
+//! A reading is brought up to date by the motion since its picture (Smith 1957, "Closer control of
+//! loops with dead time"); the rest of the error is to vanish in two pictures.
 
 mod line;
 
@@ -36,7 +34,7 @@ use meissner_simulator::plants::{BallContact, BallOnGel, ball_depth_mm};
 use serde::Serialize;
 
 use crate::area::{Area, model};
-use crate::error::{EvaluateError, RequestPart};
+use crate::error::{EvaluateError, RequestPart, Result};
 use crate::metrics::MeanStd;
 use crate::pareto::pareto_front;
 use crate::trainings::{EvaluatedNetwork, Request, candidates};
@@ -66,13 +64,11 @@ impl Goal {
 /// Ends of the saw-tooth in newtons.
 const MIN_N: f64 = 0.4;
 const MAX_N: f64 = 1.6;
-/// Time of a tooth in seconds.
 const PERIOD_S: f64 = 4.0;
 /// Time from one push of the marble to the next, in seconds.
 const PUSH_S: f64 = 2.0;
 /// How far from the middle a push leaves the marble, in millimetres.
 const PUSHED_MM: f64 = 4.0;
-/// Depth of the marble, in millimetres.
 const MARBLE_DEPTH_MM: f64 = 0.8;
 /// Radius of the ball and of the marble, in millimetres.
 const BALL_MM: f64 = 5.0;
@@ -149,14 +145,11 @@ pub struct Row {
     pub error: f64,
     /// Root of the mean square distance.
     pub rms: f64,
-    /// Mean distance of readings from what was true when their pictures were taken; `None` without
-    /// readings.
+    /// Mean distance of readings from the truth of their pictures; `None` without readings.
     pub reading_error: Option<f64>,
-    /// Median run time of the network for a picture in microseconds, as the loop saw it; `None`
-    /// without readings.
+    /// Median run time of a picture in microseconds, as the loop saw it; `None` without readings.
     pub run_us: Option<f64>,
-    /// Mean age of the newest reading when the controller moves, in microseconds; `None` without
-    /// readings.
+    /// Mean age of the newest reading at a motion, in microseconds; `None` without readings.
     pub age_us: Option<f64>,
     /// Pictures that were taken.
     pub pictures: u64,
@@ -166,21 +159,18 @@ pub struct Row {
     pub pictures_lost: u64,
     /// Whether no other loop has both a smaller run time and a smaller error.
     pub on_front: bool,
-    /// At each picture: time in seconds, the goal, and the truth. For a marble, the distance from
-    /// the middle.
+    /// At each picture: time in seconds, goal, truth. For a marble, the distance from the middle.
     #[serde(skip)]
     pub trace: Vec<(f64, f64, f64)>,
 }
 
 /// Runs the loops of `plan`, one after the other, so that none slows another.
 ///
-/// Complexity: a contact and a picture for each step, and a run of the network for each picture
-/// that it takes.
+/// Complexity: a contact and a picture for each step, a run for each picture that is taken.
 ///
 /// # Errors
-/// A network cannot be read or runs on other frames; the plan has no time, no pictures, or a share
-/// of lost pictures that is none.
-pub fn run(plan: &Plan<'_>) -> Result<Report, EvaluateError> {
+/// A network cannot be read or runs on other frames; the plan has no time, rate or share in range.
+pub fn run(plan: &Plan<'_>) -> Result<Report> {
     check(plan)?;
     let (candidates, notes) = candidates::<Area>(plan.request)?;
     let models = candidates.iter().flat_map(|candidate| {
@@ -189,8 +179,7 @@ pub fn run(plan: &Plan<'_>) -> Result<Report, EvaluateError> {
             Ok((candidate, model))
         })
     });
-    let models: Vec<(&EvaluatedNetwork<FrameDescription>, FrameModel)> =
-        models.collect::<Result<_, EvaluateError>>()?;
+    let models: Vec<(&EvaluatedNetwork<FrameDescription>, FrameModel)> = models.collect::<Result<_>>()?;
     let mut networks = Vec::new();
     let mut size = [320, 240];
     for (candidate, model) in models {
@@ -211,7 +200,7 @@ pub fn run(plan: &Plan<'_>) -> Result<Report, EvaluateError> {
     Ok(Report { header, goal, seconds, rate_hz, seed, notes, truth, networks })
 }
 
-fn check(plan: &Plan<'_>) -> Result<(), EvaluateError> {
+fn check(plan: &Plan<'_>) -> Result<()> {
     let refused = |part: RequestPart, expected: &str, found: f64| {
         Err(EvaluateError::request(part, expected, found.to_string()))
     };
@@ -246,7 +235,7 @@ fn drive(
     variation: Variation,
     size: [usize; 2],
     mut network: Option<&mut ContactPredictor>,
-) -> Result<Row, EvaluateError> {
+) -> Result<Row> {
     let (mut plant, at_rest) = BallOnGel::new(&plan.sensor, BALL_MM, size, plan.seed)?;
     if let Some(predictor) = &mut network {
         predictor.set_reference(&at_rest);
@@ -275,7 +264,7 @@ fn drive(
         match &mut network {
             Some(predictor) => {
                 let scale = scale(&plan.sensor, predictor);
-                let mut estimate = |rgb: &[u8]| -> Result<_, EvaluateError> {
+                let mut estimate = |rgb: &[u8]| -> Result<_> {
                     let reading = read(predictor, rgb, scale)?;
                     Ok((reading, predictor.take_update()))
                 };
@@ -355,16 +344,15 @@ struct Controller {
 }
 
 impl Controller {
-    fn new(plan: &Plan<'_>, size: [usize; 2]) -> Result<Self, EvaluateError> {
+    fn new(plan: &Plan<'_>, size: [usize; 2]) -> Result<Self> {
         let middle_n = f64::midpoint(MIN_N, MAX_N);
         let depth_mm = ball_depth_mm(&GelSensor::default(), BALL_MM, size, middle_n)?;
         let reference_mm = depth_mm / two_thirds(middle_n);
         Ok(Self { goal: plan.goal, step_s: 1.0 / plan.rate_hz, reference_mm })
     }
 
-    /// How far the contact is to move in the next step, deeper and along x and y, when `reading` is
-    /// the newest one, the contact has been moved by `since` after its picture, and the step ends
-    /// at `end_s`.
+    /// How far the contact is to move until `end_s`, deeper and along x and y, when `reading` is
+    /// the newest one and the contact has moved by `since` after its picture.
     fn motion(&self, reading: BallContact, since: [f64; 3], end_s: f64) -> [f64; 3] {
         let [into, along] = MAX_MM_PER_S.map(|speed| speed * self.step_s);
         match (self.goal, reading.middle_mm) {
@@ -385,26 +373,19 @@ impl Controller {
     }
 }
 
-/// x^(2/3).
 fn two_thirds(x: f64) -> f64 {
     let root = cbrt(x);
     root * root
 }
 
-/// Width of a pixel of the sensor, and the factor from forces on pixels of the network's own size
-/// to forces on these.
+/// Width of a pixel of the sensor, and the factor from forces on the network's pixels to its own.
 fn scale(sensor: &GelSensor, predictor: &ContactPredictor) -> (f64, f64) {
     let (own_mm, pixel_mm) =
         (predictor.pixel().sides_mm()[0], sensor.width_mm / predictor.size().width as f64);
     (pixel_mm, (pixel_mm / own_mm) * (pixel_mm / own_mm))
 }
 
-/// What the network says of a picture.
-fn read(
-    predictor: &mut ContactPredictor,
-    rgb: &[u8],
-    (pixel_mm, scale): (f64, f64),
-) -> Result<BallContact, EvaluateError> {
+fn read(predictor: &mut ContactPredictor, rgb: &[u8], (pixel_mm, scale): (f64, f64)) -> Result<BallContact> {
     let report = predictor.measure(rgb)?;
     let size = predictor.size();
     let from_middle = |at_px: f64, side: usize| (at_px - (side - 1) as f64 / 2.0) * pixel_mm;

@@ -13,6 +13,9 @@ use meissner_simulator::SimulatorError;
 use safetensors::SafeTensorError;
 use thiserror::Error;
 
+/// The result of an evaluation, or its error.
+pub type Result<T, E = EvaluateError> = std::result::Result<T, E>;
+
 /// A network cannot be judged or measured, or an input for training cannot be made.
 #[derive(Debug, Error)]
 #[non_exhaustive]
@@ -29,14 +32,7 @@ pub enum EvaluateError {
     Stopped,
     /// An image is larger than any sensor.
     #[error("{}: expected at most 65535 x 65535 pixels, found {width} x {height}", path.display())]
-    ImageSize {
-        /// The image.
-        path: PathBuf,
-        /// Its columns.
-        width: usize,
-        /// Its rows.
-        height: usize,
-    },
+    ImageSize { path: PathBuf, width: usize, height: usize },
     /// The simulator refuses its settings or its input.
     #[error(transparent)]
     Simulator(#[from] SimulatorError),
@@ -111,12 +107,10 @@ pub enum RequestPart {
 }
 
 impl EvaluateError {
-    /// `part` of a request does not fit.
     pub(crate) fn request(part: RequestPart, expected: impl Into<String>, found: impl Into<String>) -> Self {
         Self::Request { part, expected: expected.into(), found: found.into() }
     }
 
-    /// The network `name` was requested twice.
     pub(crate) fn twice(name: &str) -> Self {
         Self::request(RequestPart::Networks, "each network once", format!("{name} again"))
     }
@@ -134,7 +128,6 @@ impl From<EngineError> for EvaluateError {
     }
 }
 
-/// The error of weights that `label` names.
 pub(crate) fn weights_error(label: &str) -> impl Fn(ModelError) -> EvaluateError + '_ {
     |source| RunError::weights(label.to_owned(), source).into()
 }

@@ -7,7 +7,6 @@ mod judge;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-pub use judge::{DataReport, Judged, Options, OverTime, Protocols, Report, evaluate};
 use meissner_engine::{Admission, Event, LatePolicy, Sensor};
 use meissner_io::IoError;
 use meissner_io::datasets::{Dataset, EventDataset, EventRecording, NeutouchSet, Split};
@@ -17,9 +16,10 @@ use meissner_run::losses::{InputLosses, LossWarning};
 use meissner_run::model::describe;
 use meissner_run::text::grouped;
 
-use crate::error::{EvaluateError, TrainingError};
+use crate::error::{EvaluateError, Result, TrainingError};
 use crate::trainings::{Task, Training};
 use crate::trials::{Cases, Trial};
+pub use judge::{DataReport, Judged, Options, OverTime, Protocols, Report, evaluate};
 
 /// A task on labelled recordings of events.
 pub trait EventTask: Sync {
@@ -41,7 +41,7 @@ pub trait EventTask: Sync {
     ///
     /// # Errors
     /// As [`Self::recordings`].
-    fn read(folder: &Path) -> Result<EventData, EvaluateError> {
+    fn read(folder: &Path) -> Result<EventData> {
         let Dataset { recordings, passed_over } = Self::recordings(folder)?;
         Ok(EventData::new(Self::SET, folder, recordings, &passed_over))
     }
@@ -68,7 +68,7 @@ impl<T: EventTask> Task for T {
     type Description = Description;
     const PREFIX: &'static str = T::SET.prefix;
 
-    fn describe(network: &str) -> Result<(Description, bool), EvaluateError> {
+    fn describe(network: &str) -> Result<(Description, bool)> {
         let (description, shipped) = describe(network)?;
         check_outputs(description.name(), description.outputs().0, T::SET.classes)?;
         Ok((description, shipped))
@@ -168,24 +168,20 @@ impl EventData {
         Self { set, folder: folder.to_owned(), recordings, notes }
     }
 
-    /// Indices of the recordings of `split`, ascending.
     pub(crate) fn of(&self, split: Split) -> Vec<usize> {
         (0..self.recordings.len()).filter(|&i| self.recordings[i].split == split).collect()
     }
 
-    /// The fold of each recording in a cross-validation with `count` folds.
-    pub(crate) fn folds(&self, count: usize) -> Result<Vec<usize>, EvaluateError> {
+    pub(crate) fn folds(&self, count: usize) -> Result<Vec<usize>> {
         let classes: Vec<usize> = self.recordings.iter().map(|recording| recording.class).collect();
         folds(&classes, count)
     }
 
-    /// Number of events of all recordings.
     pub(crate) fn events(&self) -> u64 {
         self.recordings.iter().map(|recording| recording.events.len() as u64).sum()
     }
 
-    /// The multiples of `every_us`, from the first event of a recording on, up to the first at or
-    /// after the end of every recording. In microseconds.
+    /// The multiples of `every_us` since the first event, up to the end of the longest recording.
     pub(crate) fn times(&self, every_us: i64) -> Vec<i64> {
         let length = |events: &[Event]| {
             let (first, last) = (events.first(), events.iter().map(|event| event.t_us).max());
@@ -198,13 +194,8 @@ impl EventData {
     }
 
     /// The trials of `trainings`: whole ones on the split test, and folds, which hold out every
-    /// recording once. With `count`, these must be the folds that [`prepare`](crate::prepare)
-    /// writes for that number.
-    pub(crate) fn trials(
-        &self,
-        trainings: &[Arc<Training>],
-        count: Option<usize>,
-    ) -> Result<Vec<Trial>, EvaluateError> {
+    /// recording once: with `count`, those that [`prepare`](crate::prepare) writes.
+    pub(crate) fn trials(&self, trainings: &[Arc<Training>], count: Option<usize>) -> Result<Vec<Trial>> {
         let assigned = count.map(|count| Ok::<_, EvaluateError>((count, self.folds(count)?))).transpose()?;
         let mut cases = Cases::default();
         self.recordings.iter().for_each(|recording| cases.push(&recording.name, 1));
@@ -219,7 +210,7 @@ impl EventData {
     }
 
     /// `Ok` where no whole training among `trials` lacks recordings to be judged on.
-    pub(crate) fn has_test(&self, trials: &[Trial]) -> Result<(), EvaluateError> {
+    pub(crate) fn has_test(&self, trials: &[Trial]) -> Result<()> {
         match trials.iter().find(|trial| trial.cases() == 0) {
             Some(_) => Err(EvaluateError::NoTestSplit { folder: self.folder.clone() }),
             None => Ok(()),
@@ -227,8 +218,7 @@ impl EventData {
     }
 }
 
-/// Logs and returns the warnings about events of `streams` that networks drop. The data are called
-/// `name`.
+/// Logs and returns the warnings about events of `streams`, called `name`, that networks drop.
 pub(crate) fn lost<'a, S: IntoIterator<Item = &'a Event>>(
     name: &str,
     sensor: Sensor,
@@ -245,13 +235,11 @@ pub(crate) fn lost<'a, S: IntoIterator<Item = &'a Event>>(
     InputLosses::of_events(*gate.counters(), sensor).warn(name)
 }
 
-/// A remark about files that are no recordings.
 pub(crate) fn passed_over_note(files: &[PathBuf]) -> Option<String> {
     let (count, first) = (grouped(files.len() as u64), files.first()?.display());
     Some(format!("{count} files are no recordings and are passed over, the first {first}"))
 }
 
-/// Number of events that are earlier than one before them.
 fn late(events: &[Event]) -> u64 {
     let mut newest = i64::MIN;
     let mut late = 0;
@@ -262,17 +250,14 @@ fn late(events: &[Event]) -> u64 {
     late
 }
 
-/// The fold, from 0 to below `count`, of each recording; `classes` has the class of each. O(n log
-/// n).
+/// The fold, from 0 to below `count`, of each recording with a class. O(n log n).
 ///
-/// Recordings are dealt like cards. They are sorted by class, and recordings of one class keep
-/// their order. The k-th (from 0) goes to fold k mod `count`. Of each class, and of all classes
-/// together, no two folds differ by more than one recording. The assignment depends on nothing but
-/// the order of the recordings.
+/// Recordings are dealt like cards: in order of class, then as given, the k-th goes to fold k mod
+/// `count`. Of each class, and of all, no two folds differ by more than one recording.
 ///
 /// # Errors
 /// [`EvaluateError::Folds`] for fewer than two folds, and for more folds than recordings.
-pub fn folds(classes: &[usize], count: usize) -> Result<Vec<usize>, EvaluateError> {
+pub fn folds(classes: &[usize], count: usize) -> Result<Vec<usize>> {
     if count < 2 || count > classes.len() {
         return Err(EvaluateError::Folds { recordings: classes.len(), found: count });
     }

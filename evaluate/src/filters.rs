@@ -11,7 +11,7 @@ use meissner_run::provenance::{Header, InputCard};
 use meissner_simulator::Cause;
 use serde::Serialize;
 
-use crate::error::EvaluateError;
+use crate::error::Result;
 use crate::streams::Streams;
 
 /// What filters kept.
@@ -42,7 +42,7 @@ pub struct Kept {
 ///
 /// # Errors
 /// The file cannot be read, does not fit or has no causes; or a filter refuses its setting.
-pub fn judge(events: &Path, filters: &Approximations) -> Result<Report, EvaluateError> {
+pub fn judge(events: &Path, filters: &Approximations) -> Result<Report> {
     let (streams, causes) = Streams::with_causes(events)?;
     let mut chain = filters.chain(streams.sensor)?;
     let mut kept = Cause::ALL.map(|cause| Kept { cause: cause.name(), events: 0, passed: 0 });

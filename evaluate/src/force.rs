@@ -20,20 +20,18 @@ use meissner_run::predictor::Mode;
 use meissner_run::provenance::{Header, InputCard, ModelCard};
 use serde::Serialize;
 
-pub use recording::{ForceErrors, PartErrors};
-
-use crate::error::{EvaluateError, RequestPart, TrainingError};
+use crate::error::{EvaluateError, RequestPart, Result, TrainingError};
 use crate::events::lost;
 use crate::judge::{Judge, JudgedTrial, NetworkReport, judge};
 use crate::regression::engine::{CountsOptions, PressEngine};
-use crate::regression::press::Presses;
-use crate::regression::press::Quantity;
+use crate::regression::press::{Presses, Quantity};
 use crate::trainings::{
     EvaluatedNetwork, Evaluation, HeldOut, Metadata, Request, Task, Training, candidates,
 };
 use crate::trials::Trial;
 use crate::workers::Workers;
 use recording::{FORCE, Outcome, run};
+pub use recording::{ForceErrors, PartErrors};
 
 /// Length of a frame in microseconds.
 pub const PERIOD_US: i64 = 10_000;
@@ -46,7 +44,7 @@ impl Task for Force {
     type Description = AnyDescription;
     const PREFIX: &'static str = "force-";
 
-    fn describe(network: &str) -> Result<(AnyDescription, bool), EvaluateError> {
+    fn describe(network: &str) -> Result<(AnyDescription, bool)> {
         let (description, shipped) = describe_any(network)?;
         let (names, _) = description.outputs();
         if names != [FORCE] {
@@ -60,8 +58,7 @@ impl Task for Force {
         description.name()
     }
 
-    /// The recordings that a fold held out, by their numbers in the file; to a whole training, a
-    /// file is unseen as a whole.
+    /// The recordings that a fold held out, by number; to a whole training, all are unseen.
     fn held_out(metadata: Metadata<'_>) -> Result<Option<HeldOut>, TrainingError> {
         let expected = "with a JSON list of recordings, such as [\"17\"]";
         metadata.0.contains_key("held_out").then(|| metadata.recordings(expected)).transpose()
@@ -100,8 +97,7 @@ pub struct DataReport {
     pub file: String,
     pub recordings: usize,
     pub events: u64,
-    /// Variance of the true force over all frames, in square newtons: the mean squared error of a
-    /// network that always says the mean.
+    /// Variance of the true force in N^2: the mean squared error of a network that says the mean.
     pub variance: f64,
     /// Remarks about the trainings, for people.
     pub notes: Vec<String>,
@@ -122,22 +118,18 @@ pub struct ForceFigures {
 /// Figures of several trainings on the same recordings.
 pub type Judged = crate::judge::Judged<ForceErrors>;
 
-/// Judges the networks of `options` on the recordings in the safetensors file `events`, with the
-/// threads of `workers`. `done` is called after each training with its label and the time since
-/// judging began.
+/// Judges the networks of `options` on the recordings in `events`; `done` gets each training.
 ///
-/// The file has streams as `meissner simulate grasp` writes them; the labels `phase` and `bolt` may
-/// be missing.
+/// The file is one of `meissner simulate grasp`; the labels `phase` and `bolt` may be missing.
 ///
 /// # Errors
-/// The file or a network cannot be read, `every_us` does not divide a frame, or trainings do not
-/// fit. All of this is checked before a network runs.
+/// The file or a network cannot be read, `every_us` divides no frame, or trainings do not fit.
 pub fn evaluate(
     events: &Path,
     options: &Options<'_>,
     workers: &Workers,
     done: impl FnMut(&str, Duration),
-) -> Result<Evaluation<Report>, EvaluateError> {
+) -> Result<Evaluation<Report>> {
     if options.every_us < 1 || PERIOD_US % options.every_us != 0 {
         let expected = format!("a time between predictions that divides {PERIOD_US} us");
         return Err(EvaluateError::request(RequestPart::Every, expected, format!("{} us", options.every_us)));
@@ -168,7 +160,6 @@ pub fn evaluate(
     }))
 }
 
-/// The variance of the true force at the ends of all frames.
 fn variance(recordings: &Presses) -> f64 {
     let forces = (0..recordings.len()).flat_map(|number| {
         let [start, end] = recordings.truth.span_us(number);
@@ -180,7 +171,6 @@ fn variance(recordings: &Presses) -> f64 {
     forces.iter().map(|force| (force - mean) * (force - mean)).sum::<f64>() / forces.len().max(1) as f64
 }
 
-/// Judges networks on one file of recordings.
 struct OfForce<'a> {
     recordings: &'a Presses,
     options: &'a Options<'a>,
@@ -204,10 +194,7 @@ impl Judge for OfForce<'_> {
     type Figures = (Option<ForceErrors>, Vec<Trace>);
     type Network = ForceFigures;
 
-    fn plan(
-        &self,
-        candidate: &EvaluatedNetwork<AnyDescription>,
-    ) -> Result<(Plan, Vec<Trial>), EvaluateError> {
+    fn plan(&self, candidate: &EvaluatedNetwork<AnyDescription>) -> Result<(Plan, Vec<Trial>)> {
         let description = &candidate.description;
         self.recordings.check(description.name(), &Quantity::of(description))?;
         let every_us = match description {
@@ -218,12 +205,7 @@ impl Judge for OfForce<'_> {
         Ok((plan, self.recordings.trials(&candidate.trainings)?))
     }
 
-    fn engine(
-        &self,
-        description: &AnyDescription,
-        _: &Plan,
-        training: &Training,
-    ) -> Result<PressEngine, EvaluateError> {
+    fn engine(&self, description: &AnyDescription, _: &Plan, training: &Training) -> Result<PressEngine> {
         let sensor = self.recordings.streams.sensor();
         match description {
             AnyDescription::Events(_) => PressEngine::new(description, training, sensor, self.options.mode),
@@ -233,12 +215,7 @@ impl Judge for OfForce<'_> {
         }
     }
 
-    fn outcome(
-        &self,
-        plan: &Plan,
-        engine: &mut PressEngine,
-        number: usize,
-    ) -> Result<Outcome, EvaluateError> {
+    fn outcome(&self, plan: &Plan, engine: &mut PressEngine, number: usize) -> Result<Outcome> {
         run(engine, self.recordings, number, plan.stride, (plan.every_us, PERIOD_US))
     }
 

@@ -13,7 +13,7 @@ use meissner_run::RunError;
 use meissner_run::provenance::ModelCard;
 use serde::Serialize;
 
-use crate::error::{EvaluateError, weights_error};
+use crate::error::{EvaluateError, Result, weights_error};
 use crate::trainings::{EvaluatedNetwork, Evaluation, Task, Training};
 use crate::trials::Trial;
 use crate::workers::Workers;
@@ -40,10 +40,7 @@ pub(crate) trait Judge: Sync {
     ///
     /// # Errors
     /// The network or a training does not fit the data.
-    fn plan(
-        &self,
-        candidate: &EvaluatedNetwork<Description<Self>>,
-    ) -> Result<(Self::Plan, Vec<Trial>), EvaluateError>;
+    fn plan(&self, candidate: &EvaluatedNetwork<Description<Self>>) -> Result<(Self::Plan, Vec<Trial>)>;
 
     /// The network of `description` with the weights of `training`.
     ///
@@ -54,18 +51,13 @@ pub(crate) trait Judge: Sync {
         description: &Description<Self>,
         plan: &Self::Plan,
         training: &Training,
-    ) -> Result<Self::Engine, EvaluateError>;
+    ) -> Result<Self::Engine>;
 
     /// Runs a network over a case.
     ///
     /// # Errors
     /// The engine fails.
-    fn outcome(
-        &self,
-        plan: &Self::Plan,
-        engine: &mut Self::Engine,
-        case: usize,
-    ) -> Result<Self::Outcome, EvaluateError>;
+    fn outcome(&self, plan: &Self::Plan, engine: &mut Self::Engine, case: usize) -> Result<Self::Outcome>;
 
     /// The figures of a trial, whose outputs are written too.
     fn figures(&self, plan: &Self::Plan, judged: JudgedTrial<'_, Self::Outcome>) -> Self::Figures;
@@ -99,7 +91,6 @@ impl<O> JudgedTrial<'_, O> {
         self.trial.write(self.network, outputs, &values, self.logits);
     }
 
-    /// The outcomes alone.
     pub(crate) fn into_outcomes(self) -> Vec<O> {
         self.outcomes.into_iter().map(|(_, outcome)| outcome).collect()
     }
@@ -119,7 +110,6 @@ pub struct NetworkReport<F> {
     pub result: F,
 }
 
-/// The networks of a task that were judged.
 pub(crate) struct JudgedNetworks<F> {
     pub(crate) networks: Vec<NetworkReport<F>>,
     logits: TensorFile,
@@ -127,7 +117,6 @@ pub(crate) struct JudgedNetworks<F> {
 }
 
 impl<F> JudgedNetworks<F> {
-    /// The evaluation with the report that `report` makes of the networks.
     pub(crate) fn evaluation<R>(self, report: impl FnOnce(Vec<NetworkReport<F>>) -> R) -> Evaluation<R> {
         let took = self.start.elapsed();
         Evaluation { report: report(self.networks), logits: self.logits, took }
@@ -145,7 +134,7 @@ pub(crate) fn judge<J: Judge>(
     mut logits: TensorFile,
     workers: &Workers,
     mut done: impl FnMut(&str, Duration),
-) -> Result<JudgedNetworks<J::Network>, EvaluateError> {
+) -> Result<JudgedNetworks<J::Network>> {
     let mut plans = Vec::new();
     for candidate in candidates {
         let (plan, trials) = judge.plan(candidate)?;

@@ -17,9 +17,8 @@
 //! | [`prepare`] | inputs of networks with labels, for training |
 //! | [`pareto`] | run time against error, with each approximation |
 //!
-//! Recordings are shared by the threads of [`Workers`], which the caller passes. The number of
-//! threads changes no bit of a result. Another thread can see how far they are, and stop them, with
-//! a [`ProgressHandle`].
+//! Recordings are shared by threads, the caller's [`Workers`], whose number changes no bit. A
+//! [`ProgressHandle`] shows how far they are, and stops them.
 //!
 //! ```
 //! use meissner_evaluate::metrics::{Confusion, Scores, wilson_95};
@@ -31,7 +30,7 @@
 //! }
 //! let scores = Scores::of(&confusion).expect("there are predictions");
 //! assert_eq!(scores.accuracy, 0.75);
-//! let (low, high) = wilson_95(confusion.hits(), confusion.total()).expect("there are predictions");
+//! let (low, high) = wilson_95(confusion.hits(), confusion.total()).expect("predictions");
 //! assert!(low < 0.75 && 0.75 < high);
 //!
 //! // Time and error of three settings: the second one is slower than the first and not better.
@@ -57,7 +56,7 @@ pub mod trainings;
 mod trials;
 mod workers;
 
-pub use error::{EvaluateError, RequestPart, StreamsError, TrainingError};
+pub use error::{EvaluateError, RequestPart, Result, StreamsError, TrainingError};
 pub use judge::NetworkReport;
 pub use trainings::TaskName;
 pub use workers::{ProgressHandle, Workers};

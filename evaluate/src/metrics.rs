@@ -1,7 +1,6 @@
 //! Figures of merit for predictions: of classes, over several trainings, and their uncertainty.
 //!
-//! Counts are integers. Figures are fractions in f64, computed from counts in a fixed order, so
-//! they are equal on every machine.
+//! Figures are fractions of integers, in a fixed order: equal on every machine.
 
 use libm::{atan, log, sqrt};
 pub use meissner_run::answer::largest;
@@ -52,7 +51,6 @@ impl Confusion {
         truth * classes + predicted
     }
 
-    /// Adds the counts of `other`.
     fn merge(&mut self, other: &Self) {
         assert_eq!(self.classes, other.classes, "classes of both");
         self.counts.iter_mut().zip(&other.counts).for_each(|(count, more)| *count += more);
@@ -77,12 +75,10 @@ impl Confusion {
         self.counts.chunks_exact(self.classes.max(1))
     }
 
-    /// How often `class` was true.
     fn truths(&self, class: usize) -> u64 {
         (0..self.classes).map(|predicted| self.count(class, predicted)).sum()
     }
 
-    /// How often `class` was predicted.
     fn predictions(&self, class: usize) -> u64 {
         (0..self.classes).map(|truth| self.count(truth, class)).sum()
     }
@@ -241,8 +237,7 @@ pub fn wilson_95(hits: u64, trials: u64) -> Option<(f64, f64)> {
 /// Sum and number of the figures of a cluster.
 pub(crate) type Cluster = (f64, u64);
 
-/// The 95 % interval of the mean over all figures of `clusters`; `None` for fewer than two clusters
-/// with figures.
+/// The 95 % interval of the mean of `clusters`; `None` for fewer than two with figures.
 ///
 /// With sums s and sizes n of c clusters, the mean is a ratio (Cochran 1977, "Sampling techniques",
 /// 3rd edition, section 2.11), and Student's t for c - 1 degrees of freedom (Student 1908, "The
@@ -280,8 +275,7 @@ fn student_95(freedom: usize) -> f64 {
     f64::midpoint(low, high)
 }
 
-/// The probability that Student's distribution is within `t` (Abramowitz and Stegun 1964, equations
-/// 26.7.3 and 26.7.4).
+/// The probability of Student's distribution within `t` (Abramowitz, Stegun 1964, 26.7.3 and 4).
 fn within(t: f64, freedom: usize) -> f64 {
     let n = freedom as f64;
     let (sine, square) = (t / (n + t * t).sqrt(), n / (n + t * t));

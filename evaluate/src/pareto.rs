@@ -1,9 +1,7 @@
 //! Run time against error: networks exactly, and with each approximation.
 //!
-//! Enters: networks with data ([`angle`], [`events`](fn@events), [`slip`], [`area`], [`force`]).
-//! Leaves: a [`Report`] with times, work and errors of every setting of every network, and the
-//! settings that no other one beats. Finished measurements are kept in a [`State`] and not
-//! repeated.
+//! Enters: networks with data. Leaves: a [`Report`] with times, work and errors of every setting,
+//! and those that no other beats. Finished measurements are kept in a [`State`].
 
 mod events;
 mod grasps;
@@ -17,7 +15,7 @@ mod task_error;
 
 use meissner_kernels::Isa;
 
-use crate::error::{EvaluateError, RequestPart};
+use crate::error::{EvaluateError, RequestPart, Result};
 pub use events::{AngleOptions, angle, events};
 pub use grasps::force;
 pub use measurement::{EXACT, Measurement, Numerical, Time, Timing};
@@ -31,13 +29,11 @@ pub use task_error::{ErrorKind, TaskError};
 /// What is measured, and how often.
 #[derive(Clone, Debug)]
 pub struct Options {
-    /// About how many events, windows, pictures or recordings are timed in each repeat; `None` for
-    /// 20,000, 400, 40 or 20.
+    /// Events, windows, pictures or recordings of a repeat; `None`: 20,000, 400, 40 or 20.
     pub timed: Option<usize>,
     /// Repeats of each measurement of time; at least 1.
     pub repeats: u32,
-    /// Only settings with one of these in "NETWORK, SETTING" are measured, and the exact ones;
-    /// empty for all settings.
+    /// Parts of the "NETWORK, SETTING" to measure, beside the exact ones; empty for all.
     pub only: Vec<String>,
 }
 
@@ -53,14 +49,13 @@ pub struct Study<'a> {
     notes: Vec<String>,
 }
 
-/// A network with its settings.
 struct NetworkStudy<'a> {
     /// The report, still without settings.
     report: NetworkReport,
     /// Names of the settings with their indices; the first is [`EXACT`].
     settings: Vec<(usize, String)>,
     /// Measures the setting with this index.
-    measure: Box<dyn Fn(usize) -> Result<Measurement, EvaluateError> + 'a>,
+    measure: Box<dyn Fn(usize) -> Result<Measurement> + 'a>,
 }
 
 /// Progress of a study.
@@ -84,14 +79,13 @@ impl Study<'_> {
     /// error of `progress` ends it; what was measured is in the state.
     ///
     /// # Errors
-    /// No setting has a name that was asked for, a network cannot run, or the state cannot be
-    /// written.
+    /// No setting has such a name, a network cannot run, or the state cannot be written.
     pub fn run(
         mut self,
         options: &Options,
         state: &mut State,
-        mut progress: impl FnMut(Progress<'_>) -> Result<(), EvaluateError>,
-    ) -> Result<Report, EvaluateError> {
+        mut progress: impl FnMut(Progress<'_>) -> Result<()>,
+    ) -> Result<Report> {
         self.choose(&options.only)?;
         let conditions = format!("{} timed, {} repeats, {}", self.asked, options.repeats, Isa::best().name());
         let key = |network: &NetworkReport, setting: &str| Key {
@@ -128,9 +122,8 @@ impl Study<'_> {
         Ok(Report::new((self.system, self.unit), self.data, options.repeats, self.notes, networks))
     }
 
-    /// Keeps the settings with one of the texts `only` in their name, and the exact ones of these
-    /// networks.
-    fn choose(&mut self, only: &[String]) -> Result<(), EvaluateError> {
+    /// Keeps the settings with one of `only` in their name, and their networks' exact ones.
+    fn choose(&mut self, only: &[String]) -> Result<()> {
         let settings =
             self.networks.first().map(|network| network.settings.iter().map(|(_, name)| name.as_str()));
         let settings = settings.into_iter().flatten().collect::<Vec<_>>().join("; ");

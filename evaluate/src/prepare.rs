@@ -1,16 +1,10 @@
 //! Inputs of networks with labels, for training: as tensors of a safetensors file.
 //!
-//! Enters: a data set, or streams of events. Leaves: [`Prepared`] tensors. Inputs are made as the
-//! engine makes them, and equal data give equal bytes.
+//! Enters: a data set, or streams. Leaves: [`Prepared`] tensors, as the engine makes them.
 
-mod dome;
+pub(crate) mod dome;
 mod filmed;
 mod gel;
-
-pub use dome::{DOME_KINDS, dome_presses};
-pub use filmed::grasps;
-pub use filmed::{film_images, film_markers, with_causes};
-pub use gel::{GelPlan, Shapes, gel_presses};
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -27,10 +21,13 @@ use rayon::ThreadPool;
 use rayon::prelude::*;
 use serde_json::{Value, json};
 
-use crate::error::{EvaluateError, weights_error};
+use crate::error::{Result, weights_error};
 use crate::events::EventData;
 use crate::slip::{SlipData, Windows};
 use crate::streams::Streams;
+pub use dome::{DOME_KINDS, dome_presses};
+pub use filmed::{film_images, film_markers, grasps, with_causes};
+pub use gel::{GelPlan, Shapes, gel_presses};
 
 /// Tensors for training.
 pub struct Prepared {
@@ -40,12 +37,11 @@ pub struct Prepared {
     pub contents: String,
 }
 
-/// The windows of all recordings of `data` as `description` reads them, with labels. `meissner
-/// prepare slip --help` lists the tensors.
+/// The windows of `data` with labels. `meissner prepare slip --help` lists the tensors.
 ///
 /// # Errors
 /// The network does not read electrodes, or a reading cannot be scaled.
-pub fn slip_windows(data: &SlipData, description: &FrameDescription) -> Result<Prepared, EvaluateError> {
+pub fn slip_windows(data: &SlipData, description: &FrameDescription) -> Result<Prepared> {
     let windows = Windows::cut(data, description)?;
     let mut objects: Vec<&str> = data.objects.iter().map(|object| object.name).collect();
     objects.sort_unstable();
@@ -107,7 +103,7 @@ fn metadata<const N: usize>(entries: [(&str, Value); N]) -> BTreeMap<String, Str
 ///
 /// # Errors
 /// There cannot be so many folds.
-pub fn labelled_events(data: &EventData, folds: usize) -> Result<Prepared, EvaluateError> {
+pub fn labelled_events(data: &EventData, folds: usize) -> Result<Prepared> {
     let recordings = &data.recordings;
     let integers = |values: Vec<usize>| values.into_iter().map(|value| value as i64).collect::<Vec<_>>();
     let split = recordings.iter().map(|recording| usize::from(recording.split == Split::Test)).collect();
@@ -135,8 +131,7 @@ pub fn labelled_events(data: &EventData, folds: usize) -> Result<Prepared, Evalu
     Ok(Prepared { file, contents })
 }
 
-/// Adds the events of `streams`, one stream after the other, as `t_us`, `x`, `y` and `on`, and the
-/// bounds of the streams as `start`.
+/// Adds the events of `streams` as `t_us`, `x`, `y` and `on`, and their bounds as `start`.
 fn add_streams<'a, S>(file: &mut TensorFile, streams: impl Iterator<Item = S> + Clone)
 where
     S: ExactSizeIterator<Item = &'a Event>,
@@ -170,17 +165,12 @@ struct Level {
     index: Vec<i32>,
 }
 
-/// The graphs of the streams in the safetensors file `events`, as a network of `description` builds
-/// them: each stream from a reset to its last event. The streams are shared by the threads of
-/// `pool`. `meissner prepare graphs --help` lists the tensors.
+/// The graphs of the streams in `events`, each from a reset to its last event, as a network of
+/// `description` builds them. `meissner prepare graphs --help` lists the tensors.
 ///
 /// # Errors
 /// The file cannot be read, or its streams do not fit.
-pub fn graphs(
-    events: &Path,
-    description: &Description,
-    pool: &ThreadPool,
-) -> Result<Prepared, EvaluateError> {
+pub fn graphs(events: &Path, description: &Description, pool: &ThreadPool) -> Result<Prepared> {
     // The graph does not depend on the weights.
     let network = description.network(&draw(description, 0)).map_err(weights_error("drawn weights"))?;
     let streams = Streams::read(events)?;
@@ -251,6 +241,3 @@ impl Level {
         }
     }
 }
-
-#[cfg(test)]
-mod tests;

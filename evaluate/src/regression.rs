@@ -1,5 +1,4 @@
-//! Regression over events: networks that predict quantities, such as the angles of a contact, at
-//! any time of a press.
+//! Regression over events: quantities such as the angles of a contact, at any time of a press.
 //!
 //! Enters: a file of streams of events with the truth along time, and networks with their
 //! trainings. Leaves: a [`Report`] and the outputs at the end of each press. A press begins with a
@@ -8,7 +7,7 @@
 //!
 //! | time | meaning |
 //! |---|---|
-//! | contact | where the label `depth` leaves 0; without such a label, the first time of the truth |
+//! | contact | where the label `depth` leaves 0; without it, the first time of the truth |
 //! | end | the last time of the truth |
 //! | predictions | every [`Options::every_us`] before and after contact, and at the end |
 
@@ -21,19 +20,16 @@ use std::path::Path;
 use std::time::Duration;
 
 use bhtsne::tSNE;
-use engine::PressEngine;
-pub use errors::{Errors, OutputErrors, Work};
 use meissner_kernels::random::Random;
 use meissner_models::{AnyDescription, TensorFile};
 use meissner_run::losses::LossWarning;
 use meissner_run::model::describe_any;
 use meissner_run::predictor::Mode;
 use meissner_run::provenance::{Header, InputCard, ModelCard};
-use press::{Outcome, Presses, Quantity};
 use rayon::ThreadPoolBuilder;
 use serde::Serialize;
 
-use crate::error::{EvaluateError, RequestPart, TrainingError};
+use crate::error::{EvaluateError, RequestPart, Result, TrainingError};
 use crate::events::lost;
 use crate::judge::{Judge, JudgedTrial, NetworkReport, judge};
 use crate::trainings::{
@@ -41,6 +37,9 @@ use crate::trainings::{
 };
 use crate::trials::Trial;
 use crate::workers::Workers;
+use engine::PressEngine;
+pub use errors::{Errors, OutputErrors, Work};
+use press::{Outcome, Presses, Quantity};
 
 /// The task of predicting quantities from events.
 #[derive(Clone, Copy, Debug)]
@@ -50,7 +49,7 @@ impl Task for Regression {
     type Description = AnyDescription;
     const PREFIX: &'static str = "";
 
-    fn describe(network: &str) -> Result<(AnyDescription, bool), EvaluateError> {
+    fn describe(network: &str) -> Result<(AnyDescription, bool)> {
         let (description, shipped) = describe_any(network)?;
         if description.classes().is_some() {
             let expected = "networks that predict quantities";
@@ -95,8 +94,7 @@ pub struct Report {
     pub mode: &'static str,
     /// Microseconds from one prediction to the next.
     pub every_us: i64,
-    /// Times since contact of `mean_absolute_at`; the last one is at or after the end of every
-    /// press.
+    /// Times since contact of `mean_absolute_at`, up to the end of every press.
     pub times_us: Vec<i64>,
     pub networks: Vec<NetworkReport<PressFigures>>,
 }
@@ -123,12 +121,10 @@ pub struct PressFigures {
     pub stride: usize,
     /// Figures of the trainings; `None` for a file without presses.
     pub figures: Option<Judged>,
-    /// True and predicted values at the end of each press, in the units of the report, for each
-    /// output of the first training.
+    /// True and predicted values at the end of each press, for each output of the first training.
     #[serde(skip)]
     pub scatter: Vec<Vec<(f64, f64)>>,
-    /// A point for each press, from what the first training reads out of it, where this was asked
-    /// for; frame networks and fewer than seven presses have none.
+    /// A point for each press, from the first training's readout, where it was asked for.
     #[serde(skip)]
     pub embedding: Option<Vec<(f64, f64)>>,
 }
@@ -136,22 +132,18 @@ pub struct PressFigures {
 /// Figures of several trainings on the same presses.
 pub type Judged = crate::judge::Judged<Errors>;
 
-/// Judges the networks of `options` on the presses in the safetensors file `events`, with the
-/// threads of `workers`. `done` is called after each training with its label and the time since
-/// judging began.
+/// Judges the networks of `options` on the presses in `events`; `done` gets each training.
 ///
-/// The file has streams as `meissner simulate markers` writes them, with a label for each output of
-/// each network.
+/// The file is one of `meissner simulate markers`, with a label for each output.
 ///
 /// # Errors
-/// The file or a network cannot be read, or trainings do not fit. All of this is checked before a
-/// network runs.
+/// The file or a network cannot be read, or trainings do not fit: before a network runs.
 pub fn evaluate(
     events: &Path,
     options: &Options<'_>,
     workers: &Workers,
     done: impl FnMut(&str, Duration),
-) -> Result<Evaluation<Report>, EvaluateError> {
+) -> Result<Evaluation<Report>> {
     let (candidates, notes) = candidates::<Regression>(options.request)?;
     let presses = Presses::read(events)?;
     let times_us = presses.times(options.every_us);
@@ -180,7 +172,6 @@ pub fn evaluate(
     }))
 }
 
-/// Judges networks on one file of presses.
 struct OfPresses<'a> {
     presses: &'a Presses,
     options: &'a Options<'a>,
@@ -205,10 +196,7 @@ impl Judge for OfPresses<'_> {
     type Figures = OfTrial;
     type Network = PressFigures;
 
-    fn plan(
-        &self,
-        candidate: &EvaluatedNetwork<AnyDescription>,
-    ) -> Result<(Plan, Vec<Trial>), EvaluateError> {
+    fn plan(&self, candidate: &EvaluatedNetwork<AnyDescription>) -> Result<(Plan, Vec<Trial>)> {
         let quantities = Quantity::of(&candidate.description);
         self.presses.check(candidate.description.name(), &quantities)?;
         let own = candidate.stride();
@@ -216,12 +204,7 @@ impl Judge for OfPresses<'_> {
         Ok((Plan { quantities, stride }, self.presses.trials(&candidate.trainings)?))
     }
 
-    fn engine(
-        &self,
-        description: &AnyDescription,
-        _: &Plan,
-        training: &Training,
-    ) -> Result<PressEngine, EvaluateError> {
+    fn engine(&self, description: &AnyDescription, _: &Plan, training: &Training) -> Result<PressEngine> {
         PressEngine::new(description, training, self.presses.streams.sensor, self.options.mode)
     }
 
@@ -230,7 +213,7 @@ impl Judge for OfPresses<'_> {
         Plan { quantities, stride }: &Plan,
         engine: &mut PressEngine,
         press: usize,
-    ) -> Result<Outcome, EvaluateError> {
+    ) -> Result<Outcome> {
         let Options { every_us, embeds, .. } = *self.options;
         self.presses.judge(engine, press, quantities, *stride, every_us, embeds)
     }
@@ -257,8 +240,7 @@ impl Judge for OfPresses<'_> {
     }
 }
 
-/// The number of neighbours that a point is placed among, of which a press has at least three times
-/// as many.
+/// Neighbours that a point is placed among, of at least three times as many presses.
 const PERPLEXITY: usize = 30;
 const EPOCHS: usize = 1_000;
 /// Size of the square in which the points begin.

@@ -1,5 +1,4 @@
-//! Direction of slip from 24 electrodes: the data set, its windows, and the trainings of its
-//! networks.
+//! Direction of slip from 24 electrodes: the data set, its windows, its trainings.
 //!
 //! [`evaluate`] judges networks on seen and unseen objects.
 
@@ -15,10 +14,9 @@ use meissner_models::systems::slip::{CLASSES, Object, ObjectSet, SlipWindows};
 use meissner_run::model::describe_frames;
 use meissner_run::text::grouped;
 
-use crate::error::{EvaluateError, TrainingError};
+use crate::error::{EvaluateError, Result, TrainingError};
 use crate::events::passed_over_note;
-use crate::trainings::{HeldOut, Scheme};
-use crate::trainings::{Metadata, Task};
+use crate::trainings::{HeldOut, Metadata, Scheme, Task};
 use crate::trials::Cases;
 pub use judge::{Classified, DataReport, Judged, Report, SetReport, SlipFigures, ValidationReport, evaluate};
 
@@ -35,7 +33,7 @@ impl Task for Slip {
     type Description = FrameDescription;
     const PREFIX: &'static str = "slip-";
 
-    fn describe(network: &str) -> Result<(FrameDescription, bool), EvaluateError> {
+    fn describe(network: &str) -> Result<(FrameDescription, bool)> {
         let (description, shipped) = describe_frames(network)?;
         SlipWindows::new(&description)?;
         Ok((description, shipped))
@@ -79,7 +77,6 @@ impl Task for Slip {
 pub struct SlipData {
     /// The recordings by class, and by file name in natural order.
     pub(crate) recordings: Vec<SlipRecording>,
-    /// The object of each recording.
     pub(crate) objects: Vec<Object>,
     /// Remarks about the data, for people.
     pub notes: Vec<String>,
@@ -90,7 +87,7 @@ impl SlipData {
     ///
     /// # Errors
     /// The folder has another layout, a recording cannot be read, or its object is unknown.
-    pub fn read(folder: &Path) -> Result<Self, EvaluateError> {
+    pub fn read(folder: &Path) -> Result<Self> {
         let SlipDataset { recordings, passed_over } = SlipDataset::read(folder, &CLASSES, BadRows::Refuse)?;
         let objects = recordings.iter().map(|recording| Object::of(&recording.name, &recording.object));
         let objects = objects.collect::<Result<Vec<_>, _>>()?;
@@ -117,15 +114,13 @@ pub(crate) struct Windows {
     pub(crate) cases: Cases,
     /// (windows, steps, frame).
     pub(crate) values: Vec<f32>,
-    /// Shape of a frame.
     pub(crate) frame_shape: &'static [usize],
-    /// Number of frames of a window.
     pub(crate) steps: usize,
 }
 
 impl Windows {
     /// The windows of `data` as `description` reads them.
-    pub(crate) fn cut(data: &SlipData, description: &FrameDescription) -> Result<Self, EvaluateError> {
+    pub(crate) fn cut(data: &SlipData, description: &FrameDescription) -> Result<Self> {
         let mut windows = SlipWindows::new(description)?;
         let (mut cases, mut values) = (Cases::default(), Vec::new());
         for recording in &data.recordings {
@@ -148,8 +143,7 @@ impl Windows {
         self.values[(end - steps) * frame..end * frame].chunks_exact(frame)
     }
 
-    /// The outputs of `engine` for a window, from its last `steps` frames. The engine is reset
-    /// before.
+    /// The outputs for a window, from its last `steps` frames after a reset.
     pub(crate) fn logits(
         &self,
         engine: &mut FrameEngine,

@@ -14,7 +14,7 @@ use meissner_run::RunError;
 use meissner_simulator::Cause;
 use safetensors::tensor::{Dtype, SafeTensors};
 
-use crate::error::{EvaluateError, StreamsError};
+use crate::error::{EvaluateError, Result, StreamsError};
 
 /// Events, stream after stream.
 pub struct Streams {
@@ -36,18 +36,17 @@ pub struct Labels<'a> {
 }
 
 impl Streams {
-    /// The streams in the safetensors file at `path`, as `meissner simulate markers` writes them.
-    /// All are held in memory.
+    /// The streams in a safetensors file of `meissner simulate markers`, all in memory.
     ///
     /// # Errors
     /// The file cannot be read or does not fit.
-    pub fn read(path: &Path) -> Result<Self, EvaluateError> {
+    pub fn read(path: &Path) -> Result<Self> {
         Self::parsed(path, Self::from_bytes)
     }
 
     /// The streams in the file at `path`, and the cause of each event as
     /// [`crate::prepare::film_markers`] writes it.
-    pub(crate) fn with_causes(path: &Path) -> Result<(Self, Vec<Cause>), EvaluateError> {
+    pub(crate) fn with_causes(path: &Path) -> Result<(Self, Vec<Cause>)> {
         Self::parsed(path, |bytes| {
             let streams = Self::from_bytes(bytes)?;
             let causes = integers(&SafeTensors::deserialize(bytes)?, "cause", Some(streams.events.len()))?;
@@ -56,7 +55,7 @@ impl Streams {
         })
     }
 
-    fn parsed<T>(path: &Path, parse: impl Fn(&[u8]) -> Result<T, StreamsError>) -> Result<T, EvaluateError> {
+    fn parsed<T>(path: &Path, parse: impl Fn(&[u8]) -> Result<T, StreamsError>) -> Result<T> {
         let bytes = meissner_io::read_whole(path).map_err(RunError::File)?;
         parse(&bytes).map_err(|source| EvaluateError::Streams { path: path.to_owned(), source })
     }
@@ -123,7 +122,6 @@ impl Streams {
         self.start.windows(2).map(|bounds| &self.events[bounds[0]..bounds[1]]).collect()
     }
 
-    /// Where each stream ends.
     pub(crate) fn ends(&self) -> impl Iterator<Item = usize> {
         self.start.iter().skip(1).copied()
     }
@@ -153,8 +151,7 @@ pub(crate) struct Truth {
 }
 
 impl Truth {
-    /// The labels of tracks whose times are `t_us` and `start`: every F32 tensor of shape (times).
-    /// `None` without any.
+    /// The labels of tracks: every F32 tensor of shape (times). `None` without any.
     pub(crate) fn of_tracks(
         file: &SafeTensors<'_>,
         start: Vec<usize>,
@@ -215,8 +212,7 @@ impl Truth {
         Ok((!labels.is_empty()).then_some(Self { start, t_us, labels }))
     }
 
-    /// Labels of streams one after the other: for each, its times and the values of the labels
-    /// `names` at each of them.
+    /// Labels of streams: for each, its times and the values of `names` at each of them.
     ///
     /// # Panics
     /// Where a stream has no time.
@@ -235,7 +231,6 @@ impl Truth {
         }
     }
 
-    /// Adds the labels to a file of events.
     pub(crate) fn write(&self, file: &mut TensorFile) {
         let start: Vec<i64> = self.start.iter().map(|&start| start as i64).collect();
         file.i64(START, &[start.len()], &start);
@@ -245,7 +240,6 @@ impl Truth {
         }
     }
 
-    /// The names of the labels.
     pub(crate) fn names(&self) -> impl Iterator<Item = &str> {
         self.labels.keys().map(String::as_str)
     }
@@ -257,22 +251,19 @@ impl Truth {
         (t_us, self.labels.iter().map(move |(name, values)| (name.as_str(), &values[times.clone()])))
     }
 
-    /// The first and the last time of `stream`.
     pub(crate) fn span_us(&self, stream: usize) -> [i64; 2] {
         let times = self.times(stream);
         [self.t_us[times.start], self.t_us[times.end - 1]]
     }
 
-    /// When the label `name` of `stream` leaves 0: the last time at which it has not been above 0
-    /// yet. `None` where there is no such label or it never rises.
+    /// When the label `name` of `stream` leaves 0, if it ever rises.
     pub(crate) fn rises_us(&self, name: &str, stream: usize) -> Option<i64> {
         let (values, times) = (self.labels.get(name)?, self.times(stream));
         let first = times.clone().find(|&i| values[i] > 0.0)?;
         Some(self.t_us[first.saturating_sub(1).max(times.start)])
     }
 
-    /// The value of the label `name` of `stream` at `t_us`; `None` without such a label. O(log
-    /// times).
+    /// The label `name` of `stream` at `t_us`, if there is one. O(log times).
     pub(crate) fn at(&self, name: &str, stream: usize, t_us: i64) -> Option<f64> {
         let (values, times) = (self.labels.get(name)?, self.times(stream));
         let after = times.start + self.t_us[times.clone()].partition_point(|&time| time <= t_us);
@@ -293,7 +284,6 @@ impl Truth {
     }
 }
 
-/// A value of `list` that is not as `expected`.
 pub(crate) fn value(list: &str, index: usize, expected: String, found: String) -> StreamsError {
     StreamsError::Value { list: list.to_owned(), index, expected, found }
 }

@@ -1,8 +1,7 @@
 //! Networks that are judged, and their trainings.
 //!
-//! Enters: names of networks or description files; a file of weights, a folder of trainings, or the
-//! shipped weights. Leaves: each network with its trainings, which state what they were trained on
-//! and what they have not seen.
+//! Enters: names of networks or description files; weights, a folder of trainings, or the shipped
+//! weights. Leaves: each network with its trainings, and what these have not seen.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -15,7 +14,7 @@ use meissner_run::model::{labelled, weights};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 
-use crate::error::{EvaluateError, TrainingError, weights_error};
+use crate::error::{EvaluateError, Result, TrainingError, weights_error};
 
 /// How a cross-validation splits a data set.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
@@ -47,7 +46,7 @@ pub trait Task {
     ///
     /// # Errors
     /// There is none, or the network is for another task.
-    fn describe(network: &str) -> Result<(Self::Description, bool), EvaluateError>;
+    fn describe(network: &str) -> Result<(Self::Description, bool)>;
 
     /// The name of the network.
     fn name(description: &Self::Description) -> &str;
@@ -121,9 +120,8 @@ pub(crate) struct Training {
     pub(crate) weights: Weights,
 }
 
-/// The networks of `request` in the order of their names, and notes about trainings that are left
-/// out.
-pub(crate) fn candidates<T: Task>(request: Request<'_>) -> Result<Candidates<T>, EvaluateError> {
+/// The networks of `request` by name, and notes about trainings that are left out.
+pub(crate) fn candidates<T: Task>(request: Request<'_>) -> Result<Candidates<T>> {
     let descriptions = descriptions::<T>(request.networks)?;
     if let Some(folder) = request.trainings {
         return from_folder::<T>(folder, descriptions, !request.networks.is_empty());
@@ -135,11 +133,11 @@ pub(crate) fn candidates<T: Task>(request: Request<'_>) -> Result<Candidates<T>,
         let training = Training::whole(T::name(&description), shipped, request.weights)?;
         Ok(EvaluatedNetwork { description, trainings: vec![Arc::new(training)] })
     };
-    Ok((descriptions.into_iter().map(candidate).collect::<Result<_, EvaluateError>>()?, Vec::new()))
+    Ok((descriptions.into_iter().map(candidate).collect::<Result<_>>()?, Vec::new()))
 }
 
 /// The descriptions with these names or in these files, and whether they are shipped.
-fn descriptions<T: Task>(names: &[String]) -> Result<Vec<(T::Description, bool)>, EvaluateError> {
+fn descriptions<T: Task>(names: &[String]) -> Result<Vec<(T::Description, bool)>> {
     let shipped = AnyDescription::shipped_names().filter(|name| name.starts_with(T::PREFIX));
     let names = if names.is_empty() { shipped.map(str::to_owned).collect() } else { names.to_vec() };
     let mut descriptions: Vec<(T::Description, bool)> = Vec::new();
@@ -158,9 +156,9 @@ fn from_folder<T: Task>(
     folder: &Path,
     descriptions: Vec<(T::Description, bool)>,
     named: bool,
-) -> Result<Candidates<T>, EvaluateError> {
+) -> Result<Candidates<T>> {
     let trainings = files(folder)?.into_iter().map(|path| Ok(Arc::new(Training::load::<T>(&path)?)));
-    let trainings = trainings.collect::<Result<Vec<Arc<Training>>, EvaluateError>>()?;
+    let trainings = trainings.collect::<Result<Vec<Arc<Training>>>>()?;
     let none = |expected: String| {
         let mut found: Vec<&str> = trainings.iter().map(|training| training.network.as_str()).collect();
         found.sort_unstable();
@@ -193,7 +191,7 @@ fn from_folder<T: Task>(
 }
 
 /// `Ok` where no two whole trainings, in the order of their seeds, have the same seed.
-fn seeds_differ(trainings: &[Arc<Training>]) -> Result<(), EvaluateError> {
+fn seeds_differ(trainings: &[Arc<Training>]) -> Result<()> {
     let whole: Vec<_> = trainings.iter().filter(|training| training.held_out.is_none()).collect();
     let Some(pair) = whole.windows(2).find(|pair| pair[0].seed == pair[1].seed) else { return Ok(()) };
     let (network, seed) = (pair[1].network.clone(), seed_name(pair[1].seed));
@@ -201,7 +199,7 @@ fn seeds_differ(trainings: &[Arc<Training>]) -> Result<(), EvaluateError> {
 }
 
 /// The safetensors files in `folder`, by name.
-fn files(folder: &Path) -> Result<Vec<PathBuf>, EvaluateError> {
+fn files(folder: &Path) -> Result<Vec<PathBuf>> {
     let list = || -> std::io::Result<Vec<PathBuf>> {
         std::fs::read_dir(folder)?.map(|entry| entry.map(|entry| entry.path())).collect()
     };
@@ -227,7 +225,7 @@ impl<D> EvaluatedNetwork<D> {
     }
 
     /// The trainings take every this many events one: their common stride.
-    pub(crate) fn stride(&self) -> Result<usize, EvaluateError> {
+    pub(crate) fn stride(&self) -> Result<usize> {
         let first = &self.trainings[0];
         let expected = first.stride()?;
         for training in &self.trainings[1..] {
@@ -243,7 +241,7 @@ impl<D> EvaluatedNetwork<D> {
 
 impl Training {
     /// The weights in the file at `path`, or those `shipped` with `network`, as a whole training.
-    fn whole(network: &str, shipped: bool, path: Option<&Path>) -> Result<Self, EvaluateError> {
+    fn whole(network: &str, shipped: bool, path: Option<&Path>) -> Result<Self> {
         let (weights, label) = weights(network, shipped, path).map_err(|error| match error {
             RunError::NoWeights(network) => EvaluateError::NeedsTrainings(network),
             error => error.into(),
@@ -257,8 +255,7 @@ impl Training {
         Ok(Self { path, label: labelled(label, &weights), network, seed, held_out: None, weights })
     }
 
-    /// The training in the file at `path`.
-    fn load<T: Task>(path: &Path) -> Result<Self, EvaluateError> {
+    fn load<T: Task>(path: &Path) -> Result<Self> {
         let label = path.display().to_string();
         let weights = Weights::load(path).map_err(weights_error(&label))?;
         let metadata = Metadata(weights.metadata());
@@ -283,11 +280,10 @@ impl Training {
     }
 
     /// It was trained on every this many events one.
-    pub(crate) fn stride(&self) -> Result<usize, EvaluateError> {
+    pub(crate) fn stride(&self) -> Result<usize> {
         Ok(self.weights.card().map_err(weights_error(&self.label))?.stride)
     }
 
-    /// The error `source` of this training.
     pub(crate) fn refused(&self, source: TrainingError) -> EvaluateError {
         EvaluateError::Training { path: self.path.clone(), source }
     }

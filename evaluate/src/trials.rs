@@ -1,8 +1,7 @@
 //! Trainings with the labelled cases that they have not seen.
 //!
-//! Enters: the trainings of a network, and the cases of a data set: its recordings, or windows of
-//! them. Leaves: trials, each a whole training or the folds of a cross-validation. No case is held
-//! out twice within a trial.
+//! Enters: the trainings of a network, and the cases of a data set. Leaves: trials, each a whole
+//! training or the folds of a cross-validation, in which no case is held out twice.
 
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -10,13 +9,12 @@ use std::sync::Arc;
 
 use meissner_models::TensorFile;
 
-use crate::error::{EvaluateError, TrainingError};
+use crate::error::{Result, TrainingError};
 use crate::trainings::{HeldOut, Scheme, Training, seed_name};
 
 /// The cases of a data set, recording after recording.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Cases {
-    /// Names of the recordings.
     names: Vec<String>,
     /// Index after the last case of each recording.
     ends: Vec<usize>,
@@ -45,7 +43,6 @@ impl Cases {
         self.names.push(name.to_owned());
     }
 
-    /// Number of cases.
     pub(crate) fn len(&self) -> usize {
         self.ends.last().copied().unwrap_or(0)
     }
@@ -56,7 +53,6 @@ impl Cases {
         start..self.ends[recording]
     }
 
-    /// The recording of `case`.
     pub(crate) fn recording(&self, case: usize) -> usize {
         self.ends.partition_point(|&end| end <= case)
     }
@@ -91,14 +87,13 @@ impl Cases {
     /// folds by scheme and seed. `check` can refuse the cases of a fold.
     ///
     /// # Errors
-    /// A fold held out something that is no case, that `check` refuses, or that another fold of its
-    /// trial held out.
+    /// A fold held out what is no case, `check` refuses, or another fold held out.
     pub(crate) fn trials(
         &self,
         trainings: &[Arc<Training>],
         unseen: &[usize],
         check: impl Fn(&[usize]) -> Result<(), TrainingError>,
-    ) -> Result<Vec<Trial>, EvaluateError> {
+    ) -> Result<Vec<Trial>> {
         let index = self.names.iter().map(String::as_str).zip(0..).collect();
         let mut trials = Vec::new();
         let mut folds: BTreeMap<_, Vec<Fold>> = BTreeMap::new();
@@ -122,7 +117,7 @@ impl Cases {
     }
 
     /// `Ok` where no case is held out twice.
-    fn are_apart(&self, scheme: Scheme, folds: &[Fold]) -> Result<(), EvaluateError> {
+    fn are_apart(&self, scheme: Scheme, folds: &[Fold]) -> Result<()> {
         let mut owners: Vec<Option<&Training>> = vec![None; self.len()];
         for Fold { training, cases } in folds {
             for &case in cases {
@@ -143,7 +138,7 @@ impl Cases {
     }
 
     /// `Ok` where the folds of `trial` hold out all cases together.
-    pub(crate) fn are_complete(&self, trial: &Trial) -> Result<(), EvaluateError> {
+    pub(crate) fn are_complete(&self, trial: &Trial) -> Result<()> {
         let Some(Fold { training, .. }) = trial.folds.first() else { return Ok(()) };
         let mut held_out = vec![false; self.len()];
         trial.folds.iter().flat_map(|fold| &fold.cases).for_each(|&case| held_out[case] = true);
@@ -164,18 +159,16 @@ impl Trial {
         self.folds.iter().map(|fold| fold.cases.len()).sum()
     }
 
-    /// Files of the weights.
     pub(crate) fn files(&self) -> Vec<String> {
         self.folds.iter().flat_map(|fold| fold.training.files()).collect()
     }
 
-    /// The unseen cases with their outcomes, in the order of the cases. `outcomes` has those of a
-    /// training on its cases; `done` is called after each training.
+    /// The unseen cases with their outcomes, in order; `done` is called after each training.
     pub(crate) fn outcomes<O>(
         &self,
         mut done: impl FnMut(&Training),
-        mut outcomes: impl FnMut(&Training, &[usize]) -> Result<Vec<O>, EvaluateError>,
-    ) -> Result<Vec<(usize, O)>, EvaluateError> {
+        mut outcomes: impl FnMut(&Training, &[usize]) -> Result<Vec<O>>,
+    ) -> Result<Vec<(usize, O)>> {
         let mut all = Vec::new();
         for Fold { training, cases } in &self.folds {
             all.extend(cases.iter().copied().zip(outcomes(training, cases)?));

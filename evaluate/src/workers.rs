@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use rayon::ThreadPool;
 use rayon::prelude::*;
 
-use crate::error::EvaluateError;
+use crate::error::{EvaluateError, Result};
 
 /// How far an evaluation is, for another thread, which can also stop it.
 #[derive(Clone, Debug, Default)]
@@ -39,7 +39,7 @@ impl ProgressHandle {
     ///
     /// # Errors
     /// [`EvaluateError::Stopped`].
-    pub fn check(&self) -> Result<(), EvaluateError> {
+    pub fn check(&self) -> Result<()> {
         if self.0.stopped.load(Ordering::Relaxed) { Err(EvaluateError::Stopped) } else { Ok(()) }
     }
 }
@@ -73,11 +73,9 @@ impl Workers {
         self.watch.0.total.store(items as u64, Ordering::Relaxed);
     }
 
-    /// The results of `work` for each of `items`, in their order, each thread with clones of
-    /// `engine`.
+    /// The results of `work` for `items` in their order, each thread with clones of `engine`.
     ///
-    /// The number of threads and the order in which they take items cannot reach a result if `work`
-    /// resets its engine.
+    /// The number of threads cannot reach a result if `work` resets its engine.
     ///
     /// # Errors
     /// The first error in the order of the items; [`EvaluateError::Stopped`].
@@ -86,7 +84,7 @@ impl Workers {
         engine: &E,
         items: &[I],
         work: impl Fn(&mut E, &I) -> Result<T, X> + Sync + Send,
-    ) -> Result<Vec<T>, EvaluateError> {
+    ) -> Result<Vec<T>> {
         let work = |engine: &mut E, item: &I| {
             self.watch.check()?;
             let result = work(engine, item).map_err(Into::into)?;

@@ -3,8 +3,7 @@
 use meissner_kernels::softmax;
 use serde::Serialize;
 
-/// The index of the largest value, or the first of several equal ones; `None` if there are no
-/// values or one is NaN.
+/// The index of the first of the largest values; `None` for no values, or where one is NaN.
 pub fn largest(values: &[f32]) -> Option<usize> {
     if values.iter().any(|value| value.is_nan()) {
         return None;
@@ -12,9 +11,8 @@ pub fn largest(values: &[f32]) -> Option<usize> {
     (0..values.len()).reduce(|best, i| if values[i] > values[best] { i } else { best })
 }
 
-/// f32 values, serialised with the digits of the equal f64. A reader that converts through f64
-/// restores each value from these digits. The shortest digits of an f32 are not always enough for
-/// that (7.038531e-26 is an example).
+/// f32 values, serialised with the digits of the equal f64, so that a reader through f64 restores
+/// each. The shortest digits of an f32 do not always do that (7.038531e-26).
 #[derive(Clone, Copy, Debug)]
 pub struct Values<'a>(pub &'a [f32]);
 
@@ -74,8 +72,7 @@ impl Classes {
         &self.names.as_ref().expect("values are of classes")[class]
     }
 
-    /// Takes the values of a new prediction: its class, and the probability of the class. `None` if
-    /// values are not logits of classes.
+    /// Takes a new prediction: its class with its probability, if values are logits of classes.
     pub fn update(&mut self, values: &[f32]) -> Option<(usize, f32)> {
         self.largest = None;
         if values.len() != self.names.as_ref()?.len() {

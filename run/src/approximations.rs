@@ -1,8 +1,7 @@
 //! Approximations, and the report of their effects.
 //!
-//! Filters drop events before the engine. Fewer neighbours change the network before it runs. The
-//! tolerance is an option of the engine. A stale readout repeats its last prediction. Without any
-//! of them, results are exact.
+//! Filters drop events, fewer neighbours change the network, the tolerance is an option of the
+//! engine, a stale readout repeats its last prediction. Without any, results are exact.
 
 use std::sync::Arc;
 
@@ -15,8 +14,7 @@ use serde::Serialize;
 /// Approximations that make results cheaper and less exact. `Default` has none.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Approximations {
-    /// A recomputed row or pixel keeps its stored values if no channel differs from them by more
-    /// than this.
+    /// A recomputed row or pixel keeps its values if no channel changes by more than this.
     pub tolerance: Option<f32>,
     /// Largest number of neighbours that a node reads.
     pub neighbours: Option<u8>,
@@ -72,8 +70,7 @@ impl Approximations {
         Ok(Chain::new(filters))
     }
 
-    /// An engine for `network` with the tolerance and the staleness. The number of neighbours is
-    /// that of `network`, see [`Self::adapt`].
+    /// An engine for a `network` that was [adapted](Self::adapt), with tolerance and staleness.
     ///
     /// # Errors
     /// The engine refuses the sensor, an option or an approximation.
@@ -87,12 +84,10 @@ impl Approximations {
         StaleReadout::new(Engine::with_options(network, sensor, options)?, self.staleness())
     }
 
-    /// Whether predictions may be repeated.
     pub(crate) fn is_stale(&self) -> bool {
         self.staleness() != Staleness::default()
     }
 
-    /// The largest age of a prediction.
     fn staleness(&self) -> Staleness {
         Staleness::new().with_events(self.stale_events).with_us(self.stale_us)
     }
@@ -118,22 +113,19 @@ impl Approximations {
 
 /// The approximations of a run. Approximations that were not requested are missing.
 #[derive(Debug, Serialize)]
+#[expect(missing_docs, reason = "the keys of the JSON report")]
 pub struct ApproximationReport {
     /// Filters, in the order in which events pass them.
     pub filters: Vec<FilteredEvents>,
-    /// Largest number of neighbours of a node.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub neighbours: Option<u8>,
-    /// Tolerance of a row or pixel.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub tolerance: Option<f32>,
     /// Recomputed rows that kept their stored values.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub rows_within_tolerance: Option<u64>,
-    /// Accepted events after which a prediction is recomputed.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub stale_events: Option<u64>,
-    /// Stream time after which a prediction is recomputed, in microseconds.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub stale_us: Option<i64>,
     /// Predictions that were repeated instead of computed.
@@ -143,11 +135,9 @@ pub struct ApproximationReport {
 
 /// Events that a filter passed and dropped.
 #[derive(Debug, Serialize)]
+#[expect(missing_docs, reason = "the keys of the JSON report")]
 pub struct FilteredEvents {
-    /// Name of the filter.
     pub name: &'static str,
-    /// Events that passed it.
     pub passed: u64,
-    /// Events that it dropped.
     pub dropped: u64,
 }

@@ -1,10 +1,9 @@
-//! Benchmarks: latency of events and frames, its distribution over phases, and the time of each
-//! stage.
+//! Benchmarks: latency of events and frames, its phases, and the time of each stage.
 //!
 //! | benchmark | measures |
 //! |---|---|
 //! | [`EventBench`] | a network over events: latencies by phase, work, stages, deadlines |
-//! | [`bench_frames`] | a frame network over events: latencies with skipping and without, deadlines |
+//! | [`bench_frames`] | a frame network: latencies with skipping and without, deadlines |
 //! | [`compare`] | a network over events against a frame network, over the same stream |
 //!
 //! All events are read before the first pass. Every pass begins with a new engine.
@@ -19,6 +18,17 @@ mod phases;
 use std::collections::BTreeMap;
 use std::fmt;
 
+use meissner_engine::{Event, EventCounters, LatePolicy, Options, RestartPolicy, Sensor};
+use meissner_io::TimeRange;
+use serde::Serialize;
+
+use crate::approximations::Approximations;
+use crate::error::Result;
+use crate::losses::{InputLosses, LossWarning};
+use crate::provenance::{Header, InputCard, ModelCard};
+use crate::schedule::Every;
+use crate::source::Source;
+use crate::work_counts::dropped;
 pub use compare::{CompareReport, Ratios, SideReport, SidesReport, compare};
 pub use deadline::{DeadlineBin, DeadlineReport, Sustained};
 pub use events::{
@@ -28,17 +38,6 @@ pub use events::{
 use frame_passes::PredictionTimes;
 pub use frame_passes::{EventFrameModel, Field, FrameLatencies};
 pub use frames::{FrameModeReport, FrameReport, PixelReport, bench_frames};
-use meissner_engine::{Event, EventCounters, LatePolicy, Options, RestartPolicy, Sensor};
-use meissner_io::TimeRange;
-use serde::Serialize;
-
-use crate::approximations::Approximations;
-use crate::error::RunError;
-use crate::losses::{InputLosses, LossWarning};
-use crate::provenance::{Header, InputCard, ModelCard};
-use crate::schedule::Every;
-use crate::source::Source;
-use crate::work_counts::dropped;
 
 /// Options of a benchmark.
 #[derive(Clone, Debug, Default)]
@@ -114,8 +113,7 @@ pub struct BenchInput {
 }
 
 impl BenchInput {
-    /// Takes the events of `source`, at most the limit of `options`, for a benchmark of the network
-    /// of `card`. Logs the warnings of the network's header.
+    /// Takes the events of `source` up to the limit, and logs the warnings of the header.
     ///
     /// # Errors
     /// The source cannot be read.
@@ -124,7 +122,7 @@ impl BenchInput {
         sensor: Sensor,
         card: &ModelCard,
         options: &BenchOptions,
-    ) -> Result<Self, RunError> {
+    ) -> Result<Self> {
         let described = InputCard::events(&source.name, &source.format, sensor, source.recorded());
         let header = Header::new("bench", described, card.clone());
         header.warn();
@@ -158,34 +156,28 @@ impl BenchInput {
 /// The input of a benchmark.
 #[derive(Debug, Serialize)]
 #[non_exhaustive]
+#[expect(missing_docs, reason = "the keys of the JSON report")]
 pub struct InputReport {
-    /// Network, weights and input.
     pub header: Header,
     /// The measured part.
     #[serde(skip)]
     pub part: Part,
-    /// The network.
     #[serde(skip)]
     pub card: ModelCard,
     /// Instruction set of the kernels.
     pub isa: &'static str,
-    /// Number of counted passes.
     pub passes: u32,
-    /// Events taken.
     pub events: u64,
     /// Lines of a text that could not be read; they do not count as events.
     pub lines_refused: u64,
-    /// Accepted events.
     pub accepted: u64,
     /// The other events, by reason.
     pub dropped: BTreeMap<&'static str, u64>,
-    /// Unintended losses of input.
     pub warnings: Vec<LossWarning>,
 }
 
 impl FrameInputReport {
-    /// The report of the frames that `model` makes of `field` at `moments`. `outside` counts the
-    /// events outside `field`.
+    /// The report of the frames of `field` at `moments`; `outside` counts events beside it.
     fn new(
         input: &BenchInput,
         model: &EventFrameModel,

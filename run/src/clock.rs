@@ -10,8 +10,7 @@ const MAX: Duration = Duration::from_hours(10 * 365 * 24);
 /// Longest time after an end until a wait notices it.
 const NAP: Duration = Duration::from_millis(5);
 
-/// Stream time that has passed: all steps forward from one event to the next, without those across
-/// a restart of the clock.
+/// Stream time that has passed: all steps forward, without those across a restart.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Passed {
     newest_us: Option<i64>,
@@ -36,8 +35,7 @@ impl Passed {
         self.newest_us = None;
     }
 
-    /// Stream time divided by the time `spent` on it: from 1 on the work keeps up with the stream
-    /// in the mean. `None` if either is zero.
+    /// Stream time divided by the time `spent` on it, unless either is zero.
     pub(crate) fn times_real_time(&self, spent: Duration) -> Option<f64> {
         (self.us > 0 && !spent.is_zero()).then(|| self.us as f64 / (spent.as_secs_f64() * 1e6))
     }
@@ -52,8 +50,7 @@ pub struct Clock {
 }
 
 impl Clock {
-    /// A clock whose stream time is `first_us` at `start` and passes `speed` times as fast as wall
-    /// clock time.
+    /// A clock at `first_us` at `start` that passes `speed` times as fast as wall clock time.
     pub fn new(start: Instant, first_us: i64, speed: f64) -> Self {
         Self { start, first_us, speed }
     }
@@ -71,8 +68,7 @@ impl Clock {
         self.first_us.saturating_add(us as i64)
     }
 
-    /// Waits until stream time `t_us`, until `ended`, or until the program is asked to end; whether
-    /// the time has come.
+    /// Waits until `t_us`, `ended`, or a request to end; whether the time has come.
     pub fn wait(&self, t_us: i64, ended: impl Fn() -> bool) -> bool {
         let at = self.at(t_us);
         while !ended() && !interrupt::requested() {

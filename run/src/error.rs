@@ -15,24 +15,21 @@ use crate::losses::Salvaged;
 use crate::schedule::Every;
 use crate::text::grouped;
 
+/// The result of a run, or its error.
+pub type Result<T, E = RunError> = std::result::Result<T, E>;
+
 /// A source cannot be read, or a network cannot run.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
+#[expect(missing_docs, reason = "the messages explain the fields")]
 pub enum RunError {
     /// The size of the sensor is unknown.
     #[error("{recording}: this {format} recording does not name its geometry")]
-    NoGeometry {
-        /// The recording.
-        recording: String,
-        /// The name of its format.
-        format: String,
-    },
+    NoGeometry { recording: String, format: String },
     /// A recording cannot be read.
     #[error("{recording}")]
     Recording {
-        /// The recording.
         recording: Box<str>,
-        /// The reason.
         source: Box<IoError>,
         /// The part that can be read, if the recording is truncated.
         salvaged: Option<Box<Salvaged>>,
@@ -42,109 +39,51 @@ pub enum RunError {
     SeveralStreams(String),
     /// A line of a text is malformed, and the source is strict.
     #[error("{recording}: {problem}")]
-    Line {
-        /// The text.
-        recording: String,
-        /// The line, and the reason.
-        problem: String,
-    },
+    Line { recording: String, problem: String },
     /// Most lines of a text are malformed.
     #[error("{recording}: {problem}")]
-    Lines {
-        /// The text.
-        recording: String,
-        /// The number of malformed lines and of all lines, the first malformed line, and the
-        /// reason.
-        problem: String,
-    },
+    Lines { recording: String, problem: String },
     /// A file cannot be read or written; the source names it.
     #[error(transparent)]
     File(IoError),
     /// A name that is neither a shipped network nor a file.
     #[error("network {name}: found no shipped network and no file of this name{}",
         nearest.map(|nearest| format!("; did you mean {nearest}?")).unwrap_or_default())]
-    UnknownNetwork {
-        /// The name.
-        name: String,
-        /// The shipped network with the most similar name, if one is similar.
-        nearest: Option<&'static str>,
-    },
+    UnknownNetwork { name: String, nearest: Option<&'static str> },
     /// A description file has no shipped weights.
     #[error("network {0}: a description file comes without weights")]
     NoWeights(String),
     /// A network of another kind was expected.
     #[error("network {network}: expected {expected}, found {found}")]
-    OtherNetwork {
-        /// The network.
-        network: String,
-        /// The expected kind.
-        expected: String,
-        /// The actual kind.
-        found: String,
-    },
+    OtherNetwork { network: String, expected: String, found: String },
     /// A recording was given; a network was expected.
     #[error("network {network}: expected a description file, found a recording ({format})")]
-    IsRecording {
-        /// The file.
-        network: String,
-        /// The recording's format.
-        format: Format,
-    },
+    IsRecording { network: String, format: Format },
     /// A description cannot be read.
     #[error("network {network}")]
-    Description {
-        /// The name or the file.
-        network: Box<str>,
-        /// The reason.
-        source: Box<ModelError>,
-    },
+    Description { network: Box<str>, source: Box<ModelError> },
     /// A description or weights cannot be read; the source names the file.
     #[error(transparent)]
     ModelFile(ModelError),
     /// Weights cannot be read, or do not fit.
     #[error("weights {weights}")]
-    Weights {
-        /// The file.
-        weights: Box<str>,
-        /// The reason.
-        source: Box<ModelError>,
-    },
+    Weights { weights: Box<str>, source: Box<ModelError> },
     /// Frames cannot be made from the input.
     #[error("network {network}")]
-    Frames {
-        /// The network.
-        network: String,
-        /// The reason.
-        source: RepresentationError,
-    },
-    /// Predictions would be due between two frames, or frames would have no period or another
-    /// period than the network.
+    Frames { network: String, source: RepresentationError },
+    /// Predictions would be due between frames, or frames would have no or another period.
     #[error("expected {expected}, found {found}")]
-    FramePeriod {
-        /// The accepted times of predictions.
-        expected: String,
-        /// The requested times of predictions.
-        found: Every,
-    },
+    FramePeriod { expected: String, found: Every },
     /// There would be too many frames.
     #[error("expected at most {} frames, found {found} frames, one every {period_us} us", grouped(*.most))]
-    ManyFrames {
-        /// The limit.
-        most: u64,
-        /// The number of frames.
-        found: u64,
-        /// Time from frame to frame.
-        period_us: i64,
-    },
+    ManyFrames { most: u64, found: u64, period_us: i64 },
     /// The size of a picture differs from the input of the network.
     #[error(
         "{}: expected {}x{} pixels, as network {network} reads them, found {}x{}",
         path.display(), expected.0, expected.1, found.0, found.1
     )]
     PictureSize {
-        /// The file.
         path: PathBuf,
-        /// The network.
         network: String,
         /// Width and height of the input of the network.
         expected: (usize, usize),
@@ -153,12 +92,7 @@ pub enum RunError {
     },
     /// Two overlays would have the same path, or an overlay would replace a picture.
     #[error("{} would replace {other}; choose another folder or other names", path.display())]
-    OverlayTaken {
-        /// The overlay.
-        path: PathBuf,
-        /// The file that it would replace.
-        other: String,
-    },
+    OverlayTaken { path: PathBuf, other: String },
     /// An image cannot be read or written; the source names it.
     #[error(transparent)]
     Image(#[from] IoError),
@@ -193,8 +127,7 @@ fn names_file(error: &ModelError) -> bool {
     matches!(error, ModelError::Read { .. } | ModelError::Large { .. })
 }
 
-/// An error and its sources in one line, from the outermost to the first cause; each in part, where
-/// it is very long.
+/// An error and its sources in one line, the outermost first; each in part where it is long.
 pub fn chain(error: &dyn Error) -> String {
     let mut text = in_part(&error.to_string()).into_owned();
     let mut inner = error.source();

@@ -47,7 +47,6 @@ pub struct FeedOptions {
 pub struct FrameFeed {
     /// Admits events before they reach the windows, which then accept all of them.
     gate: Admission,
-    /// Decides about restarts of the clock.
     watch: ClockWatch,
     windows: Windows,
     silence: EmptyFrameLimit,
@@ -57,8 +56,7 @@ pub struct FrameFeed {
     kept: Option<VecDeque<Event>>,
     /// Events that were accepted before this input.
     before: u64,
-    /// Events outside the crop in this input that the windows do not count, less those that they
-    /// count of another input.
+    /// Events outside the crop that earlier windows counted, less those of earlier inputs.
     outside_before: i64,
     /// Events that were evicted before this input.
     evicted_before: u64,
@@ -89,8 +87,7 @@ impl FeedState {
         Self { epoch_us: t_us, now_us: t_us, accepted: 0, open_us: Some(t_us), events, held }
     }
 
-    /// The first field that a feed on `sensor` cannot have written, if there is one: its name, the
-    /// expected value and the actual value.
+    /// The first field that a feed cannot have written: its name, expected and actual value.
     pub(crate) fn fault(&self, sensor: Sensor) -> Option<(&'static str, String, String)> {
         let &Self { epoch_us, now_us, accepted, open_us, .. } = self;
         if now_us.checked_sub(epoch_us).is_none_or(|span_us| span_us < 0) {
@@ -120,13 +117,11 @@ impl FeedState {
     }
 }
 
-/// A step back of the clock that is no restart, at least: frames may be shorter than a packet of
-/// events is late.
+/// Least step back of a restart: frames may be shorter than a packet of events is late.
 const MIN_RESTART_US: i64 = 100_000;
 
 impl FrameFeed {
-    /// A feed for the network of `description` on `sensor`, from `state` on if it is given; `None`
-    /// if its frames are not made of events.
+    /// A feed on `sensor`, from `state` on if given; `None` if frames are not made of events.
     ///
     /// # Errors
     /// The sensor lacks pixels that a frame covers.
@@ -156,7 +151,6 @@ impl FrameFeed {
         Ok(Some(feed))
     }
 
-    /// Continues from `state`.
     fn resume(&mut self, state: &FeedState) {
         let event = |&(t_us, x, y, on): &(i64, u16, u16, bool)| Event::new(t_us, x, y, on);
         let events = state.events.iter().map(event);
@@ -280,8 +274,7 @@ impl FrameFeed {
         done
     }
 
-    /// Delivers the window that is still open, or the sliding window if it is due once more, as
-    /// after the last event. Delivers nothing before the first event.
+    /// Delivers the open window, or the sliding one if it is due once more; nothing at first.
     ///
     /// # Errors
     /// The error of `sink`.
@@ -313,7 +306,6 @@ impl FrameFeed {
         self.gate.now_us()
     }
 
-    /// Counts of the events so far.
     pub(crate) fn counters(&self) -> &EventCounters {
         self.gate.counters()
     }

@@ -73,13 +73,11 @@ mod unix {
     /// Standard input. A request ends it with an error.
     pub type Input = BufReader<Awaited>;
 
-    /// A file that is waited for together with signals. A plain read would keep waiting after a
-    /// signal.
+    /// A file that is waited for together with signals.
     #[derive(Debug)]
     pub struct Awaited(File);
 
-    /// Makes signals end the program with [`STATUS`]. If that fails, they keep their default
-    /// effect.
+    /// Makes signals end the program with [`STATUS`], if it can.
     pub fn install() {
         let signals = || {
             let (at_once, asked) = (Arc::new(AtomicBool::new(true)), Arc::new(AtomicBool::new(false)));
@@ -108,8 +106,7 @@ mod unix {
         ignored.is_some_and(|mask| mask >> (signal - 1) & 1 == 1)
     }
 
-    /// Makes the first signal from now on a request. If that fails, the first signal still ends the
-    /// program at once.
+    /// Makes the first signal from now on a request; if that fails, it still ends the program.
     pub fn listen() {
         let Some(signals) = SIGNALS.get() else { return };
         let counted = signals.counted.lock().unwrap_or_else(PoisonError::into_inner).take();
@@ -120,8 +117,7 @@ mod unix {
         }
     }
 
-    /// Ends the program at the second signal once nothing is [held](hold), and at the third at
-    /// once.
+    /// Ends the program at the second signal once nothing is [held](hold), or at the third.
     fn count(mut signals: UnixStream) {
         let mut two = [0; 2];
         if signals.read_exact(&mut two).is_err() {
@@ -136,8 +132,7 @@ mod unix {
         low_level::exit(STATUS.into());
     }
 
-    /// Lets the second signal wait until the result is dropped. A thread that holds does not call
-    /// this again.
+    /// Lets the second signal wait until the result is dropped. A thread holds once.
     pub fn hold() -> Hold {
         Hold(HELD.lock().unwrap_or_else(PoisonError::into_inner))
     }
@@ -211,8 +206,7 @@ mod unix {
         Err(io::Error::other("interrupted"))
     }
 
-    /// Waits until `file` is ready for `what` or has failed: for `longest`, or until a signal asks
-    /// the program to end. Whether it is ready.
+    /// Waits for `file`, for `longest` or until a signal. Whether it is ready or has failed.
     pub(super) fn is_ready(file: &impl AsFd, what: PollFlags, longest: Option<Duration>) -> io::Result<bool> {
         let longest = longest.and_then(|longest| Timespec::try_from(longest).ok());
         // A wait that has an end goes on after a request.

@@ -13,8 +13,7 @@ const DIGITS: u8 = 3;
 const CLOCK_READS: u32 = 2000;
 const CLOCK_RUNS: usize = 50;
 
-/// A histogram of durations, with a resolution of a nanosecond or three digits. It is written as
-/// its [distribution](Self::distribution).
+/// A histogram of durations, by nanoseconds or three digits, written as a [`Distribution`].
 #[derive(Debug)]
 pub struct Latency {
     histogram: Histogram<u64>,
@@ -25,28 +24,22 @@ pub struct Latency {
 
 /// Quantiles in microseconds.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[expect(missing_docs, reason = "the names of the quantiles")]
 pub struct Quantiles {
-    /// Median.
     pub p50: f64,
-    /// 90th percentile.
     pub p90: f64,
-    /// 99th percentile.
     pub p99: f64,
-    /// 99.9th percentile.
     pub p999: f64,
-    /// Longest.
     pub max: f64,
 }
 
 /// Durations in microseconds.
 #[derive(Clone, Copy, Debug, Serialize)]
 #[non_exhaustive]
+#[expect(missing_docs, reason = "the names of the figures")]
 pub struct Distribution {
-    /// Number of durations.
     pub count: u64,
-    /// Mean.
     pub mean: f64,
-    /// Quantiles.
     #[serde(flatten)]
     pub quantiles: Quantiles,
 }
@@ -56,7 +49,6 @@ pub struct Distribution {
 pub struct Latencies(pub Vec<(&'static str, Option<Quantiles>)>);
 
 impl Latencies {
-    /// The quantiles of each of `latencies`.
     pub(crate) fn of<const N: usize>(latencies: [(&'static str, &Latency); N]) -> Self {
         Self(latencies.map(|(name, latency)| (name, latency.quantiles())).into())
     }
@@ -68,8 +60,7 @@ impl Serialize for Latencies {
     }
 }
 
-/// Overhead of the clock in microseconds, measured by timing nothing. It is the smallest mean of
-/// several runs, since an interruption can only increase a mean.
+/// Overhead of the clock in microseconds: the smallest mean of several runs.
 pub fn clock_us() -> f64 {
     let mean = |_| {
         let mut nothing = Duration::ZERO;
@@ -169,10 +160,9 @@ impl Latency {
 /// Durations of calls, over any number of passes.
 #[derive(Debug, Default, Serialize)]
 #[non_exhaustive]
+#[expect(missing_docs, reason = "the keys of the JSON report")]
 pub struct CallLatencies {
-    /// Pushes.
     pub push: Latency,
-    /// Predictions.
     pub predict: Latency,
     /// The push of each event or frame with its predictions.
     pub push_predict: Latency,

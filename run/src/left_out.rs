@@ -9,7 +9,7 @@ use std::path::Path;
 use meissner_io::{LeftOut, LeftOutKind, Recording, is_mostly_refused};
 use serde::Serialize;
 
-use crate::error::RunError;
+use crate::error::{Result, RunError};
 use crate::losses::LINES_TOLD;
 use crate::streams;
 use crate::text::grouped;
@@ -19,7 +19,6 @@ use crate::text::grouped;
 pub struct LeftOutSummary {
     /// `outside_sensor`, `other_words`, `other_events`, `malformed` or `lines`.
     kind: &'static str,
-    /// How many.
     count: u64,
     /// The first of them, with its place.
     first: String,
@@ -64,17 +63,14 @@ pub(crate) const FIRST: u64 = 100;
 /// Counts of the refused and the taken lines of a text.
 #[derive(Debug)]
 pub(crate) struct LineErrors {
-    /// Name of the text, for messages.
     name: String,
     strict: bool,
     /// Whether anybody can send lines: most of them may be refused.
     of_anybody: bool,
     taken: u64,
     count: u64,
-    /// Problems of the first lines until one is taken. Before that, the text may have a different
-    /// format.
+    /// Problems of the first lines until one is taken: the format may be another one.
     held: Vec<String>,
-    /// The problem of the first refused line.
     first: String,
 }
 
@@ -85,29 +81,24 @@ impl LineErrors {
         Self { name, strict, of_anybody: false, taken: 0, count: 0, held, first }
     }
 
-    /// Counts for the file or stream `path`. Datagrams may be from anybody: any number of them may
-    /// be refused.
+    /// Counts for the file or stream `path`. Of datagrams, any number may be refused.
     pub(crate) fn of(path: &Path, strict: bool) -> Self {
         let of_anybody = streams::is_of_datagrams(path);
         Self { of_anybody, ..Self::new(&streams::name(path), strict) }
     }
 
-    /// The name of the text.
     pub(crate) fn name(&self) -> &str {
         &self.name
     }
 
-    /// The number of refused lines.
     pub(crate) fn count(&self) -> u64 {
         self.count
     }
 
-    /// The number of taken lines.
     pub(crate) fn taken(&self) -> u64 {
         self.taken
     }
 
-    /// Counts a line that could be read.
     pub(crate) fn take(&mut self) {
         self.taken += 1;
         for held in std::mem::take(&mut self.held) {
@@ -119,7 +110,7 @@ impl LineErrors {
     ///
     /// # Errors
     /// The source is strict, or most lines are refused.
-    pub(crate) fn refuse(&mut self, problem: String) -> Result<(), RunError> {
+    pub(crate) fn refuse(&mut self, problem: String) -> Result<()> {
         if self.strict {
             return Err(RunError::Line { recording: self.name.clone(), problem });
         }
@@ -150,7 +141,7 @@ impl LineErrors {
     ///
     /// # Errors
     /// Most lines were refused.
-    pub(crate) fn end(&self) -> Result<(), RunError> {
+    pub(crate) fn end(&self) -> Result<()> {
         let lines = self.taken + self.count;
         if !self.of_anybody && is_mostly_refused(self.count, self.taken, true) {
             Err(self.most(lines))

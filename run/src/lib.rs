@@ -1,8 +1,7 @@
 //! Drives an engine over a source: recordings and live streams in, predictions out. This crate does
 //! not parse arguments and does not print. Messages go to the `tracing` crate.
 //!
-//! This example runs a shipped network over the embedded recording, and prints a line of JSON for
-//! each prediction:
+//! This example prints a line of JSON for each prediction over the embedded recording:
 //!
 //! ```
 //! use meissner_run::model::Model;
@@ -28,7 +27,7 @@
 //!
 //! | module | contents |
 //! |---|---|
-//! | [`source`], [`streams`] | events of a file, of the embedded recording, of standard input or a socket |
+//! | [`source`], [`streams`] | events of a file, the embedded recording, standard input, a socket |
 //! | [`press`] | a simulated press with its truth |
 //! | [`losses`] | lost input, and truncated recordings |
 //! | [`model`] | networks and weights by name or from files |
@@ -76,7 +75,7 @@ pub mod text;
 pub mod training;
 pub mod work_counts;
 
-pub use error::RunError;
+pub use error::{Result, RunError};
 
 #[cfg(test)]
 mod tests;

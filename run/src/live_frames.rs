@@ -1,11 +1,8 @@
-//! A frame network that takes events one by one and predicts at any time, as [`meissner_live`]
-//! needs it.
+//! A frame network that takes events and predicts at any time, as [`meissner_live`] needs it.
 //!
 //! Enters: events in order of arrival. Leaves: the prediction after the newest complete frame.
-//! Frames, and the rule for silences, are those of a [run](crate::run::FrameRun) with default
-//! options: a consecutive window is a frame when time has passed its end, and a sliding window is
-//! read every 10 ms of stream time. So predictions depend on the events alone, not on when they are
-//! asked for.
+//! Frames are those of a [run](crate::run::FrameRun) with default options, a sliding window every
+//! 10 ms, so that predictions depend on the events alone.
 
 use std::sync::Arc;
 
@@ -16,7 +13,7 @@ use meissner_engine::{
 };
 use serde::{Deserialize, Serialize};
 
-use crate::error::RunError;
+use crate::error::{Result, RunError};
 use crate::frame_feed::{EmptyFrameLimit, FeedOptions, FeedOutput, FeedState, FrameFeed};
 use crate::model::FrameModel;
 use crate::run::EVERY;
@@ -40,7 +37,6 @@ pub type Dropped = [(DropReason, u64); EventCounters::DROP_REASONS];
 /// The engine and what it was given.
 struct Frames {
     engine: FrameEngine,
-    /// Time of the newest frame.
     newest_us: Option<i64>,
     /// Why the engine refused a frame that ended without an event; the next prediction returns it.
     refused: Option<EngineError>,
@@ -56,7 +52,6 @@ struct Note {
     silence: u64,
     newest_us: Option<i64>,
     dropped: [u64; EventCounters::DROP_REASONS],
-    /// The caller's note.
     caller: Vec<u8>,
 }
 
@@ -64,9 +59,8 @@ impl LiveFrames {
     /// The network of `model` before the first event of `sensor`.
     ///
     /// # Errors
-    /// The frames of the model are not made of events, the sensor lacks pixels that they cover, or
-    /// the engine refuses an option.
-    pub fn new(model: Arc<FrameModel>, sensor: Sensor, options: FrameOptions) -> Result<Self, RunError> {
+    /// Frames are not made of events, the sensor lacks their pixels, or an option is refused.
+    pub fn new(model: Arc<FrameModel>, sensor: Sensor, options: FrameOptions) -> Result<Self> {
         let feed = feed(&model, sensor, 0, None)?;
         let frames = Frames {
             engine: FrameEngine::with_options(Arc::clone(&model.network), options)?,
@@ -144,12 +138,7 @@ impl LiveFrames {
 }
 
 /// A feed for the frames of `model` that keeps the events of its state.
-fn feed(
-    model: &FrameModel,
-    sensor: Sensor,
-    silence: u64,
-    state: Option<&FeedState>,
-) -> Result<FrameFeed, RunError> {
+fn feed(model: &FrameModel, sensor: Sensor, silence: u64, state: Option<&FeedState>) -> Result<FrameFeed> {
     let options = FeedOptions {
         late: LatePolicy::Drop,
         restart: RestartPolicy::Reset,

@@ -1,10 +1,8 @@
 //! Unintended loss of input, and truncated recordings.
 //!
 //! Enters: counts. Leaves: a warning for each reason that lost more than one percent of the input,
-//! with the likely cause. Events that a filter or a queue drops are not counted, because that loss
-//! was requested. A live stream can run for days, so its losses are reported after the first
-//! thousand events and then every second: those since the last report, with the likely cause the
-//! first time.
+//! with the likely cause. What a filter or a queue drops was asked for. Of a live stream, losses
+//! are told after the first thousand events and then every second.
 
 use std::fmt;
 use std::time::{Duration, Instant};
@@ -42,7 +40,6 @@ pub enum LossReason {
 }
 
 impl LossReason {
-    /// Short words for messages.
     fn word(self) -> &'static str {
         match self {
             Self::OutsideSensor => "outside the sensor",
@@ -76,21 +73,18 @@ pub struct LossWarning {
 /// Logs the losses of a stream, once for each reason.
 #[derive(Debug)]
 pub struct LossWatch {
-    /// When the losses were checked last, and what they were; `None` for a recording, whose end is
-    /// near.
+    /// When losses were checked last, and what they were; `None` for a recording.
     last: Option<(Instant, Option<InputLosses>)>,
     told: Vec<LossReason>,
 }
 
-/// Number of events after which a live stream is checked for the first time, if that is within a
-/// second.
+/// Events of a live stream before its first check, if they come within a second.
 const FIRST: u64 = 1000;
 /// Time between two checks of a live stream.
 const PERIOD: Duration = Duration::from_secs(1);
 
 impl LossWatch {
-    /// A watch over a stream. It checks a `live` stream from time to time while the stream
-    /// continues.
+    /// A watch over a stream, which is checked while it goes on if it is `live`.
     pub fn new(live: bool) -> Self {
         Self { last: live.then(|| (Instant::now(), None)), told: Vec::new() }
     }
@@ -130,8 +124,7 @@ impl LossWatch {
         }
     }
 
-    /// Ends the watch over the stream called `name`: logs the warnings that were not logged before,
-    /// and returns all warnings.
+    /// Ends the watch over the stream `name`: logs new warnings, and returns all.
     pub fn end(&mut self, name: &str, losses: &InputLosses) -> Vec<LossWarning> {
         let warnings = losses.warnings();
         // A few refused lines have each been logged already.
@@ -157,8 +150,7 @@ pub struct InputLosses {
 }
 
 impl InputLosses {
-    /// Losses of a stream of events from `sensor`. `events` counts the events that reached the
-    /// network.
+    /// Losses of events from `sensor`; `events` counts those that reached the network.
     pub fn of_events(events: EventCounters, sensor: Sensor) -> Self {
         Self { events, sensor: Some(sensor), outside_crop: 0, lines_refused: 0, advice: |_| None }
     }
@@ -256,7 +248,6 @@ impl InputLosses {
 /// The part of a truncated recording that was kept, and the start of the rest.
 #[derive(Clone, Debug, Serialize)]
 pub struct Salvaged {
-    /// Events kept.
     events: usize,
     /// The part that is incomplete.
     what: &'static str,

@@ -12,7 +12,7 @@ use meissner_models::{
 };
 
 use crate::approximations::Approximations;
-use crate::error::RunError;
+use crate::error::{Result, RunError};
 use crate::provenance::ModelCard;
 
 /// The name of a network over events, and options that change it.
@@ -51,8 +51,7 @@ pub struct Model {
     pub network: Network,
     /// The card of network and weights, for reports.
     pub card: ModelCard,
-    /// Largest number of multiply-adds of a row, for each of [`Network::layers`]; 0 for a pooling,
-    /// which only compares.
+    /// Most multiply-adds of a row, for each of [`Network::layers`]; 0 for a pooling.
     pub multiply_adds: Vec<u64>,
 }
 
@@ -60,7 +59,7 @@ pub struct Model {
 ///
 /// # Errors
 /// The network is unknown, it is a frame network, or its description cannot be read.
-pub fn describe(network: &str) -> Result<(Description, bool), RunError> {
+pub fn describe(network: &str) -> Result<(Description, bool)> {
     match describe_any(network)? {
         (AnyDescription::Events(description), shipped) => Ok((description, shipped)),
         (AnyDescription::Frames(_), _) => Err(RunError::is_frame_network(network)),
@@ -71,7 +70,7 @@ pub fn describe(network: &str) -> Result<(Description, bool), RunError> {
 ///
 /// # Errors
 /// The network is unknown, it is a network over events, or its description cannot be read.
-pub fn describe_frames(network: &str) -> Result<(FrameDescription, bool), RunError> {
+pub fn describe_frames(network: &str) -> Result<(FrameDescription, bool)> {
     match describe_any(network)? {
         (AnyDescription::Frames(description), shipped) => Ok((description, shipped)),
         (AnyDescription::Events(_), _) => {
@@ -90,7 +89,7 @@ pub fn frame_network(
     (weights, label): (&Weights, String),
     convolution: Convolution,
     ignore_preparation: bool,
-) -> Result<(Arc<FrameNetwork>, ModelCard), RunError> {
+) -> Result<(Arc<FrameNetwork>, ModelCard)> {
     let parts = if ignore_preparation {
         description.network_parts_regardless(weights)
     } else {
@@ -107,7 +106,7 @@ pub fn frame_network(
 ///
 /// # Errors
 /// The network is unknown, or its description cannot be read.
-pub fn describe_any(network: &str) -> Result<(AnyDescription, bool), RunError> {
+pub fn describe_any(network: &str) -> Result<(AnyDescription, bool)> {
     if let Some(description) = AnyDescription::shipped(network) {
         return Ok((description, true));
     }
@@ -128,7 +127,7 @@ pub fn describe_any(network: &str) -> Result<(AnyDescription, bool), RunError> {
 ///
 /// # Errors
 /// There are no weights, or they cannot be read.
-pub fn weights(network: &str, shipped: bool, path: Option<&Path>) -> Result<(Weights, String), RunError> {
+pub fn weights(network: &str, shipped: bool, path: Option<&Path>) -> Result<(Weights, String)> {
     let Some(path) = path else {
         return match Weights::shipped(network).filter(|_| shipped) {
             Some(weights) => Ok((weights, "shipped with the network".to_owned())),
@@ -148,8 +147,7 @@ pub fn labelled(label: String, weights: &Weights) -> String {
     label + &about.unwrap_or_default()
 }
 
-/// The format of the file at `path` if its content identifies it as a recording. CSV and N-MNIST
-/// have no signature.
+/// The format of a recording by its content. CSV and N-MNIST have no signature.
 fn recording_format(path: &str) -> Option<Format> {
     match Kind::of_file(Path::new(path)) {
         Ok(Some(Kind::Events(format))) if !matches!(format, Format::Csv | Format::Nmnist) => Some(format),
@@ -162,7 +160,7 @@ impl Model {
     ///
     /// # Errors
     /// The network is unknown, its weights do not fit, or it cannot be adapted.
-    pub fn load(options: &ModelOptions) -> Result<Self, RunError> {
+    pub fn load(options: &ModelOptions) -> Result<Self> {
         let model = Self::named(&options.network, options.weights.as_deref(), options.ignore_preparation)?;
         let network = options.adapt(model.network)?;
         let mut card = model.card.running(network.fingerprint(), Some(window(&network)));
@@ -177,7 +175,7 @@ impl Model {
     ///
     /// # Errors
     /// The network is unknown, or the weights do not fit.
-    pub fn named(name: &str, path: Option<&Path>, ignore_preparation: bool) -> Result<Self, RunError> {
+    pub fn named(name: &str, path: Option<&Path>, ignore_preparation: bool) -> Result<Self> {
         let (description, shipped) = describe(name)?;
         let (weights, label) = weights(name, shipped, path)?;
         Self::of(&description, (&weights, label), ignore_preparation)
@@ -191,15 +189,14 @@ impl Model {
         description: &Description,
         (weights, label): (&Weights, String),
         ignore_preparation: bool,
-    ) -> Result<Self, RunError> {
+    ) -> Result<Self> {
         let network = if ignore_preparation {
             description.network_ignoring_preparation(weights)
         } else {
             description.network(weights)
         };
         let network = network.map_err(|source| RunError::weights(label.clone(), source))?;
-        // The layers of levels compute rows; readout and dense layers are evaluated once per
-        // prediction.
+        // Readout and dense layers compute no rows.
         let rows = description.layers().iter().filter(|layer| layer.level.is_some());
         let of_row = |name: &str| {
             let layer = rows.clone().find(|layer| layer.name == name);
@@ -227,9 +224,7 @@ pub struct FrameModel {
 }
 
 impl FrameModel {
-    /// The frame network called `name`, or described in the file `name`, with the weights in the
-    /// file at `path` or its shipped weights. Weights of another preparation are refused unless the
-    /// difference is to be ignored.
+    /// The frame network `name` with the weights at `path` or shipped, as [`Model::named`].
     ///
     /// # Errors
     /// The network is unknown, or the weights do not fit.
@@ -238,7 +233,7 @@ impl FrameModel {
         path: Option<&Path>,
         convolution: Convolution,
         ignore_preparation: bool,
-    ) -> Result<Self, RunError> {
+    ) -> Result<Self> {
         let (description, shipped) = describe_frames(name)?;
         let (weights, label) = weights(name, shipped, path)?;
         let model = Self::of(&description, (&weights, label), convolution, ignore_preparation)?;
@@ -254,7 +249,7 @@ impl FrameModel {
         weights: (&Weights, String),
         convolution: Convolution,
         ignore_preparation: bool,
-    ) -> Result<Self, RunError> {
+    ) -> Result<Self> {
         let (network, card) = frame_network(description, weights, convolution, ignore_preparation)?;
         let (name, source) = (description.name().to_owned(), *description.source());
         Ok(Self { name, description: description.clone(), source, network, card })
@@ -279,8 +274,7 @@ pub struct LayerCost {
     pub pixels: u64,
     /// Multiply-adds of all its pixels.
     multiply_adds: u64,
-    /// Multiply-adds of one absorbed pixel. A convolutional LSTM still reads its hidden state if
-    /// the frame is empty.
+    /// Of one absorbed pixel: a convolutional LSTM reads its hidden state all the same.
     absorbed: u64,
 }
 
@@ -302,15 +296,13 @@ impl LayerCost {
 
     /// Multiply-adds of the pixels that `counters` counted.
     pub fn of(&self, counters: &FrameLayerCounters) -> u64 {
-        // In u128, because the pixels of a recording times the products of a layer can exceed a
-        // u64.
+        // In u128: pixels times products can exceed a u64.
         let computed =
             u128::from(counters.computed) * u128::from(self.multiply_adds) / u128::from(self.pixels);
         u64::try_from(computed).unwrap_or(u64::MAX).saturating_add(counters.absorbed * self.absorbed)
     }
 }
 
-/// Length and capacity of the window.
 fn window(network: &Network) -> (i64, usize) {
     (network.parts().span_us, network.parts().capacity)
 }

@@ -23,7 +23,7 @@ use meissner_live::{Fleet, Input, Live, Overload, Predictor, QueueOptions, Timed
 use crate::answer::{Classes, Values};
 use crate::approximations::Approximations;
 use crate::clock::Clock;
-use crate::error::RunError;
+use crate::error::{Result, RunError};
 use crate::interrupt;
 use crate::latency::microseconds;
 use crate::losses::LossWatch;
@@ -43,15 +43,13 @@ use summary::{Tally, state};
 pub struct PlayOptions {
     /// Seconds of stream time per second.
     pub speed: f64,
-    /// The number of times that recordings are played, one after the other without a reset; at
-    /// least 1.
+    /// How often recordings are played without a reset; at least 1.
     pub repeat: u32,
     /// Largest number of events that wait in a queue.
     pub queue: usize,
     /// Shortest time on the wall clock between two packets of events of a recording.
     pub packet: Duration,
-    /// Cores that the threads of the engines are pinned to, in turn; the system places them if
-    /// there are none.
+    /// Cores that engines are pinned to, in turn; the system places them if there are none.
     pub cores: Vec<usize>,
     /// Whether engines compute while nothing waits and no report is due.
     pub ahead: bool,
@@ -67,8 +65,7 @@ pub struct PlayOptions {
     pub approximations: Approximations,
     /// Largest number of events to take of an input.
     pub limit: Option<u64>,
-    /// If given, the last prediction is compared with one from scratch. This function proposes the
-    /// candidate neighbours.
+    /// If given, proposes candidates for a prediction from scratch, which is compared.
     pub verify: Option<Propose>,
 }
 
@@ -101,7 +98,6 @@ struct Track {
     due: Due,
 }
 
-/// The times at which reports are due.
 #[derive(Clone, Copy, Debug)]
 struct Due {
     first_us: i64,
@@ -121,16 +117,14 @@ impl Due {
         i128::from(self.period_us) * i128::from(number)
     }
 
-    /// Whether a report of this number is due.
     fn has(self, number: u64) -> bool {
         self.reports.is_none_or(|reports| number <= reports)
     }
 }
 
 /// A thread that offers the events of an input; it returns what it read from.
-type Offering = JoinHandle<Result<(Reader, PlayInput), RunError>>;
+type Offering = JoinHandle<Result<(Reader, PlayInput)>>;
 
-/// The outcome of a play.
 struct Played {
     tally: Tally,
     reader: Reader,
@@ -140,13 +134,11 @@ struct Played {
 }
 
 impl Play {
-    /// A play of `inputs` at once. Waits for the first event of a stream. Recordings begin
-    /// together, whatever their times.
+    /// A play of `inputs` at once, which waits for the first event of a stream.
     ///
     /// # Errors
-    /// An input cannot be read, or one of several is a stream: another one could not begin before
-    /// its first event.
-    pub fn new(model: &Model, inputs: Vec<PlayInput>, options: PlayOptions) -> Result<Self, RunError> {
+    /// An input cannot be read, or one of several is a stream.
+    pub fn new(model: &Model, inputs: Vec<PlayInput>, options: PlayOptions) -> Result<Self> {
         let several = inputs.len() > 1;
         let mut started = None;
         let mut tracks = Vec::with_capacity(inputs.len());
@@ -186,13 +178,11 @@ impl Play {
             .try_fold(0, |most, reports| Some(reports?.max(most)))
     }
 
-    /// Plays all events, or the events up to a [requested](interrupt::requested) end. Returns the
-    /// summary of each input, or the error that ended it.
+    /// Plays until a [requested](interrupt::requested) end. Returns each summary or error.
     ///
     /// # Errors
-    /// An engine or a queue refuses an option, a thread cannot be started, or the observer cannot
-    /// show a report.
-    pub fn run(self, observer: &mut dyn Observer) -> Result<Vec<Result<PlaySummary, RunError>>, RunError> {
+    /// An option is refused, a thread cannot start, or the observer cannot show a report.
+    pub fn run(self, observer: &mut dyn Observer) -> Result<Vec<Result<PlaySummary>>> {
         let options = self.options.clone();
         let sensors: Vec<_> = self.tracks.iter().map(|track| track.input.sensor).collect();
         let readout = |&sensor: &Sensor| {
@@ -226,7 +216,7 @@ impl Play {
         self,
         predictors: Vec<P>,
         observer: &mut dyn Observer,
-    ) -> Result<Vec<Result<(Played, P), RunError>>, RunError> {
+    ) -> Result<Vec<Result<(Played, P)>>> {
         let Self { mut classes, training, tracks, options, started, .. } = self;
         let dues: Vec<_> = tracks.iter().map(|track| track.due).collect();
         let queue = |(index, predictor): (usize, P)| {
@@ -311,15 +301,14 @@ impl Play {
 
 impl Track {
     /// Starts the thread that offers the events to `queue`.
-    fn offer(self, queue: Input, start: Instant, options: &PlayOptions) -> Result<Offering, RunError> {
+    fn offer(self, queue: Input, start: Instant, options: &PlayOptions) -> Result<Offering> {
         let Self { mut input, events, due } = self;
         let chain = options.approximations.chain(input.sensor)?;
         let clock = Clock::new(start, due.first_us, options.speed);
         let reader =
             Reader { clock, input: queue, chain, packet: options.packet, lag: Duration::ZERO, taken: 0 };
         let (limit, repeat) = (limit(options), options.repeat);
-        // It ends when the queue's other side does, and on a stream when the next event arrives
-        // after that: nobody waits for it if another input cannot start.
+        // It ends with the queue's other side, on a stream at the next event after that.
         Ok(thread::spawn(move || {
             let reader = if let Some(reports) = due.reports {
                 let laps = Laps { number: repeat, us: due.elapsed_us(reports / u64::from(repeat)) };
@@ -338,7 +327,7 @@ fn end<P: Predictor<Input = Event>>(
     offering: Offering,
     mut tally: Tally,
     due: Due,
-) -> Result<(Played, P), RunError> {
+) -> Result<(Played, P)> {
     if due.reports.is_none() {
         tally.reports.due = tally.reports.made;
     }
@@ -351,7 +340,6 @@ fn end<P: Predictor<Input = Event>>(
     Ok((Played { tally, reader, input, drain, last }, live.close()?))
 }
 
-/// A report of an input.
 fn report<'a>(
     input: usize,
     number: u64,
@@ -382,7 +370,6 @@ fn report<'a>(
     }
 }
 
-/// The largest number of events to take of an input.
 fn limit(options: &PlayOptions) -> usize {
     options.limit.and_then(|limit| usize::try_from(limit).ok()).unwrap_or(usize::MAX)
 }
@@ -430,7 +417,7 @@ impl Played {
 }
 
 /// Compares `values` with the prediction of `batch`, which was given the same events.
-fn verify(mut batch: BatchEngine, values: &[f32]) -> Result<Verified, RunError> {
+fn verify(mut batch: BatchEngine, values: &[f32]) -> Result<Verified> {
     let start = Instant::now();
     let expected = batch.predict()?.values.to_vec();
     let bits = |values: &[f32]| values.iter().map(|value| value.to_bits()).collect::<Vec<_>>();

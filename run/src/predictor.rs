@@ -1,5 +1,4 @@
-//! The engine of a run over events, after its filters: incremental, or the same network from
-//! scratch at every prediction.
+//! The engine of a run over events, after its filters: incremental, or from scratch.
 
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -17,7 +16,6 @@ use crate::approximations::{ApproximationReport, Approximations};
 pub struct EventPredictor {
     chain: Chain,
     backend: Backend,
-    /// Counts before this run.
     before: Counters,
     /// What was counted in front of the engine.
     decided: EventCounters,
@@ -114,8 +112,7 @@ impl EventPredictor {
         Ok(Self { chain: approximations.chain(sensor)?, backend, before, decided })
     }
 
-    /// Continues from the state in `bytes`. Requires [`Mode::Incremental`] and a readout that is
-    /// never stale.
+    /// Continues from the state in `bytes`: incremental, with a readout that is never stale.
     ///
     /// # Errors
     /// As [`Engine::restore_bytes`].
@@ -229,8 +226,7 @@ impl EventPredictor {
         counters
     }
 
-    /// Counts of this run. Events that a filter dropped count as pushed, and repeated predictions
-    /// count as read.
+    /// Counts of this run, filtered events among the pushed, repeated predictions among the read.
     pub fn counters(&self) -> Counters {
         let mut counters = self.counted();
         counters.events.pushed += self.chain.counters().dropped;
@@ -243,7 +239,6 @@ impl EventPredictor {
         approximations.report(&self.chain, &self.counters(), self.stale())
     }
 
-    /// The number of repeated predictions.
     fn stale(&self) -> u64 {
         match &self.backend {
             Backend::Stale(readout) => readout.stale(),

@@ -3,7 +3,7 @@
 //! Enters: nothing. Leaves: times of the press, and the angles of the plane that the dome is
 //! pressed on. `run/assets/README.md` says how it was made.
 
-use crate::error::RunError;
+use crate::error::Result;
 use crate::source::embedded;
 
 const TRUTH: &str = include_str!("../assets/dome_press.csv");
@@ -25,7 +25,7 @@ impl Press {
     ///
     /// # Errors
     /// Never: a test reads it.
-    pub fn embedded() -> Result<Self, RunError> {
+    pub fn embedded() -> Result<Self> {
         let rows = truth();
         let touched = rows.iter().position(|row| row[1] > 0.0).unwrap_or(0);
         let deepest = rows.iter().map(|row| row[1]).fold(0.0, f64::max);

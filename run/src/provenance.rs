@@ -8,7 +8,7 @@ use meissner_models::{Agreement, AnyDescription, Weights};
 use serde::Serialize;
 use serde_json::Value;
 
-use crate::error::RunError;
+use crate::error::{Result, RunError};
 use crate::training::Output;
 
 /// Version of the JSON format. It increases when a key is removed or changes its meaning.
@@ -17,7 +17,6 @@ const SCHEMA: u32 = 1;
 /// The origin of the results of a command.
 #[derive(Clone, Debug, Default, Serialize)]
 pub struct Header {
-    /// Version of the program.
     meissner: &'static str,
     schema: u32,
     command: &'static str,
@@ -32,10 +31,9 @@ pub struct Header {
 
 /// The input of a command.
 #[derive(Clone, Debug, Default, Serialize)]
+#[expect(missing_docs, reason = "the keys of the JSON report")]
 pub struct InputCard {
-    /// Its name.
     pub name: String,
-    /// Its format.
     pub format: String,
     /// Columns and rows; `None` if the input has no pixels of events.
     pub sensor: Option<[u16; 2]>,
@@ -45,10 +43,9 @@ pub struct InputCard {
 
 /// A network with its weights.
 #[derive(Clone, Debug, Default, Serialize)]
+#[expect(missing_docs, reason = "the keys of the JSON report")]
 pub struct ModelCard {
-    /// The network.
     pub network: NetworkCard,
-    /// Its weights.
     pub weights: WeightsCard,
     /// The predicted values, in order.
     pub outputs: Vec<Output>,
@@ -78,13 +75,11 @@ pub struct NetworkCard {
 /// Weights and their metadata.
 #[derive(Clone, Debug, Default, Serialize)]
 pub struct WeightsCard {
-    /// Source of the weights.
     source: String,
     about: Option<String>,
     /// Whether the weights were trained; `None` if the metadata does not say.
     pub trained: Option<bool>,
-    /// Preparation of the training input compared with that of the network: "same", "other",
-    /// "drawn" or "unstated".
+    /// Preparation of the training's input: "same", "other", "drawn" or "unstated".
     pub preparation: &'static str,
     /// Stride of the events in the training: one of every `stride` events was taken.
     stride: usize,
@@ -118,7 +113,7 @@ impl ModelCard {
     ///
     /// # Errors
     /// The metadata of the weights cannot be read, or state ranges of other outputs.
-    pub fn new(description: &AnyDescription, weights: &Weights, source: String) -> Result<Self, RunError> {
+    pub fn new(description: &AnyDescription, weights: &Weights, source: String) -> Result<Self> {
         let card = weights.card().map_err(|error| RunError::weights(source.clone(), error))?;
         let (names, units) = description.outputs();
         let (kind, agreement, window) = match description {
@@ -153,8 +148,7 @@ impl ModelCard {
         })
     }
 
-    /// Adds the data of the running network: its `fingerprint` and, over events, the length and
-    /// capacity of its window.
+    /// Adds the `fingerprint` of the running network, and length and capacity of its window.
     #[must_use]
     pub fn running(mut self, fingerprint: u64, window: Option<(i64, usize)>) -> Self {
         self.network.fingerprint = Some(format!("{fingerprint:016x}"));
@@ -248,7 +242,6 @@ impl InputCard {
     }
 }
 
-/// Columns and rows.
 fn sides(sensor: Sensor) -> [u16; 2] {
     [sensor.width, sensor.height]
 }

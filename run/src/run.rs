@@ -32,12 +32,19 @@ use std::io::Write;
 use std::path::PathBuf;
 use std::time::Instant;
 
+use meissner_engine::{Event, LatePolicy, RestartPolicy, Sensor};
+
+use crate::approximations::Approximations;
+use crate::error::{Result, RunError};
+use crate::interrupt;
+use crate::losses::{InputLosses, LossWarning, LossWatch};
+use crate::predictor::Mode;
+use crate::schedule::Every;
+use crate::source::Source;
 pub use electrodes::{ElectrodeOptions, ElectrodeRun};
 pub use events::EventRun;
 pub use frames::FrameRun;
-use meissner_engine::{Event, LatePolicy, RestartPolicy, Sensor};
-pub use pictures::ContactPredictor;
-pub use pictures::{BLUR_RADIUS, PictureOptions, PictureRun};
+pub use pictures::{BLUR_RADIUS, ContactPredictor, PictureOptions, PictureRun};
 pub use prediction::{
     ElectrodePrediction, EventPrediction, FramePrediction, Observer, PicturePrediction, Prediction,
     ReportPrediction, ReportState,
@@ -47,14 +54,6 @@ pub use summary::{
     ElectrodeCounts, Ended, EventCounts, EventSummary, FrameSummary, InputCounts, LayerPixels, Pixels,
     Summary,
 };
-
-use crate::approximations::Approximations;
-use crate::error::RunError;
-use crate::interrupt;
-use crate::losses::{InputLosses, LossWarning, LossWatch};
-use crate::predictor::Mode;
-use crate::schedule::Every;
-use crate::source::Source;
 
 /// A network with its source of events, before the run.
 pub struct StreamRun<S> {
@@ -71,7 +70,7 @@ pub trait Steps {
     ///
     /// # Errors
     /// The engine fails, or the observer cannot show a prediction.
-    fn take(&mut self, event: Event, observer: &mut dyn Observer) -> Result<(), RunError>;
+    fn take(&mut self, event: Event, observer: &mut dyn Observer) -> Result<()>;
 
     /// Events taken so far.
     fn taken(&self) -> u64;
@@ -86,14 +85,13 @@ pub trait Steps {
     ///
     /// # Errors
     /// As [`Self::take`].
-    fn settle(&mut self, observer: &mut dyn Observer) -> Result<(), RunError>;
+    fn settle(&mut self, observer: &mut dyn Observer) -> Result<()>;
 
-    /// Shows the predictions that are due at the end. With `resumes`, results that are due only
-    /// because the input ends are left to the resumed run.
+    /// Shows the predictions that are due at the end, without those that a resumed run makes.
     ///
     /// # Errors
     /// As [`Self::take`].
-    fn finish(&mut self, resumes: bool, observer: &mut dyn Observer) -> Result<(), RunError>;
+    fn finish(&mut self, resumes: bool, observer: &mut dyn Observer) -> Result<()>;
 
     /// The losses so far.
     fn losses(&self, source: &Source, sensor: Sensor) -> InputLosses;
@@ -142,14 +140,13 @@ impl<S: Steps> StreamRun<S> {
         Ended { summary: steps.summary(source, warnings), result: ending.0 }
     }
 
-    fn take(&mut self, event: Event, observer: &mut dyn Observer) -> Result<(), RunError> {
+    fn take(&mut self, event: Event, observer: &mut dyn Observer) -> Result<()> {
         self.steps.take(event, observer)?;
         let due = self.saver.as_mut().zip(self.steps.now_us()).is_some_and(|(saver, now)| saver.is_due(now));
         if due { self.save() } else { Ok(()) }
     }
 
-    /// Writes the state, if requested.
-    fn save(&mut self) -> Result<(), RunError> {
+    fn save(&mut self) -> Result<()> {
         let Some(saver) = &self.saver else { return Ok(()) };
         self.steps.state().map_or(Ok(()), |state| saver.write(&state))
     }
@@ -193,7 +190,6 @@ pub struct SaveState {
     pub every_us: Option<i64>,
 }
 
-/// Writes states.
 pub(crate) struct Saver {
     to: SaveState,
     /// Stream time of the last state, or of the first event.
@@ -217,7 +213,7 @@ impl Saver {
         due
     }
 
-    pub(crate) fn write(&self, bytes: &[u8]) -> Result<(), RunError> {
+    pub(crate) fn write(&self, bytes: &[u8]) -> Result<()> {
         meissner_io::replace_file(&self.to.path, |out| out.write_all(bytes)).map_err(RunError::File)
     }
 }

@@ -1,10 +1,7 @@
-//! When predictions are read: at every event, every N events, every period of stream time, or once
-//! at the end.
+//! When predictions are read: every N events, every period of stream time, or at the end.
 //!
-//! Enters: the times of accepted events. Leaves: the times at which a prediction is due before an
-//! event enters, and whether one is due after it. All readers of predictions follow a `Schedule`,
-//! so that all modes and all passes of a benchmark predict at the same times. For frames, each
-//! frame counts as an event.
+//! Enters: the times of accepted events, or of frames. Leaves: the times at which a prediction is
+//! due before an event enters, and whether one is due after it, the same for all readers.
 
 use std::fmt;
 use std::str::FromStr;
@@ -50,7 +47,6 @@ impl fmt::Display for Every {
     }
 }
 
-/// Decides when a prediction is read.
 #[derive(Clone, Debug)]
 pub(crate) struct Schedule {
     every: Every,
@@ -58,13 +54,11 @@ pub(crate) struct Schedule {
     since: u64,
     /// Whether an event has been accepted.
     has_begun: bool,
-    /// Next time of [`Every::StreamUs`]; `None` before the first event and beyond the end of the
-    /// clock.
+    /// Next time of [`Every::StreamUs`], after the first event and within the clock.
     due_us: Option<i64>,
 }
 
 impl Schedule {
-    /// A schedule before the first event.
     pub(crate) fn new(every: Every) -> Self {
         Self { every, since: 0, has_begun: false, due_us: None }
     }
@@ -101,8 +95,7 @@ impl Schedule {
         Some(t_us)
     }
 
-    /// Takes the next time that is due before `t_us`. An event at a due time belongs to the window
-    /// of that time.
+    /// Takes the next time due before `t_us`: an event at a due time belongs to its window.
     pub(crate) fn due_before(&mut self, t_us: i64) -> Option<i64> {
         let due = self.due_us.filter(|&due| due < t_us)?;
         self.due_us = due.checked_add(self.period_us()?);
@@ -142,12 +135,10 @@ impl Schedule {
         self.since == 0
     }
 
-    /// Accepted events since the last prediction, for [`Every::Events`].
     pub(crate) fn since(&self) -> u64 {
         self.since
     }
 
-    /// The period of [`Every::StreamUs`].
     pub(crate) fn period_us(&self) -> Option<i64> {
         if let Every::StreamUs(period) = self.every { Some(period) } else { None }
     }
@@ -170,7 +161,6 @@ pub(crate) fn times_before(first: i64, end: i64, period: i64) -> u64 {
     u64::try_from((span + period - 1).div_euclid(period)).unwrap_or(0)
 }
 
-/// The prediction that is due after the last event.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Last {
     /// No prediction.

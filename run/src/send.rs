@@ -1,9 +1,7 @@
-//! Sends a recording to another program, each event when it is due: a sensor, as far as the
-//! receiver can tell.
+//! Sends a recording to another program, each event when it is due, as a sensor would.
 //!
 //! Enters: events, and the name of a stream ([`crate::streams`]). Leaves: lines of text, or records
-//! of 16 bytes ([`meissner_io::LiveEvents`]). An event whose time steps back is sent together with
-//! the event before it.
+//! ([`meissner_io::LiveEvents`]). An event whose time steps back is sent with the one before.
 
 use std::io::{self, Write};
 use std::path::Path;
@@ -14,7 +12,7 @@ use meissner_io::{RECORD_BYTES, record};
 use serde::Serialize;
 
 use crate::clock::Clock;
-use crate::error::RunError;
+use crate::error::{Result, RunError};
 use crate::streams::{self, Receiver};
 use crate::{interrupt, latency};
 
@@ -34,10 +32,9 @@ pub struct SendOptions {
 
 /// What was sent.
 #[derive(Clone, Copy, Debug, Serialize)]
+#[expect(missing_docs, reason = "the keys of the JSON report")]
 pub struct SendSummary {
-    /// Events.
     pub events: u64,
-    /// Bytes.
     pub bytes: u64,
     /// Longest time from when an event was due until it was sent, in microseconds.
     pub lag_us: f64,
@@ -54,7 +51,7 @@ pub fn send(
     sensor: Option<Sensor>,
     to: &Path,
     options: SendOptions,
-) -> Result<SendSummary, RunError> {
+) -> Result<SendSummary> {
     let failed = |source| {
         if streams::is_stdin(to) {
             RunError::Output(source)
@@ -111,7 +108,6 @@ impl Pieces {
         Self { receiver, piece: Vec::with_capacity(DATAGRAM + RECORD_BYTES), sent: 0 }
     }
 
-    /// Adds a line or a record.
     fn put_bytes(&mut self, bytes: &[u8]) -> io::Result<()> {
         if self.piece.len() + bytes.len() > DATAGRAM {
             self.flush()?;

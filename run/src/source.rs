@@ -12,12 +12,10 @@ use meissner_io::{
     TimeRange,
 };
 
-use crate::error::{RunError, chain};
-use crate::interrupt;
-use crate::left_out;
+use crate::error::{Result, RunError, chain};
 use crate::left_out::LineErrors;
 use crate::losses::{Advice, InputLosses, Salvaged};
-use crate::streams;
+use crate::{interrupt, left_out, streams};
 
 /// A simulated press and release; see `run/assets/README.md`.
 const EMBEDDED: &[u8] = include_bytes!("../assets/dome_press.evt3");
@@ -62,12 +60,11 @@ enum Events {
     },
 }
 
-/// The recording in the file at `path`, or everything that arrives on the stream of this name. What
-/// is no event in a datagram is passed over: anybody can send.
+/// The recording at `path`, or all that arrives on this stream, other datagrams passed over.
 ///
 /// # Errors
 /// The recording cannot be read, or a line of a text is malformed.
-pub fn read(path: &Path, options: &ReadOptions) -> Result<Recording, RunError> {
+pub fn read(path: &Path, options: &ReadOptions) -> Result<Recording> {
     if streams::is_live(path) {
         let (mut arriving, mut events) = (arriving(path, options)?, Vec::new());
         let mut refusals = LineErrors::of(path, options.strict && !streams::is_of_datagrams(path));
@@ -96,7 +93,7 @@ struct InFile<'a> {
 }
 
 impl<'a> InFile<'a> {
-    fn open(path: &'a Path, options: &ReadOptions) -> Result<Self, RunError> {
+    fn open(path: &'a Path, options: &ReadOptions) -> Result<Self> {
         let once = !path.is_file() && !path.is_dir();
         let held = once.then(|| HeldContent::read(path, options.salvage)).transpose();
         Ok(Self {
@@ -112,7 +109,7 @@ impl<'a> InFile<'a> {
         }
     }
 
-    fn read(&self, options: &ReadOptions) -> Result<Recording, RunError> {
+    fn read(&self, options: &ReadOptions) -> Result<Recording> {
         let recording = self.decode(*options).map_err(|source| self.refused(options, source))?;
         if let Some(salvaged) = Salvaged::of(&recording) {
             tracing::warn!("{}: salvaged: {salvaged}", self.path.display());
@@ -138,13 +135,11 @@ impl<'a> InFile<'a> {
     }
 }
 
-/// The embedded recording.
-pub(crate) fn embedded() -> Result<Recording, RunError> {
+pub(crate) fn embedded() -> Result<Recording> {
     meissner_io::decode(EMBEDDED).map_err(|error| RunError::recording(EMBEDDED_NAME, error))
 }
 
-/// The events that arrive on the stream `path`.
-fn arriving(path: &Path, options: &ReadOptions) -> Result<LiveEvents<interrupt::Input>, RunError> {
+fn arriving(path: &Path, options: &ReadOptions) -> Result<LiveEvents<interrupt::Input>> {
     let input = streams::open(path)?;
     Ok(if streams::is_of_datagrams(path) {
         LiveEvents::of_datagrams(input, options.text)
@@ -155,11 +150,9 @@ fn arriving(path: &Path, options: &ReadOptions) -> Result<LiveEvents<interrupt::
 
 impl Source {
     /// Opens `recording`, or the embedded recording for `None`. With `strict`, a line of a text
-    /// that cannot be read is an error. For a file it is returned here, for a stream when the line
-    /// arrives.
+    /// that cannot be read is an error: here for a file, when it arrives for a stream.
     ///
-    /// Without `sensor_known`, this waits for the first event of a stream, since a comment before
-    /// it may state the geometry.
+    /// Without `sensor_known`, waits for a stream's first event: a comment may state it.
     ///
     /// # Errors
     /// The recording cannot be read.
@@ -168,7 +161,7 @@ impl Source {
         options: &ReadOptions,
         sensor_known: bool,
         strict: bool,
-    ) -> Result<Self, RunError> {
+    ) -> Result<Self> {
         match recording {
             None => {
                 let mut recording = embedded()?;
@@ -229,7 +222,7 @@ impl Source {
     ///
     /// # Errors
     /// Neither is known.
-    pub fn sensor(&self, asked: Option<Sensor>) -> Result<Sensor, RunError> {
+    pub fn sensor(&self, asked: Option<Sensor>) -> Result<Sensor> {
         asked
             .or(self.sensor)
             .ok_or_else(|| RunError::NoGeometry { recording: self.name.clone(), format: self.format.clone() })
@@ -275,7 +268,7 @@ impl Source {
         Some(rest.div_ceil(self.stride as u64))
     }
 
-    fn next_recorded(&mut self) -> Option<Result<Event, RunError>> {
+    fn next_recorded(&mut self) -> Option<Result<Event>> {
         loop {
             let next = match &mut self.events {
                 Events::Read(events) => events.next().map(Ok),
@@ -295,7 +288,7 @@ impl Source {
 }
 
 impl Iterator for Source {
-    type Item = Result<Event, RunError>;
+    type Item = Result<Event>;
 
     fn next(&mut self) -> Option<Self::Item> {
         while self.pass_over > 0 {
@@ -309,15 +302,14 @@ impl Iterator for Source {
     }
 }
 
-/// The next of `events`; `None` at the end, and if the program is asked to end. Lines of a text
-/// that are no events are passed over.
+/// The next of `events`, other lines passed over; `None` at the end, and on a signal.
 ///
 /// # Errors
 /// The error that ends the events, and the errors of [`LineErrors`].
 fn next(
     events: &mut impl Iterator<Item = Result<Event, IoError>>,
     refusals: &mut LineErrors,
-) -> Option<Result<Event, RunError>> {
+) -> Option<Result<Event>> {
     loop {
         let refused = match events.next() {
             None => refusals.end(),

@@ -1,14 +1,16 @@
 //! Streams that events arrive on: standard input, TCP and UDP.
 //!
-//! Enters: the name of a stream. Leaves: its bytes, as they arrive. A wait for them ends when a
-//! signal asks the program to end.
+//! Enters: the name of a stream. Leaves: its bytes, as they arrive, until a signal.
 //!
 //! | name | stream |
 //! |---|---|
 //! | `-` | standard input |
 //! | `tcp://HOST:PORT` | a connection to a server |
 //! | `tcp-listen://HOST:PORT` | the first connection of a client |
-//! | `udp://HOST:PORT` | datagrams to this address, each of whole lines or records; an empty one ends the stream. What is not whole is refused and counted, and the stream goes on |
+//! | `udp://HOST:PORT` | datagrams to this address |
+//!
+//! A datagram has whole lines or records, and an empty one ends the stream. What is not whole is
+//! refused and counted.
 //!
 //! Back-pressure: what is not read yet waits in the operating system's buffers. A writer to
 //! standard input or over TCP then waits; over UDP, datagrams are lost, and nobody can count them.
@@ -19,7 +21,7 @@ use std::path::Path;
 
 use meissner_io::limits::LINE_BYTES;
 
-use crate::error::RunError;
+use crate::error::{Result, RunError};
 use crate::interrupt;
 
 /// Name of standard input, for messages.
@@ -30,7 +32,6 @@ pub fn is_stdin(path: &Path) -> bool {
     path == Path::new("-")
 }
 
-/// A stream by its name.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Stream<'a> {
     Stdin,
@@ -70,9 +71,8 @@ pub fn name(path: &Path) -> String {
 /// The bytes of the stream that `path` names.
 ///
 /// # Errors
-/// It is no stream, an address cannot be used, or a signal asked the program to end while it waited
-/// for a client.
-pub(crate) fn open(path: &Path) -> Result<interrupt::Input, RunError> {
+/// It is no stream, an address cannot be used, or a signal ended the wait for a client.
+pub(crate) fn open(path: &Path) -> Result<interrupt::Input> {
     let opened = match stream(path) {
         Some(Stream::Stdin) => interrupt::input(),
         Some(Stream::Connect(address)) => TcpStream::connect(address).map(interrupt::received),
@@ -83,12 +83,11 @@ pub(crate) fn open(path: &Path) -> Result<interrupt::Input, RunError> {
     opened.map_err(|source| RunError::file("open", name(path), source))
 }
 
-/// The lines of the stream that `path` names. A line ends with its datagram, and one that is too
-/// long is shortened, so that it is refused alone.
+/// The lines of the stream `path`. A datagram ends a line; one that is too long is cut.
 ///
 /// # Errors
 /// As [`open`].
-pub(crate) fn lines(path: &Path) -> Result<Box<dyn BufRead>, RunError> {
+pub(crate) fn lines(path: &Path) -> Result<Box<dyn BufRead>> {
     let input = open(path)?;
     Ok(if is_of_datagrams(path) { Box::new(DatagramLines::new(input)) } else { Box::new(input) })
 }
@@ -147,12 +146,11 @@ pub(crate) enum Receiver {
     Datagrams(UdpSocket),
 }
 
-/// The receiver at the other end of the stream `path`: `-` is standard output, and an address of
-/// `udp://` that of the receiver.
+/// The receiver of the stream `path`: `-` is standard output, `udp://` the receiver's address.
 ///
 /// # Errors
 /// It is no stream, an address cannot be used, or nobody listens there.
-pub(crate) fn receiver(path: &Path) -> Result<Receiver, RunError> {
+pub(crate) fn receiver(path: &Path) -> Result<Receiver> {
     let opened = || -> io::Result<Receiver> {
         Ok(match stream(path) {
             Some(Stream::Stdin) => Receiver::Bytes(Box::new(interrupt::output(io::stdout()))),

@@ -1,8 +1,7 @@
 //! The outputs of a network, their units for people, and the ranges that they had in the training.
 //!
-//! Enters: the values of predictions. Leaves: the names of the outputs outside the range of the
-//! training, and a warning with their number at the end. A network has seen nothing of what lies
-//! outside; its values there are guesses.
+//! Enters: the values of predictions. Leaves: the outputs outside the range of the training, of
+//! which a network has seen nothing, and a warning with their number.
 
 use std::f64::consts::PI;
 
@@ -17,13 +16,11 @@ const TOLERANCE: f64 = 0.1;
 
 /// A predicted value.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
+#[expect(missing_docs, reason = "the keys of the JSON report")]
 pub struct Output {
-    /// Its name.
     pub name: String,
-    /// Its unit.
     pub unit: String,
-    /// Lowest and highest label of the training, in this unit; `None` if the weights do not state
-    /// them.
+    /// Lowest and highest label of the training in this unit, if the weights state them.
     pub range: Option<[f64; 2]>,
 }
 
@@ -79,8 +76,7 @@ impl Output {
         self.unit == "rad"
     }
 
-    /// Whether `value` is outside the range of the training by more than a tenth of its length, or
-    /// not a number.
+    /// Whether `value` is outside the range by more than a tenth of its length, or NaN.
     pub fn is_outside(&self, value: f32) -> bool {
         let Some([low, high]) = self.range else { return false };
         let slack = (high - low) * TOLERANCE;
@@ -120,8 +116,7 @@ impl Training {
         self.outputs.iter().any(|output| output.range.is_some()).then_some(self.outside)
     }
 
-    /// Logs the number of predictions of the input called `name` that are outside, if there were
-    /// any.
+    /// Logs how many predictions of the input `name` are outside, if any.
     pub fn warn(&self, name: &str) {
         if let Some(warning) = self.warning() {
             tracing::warn!("{name}: {warning}");

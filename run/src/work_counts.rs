@@ -1,5 +1,4 @@
-//! The counters of an engine with the names of the JSON reports: computed and skipped rows, cells
-//! and predictions.
+//! The counters of an engine over events, with the names of the JSON reports.
 
 use std::collections::BTreeMap;
 
@@ -9,6 +8,7 @@ use serde::Serialize;
 /// The counters of an engine over events.
 #[derive(Debug, Default, Serialize)]
 #[non_exhaustive]
+#[expect(missing_docs, reason = "the keys of the JSON report")]
 pub struct WorkCounts {
     /// Rows computed, over all layers.
     pub rows_recomputed: u64,
@@ -34,23 +34,18 @@ pub struct WorkCounts {
     pub events_expired: u64,
     /// Events that left earlier because the window was full.
     pub events_evicted: u64,
-    /// The counters of each layer.
     pub layers: Vec<LayerSkips>,
 }
 
 /// The counters of one layer.
 #[derive(Debug, Serialize)]
 #[non_exhaustive]
+#[expect(missing_docs, reason = "the keys of the JSON report")]
 pub struct LayerSkips {
-    /// Its name.
     pub name: String,
-    /// Rows computed.
     pub recomputed: u64,
-    /// Of these, rows whose values did not change.
     pub unchanged: u64,
-    /// Of these, rows that changed by no more than the tolerance, and kept their values.
     pub within_tolerance: u64,
-    /// Rows that predictions used without computing them again.
     pub kept: u64,
 }
 

@@ -3,36 +3,40 @@
 //! A pixel turns light into a voltage and reports each change of it by a threshold. The model, with
 //! x the time and E the illuminance of the pixel in lux:
 //!
-//! | step | equation | facts |
-//! |---|---|---|
-//! | photocurrent | `E = lux * intensity`, plus the dark current `dark_lux` | |
-//! | logarithm | `u = ln(E + dark_lux)`, linear in time between two images | v2e instead makes the logarithm linear below 20 of 255 |
-//! | bandwidth | `dv/dx = (u - v) / tau`, `1 / tau = 2 pi min(cutoff_hz_per_lux (E + dark_lux), cutoff_max_hz)` | v2e: at most 300 Hz; IEBCS: tau of 40 to 100 us at 1 klux |
-//! | leak | the reference `m` falls by `threshold_on` at the rate `leak_hz + leak_hz_per_klux E / 1000` | v2e: 0.01 to 0.1 Hz |
-//! | threshold | an event where `v - m` reaches `threshold_on` or `-threshold_off` of the pixel | normal over pixels and polarities, at least 0.01 (v2e) |
-//! | reset | `m = v` at the end of the refractory time after the event | v2e: 0.5 ms, IEBCS: 50 to 100 us |
-//! | shot noise | events at the rate `shot_hz / (1 + (E / shot_corner_lux)^2)`, on and off equally often | v2e: 0.001 to 5 Hz |
-//! | hot pixels | a share of the pixels has on events at a rate of its own, in addition | |
-//! | latency | an event is stamped `latency_us` after its crossing, with normal jitter | IEBCS: 100 us, jitter of 10 to 30 us |
+//! - photocurrent: `E = lux * intensity`, plus the dark current `dark_lux`;
+//! - logarithm: `u = ln(E + dark_lux)`, linear in time between two images (v2e instead makes the
+//!   logarithm linear below 20 of 255);
+//! - bandwidth: `dv/dx = (u - v) / tau` with
+//!   `1 / tau = 2 pi min(cutoff_hz_per_lux (E + dark_lux), cutoff_max_hz)` (v2e: at most 300 Hz;
+//!   IEBCS: tau of 40 to 100 us at 1 klux);
+//! - leak: the reference `m` falls by `threshold_on` at the rate
+//!   `leak_hz + leak_hz_per_klux E / 1000` (v2e: 0.01 to 0.1 Hz);
+//! - threshold: an event where `v - m` reaches `threshold_on` or `-threshold_off` of the pixel,
+//!   normal over pixels and polarities, at least 0.01 (v2e);
+//! - reset: `m = v` at the end of the refractory time (v2e: 0.5 ms, IEBCS: 50 to 100 us);
+//! - shot noise: events at the rate `shot_hz / (1 + (E / shot_corner_lux)^2)`, on and off equally
+//!   often (v2e: 0.001 to 5 Hz);
+//! - hot pixels: a share of the pixels has on events at a rate of its own, in addition;
+//! - latency: a stamp is `latency_us` after the crossing, with normal jitter (IEBCS: 100 us, jitter
+//!   of 10 to 30 us).
 //!
 //! v2e: Hu, Liu and Delbruck 2021, "v2e: From video frames to realistic DVS events". IEBCS: Joubert
 //! et al. 2021, "Event camera simulator improvements via characterized parameters". The response to
 //! a linear ramp of `u` is known in closed form (`pixel.rs`), so that the time of a crossing
 //! depends on the scene and not on the times of the images.
 //!
-//! Left out: the readout bus, which delays and loses events when many pixels fire at once; flicker
-//! of lamps, unless the images have it; the dependence of thresholds on temperature; correlated
-//! noise of neighbouring pixels.
+//! Left out: the readout bus, which loses events when many pixels fire at once; flicker of lamps;
+//! thresholds over temperature; correlated noise of neighbours.
 
 mod pixel;
 
 use meissner_engine::{Event, Sensor};
 use meissner_kernels::random::Random;
+
+use crate::{Result, SimulatorError};
 pub use pixel::Cause;
 pub(crate) use pixel::normal_pair;
 use pixel::{Firing, Pixel};
-
-use crate::SimulatorError;
 
 /// An event and its cause.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -53,10 +57,8 @@ pub struct Camera {
     settings: CameraSettings,
     /// Time of the first and of the newest image; no image has come yet if it is missing.
     times: Option<(i64, i64)>,
-    /// The newest image.
     intensity: Vec<f32>,
-    /// When the next event of each pixel is due at the earliest if its light stays as it is, in
-    /// microseconds after the first image.
+    /// When each pixel's next event is due at the earliest, in us after the first image.
     due: Vec<f64>,
     pixels: Vec<Pixel>,
     /// Events that a later crossing with less latency can still precede.
@@ -64,12 +66,11 @@ pub struct Camera {
 }
 
 impl Camera {
-    /// A camera before its first image. `seed` determines thresholds, hot pixels, initial phases
-    /// and noise.
+    /// A camera before its first image. `seed` sets thresholds, hot pixels, phases and noise.
     ///
     /// # Errors
     /// A setting that is outside its range.
-    pub fn new(sensor: Sensor, settings: CameraSettings, seed: u64) -> Result<Self, SimulatorError> {
+    pub fn new(sensor: Sensor, settings: CameraSettings, seed: u64) -> Result<Self> {
         settings.check()?;
         let count = usize::from(sensor.width) * usize::from(sensor.height);
         let mut seeds = Random::new(seed);
@@ -90,23 +91,15 @@ impl Camera {
         self.sensor
     }
 
-    /// Takes the image at `t_us` microseconds and appends the events that are certain by then to
-    /// `events`, in order of time.
+    /// Takes the image at `t_us`, and appends the events that are certain by then, in order.
     ///
     /// `image` has an intensity for each pixel, row by row: the share of the light of a white
-    /// surface, so at least 0 and rarely above 1. Between two images the logarithm of a pixel's
-    /// light changes linearly. The first image causes no events: the camera has looked at it
-    /// forever. Complexity: O(pixels + events).
+    /// surface, rarely above 1, whose logarithm is linear between images. The first image causes no
+    /// events. Complexity: O(pixels + events).
     ///
     /// # Errors
-    /// A time that does not ascend, another number of pixels, a negative or non-finite intensity.
-    /// The camera is as it was.
-    pub fn push(
-        &mut self,
-        t_us: i64,
-        image: &[f32],
-        events: &mut Vec<SimulatedEvent>,
-    ) -> Result<(), SimulatorError> {
+    /// A time that does not ascend, other pixels, a wrong intensity. The camera is as it was.
+    pub fn push(&mut self, t_us: i64, image: &[f32], events: &mut Vec<SimulatedEvent>) -> Result<()> {
         self.check(t_us, image)?;
         let Some((first, before)) = self.times else {
             self.times = Some((t_us, t_us));
@@ -148,8 +141,7 @@ impl Camera {
         Ok(())
     }
 
-    /// Appends the events that wait for their latency. The camera goes on after it, but a later
-    /// event can then precede these.
+    /// Appends the events that wait for their latency; later ones can precede them.
     pub fn finish(&mut self, events: &mut Vec<SimulatedEvent>) {
         self.release(i64::MAX, events);
     }
@@ -164,7 +156,7 @@ impl Camera {
         events.extend(self.pending.drain(..certain));
     }
 
-    fn check(&self, t_us: i64, image: &[f32]) -> Result<(), SimulatorError> {
+    fn check(&self, t_us: i64, image: &[f32]) -> Result<()> {
         if let Some((first, before)) = self.times
             && (t_us <= before || t_us.checked_sub(first).is_none_or(|span| span > 1 << 53))
         {
@@ -189,8 +181,7 @@ impl Camera {
 
 /// Parameters of a [`Camera`](crate::Camera); its module has the equations.
 ///
-/// The default is a sensor in lamp light. [`Self::ideal`] has no noise, no delay and no limit of
-/// bandwidth.
+/// The default is a sensor in lamp light.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CameraSettings {
     /// Illuminance of a pixel of intensity 1, in lux. A lamp that is off is less light.
@@ -225,8 +216,7 @@ pub struct CameraSettings {
     pub latency_us: f64,
     /// Standard deviation of that time. No event is stamped before its crossing.
     pub jitter_us: f64,
-    /// Whether pixels start anywhere between their thresholds. Without this, all pixels of equal
-    /// light fire together.
+    /// Whether pixels start anywhere between thresholds; else equal ones fire together.
     pub initial_phase: bool,
 }
 
@@ -255,8 +245,7 @@ impl Default for CameraSettings {
 }
 
 impl CameraSettings {
-    /// The thresholds and the leak that agree with a real stream of a tactile sensor
-    /// (docs/simulated-touch.md).
+    /// Thresholds and leak that agree with a real tactile stream (docs/simulated-touch.md).
     #[must_use]
     pub fn tactile() -> Self {
         Self {
@@ -268,8 +257,7 @@ impl CameraSettings {
         }
     }
 
-    /// No noise, no spread, no delay, no dark current, any bandwidth. Pixels still start at random
-    /// phases.
+    /// No noise, spread, delay, dark current or limit of bandwidth; phases stay random.
     #[must_use]
     pub fn ideal() -> Self {
         Self {
@@ -305,7 +293,7 @@ impl CameraSettings {
         self.shot_hz / (1.0 + ratio * ratio) / 1e6
     }
 
-    pub(super) fn check(&self) -> Result<(), SimulatorError> {
+    pub(super) fn check(&self) -> Result<()> {
         let positive = |name, found: f64| match found {
             _ if found.is_finite() && found > 0.0 => Ok(()),
             _ => Err(SimulatorError::Setting { name, expected: "a finite number above 0", found }),

@@ -32,8 +32,7 @@ pub struct PressTable {
     markers: usize,
     /// Records of a press.
     records: usize,
-    /// The flat press, then those of each tilt, direction after direction: markers record after
-    /// record.
+    /// The flat press, then those of each tilt, by direction: markers by record.
     presses: Vec<Vec<Vector>>,
 }
 
@@ -110,8 +109,7 @@ impl PressTable {
     }
 }
 
-/// The whole part of `place`, at most `last - 1`, and the rest; a place outside 0 to `last` is
-/// moved to its end.
+/// The whole part of `place`, at most `last - 1`, and the rest, within 0 to `last`.
 fn split(place: f64, last: usize) -> (usize, f64) {
     let place = place.clamp(0.0, last as f64);
     let whole = (place as usize).min(last - 1);
@@ -136,8 +134,7 @@ fn pressed(dome: &Dome, (tilt, azimuth): (f64, f64), records: usize) -> Vec<Vect
 
 /// Distance from the camera to the base in millimetres.
 const CAMERA_MM: f64 = 20.0;
-/// The share of half the image's smaller side that the outermost ring fills at rest. The deepest
-/// press of the published plan, 15 mm, widens it by half.
+/// The share of half the smaller side that the outermost ring fills; a deep press widens it.
 const FILLED: f64 = 0.65;
 
 /// A pinhole camera below a dome.

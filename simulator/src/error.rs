@@ -2,68 +2,33 @@
 
 use thiserror::Error;
 
+/// The result of a simulation, or its error.
+pub type Result<T, E = SimulatorError> = std::result::Result<T, E>;
+
 /// Why a simulation did not start, or did not go on. The state is as it was before the call.
 #[derive(Clone, Debug, PartialEq, Error)]
 #[non_exhaustive]
+#[expect(missing_docs, reason = "the messages explain the fields")]
 pub enum SimulatorError {
     /// A setting is outside its range.
     #[error("{name} is {found}, expected {expected}")]
-    Setting {
-        /// The field of the settings.
-        name: &'static str,
-        /// Its range.
-        expected: &'static str,
-        /// Its value.
-        found: f64,
-    },
+    Setting { name: &'static str, expected: &'static str, found: f64 },
     /// An image has another number of pixels than the sensor.
     #[error("the image has {found} pixels, the sensor {expected}")]
-    Pixels {
-        /// Pixels of the sensor.
-        expected: usize,
-        /// Pixels of the image.
-        found: usize,
-    },
+    Pixels { expected: usize, found: usize },
     /// An intensity is negative or not finite.
     #[error("the intensity of pixel ({x}, {y}) is {found}, expected a finite number of at least 0")]
-    Intensity {
-        /// Column.
-        x: u16,
-        /// Row.
-        y: u16,
-        /// The value.
-        found: f32,
-    },
+    Intensity { x: u16, y: u16, found: f32 },
     /// An image does not follow the one before, or lies more than 285 years after the first.
     #[error("an image at {found} us follows one at {before} us: times must ascend")]
-    Time {
-        /// Time of the image before, in microseconds.
-        before: i64,
-        /// Time of the refused image.
-        found: i64,
-    },
+    Time { before: i64, found: i64 },
     /// Tracks do not have as many positions as times and markers.
     #[error("tracks of {times} times and {markers} markers have {found} positions")]
-    Tracks {
-        /// Number of times.
-        times: usize,
-        /// Markers at each time.
-        markers: usize,
-        /// Number of positions.
-        found: usize,
-    },
+    Tracks { times: usize, markers: usize, found: usize },
     /// The search for a contact did not end, or a force had nothing to press with.
     #[error("no contact was found in {iterations} iterations")]
-    NoContact {
-        /// Iterations.
-        iterations: usize,
-    },
+    NoContact { iterations: usize },
     /// A position of a track is not finite.
     #[error("marker {marker} at {t_us} us is not at a finite position")]
-    Position {
-        /// Number of the marker.
-        marker: usize,
-        /// Time in microseconds.
-        t_us: i64,
-    },
+    Position { marker: usize, t_us: i64 },
 }

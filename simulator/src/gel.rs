@@ -1,10 +1,9 @@
 //! A flat gel on a rigid plate, pressed by a rigid indenter of any shape.
 //!
 //! Enters: the gel, a grid of pixels, the heights of the indenter, and a depth or a force. Leaves:
-//! the pressure on each pixel, whose sum over pixels times their area is the force, and the
-//! displaced surface.
+//! the pressure on each pixel, and the displaced surface.
 //!
-//! The surface moves by the convolution of the pressure with a kernel (`gel/kernel.rs`). Of all
+//! The surface moves by the convolution of the pressure with a kernel (`gel/response.rs`). Of all
 //! pressures that are not negative, the contact has the one for which gel and indenter touch
 //! wherever they press and are apart elsewhere. Conjugate gradients on the pixels in contact find
 //! it (Polonsky and Keer 1999, "A numerical method for solving rough contact problems based on the
@@ -16,8 +15,7 @@
 //! plane contact problem", Eq. 16; Jaeger 1998). The gel relaxes by one Prony term.
 //!
 //! Left out: large strains, for which a gel is stiffer; adhesion; friction under the normal load;
-//! the coupling of shear and pressure, which an incompressible half-space does not have; the sides
-//! of the gel.
+//! the coupling of shear and pressure; the sides of the gel.
 //!
 //! ```
 //! use meissner_simulator::gel::{Gel, GelCamera, GelSolver, Grid, Indenter, Load, Placed};
@@ -35,91 +33,16 @@
 mod indenters;
 mod picture;
 mod response;
-mod sensor;
 
-use crate::error::SimulatorError;
+use crate::error::{Result, SimulatorError};
 pub use indenters::{Indenter, LETTERS, Placed};
-pub use picture::Lens;
-pub use picture::{Drift, picture_bytes};
-pub use picture::{GelCamera, Light};
+pub use picture::GelSensor;
+pub use picture::{Drift, GelCamera, Lens, Light, picture_bytes};
 use response::Convolution;
-pub use response::Relaxation;
-pub use sensor::GelSensor;
+pub use response::{Gel, Grid, Relaxation};
 
-/// Greatest depth of an indenter, as a share of the gel's thickness: beyond it a linear gel is too
-/// soft.
+/// Greatest depth as a share of the thickness: beyond it a linear gel is too soft.
 pub const MAX_DEPTH_SHARE: f64 = 0.3;
-
-/// Material and thickness of a gel. The default is a soft silicone of 4 mm.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Gel {
-    /// Young's modulus, in megapascals.
-    pub modulus_mpa: f64,
-    /// Poisson's ratio, from 0 to 0.5.
-    pub poisson: f64,
-    /// Thickness above the rigid plate that it is bonded to, in millimetres; infinite: an elastic
-    /// half-space.
-    pub thickness_mm: f64,
-    /// Friction coefficient between gel and indenter.
-    pub friction: f64,
-}
-
-impl Default for Gel {
-    fn default() -> Self {
-        Self { modulus_mpa: 0.15, poisson: 0.48, thickness_mm: 4.0, friction: 0.8 }
-    }
-}
-
-/// Pixels of the gel's surface.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Grid {
-    /// Columns.
-    pub width: usize,
-    /// Rows.
-    pub height: usize,
-    /// Distance between neighbours, in millimetres.
-    pub pitch_mm: f64,
-}
-
-impl Grid {
-    /// Number of pixels.
-    pub fn pixels(&self) -> usize {
-        self.width * self.height
-    }
-
-    /// The place of the pixel in this column and row from the middle of the grid, in millimetres.
-    pub fn place(&self, column: usize, row: usize) -> (f64, f64) {
-        let from_middle =
-            |index: usize, count: usize| (index as f64 - (count - 1) as f64 / 2.0) * self.pitch_mm;
-        (from_middle(column, self.width), from_middle(row, self.height))
-    }
-
-    /// The value at a place (column, row) between pixels, bilinear from those `at` the pixels
-    /// around it. Outside, that of the border.
-    pub fn between(&self, [column, row]: [f64; 2], at: impl Fn(usize) -> f64) -> f64 {
-        let split = |place: f64, count: usize| {
-            let place = place.clamp(0.0, (count - 1) as f64);
-            let before = (place as usize).min(count.saturating_sub(2));
-            (before, (before + 1).min(count - 1), place - before as f64)
-        };
-        let (left, right, along) = split(column, self.width);
-        let (above, below, down) = split(row, self.height);
-        let in_row = |row: usize| {
-            let (left, right) = (at(row * self.width + left), at(row * self.width + right));
-            left + along * (right - left)
-        };
-        let (above, below) = (in_row(above), in_row(below));
-        above + down * (below - above)
-    }
-
-    /// The heights of an indenter above its lowest point, row by row, from its height at a place in
-    /// millimetres.
-    pub fn heights(&self, height: impl Fn(f64, f64) -> f64) -> Vec<f64> {
-        let pixels =
-            (0..self.height).flat_map(|row| (0..self.width).map(move |column| self.place(column, row)));
-        pixels.map(|(x, y)| height(x, y)).collect()
-    }
-}
 
 /// How an indenter is pressed.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -133,8 +56,7 @@ pub enum Load {
 /// A gel under an indenter. All fields are row by row.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Contact {
-    /// Pressure in megapascals (newtons per square millimetre); 0 where the indenter does not
-    /// touch.
+    /// Pressure in megapascals (N/mm^2); 0 where the indenter does not touch.
     pub pressure_mpa: Vec<f64>,
     /// How far the surface lies below its place at rest, in millimetres.
     pub displacement_mm: Vec<f64>,
@@ -162,8 +84,7 @@ const TOLERANCE: f64 = 1e-7;
 /// Most iterations; contacts on 320 x 240 pixels take 10 to 50.
 const MAX_ITERATIONS: usize = 5000;
 
-/// Finds contacts of a gel on a grid. A press takes an iteration for each conjugate direction,
-/// O(pixels log pixels) each.
+/// Finds contacts of a gel on a grid: O(pixels log pixels) for each iteration of a press.
 #[derive(Clone)]
 pub struct GelSolver {
     gel: Gel,
@@ -176,7 +97,7 @@ impl GelSolver {
     ///
     /// # Errors
     /// [`SimulatorError::Setting`] where a setting is outside its range.
-    pub fn new(gel: Gel, grid: Grid) -> Result<Self, SimulatorError> {
+    pub fn new(gel: Gel, grid: Grid) -> Result<Self> {
         let above_0 = |name, found: f64| {
             if found > 0.0 && !found.is_nan() {
                 return Ok(());
@@ -217,8 +138,7 @@ impl GelSolver {
         self.grid
     }
 
-    /// How far the surface moves under `pressure_mpa`, row by row, in millimetres. O(pixels log
-    /// pixels).
+    /// The movement under `pressure_mpa`, row by row, in millimetres. O(pixels log pixels).
     ///
     /// # Panics
     /// Where there is not a pressure for each pixel.
@@ -234,7 +154,7 @@ impl GelSolver {
     /// [`SimulatorError::Setting`] where a height or the load is not a number, or the load is
     /// negative; [`SimulatorError::NoContact`] where the search does not end, or a force has
     /// nothing to press with.
-    pub fn press(&mut self, heights_mm: &[f64], load: Load) -> Result<Contact, SimulatorError> {
+    pub fn press(&mut self, heights_mm: &[f64], load: Load) -> Result<Contact> {
         self.check(heights_mm, load)?;
         let pixels = self.grid.pixels();
         let area = self.grid.pitch_mm * self.grid.pitch_mm;
@@ -282,8 +202,7 @@ impl GelSolver {
             for (pressure, direction) in pressure.iter_mut().zip(&direction) {
                 *pressure = (*pressure - step * direction).max(0.0);
             }
-            // Where the indenter would be inside the gel, there is contact too, and a new search
-            // begins.
+            // Where the indenter would be inside the gel is contact too: a new search begins.
             is_conjugate = true;
             for i in 0..pixels {
                 if pressure[i] == 0.0 && gap[i] < 0.0 {
@@ -303,14 +222,13 @@ impl GelSolver {
         Err(SimulatorError::NoContact { iterations: MAX_ITERATIONS })
     }
 
-    /// The contact of a pressure that was found.
     fn contact(&mut self, pressure_mpa: Vec<f64>, depth_mm: f64, iterations: usize) -> Contact {
         let displacement_mm = self.convolution.apply(&pressure_mpa);
         let force_n = pressure_mpa.iter().sum::<f64>() * self.grid.pitch_mm * self.grid.pitch_mm;
         Contact { pressure_mpa, displacement_mm, force_n, depth_mm, iterations }
     }
 
-    fn check(&self, heights_mm: &[f64], load: Load) -> Result<(), SimulatorError> {
+    fn check(&self, heights_mm: &[f64], load: Load) -> Result<()> {
         let (expected, found) = (self.grid.pixels(), heights_mm.len());
         if found != expected {
             return Err(SimulatorError::Pixels { expected, found });
@@ -326,8 +244,7 @@ impl GelSolver {
         }
     }
 
-    /// A pressure of the right size where the indenter would be inside the gel, or everywhere under
-    /// it.
+    /// A pressure of the right size where the indenter would be in the gel, or all under it.
     fn first_guess(&self, heights_mm: &[f64], load: Load) -> Vec<f64> {
         let heights = heights_mm.iter();
         match load {
@@ -344,17 +261,11 @@ impl GelSolver {
         }
     }
 
-    /// Shifts the indenter of these heights, which is pressed to `contact`, sideways by `shift_mm`.
-    /// O(one press).
+    /// Shifts the indenter, pressed to `contact`, sideways by `shift_mm`. O(one press).
     ///
     /// # Errors
     /// As [`GelSolver::press`]; [`SimulatorError::Setting`] where the shift is negative.
-    pub fn slide(
-        &mut self,
-        heights_mm: &[f64],
-        contact: &Contact,
-        shift_mm: f64,
-    ) -> Result<Slide, SimulatorError> {
+    pub fn slide(&mut self, heights_mm: &[f64], contact: &Contact, shift_mm: f64) -> Result<Slide> {
         finite("shift", shift_mm)?;
         let Gel { poisson, friction, .. } = self.gel;
         // Mindlin's ratio of the stiffness of a contact along its plane to that across it.
@@ -377,14 +288,13 @@ impl GelSolver {
 }
 
 /// Refuses what is negative or not finite.
-fn finite(name: &'static str, found: f64) -> Result<(), SimulatorError> {
+fn finite(name: &'static str, found: f64) -> Result<()> {
     if (0.0..f64::INFINITY).contains(&found) {
         return Ok(());
     }
     Err(SimulatorError::Setting { name, expected: "a finite number of at least 0", found })
 }
 
-/// The mean of `values` where there is pressure.
 fn mean_where(values: &[f64], pressure: &[f64]) -> f64 {
     let (mut sum, mut count) = (0.0, 0.0_f64);
     for (value, _) in values.iter().zip(pressure).filter(|(_, pressure)| **pressure > 0.0) {
@@ -394,7 +304,6 @@ fn mean_where(values: &[f64], pressure: &[f64]) -> f64 {
     sum / count.max(1.0)
 }
 
-/// Scales `pressure` to this sum.
 fn scale(pressure: &mut [f64], sum: f64) {
     let now: f64 = pressure.iter().sum();
     let factor = if now > 0.0 { sum / now } else { 0.0 };

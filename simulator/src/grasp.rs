@@ -1,8 +1,6 @@
-//! Two fingers of transparent silicone grasp a bolt, hold it while it vibrates, and release it; a
-//! camera sees one of them from within.
+//! Two transparent fingers grasp, hold and release a bolt; a camera sees one from within.
 //!
-//! Enters: a plan of motion and light, which a seed can draw. Leaves: events of the camera, and
-//! force, depth and phase along time.
+//! Enters: a plan of motion and light. Leaves: events, and force, depth and phase along time.
 //!
 //! A finger is a flat pad ([`PAD`]): 19.2 mm square and 4 mm thick. The other finger is its mirror
 //! image, and the bolt lies free between them, so that both press with the same force. The bolt is
@@ -15,7 +13,7 @@
 //! |---|---|
 //! | grasping | the bolt comes from a distance, touches, and is pressed to the greatest depth |
 //! | holding | the depth stays, with a small vibration of depth and place; the force relaxes |
-//! | releasing | the bolt leaves; at equal depth the force is smaller than before, because the pad gives way slowly |
+//! | releasing | the bolt leaves; the force is smaller than before at equal depth |
 //!
 //! Left out: sliding, friction and the tilt of a bolt in the grip; the motor's elasticity; large
 //! strains, for which silicone is stiffer.
@@ -29,9 +27,8 @@ use libm::{cos, exp, log, sin};
 use meissner_kernels::random::Random;
 
 use crate::gel::{Gel, GelSolver, Indenter, Placed};
-use crate::{Camera, CameraSettings, SimulatedEvent, SimulatorError};
-pub use contact::PressedPad;
-pub use contact::{DURATION_US, PAD, SENSOR, STEP_US};
+use crate::{Camera, CameraSettings, Result, SimulatedEvent};
+pub use contact::{DURATION_US, PAD, PressedPad, SENSOR, STEP_US};
 pub use view::Look;
 use view::View;
 
@@ -100,8 +97,7 @@ pub struct Grasp {
     pub smooth: [f64; 2],
     /// Vibration while holding.
     pub vibration: Vibration,
-    /// How far the bolt slips into its place across and along while the fingers close, in
-    /// millimetres.
+    /// How far the bolt slips into place while the fingers close, in millimetres.
     pub settles_mm: [f64; 2],
     /// Light and surface.
     pub look: Look,
@@ -174,12 +170,11 @@ impl Grasp {
     ///
     /// # Errors
     /// None: the pad is within the ranges of [`GelSolver::new`].
-    pub fn solver() -> Result<GelSolver, SimulatorError> {
+    pub fn solver() -> Result<GelSolver> {
         GelSolver::new(Gel::default(), PAD)
     }
 
-    /// Films the recording. `settings` are those of the camera, with the light of [`Look::lux`];
-    /// events come in order of time.
+    /// Films the recording with the light of [`Look::lux`]; events come in order of time.
     ///
     /// Complexity: 13 contacts, and 206 pictures of the pixels of [`SENSOR`].
     ///
@@ -189,7 +184,7 @@ impl Grasp {
         &self,
         solver: &mut GelSolver,
         settings: CameraSettings,
-    ) -> Result<(Vec<SimulatedEvent>, Vec<Grip>), SimulatorError> {
+    ) -> Result<(Vec<SimulatedEvent>, Vec<Grip>)> {
         let mut pad = PressedPad::new(solver, &self.bolt, RELAXES, self.force_n)?;
         let peak_mm = pad.depth_of(self.force_n, |depth_mm| self.loading(depth_mm));
         let mut camera = Camera::new(SENSOR, CameraSettings { lux: self.look.lux, ..settings }, self.seed)?;
@@ -250,7 +245,6 @@ impl Grasp {
     }
 }
 
-/// The bolt at a time.
 struct Motion {
     /// Below 0: away from the pad.
     depth_mm: f64,

@@ -16,7 +16,8 @@
 //! use meissner_simulator::{Camera, CameraSettings, Cause};
 //!
 //! // One pixel becomes twice as bright within 10 ms: ln 2 / 0.2 is 3.47, so three events.
-//! let mut camera = Camera::new(Sensor::new(1, 1), CameraSettings { initial_phase: false, ..CameraSettings::ideal() }, 0)?;
+//! let settings = CameraSettings { initial_phase: false, ..CameraSettings::ideal() };
+//! let mut camera = Camera::new(Sensor::new(1, 1), settings, 0)?;
 //! let mut events = Vec::new();
 //! camera.push(0, &[0.4], &mut events)?;
 //! camera.push(10_000, &[0.8], &mut events)?;
@@ -40,6 +41,6 @@ pub mod plants;
 pub use camera::{Camera, CameraSettings, Cause, SimulatedEvent};
 pub use dome::DomeView;
 pub use dome::PressTable;
-pub use error::SimulatorError;
+pub use error::{Result, SimulatorError};
 pub use markers::{MarkerScene, MarkerTracks};
 pub use membrane::{Dome, Press, Vector};

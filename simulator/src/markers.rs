@@ -1,20 +1,17 @@
-//! Markers that move, as the camera inside a tactile sensor sees them: bright discs on a darker
-//! ground, or the reverse.
+//! Markers that move, as the camera in a tactile sensor sees them: discs on another ground.
 //!
-//! Enters: positions of markers at some times. Leaves: images at any time between, or events
-//! through a camera.
+//! Enters: positions of markers at some times. Leaves: images at any time, or events.
 
 use meissner_engine::Sensor;
 
-use crate::{Camera, SimulatedEvent, SimulatorError};
+use crate::{Camera, Result, SimulatedEvent, SimulatorError};
 
 /// How markers look.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MarkerScene {
     /// Radius of a marker in pixels.
     pub radius: f32,
-    /// Width of the blurred edge in pixels: the share of a marker's light in a pixel falls linearly
-    /// from 1 to 0 over it.
+    /// Width of the edge in pixels, over which a marker's share of a pixel falls to 0.
     pub edge: f32,
     /// Intensity of markers, as in [`Camera::push`].
     pub marker: f32,
@@ -23,8 +20,7 @@ pub struct MarkerScene {
 }
 
 impl Default for MarkerScene {
-    /// The scene that agrees with a real stream of a tactile sensor (docs/simulated-touch.md), and
-    /// that the networks for the angle of contact were trained on.
+    /// The scene of a real tactile stream (docs/simulated-touch.md), and of trainings.
     fn default() -> Self {
         Self { radius: 1.5, edge: 1.0, marker: 0.5, ground: 0.25 }
     }
@@ -41,13 +37,11 @@ pub struct MarkerTracks {
 }
 
 impl MarkerTracks {
-    /// Tracks of `markers` markers; `positions` has those of the first time, then of the second,
-    /// and so on.
+    /// Tracks of `markers` markers; `positions` has those of one time after the other.
     ///
     /// # Errors
-    /// Times that do not ascend, a number of positions other than times multiplied by markers, a
-    /// position that is not finite.
-    pub fn new(t_us: Vec<i64>, markers: usize, positions: Vec<[f32; 2]>) -> Result<Self, SimulatorError> {
+    /// Times that do not ascend, a wrong number of positions, one that is not finite.
+    pub fn new(t_us: Vec<i64>, markers: usize, positions: Vec<[f32; 2]>) -> Result<Self> {
         if positions.len() != t_us.len() * markers {
             return Err(SimulatorError::Tracks { times: t_us.len(), markers, found: positions.len() });
         }
@@ -60,8 +54,7 @@ impl MarkerTracks {
         Ok(Self { t_us, markers, positions })
     }
 
-    /// Films the tracks from the first time to the last, and appends the events to `events` in
-    /// order of time.
+    /// Films all tracks, and appends the events in order of time.
     ///
     /// Images are drawn so often that no marker moves more than `STEP` pixels between two.
     /// Complexity: O(images x (pixels + markers x area of a marker) + events).
@@ -73,7 +66,7 @@ impl MarkerTracks {
         scene: &MarkerScene,
         camera: &mut Camera,
         events: &mut Vec<SimulatedEvent>,
-    ) -> Result<(), SimulatorError> {
+    ) -> Result<()> {
         (0..self.intervals()).try_for_each(|interval| self.film_interval(interval, scene, camera, events))?;
         camera.finish(events);
         Ok(())
@@ -98,7 +91,7 @@ impl MarkerTracks {
         scene: &MarkerScene,
         camera: &mut Camera,
         events: &mut Vec<SimulatedEvent>,
-    ) -> Result<(), SimulatorError> {
+    ) -> Result<()> {
         let sensor = camera.sensor();
         let mut image = vec![0.0; usize::from(sensor.width) * usize::from(sensor.height)];
         let mut now = vec![[0.0; 2]; self.markers];
@@ -123,8 +116,7 @@ impl MarkerTracks {
     }
 }
 
-/// How far a marker may move between two images, in pixels. Within it, the light of a pixel at a
-/// marker's edge is close to a line.
+/// How far a marker may move between two images, in pixels: light at its edge is then a line.
 const STEP: f32 = 0.125;
 
 /// Images that a motion needs, at least 1.
@@ -135,8 +127,7 @@ fn images(before: &[[f32; 2]], after: &[[f32; 2]]) -> u64 {
 }
 
 impl MarkerScene {
-    /// Draws markers at `positions` into `image`, row by row. Where two overlap, the one that
-    /// covers more counts.
+    /// Draws markers at `positions` into `image`. Of two, the one that covers more counts.
     ///
     /// # Panics
     /// If `image` does not have the pixels of `sensor`.

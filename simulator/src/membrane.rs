@@ -1,32 +1,32 @@
 //! A soft dome with markers, pressed on a plane: the sensor of contact angle by events.
 //!
-//! Enters: a dome, the tilt of a plane, a depth. Leaves: the positions of the markers, and the
-//! force of the plane on the dome.
+//! Enters: a dome, the tilt of a plane, a depth. Leaves: the markers, and the plane's force.
 //!
 //! The dome is a thin shell of an incompressible Yeoh solid on a mesh of triangles, whose base is
 //! fixed. A press is quasi-static: after each small step in depth, the nodes move to a minimum of
 //! the energy
 //!
-//! | energy | of | equation | source |
-//! |---|---|---|---|
-//! | membrane | a triangle of rest area A and thickness h | `A h (C10 J + C20 J^2 + C30 J^3)`, `J = tr C + 1 / det C - 3`, C the right Cauchy-Green tensor in the surface | Yeoh 1993, "Some forms of the strain energy function for rubber", Eq. 2; the stretch through the wall follows from incompressibility |
-//! | bending | an edge of rest length l between triangles of rest areas A1 and A2 | `3 D l^2 (angle - rest)^2 / (2 (A1 + A2))`, `D = E h^3 / 9`, `E = 6 C10` | Grinspun et al. 2003, "Discrete shells", Eq. 2 |
+//! - of the membrane, for a triangle of rest area A and thickness h:
+//!   `A h (C10 J + C20 J^2 + C30 J^3)` with `J = tr C + 1 / det C - 3`, C the right Cauchy-Green
+//!   tensor in the surface (Yeoh 1993, "Some forms of the strain energy function for rubber", Eq. 2;
+//!   the stretch through the wall follows from incompressibility);
+//! - of bending, for an edge of rest length l between triangles of rest areas A1 and A2:
+//!   `3 D l^2 (angle - rest)^2 / (2 (A1 + A2))` with `D = E h^3 / 9`, `E = 6 C10` (Grinspun et al.
+//!   2003, "Discrete shells", Eq. 2).
 //!
 //! The gradient of an angle between triangles is that of Bridson et al. 2003, "Simulation of
 //! clothing with folds and wrinkles", section 4. The minimum is found by FIRE (Bitzek et al. 2006,
 //! "Structural relaxation made simple"). A node that reaches the plane stays where it touched it
 //! (rough contact, no slip), until the plane would have to pull it.
 //!
-//! Left out: inertia and viscosity, so that press and release are equal; the air or gel inside the
-//! dome; shear through the wall, which a wall of a fifth of the radius has; slip; gravity. The
-//! shell is the outer surface of the dome.
+//! Left out: inertia and viscosity, so that press and release are equal; the air or gel inside;
+//! shear through the wall; slip; gravity. The shell is the outer surface of the dome.
 
 use std::f64::consts::{FRAC_PI_2, PI};
 
 use libm::{asin, atan2, cos, sin, sqrt};
 
-/// A point or a vector in millimetres, or a force in millinewtons. The axis of the dome is z; its
-/// base lies at z = 0.
+/// A point in millimetres, or a force in millinewtons. The dome's axis is z, its base z = 0.
 pub type Vector = [f64; 3];
 
 /// Size and material of a dome. The default is the published one: 40 mm wide, 20 mm high, a wall of
@@ -74,8 +74,7 @@ const STEP_MM: f64 = 0.25;
 const BASE_RINGS: usize = 2;
 
 impl Press {
-    /// The dome that just touches a plane. The plane is tilted by `tilt` radians: its normal leans
-    /// towards the direction `azimuth` radians from x to y.
+    /// The dome that just touches a plane tilted by `tilt` towards `azimuth` radians from x to y.
     pub fn new(dome: &Dome, tilt: f64, azimuth: f64) -> Self {
         let shell = Shell::new(dome);
         let normal = [sin(tilt) * cos(azimuth), sin(tilt) * sin(azimuth), -cos(tilt)];
@@ -94,11 +93,9 @@ impl Press {
         }
     }
 
-    /// Presses on to `depth_mm` millimetres along the axis of the dome. A depth below the present
-    /// one changes nothing.
+    /// Presses on to `depth_mm` along the axis of the dome, if that is deeper.
     ///
-    /// Complexity: some hundred evaluations of all forces for each quarter of a millimetre; 15 mm
-    /// of the default dome take about a second.
+    /// Complexity: about a second for 15 mm of the default dome.
     pub fn press_to(&mut self, depth_mm: f64) {
         while self.depth_mm < depth_mm {
             self.depth_mm = (self.depth_mm + STEP_MM).min(depth_mm);
@@ -144,8 +141,7 @@ impl Press {
         }
     }
 
-    /// Holds the nodes inside the plane, and releases those that it would have to pull. Whether any
-    /// changed.
+    /// Holds nodes inside the plane, and releases those that it would pull. Whether any changed.
     fn change_contact(&mut self) -> bool {
         let mut changed = false;
         for i in 0..self.nodes.len() {
@@ -233,8 +229,7 @@ struct Shell {
 #[derive(Clone, Copy, Debug)]
 struct Triangle {
     nodes: [usize; 3],
-    /// Inverse of the matrix whose columns are the two edges from the first node, at rest and in
-    /// the plane of the triangle.
+    /// Inverse of the matrix of both edges from the first node, at rest, in their plane.
     inverse: [[f64; 2]; 2],
     /// Area times thickness at rest, in cubic millimetres.
     volume: f64,
@@ -315,8 +310,7 @@ impl Triangle {
         Self { nodes, inverse, volume: 0.5 * determinant * wall_mm }
     }
 
-    /// The columns of the deformation gradient, (3, 2), and of the right Cauchy-Green tensor: xx,
-    /// xy, yy.
+    /// Columns of the deformation gradient, and the right Cauchy-Green tensor: xx, xy, yy.
     fn deformation(&self, nodes: &[Vector]) -> ([Vector; 2], [f64; 3]) {
         let [a, b] = edges(self.nodes, nodes);
         let column = |j: usize| along(a.map(|a| a * self.inverse[0][j]), self.inverse[1][j], b);
@@ -336,8 +330,7 @@ impl Triangle {
         let determinant = xx * yy - xy * xy;
         let j = xx + yy + 1.0 / determinant - 3.0;
         let slope = c10 + 2.0 * c20 * j + 3.0 * c30 * j * j;
-        // dJ/dC is 1 - cof C / det^2; the energy changes by twice that along the deformation
-        // gradient.
+        // dJ/dC is 1 - cof C / det^2; the energy changes by twice that along the gradient.
         let scale = 2.0 * self.volume * slope;
         let inverse_square = 1.0 / (determinant * determinant);
         let (sx, sxy, sy) = (1.0 - yy * inverse_square, xy * inverse_square, 1.0 - xx * inverse_square);
@@ -355,8 +348,7 @@ impl Triangle {
     }
 }
 
-/// Nodes and triangles of a hemisphere: ring k has 6 k nodes; the rings of markers first, then
-/// those down to the base.
+/// Nodes and triangles of a hemisphere: ring k has 6 k nodes, those of the base last.
 fn mesh(dome: &Dome) -> (Vec<Vector>, Vec<[usize; 3]>) {
     let rings = dome.rings + BASE_RINGS;
     let outermost = asin(0.5 * dome.rings_mm / dome.radius_mm);
@@ -396,8 +388,7 @@ fn mesh(dome: &Dome) -> (Vec<Vector>, Vec<[usize; 3]>) {
     (nodes, triangles)
 }
 
-/// The corners opposite of the edge that two triangles share, then the edge as the first one runs
-/// through it.
+/// The corners opposite of a common edge, then the edge as the first runs through it.
 fn common_edge(first: [usize; 3], second: [usize; 3]) -> Option<[usize; 4]> {
     (0..3).find_map(|i| {
         let (from, to) = (first[i], first[(i + 1) % 3]);

@@ -1,8 +1,7 @@
 //! Figures of maps of force against what is true.
 //!
-//! A map of a network has forces on pixels of its own size. They are scaled to the pixels of the
-//! sensor that took the picture, whose size is known. A pixel is truly in contact where the
-//! pressure exceeds [`CONTACT_MPA`].
+//! A map of a network is scaled to the pixels of the sensor that took the picture. A pixel is truly
+//! in contact where the pressure exceeds [`CONTACT_MPA`].
 
 use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
@@ -18,7 +17,7 @@ use meissner_run::run::{BLUR_RADIUS, ContactPredictor};
 use serde::Serialize;
 
 use crate::area::pictures::{Labelled, Press, Set, Truth};
-use crate::error::EvaluateError;
+use crate::error::Result;
 use crate::metrics::MeanStd;
 use crate::workers::Workers;
 
@@ -59,8 +58,7 @@ pub struct KindFigures {
 #[derive(Serialize)]
 #[expect(missing_docs, reason = "the keys of the JSON report")]
 pub struct BaselineFigures {
-    /// The threshold in grey levels, of twelve, at which these pictures have the highest `IoU`: the
-    /// baseline is favoured.
+    /// Of twelve thresholds in grey levels, that of the highest `IoU`: the baseline is favoured.
     pub threshold: f32,
     pub iou: MeanStd,
     pub centroid_mm: Option<MeanStd>,
@@ -79,7 +77,6 @@ pub(crate) struct Outcome {
     pub(crate) maps: Vec<f32>,
 }
 
-/// A predicted contact against the true one.
 struct Contact {
     iou: f64,
     /// True and predicted.
@@ -90,13 +87,12 @@ struct Contact {
 }
 
 impl Outcome {
-    /// Runs `model` over the pictures of `press`.
     pub(crate) fn of(
         model: &FrameModel,
         how: PressOptions,
         costs: &[LayerCost],
         press: &Press,
-    ) -> Result<Self, EvaluateError> {
+    ) -> Result<Self> {
         let mut run = Run::new(model, how)?;
         run.begin(press);
         let own_mm = run.predictor.pixel().sides_mm()[0];
@@ -133,8 +129,7 @@ impl Outcome {
         (self.pictures.iter().map(|contact| 1.0 - contact.iou).sum(), self.pictures.len() as u64)
     }
 
-    /// The sum of the absolute errors of the total force in N, and the number of pictures with a
-    /// true force.
+    /// Sum of absolute errors of the total force in N, and number of pictures with a true force.
     pub(crate) fn force_error(&self) -> (f64, u64) {
         let errors = self.pictures.iter().filter_map(|contact| contact.force_n);
         let errors = errors.map(|(expected, found)| (found - expected).abs());
@@ -143,7 +138,6 @@ impl Outcome {
 }
 
 impl Figures {
-    /// The figures of all pictures of `outcomes`, of which there is at least one.
     pub(crate) fn new(outcomes: &[&Outcome]) -> Self {
         let all: Vec<&Contact> = outcomes.iter().flat_map(|outcome| &outcome.pictures).collect();
         let mut kinds: BTreeMap<String, Vec<&Contact>> = BTreeMap::new();
@@ -174,8 +168,7 @@ impl Figures {
     }
 }
 
-/// The figures of image differences on the pictures of `set`.
-pub(crate) fn baseline(set: &Set, workers: &Workers) -> Result<BaselineFigures, EvaluateError> {
+pub(crate) fn baseline(set: &Set, workers: &Workers) -> Result<BaselineFigures> {
     let judge = |(): &mut (), press: &Press| -> Result<Vec<Vec<Contact>>, RunError> {
         let pixel_mm = press.pixel_mm.unwrap_or(1.0);
         let pixel = PixelSize::new(pixel_mm, pixel_mm)?;
@@ -218,12 +211,10 @@ pub(crate) fn baseline(set: &Set, workers: &Workers) -> Result<BaselineFigures, 
     Ok(best.expect("there are thresholds"))
 }
 
-/// Pressure of a contact: the published threshold of 1e-4 N on the pixels of the shipped networks,
-/// 0.06 mm wide.
+/// Pressure of a contact: the published 1e-4 N on a pixel of 0.06 mm of the shipped networks.
 const CONTACT_MPA: f64 = 1e-4 / (0.06 * 0.06);
 
-/// The pixels in contact: those under more pressure than [`CONTACT_MPA`], or those that were
-/// marked.
+/// The pixels in contact: marked, or under more pressure than [`CONTACT_MPA`].
 fn true_mask(truth: &Truth, pixel_mm: f64) -> Vec<bool> {
     let least_n = CONTACT_MPA * pixel_mm * pixel_mm;
     match truth {
@@ -236,8 +227,7 @@ fn count(mask: &[bool]) -> usize {
     mask.iter().filter(|&&touches| touches).count()
 }
 
-/// The middle of the pixels in contact, weighted by force where it is known; `None` without
-/// contact.
+/// The middle of the pixels in contact, weighted by force where known; `None` without contact.
 fn centroid(truth: &Truth, mask: &[bool], width: usize) -> Option<[f64; 2]> {
     let (mut sum, mut at) = (0.0, [0.0; 2]);
     for i in (0..mask.len()).filter(|&i| mask[i]) {
@@ -270,7 +260,6 @@ fn over(contacts: &[&Contact], figure: impl Fn(&Contact) -> f64) -> MeanStd {
     MeanStd::over(contacts, |contact| figure(contact)).unwrap_or(MeanStd { mean: 0.0, std: None })
 }
 
-/// How a network runs over the pictures of a press.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct PressOptions {
     /// What is skipped between pictures.
@@ -283,7 +272,6 @@ pub(crate) struct PressOptions {
 pub(crate) struct Run {
     pub(crate) predictor: ContactPredictor,
     every: usize,
-    /// Pictures since the press began.
     pictures: usize,
     last: Option<ContactReport>,
 }
@@ -291,9 +279,7 @@ pub(crate) struct Run {
 /// The contact in a picture, and the time for it.
 pub(crate) struct Answer {
     pub(crate) report: ContactReport,
-    /// Time to take the picture.
     pub(crate) push: Duration,
-    /// The same with the prediction.
     pub(crate) push_predict: Duration,
 }
 

@@ -9,7 +9,7 @@ use meissner_simulator::gel::Grid;
 use safetensors::tensor::{Dtype, SafeTensors, TensorView};
 use serde::Serialize;
 
-use crate::error::{EvaluateError, RequestPart, StreamsError};
+use crate::error::{EvaluateError, RequestPart, Result, StreamsError};
 use crate::streams::{bounds, integers};
 
 /// Where pictures come from.
@@ -55,7 +55,6 @@ pub(crate) enum Truth {
 }
 
 impl Labelled {
-    /// The total force.
     pub(crate) fn force_n(&self) -> Option<f64> {
         match &self.truth {
             Truth::Force(force) => Some(force.iter().map(|&force| f64::from(force)).sum()),
@@ -64,14 +63,12 @@ impl Labelled {
     }
 }
 
-/// Real pictures become so many times as large: those of the balls have half of the pixels along a
-/// side that the networks read.
+/// Factor of real pictures: those of the balls have half of the pixels a side that networks read.
 const ENLARGED: usize = 2;
 
 impl Set {
-    /// The pictures in the file at `path`: an archive of balls (.npz), or a file of `meissner
-    /// simulate gel`.
-    pub(crate) fn read(path: &Path) -> Result<Self, EvaluateError> {
+    /// The pictures in an archive of balls (.npz), or a file of `meissner simulate gel`.
+    pub(crate) fn read(path: &Path) -> Result<Self> {
         if path.extension().is_some_and(|extension| extension == "npz") {
             return Ok(Self::of_balls(&path.display().to_string(), &BallPictures::read(path)?));
         }
@@ -89,8 +86,7 @@ impl Set {
         self.presses.iter().map(|press| press.pictures.len()).sum()
     }
 
-    /// Refuses a network for pictures of another size.
-    pub(crate) fn check(&self, network: &str, size: ImageSize) -> Result<(), EvaluateError> {
+    pub(crate) fn check(&self, network: &str, size: ImageSize) -> Result<()> {
         if self.size == size {
             return Ok(());
         }
@@ -103,7 +99,6 @@ impl Set {
         ))
     }
 
-    /// The pictures of a file of `meissner simulate gel`.
     pub(crate) fn read_bytes(name: &str, bytes: &[u8]) -> Result<Self, StreamsError> {
         let (_, header) = SafeTensors::read_metadata(bytes)?;
         let file = SafeTensors::deserialize(bytes)?;
@@ -156,15 +151,13 @@ impl Set {
         })
     }
 
-    /// Pictures of balls, enlarged, and turned by a quarter where they are higher than wide, as the
-    /// pictures of the simulated sensor are.
+    /// Pictures of balls, enlarged, and turned to be wider than high as simulated ones are.
     pub(crate) fn of_balls(name: &str, balls: &BallPictures) -> Self {
         let (width, height) = (balls.width, balls.height);
         let is_upright = height > width;
         let size = if is_upright { [height, width] } else { [width, height] }.map(|side| ENLARGED * side);
         let grid = Grid { width, height, pitch_mm: 1.0 };
-        // Where a place of the enlarged picture is in the real one. Rows become columns, and
-        // columns become rows from below.
+        // The place in the real picture. Rows become columns, columns become rows from below.
         let place = |column: usize, row: usize| {
             let [x, y] = [column, row].map(|at| (at as f64 + 0.5) / ENLARGED as f64 - 0.5);
             if is_upright { [(width - 1) as f64 - y, x] } else { [x, y] }

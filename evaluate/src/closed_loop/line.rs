@@ -1,7 +1,6 @@
 //! A network between a camera and a controller, in the time of the simulation.
 //!
-//! The network takes one picture at a time. A picture that comes while it is busy waits, in place
-//! of the one that waited before.
+//! The network takes one picture at a time. While it is busy, the newest picture waits.
 
 use std::time::Duration;
 
@@ -29,14 +28,12 @@ impl Default for Delays {
 /// What a network says of a picture, and the time that it took.
 pub(super) type Estimate<'a, E> = dyn FnMut(&[u8]) -> Result<(BallContact, Duration), E> + 'a;
 
-/// A reading with its times in microseconds.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Timed {
     /// When the picture was taken.
     pub(super) taken_us: f64,
     /// When the controller has the reading.
     pub(super) ready_us: f64,
-    /// How long the network took.
     pub(super) run_us: f64,
     pub(super) reading: BallContact,
 }
@@ -49,7 +46,6 @@ pub(super) struct Line {
     waiting: Option<(f64, Vec<u8>)>,
     /// All readings in the order of their pictures, which is that of their arrival too.
     pub(super) readings: Vec<Timed>,
-    /// Pictures that were lost on their way.
     pub(super) lost: u64,
 }
 

@@ -23,7 +23,7 @@ use serde::Serialize;
 use serde_json::json;
 
 use super::{EventData, EventTask, lost};
-use crate::error::{EvaluateError, weights_error};
+use crate::error::{Result, weights_error};
 use crate::judge::{Figures, Judge, JudgedTrial, NetworkReport, judge};
 use crate::metrics::{Confusion, MeanStd, mean_interval, predicted, wilson_95};
 use crate::trainings::{EvaluatedNetwork, Evaluation, Request, Training, candidates};
@@ -56,8 +56,7 @@ pub struct Report {
     pub mode: &'static str,
     /// Microseconds from one prediction to the next.
     pub every_us: i64,
-    /// Times of predictions from the first event of a recording on. The last one is at or after the
-    /// end of every recording.
+    /// Times of predictions from a recording's first event on, up to the end of the longest.
     pub times_us: Vec<i64>,
     pub networks: Vec<NetworkReport<Protocols>>,
 }
@@ -91,8 +90,7 @@ pub struct Protocols {
 /// Figures of several trainings on the same recordings.
 pub type Judged = crate::judge::Judged<OverTime>;
 
-/// Figures of answers that change over time; `T` is a number for one training and [`MeanStd`] for
-/// several.
+/// Figures of answers over time; `T` is a number for one training, [`MeanStd`] for several.
 #[derive(Serialize)]
 pub struct OverTime<T = f64> {
     /// Number of recordings that each training is judged on.
@@ -101,8 +99,7 @@ pub struct OverTime<T = f64> {
     pub accuracy: T,
     /// 95 % interval; for several trainings the means of the bounds.
     pub interval_95: (f64, f64),
-    /// Time by which half of the answers of all trainings are right and stay right, in
-    /// microseconds.
+    /// Time in microseconds by which half of all answers are right and stay right.
     pub settled_us: Option<i64>,
     /// Counts of predictions at the end, the sum over the trainings.
     pub confusion: Confusion,
@@ -116,8 +113,7 @@ pub struct OverTime<T = f64> {
 }
 
 impl Protocols {
-    /// Names and figures of the protocols: whole trainings on the split test, folds on the
-    /// recordings that they held out.
+    /// Names and figures of the protocols, as above.
     pub fn protocols(&self) -> [(&'static str, Option<&Judged>); 2] {
         [("test split", self.test.as_ref()), ("cross-validation", self.cross_validation.as_ref())]
     }
@@ -127,14 +123,13 @@ impl Protocols {
 /// `done` is called after each training with its label and the time since judging began.
 ///
 /// # Errors
-/// The data set or a network cannot be read, or trainings do not fit. All of this is checked before
-/// a network runs.
+/// The data set or a network cannot be read, or trainings do not fit: before a network runs.
 pub fn evaluate<T: EventTask>(
     folder: &Path,
     options: &Options<'_>,
     workers: &Workers,
     done: impl FnMut(&str, Duration),
-) -> Result<Evaluation<Report>, EvaluateError> {
+) -> Result<Evaluation<Report>> {
     let (candidates, notes) = candidates::<T>(options.request)?;
     let data = T::read(folder)?;
     let test = data.of(Split::Test);
@@ -170,11 +165,9 @@ pub fn evaluate<T: EventTask>(
     }))
 }
 
-/// Judges networks on one data set.
 struct OfEvents<'a, T> {
     data: &'a EventData,
     options: &'a Options<'a>,
-    /// Number of times of predictions.
     times: usize,
     task: PhantomData<T>,
 }
@@ -184,7 +177,6 @@ struct OfEvents<'a, T> {
 pub(super) struct Outcome {
     /// The class at each time before the end, and the class at the end.
     pub(super) answers: Vec<usize>,
-    /// The outputs at the end.
     pub(super) logits: Vec<f32>,
     /// Time of the newest event since the first one.
     pub(super) end_us: i64,
@@ -199,7 +191,7 @@ impl<T: EventTask> Judge for OfEvents<'_, T> {
     type Figures = Option<OverTime>;
     type Network = Protocols;
 
-    fn plan(&self, candidate: &EvaluatedNetwork<Description>) -> Result<(usize, Vec<Trial>), EvaluateError> {
+    fn plan(&self, candidate: &EvaluatedNetwork<Description>) -> Result<(usize, Vec<Trial>)> {
         let own = candidate.stride();
         let stride = self.options.stride.map_or(own, Ok)?;
         let trials = self.data.trials(&candidate.trainings, self.options.folds)?;
@@ -207,12 +199,7 @@ impl<T: EventTask> Judge for OfEvents<'_, T> {
         Ok((stride, trials))
     }
 
-    fn engine(
-        &self,
-        description: &Description,
-        _: &usize,
-        training: &Training,
-    ) -> Result<EventPredictor, EvaluateError> {
+    fn engine(&self, description: &Description, _: &usize, training: &Training) -> Result<EventPredictor> {
         let failed = weights_error(&training.label);
         let network = Arc::new(description.network(&training.weights).map_err(&failed)?);
         let (mode, exact) = (self.options.mode, Approximations::default());
@@ -220,12 +207,7 @@ impl<T: EventTask> Judge for OfEvents<'_, T> {
             .map_err(|source| failed(ModelError::Engine(source)))
     }
 
-    fn outcome(
-        &self,
-        &stride: &usize,
-        predictor: &mut EventPredictor,
-        case: usize,
-    ) -> Result<Outcome, EvaluateError> {
+    fn outcome(&self, &stride: &usize, predictor: &mut EventPredictor, case: usize) -> Result<Outcome> {
         Ok(outcome(predictor, &self.data.recordings[case].events, stride, self.options.every_us)?)
     }
 
@@ -279,8 +261,7 @@ fn outcome(
 }
 
 impl OverTime {
-    /// The figures of `outcomes`, each with its true one of so many `classes`, at so many `times`;
-    /// `None` for no outcomes.
+    /// Figures of (true class, outcome) at so many `times`; `None` for no outcomes.
     pub(super) fn new(
         classes: usize,
         outcomes: &[(usize, &Outcome)],
@@ -341,7 +322,6 @@ impl Outcome {
         self.answers[time.min(self.answers.len() - 1)]
     }
 
-    /// Time from which on the answer is right.
     fn settled_us(&self, truth: usize, every_us: i64) -> Option<i64> {
         let first = correct_from(&self.answers, truth)?;
         let is_end = first + 1 == self.answers.len();

@@ -1,26 +1,21 @@
 //! A network on a recording of a grasp, and its errors: over all frames, by phase, by bolt.
 
-use std::time::{Duration, Instant};
-
 use meissner_engine::Event;
 use meissner_simulator::grasp::Phase;
 use serde::Serialize;
 
-use crate::error::EvaluateError;
+use crate::error::Result;
 use crate::judge::Figures;
-use crate::metrics::MeanStd;
-use crate::metrics::{bhattacharyya, time_warping};
+use crate::metrics::{MeanStd, bhattacharyya, time_warping};
 use crate::regression::Work;
-use crate::regression::engine::{Count, PressEngine};
-use crate::regression::press::{Presses, TimedPrediction, newest};
+use crate::regression::engine::PressEngine;
+use crate::regression::press::{Effort, Presses, TimedPrediction, drive, newest};
 
-/// The label of the force.
 pub(crate) const FORCE: &str = "force";
 /// The labels of the phase's number and of the bolt's diameter.
 const PHASE: &str = "phase";
 const BOLT: &str = "bolt";
 
-/// What a network said about a recording.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Outcome {
     /// Predicted and true force at the end of each frame, in newtons.
@@ -28,17 +23,10 @@ pub(crate) struct Outcome {
     pub(crate) truth: Vec<f64>,
     /// The number of the phase at the end of each frame; `None` where the file does not say.
     pub(crate) phases: Vec<Option<usize>>,
-    /// Diameter of the bolt, where the file has it.
     pub(crate) bolt_mm: Option<f64>,
     /// Mean squared error of the newest prediction that a reader has, over the milliseconds.
     pub(crate) newest: Option<f64>,
-    /// Number of pushed events.
-    pub(crate) events: u64,
-    pub(crate) count: Count,
-    /// Time for each prediction, with the events since the one before it, in nanoseconds.
-    pub(crate) update_ns: Vec<u64>,
-    /// The part of it for the events, all together.
-    pub(crate) push_ns: u64,
+    pub(crate) effort: Effort,
 }
 
 impl Outcome {
@@ -57,36 +45,20 @@ pub(crate) fn run(
     number: usize,
     stride: usize,
     (every_us, period_us): (i64, i64),
-) -> Result<Outcome, EvaluateError> {
+) -> Result<Outcome> {
     let [start, end] = recordings.truth.span_us(number);
     let label = |name: &str, since: i64| recordings.truth.at(name, number, start + since);
     let force = |since: i64| label(FORCE, since).unwrap_or(f64::NAN);
     engine.reset(0);
-    let before = engine.count();
     let part = recordings.streams.parts()[number];
     // Frames begin with the truth, and so do the engine's times.
     let since_start = |event: &Event| Event::new(event.t_us - start, event.x, event.y, event.on);
-    let mut events = part.iter().step_by(stride).map(since_start).peekable();
-    let (mut values, mut pushed, mut push_ns, mut free_us) = (Vec::new(), 0, 0, 0.0_f64);
-    let (mut found, mut update_ns): (Vec<TimedPrediction>, Vec<u64>) = (Vec::new(), Vec::new());
-    for t_us in (every_us..=end - start).step_by(every_us as usize) {
-        let clock = Instant::now();
-        // An event at the end of a frame belongs to the next one.
-        while let Some(event) = events.next_if(|event: &Event| event.t_us < t_us) {
-            engine.push(event)?;
-            pushed += 1;
-        }
-        push_ns += clock.elapsed().as_nanos() as u64;
-        engine.predict(t_us, &mut values)?;
-        let spent = clock.elapsed().as_nanos();
-        update_ns.push(spent as u64);
-        free_us = free_us.max(t_us as f64) + spent as f64 / 1e3;
-        found.push(TimedPrediction {
-            t_us,
-            available_us: free_us,
-            values: values.iter().copied().map(f64::from).collect(),
-        });
-    }
+    let events = part.iter().step_by(stride).map(since_start);
+    let times = (every_us..=end - start).step_by(every_us as usize);
+    // An event at the end of a frame belongs to the next one.
+    let within = |event_us: i64, t_us: i64| event_us < t_us;
+    let shown = |values: &[f32]| values.iter().copied().map(f64::from).collect();
+    let (found, effort) = drive(engine, events, times, within, shown)?;
     let of_frames = || found.iter().filter(|found| found.t_us % period_us == 0);
     let square = |held: &TimedPrediction, t_us: i64| {
         vec![(held.values[0] - force(t_us)) * (held.values[0] - force(t_us))]
@@ -99,32 +71,24 @@ pub(crate) fn run(
             .collect(),
         bolt_mm: label(BOLT, 0),
         newest: newest(&found, 0, end - start, square).map(|means| means[0]),
-        events: pushed,
-        count: engine.count().since(before),
-        update_ns,
-        push_ns,
+        effort,
     })
 }
 
-/// Width of the bins of Bhattacharyya's distance, in newtons.
 const BIN_N: f64 = 0.1;
 
-/// Figures of a network on recordings; `T` is a number for one training and [`MeanStd`] for
-/// several.
+/// Figures on recordings; `T` is a number for one training, [`MeanStd`] for several.
 #[derive(Serialize)]
 pub struct ForceErrors<T = f64> {
     /// Number of recordings.
     pub recordings: u64,
     /// All frames, those of each phase, and those of each bolt.
     pub parts: Vec<PartErrors<T>>,
-    /// Mean over the recordings of the distance of dynamic time warping between predicted and true
-    /// force, in newtons.
+    /// Mean distance of dynamic time warping between predicted and true force, in newtons.
     pub time_warping: T,
-    /// Bhattacharyya's distance between the histograms of all predicted and all true forces; `None`
-    /// where they share no bin.
+    /// Bhattacharyya's distance of predicted and true forces; `None` where they share no bin.
     pub bhattacharyya: Option<T>,
-    /// Mean squared error, in square newtons, of the newest prediction that a reader has at each
-    /// millisecond; `None` where no prediction came in time.
+    /// Mean squared error in N^2 of a reader's newest prediction at each millisecond, if any.
     pub newest: Option<T>,
     /// Events and work of all trainings together.
     pub work: Work,
@@ -166,14 +130,7 @@ impl ForceErrors {
         let all = |of: fn(&Outcome) -> &[f64]| outcomes.iter().flat_map(of).copied().collect::<Vec<f64>>();
         let newest: Vec<f64> = outcomes.iter().filter_map(|outcome| outcome.newest).collect();
         let mut work = Work::default();
-        for outcome in outcomes {
-            work.presses += 1;
-            work.events += outcome.events;
-            work.predictions += outcome.update_ns.len() as u64;
-            work.rows += outcome.count.rows;
-            work.multiply_adds += outcome.count.multiply_adds;
-            outcome.update_ns.iter().for_each(|&ns| work.update_us.record(Duration::from_nanos(ns)));
-        }
+        outcomes.iter().for_each(|outcome| work.add_press(&outcome.effort));
         Some(Self {
             recordings: outcomes.len() as u64,
             parts,

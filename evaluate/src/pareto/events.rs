@@ -1,5 +1,4 @@
-//! The studies of networks over events: one recording without labels, and the tasks on events. A
-//! network is measured with each of its settings.
+//! The studies of networks over events: one recording without labels, and the tasks on events.
 //!
 //! Streams are timed from an empty window on. Errors are those of recordings that a training has
 //! not seen; with several trainings, the first one is timed.
@@ -30,7 +29,7 @@ use super::settings::{Setting, mean_rate, settings};
 use super::state::Fingerprint;
 use super::task_error::TaskError;
 use super::{NetworkReport, NetworkStudy, Options, Study};
-use crate::error::{EvaluateError, RequestPart, weights_error};
+use crate::error::{EvaluateError, RequestPart, Result, weights_error};
 use crate::events::{EventData, EventTask, lost};
 use crate::metrics::predicted;
 use crate::regression::engine::row_costs;
@@ -60,11 +59,7 @@ pub struct AngleOptions<'a> {
 ///
 /// # Errors
 /// The recording has no events, its sensor is unknown, or a network does not fit.
-pub fn angle(
-    source: Source,
-    asked: AngleOptions<'_>,
-    options: &Options,
-) -> Result<Study<'static>, EvaluateError> {
+pub fn angle(source: Source, asked: AngleOptions<'_>, options: &Options) -> Result<Study<'static>> {
     let (name, sensor) = (source.name.clone(), source.sensor(asked.sensor)?);
     let all = source.collect::<Result<Vec<Event>, _>>()?;
     let count = options.timed.unwrap_or(EVENTS);
@@ -114,9 +109,8 @@ pub fn angle(
     Ok(Study { system: "angle", unit: "event", asked: count, data, networks, notes })
 }
 
-/// The study of networks over events for a task, on the data set in `folder`. Errors are those on
-/// the split test, or of the cross-validation where a network has folds, of which there must be
-/// `folds`.
+/// The study of networks for a task, on the data set in `folder`: on the split test, or of the
+/// cross-validation where a network has folds, of which there must be `folds`.
 ///
 /// # Errors
 /// The data set or a network cannot be read, or trainings do not fit.
@@ -126,7 +120,7 @@ pub fn events<'a, T: EventTask>(
     folds: Option<usize>,
     options: &Options,
     workers: &'a Workers,
-) -> Result<Study<'a>, EvaluateError> {
+) -> Result<Study<'a>> {
     let (candidates, more_notes) = candidates::<T>(request)?;
     let strides = candidates.iter().map(EvaluatedNetwork::stride).collect::<Result<Vec<_>, _>>()?;
     let data = Arc::new(T::read(folder)?);
@@ -175,12 +169,10 @@ pub fn events<'a, T: EventTask>(
     Ok(Study { system: data.set.task, unit: "event", asked, data: report, networks, notes })
 }
 
-/// Events of a turn.
 const TURN: usize = 1000;
 
 /// A network over events with its data.
 struct EventNetwork<'a> {
-    /// The exact network.
     network: Network,
     sensor: Sensor,
     /// The timed streams; each begins with a reset.
@@ -202,18 +194,15 @@ struct Judge<'a> {
     workers: &'a Workers,
 }
 
-/// An engine that is timed.
 struct Run {
     engine: EventPredictor,
-    /// The last prediction.
     last: Vec<f32>,
     /// Predictions after each event of the last turn.
     outputs: Vec<f32>,
 }
 
 impl<'a> EventNetwork<'a> {
-    /// The study of this network, for a `report` without settings.
-    fn study(self, report: NetworkReport) -> Result<NetworkStudy<'a>, EvaluateError> {
+    fn study(self, report: NetworkReport) -> Result<NetworkStudy<'a>> {
         let settings = settings(&self.network, mean_rate(&self.streams), 0);
         // A network that a setting does not fit is refused before anything is measured.
         settings.iter().try_for_each(|setting| setting.network(&self.network).map(drop))?;
@@ -222,7 +211,7 @@ impl<'a> EventNetwork<'a> {
         Ok(NetworkStudy { report, settings: names, measure })
     }
 
-    fn measure(&self, setting: &Setting) -> Result<Measurement, EvaluateError> {
+    fn measure(&self, setting: &Setting) -> Result<Measurement> {
         let adapted = Arc::new(setting.network(&self.network)?);
         let exact = Arc::new(self.network.clone());
         let mut own = Run::new(Arc::clone(&adapted), self.sensor, &setting.approximations)?;
@@ -312,22 +301,17 @@ impl Run {
 
 impl Judge<'_> {
     /// The share of wrong answers with `setting`; `None` without answers.
-    fn error(&self, setting: &Setting) -> Result<Option<TaskError>, EvaluateError> {
+    fn error(&self, setting: &Setting) -> Result<Option<TaskError>> {
         let count = |trial: &Trial| {
             let wrong = trial.outcomes(|_| (), |training, chosen| self.wrong(training, chosen, setting))?;
             Ok((wrong.iter().filter(|(_, wrong)| *wrong).count() as u64, wrong.len() as u64))
         };
-        let counts = self.trials.iter().map(count).collect::<Result<Vec<_>, EvaluateError>>()?;
+        let counts = self.trials.iter().map(count).collect::<Result<Vec<_>>>()?;
         Ok(TaskError::new(self.of, &counts))
     }
 
     /// Whether the answer for each of the recordings `chosen` is wrong.
-    fn wrong(
-        &self,
-        training: &Training,
-        chosen: &[usize],
-        setting: &Setting,
-    ) -> Result<Vec<bool>, EvaluateError> {
+    fn wrong(&self, training: &Training, chosen: &[usize], setting: &Setting) -> Result<Vec<bool>> {
         let network = self.description.network(&training.weights).map_err(weights_error(&training.label))?;
         let network = Arc::new(setting.network(&network)?);
         let (sensor, approximations) = (self.data.set.sensor, &setting.approximations);

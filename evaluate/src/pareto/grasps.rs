@@ -17,26 +17,25 @@ use meissner_run::predictor::Mode;
 
 use super::measurement::{Differences, Lap, Measurement, evenly, take_turns, timed_label};
 use super::report::DataReport;
-use super::settings::{FrameSetting, Thinning, common, has_pixels_to_keep, notes};
-use super::settings::{Setting, mean_rate, settings};
+use super::settings::{
+    FrameSetting, Setting, Thinning, common, has_pixels_to_keep, mean_rate, notes, settings,
+};
 use super::state::Fingerprint;
 use super::task_error::{ErrorKind, TaskError};
 use super::{NetworkReport, NetworkStudy, Options, Study};
-use crate::error::{EvaluateError, RequestPart, weights_error};
+use crate::error::{EvaluateError, RequestPart, Result, weights_error};
 use crate::events::lost;
 use crate::force::recording::{FORCE, Outcome, run};
 use crate::force::{Force, PERIOD_US, PartErrors};
 use crate::regression::engine::{Count, CountsOptions, PressEngine};
-use crate::regression::press::Presses;
-use crate::regression::press::Quantity;
+use crate::regression::press::{Presses, Quantity};
 use crate::trainings::{EvaluatedNetwork, Request, Training, candidates};
 use crate::trials::{Cases, Fold, Trial};
 use crate::workers::Workers;
 
 /// Timed recordings without another number.
 const RECORDINGS: usize = 20;
-/// Tolerances of frame networks, whose pixels are counts of events divided by 8: the first is far
-/// below the change of one event.
+/// Tolerances of counts of events divided by 8: the first is far below one event.
 const TOLERANCES: [f32; 4] = [1e-3, 1e-2, 3e-2, 1e-1];
 
 /// The study of networks that predict the force of grasps, on the recordings in the file `events`.
@@ -49,7 +48,7 @@ pub fn force<'a>(
     request: Request<'_>,
     options: &Options,
     workers: &'a Workers,
-) -> Result<Study<'a>, EvaluateError> {
+) -> Result<Study<'a>> {
     let (candidates, mut notes_of_all) = candidates::<Force>(request)?;
     let recordings = Arc::new(Presses::read(events)?);
     let name = events.display().to_string();
@@ -136,7 +135,6 @@ fn fingerprint(recordings: &Presses) -> String {
     fingerprint.finish()
 }
 
-/// The settings of a frame network of `parts`.
 fn of_frames(parts: &FrameNetworkParts) -> Vec<FrameSetting> {
     let seldom = FrameSetting { thinning: Thinning::EverySecond, ..FrameSetting::default() };
     let mut settings = common(parts, &TOLERANCES);
@@ -147,14 +145,12 @@ fn of_frames(parts: &FrameNetworkParts) -> Vec<FrameSetting> {
     settings
 }
 
-/// A network with its settings.
 enum Kind {
     Events(Description, Vec<Setting>),
     Frames(FrameDescription, Vec<FrameSetting>),
 }
 
 impl Kind {
-    /// Names of the settings with their indices.
     fn names(&self) -> Vec<(usize, String)> {
         match self {
             Self::Events(_, settings) => {
@@ -185,8 +181,7 @@ struct Timed {
 }
 
 impl GraspsNetwork<'_> {
-    /// The network with the weights of `training` and setting number `setting`.
-    fn engine(&self, training: &Training, setting: usize) -> Result<PressEngine, EvaluateError> {
+    fn engine(&self, training: &Training, setting: usize) -> Result<PressEngine> {
         let sensor = self.recordings.streams.sensor();
         match &self.kind {
             Kind::Events(description, settings) => {
@@ -213,11 +208,11 @@ impl GraspsNetwork<'_> {
     }
 
     /// What `engine` says about a recording, with a prediction at the end of each frame.
-    fn run(&self, engine: &mut PressEngine, number: usize) -> Result<Outcome, EvaluateError> {
+    fn run(&self, engine: &mut PressEngine, number: usize) -> Result<Outcome> {
         run(engine, &self.recordings, number, self.stride, (PERIOD_US, PERIOD_US))
     }
 
-    fn measure(&self, setting: usize) -> Result<Measurement, EvaluateError> {
+    fn measure(&self, setting: usize) -> Result<Measurement> {
         let training = &self.trials[0].folds[0].training;
         let timed =
             |setting| Ok::<_, EvaluateError>(Timed { engine: self.engine(training, setting)?, last: None });
@@ -254,19 +249,17 @@ impl GraspsNetwork<'_> {
         })
     }
 
-    /// Times the recordings `chosen`.
-    fn time(&self, timed: &mut Timed, chosen: &[usize], lap: &mut Lap) -> Result<(), EvaluateError> {
+    fn time(&self, timed: &mut Timed, chosen: &[usize], lap: &mut Lap) -> Result<()> {
         for &number in chosen {
             let outcome = self.run(&mut timed.engine, number)?;
-            let all = outcome.update_ns.iter().sum();
-            lap.push((Duration::from_nanos(outcome.push_ns), Duration::from_nanos(all)));
+            let all = outcome.effort.update_ns.iter().sum();
+            lap.push((Duration::from_nanos(outcome.effort.push_ns), Duration::from_nanos(all)));
             timed.last = Some(outcome);
         }
         Ok(())
     }
 
-    /// Mean squared and mean absolute error over all frames.
-    fn errors(&self, setting: usize) -> Result<Vec<TaskError>, EvaluateError> {
+    fn errors(&self, setting: usize) -> Result<Vec<TaskError>> {
         let mut trials = Vec::new();
         for trial in &self.trials {
             let outcomes = trial.outcomes(

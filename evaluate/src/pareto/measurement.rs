@@ -1,7 +1,6 @@
 //! Times, work and errors of a network with one setting.
 //!
-//! Numerical errors are those of all values a of an approximation against the values e of the exact
-//! network at the same moments:
+//! Numerical errors are those of all values a against the values e of the exact network:
 //!
 //! ```text
 //! max = max |a - e|     rms = sqrt(mean (a - e)^2)     relative rms = rms / sqrt(mean e^2)
@@ -24,8 +23,7 @@ pub const EXACT: &str = "exact";
 /// Number of parts of each stream whose errors are formed apart.
 const PARTS: usize = 10;
 
-/// Times, work and errors of one setting. Times, rows and multiply-adds are those of an event of
-/// the input, of a window, of a picture or of a recording.
+/// Times, work and errors of one setting, for an event, a window, a picture or a recording.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Measurement {
     /// Events, windows, pictures or recordings that were timed in each repeat.
@@ -204,7 +202,6 @@ impl Differences {
         }
     }
 
-    /// The errors.
     pub(super) fn finish(&self) -> Numerical {
         let all = self.parts.iter().fold(Sum::default(), |all, part| Sum {
             count: all.count + part.count,
@@ -235,8 +232,7 @@ pub(super) fn timed_label(trainings: usize, first: &str) -> String {
     if trainings == 1 { first.to_owned() } else { format!("{trainings} trainings, timed with {first}") }
 }
 
-/// Some of the recordings `chosen`, as far apart as possible: at least one, and with about `count`
-/// events.
+/// Some of `chosen`, as far apart as possible: at least one, with about `count` events.
 pub(super) fn spread(chosen: &[usize], events: impl Fn(usize) -> usize, count: usize) -> Vec<usize> {
     let all: usize = chosen.iter().map(|&place| events(place)).sum();
     // A recording has at least one event.

@@ -1,5 +1,4 @@
-//! The study of contact area and normal force: networks over pictures of a gel, with each of their
-//! settings.
+//! The study of contact area and normal force: networks over pictures of a gel.
 //!
 //! Enters: files of pictures, and networks with their trainings. Leaves: a [`Study`] whose error is
 //! what the intersection over union lacks to 1. Some presses, evenly chosen, are timed in turns
@@ -22,11 +21,10 @@ use super::settings::{FrameSetting, Thinning, common, has_pixels_to_keep, has_wi
 use super::state::Fingerprint;
 use super::task_error::{ErrorKind, TaskError};
 use super::{NetworkReport, NetworkStudy, Options, Study};
-use crate::area::figures::{Answer, PressOptions, Run};
-use crate::area::figures::{Figures, Outcome};
+use crate::area::figures::{Answer, Figures, Outcome, PressOptions, Run};
 use crate::area::pictures::{Press, Set, Truth};
 use crate::area::{Area, model};
-use crate::error::{EvaluateError, RequestPart, weights_error};
+use crate::error::{EvaluateError, RequestPart, Result, weights_error};
 use crate::trainings::{EvaluatedNetwork, Request, Training, candidates};
 use crate::workers::Workers;
 
@@ -39,8 +37,7 @@ const PICTURES: usize = 40;
 /// the noise, and 0.2 is 5 grey levels, which only contact changes.
 const TOLERANCES: [f32; 4] = [0.02, 0.05, 0.1, 0.2];
 
-/// The study of networks over pictures on the presses in `files`. Errors are those on all of the
-/// files.
+/// The study of networks over pictures on all presses in `files`.
 ///
 /// # Errors
 /// A file or a network cannot be read, there are no pictures, or pictures do not fit a network.
@@ -49,7 +46,7 @@ pub fn area<'a>(
     request: Request<'_>,
     options: &Options,
     workers: &'a Workers,
-) -> Result<Study<'a>, EvaluateError> {
+) -> Result<Study<'a>> {
     let (candidates, mut notes) = candidates::<Area>(request)?;
     let sets = files.iter().map(|path| Set::read(path)).collect::<Result<Vec<_>, _>>()?;
     let sets = Arc::new(sets);
@@ -97,7 +94,6 @@ pub fn area<'a>(
     Ok(Study { system: "area", unit: "picture", asked, data, networks, notes })
 }
 
-/// The presses of all files.
 fn all(sets: &[Set]) -> impl Iterator<Item = &Press> {
     sets.iter().flat_map(|set| &set.presses)
 }
@@ -158,16 +154,12 @@ struct Timed {
 
 impl PicturesNetwork<'_> {
     /// The network with the weights of `training`, and how it runs over a press.
-    fn model(
-        &self,
-        training: &Training,
-        setting: FrameSetting,
-    ) -> Result<(FrameModel, PressOptions), EvaluateError> {
+    fn model(&self, training: &Training, setting: FrameSetting) -> Result<(FrameModel, PressOptions)> {
         let how = PressOptions { options: setting.options(), every: setting.every() };
         Ok((model(&self.description, training, setting.convolution)?, how))
     }
 
-    fn measure(&self, setting: FrameSetting) -> Result<Measurement, EvaluateError> {
+    fn measure(&self, setting: FrameSetting) -> Result<Measurement> {
         let presses: Vec<&Press> = all(&self.sets).collect();
         let run = |setting: FrameSetting| {
             let (model, how) = self.model(&self.trainings[0], setting)?;
@@ -207,9 +199,8 @@ impl PicturesNetwork<'_> {
         })
     }
 
-    /// Errors on all files together, then on each of several: of the contact, and of the force
-    /// where it is known.
-    fn errors(&self, setting: FrameSetting) -> Result<Vec<TaskError>, EvaluateError> {
+    /// Errors of contact, and of force where known: on all files, then on each of several.
+    fn errors(&self, setting: FrameSetting) -> Result<Vec<TaskError>> {
         let mut judged: Vec<Vec<Vec<Outcome>>> = Vec::new();
         for training in &self.trainings {
             let (model, how) = self.model(training, setting)?;
@@ -255,8 +246,7 @@ fn errors<'a>(of: &str, trainings: impl Iterator<Item = &'a [Vec<Outcome>]>) -> 
 }
 
 impl Timed {
-    /// Times the pictures of `press`, and stores its maps.
-    fn press(&mut self, press: &Press, lap: &mut Lap) -> Result<(), EvaluateError> {
+    fn press(&mut self, press: &Press, lap: &mut Lap) -> Result<()> {
         self.run.begin(press);
         self.maps.clear();
         for picture in &press.pictures {

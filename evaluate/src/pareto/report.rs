@@ -1,9 +1,8 @@
 //! Results of a study, with the keys of the JSON report.
 //!
-//! Enters: measurements. Leaves: times and errors as they are compared, the Pareto front, and for
-//! each network its fastest setting within some error. A time is the ratio to the exact network
-//! times the time of the exact setting, so that a machine that is slower during one setting moves
-//! no point.
+//! Enters: measurements. Leaves: the Pareto front, and each network's fastest setting within some
+//! error. A time is the ratio to the exact network times that network's own time, so that a machine
+//! that is slower during one setting moves no point.
 
 use meissner_kernels::Isa;
 use meissner_run::provenance::{Header, InputCard};
@@ -71,8 +70,7 @@ impl Serialize for Compared {
 }
 
 impl Compared {
-    /// The first kind of error of a task that all settings have; without one, the error against the
-    /// exact outputs.
+    /// The first kind of error that all settings have; else the error against exact outputs.
     pub(super) fn of(networks: &[NetworkReport]) -> Self {
         let settings = || networks.iter().flat_map(|network| &network.settings);
         let kind = |setting: &SettingReport| setting.measurement.task.first().map(|task| task.kind);
@@ -82,7 +80,6 @@ impl Compared {
             .map_or(Self::RelativeRms, Self::Task)
     }
 
-    /// An error as text.
     fn text(self, error: f64) -> String {
         match self {
             Self::Task(kind) => kind.text(error),
@@ -222,19 +219,16 @@ impl SettingReport {
     }
 }
 
-/// Marks the settings on the Pareto front.
 fn mark_front<'a>(settings: impl IntoIterator<Item = &'a mut SettingReport>) {
     let mut settings: Vec<&mut SettingReport> = settings.into_iter().collect();
     let points: Vec<(f64, f64)> = settings.iter().map(|setting| (setting.us, setting.error)).collect();
     pareto_front(&points).into_iter().for_each(|place| settings[place].on_front = true);
 }
 
-/// Indices of the points (time, error) that no other point beats, by ascending time, then error,
-/// then index. O(n log n).
+/// Indices of the points (time, error) that no other beats, by time, error, index. O(n log n).
 ///
-/// A point beats another one if it is at most as large in both coordinates and smaller in one. Of
-/// equal points all are on the front, or none. Points with a coordinate that is not finite are left
-/// out.
+/// A point beats another if it is at most as large in both and smaller in one. Equal points are on
+/// the front together. Points that are not finite are left out.
 pub fn pareto_front(points: &[(f64, f64)]) -> Vec<usize> {
     let mut order: Vec<usize> =
         (0..points.len()).filter(|&i| points[i].0.is_finite() && points[i].1.is_finite()).collect();
@@ -243,8 +237,7 @@ pub fn pareto_front(points: &[(f64, f64)]) -> Vec<usize> {
         ta.total_cmp(&tb).then(ea.total_cmp(&eb)).then(a.cmp(&b))
     });
     let mut last: Option<(f64, f64)> = None;
-    // All points before are at most as slow: a point is beaten unless it is better than the best of
-    // them, or equal to it.
+    // All before are at most as slow: a point must be better than the best, or equal to it.
     order.retain(|&i| {
         let stays = last.is_none_or(|last| points[i].1 < last.1 || points[i] == last);
         if stays {
@@ -255,8 +248,7 @@ pub fn pareto_front(points: &[(f64, f64)]) -> Vec<usize> {
     order
 }
 
-/// Bounds above an error of `exact`, and their words: points of a percentage, shares of an error in
-/// a unit of its own, or shares of the RMS of the outputs.
+/// Bounds above an error of `exact`, and their words.
 fn bounds(compared: Compared, exact: f64) -> [(f64, String); 3] {
     match compared {
         Compared::Task(kind) if kind.is_share() => {
@@ -274,8 +266,7 @@ fn bounds(compared: Compared, exact: f64) -> [(f64, String); 3] {
 /// A smaller speed-up counts as none: clocks do not resolve it.
 const NOTICEABLE: f64 = 1.02;
 
-/// The fastest setting of each network within each bound of its exact error, the exact one
-/// included; the first of equally fast ones.
+/// Each network's fastest setting within each bound, the exact one included.
 pub(super) fn fastest(networks: &[NetworkReport], compared: Compared) -> Vec<Fastest> {
     let mut all = Vec::new();
     for network in networks {
@@ -299,7 +290,6 @@ pub(super) fn fastest(networks: &[NetworkReport], compared: Compared) -> Vec<Fas
     all
 }
 
-/// The fastest settings in a paragraph.
 pub(super) fn summary(networks: &[NetworkReport], fastest: &[Fastest], compared: Compared) -> String {
     let sentence = |network: &NetworkReport| {
         let own = fastest.iter().filter(|fastest| fastest.network == network.network);

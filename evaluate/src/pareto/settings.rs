@@ -10,10 +10,9 @@ use meissner_engine::{Event, Network};
 use meissner_kernels::WinogradTile;
 use meissner_run::approximations::Approximations;
 
-use crate::error::EvaluateError;
+use crate::error::Result;
 use crate::pareto::measurement::EXACT;
 
-/// A network with some approximations.
 #[derive(Clone, Debug)]
 pub(super) struct Setting {
     pub(super) name: String,
@@ -23,7 +22,6 @@ pub(super) struct Setting {
     span: Option<(i64, i64)>,
 }
 
-/// One approximation.
 #[derive(Clone, Copy, Debug)]
 enum Change {
     Tolerance(f32),
@@ -80,8 +78,7 @@ const SETTINGS: &[&[Change]] = &[
     &[Activity(1250), Tolerance(1e-2), Stale(5)],
 ];
 
-/// The settings of `network` over events with a mean rate of `rate` per second, where a prediction
-/// is read every `every_us`, or after each event for 0.
+/// The settings of `network` over `rate` events a second, read every `every_us`, 0: always.
 pub(super) fn settings(network: &Network, rate: f64, every_us: i64) -> Vec<Setting> {
     let fits = |change: &Change| change.fits(network, every_us);
     let fitting = SETTINGS.iter().filter(|changes| changes.iter().all(fits));
@@ -97,8 +94,7 @@ impl Setting {
         setting
     }
 
-    /// `network` with this setting.
-    pub(super) fn network(&self, network: &Network) -> Result<Network, EvaluateError> {
+    pub(super) fn network(&self, network: &Network) -> Result<Network> {
         let mut network = network.clone();
         if let Some((part, whole)) = self.span {
             let span_us = network.parts().span_us * part / whole;
@@ -160,8 +156,7 @@ impl Change {
     }
 }
 
-/// Events a second over all of `streams`, each from its first event to its last; 0 where no time
-/// passes.
+/// Events a second of `streams`, each from its first to its last; 0 where no time passes.
 pub(super) fn mean_rate(streams: &[Vec<Event>]) -> f64 {
     let length = |events: &[Event]| {
         let times = || events.iter().map(|event| event.t_us);
@@ -172,7 +167,6 @@ pub(super) fn mean_rate(streams: &[Vec<Event>]) -> f64 {
     if us > 0.0 { events as f64 * 1e6 / us } else { 0.0 }
 }
 
-/// A frame network with some approximations.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct FrameSetting {
     pub(super) convolution: Convolution,
@@ -191,8 +185,7 @@ pub(super) enum Thinning {
     EverySecond,
 }
 
-/// The exact setting, Winograd's convolutions, and `tolerances`, as far as they change a network of
-/// `parts`.
+/// The exact setting, Winograd's convolutions, `tolerances`: those that change a network.
 pub(super) fn common(parts: &FrameNetworkParts, tolerances: &[f32]) -> Vec<FrameSetting> {
     let exact = FrameSetting::default();
     let mut settings = vec![exact];
@@ -229,8 +222,7 @@ pub(super) fn has_winograd(parts: &FrameNetworkParts) -> bool {
     network.is_ok_and(|network| network.has_winograd())
 }
 
-/// Whether a tolerance can keep any pixel: recurrent layers couple all pixels, and vectors have
-/// none.
+/// Whether a tolerance can keep a pixel: recurrent layers couple all, vectors have none.
 pub(super) fn has_pixels_to_keep(parts: &FrameNetworkParts) -> bool {
     use FrameLayerKind as Kind;
     let keeps = |kind: &Kind| {
@@ -257,7 +249,6 @@ impl FrameSetting {
         if names.is_empty() { EXACT.to_owned() } else { names.join(" + ") }
     }
 
-    /// The names of `settings` with their indices.
     pub(super) fn names(settings: &[Self]) -> Vec<(usize, String)> {
         settings.iter().map(|setting| setting.name()).enumerate().collect()
     }

@@ -1,5 +1,4 @@
-//! The study of the direction of slip: frame networks over windows of readings, with each of their
-//! settings.
+//! The study of the direction of slip: frame networks over windows of readings.
 //!
 //! Enters: the windows of a data set. Leaves: a [`Measurement`] of each setting. Some windows,
 //! evenly chosen, are timed in turns with the exact network. The outputs for all windows of unseen
@@ -21,7 +20,7 @@ use super::settings::{FrameSetting, Thinning, common, has_pixels_to_keep, notes}
 use super::state::Fingerprint;
 use super::task_error::TaskError;
 use super::{NetworkReport, NetworkStudy, Options, Study};
-use crate::error::{EvaluateError, RequestPart, weights_error};
+use crate::error::{EvaluateError, RequestPart, Result, weights_error};
 use crate::metrics::predicted;
 use crate::slip::{Slip, SlipData, Windows};
 use crate::trainings::{EvaluatedNetwork, Request, candidates};
@@ -29,11 +28,9 @@ use crate::workers::Workers;
 
 /// Timed windows without another number.
 const WINDOWS: usize = 400;
-/// Windows of a turn.
 const TURN: usize = 10;
 
-/// The study of frame networks for the direction of slip, on the data set in `folder`. Errors are
-/// those on unseen objects; folds are left out.
+/// The study of slip on the data set in `folder`: errors on unseen objects, without folds.
 ///
 /// # Errors
 /// The data set or a network cannot be read, a network has only folds, or all objects are seen.
@@ -42,7 +39,7 @@ pub fn slip<'a>(
     request: Request<'_>,
     options: &Options,
     workers: &'a Workers,
-) -> Result<Study<'a>, EvaluateError> {
+) -> Result<Study<'a>> {
     let (candidates, mut remarks) = candidates::<Slip>(request)?;
     let data = Arc::new(SlipData::read(folder)?);
     remarks.splice(0..0, data.notes.iter().cloned());
@@ -128,7 +125,6 @@ struct FramesNetwork<'a> {
     exact: OnceCell<Outputs>,
 }
 
-/// The settings of a network of `parts` over windows of `steps` readings.
 pub(super) fn settings(parts: &FrameNetworkParts, steps: usize) -> Vec<FrameSetting> {
     let mut settings = common(parts, &[1e-3, 1e-2, 3e-2, 1e-1]);
     let without = |left_out| Thinning::Last { kept: steps - left_out, of: steps };
@@ -146,7 +142,6 @@ fn steps(setting: FrameSetting, whole: usize) -> usize {
     if let Thinning::Last { kept, .. } = setting.thinning { kept } else { whole }
 }
 
-/// An engine of a network of `parts`.
 fn engine(setting: FrameSetting, parts: &FrameNetworkParts) -> Result<FrameEngine, EngineError> {
     FrameEngine::with_options(FrameNetwork::new(parts.clone(), setting.convolution)?, setting.options())
 }
@@ -158,7 +153,6 @@ struct Run {
 }
 
 impl<'a> FramesNetwork<'a> {
-    /// The study of this network, for a `report` without settings.
     fn study(self, report: NetworkReport) -> NetworkStudy<'a> {
         let all = settings(&self.trainings[0], self.windows.steps);
         let settings = FrameSetting::names(&all);
@@ -166,7 +160,7 @@ impl<'a> FramesNetwork<'a> {
         NetworkStudy { report, settings, measure }
     }
 
-    fn measure(&self, setting: FrameSetting) -> Result<Measurement, EvaluateError> {
+    fn measure(&self, setting: FrameSetting) -> Result<Measurement> {
         let whole = self.windows.steps;
         let run = |setting: FrameSetting| {
             let engine = engine(setting, &self.trainings[0])?;
@@ -215,7 +209,7 @@ impl<'a> FramesNetwork<'a> {
         Ok(())
     }
 
-    fn outputs(&self, setting: FrameSetting) -> Result<Outputs, EvaluateError> {
+    fn outputs(&self, setting: FrameSetting) -> Result<Outputs> {
         let steps = steps(setting, self.windows.steps);
         let windows = &self.windows;
         let logits = |engine: &mut FrameEngine, &window: &usize| windows.logits(engine, window, steps);

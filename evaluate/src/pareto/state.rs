@@ -16,9 +16,8 @@ use meissner_run::RunError;
 use serde::{Deserialize, Serialize};
 
 use super::measurement::Measurement;
-use crate::error::EvaluateError;
+use crate::error::{EvaluateError, Result};
 
-/// Identity of a measurement.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub(super) struct Key {
     pub(super) system: String,
@@ -30,11 +29,9 @@ pub(super) struct Key {
     pub(super) data: String,
     /// Timed events, windows, pictures or recordings, repeats, instruction set.
     pub(super) options: String,
-    /// Version of the program.
     pub(super) version: String,
 }
 
-/// A line of the file.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct Line {
     pub(super) key: Key,
@@ -49,12 +46,11 @@ pub struct State {
 }
 
 impl State {
-    /// Reads the file at `path`, which is created if it does not exist. Without a path, nothing is
-    /// kept.
+    /// Reads the file at `path`, created if it is missing. Without a path, nothing is kept.
     ///
     /// # Errors
     /// The file cannot be read or written, or one of its lines cannot be read.
-    pub fn open(path: Option<&Path>) -> Result<Self, EvaluateError> {
+    pub fn open(path: Option<&Path>) -> Result<Self> {
         let Some(path) = path else { return Ok(Self::default()) };
         let failed = |source| EvaluateError::Write { path: path.to_owned(), source };
         let mut file = OpenOptions::new().create(true).append(true).open(path).map_err(failed)?;
@@ -71,18 +67,16 @@ impl State {
         Ok(Self { lines, file: Some((path.to_owned(), file)) })
     }
 
-    /// The measurement of `key`.
     pub(super) fn find(&self, key: &Key) -> Option<&Measurement> {
         self.lines.iter().find(|line| line.key == *key).map(|line| &line.measurement)
     }
 
     /// Appends `measurement`, and returns it as it will be read.
-    pub(super) fn add(&mut self, key: Key, measurement: Measurement) -> Result<Measurement, EvaluateError> {
+    pub(super) fn add(&mut self, key: Key, measurement: Measurement) -> Result<Measurement> {
         let Some((path, file)) = &mut self.file else { return Ok(measurement) };
         let failed = |source| EvaluateError::Write { path: path.clone(), source };
         let mut text = serde_json::to_vec(&Line { key, measurement }).map_err(|e| failed(e.into()))?;
-        // A reader may round the last digit: a run that goes on must report what one that did not
-        // stop would.
+        // A reader may round the last digit: what is reported now must be what is read later.
         let line: Line = serde_json::from_slice(&text).map_err(|e| failed(e.into()))?;
         text.push(b'\n');
         file.write_all(&text).and_then(|()| file.flush()).map_err(failed)?;

@@ -1,8 +1,7 @@
 //! Errors of a task: what they measure, in which unit, and their 95 % intervals.
 //!
-//! A share of wrong answers has the interval of Wilson. A mean over pictures or frames has that of
-//! a mean over presses or recordings, which are independent of each other while the pictures of one
-//! press are not.
+//! A share of wrong answers has the interval of Wilson. A mean has that of a mean over presses or
+//! recordings, which are independent.
 
 use serde::{Deserialize, Serialize};
 
@@ -15,8 +14,7 @@ pub enum ErrorKind {
     /// Share of wrong answers.
     #[default]
     WrongAnswers,
-    /// What the intersection over union of predicted and true contact lacks to 1, as a share: the
-    /// mean over pictures.
+    /// What the intersection over union of contacts lacks to 1: the mean over pictures.
     OneMinusIou,
     /// Squared error of the force in N^2, the mean over frames.
     SquaredForce,
@@ -34,8 +32,7 @@ pub struct TaskError {
     pub kind: ErrorKind,
     /// The error in the unit of its kind, shares from 0 to 1: the mean over the trainings.
     pub error: f64,
-    /// 95 % interval; for several trainings the mean of their bounds. `None` for a single press or
-    /// recording.
+    /// 95 % interval, of several trainings the mean bounds; `None` for one press or recording.
     pub interval_95: Option<(f64, f64)>,
     /// Number of answers, pictures or frames of each training.
     pub trials: u64,
@@ -104,8 +101,7 @@ impl ErrorKind {
 struct Judged(f64, Option<(f64, f64)>, u64);
 
 impl TaskError {
-    /// The error of (wrong, all) answers of each training; `None` where a training has no answers,
-    /// and for no trainings.
+    /// The error of (wrong, all) answers of each training; `None` where there are none.
     pub(super) fn new(of: impl Into<String>, counts: &[(u64, u64)]) -> Option<Self> {
         let judged = |&(wrong, all): &(u64, u64)| {
             Some(Judged(wrong as f64 / all as f64, Some(wilson_95(wrong, all)?), all))
@@ -114,8 +110,7 @@ impl TaskError {
         Self::over(of.into(), ErrorKind::WrongAnswers, &each)
     }
 
-    /// The mean of figures of each training, with the figures of each press or recording. `None`
-    /// where a training has no figures, and for no trainings.
+    /// The mean of each training's figures, with those of each press or recording, if any.
     pub(super) fn mean(
         of: impl Into<String>,
         kind: ErrorKind,

@@ -16,8 +16,7 @@ use serde_json::json;
 
 use super::{Prepared, metadata};
 
-/// The plan of the published recordings: tilts from 0 to 9 degrees, directions, presses of each,
-/// and ranges of depth and duration.
+/// The published plan: tilts from 0 to 9 degrees, directions, ranges of depth and duration.
 const TILTS: usize = 10;
 const DIRECTIONS: usize = 20;
 const DEPTH_MM: [f64; 2] = [5.0, 15.0];
@@ -28,12 +27,10 @@ const REST_US: i64 = 10_000;
 /// Tilts and directions of the plan, with each other.
 pub const DOME_KINDS: usize = TILTS * DIRECTIONS;
 
-/// Depth between two recorded positions, in millimetres. Markers move along straight lines between
-/// them.
+/// Depth between two recorded positions, in millimetres; markers move straight between them.
 const RECORD_MM: f64 = 0.5;
 
-/// Presses of the default [`Dome`] on planes of all tilts and directions, `each` of a kind, seen by
-/// a camera of `sensor`.
+/// Presses of the default [`Dome`], `each` of all tilts and directions, seen by a `sensor`.
 ///
 /// Depth rises from 0 with a smooth start and a smooth end. Presses of one tilt and direction
 /// differ in depth and duration, which `seed` determines. The result has `t_us` I64 (times),
@@ -93,11 +90,11 @@ pub fn dome_presses(each: usize, sensor: Sensor, seed: u64, pool: &ThreadPool) -
 }
 
 /// A dome during a press.
-pub(super) struct Recorded {
+pub(crate) struct Recorded {
     /// Column and row of each marker in the image, in pixels.
-    pub(super) markers: Vec<[f32; 2]>,
-    pub(super) depth_mm: f64,
-    pub(super) force_n: f64,
+    pub(crate) markers: Vec<[f32; 2]>,
+    pub(crate) depth_mm: f64,
+    pub(crate) force_n: f64,
 }
 
 impl Recorded {
@@ -117,7 +114,7 @@ impl Recorded {
 }
 
 /// A press to the greatest depth.
-pub(super) fn record(tilt: f64, azimuth: f64, sensor: Sensor) -> Vec<Recorded> {
+pub(crate) fn record(tilt: f64, azimuth: f64, sensor: Sensor) -> Vec<Recorded> {
     let dome = Dome::default();
     let mut press = Press::new(&dome, tilt, azimuth);
     let view = DomeView::new(&dome, sensor);
@@ -130,8 +127,7 @@ pub(super) fn record(tilt: f64, azimuth: f64, sensor: Sensor) -> Vec<Recorded> {
     (0..=steps).map(at).collect()
 }
 
-/// When depth has risen to `share` of its end, as a share of the duration: the inverse of `3 t^2 -
-/// 2 t^3`.
-pub(super) fn rising_time(share: f64) -> f64 {
+/// When depth has risen to `share`, as a share of the duration: inverse of `3 t^2 - 2 t^3`.
+pub(crate) fn rising_time(share: f64) -> f64 {
     0.5 - libm::sin(libm::asin((1.0 - 2.0 * share).clamp(-1.0, 1.0)) / 3.0)
 }

@@ -1,8 +1,7 @@
 //! Marker tracks, images and grasps, filmed by the camera model.
 //!
-//! Enters: a safetensors file with times and positions of markers for each stream, and labels where
-//! it has them; a sequence of images; or a number of grasps and a seed. Leaves: events with their
-//! causes, and the labels.
+//! Enters: a safetensors file of marker tracks with labels, a sequence of images, or a number of
+//! grasps and a seed. Leaves: events with their causes, and the labels.
 
 use std::path::Path;
 
@@ -19,7 +18,7 @@ use rayon::prelude::*;
 use safetensors::tensor::{Dtype, SafeTensors};
 use serde_json::json;
 
-use crate::error::{EvaluateError, StreamsError};
+use crate::error::{EvaluateError, Result, StreamsError};
 use crate::prepare::{Prepared, add_streams, metadata};
 use crate::streams::{Truth, bounds, integers};
 
@@ -48,7 +47,7 @@ pub fn film_markers(
     settings: CameraSettings,
     seed: u64,
     pool: &ThreadPool,
-) -> Result<Prepared, EvaluateError> {
+) -> Result<Prepared> {
     let bytes = meissner_io::read_whole(tracks).map_err(RunError::File)?;
     let (tracks, truth) =
         read(&bytes).map_err(|source| EvaluateError::Streams { path: tracks.to_owned(), source })?;
@@ -97,7 +96,7 @@ pub fn film_images(
     interval_us: i64,
     settings: CameraSettings,
     seed: u64,
-) -> Result<(Sensor, Vec<SimulatedEvent>), EvaluateError> {
+) -> Result<(Sensor, Vec<SimulatedEvent>)> {
     let mut camera: Option<Camera> = None;
     let (mut intensity, mut events) = (Vec::new(), Vec::new());
     for (i, image) in images.enumerate() {
@@ -123,7 +122,6 @@ pub fn film_images(
     Ok((camera.sensor(), events))
 }
 
-/// The tracks of each stream, and their labels.
 fn read(bytes: &[u8]) -> Result<(Vec<MarkerTracks>, Option<Truth>), StreamsError> {
     let file = SafeTensors::deserialize(bytes)?;
     let t_us = integers(&file, "t_us", None)?;
@@ -164,7 +162,7 @@ const LABELS: [&str; 5] = ["force", "depth", "area", "phase", "bolt"];
 ///
 /// # Errors
 /// As [`Grasp::film`].
-pub fn grasps(recordings: usize, seed: u64, pool: &ThreadPool) -> Result<Prepared, EvaluateError> {
+pub fn grasps(recordings: usize, seed: u64, pool: &ThreadPool) -> Result<Prepared> {
     let solver = Grasp::solver()?;
     let film = |solver: &mut GelSolver, number: usize| -> Result<_, SimulatorError> {
         let grasp = Grasp::drawn(seed, number);

@@ -1,7 +1,6 @@
 //! Presses into a simulated gel, as pictures with the force on each pixel.
 //!
-//! Enters: how many presses, of which indenters, on which sensor, and a seed. Leaves: pictures, the
-//! picture of the sensor at rest, and maps of force.
+//! Enters: a [`GelPlan`]. Leaves: pictures, the picture of the sensor at rest, maps of force.
 
 use std::f64::consts::{PI, TAU};
 
@@ -22,8 +21,8 @@ use super::{Prepared, metadata};
 /// Indenters of a set of presses.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Shapes {
-    /// Balls, cylinders, punches, blocks, cones, irregular bodies, polygons, wires, and the first
-    /// half of [`LETTERS`].
+    /// Balls, cylinders, punches, blocks, cones, irregular bodies, polygons, wires, half of
+    /// [`LETTERS`].
     Seen,
     /// Rings, edges, squares of balls, and the second half of [`LETTERS`]: nothing that
     /// [`Self::Seen`] has.
@@ -39,14 +38,12 @@ pub struct GelPlan {
     pub shapes: Shapes,
     /// Number of presses.
     pub presses: usize,
-    /// Pictures of a press, at least 1. The force rises to its greatest in the middle and falls
-    /// again.
+    /// Pictures of a press, at least 1: the force is greatest in the middle.
     pub pictures: usize,
     /// Width and height of a picture in pixels.
     pub size: [usize; 2],
-    /// Pixels of the picture for each one of the grid that contacts are solved on, along a side: at
-    /// least 1. With 2, a press takes a quarter of the time, and the edges of a contact are as
-    /// coarse as that grid.
+    /// Pixels of the picture for each one of the grid of contacts, along a side: at least 1. With
+    /// 2, a press takes a quarter of the time, and edges are as coarse as the grid.
     pub coarseness: usize,
     /// The seed of everything that is drawn.
     pub seed: u64,
@@ -65,11 +62,9 @@ const FORCE_N: [f64; 2] = [0.2, 8.0];
 /// | `reference` | U8 (presses, H, W, 3) | the sensor at rest |
 /// | `pixel_mm` | F32 (presses) | width of a pixel |
 ///
-/// The metadata has the name of each press's indenter as `indenters`. The threads of `pool` share
-/// the presses; equal plans give equal bytes.
+/// The metadata has the `indenters`. The threads of `pool` share the presses.
 ///
-/// Complexity: a solution of [`GelSolver::press`] for each picture, 0.1 s at 160 x 120 pixels and
-/// 0.7 s at 320 x 240.
+/// Complexity: a [`GelSolver::press`] for each picture; 0.1 s at 160 x 120, 0.7 s at 320 x 240.
 ///
 /// # Errors
 /// As [`GelSolver::press`]; for shapes and forces of a plan, never seen.
@@ -100,7 +95,6 @@ pub fn gel_presses(plan: &GelPlan, pool: &ThreadPool) -> Result<Prepared, Simula
     Ok(Prepared { file, contents: format!("{count} pictures of {presses} presses, {width} x {height}") })
 }
 
-/// The tensors of a press.
 struct Press {
     pictures: Vec<u8>,
     forces: Vec<f32>,
@@ -110,10 +104,8 @@ struct Press {
     indenter: &'static str,
 }
 
-/// Press number `i` of a plan.
 fn press(plan: &GelPlan, i: usize) -> Result<Press, SimulatorError> {
-    // The sequence of a press begins at a number of its own, so that presses can be computed in any
-    // order.
+    // A sequence of its own for each press, so that presses can be computed in any order.
     let mut random = Random::new(Random::new(plan.seed ^ (i as u64) << 32).bits());
     let random = &mut random;
     let sensor = plan.sensor.unwrap_or_else(|| GelSensor::drawn(random));
@@ -209,7 +201,6 @@ fn indenter(shapes: Shapes, random: &mut Random) -> (Indenter, &'static str) {
     }
 }
 
-/// Uniform between both.
 fn between(random: &mut Random, [low, high]: [f64; 2]) -> f64 {
     low + random.uniform() * (high - low)
 }

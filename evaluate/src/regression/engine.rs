@@ -1,5 +1,4 @@
-//! Networks that read events, behind the same calls: event graphs, and networks over frames of
-//! sliding or of consecutive windows.
+//! Networks that read events, behind the same calls: event graphs, and networks over frames.
 //!
 //! Enters: events in order of time. Leaves: the values at any time, and counts of the work that
 //! they took. The value of consecutive windows is that of the last one that has ended.
@@ -18,7 +17,7 @@ use meissner_run::model::{LayerCost, Model, frame_network};
 use meissner_run::predictor::{EventPredictor, Mode};
 use meissner_run::schedule::Every;
 
-use crate::error::{EvaluateError, RequestPart, weights_error};
+use crate::error::{EvaluateError, RequestPart, Result, weights_error};
 use crate::trainings::Training;
 
 /// A network that reads events, with its engine.
@@ -33,9 +32,7 @@ pub(crate) enum PressEngine {
 pub(crate) struct CountsOptions {
     pub(crate) convolution: Convolution,
     pub(crate) options: FrameOptions,
-    /// Of so many windows the network sees the first, without the events of the others. It makes a
-    /// step for each window that it sees, so that time passes more slowly for it; its last answer
-    /// stands for the windows after that.
+    /// Of so many windows the network sees the first; time passes more slowly for it.
     pub(crate) every: u64,
 }
 
@@ -74,7 +71,6 @@ pub(crate) struct GraphCosts {
     prediction: u64,
 }
 
-/// Counts of work.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Count {
     /// Rows of event graphs; 0 for frames.
@@ -83,21 +79,19 @@ pub(crate) struct Count {
 }
 
 impl Count {
-    /// The work since `before`.
     pub(crate) fn since(self, before: Self) -> Self {
         Self { rows: self.rows - before.rows, multiply_adds: self.multiply_adds - before.multiply_adds }
     }
 }
 
 impl PressEngine {
-    /// The network of `description` with the weights of `training`, for events of `sensor`. Frames
-    /// must be those of a sliding window.
+    /// The network with the weights of `training`; frames must be of a sliding window.
     pub(crate) fn new(
         description: &AnyDescription,
         training: &Training,
         sensor: Sensor,
         mode: Mode,
-    ) -> Result<Self, EvaluateError> {
+    ) -> Result<Self> {
         match description {
             AnyDescription::Events(description) => {
                 Self::adapted(description, training, (sensor, mode), &Approximations::default(), Ok)
@@ -120,7 +114,7 @@ impl PressEngine {
         training: &Training,
         sensor: Sensor,
         how: CountsOptions,
-    ) -> Result<Self, EvaluateError> {
+    ) -> Result<Self> {
         if !matches!(description.source(), FrameSource::EventCounts { .. }) {
             return Err(other_frames(description, "counts of events in consecutive windows"));
         }
@@ -132,7 +126,7 @@ impl PressEngine {
         training: &Training,
         sensor: Sensor,
         how: CountsOptions,
-    ) -> Result<Self, EvaluateError> {
+    ) -> Result<Self> {
         let weights = (&training.weights, training.label.clone());
         let (network, _) = frame_network(description, weights, how.convolution, false)?;
         let engine = FrameEngine::with_options(network, how.options)?;
@@ -145,22 +139,20 @@ impl PressEngine {
         })))
     }
 
-    /// The network of `description` as `adapt` changes it, with the filters, the tolerance and the
-    /// staleness of `approximations`.
+    /// As `adapt` changes it, with the filters, tolerance and staleness of `approximations`.
     pub(crate) fn adapted(
         description: &Description,
         training: &Training,
         (sensor, mode): (Sensor, Mode),
         approximations: &Approximations,
-        adapt: impl FnOnce(Network) -> Result<Network, EvaluateError>,
-    ) -> Result<Self, EvaluateError> {
+        adapt: impl FnOnce(Network) -> Result<Network>,
+    ) -> Result<Self> {
         let model = Model::of(description, (&training.weights, training.label.clone()), false)?;
         let network = adapt(model.network)?;
         let dense = description.layers().iter().filter(|layer| layer.cost.per == CostUnit::Prediction);
         let dense: usize = dense.map(|layer| layer.cost.multiply_adds).sum();
         let head: usize = description.head().iter().map(|layer| layer.multiply_adds).sum();
-        // The grids of a readout by time move from age to age, so that a prediction may read all of
-        // them again.
+        // The grids of a readout by time move, so that a prediction may read all of them again.
         let parts = network.parts();
         let cells = parts.readout.columns * parts.readout.rows;
         let first = parts.dense.first().map(|layer| &layer.dense);
@@ -199,7 +191,6 @@ impl PressEngine {
         }
     }
 
-    /// Writes the prediction at `t_us` to `values`.
     pub(crate) fn predict(&mut self, t_us: i64, values: &mut Vec<f32>) -> Result<(), EngineError> {
         values.clear();
         match self {
@@ -246,8 +237,7 @@ impl PressEngine {
         }
     }
 
-    /// Rows of event graphs, or pixels of frame networks, that were computed since the engine was
-    /// made.
+    /// Rows of event graphs or pixels of frames that were computed since the engine was made.
     pub(crate) fn computed(&self) -> u64 {
         match self {
             Self::Graph { .. } => self.count().rows,
@@ -298,9 +288,7 @@ fn other_frames(description: &FrameDescription, expected: &str) -> EvaluateError
     EvaluateError::request(RequestPart::Networks, expected, found)
 }
 
-/// Largest number of multiply-adds of a row, for each of [`Network::layers`]: at the event level
-/// with all in-edges that the network allows, at a pooled level with all adjacent cells; 0 for a
-/// pooling.
+/// Most multiply-adds of a row of each of [`Network::layers`], with all edges; 0 for a pooling.
 pub(crate) fn row_costs(network: &Network) -> Vec<u64> {
     let parts = network.parts();
     let events = parts.graph.reach.most();

@@ -5,8 +5,7 @@ use std::time::Duration;
 use meissner_run::latency::Latency;
 use serde::Serialize;
 
-use super::press::Outcome;
-use super::press::Quantity;
+use super::press::{Effort, Outcome, Quantity};
 use crate::judge::Figures;
 use crate::metrics::MeanStd;
 
@@ -19,8 +18,7 @@ pub struct Errors<T = f64> {
     pub outputs: Vec<OutputErrors<T>>,
     /// All angles together, where there are several.
     pub angles: Option<OutputErrors<T>>,
-    /// Median share of the press from which on all angles stay within 1 degree, over all trainings;
-    /// `None` where half or more never settle.
+    /// Median share of the press from which on all angles stay within 1 degree, if half do.
     pub settled_share: Option<f64>,
     /// Events and work of all trainings together.
     pub work: Work,
@@ -40,11 +38,9 @@ pub struct OutputErrors<T = f64> {
     pub mean_absolute: T,
     /// Standard deviation of that absolute error over the presses; 0 for a single press.
     pub std: T,
-    /// Mean absolute error of the newest prediction that a reader has, at each millisecond since
-    /// contact; `None` where no prediction came in time.
+    /// Mean absolute error of a reader's newest prediction at each millisecond, if any.
     pub newest: Option<T>,
-    /// Mean absolute error at each time since contact. After the end of a press, its last error
-    /// stands.
+    /// Mean absolute error at each time since contact; the last one stands after the end.
     pub mean_absolute_at: Vec<T>,
 }
 
@@ -66,8 +62,7 @@ pub struct Work {
 }
 
 impl Errors {
-    /// The figures of presses with these `outcomes`, over `times` times since contact; `None` for
-    /// no presses.
+    /// Figures of `outcomes` over so many `times` since contact; `None` for no presses.
     pub(super) fn new(quantities: &[Quantity], outcomes: &[Outcome], times: usize) -> Option<Self> {
         let each = |i: usize| OutputErrors::of(&quantities[i], &[i], outcomes, times);
         let outputs = (0..quantities.len()).map(each).collect::<Option<Vec<_>>>()?;
@@ -78,7 +73,7 @@ impl Errors {
         });
         let settled: Vec<Option<f64>> = outcomes.iter().map(|outcome| outcome.settled).collect();
         let mut work = Work::default();
-        outcomes.iter().for_each(|outcome| work.add_press(outcome));
+        outcomes.iter().for_each(|outcome| work.add_press(&outcome.effort));
         Some(Self {
             presses: outcomes.len() as u64,
             outputs,
@@ -113,7 +108,6 @@ impl OutputErrors {
         })
     }
 
-    /// Mean and deviation over trainings.
     fn mean(each: &[&Self]) -> Option<OutputErrors<MeanStd>> {
         let first = each.first()?;
         let newest: Vec<f64> = each.iter().filter_map(|one| one.newest).collect();
@@ -154,13 +148,13 @@ impl Figures for Errors {
 }
 
 impl Work {
-    fn add_press(&mut self, outcome: &Outcome) {
+    pub(crate) fn add_press(&mut self, press: &Effort) {
         self.presses += 1;
-        self.events += outcome.events;
-        self.predictions += outcome.update_ns.len() as u64;
-        self.rows += outcome.count.rows;
-        self.multiply_adds += outcome.count.multiply_adds;
-        outcome.update_ns.iter().for_each(|&ns| self.update_us.record(Duration::from_nanos(ns)));
+        self.events += press.events;
+        self.predictions += press.update_ns.len() as u64;
+        self.rows += press.count.rows;
+        self.multiply_adds += press.count.multiply_adds;
+        press.update_ns.iter().for_each(|&ns| self.update_us.record(Duration::from_nanos(ns)));
     }
 
     pub(crate) fn add(&mut self, other: &Self) {

@@ -4,23 +4,20 @@ use std::path::Path;
 use std::sync::Arc;
 use std::time::Instant;
 
-use meissner_engine::Event;
+use meissner_engine::{EngineError, Event};
 use meissner_models::AnyDescription;
 
-use crate::error::{EvaluateError, RequestPart, StreamsError};
+use crate::error::{EvaluateError, RequestPart, Result, StreamsError};
 use crate::regression::engine::{Count, PressEngine};
 use crate::streams::{Streams, Truth};
 use crate::trainings::Training;
 use crate::trials::{Cases, Trial};
 
-/// The label whose rise is the contact.
 const DEPTH: &str = "depth";
-/// From one millisecond to the next.
 const MILLISECOND_US: i64 = 1_000;
 /// An angle that stays within this many degrees of the truth has settled.
 const SETTLED_DEG: f64 = 1.0;
 
-/// The presses of a file.
 pub(crate) struct Presses {
     pub(crate) streams: Streams,
     pub(crate) truth: Truth,
@@ -31,28 +28,33 @@ pub(crate) struct Presses {
 pub(super) struct Outcome {
     /// The values at the end, as the network gives them.
     pub(super) values: Vec<f32>,
-    /// The truth at the end.
     pub(super) truth: Vec<f64>,
     /// Absolute errors of each output at every time since contact, and at the end.
     pub(super) errors_at: Vec<Vec<f64>>,
     /// The mean of each output's absolute error of the newest prediction that a reader has, over
     /// the milliseconds since contact; `None` where no prediction came in time.
     pub(super) newest: Option<Vec<f64>>,
-    /// The share of the press from which on all angles stay within [`SETTLED_DEG`]; `None` if they
-    /// do not.
+    /// Share of the press from which on all angles stay within [`SETTLED_DEG`], if they do.
     pub(super) settled: Option<f64>,
     /// What the network reads out at the end, where it is embedded.
     pub(super) readout: Option<Vec<f32>>,
-    /// Number of pushed events.
-    pub(super) events: u64,
-    pub(super) count: Count,
+    pub(super) effort: Effort,
+}
+
+/// What a press cost.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(crate) struct Effort {
+    /// Pushed events.
+    pub(crate) events: u64,
+    pub(crate) count: Count,
     /// Time for each prediction, with the events since the one before it, in nanoseconds.
-    pub(super) update_ns: Vec<u64>,
+    pub(crate) update_ns: Vec<u64>,
+    /// The part of it for the events, all together.
+    pub(crate) push_ns: u64,
 }
 
 impl Presses {
-    /// The presses in the file at `path`.
-    pub(crate) fn read(path: &Path) -> Result<Self, EvaluateError> {
+    pub(crate) fn read(path: &Path) -> Result<Self> {
         let mut streams = Streams::read(path)?;
         let truth = streams.truth.take().ok_or_else(|| EvaluateError::Streams {
             path: path.to_owned(),
@@ -69,13 +71,12 @@ impl Presses {
         self.streams.parts().len()
     }
 
-    /// The names of the labels.
     pub(super) fn labels(&self) -> Vec<String> {
         self.truth.names().map(str::to_owned).collect()
     }
 
     /// `Ok` where there is a label for each output of `network`.
-    pub(crate) fn check(&self, network: &str, quantities: &[Quantity]) -> Result<(), EvaluateError> {
+    pub(crate) fn check(&self, network: &str, quantities: &[Quantity]) -> Result<()> {
         match quantities.iter().find(|quantity| !self.truth.names().any(|name| name == quantity.name)) {
             None => Ok(()),
             Some(Quantity { name, .. }) => {
@@ -91,7 +92,7 @@ impl Presses {
     ///
     /// # Errors
     /// A fold held out a press that is not in the file, or one that another fold held out.
-    pub(crate) fn trials(&self, trainings: &[Arc<Training>]) -> Result<Vec<Trial>, EvaluateError> {
+    pub(crate) fn trials(&self, trainings: &[Arc<Training>]) -> Result<Vec<Trial>> {
         let mut cases = Cases::default();
         (0..self.len()).for_each(|press| cases.push(&press.to_string(), 1));
         let all: Vec<usize> = (0..self.len()).collect();
@@ -104,8 +105,7 @@ impl Presses {
         [self.truth.rises_us(DEPTH, press).unwrap_or(start), end]
     }
 
-    /// Multiples of `every_us` from contact on, from 0 to the first at or after the end of every
-    /// press.
+    /// Multiples of `every_us` since contact, from 0 to the end of the longest press.
     pub(super) fn times(&self, every_us: i64) -> Vec<i64> {
         let length = |press| {
             let [contact, end] = self.span_us(press);
@@ -115,8 +115,7 @@ impl Presses {
         (0..=(longest + every_us - 1) / every_us).map(|i| i * every_us).collect()
     }
 
-    /// Lets `engine` predict during `press`, from every `stride`-th event. With `embeds` the
-    /// outcome has the readout at the end.
+    /// Lets `engine` predict from every `stride`-th event; `embeds` asks for the readout.
     pub(super) fn judge(
         &self,
         engine: &mut PressEngine,
@@ -125,7 +124,7 @@ impl Presses {
         stride: usize,
         every_us: i64,
         embeds: bool,
-    ) -> Result<Outcome, EvaluateError> {
+    ) -> Result<Outcome> {
         let [contact, end] = self.span_us(press);
         let start = self.truth.span_us(press)[0];
         let truth_at = |t_us: i64| -> Vec<f64> {
@@ -136,28 +135,22 @@ impl Presses {
         };
         let part = self.streams.parts()[press];
         engine.reset(part.first().map_or(start, |event| event.t_us.min(start)));
-        let before = engine.count();
-        let mut events = part.iter().step_by(stride).copied().peekable();
-        let (mut values, mut pushed) = (Vec::new(), 0);
-        let mut found: Vec<TimedPrediction> = Vec::new();
-        let mut update_ns = Vec::new();
-        let mut free_us = f64::MIN;
-        for t_us in due(start, contact, end, every_us) {
-            let clock = Instant::now();
-            // An event at the due time belongs to its window.
-            while let Some(event) = events.next_if(|event: &Event| event.t_us <= t_us) {
-                engine.push(event)?;
-                pushed += 1;
-            }
-            engine.predict(t_us, &mut values)?;
-            let spent = clock.elapsed().as_nanos();
-            update_ns.push(spent as u64);
-            // The worker starts when the prediction is due, or when it has finished the one before.
-            free_us = free_us.max(t_us as f64) + spent as f64 / 1e3;
-            let shown =
-                values.iter().zip(quantities).map(|(&value, quantity)| f64::from(value) * quantity.scale);
-            found.push(TimedPrediction { t_us, available_us: free_us, values: shown.collect() });
-        }
+        let events = part.iter().step_by(stride).copied();
+        let times = due(start, contact, end, every_us);
+        let shown = |(&value, quantity): (&f32, &Quantity)| f64::from(value) * quantity.scale;
+        let mut values = Vec::new();
+        // An event at the due time belongs to its window.
+        let (found, effort) = drive(
+            engine,
+            events,
+            times,
+            |event_us, t_us| event_us <= t_us,
+            |found| {
+                values.clear();
+                values.extend_from_slice(found);
+                found.iter().zip(quantities).map(shown).collect()
+            },
+        )?;
         let since_contact = found.iter().filter(|found| found.t_us >= contact);
         let errors_at: Vec<Vec<f64>> =
             since_contact.map(|found| found.errors(&truth_at(found.t_us))).collect();
@@ -171,14 +164,41 @@ impl Presses {
             values,
             errors_at,
             readout: if embeds { engine.readout() } else { None },
-            events: pushed,
-            count: engine.count().since(before),
-            update_ns,
+            effort,
         })
     }
 }
 
-/// A prediction.
+/// Lets `engine` take `events` and predict at `times`, each from the events that are `within` it.
+/// `shown` are the values of a prediction in the units of a report.
+pub(crate) fn drive(
+    engine: &mut PressEngine,
+    events: impl Iterator<Item = Event>,
+    times: impl Iterator<Item = i64>,
+    within: impl Fn(i64, i64) -> bool,
+    mut shown: impl FnMut(&[f32]) -> Vec<f64>,
+) -> Result<(Vec<TimedPrediction>, Effort), EngineError> {
+    let (before, mut events) = (engine.count(), events.peekable());
+    let (mut found, mut effort, mut values) = (Vec::new(), Effort::default(), Vec::new());
+    let mut free_us = f64::MIN;
+    for t_us in times {
+        let clock = Instant::now();
+        while let Some(event) = events.next_if(|event| within(event.t_us, t_us)) {
+            engine.push(event)?;
+            effort.events += 1;
+        }
+        effort.push_ns += clock.elapsed().as_nanos() as u64;
+        engine.predict(t_us, &mut values)?;
+        let spent = clock.elapsed().as_nanos();
+        effort.update_ns.push(spent as u64);
+        // The worker starts when the prediction is due, or when it has finished the one before.
+        free_us = free_us.max(t_us as f64) + spent as f64 / 1e3;
+        found.push(TimedPrediction { t_us, available_us: free_us, values: shown(&values) });
+    }
+    effort.count = engine.count().since(before);
+    Ok((found, effort))
+}
+
 pub(crate) struct TimedPrediction {
     pub(crate) t_us: i64,
     /// When a reader has it.
@@ -192,16 +212,14 @@ impl TimedPrediction {
     }
 }
 
-/// The times of predictions: every `every_us` before and after `contact` from `start` on, below
-/// `end`, and `end`.
+/// Times of predictions: every `every_us` around `contact`, from `start` on, and `end`.
 pub(super) fn due(start: i64, contact: i64, end: i64, every_us: i64) -> impl Iterator<Item = i64> {
     let before = (contact - start) / every_us;
     let ticks = (-before..).map(move |tick| contact + tick * every_us);
     ticks.take_while(move |&t_us| t_us < end).chain([end])
 }
 
-/// The means of the `errors` of the newest prediction that a reader has at every millisecond from
-/// `contact` to `end`.
+/// Mean `errors` of the newest prediction of a reader at every millisecond from `contact` on.
 pub(crate) fn newest(
     found: &[TimedPrediction],
     contact: i64,
@@ -233,7 +251,6 @@ pub(super) fn settled(errors_at: &[Vec<f64>], quantities: &[Quantity]) -> Option
     (first < errors_at.len() && quantities.iter().any(Quantity::is_angle)).then_some(first)
 }
 
-/// An output as it is reported.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Quantity {
     pub(crate) name: String,

@@ -18,7 +18,7 @@ use serde::{Serialize, Serializer};
 use serde_json::{Value, json};
 
 use super::{Slip, SlipData, Windows, trained_on_basic};
-use crate::error::{EvaluateError, TrainingError};
+use crate::error::{Result, TrainingError};
 use crate::judge::{Figures, Judge, JudgedTrial, NetworkReport, judge};
 use crate::metrics::{Confusion, MeanStd, Scores, predicted};
 use crate::trainings::{EvaluatedNetwork, Evaluation, Metadata, Request, Scheme, Training, candidates};
@@ -88,12 +88,10 @@ pub struct ValidationReport {
 /// Figures of several trainings.
 pub type Judged = crate::judge::Judged<Classified>;
 
-/// Figures of a classification of windows; `T` is a number for one training and [`MeanStd`] for
-/// several.
+/// Figures of windows; `T` is a number for one training, [`MeanStd`] for several.
 #[derive(Serialize)]
 pub struct Classified<T = f64> {
-    /// Number of windows; for several trainings the smallest. It differs only where folds are
-    /// missing.
+    /// Number of windows; of several trainings the smallest, where folds are missing.
     pub windows: u64,
     /// Accuracy, precision, recall and F1.
     #[serde(flatten)]
@@ -142,7 +140,7 @@ pub fn evaluate(
     request: Request<'_>,
     workers: &Workers,
     done: impl FnMut(&str, Duration),
-) -> Result<Evaluation<Report>, EvaluateError> {
+) -> Result<Evaluation<Report>> {
     let (candidates, notes) = candidates::<Slip>(request)?;
     let data = SlipData::read(folder)?;
     let of_slip = OfSlip { data: &data };
@@ -164,12 +162,10 @@ pub fn evaluate(
     }))
 }
 
-/// Judges networks on one data set.
 struct OfSlip<'a> {
     data: &'a SlipData,
 }
 
-/// The windows that a network reads.
 struct Plan {
     windows: Windows,
     preparation: Value,
@@ -211,10 +207,7 @@ impl Judge for OfSlip<'_> {
     type Figures = OfTrial;
     type Network = SlipFigures;
 
-    fn plan(
-        &self,
-        candidate: &EvaluatedNetwork<FrameDescription>,
-    ) -> Result<(Plan, Vec<Trial>), EvaluateError> {
+    fn plan(&self, candidate: &EvaluatedNetwork<FrameDescription>) -> Result<(Plan, Vec<Trial>)> {
         let EvaluatedNetwork { description, trainings } = candidate;
         let windows = Windows::cut(self.data, description)?;
         let all: Vec<usize> = (0..windows.cases.len()).collect();
@@ -227,12 +220,7 @@ impl Judge for OfSlip<'_> {
         Ok((Plan { windows, preparation, of_basic, on_basic }, trials))
     }
 
-    fn engine(
-        &self,
-        description: &FrameDescription,
-        _: &Plan,
-        training: &Training,
-    ) -> Result<FrameEngine, EvaluateError> {
+    fn engine(&self, description: &FrameDescription, _: &Plan, training: &Training) -> Result<FrameEngine> {
         let weights = (&training.weights, training.label.clone());
         let (network, _) = frame_network(description, weights, Convolution::Direct, false)?;
         Ok(FrameEngine::new(network)?)
@@ -243,7 +231,7 @@ impl Judge for OfSlip<'_> {
         Plan { windows, .. }: &Plan,
         engine: &mut FrameEngine,
         window: usize,
-    ) -> Result<Vec<f32>, EvaluateError> {
+    ) -> Result<Vec<f32>> {
         Ok(windows.logits(engine, window, windows.steps)?)
     }
 

@@ -4,9 +4,7 @@
 //! network makes a frame of the same events, takes it, and predicts. It runs twice: with everything
 //! computed, and with exact skipping. Both runs give the same bits. Everything runs on one thread.
 //!
-//! The clock is read two or three times per moment, between its parts, independently of the number
-//! of events. The time to make an engine is not counted. The cost of its first frame or event is
-//! counted.
+//! The clock is read two or three times per moment; making an engine does not count.
 
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -15,10 +13,11 @@ use meissner_engine::frames::Skip;
 use meissner_engine::{Engine, Sensor};
 use serde::Serialize;
 
-use super::frame_passes::PredictionTimes;
-use super::frame_passes::{EventFrameModel, FrameLatencies, FramePasses, Pass, Predicted, WARMUP_FRAMES};
+use super::frame_passes::{
+    EventFrameModel, FrameLatencies, FramePasses, Pass, Predicted, PredictionTimes, WARMUP_FRAMES,
+};
 use super::{BenchInput, BenchOptions, FrameInputReport, InputReport};
-use crate::error::RunError;
+use crate::error::{Result, RunError};
 use crate::latency::Latency;
 use crate::memory::peak_resident_bytes;
 use crate::model::Model;
@@ -27,14 +26,12 @@ use crate::provenance::ModelCard;
 /// The report of a comparison.
 #[derive(Debug, Serialize)]
 #[non_exhaustive]
+#[expect(missing_docs, reason = "the keys of the JSON report")]
 pub struct CompareReport {
-    /// The input.
     #[serde(flatten)]
     pub input: InputReport,
-    /// The frames.
     #[serde(flatten)]
     pub made: FrameInputReport,
-    /// The frame network.
     pub against: ModelCard,
     /// Whether frames have pixels that the sensor lacks.
     pub padded: bool,
@@ -48,8 +45,7 @@ pub struct CompareReport {
     pub ratio_percent: Ratios,
     /// Multiply-adds of the network over events.
     pub multiply_adds_ratio_percent: Ratios,
-    /// Predictions over frames that differ in any bit between the pass without skipping and the
-    /// pass with skipping.
+    /// Predictions over frames that differ in any bit with skipping and without.
     pub predictions_that_differ: u64,
     /// Peak resident memory of the process; `None` if the platform does not report it.
     pub peak_resident_bytes: Option<u64>,
@@ -70,8 +66,8 @@ pub struct SidesReport {
 /// One of the compared passes.
 #[derive(Debug, Default, Serialize)]
 #[non_exhaustive]
+#[expect(missing_docs, reason = "the keys of the JSON report")]
 pub struct SideReport {
-    /// Seconds of compute.
     pub compute_s: f64,
     /// Seconds of compute per second of stream.
     pub compute_s_per_s: Option<f64>,
@@ -81,12 +77,9 @@ pub struct SideReport {
     pub push_s: Option<f64>,
     /// Advancing the clock, and predictions.
     pub predict_s: f64,
-    /// Frames, for a frame network.
     pub frames: Option<u64>,
-    /// Predictions.
     pub predictions: u64,
-    /// Multiply-adds. For the network over events they are counted at full neighbourhoods, without
-    /// readout and dense layers.
+    /// Over events: at full neighbourhoods, without readout and dense layers.
     pub multiply_adds: u64,
     /// Activations, graph and state.
     pub state_bytes: u64,
@@ -97,10 +90,9 @@ pub struct SideReport {
 /// The network over events in percent of the frame network.
 #[derive(Debug, Serialize)]
 #[non_exhaustive]
+#[expect(missing_docs, reason = "the keys of the JSON report")]
 pub struct Ratios {
-    /// Everything computed.
     pub frames_everything: Option<f64>,
-    /// With skipping.
     pub frames_skipping: Option<f64>,
 }
 
@@ -132,14 +124,13 @@ impl SideReport {
 /// Compares `model` with the frame network `against` over `input`.
 ///
 /// # Errors
-/// The period differs from that of the frame network, there are too many frames, or an engine
-/// refuses an option.
+/// The period is another one, there are too many frames, or an engine refuses an option.
 pub fn compare(
     model: &Model,
     against: &EventFrameModel,
     input: &BenchInput,
     options: &BenchOptions,
-) -> Result<CompareReport, RunError> {
+) -> Result<CompareReport> {
     let period_us = against.period_us(options.every)?;
     let moments =
         PredictionTimes::new(&input.events, (input.sensor, options.late), period_us, against.end())?;
@@ -179,7 +170,6 @@ pub fn compare(
 }
 
 impl SidesReport {
-    /// The faster pass of each.
     fn faster(self, other: Self) -> Self {
         let faster = |a: SideReport, b: SideReport| if b.compute_s < a.compute_s { b } else { a };
         Self {
@@ -203,8 +193,7 @@ impl Predictions {
         self.bits.extend(values.iter().map(|value| value.to_bits()));
     }
 
-    /// The number of predictions that differ in any bit of any value. Predictions that only one
-    /// side has count as different.
+    /// The number of predictions that differ in any bit, or that only one side has.
     pub(super) fn that_differ(&self, other: &Self) -> u64 {
         let each = |of: &Self| of.values.max(1);
         let [a, b] = [self, other].map(|of| of.bits.chunks(each(of)));
@@ -213,14 +202,8 @@ impl Predictions {
     }
 }
 
-/// Runs a new engine over the first events, up to the moment at which at least `most` events have
-/// entered.
-fn over_events(
-    model: &Model,
-    sensor: Sensor,
-    moments: &PredictionTimes,
-    most: usize,
-) -> Result<SideReport, RunError> {
+/// Runs a new engine over the first events, until at least `most` have entered.
+fn over_events(model: &Model, sensor: Sensor, moments: &PredictionTimes, most: usize) -> Result<SideReport> {
     let mut engine = Engine::new(Arc::new(model.network.clone()), sensor)?;
     let (mut events, mut predict, mut moment_us) = (Duration::ZERO, Duration::ZERO, Latency::new());
     for moment in moments.iter() {
@@ -250,7 +233,7 @@ fn over_events(
 }
 
 /// Runs a pass over frames, and returns its predictions too.
-fn over_frames(frames: &FramePasses<'_>, skip: Skip) -> Result<(SideReport, Predictions, Pass), RunError> {
+fn over_frames(frames: &FramePasses<'_>, skip: Skip) -> Result<(SideReport, Predictions, Pass)> {
     let (mut times, mut moment_us) = (FrameLatencies::default(), Latency::new());
     let mut predictions = Predictions::default();
     let pass = frames.pass(skip, u64::MAX, &mut times, &mut |Predicted { values, work, .. }| {

@@ -1,17 +1,15 @@
 //! Deadlines: whether the work of each period is done within a period.
 //!
-//! Stream time is divided into periods from the first accepted event on. An event at the end of a
-//! period belongs to the period. The work of a period is to push its events, to advance the clock
-//! to its end, and to predict. It is measured as a whole, so the clock is read twice per period,
-//! independently of the number of events.
+//! Stream time is divided into periods from the first accepted event on; an event at the end
+//! belongs to the period. The work of a period, measured as a whole, is to push its events, to
+//! advance the clock to its end, and to predict.
 //!
 //! The cost of a period depends on the events that leave the window as much as on the events that
 //! enter: in the silence after a burst no event enters and all events leave. The rate of a period
 //! is therefore the larger of the two numbers. In a steady stream they are equal.
 //!
-//! Lag: work begins at the end of the period, or when the work of earlier periods is done, if that
-//! is later. The lag is the time from the end of the period to its prediction. A missed deadline
-//! therefore delays later periods.
+//! Lag: from the end of a period to its prediction. Work begins at that end, or when earlier work
+//! is done: a missed deadline delays later periods.
 
 use std::collections::BTreeMap;
 use std::time::Duration;
@@ -20,16 +18,15 @@ use serde::Serialize;
 
 use crate::latency::{Latency, microseconds};
 
-/// Smallest number of periods whose p99.9 is not simply the slowest period. A bin with fewer
-/// periods is judged together with the bins below it, so that a single interruption by the system
-/// does not determine a rate.
+/// Least number of periods whose p99.9 is not the slowest one. A smaller bin is judged with those
+/// below it, so that one interruption by the system determines no rate.
 const POOLED_PERIODS: u64 = 1000;
 
 /// Whether the work of each period was done within a period.
 #[derive(Debug, Default, Serialize)]
 #[non_exhaustive]
+#[expect(missing_docs, reason = "the keys of the JSON report")]
 pub struct DeadlineReport {
-    /// Length of a period.
     pub period_us: i64,
     /// Periods from the first to the last event.
     pub periods: u64,
@@ -45,13 +42,11 @@ pub struct DeadlineReport {
     pub lag_max_us: f64,
     /// Total work divided by the length of all periods.
     pub load: Option<f64>,
-    /// Its inverse: stream time divided by the work on it. From 1 on the network keeps up with the
-    /// recording in the mean.
+    /// Its inverse: from 1 on the network keeps up with the recording in the mean.
     pub real_time: Option<f64>,
     /// Work of a period.
     pub work_us: Latency,
-    /// Highest rate up to which `pooled_p999_us` is below the period, in this bin and in all lower
-    /// bins; `None` if the lowest bin already exceeds the period.
+    /// Highest rate up to which `pooled_p999_us` is below the period, in all lower bins too.
     pub sustained: Option<Sustained>,
     /// Whether the sustained rate is the highest rate of the recording.
     pub sustained_is_all_seen: bool,
@@ -72,6 +67,7 @@ pub struct Sustained {
 /// A bin: periods with similar numbers of events.
 #[derive(Debug, Default, Serialize)]
 #[non_exhaustive]
+#[expect(missing_docs, reason = "the keys of the JSON report")]
 pub struct DeadlineBin {
     /// Lower limit of the number of events of a period in this bin.
     pub events_least: u64,
@@ -79,25 +75,20 @@ pub struct DeadlineBin {
     pub events_most: u64,
     /// Largest number of events that entered or left in a period of this bin.
     pub events_seen: u64,
-    /// Periods in this bin.
     pub periods: u64,
     /// Of these, periods whose work took longer than the period.
     pub missed: u64,
-    /// Work of a period.
     pub work_us: Latency,
-    /// p99.9 of the work of this bin, together with as many lower bins as are needed for 1,000
-    /// periods.
+    /// p99.9 of the work, with as many lower bins as are needed for 1,000 periods.
     pub pooled_p999_us: f64,
 }
 
-/// The work of all periods.
 pub(super) struct Deadline {
     report: DeadlineReport,
     /// Ends of the first and of the latest period, on the clock of the events.
     ends_us: Option<(i64, i64)>,
     /// Total excess of work over the period.
     excess: Duration,
-    /// Bins by their lower limit.
     bins: BTreeMap<u64, DeadlineBin>,
     /// When the work so far is done, in nanoseconds since the end of the first period.
     done_ns: i128,
@@ -105,7 +96,6 @@ pub(super) struct Deadline {
 }
 
 impl Deadline {
-    /// Starts without periods.
     pub(super) fn new(period_us: i64) -> Self {
         let report = DeadlineReport { period_us, ..DeadlineReport::default() };
         let (excess, bins) = (Duration::ZERO, BTreeMap::new());
@@ -137,7 +127,6 @@ impl Deadline {
         self.lag_max_ns = self.lag_max_ns.max(self.done_ns - end_ns);
     }
 
-    /// The report.
     pub(super) fn report(self) -> DeadlineReport {
         let (mut report, mut bins) = (self.report, self.bins.into_values().collect::<Vec<_>>());
         for last in 0..bins.len() {

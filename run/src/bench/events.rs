@@ -1,10 +1,7 @@
-//! Measures a network over events, with every call timed: latencies by phase, work, stages, memory
-//! and deadlines.
+//! Measures a network over events, with every call timed.
 //!
 //! Enters: the events. Leaves: histograms for each phase, and the counters of the engine. The cost
-//! of an event is its push, the predictions that are due before it enters, and the prediction that
-//! is due after it. The cost of the last event also includes the prediction at the end of the
-//! stream.
+//! of an event is its push, and the predictions due before it and after it.
 
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -16,7 +13,7 @@ use super::deadline::{Deadline, DeadlineReport};
 use super::phases::{Phase, Phases, WINDOW_US};
 use super::{BenchInput, BenchOptions, InputReport};
 use crate::approximations::ApproximationReport;
-use crate::error::RunError;
+use crate::error::Result;
 use crate::latency::{CallLatencies, Latency, clock_us, microseconds};
 use crate::memory::peak_resident_bytes;
 use crate::model::Model;
@@ -39,17 +36,15 @@ pub struct EventBench<'a> {
 /// The report of a network over events. Counts are of one pass, except in distributions.
 #[derive(Debug, Serialize)]
 #[non_exhaustive]
+#[expect(missing_docs, reason = "the keys of the JSON report")]
 pub struct EventReport {
-    /// The input.
     #[serde(flatten)]
     pub input: InputReport,
-    /// Events of the warm-up.
     pub warmup_events: u64,
     /// Threads that share the work of a prediction.
     pub threads: usize,
     /// Overhead of the clock, which is included in every push and prediction.
     pub clock_us: f64,
-    /// Predictions read.
     pub predictions: u64,
     /// Largest number of events in the window after any push.
     pub nodes_max: usize,
@@ -59,20 +54,15 @@ pub struct EventReport {
     pub events_per_s: Option<f64>,
     /// Bursts, and the other events.
     pub phases: PhasesReport,
-    /// Counts of computed and skipped values.
     pub skips: WorkCounts,
     /// The approximations, in one pass; `None` if results are exact.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub approximations: Option<ApproximationReport>,
-    /// Rows and multiply-adds.
     pub work: Work,
     /// Times of the stages in a separate pass; empty if no time was spent.
     pub stages: Vec<StageReport>,
-    /// Memory.
     pub memory: MemoryReport,
-    /// Slices of events.
     pub slices: SlicesReport,
-    /// Deadlines.
     pub deadline: DeadlineReport,
 }
 
@@ -84,14 +74,14 @@ pub struct SlicesReport {
     pub events: usize,
     /// Events of all slices divided by the time in pushes and predictions.
     pub events_per_s: Option<f64>,
-    /// Time of a slice: of its push and the prediction. The prediction covers its last event so
-    /// much later.
+    /// Time of a push and the prediction, which covers the last event so much later.
     pub latency_us: Latency,
 }
 
 /// Events of bursts, and the others.
 #[derive(Debug, Serialize)]
 #[non_exhaustive]
+#[expect(missing_docs, reason = "the keys of the JSON report")]
 pub struct PhasesReport {
     /// Length of stream time before an event that determines its phase.
     pub window_us: i64,
@@ -99,21 +89,18 @@ pub struct PhasesReport {
     pub mean_rate_events_per_s: Option<f64>,
     /// Minimum rate of a burst.
     pub burst_rate_events_per_s: Option<f64>,
-    /// Events outside bursts.
     pub idle: PhaseReport,
-    /// Events of bursts.
     pub burst: PhaseReport,
 }
 
 /// Events of one phase.
 #[derive(Debug, Default, Serialize)]
 #[non_exhaustive]
+#[expect(missing_docs, reason = "the keys of the JSON report")]
 pub struct PhaseReport {
-    /// Events of the phase.
     pub events: u64,
     /// Rows computed over all layers; `None` without events.
     pub rows_per_event: Option<f64>,
-    /// Times of calls.
     pub latency_us: CallLatencies,
     /// Rows computed, over any number of passes.
     #[serde(skip)]
@@ -123,38 +110,33 @@ pub struct PhaseReport {
 /// Rows and multiply-adds.
 #[derive(Debug, Serialize)]
 #[non_exhaustive]
+#[expect(missing_docs, reason = "the keys of the JSON report")]
 pub struct Work {
-    /// Rows computed over all layers.
     pub rows_per_event: f64,
-    /// Multiply-adds over all layers.
     pub multiply_adds_per_event: f64,
     /// Multiply-adds divided by the time of the layer stages, in the pass that measured stages.
     pub multiply_adds_per_s: Option<f64>,
-    /// Each layer.
     pub layers: Vec<LayerWork>,
 }
 
 /// Rows and multiply-adds of a layer.
 #[derive(Debug, Serialize)]
 #[non_exhaustive]
+#[expect(missing_docs, reason = "the keys of the JSON report")]
 pub struct LayerWork {
-    /// Name of the layer.
     pub name: String,
-    /// Rows computed.
     pub rows_per_event: f64,
     /// At full neighbourhoods.
     pub multiply_adds_per_row: u64,
-    /// At full neighbourhoods.
     pub multiply_adds_per_event: f64,
 }
 
 /// Time of a stage.
 #[derive(Debug, Serialize)]
 #[non_exhaustive]
+#[expect(missing_docs, reason = "the keys of the JSON report")]
 pub struct StageReport {
-    /// Name of the stage.
     pub name: &'static str,
-    /// Microseconds per event.
     pub us_per_event: f64,
     /// Share of the time of all stages.
     pub share: f64,
@@ -166,12 +148,10 @@ pub struct StageReport {
 pub struct MemoryReport {
     /// Approximate size of a new engine.
     pub state_bytes: u64,
-    /// Peak resident memory of the process after the latency passes, including the recording;
-    /// `None` if the platform does not report it.
+    /// Peak resident memory after the latency passes, with the recording, if it is known.
     pub peak_resident_bytes: Option<u64>,
 }
 
-/// Measurements of any number of passes.
 #[derive(Default)]
 struct Measured {
     idle: PhaseReport,
@@ -200,7 +180,7 @@ impl<'a> EventBench<'a> {
     ///
     /// # Errors
     /// The engine refuses an option, or a result is not a number.
-    pub fn run(self, progress: &mut dyn FnMut(u64)) -> Result<EventReport, RunError> {
+    pub fn run(self, progress: &mut dyn FnMut(u64)) -> Result<EventReport> {
         let Self { model, input, options, .. } = &self;
         let (events, repeat) = (&input.events, options.repeat.max(1));
         let phases = Phases::new(events, input.sensor, options.late, options.burst_rate);
@@ -274,7 +254,6 @@ impl<'a> EventBench<'a> {
     }
 }
 
-/// Data shared by all passes.
 struct Passes<'a> {
     network: Arc<Network>,
     sensor: Sensor,
@@ -285,7 +264,7 @@ struct Passes<'a> {
 }
 
 impl Passes<'_> {
-    fn engine(&self, stage_times: bool) -> Result<EventPredictor, RunError> {
+    fn engine(&self, stage_times: bool) -> Result<EventPredictor> {
         let options = Options::new().with_late(self.options.late).with_restart(self.options.restart);
         let options = options.with_stage_times(stage_times).with_two_threads(self.options.two_threads);
         let network = Arc::clone(&self.network);
@@ -293,21 +272,19 @@ impl Passes<'_> {
         Ok(EventPredictor::new(Mode::Incremental, network, self.sensor, approximations, options)?)
     }
 
-    /// Counts the next event.
     fn count(&mut self) {
         self.taken += 1;
         (self.progress)(self.taken);
     }
 
-    /// Runs a new engine over `events`, which are the first events in `phases`, and records
-    /// latencies in `into`.
+    /// Runs a new engine over `events`, the first in `phases`; latencies go to `into`.
     fn latency(
         &mut self,
         events: &[Event],
         phases: &Phases,
         stage_times: bool,
         into: &mut Measured,
-    ) -> Result<EventPredictor, RunError> {
+    ) -> Result<EventPredictor> {
         let mut engine = self.engine(stage_times)?;
         let mut schedule = Schedule::new(self.options.every.unwrap_or(Every::Events(1)));
         for (index, &event) in events.iter().enumerate() {
@@ -342,7 +319,7 @@ impl Passes<'_> {
     }
 
     /// Runs a new engine over slices of `events`, and records their latencies in `into`.
-    fn slices(&mut self, events: &[Event], into: &mut SlicesReport) -> Result<(), RunError> {
+    fn slices(&mut self, events: &[Event], into: &mut SlicesReport) -> Result<()> {
         let mut engine = self.engine(false)?;
         for slice in events.chunks(into.events) {
             let start = Instant::now();
@@ -356,7 +333,7 @@ impl Passes<'_> {
     }
 
     /// Runs a new engine over `events`, in periods of `period_us`.
-    fn deadline(&mut self, events: &[Event], period_us: i64) -> Result<Deadline, RunError> {
+    fn deadline(&mut self, events: &[Event], period_us: i64) -> Result<Deadline> {
         let mut engine = self.engine(false)?;
         let mut gate = Admission::new(self.sensor, self.options.late);
         let mut schedule = Schedule::new(Every::StreamUs(period_us));
@@ -378,14 +355,13 @@ impl Passes<'_> {
     }
 }
 
-/// Does the work of the period that ends at `end_us`, and returns the number of events in the
-/// window.
+/// Does the work of the period until `end_us`; returns the number of events in the window.
 fn period(
     deadline: &mut Deadline,
     engine: &mut EventPredictor,
     waiting: &mut Vec<Event>,
     end_us: i64,
-) -> Result<usize, RunError> {
+) -> Result<usize> {
     let before = engine.events();
     let start = Instant::now();
     engine.push_slice(waiting);
@@ -402,14 +378,13 @@ fn period(
 }
 
 impl PhaseReport {
-    /// Reads a prediction, for the time `due_us` if it is given, and returns the number of events
-    /// in its window.
+    /// Reads a prediction, at `due_us` if given; returns the number of events in its window.
     fn read(
         &mut self,
         engine: &mut EventPredictor,
         due_us: Option<i64>,
         both: &mut Duration,
-    ) -> Result<usize, RunError> {
+    ) -> Result<usize> {
         let start = Instant::now();
         if let Some(due_us) = due_us {
             engine.advance(due_us);
@@ -452,7 +427,6 @@ impl Work {
     }
 }
 
-/// The time of each stage.
 fn stages(engine: &Engine, events: u64) -> Vec<StageReport> {
     let times = engine.stage_times().map(|(stage, time)| (stage, microseconds(time)));
     let total: f64 = times.iter().map(|(_, us)| us).sum();

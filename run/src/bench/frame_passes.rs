@@ -14,7 +14,7 @@ use meissner_models::FrameSource;
 use meissner_models::description::frames::{CropPlace, SignedTiming};
 use serde::Serialize;
 
-use crate::error::RunError;
+use crate::error::{Result, RunError};
 use crate::frame_feed::{EmptyFrameLimit, FeedOptions, FeedOutput, FrameFeed};
 use crate::latency::{CallLatencies, Latency};
 use crate::model::{FrameModel, LayerCost};
@@ -30,7 +30,6 @@ pub(super) const WARMUP_FRAMES: u64 = 20;
 pub struct EventFrameModel {
     /// The network.
     pub model: FrameModel,
-    /// Multiply-adds of each layer.
     pub(super) costs: Vec<LayerCost>,
     place: CropPlace,
     /// Length of the windows, if they are consecutive.
@@ -46,12 +45,11 @@ pub struct Field {
 }
 
 impl EventFrameModel {
-    /// The frame network called `name`, or described in the file `name`, with the weights in the
-    /// file at `path` or its shipped weights.
+    /// As [`FrameModel::named`], for frames that are made of events.
     ///
     /// # Errors
     /// The network is unknown, its frames are not made of events, or the weights do not fit.
-    pub fn named(name: &str, path: Option<&Path>, ignore_preparation: bool) -> Result<Self, RunError> {
+    pub fn named(name: &str, path: Option<&Path>, ignore_preparation: bool) -> Result<Self> {
         let model = FrameModel::named(name, path, Convolution::Direct, ignore_preparation)?;
         let of_other = || frames_of_other(name, model.source);
         let (place, windows_us) = match model.source {
@@ -71,7 +69,7 @@ impl EventFrameModel {
     }
 
     /// Microseconds from frame to frame: `asked`, or the value of the network.
-    pub(super) fn period_us(&self, asked: Option<Every>) -> Result<i64, RunError> {
+    pub(super) fn period_us(&self, asked: Option<Every>) -> Result<i64> {
         match (asked, self.windows_us) {
             (None, windows_us) => Ok(windows_us.unwrap_or(PERIOD_US)),
             (Some(Every::StreamUs(asked_us)), None) => Ok(asked_us),
@@ -92,7 +90,6 @@ impl EventFrameModel {
         if self.windows_us.is_some() { End::Excluded } else { End::Included }
     }
 
-    /// The part of `sensor` that the frames cover.
     pub(super) fn field(&self, sensor: Sensor) -> Field {
         let [width, height] = self.size;
         let crop = self.place.crop(width, height, sensor);
@@ -101,7 +98,7 @@ impl EventFrameModel {
     }
 
     /// A feed that makes a frame over `field` every `period_us` from accepted events.
-    pub(super) fn feed(&self, field: Field, period_us: i64) -> Result<FrameFeed, RunError> {
+    pub(super) fn feed(&self, field: Field, period_us: i64) -> Result<FrameFeed> {
         let name = self.model.network.name();
         let options = FeedOptions {
             late: LatePolicy::Drop,
@@ -134,7 +131,6 @@ impl Field {
         Sensor::new(side(self.sensor.width, x, width), side(self.sensor.height, y, height))
     }
 
-    /// Whether frames have pixels that the sensor lacks.
     pub(super) fn is_padded(self) -> bool {
         self.around() != self.sensor
     }
@@ -154,7 +150,6 @@ impl std::fmt::Display for Field {
     }
 }
 
-/// Data shared by all passes.
 pub(super) struct FramePasses<'a> {
     pub(super) model: &'a EventFrameModel,
     pub(super) field: Field,
@@ -172,7 +167,6 @@ pub struct FrameLatencies {
     pub calls: CallLatencies,
 }
 
-/// A prediction, and its cost.
 pub(super) struct Predicted<'a> {
     pub(super) t_us: i64,
     pub(super) values: &'a [f32],
@@ -180,7 +174,6 @@ pub(super) struct Predicted<'a> {
     pub(super) work: Duration,
 }
 
-/// The end of a pass.
 pub(super) struct Pass {
     pub(super) engine: FrameEngine,
     /// Accepted events that no frame covers.
@@ -200,15 +193,14 @@ struct InProgress<'a> {
 }
 
 impl FramePasses<'_> {
-    /// Runs a new engine over the first `frames` frames, records latencies in `into`, and passes
-    /// every prediction to `look`.
+    /// Runs a new engine over `frames` frames; `into` has latencies, `look` gets predictions.
     pub(super) fn pass(
         &self,
         skip: Skip,
         frames: u64,
         into: &mut FrameLatencies,
         look: &mut dyn FnMut(Predicted<'_>),
-    ) -> Result<Pass, RunError> {
+    ) -> Result<Pass> {
         let options = FrameOptions::new().with_skip(skip).with_sparse(true).with_two_threads(false);
         let engine = FrameEngine::with_options(self.model.model.network.clone(), options)?;
         let mut feed = self.model.feed(self.field, self.moments.period_us)?;
@@ -226,8 +218,7 @@ impl FramePasses<'_> {
 }
 
 impl InProgress<'_> {
-    /// Takes the complete frames.
-    fn take(&mut self, output: FeedOutput<'_>) -> Result<(), RunError> {
+    fn take(&mut self, output: FeedOutput<'_>) -> Result<()> {
         match output {
             FeedOutput::Frame { values, t_us, .. } => self.frame(values, t_us),
             FeedOutput::LeftOut { .. } | FeedOutput::Restart => {
@@ -236,7 +227,7 @@ impl InProgress<'_> {
         }
     }
 
-    fn frame(&mut self, values: &[f32], t_us: i64) -> Result<(), RunError> {
+    fn frame(&mut self, values: &[f32], t_us: i64) -> Result<()> {
         if self.left == 0 {
             return Ok(());
         }
@@ -268,19 +259,16 @@ pub(super) enum End {
     Excluded,
 }
 
-/// Events and moments.
 #[derive(Debug)]
 pub(super) struct PredictionTimes {
     /// The accepted events, with the times at which they enter.
     pub(super) events: Vec<Event>,
     pub(super) period_us: i64,
-    /// Counts of all events.
     pub(super) counters: EventCounters,
     /// Each moment's time, and the end of its events in `events`.
     ends: Vec<(i64, usize)>,
 }
 
-/// A moment.
 #[derive(Clone, Debug)]
 pub(super) struct Moment {
     /// The events since the moment before.
@@ -295,7 +283,7 @@ impl PredictionTimes {
         (sensor, late): (Sensor, LatePolicy),
         period_us: i64,
         end: End,
-    ) -> Result<Self, RunError> {
+    ) -> Result<Self> {
         let mut gate = Admission::new(sensor, late);
         let events: Vec<Event> = events.iter().filter_map(|&event| gate.admit(event).ok()).collect();
         let mut moments = Self { events, period_us, counters: *gate.counters(), ends: Vec::new() };
@@ -324,7 +312,6 @@ impl PredictionTimes {
         Ok(moments)
     }
 
-    /// The number of moments.
     pub(super) fn count(&self) -> usize {
         self.ends.len()
     }
@@ -334,7 +321,6 @@ impl PredictionTimes {
         self.count() as f64 * self.period_us as f64 / 1e6
     }
 
-    /// All moments, in order.
     pub(super) fn iter(&self) -> impl Iterator<Item = Moment> {
         let begins = std::iter::once(0).chain(self.ends.iter().map(|&(_, end)| end));
         begins.zip(&self.ends).map(|(begin, &(t_us, end))| Moment { events: begin..end, t_us })

@@ -4,30 +4,26 @@ use meissner_engine::frames::{FrameEngine, Skip};
 use serde::Serialize;
 
 use super::deadline::{Deadline, DeadlineReport};
-use super::frame_passes::PredictionTimes;
-use super::frame_passes::{EventFrameModel, FrameLatencies, FramePasses, WARMUP_FRAMES};
+use super::frame_passes::{EventFrameModel, FrameLatencies, FramePasses, PredictionTimes, WARMUP_FRAMES};
 use super::{BenchInput, BenchOptions, FrameInputReport, InputReport};
-use crate::error::RunError;
+use crate::error::{Result, RunError};
 use crate::latency::clock_us;
 use crate::memory::peak_resident_bytes;
 
 /// The report of a frame network. Counts are of one pass, except in distributions.
 #[derive(Debug, Serialize)]
 #[non_exhaustive]
+#[expect(missing_docs, reason = "the keys of the JSON report")]
 pub struct FrameReport {
-    /// The input.
     #[serde(flatten)]
     pub input: InputReport,
-    /// The frames.
     #[serde(flatten)]
     pub made: FrameInputReport,
-    /// Frames of the warm-up.
     pub warmup_frames: u64,
     /// Overhead of the clock, which is included in every push and prediction.
     pub clock_us: f64,
     /// Events that left a sliding window early because it was full.
     pub evicted: u64,
-    /// Frames.
     pub frames: u64,
     /// Passes with skipping: pixels whose inputs do not change keep their values.
     pub skipping: FrameModeReport,
@@ -42,13 +38,12 @@ pub struct FrameReport {
 /// Measures the frame network `model` over `input`.
 ///
 /// # Errors
-/// The period differs from that of the network, there are too many frames, or the engine refuses an
-/// option.
+/// The period is another one, there are too many frames, or the engine refuses an option.
 pub fn bench_frames(
     model: &EventFrameModel,
     input: &BenchInput,
     options: &BenchOptions,
-) -> Result<FrameReport, RunError> {
+) -> Result<FrameReport> {
     let (period_us, repeat) = (model.period_us(options.every)?, options.repeat.max(1));
     let moments = PredictionTimes::new(&input.events, (input.sensor, options.late), period_us, model.end())?;
     let field = model.field(input.sensor);
@@ -92,6 +87,7 @@ pub fn bench_frames(
 /// Passes with skipping, or passes without.
 #[derive(Debug, Serialize)]
 #[non_exhaustive]
+#[expect(missing_docs, reason = "the keys of the JSON report")]
 pub struct FrameModeReport {
     /// Times of a frame.
     pub latency_us: FrameLatencies,
@@ -99,32 +95,28 @@ pub struct FrameModeReport {
     pub compute_s: f64,
     /// Frames divided by that time.
     pub frames_per_s: Option<f64>,
-    /// Each layer.
     pub layers: Vec<PixelReport>,
     /// Multiply-adds of one pass.
     pub multiply_adds: u64,
     /// Multiply-adds divided by the compute time.
     pub multiply_adds_per_s: Option<f64>,
-    /// Bytes of activations and state.
     pub state_bytes: u64,
 }
 
 /// Pixels of a layer; a layer over vectors has one.
 #[derive(Debug, Serialize)]
 #[non_exhaustive]
+#[expect(missing_docs, reason = "the keys of the JSON report")]
 pub struct PixelReport {
-    /// Name of the layer.
     pub name: String,
     /// Pixels of all frames.
     pub pixels: u64,
-    /// Of these, computed. Pixels are computed in blocks, so some skipped and absorbed pixels are
-    /// computed too.
+    /// Of these, computed: in blocks, so some that are skipped or absorbed too.
     pub computed: u64,
     /// Kept because their inputs had not changed.
     pub skipped: u64,
     /// Taken from the layer's output over zeros.
     pub absorbed: u64,
-    /// Multiply-adds.
     pub multiply_adds: u64,
 }
 

@@ -12,21 +12,18 @@ pub(super) const WINDOW_US: i64 = 10_000;
 /// Ratio of the burst rate to the mean rate.
 const FACTOR: f64 = 5.0;
 
-/// A phase of a recording.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Phase {
     Idle,
     Burst,
 }
 
-/// The phases of all events.
 #[derive(Debug)]
 pub(super) struct Phases {
     of: Vec<Phase>,
     /// Accepted events per second of stream time; `None` without a span.
     pub(super) mean_rate: Option<f64>,
-    /// Minimum rate of a burst, in events per second; `None` without a given rate and without a
-    /// span.
+    /// Minimum rate of a burst, in events per second, if one is given or there is a span.
     pub(super) burst_rate: Option<f64>,
 }
 
@@ -52,8 +49,7 @@ impl Phases {
         let of = before
             .into_iter()
             .map(|before| {
-                // A dropped event after all accepted ones takes the time of the newest accepted
-                // event.
+                // A dropped event after all accepted ones takes the newest time.
                 let now = accepted.get(before).or(accepted.last()).copied().unwrap_or(0);
                 while oldest < before && now.abs_diff(accepted[oldest]) >= WINDOW_US.unsigned_abs() {
                     oldest += 1;
@@ -64,12 +60,10 @@ impl Phases {
         Self { of, mean_rate, burst_rate }
     }
 
-    /// The phase of the event at `index`.
     pub(super) fn of(&self, index: usize) -> Phase {
         self.of[index]
     }
 
-    /// The number of events of `phase`.
     pub(super) fn count(&self, phase: Phase) -> u64 {
         self.of.iter().filter(|&&of| of == phase).count() as u64
     }

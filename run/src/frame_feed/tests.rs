@@ -230,8 +230,7 @@ fn frames_beyond_the_longest_silence_are_left_out_and_the_first_of_them_resets()
 }
 
 mod live {
-    //! Compares predictions with those of an engine that is given the frames by their definition, every
-    //! empty one by itself.
+    //! Predictions against those of an engine that is given each frame by its definition.
 
     use std::sync::Arc;
 

@@ -1,8 +1,7 @@
 //! The windows of a feed, and how many empty frames of a silence come.
 //!
-//! Enters: accepted events, and times. Leaves: frames with events, and runs of empty ones. Of a
-//! silence, a network takes at most the longest number of frames; the next one resets its state,
-//! once.
+//! Enters: accepted events, and times. Leaves: frames with events, and runs of empty ones, of which
+//! a network takes at most the longest number; the next one resets its state, once.
 
 use meissner_engine::frames::FrameShape;
 use meissner_engine::representations::{
@@ -46,7 +45,6 @@ pub(super) enum Made<'a> {
     Empty { count: u64, t_us: i64, period_us: i64 },
 }
 
-/// The windows that a description asks for.
 #[derive(Clone)]
 pub(super) enum Windows {
     Consecutive {
@@ -129,8 +127,7 @@ impl Windows {
         *length_us
     }
 
-    /// Takes an accepted event. Frames that its time completes go to `sink` before it enters; one
-    /// that is due with it, after.
+    /// Takes an accepted event, between the frames that its time completes and one due with it.
     pub(super) fn push<E>(
         &mut self,
         event: Event,
@@ -193,8 +190,7 @@ impl Windows {
         }
     }
 
-    /// Forgets time and events: the next event begins the first window. Returns how many events
-    /// were counted outside the crop by windows that are gone.
+    /// Forgets time and events. Returns events outside the crop of windows that are gone.
     pub(super) fn restart(&mut self) -> u64 {
         match self {
             Self::Consecutive { windows, next, .. } => {
@@ -221,7 +217,6 @@ impl Windows {
         }
     }
 
-    /// Events outside the crop.
     pub(super) fn outside_crop(&self) -> u64 {
         match self {
             Self::Consecutive { windows, .. } => windows.outside_crop(),
@@ -314,8 +309,7 @@ impl EmptyFrameLimit {
         self.frames = 0;
     }
 
-    /// Takes `count` empty frames. Returns how many come, how many do not, and whether the network
-    /// is reset after those that come.
+    /// Takes `count` empty frames: how many come, how many do not, whether a reset follows.
     pub(super) fn take(&mut self, count: u64) -> (u64, u64, bool) {
         let taken = count.min(self.longest.saturating_sub(self.frames));
         let left_out = count - taken;

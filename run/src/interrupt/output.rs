@@ -1,5 +1,4 @@
-//! Output that is awaited as input is: a reader who does not read does not keep the program from
-//! ending.
+//! Output that is awaited as input is: a reader who stops does not keep the program alive.
 //!
 //! Enters: bytes for standard output, standard error or a connection. Leaves: the same bytes, in
 //! order. Until the program is asked to end, a write waits for the reader. From then on, what the
@@ -25,15 +24,13 @@ const PATIENCE: Duration = Duration::from_secs(1);
 /// Whether a reader took nothing for [`PATIENCE`]: nobody is waited for again.
 static GIVEN_UP: AtomicBool = AtomicBool::new(false);
 
-/// What an output is.
 #[derive(Clone, Copy, Debug)]
 enum Kind {
     /// It takes everything at once.
     File,
     /// It says itself how much it takes.
     Socket,
-    /// A pipe or a terminal. A pipe that takes something takes [`PIPE_BUF`] bytes; a longer write
-    /// could wait.
+    /// A pipe or a terminal, which takes [`PIPE_BUF`] bytes if any; more could wait.
     Pipe,
 }
 
@@ -58,8 +55,7 @@ pub fn output<F: AsFd>(file: F) -> Output<F> {
 }
 
 impl<F: AsFd> Output<F> {
-    /// Writes some of `bytes` without a wait; `None`: nothing is taken now. `longest` is the wait
-    /// before, see [`is_ready`].
+    /// Writes some of `bytes` after a wait of `longest`; `None`: nothing is taken now.
     fn put(&self, bytes: &[u8], longest: Option<Duration>) -> io::Result<Option<usize>> {
         loop {
             if !matches!(self.kind, Kind::File) && !is_ready(&self.file, PollFlags::OUT, longest)? {
@@ -80,7 +76,6 @@ impl<F: AsFd> Output<F> {
         }
     }
 
-    /// Sends what was kept.
     fn send_kept(&mut self) -> io::Result<()> {
         let kept = std::mem::take(&mut self.kept);
         let mut rest = &kept[..];

@@ -1,5 +1,4 @@
-//! Offers events to a queue: those of a recording when they are due, as a sensor would, and those
-//! of a stream when they arrive.
+//! Offers events to a queue: of a recording when they are due, of a stream when they arrive.
 //!
 //! Enters: a recording, or a stream. Leaves: events and clock advances into the queue. An event of
 //! a recording whose time steps back is due together with the event before it. Only the events of a
@@ -13,7 +12,7 @@ use meissner_engine::filters::{Chain, EventFilter};
 use meissner_live::{Input, LiveError};
 
 use crate::clock::Clock;
-use crate::error::RunError;
+use crate::error::Result;
 use crate::interrupt;
 
 /// Longest sleep, unless packets are further apart: it makes the clock advance in a gap.
@@ -30,7 +29,6 @@ pub(super) struct Laps {
     pub(super) us: i128,
 }
 
-/// Offers events to the queue.
 pub(super) struct Reader {
     pub(super) clock: Clock,
     pub(super) input: Input,
@@ -89,12 +87,8 @@ impl Reader {
         Ok(self)
     }
 
-    /// Offers `events`, each as soon as it has arrived. Ends at their end, if events are no longer
-    /// taken, and if the program is asked to end.
-    pub(super) fn follow(
-        mut self,
-        events: &mut dyn Iterator<Item = Result<Event, RunError>>,
-    ) -> Result<Self, RunError> {
+    /// Offers `events` as they arrive, until their end, a closed queue or a request to end.
+    pub(super) fn follow(mut self, events: &mut dyn Iterator<Item = Result<Event>>) -> Result<Self> {
         while !self.input.is_closed()
             && let Some(event) = events.next().transpose()?
         {

@@ -16,12 +16,12 @@ use crate::training::Training;
 /// The summary of a play.
 #[derive(Debug, Serialize)]
 #[non_exhaustive]
+#[expect(missing_docs, reason = "the keys of the JSON report")]
 pub struct PlaySummary {
     /// Events taken from the recording.
     pub events: u64,
     /// Lines of a text that could not be read; they do not count as events.
     pub lines_refused: u64,
-    /// Unintended losses of input.
     pub warnings: Vec<LossWarning>,
     /// Events offered to the queue.
     pub offered: u64,
@@ -33,22 +33,17 @@ pub struct PlaySummary {
     pub dropped: BTreeMap<&'static str, u64>,
     /// Restarts of the sensor's clock, each of which reset the engine.
     pub restarts: u64,
-    /// The queue.
     pub queue: QueueReport,
-    /// Counts of reports.
     pub reports: ReportCounts,
-    /// Reports with a value outside the range of the training; `None` if the weights state no
-    /// range.
+    /// Reports with a value outside the range of the training, if the weights state it.
     pub outside_training: Option<u64>,
-    /// Times of reports: since the request, since the start of the prediction, and stream time that
-    /// is not covered; and of events, from the offer of the first one that no fresh report before
-    /// covers to the report that does.
+    /// Times of reports: since the request, since the start of the prediction, stream time that is
+    /// not covered; and of events, from the offer to the report that covers them.
     pub latency_us: Latencies,
     /// Longest time from the due time of an event until it was offered.
     pub reader_lag_max_us: f64,
     /// Time from the end of the recording until all waiting events were covered.
     pub drain_us: f64,
-    /// The prediction after the last event.
     #[serde(rename = "final")]
     pub last: LastPrediction,
     /// The comparison with a prediction from scratch, if one was made.
@@ -87,10 +82,10 @@ pub struct ReportCounts {
 /// The queue between the reader and the engine.
 #[derive(Clone, Copy, Debug, Serialize)]
 #[non_exhaustive]
+#[expect(missing_docs, reason = "the keys of the JSON report")]
 pub struct QueueReport {
     /// Capacity in events.
     pub capacity: u64,
-    /// Name of the overload policy.
     pub overload: &'static str,
     /// Largest number of events that waited.
     pub high_water: u64,
@@ -101,10 +96,10 @@ pub struct QueueReport {
 /// The prediction after the last event.
 #[derive(Clone, Debug, Serialize)]
 #[non_exhaustive]
+#[expect(missing_docs, reason = "the keys of the JSON report")]
 pub struct LastPrediction {
     /// Time of the newest event that it covers; `None` before the first.
     pub t_us: Option<i64>,
-    /// The values.
     #[serde(serialize_with = "exact_digits")]
     pub value: Vec<f32>,
     /// Events in the window.
@@ -123,11 +118,9 @@ pub struct Verified {
     pub batch_us: f64,
 }
 
-/// Counts and times of reports.
 #[derive(Debug)]
 pub(super) struct Tally {
     pub(super) reports: ReportCounts,
-    /// Values outside the range of the training.
     pub(super) training: Training,
     waited: Latency,
     age: Latency,
@@ -176,7 +169,6 @@ impl Tally {
         }
     }
 
-    /// The quantiles of all times.
     pub(super) fn latencies(&self) -> Latencies {
         let Self { waited, age, behind, event, .. } = self;
         Latencies::of([("waited", waited), ("age", age), ("behind", behind), ("event", event)])

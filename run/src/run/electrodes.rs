@@ -1,5 +1,4 @@
-//! Runs a network over readings of 24 electrodes: CSV from a file or standard input, one prediction
-//! per window.
+//! Runs a network over readings of 24 electrodes (CSV), one prediction per window.
 //!
 //! Enters: one reading per line, at 100 Hz. Leaves, before the next line is read: for each complete
 //! window a prediction and, if its values are logits of classes, the decision of a
@@ -31,13 +30,12 @@ use super::frame_predictor::FramePredictor;
 use super::prediction::{ElectrodePrediction, Observer, Prediction};
 use super::summary::{ElectrodeCounts, Ended, Ending, FrameSummary, InputCounts, Summary};
 use crate::answer::{Classes, Values};
-use crate::error::{RunError, chain};
-use crate::interrupt;
+use crate::error::{Result, RunError, chain};
 use crate::latency::microseconds;
 use crate::left_out::LineErrors;
 use crate::losses::{Advice, InputLosses};
 use crate::model::FrameModel;
-use crate::streams;
+use crate::{interrupt, streams};
 
 /// Time from one reading to the next, in microseconds.
 const PERIOD_US: u64 = 10_000;
@@ -59,8 +57,7 @@ pub struct ElectrodeOptions {
 pub struct ElectrodeRun {
     live: bool,
     rows: Electrodes<Box<dyn BufRead>>,
-    /// The next row. It is read before anything is shown, so that a header that does not fit is
-    /// found early.
+    /// The next row, read before anything is shown, so that a wrong header is found early.
     next: Option<Result<Reading, IoError>>,
     refusals: LineErrors,
     limit: u64,
@@ -90,7 +87,7 @@ impl ElectrodeRun {
         frame_options: FrameOptions,
         path: &Path,
         options: ElectrodeOptions,
-    ) -> Result<Self, RunError> {
+    ) -> Result<Self> {
         let network = &model.name;
         let (readings, form) = match model.source {
             FrameSource::TactileImage(readings) => (readings, TactileForm::Image),
@@ -165,7 +162,7 @@ impl ElectrodeRun {
         self.refusals.taken() + self.refusals.count()
     }
 
-    fn take_all(&mut self, observer: &mut dyn Observer) -> Result<(), RunError> {
+    fn take_all(&mut self, observer: &mut dyn Observer) -> Result<()> {
         while self.lines() < self.limit {
             let Some(row) = self.next.take() else {
                 return if interrupt::requested() { Ok(()) } else { self.refusals.end() };
@@ -202,14 +199,13 @@ impl Windows {
         self.filter.reset();
     }
 
-    /// Takes a reading. `follows` says whether it continues the one before. Returns the problem if
-    /// it cannot be taken.
+    /// Takes a reading, which continues the one before if it `follows`, or returns its problem.
     fn take(
         &mut self,
         reading: &Reading,
         follows: bool,
         observer: &mut dyn Observer,
-    ) -> Result<Option<String>, RunError> {
+    ) -> Result<Option<String>> {
         let start = Instant::now();
         if !follows {
             self.begin_anew();
@@ -254,7 +250,7 @@ impl Windows {
     }
 }
 
-fn open(path: &Path) -> Result<Box<dyn BufRead>, RunError> {
+fn open(path: &Path) -> Result<Box<dyn BufRead>> {
     if streams::is_live(path) {
         return streams::lines(path);
     }
@@ -270,15 +266,11 @@ fn open(path: &Path) -> Result<Box<dyn BufRead>, RunError> {
     Ok(Box::new(interrupt::awaited(file)))
 }
 
-/// The next row: a reading, or the problem of this row; `None` at the end, and if a signal asks the
-/// process to end.
+/// The next row: a reading, or its problem; `None` at the end, and on a signal.
 ///
 /// # Errors
 /// An error that ends the rows.
-fn next<R: BufRead>(
-    rows: &mut Electrodes<R>,
-    name: &str,
-) -> Result<Option<Result<Reading, IoError>>, RunError> {
+fn next<R: BufRead>(rows: &mut Electrodes<R>, name: &str) -> Result<Option<Result<Reading, IoError>>> {
     match rows.next() {
         Some(Err(_)) if interrupt::requested() => Ok(None),
         Some(Err(error)) if !matches!(error, IoError::Malformed { what: "row" | "field", .. }) => {

@@ -1,5 +1,4 @@
-//! Runs a network over the events of a recording or a live stream, and predicts whenever a
-//! prediction is due.
+//! Runs a network over events, and predicts whenever a prediction is due.
 
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -8,12 +7,11 @@ use meissner_engine::{ClockWatch, Decision, Engine, Event, Options, Outcome, Res
 
 use super::prediction::{EventPrediction, Observer, Prediction};
 use super::summary::{EventSummary, Summary};
-use super::{EVERY, RunOptions, Saver};
-use super::{Steps, StreamRun};
+use super::{EVERY, RunOptions, Saver, Steps, StreamRun};
 use crate::answer::{Classes, Values};
 use crate::approximations::Approximations;
 use crate::clock::Passed;
-use crate::error::RunError;
+use crate::error::{Result, RunError};
 use crate::latency::{Latencies, Latency, microseconds};
 use crate::losses::{InputLosses, LossWarning};
 use crate::model::Model;
@@ -32,8 +30,7 @@ pub struct EventSteps {
     approximations: Approximations,
     layers: Vec<String>,
     schedule: Schedule,
-    /// Decides about restarts in front of schedule and engine, so that each event reaches them at
-    /// its own time.
+    /// Decides about restarts before schedule and engine, which get events at their own time.
     watch: ClockWatch,
     classes: Classes,
     training: Training,
@@ -52,9 +49,8 @@ impl EventRun {
     /// A run of `model` over the events of `source`, which come from `sensor`.
     ///
     /// # Errors
-    /// The engine refuses the sensor, an approximation, or (as [`RunError::Resume`]) the state
-    /// to resume from.
-    pub fn new(model: &Model, source: Source, sensor: Sensor, options: RunOptions) -> Result<Self, RunError> {
+    /// The engine refuses the sensor, an approximation, or (as [`RunError::Resume`]) the state.
+    pub fn new(model: &Model, source: Source, sensor: Sensor, options: RunOptions) -> Result<Self> {
         let network = Arc::new(model.network.clone());
         let layers = network.layers().into_iter().map(str::to_owned).collect();
         let RunOptions {
@@ -94,7 +90,7 @@ impl EventRun {
 }
 
 impl Steps for EventSteps {
-    fn take(&mut self, event: Event, observer: &mut dyn Observer) -> Result<(), RunError> {
+    fn take(&mut self, event: Event, observer: &mut dyn Observer) -> Result<()> {
         match self.watch.decide(event, self.predictor.now_us()) {
             None => self.enter(event, observer),
             Some(decision) => self.carry_out(&decision, observer),
@@ -113,12 +109,12 @@ impl Steps for EventSteps {
         self.predictor.engine().map(Engine::to_bytes)
     }
 
-    fn settle(&mut self, observer: &mut dyn Observer) -> Result<(), RunError> {
+    fn settle(&mut self, observer: &mut dyn Observer) -> Result<()> {
         let decision = self.watch.end(self.predictor.now_us());
         self.carry_out(&decision, observer)
     }
 
-    fn finish(&mut self, resumes: bool, observer: &mut dyn Observer) -> Result<(), RunError> {
+    fn finish(&mut self, resumes: bool, observer: &mut dyn Observer) -> Result<()> {
         match self.schedule.last() {
             Last::Now => self.read(None, observer)?,
             Last::At(due_us) if !resumes => self.read(Some(due_us), observer)?,
@@ -158,7 +154,7 @@ impl Steps for EventSteps {
 }
 
 impl EventSteps {
-    fn carry_out(&mut self, decision: &Decision, observer: &mut dyn Observer) -> Result<(), RunError> {
+    fn carry_out(&mut self, decision: &Decision, observer: &mut dyn Observer) -> Result<()> {
         self.predictor.decided(decision);
         self.taken += decision.outliers;
         if decision.restarts {
@@ -170,7 +166,7 @@ impl EventSteps {
     }
 
     /// Takes an event whose time is that of the clock.
-    fn enter(&mut self, event: Event, observer: &mut dyn Observer) -> Result<(), RunError> {
+    fn enter(&mut self, event: Event, observer: &mut dyn Observer) -> Result<()> {
         let (passes, filtering) = self.predictor.admit(event);
         if !passes {
             self.pushed(filtering);
@@ -199,16 +195,14 @@ impl EventSteps {
         Ok(())
     }
 
-    /// Notes that an event was taken.
     fn pushed(&mut self, spent: Duration) {
         self.push.record(spent);
         self.update += spent;
         self.taken += 1;
     }
 
-    /// Reads a prediction, for the time `due_us` if it is given, and returns the number of events
-    /// in its window.
-    fn read(&mut self, due_us: Option<i64>, observer: &mut dyn Observer) -> Result<usize, RunError> {
+    /// Reads a prediction, at `due_us` if given; returns the number of events in its window.
+    fn read(&mut self, due_us: Option<i64>, observer: &mut dyn Observer) -> Result<usize> {
         let start = Instant::now();
         if let Some(due_us) = due_us {
             self.predictor.advance(due_us);

@@ -13,7 +13,6 @@ use crate::training::{Output, Training};
 /// A frame engine that records how long its calls took.
 pub(super) struct FramePredictor {
     pub(super) engine: FrameEngine,
-    /// Counts before this run.
     before: FrameCounters,
     /// Time to make frames, for each event, reading or picture.
     pub(super) prepare: Latency,
@@ -21,7 +20,6 @@ pub(super) struct FramePredictor {
     pub(super) predict: Latency,
     /// Time from a reading to the decision after it, for readings that complete a window.
     pub(super) decision: Latency,
-    /// Values outside the range of the training.
     pub(super) training: Training,
     /// Stream time that the input has covered.
     pub(super) passed: Passed,
@@ -49,7 +47,6 @@ impl FramePredictor {
         })
     }
 
-    /// Continues from the state in `bytes`.
     pub(super) fn resume(&mut self, bytes: &[u8]) -> Result<(), EngineError> {
         self.engine.restore_bytes(bytes)?;
         self.before = self.engine.counters().clone();
@@ -61,7 +58,6 @@ impl FramePredictor {
         self.update += spent;
     }
 
-    /// Records how long making a frame took.
     pub(super) fn prepared(&mut self, spent: Duration) {
         self.prepare.record(spent);
         self.spent(spent);
@@ -102,7 +98,6 @@ impl FramePredictor {
         std::mem::take(&mut self.update)
     }
 
-    /// Counts of this run.
     pub(super) fn counters(&self) -> FrameCounters {
         self.engine.counters().since(&self.before)
     }

@@ -1,5 +1,4 @@
-//! Runs a network over frames made of the events of a recording or a live stream, with one
-//! prediction per frame.
+//! Runs a network over frames made of events, with one prediction per frame.
 
 use std::io;
 use std::time::{Duration, Instant};
@@ -11,10 +10,9 @@ use serde::{Deserialize, Serialize};
 use super::frame_predictor::FramePredictor;
 use super::prediction::{FramePrediction, Observer, Prediction};
 use super::summary::{EventCounts, FrameSummary, InputCounts, Summary};
-use super::{EVERY, RunOptions, Saver};
-use super::{Steps, StreamRun};
+use super::{EVERY, RunOptions, Saver, Steps, StreamRun};
 use crate::answer::{Classes, Values};
-use crate::error::RunError;
+use crate::error::{Result, RunError};
 use crate::frame_feed::{EmptyFrameLimit, FeedOptions, FeedOutput, FeedState, FrameFeed};
 use crate::latency::microseconds;
 use crate::losses::{InputLosses, LossWarning};
@@ -54,7 +52,6 @@ struct Frames {
     /// The reason why predictions are no longer shown. All frames that an event completes are taken
     /// before the run ends, so that the state is always the one after an event.
     unshown: Option<io::Error>,
-    /// The newest prediction.
     values: Vec<f32>,
 }
 
@@ -73,16 +70,15 @@ impl FrameRun {
     /// A run of `model` over the events of `source`, which come from `sensor`.
     ///
     /// # Errors
-    /// The frames of the model are not made of events, the sensor lacks pixels that they cover,
-    /// predictions would be due between two frames, or (as [`RunError::Resume`]) the state to
-    /// resume from does not fit.
+    /// Frames are not made of events, the sensor lacks their pixels, predictions would be due
+    /// between frames, or (as [`RunError::Resume`]) the state does not fit.
     pub fn new(
         model: &FrameModel,
         frame_options: FrameOptions,
         source: Source,
         sensor: Sensor,
         options: RunOptions,
-    ) -> Result<Self, RunError> {
+    ) -> Result<Self> {
         let network = &model.name;
         let RunOptions { every, late, restart, limit, resume, save, longest_silence, .. } = options;
         let mut predictor = FramePredictor::new(model.network.clone(), frame_options, &model.card.outputs)?;
@@ -124,7 +120,7 @@ impl FrameRun {
 }
 
 impl Steps for FrameSteps {
-    fn take(&mut self, event: Event, observer: &mut dyn Observer) -> Result<(), RunError> {
+    fn take(&mut self, event: Event, observer: &mut dyn Observer) -> Result<()> {
         let frames = &mut self.frames;
         frames.taken += 1;
         let (mut start, mut prepare) = (Instant::now(), Duration::ZERO);
@@ -164,12 +160,12 @@ impl Steps for FrameSteps {
         Some(frames.predictor.engine.to_bytes_with(&note))
     }
 
-    fn settle(&mut self, observer: &mut dyn Observer) -> Result<(), RunError> {
+    fn settle(&mut self, observer: &mut dyn Observer) -> Result<()> {
         let Self { feed, frames, .. } = self;
         feed.settle(|output| frames.take(output, observer))
     }
 
-    fn finish(&mut self, resumes: bool, observer: &mut dyn Observer) -> Result<(), RunError> {
+    fn finish(&mut self, resumes: bool, observer: &mut dyn Observer) -> Result<()> {
         let Self { feed, frames, .. } = self;
         let ends_now = frames.schedule.last() == Last::Now;
         // The open window, and predictions that are due later, are left to the resumed run.
@@ -211,7 +207,7 @@ impl Steps for FrameSteps {
 }
 
 /// Converts `every` from stream time to a schedule over frames, if `feed` makes the frames.
-fn every_frames(network: &str, every: Option<Every>, feed: &FrameFeed) -> Result<Every, RunError> {
+fn every_frames(network: &str, every: Option<Every>, feed: &FrameFeed) -> Result<Every> {
     match (every, feed.period_us()) {
         (Some(Every::End), Some(_)) => Ok(Every::End),
         // The feed delivers a frame whenever a prediction is due.
@@ -248,11 +244,11 @@ impl Note {
 
 impl Frames {
     /// Whether all predictions could be shown so far.
-    fn shown(&mut self) -> Result<(), RunError> {
+    fn shown(&mut self) -> Result<()> {
         self.unshown.take().map_or(Ok(()), |error| Err(RunError::Output(error)))
     }
 
-    fn take(&mut self, output: FeedOutput<'_>, observer: &mut dyn Observer) -> Result<(), RunError> {
+    fn take(&mut self, output: FeedOutput<'_>, observer: &mut dyn Observer) -> Result<()> {
         match output {
             FeedOutput::Frame { values, t_us, events } => {
                 self.predictor.push(values)?;
@@ -277,7 +273,7 @@ impl Frames {
         }
     }
 
-    fn predict(&mut self, observer: &mut dyn Observer) -> Result<(), RunError> {
+    fn predict(&mut self, observer: &mut dyn Observer) -> Result<()> {
         let Some((t_us, events)) = self.newest else { return Ok(()) };
         let values = &mut self.values;
         let frames = self.predictor.predict(|predicted| {

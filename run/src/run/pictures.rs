@@ -1,5 +1,4 @@
-//! Runs a network over pictures of an optical tactile sensor: contact areas and forces, and
-//! overlays if requested.
+//! Runs a network over pictures of a tactile sensor: contact areas, forces, overlays.
 
 use std::ffi::OsString;
 use std::fs;
@@ -14,7 +13,7 @@ use meissner_models::systems::contact_area::{
     ImageNormalisation, ImageSize, Overlay, Picture, PixelSize,
 };
 
-use crate::error::RunError;
+use crate::error::{Result, RunError};
 use crate::interrupt;
 use crate::latency::microseconds;
 use crate::model::FrameModel;
@@ -36,16 +35,14 @@ pub struct PictureOptions {
     pub reference: Option<PathBuf>,
     /// Folder for overlays.
     pub overlay: Option<PathBuf>,
-    /// Force in N per pixel at the strongest colour of an overlay. The default is the strongest
-    /// force of each picture.
+    /// Force in N per pixel at the strongest colour; by default the strongest of each picture.
     pub full_scale_n: Option<f32>,
 }
 
 /// A network over pictures with its pictures, before the run.
 pub struct PictureRun {
     pictures: ImageSequence,
-    /// The first picture. It is read before anything is shown, so that a picture that does not fit
-    /// is found early.
+    /// The first picture, read before anything is shown, so that a wrong size is found early.
     first: Option<(PathBuf, Image)>,
     count: u64,
     limit: usize,
@@ -72,7 +69,7 @@ impl PictureRun {
         frame_options: FrameOptions,
         path: &Path,
         options: &PictureOptions,
-    ) -> Result<Self, RunError> {
+    ) -> Result<Self> {
         interrupt::listen();
         let mut pictures = ImageSequence::open(path)?;
         let count = pictures.len() as u64;
@@ -99,7 +96,7 @@ impl PictureRun {
         Ended { summary: Summary::Frames(summary), result: ending.0 }
     }
 
-    fn take_all(&mut self, observer: &mut dyn Observer) -> Result<(), RunError> {
+    fn take_all(&mut self, observer: &mut dyn Observer) -> Result<()> {
         let Self { pictures, first, limit, taken, measure, .. } = self;
         for picture in first.take().map(Ok).into_iter().chain(pictures).take(*limit) {
             if interrupt::requested() {
@@ -120,7 +117,7 @@ impl Measure {
         frame_options: FrameOptions,
         options: &PictureOptions,
         paths: &[PathBuf],
-    ) -> Result<Self, RunError> {
+    ) -> Result<Self> {
         let contacts = ContactPredictor::new(model, frame_options)?;
         let (size, pixel) = (contacts.size(), contacts.pixel());
         let mut measure = Self { network: model.name.clone(), contacts, baseline: None, overlays: None };
@@ -139,7 +136,7 @@ impl Measure {
     }
 
     /// Refuses an image whose size differs from the network's input.
-    fn check(&self, path: &Path, image: &Image) -> Result<(), RunError> {
+    fn check(&self, path: &Path, image: &Image) -> Result<()> {
         let ImageSize { width, height } = self.contacts.size();
         let (expected, found) = ((width, height), image.size());
         if found == expected {
@@ -149,13 +146,7 @@ impl Measure {
     }
 
     /// Measures picture number `taken`, and shows the result.
-    fn take(
-        &mut self,
-        observer: &mut dyn Observer,
-        taken: u64,
-        path: &Path,
-        image: &Image,
-    ) -> Result<(), RunError> {
+    fn take(&mut self, observer: &mut dyn Observer, taken: u64, path: &Path, image: &Image) -> Result<()> {
         let contact = self.contacts.measure(&image.data)?;
         let update_us = microseconds(self.contacts.take_update());
         let baseline = self.baseline.as_mut().map(|baseline| baseline.measure(&image.data)).transpose()?;
@@ -191,14 +182,8 @@ impl Overlays {
     /// Prepares overlays of the pictures in `paths`. Creates `folder` if it does not exist.
     ///
     /// # Errors
-    /// Two pictures have the same name, an overlay would replace its picture, or the folder cannot
-    /// be created.
-    fn new(
-        folder: &Path,
-        paths: &[PathBuf],
-        size: ImageSize,
-        full_scale_n: Option<f32>,
-    ) -> Result<Self, RunError> {
+    /// Two pictures have one name, or an overlay would replace its picture.
+    fn new(folder: &Path, paths: &[PathBuf], size: ImageSize, full_scale_n: Option<f32>) -> Result<Self> {
         let drawn = vec![0; size.pixels()? * 3];
         let overlays = Self { folder: folder.to_owned(), size, full_scale_n, drawn };
         let pictures: Vec<PathBuf> = paths.iter().filter_map(|path| path.canonicalize().ok()).collect();
@@ -225,7 +210,7 @@ impl Overlays {
     }
 
     /// Writes the overlay of `picture`, which was read from `path`, and returns its path.
-    fn write(&mut self, path: &Path, image: &Image, picture: &Picture<'_>) -> Result<String, RunError> {
+    fn write(&mut self, path: &Path, image: &Image, picture: &Picture<'_>) -> Result<String> {
         let forces = picture.force.unwrap_or_default();
         let strongest = forces.iter().copied().fold(f32::MIN_POSITIVE, f32::max);
         let overlay = Overlay::new(self.size, self.full_scale_n.unwrap_or(strongest))?;
@@ -241,8 +226,7 @@ impl Overlays {
 
 /// Contacts in one picture after another.
 ///
-/// Of a network whose pictures enter as differences, the first picture is the reference, unless
-/// another was set.
+/// Where pictures enter as differences, the first is the reference unless one was set.
 pub struct ContactPredictor {
     size: ImageSize,
     pixel: PixelSize,
@@ -261,7 +245,7 @@ impl ContactPredictor {
     ///
     /// # Errors
     /// The model does not predict forces from pictures, or it refuses `options`.
-    pub fn new(model: &FrameModel, options: FrameOptions) -> Result<Self, RunError> {
+    pub fn new(model: &FrameModel, options: FrameOptions) -> Result<Self> {
         let (input, output) = (model.description.input(), model.description.output());
         let (FrameSource::Picture(settings), FrameShape::Image { height, width, .. }) = (model.source, input)
         else {
@@ -298,8 +282,7 @@ impl ContactPredictor {
         self.pixel
     }
 
-    /// Sets the picture without contact, interleaved RGB. Networks whose pictures do not enter as
-    /// differences ignore it.
+    /// Sets the picture without contact, interleaved RGB, for differences.
     pub fn set_reference(&mut self, rgb: &[u8]) {
         self.reference = Some(rgb.to_vec());
     }
@@ -308,7 +291,7 @@ impl ContactPredictor {
     ///
     /// # Errors
     /// The picture or the reference has another size, or a force is not finite.
-    pub fn measure(&mut self, rgb: &[u8]) -> Result<ContactReport, RunError> {
+    pub fn measure(&mut self, rgb: &[u8]) -> Result<ContactReport> {
         self.push(rgb)?;
         self.predict()
     }
@@ -317,7 +300,7 @@ impl ContactPredictor {
     ///
     /// # Errors
     /// The picture or the reference has another size.
-    pub fn push(&mut self, rgb: &[u8]) -> Result<(), RunError> {
+    pub fn push(&mut self, rgb: &[u8]) -> Result<()> {
         let start = Instant::now();
         let reference = self.difference.then(|| &**self.reference.get_or_insert_with(|| rgb.to_vec()));
         self.images.apply(rgb, reference, &mut self.planes)?;
@@ -329,7 +312,7 @@ impl ContactPredictor {
     ///
     /// # Errors
     /// A force is not finite.
-    pub fn predict(&mut self) -> Result<ContactReport, RunError> {
+    pub fn predict(&mut self) -> Result<ContactReport> {
         self.predictor.predict(|predicted| {
             for (force, &y) in self.force.iter_mut().zip(predicted.values) {
                 *force = self.forces.force(y);

@@ -40,10 +40,10 @@ pub enum Prediction<'a> {
 /// A prediction of a network over events.
 #[derive(Clone, Copy, Debug, Serialize)]
 #[non_exhaustive]
+#[expect(missing_docs, reason = "the keys of the JSON report")]
 pub struct EventPrediction<'a> {
     /// Time of the newest event that it covers; `None` before the first.
     pub t_us: Option<i64>,
-    /// The values.
     pub value: Values<'a>,
     /// Class and probabilities, if the values are logits of classes.
     #[serde(flatten)]
@@ -68,10 +68,10 @@ pub struct EventPrediction<'a> {
 /// A prediction of a network over frames of events.
 #[derive(Clone, Copy, Debug, Serialize)]
 #[non_exhaustive]
+#[expect(missing_docs, reason = "the keys of the JSON report")]
 pub struct FramePrediction<'a> {
     /// End of the window of the newest frame.
     pub t_us: i64,
-    /// The values.
     pub value: Values<'a>,
     /// Class and probabilities, if the values are logits of classes.
     #[serde(flatten)]
@@ -96,12 +96,12 @@ pub struct FramePrediction<'a> {
 /// A prediction of a network over electrodes, for a window of readings.
 #[derive(Clone, Copy, Debug, Serialize)]
 #[non_exhaustive]
+#[expect(missing_docs, reason = "the keys of the JSON report")]
 pub struct ElectrodePrediction<'a> {
     /// Line of the newest reading.
     pub line: u64,
     /// Time of the newest reading; `None` without a column of time.
     pub time_s: Option<f64>,
-    /// The values.
     pub value: Values<'a>,
     /// Softmax of the values; `None` if they are not logits of classes.
     pub probabilities: Option<Values<'a>>,
@@ -121,10 +121,10 @@ pub struct ElectrodePrediction<'a> {
 /// The contact in a picture.
 #[derive(Clone, Copy, Debug, Serialize)]
 #[non_exhaustive]
+#[expect(missing_docs, reason = "the keys of the JSON report")]
 pub struct PicturePrediction<'a> {
     /// Path of the picture.
     pub image: &'a str,
-    /// The contact.
     #[serde(flatten)]
     pub contact: ContactReport,
     /// The contact by plain differences to a reference picture, if there is one.
@@ -141,6 +141,7 @@ pub struct PicturePrediction<'a> {
 /// A report of a recording that is played at real speed.
 #[derive(Clone, Copy, Debug, Serialize)]
 #[non_exhaustive]
+#[expect(missing_docs, reason = "the keys of the JSON report")]
 pub struct ReportPrediction<'a> {
     /// The input that it is about, counted from 0.
     pub input: usize,
@@ -148,7 +149,6 @@ pub struct ReportPrediction<'a> {
     pub at_us: i64,
     /// Time of the newest event that it covers; `None` before the first.
     pub t_us: Option<i64>,
-    /// The values.
     pub value: Values<'a>,
     /// Class and probabilities, if the values are logits of classes.
     #[serde(flatten)]
@@ -164,8 +164,7 @@ pub struct ReportPrediction<'a> {
     pub behind_events: u64,
     /// Stream time that had entered the queue and is not covered.
     pub behind_us: u64,
-    /// Events since the report before that the engine did not take: late, outside the sensor, far
-    /// ahead or held.
+    /// Events since the report before that the engine dropped or holds.
     pub lost_events: u64,
     /// Events since the report before that the queue dropped.
     pub dropped_events: u64,
@@ -189,8 +188,7 @@ pub struct ReportPrediction<'a> {
 pub enum ReportState {
     /// It covers all events that had entered the queue.
     Fresh,
-    /// It covers the events that the engine had taken shortly before the deadline, or the engine
-    /// lost some.
+    /// It covers the events taken shortly before the deadline, or the engine lost some.
     Behind,
     /// It is the prediction of an earlier report.
     Old,

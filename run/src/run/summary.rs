@@ -7,7 +7,7 @@ use serde::Serialize;
 
 use super::frame_predictor::FramePredictor;
 use crate::approximations::ApproximationReport;
-use crate::error::RunError;
+use crate::error::{Result, RunError};
 use crate::latency::Latencies;
 use crate::losses::{LossWarning, Salvaged};
 use crate::work_counts::WorkCounts;
@@ -19,11 +19,11 @@ pub struct Ended {
     /// Counts and latencies up to the end.
     pub summary: Summary,
     /// The first error, if there was one.
-    pub result: Result<(), RunError>,
+    pub result: Result<()>,
 }
 
 /// The first error of a stream, and the steps that are still possible after it.
-pub(super) struct Ending(pub(super) Result<(), RunError>);
+pub(super) struct Ending(pub(super) Result<()>);
 
 impl Ending {
     /// Whether the state is worth keeping.
@@ -37,7 +37,7 @@ impl Ending {
     }
 
     /// Records the result of one more step.
-    pub(super) fn then(&mut self, next: Result<(), RunError>) {
+    pub(super) fn then(&mut self, next: Result<()>) {
         if self.0.is_ok() {
             self.0 = next;
         }
@@ -58,8 +58,8 @@ pub enum Summary {
 /// The summary of a network over events.
 #[derive(Debug, Serialize)]
 #[non_exhaustive]
+#[expect(missing_docs, reason = "the keys of the JSON report")]
 pub struct EventSummary {
-    /// Events taken from the source.
     pub events: u64,
     /// Lines of a text that could not be read; they do not count as events.
     pub lines_refused: u64,
@@ -69,29 +69,22 @@ pub struct EventSummary {
     pub dropped: BTreeMap<&'static str, u64>,
     /// Restarts of the sensor's clock, each of which reset the engine.
     pub restarts: u64,
-    /// Predictions read.
     pub predictions: u64,
     /// Largest number of events in the window after any push.
     pub nodes_max: usize,
-    /// Times of pushes, and of predictions with advancing the clock to those that are due between
-    /// events.
+    /// Times of pushes, and of predictions with advancing the clock to them.
     pub latency_us: Latencies,
     /// Events taken, divided by the time in pushes and predictions.
     pub events_per_s: Option<f64>,
-    /// Stream time of the accepted events divided by the time in pushes and predictions: from 1 on
-    /// the network keeps up with the recording in the mean.
+    /// Stream time divided by that time: from 1 on the network keeps up in the mean.
     pub real_time: Option<f64>,
-    /// Predictions with a value outside the range of the training; `None` if the weights state no
-    /// range.
+    /// Predictions with a value outside the range of the training, if the weights state it.
     pub outside_training: Option<u64>,
-    /// Counts of computed and skipped values.
     pub skips: WorkCounts,
-    /// Unintended losses of input.
     pub warnings: Vec<LossWarning>,
     /// The approximations; `None` if results are exact.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub approximations: Option<ApproximationReport>,
-    /// The part of a truncated recording that was kept.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub salvaged: Option<Salvaged>,
 }
@@ -99,30 +92,25 @@ pub struct EventSummary {
 /// The summary of a network over frames.
 #[derive(Debug, Serialize)]
 #[non_exhaustive]
+#[expect(missing_docs, reason = "the keys of the JSON report")]
 pub struct FrameSummary {
     /// Counts of the input.
     #[serde(flatten)]
     pub input: InputCounts,
-    /// Unintended losses of input.
     pub warnings: Vec<LossWarning>,
-    /// Frames pushed.
     pub frames: u64,
-    /// Predictions read.
     pub predictions: u64,
-    /// Times of making a frame (for each event, reading or picture), of pushes, of predictions and,
-    /// over electrodes, from a reading to the decision after it.
+    /// Times of making a frame, of pushes, of predictions, and of decisions over electrodes.
     pub latency_us: Latencies,
     /// Frames divided by the time for making them, pushing them and predicting.
     pub frames_per_s: Option<f64>,
     /// Stream time of the input divided by the same time: from 1 on the network keeps up with the
     /// recording in the mean; `None` for pictures, which have no time.
     pub real_time: Option<f64>,
-    /// Predictions with a value outside the range of the training; `None` if the weights state no
-    /// range.
+    /// Predictions with a value outside the range of the training, if the weights state it.
     pub outside_training: Option<u64>,
     /// Sums over all layers.
     pub pixels: Pixels,
-    /// Each layer.
     pub layers: Vec<LayerPixels>,
 }
 
@@ -145,15 +133,13 @@ pub enum InputCounts {
 /// Counts of the events that frames are made of.
 #[derive(Debug, Serialize)]
 #[non_exhaustive]
+#[expect(missing_docs, reason = "the keys of the JSON report")]
 pub struct EventCounts {
-    /// The part of a truncated recording that was kept.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub salvaged: Option<Salvaged>,
-    /// Events taken.
     pub events: u64,
     /// Lines of a text that could not be read; they do not count as events.
     pub lines_refused: u64,
-    /// Accepted events.
     pub accepted: u64,
     /// The other events, by reason.
     pub dropped: BTreeMap<&'static str, u64>,
@@ -193,16 +179,15 @@ pub struct ElectrodeCounts {
     pub times_repeated: u64,
     /// Readings of a window.
     pub steps: usize,
-    /// Number of times that a decision was made or changed; `None` if the values are not logits of
-    /// classes.
+    /// How often a decision was made or changed, if values are logits of classes.
     pub decisions: Option<u64>,
 }
 
 /// Counts of pixels.
 #[derive(Clone, Copy, Debug, Default, Serialize)]
 #[non_exhaustive]
+#[expect(missing_docs, reason = "the keys of the JSON report")]
 pub struct Pixels {
-    /// Computed.
     pub computed: u64,
     /// Kept because their inputs had not changed.
     pub skipped: u64,
@@ -213,10 +198,9 @@ pub struct Pixels {
 /// Counts of the pixels of a layer.
 #[derive(Debug, Serialize)]
 #[non_exhaustive]
+#[expect(missing_docs, reason = "the keys of the JSON report")]
 pub struct LayerPixels {
-    /// Name of the layer.
     pub name: String,
-    /// Its pixels.
     #[serde(flatten)]
     pub pixels: Pixels,
 }

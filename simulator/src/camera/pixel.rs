@@ -44,7 +44,6 @@ impl Cause {
     }
 }
 
-/// A pixel fires.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Firing {
     /// Time of the stamp, not rounded.
@@ -75,8 +74,7 @@ pub(super) struct Pixel {
     random: Random,
 }
 
-/// The parameters of a pixel that depend on its light, for a time in which the logarithm of the
-/// light is a line.
+/// Parameters of a pixel while the logarithm of its light is a line.
 #[derive(Clone, Copy)]
 struct Segment {
     end: f64,
@@ -87,8 +85,7 @@ struct Segment {
     shot: f64,
 }
 
-/// `constant + slope x + transient exp(-x / tau)`: the difference between level and reference from
-/// a time on.
+/// `constant + slope x + transient exp(-x / tau)`: level less reference from a time on.
 #[derive(Clone, Copy)]
 struct Difference {
     constant: f64,
@@ -153,8 +150,7 @@ impl Pixel {
         self.due(self.segment(settings, target, end))
     }
 
-    /// The light goes from where it is to `target` at `end`. Bandwidth and noise follow the
-    /// geometric mean of the light.
+    /// The light goes to `target` at `end`. Bandwidth and noise follow its geometric mean.
     fn segment(&self, settings: &CameraSettings, target: f64, end: f64) -> Segment {
         let lux = exp(0.5 * (self.target + target));
         let duration = end - self.time;
@@ -254,8 +250,7 @@ impl Difference {
         self.constant + self.slope * x + decayed(self.transient, x, self.tau)
     }
 
-    /// When the difference first reaches `on` or `-off` until `horizon`, and whether it is `on`. It
-    /// is between them at 0.
+    /// When it first reaches `on` or `-off` until `horizon`, from between them; whether `on`.
     fn first_crossing(&self, on: f64, off: f64, horizon: f64) -> Option<(f64, bool)> {
         let mut from = 0.0;
         for to in [self.extremum().min(horizon), horizon] {

@@ -10,88 +10,64 @@ use super::Grid;
 /// A rigid body, by the height of its underside. Lengths are in millimetres, angles in radians.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
+#[expect(missing_docs, reason = "the shapes explain the fields")]
 pub enum Indenter {
-    /// A ball.
     Ball {
-        /// Its radius.
         radius_mm: f64,
     },
     /// A cylinder that lies along x.
     Cylinder {
-        /// Its radius.
         radius_mm: f64,
-        /// Its length.
         length_mm: f64,
     },
     /// The flat end of a rod.
     Punch {
-        /// Its radius.
         radius_mm: f64,
     },
-    /// The flat end of a tube.
+    /// The flat end of a tube with a hole of radius `hole_mm`.
     Ring {
-        /// Its radius.
         radius_mm: f64,
-        /// Radius of its hole.
         hole_mm: f64,
     },
-    /// A face of a cuboid.
+    /// A face of a cuboid: `width_mm` along x, `length_mm` along y.
     Block {
-        /// Its side along x.
         width_mm: f64,
-        /// Its side along y.
         length_mm: f64,
     },
-    /// A cone on its tip.
+    /// A cone on its tip; the angle is that between its axis and its side.
     Cone {
-        /// Angle between its axis and its side.
         half_angle: f64,
     },
-    /// A wedge on its edge, which lies along x.
+    /// A wedge on its edge, which lies along x; the angle is that between its middle and a side.
     Edge {
-        /// Angle between its middle plane and each side.
         half_angle: f64,
-        /// Its length.
         length_mm: f64,
     },
-    /// A square of balls.
+    /// A square of `side` x `side` balls, so far from one middle to the next.
     Dots {
-        /// Radius of a ball.
         radius_mm: f64,
-        /// Distance between neighbours.
         spacing_mm: f64,
-        /// Balls a side.
         side: u8,
     },
-    /// A capital letter in relief: one of [`LETTERS`]. Others are a block.
+    /// A capital letter in relief, one of [`LETTERS`], of this height; others are a block.
     Letter {
-        /// The letter.
         letter: char,
-        /// Its height on the page.
         size_mm: f64,
     },
-    /// A rounded body with waves, determined by a seed.
+    /// A rounded body with waves, drawn from a seed, of this radius of curvature without them.
     Irregular {
-        /// The seed.
         seed: u64,
-        /// Its radius of curvature without the waves.
         radius_mm: f64,
     },
-    /// A flat end whose outline is a polygon with corners at drawn distances from its middle,
-    /// determined by a seed.
+    /// A flat polygon, whose corners are drawn from a seed within a radius.
     Polygon {
-        /// The seed.
         seed: u64,
-        /// Greatest distance of a corner.
         radius_mm: f64,
     },
-    /// A round wire bent to an arc, on its side.
+    /// A round wire on its side, bent to an arc of radius `bend_mm`, at most a full turn.
     Wire {
-        /// Radius of the wire.
         radius_mm: f64,
-        /// Radius of the arc.
         bend_mm: f64,
-        /// Angle of the arc, at most a full turn.
         arc: f64,
     },
 }
@@ -99,8 +75,7 @@ pub enum Indenter {
 /// The letters that [`Indenter::Letter`] knows.
 pub const LETTERS: &str = "ACEFHKLOTUXZ";
 
-/// Strokes of [`LETTERS`] on 5 x 7 squares: a row a number, from the top, the leftmost square in
-/// its highest bit.
+/// Strokes of [`LETTERS`] on 5 x 7 squares: a row a number, the leftmost in its highest bit.
 const STROKES: [[u8; 7]; 12] = [
     [0b01110, 0b10001, 0b10001, 0b11111, 0b10001, 0b10001, 0b10001],
     [0b01111, 0b10000, 0b10000, 0b10000, 0b10000, 0b10000, 0b01111],
@@ -121,8 +96,7 @@ const RELIEF_MM: f64 = 1.5;
 const WAVES: usize = 6;
 
 impl Indenter {
-    /// The height of the underside at a place from the body's middle, about 0 at its lowest;
-    /// infinite where there is no body.
+    /// The height of the underside at a place, about 0 at its lowest; infinite beside the body.
     pub fn height(&self, x: f64, y: f64) -> f64 {
         let flat = |is_there: bool| if is_there { 0.0 } else { f64::INFINITY };
         match *self {
@@ -180,8 +154,7 @@ impl Indenter {
                         [away * cos(angle), away * sin(angle)]
                     })
                     .collect();
-                // The middle sees every corner, so that a place is inside where it is on the inner
-                // side of the side that it faces.
+                // The middle sees every corner: inside is the inner side of what is faced.
                 let left_of = |[ax, ay]: [f64; 2], [bx, by]: [f64; 2]| ax * by - ay * bx >= 0.0;
                 let is_inside = (0..corners.len()).any(|i| {
                     let (a, b) = (corners[i], corners[(i + 1) % corners.len()]);
@@ -224,8 +197,7 @@ impl Placed {
         Self { indenter, at_mm: [0.0; 2], turn: 0.0, tilts: [0.0; 2] }
     }
 
-    /// The height of the underside at a place of the gel, before the lowest point of a grid becomes
-    /// 0.
+    /// The height of the underside at a place of the gel, not yet from its lowest point.
     pub(crate) fn height(&self, x: f64, y: f64) -> f64 {
         let (cosine, sine) = (cos(self.turn), sin(self.turn));
         let [slope_x, slope_y] = self.tilts.map(tan);
@@ -234,8 +206,7 @@ impl Placed {
         self.indenter.height(own_x, own_y) + slope_x * x + slope_y * y
     }
 
-    /// The heights above the lowest point over each pixel, row by row, in millimetres. Of steep
-    /// sides, the middle of a pixel counts. O(pixels).
+    /// The heights above the lowest point at the middle of each pixel. O(pixels).
     pub fn heights(&self, grid: &Grid) -> Vec<f64> {
         let mut heights = grid.heights(|x, y| self.height(x, y));
         let lowest = heights.iter().copied().fold(f64::INFINITY, f64::min);

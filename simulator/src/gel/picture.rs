@@ -9,33 +9,30 @@
 //!
 //! Left out: light that the surface reflects onto itself.
 
-use libm::{ceil, exp, hypot, pow, sqrt};
+use libm::{ceil, exp, hypot, log, pow, sqrt};
 use meissner_kernels::random::Random;
 
 use crate::camera::normal_pair;
-use crate::error::SimulatorError;
-use crate::gel::Grid;
+use crate::error::{Result, SimulatorError};
+use crate::gel::{Gel, Grid};
 
 /// A light beside a gel.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Light {
-    /// Its place in widths of the picture: columns from the left border, rows from the upper one,
-    /// and towards the camera.
+    /// Its column and row from the upper left corner, and height, in widths of the picture.
     pub place: [f64; 3],
     /// Its red, green and blue at a distance of one width.
     pub colour: [f64; 3],
 }
 
-/// The lights and the camera of a sensor. The default is fitted to pictures of a real one
-/// (`models/train/area/lights.py`).
+/// Lights and camera of a sensor, fitted to a real one (`models/train/area/lights.py`).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct GelCamera {
     /// The lights.
     pub lights: [Light; 3],
     /// How wide they are, as a cosine.
     pub wide: f64,
-    /// The share of a light that its cast shadow takes away. It is 0 in the default: any other made
-    /// the fit worse.
+    /// The share of a light that a cast shadow takes; any but 0 made the fit worse.
     pub shadow: f64,
     /// Red, green and blue of light that comes from everywhere.
     pub even: [f64; 3],
@@ -80,7 +77,7 @@ impl GelCamera {
         displacement_mm: &[f64],
         size: [usize; 2],
         mut random: Option<&mut Random>,
-    ) -> Result<Vec<[f32; 3]>, SimulatorError> {
+    ) -> Result<Vec<[f32; 3]>> {
         let (expected, found) = (surface.pixels(), displacement_mm.len());
         if found != expected {
             return Err(SimulatorError::Pixels { expected, found });
@@ -141,8 +138,7 @@ impl GelCamera {
         light.map(|light| 255.0 * pow(share * light, 1.0 / self.gamma))
     }
 
-    /// The share of a light, `to` widths away, that the surface does not hide from a place,
-    /// relative to that of a flat surface. O(log(pixels of a side)).
+    /// The share of a light, `to` widths away, that the surface does not hide. O(log side).
     fn seen(&self, surface: &Surface<'_>, [column, row]: [f64; 2], to: [f64; 3]) -> f64 {
         let Grid { width, height, pitch_mm } = *surface.grid;
         let away = hypot(to[0], to[1]);
@@ -177,8 +173,7 @@ struct Surface<'a> {
     slopes: &'a [[f64; 2]],
 }
 
-/// The slopes of the surface along columns and rows: half the difference of the neighbours, at a
-/// border that of the pixel and its neighbour.
+/// The slopes along columns and rows: half the difference of the neighbours within.
 fn slopes(grid: &Grid, displacement_mm: &[f64], column: usize, row: usize) -> [f64; 2] {
     let at = |column: usize, row: usize| displacement_mm[row * grid.width + column];
     let slope = |index: usize, count: usize, at: &dyn Fn(usize) -> f64| {
@@ -192,14 +187,12 @@ fn slopes(grid: &Grid, displacement_mm: &[f64], column: usize, row: usize) -> [f
     [slope(column, grid.width, &|column| at(column, row)), slope(row, grid.height, &|row| at(column, row))]
 }
 
-/// Standard deviations of the drift of the light between the picture at rest and those of a press,
-/// in grey levels, for each term of a quadratic in the place from -1 to 1: those of the 20 real
-/// pictures that the lights are fitted to, away from their contacts, with equal values for terms of
-/// equal degree.
+/// Standard deviations of the drift of the light from the picture at rest, in grey levels, for each
+/// term of a quadratic in the place from -1 to 1: those of the 20 real pictures that the lights are
+/// fitted to, away from contacts, equal for terms of equal degree.
 const DRIFT: [f64; 6] = [12.0, 12.0, 12.0, 7.0, 7.0, 7.0];
 
-/// How the light of a sensor has changed since its picture at rest: a quadratic in the place, for
-/// each colour, in grey levels.
+/// How the light has changed since the picture at rest: a quadratic for each colour.
 #[derive(Clone, Copy, Debug)]
 pub struct Drift([[f64; 3]; 6]);
 
@@ -216,8 +209,7 @@ impl Drift {
     }
 }
 
-/// The bytes of a picture of this width and height, from its grey levels, in a light that has
-/// drifted: red, green and blue of each pixel, row by row.
+/// The bytes of a picture of this size in a drifted light: red, green, blue, row by row.
 pub fn picture_bytes(levels: &[[f32; 3]], size: [usize; 2], drift: Option<&Drift>) -> Vec<u8> {
     let [width, height] = size.map(|side| side as f64);
     let pixels = levels.iter().enumerate().flat_map(|(pixel, level)| {
@@ -235,13 +227,11 @@ fn normal(random: &mut Random) -> f64 {
     (0..12).map(|_| random.uniform()).sum::<f64>() - 6.0
 }
 
-/// How a lens changes a picture. The default changes nothing. Distances `r` are from the middle of
-/// the picture, in half widths.
+/// How a lens changes a picture. Distances `r` are from its middle, in half widths.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Lens {
     /// Radial distortion k: a pixel at `r` shows the surface at `r (1 + k r^2)` (Brown 1966,
-    /// "Decentering distortion of lenses", first radial term). Above 0 straight lines bulge
-    /// inwards, as a barrel does not.
+    /// "Decentering distortion of lenses"). Above 0 straight lines bulge inwards.
     pub distortion: f64,
     /// Share of the light that is missing at `r = 1`; it grows with `r^2`.
     pub vignetting: f64,
@@ -250,8 +240,7 @@ pub struct Lens {
 }
 
 impl Lens {
-    /// The place on the surface (column, row) that pixel number `i` of a picture of this size
-    /// shows, and the share of the light that passes.
+    /// The place (column, row) that pixel `i` of a picture shows, and the share of its light.
     pub(super) fn pixel(&self, surface: &Grid, size: [usize; 2], i: usize) -> ([f64; 2], f64) {
         let [x, y] = offset(size, i);
         let squared = x * x + y * y;
@@ -280,8 +269,7 @@ impl Lens {
         (0..size[0] * size[1]).map(force).collect()
     }
 
-    /// Blurs grey levels along rows, then along columns, by a Gaussian that is cut at three
-    /// deviations. O(pixels x blur).
+    /// Blurs along rows, then columns, by a Gaussian cut at three deviations. O(pixels x blur).
     pub(super) fn blur(&self, size: [usize; 2], levels: &mut [[f64; 3]]) {
         let deviation = self.blur * size[0] as f64;
         if deviation <= 0.0 {
@@ -312,4 +300,86 @@ impl Lens {
 fn offset([width, height]: [usize; 2], i: usize) -> [f64; 2] {
     let from_middle = |index: usize, count: usize| (2 * index) as f64 - (count - 1) as f64;
     [from_middle(i % width, width), from_middle(i / width, height)].map(|twice| twice / width as f64)
+}
+
+/// A gel with its camera. The default has the lights that are fitted to pictures of a real sensor,
+/// turned to pictures that are wider than high.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct GelSensor {
+    /// The gel.
+    pub gel: Gel,
+    /// Lights and camera.
+    pub camera: GelCamera,
+    /// Width of the surface that the picture shows, in millimetres.
+    pub width_mm: f64,
+}
+
+impl Default for GelSensor {
+    fn default() -> Self {
+        // The fitted pictures have 120 columns and 160 rows.
+        let camera = GelCamera { lens: Lens { blur: 0.002, ..Lens::default() }, ..GelCamera::default() };
+        Self { gel: Gel::default(), camera: camera.turned(120.0 / 160.0), width_mm: 19.2 }
+    }
+}
+
+impl GelSensor {
+    /// A second sensor of the same kind: a stiffer and thinner gel, lights of other strength at
+    /// other places, a lens that bends and darkens, shadows, another scale. Each differs from the
+    /// default by about as much as [`Self::drawn`] spreads it.
+    pub fn second() -> Self {
+        let mut sensor = Self::default();
+        sensor.gel.modulus_mpa *= 1.12;
+        sensor.gel.thickness_mm *= 0.9;
+        sensor.width_mm *= 0.93;
+        let camera = &mut sensor.camera;
+        let strengths = [1.25, 0.8, 1.15];
+        let moves = [[0.35, -0.3], [-0.3, -0.35], [0.3, 0.35]];
+        for ((light, strength), [x, y]) in camera.lights.iter_mut().zip(strengths).zip(moves) {
+            light.colour = light.colour.map(|colour| colour * strength);
+            light.place[0] += x;
+            light.place[1] += y;
+            light.place[2] *= 1.15;
+        }
+        camera.shadow = 0.25;
+        camera.lens = Lens { distortion: 0.04, vignetting: 0.15, blur: 0.003 };
+        camera.noise = 2.2;
+        sensor
+    }
+
+    /// A sensor of the same kind whose properties are spread about the default's.
+    ///
+    /// Normal, of the logarithm: modulus 0.12, thickness 0.1, width 0.07, the strength of each
+    /// light 0.2, its height 0.15. Normal: the place of each light 0.3 widths. Uniform: shadow 0 to
+    /// 0.5, distortion -0.06 to 0.06, vignetting 0 to 0.2, blur 0.001 to 0.004 widths, noise 1 to 3
+    /// grey levels.
+    pub fn drawn(random: &mut Random) -> Self {
+        let mut sensor = Self::default();
+        let spread = |value: f64, random: &mut Random, deviation: f64| {
+            exp(log(value) + deviation * normal_pair(random)[0])
+        };
+        let Gel { modulus_mpa, thickness_mm, .. } = sensor.gel;
+        sensor.gel.modulus_mpa = spread(modulus_mpa, random, 0.12);
+        sensor.gel.thickness_mm = spread(thickness_mm, random, 0.1);
+        sensor.width_mm = spread(sensor.width_mm, random, 0.07);
+        let camera = &mut sensor.camera;
+        for light in &mut camera.lights {
+            let strength = spread(1.0, random, 0.2);
+            light.colour = light.colour.map(|colour| colour * strength);
+            let [x, y] = normal_pair(random);
+            light.place[0] += 0.3 * x;
+            light.place[1] += 0.3 * y;
+            light.place[2] = spread(light.place[2], random, 0.15);
+        }
+        let mut between = |low: f64, high: f64| low + random.uniform() * (high - low);
+        camera.shadow = between(0.0, 0.5);
+        let (distortion, vignetting) = (between(-0.06, 0.06), between(0.0, 0.2));
+        camera.lens = Lens { distortion, vignetting, blur: between(0.001, 0.004) };
+        camera.noise = between(1.0, 3.0);
+        sensor
+    }
+
+    /// The pixels of a picture of this size.
+    pub fn grid(&self, width: usize, height: usize) -> Grid {
+        Grid { width, height, pitch_mm: self.width_mm / width as f64 }
+    }
 }

@@ -1,10 +1,10 @@
 //! How a gel answers pressure: how far its surface moves under a uniform pressure on one pixel, the
 //! convolution with that kernel, and the slow part of the answer.
 //!
-//! | gel | displacement | source |
-//! |---|---|---|
-//! | half-space | in closed form | Love 1929; Johnson 1985, "Contact Mechanics", Eq. 3.25 |
-//! | layer of thickness H bonded to a plate | that, and `(1 - nu^2) / (pi E H) * integral of (S(w) - 1) J0(w r / H) dw` times the area of the pixel | transfer function S: Bentall and Johnson 1968, "An elastic strip in plane rolling contact", section 2 |
+//! A half-space moves as Love 1929 has it (Johnson 1985, "Contact Mechanics", Eq. 3.25). A layer of
+//! thickness H bonded to a plate adds `(1 - nu^2) / (pi E H) * integral of (S(w) - 1) J0(w r / H) dw`
+//! times the area of the pixel, with the transfer function S of Bentall and Johnson 1968, "An elastic
+//! strip in plane rolling contact", section 2.
 //!
 //! `S(w) = ((3 - 4 nu) sinh 2w - 2w) / ((3 - 4 nu) cosh 2w + 2 w^2 + 5 - 12 nu + 8 nu^2)`: 1 for
 //! short waves, which do not reach the plate. The difference from the half-space is smooth, so that
@@ -18,7 +18,73 @@ use libm::{asinh, cosh, expm1, fabs, j0, sinh, sqrt};
 use rustfft::num_complex::Complex;
 use rustfft::{Fft, FftPlannerScalar};
 
-use crate::gel::{Gel, Grid};
+/// Material and thickness of a gel. The default is a soft silicone of 4 mm.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Gel {
+    /// Young's modulus, in megapascals.
+    pub modulus_mpa: f64,
+    /// Poisson's ratio, from 0 to 0.5.
+    pub poisson: f64,
+    /// Thickness above the plate that it is bonded to, in millimetres; infinite: a half-space.
+    pub thickness_mm: f64,
+    /// Friction coefficient between gel and indenter.
+    pub friction: f64,
+}
+
+impl Default for Gel {
+    fn default() -> Self {
+        Self { modulus_mpa: 0.15, poisson: 0.48, thickness_mm: 4.0, friction: 0.8 }
+    }
+}
+
+/// Pixels of the gel's surface.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Grid {
+    /// Columns.
+    pub width: usize,
+    /// Rows.
+    pub height: usize,
+    /// Distance between neighbours, in millimetres.
+    pub pitch_mm: f64,
+}
+
+impl Grid {
+    /// Number of pixels.
+    pub fn pixels(&self) -> usize {
+        self.width * self.height
+    }
+
+    /// The place of the pixel in this column and row from the middle of the grid, in millimetres.
+    pub fn place(&self, column: usize, row: usize) -> (f64, f64) {
+        let from_middle =
+            |index: usize, count: usize| (index as f64 - (count - 1) as f64 / 2.0) * self.pitch_mm;
+        (from_middle(column, self.width), from_middle(row, self.height))
+    }
+
+    /// The value at a place (column, row), bilinear from those `at` pixels; outside, the border's.
+    pub fn between(&self, [column, row]: [f64; 2], at: impl Fn(usize) -> f64) -> f64 {
+        let split = |place: f64, count: usize| {
+            let place = place.clamp(0.0, (count - 1) as f64);
+            let before = (place as usize).min(count.saturating_sub(2));
+            (before, (before + 1).min(count - 1), place - before as f64)
+        };
+        let (left, right, along) = split(column, self.width);
+        let (above, below, down) = split(row, self.height);
+        let in_row = |row: usize| {
+            let (left, right) = (at(row * self.width + left), at(row * self.width + right));
+            left + along * (right - left)
+        };
+        let (above, below) = (in_row(above), in_row(below));
+        above + down * (below - above)
+    }
+
+    /// The heights of an indenter, row by row, from its height at a place in millimetres.
+    pub fn heights(&self, height: impl Fn(f64, f64) -> f64) -> Vec<f64> {
+        let pixels =
+            (0..self.height).flat_map(|row| (0..self.width).map(move |column| self.place(column, row)));
+        pixels.map(|(x, y)| height(x, y)).collect()
+    }
+}
 
 /// A kernel, and the plans of the transforms of `2 width` x `2 height` values.
 #[derive(Clone)]
@@ -173,8 +239,7 @@ fn transfer(nu: f64, w: f64) -> f64 {
     above / below
 }
 
-/// The pressure of a gel of which a share of the stiffness relaxes, from the pressures of the
-/// elastic one.
+/// The pressure of a gel of which a share of the stiffness relaxes, from elastic pressures.
 ///
 /// `p(t) = (1 - share) e(t) + share * integral of exp(-(t - s) / time) de(s)`, with the elastic
 /// pressure `e` linear between two steps (Fung 1981, "Biomechanics", section 7.6: quasi-linear
@@ -191,8 +256,7 @@ pub struct Relaxation {
 }
 
 impl Relaxation {
-    /// A gel at rest of `pixels` pixels, of which `share` (0 to 1) relaxes with the time constant
-    /// `time_s` in seconds, above 0.
+    /// A gel at rest, of which `share` (0 to 1) relaxes with the time constant `time_s` above 0.
     pub fn new(pixels: usize, share: f64, time_s: f64) -> Self {
         Self { share, time_s, elastic: vec![0.0; pixels], memory: vec![0.0; pixels] }
     }

@@ -1,5 +1,4 @@
-//! The contact of a bolt with a pad along time: pressures at any depth from a table, and their
-//! relaxation.
+//! The contact of a bolt with a pad along time: tabled pressures, and their relaxation.
 //!
 //! Contacts are solved at [`DEPTHS`] depths. Between them a field is linear in depth that is the
 //! pressure where the bolt touches, and less than 0 in proportion to the gap elsewhere: the edge of
@@ -7,16 +6,14 @@
 
 use meissner_engine::Sensor;
 
-use crate::SimulatorError;
+use crate::Result;
 use crate::gel::{GelSolver, Grid, Load, Placed, Relaxation};
 
 /// Depths of the table, with 0.
 const DEPTHS: usize = 12;
-/// What of the gap counts as negative pressure, in megapascals a millimetre. It shapes the edge
-/// between two depths, and nothing at them.
+/// What of the gap counts as negative pressure, in MPa/mm: it shapes the edge between depths.
 const PULL_MPA_PER_MM: f64 = 0.05;
-/// The elastic force that a table reaches, times the force that a grasp asks for: what relaxes
-/// takes at most the rest.
+/// The elastic force of a table as a multiple of a grasp's: what relaxes takes the rest.
 const SPARE: f64 = 1.4;
 /// Halvings of the interval of a depth.
 const HALVINGS: usize = 40;
@@ -37,17 +34,11 @@ pub struct PressedPad {
 }
 
 impl PressedPad {
-    /// The pad under `bolt`, for forces up to `force_n`; `relaxes` has the share and the time
-    /// constant in seconds.
+    /// The pad under `bolt`, for forces up to `force_n`; `relaxes`: share, seconds.
     ///
     /// # Errors
     /// As [`GelSolver::press`].
-    pub fn new(
-        solver: &mut GelSolver,
-        bolt: &Placed,
-        relaxes: (f64, f64),
-        force_n: f64,
-    ) -> Result<Self, SimulatorError> {
+    pub fn new(solver: &mut GelSolver, bolt: &Placed, relaxes: (f64, f64), force_n: f64) -> Result<Self> {
         let heights = bolt.heights(&PAD);
         let deepest = solver.press(&heights, Load::Force(SPARE * force_n))?.depth_mm;
         let lowest_mm = PAD.heights(|x, y| bolt.height(x, y)).into_iter().fold(f64::INFINITY, f64::min);
@@ -79,8 +70,7 @@ impl PressedPad {
         Ok(made)
     }
 
-    /// The height of the bolt's lowest point above the pad, as its shape and place give it, in
-    /// millimetres.
+    /// The height of the bolt's lowest point above the pad, in millimetres.
     pub fn lowest_mm(&self) -> f64 {
         self.lowest_mm
     }
@@ -98,8 +88,7 @@ impl PressedPad {
         if depth_mm > 0.0 { sum * PAD.pitch_mm * PAD.pitch_mm } else { 0.0 }
     }
 
-    /// The greatest depth of a loading that ends with `force_n`: `depths` has its depths at every
-    /// step of [`STEP_US`] for a greatest one.
+    /// The greatest depth of a loading to `force_n`, whose `depths` at each step it gives.
     pub fn depth_of<I: Iterator<Item = f64>>(&self, force_n: f64, depths: impl Fn(f64) -> I) -> f64 {
         let (mut low, mut high) = (0.0, self.deepest_mm());
         // While every pixel is loaded, the sum relaxes as each of them does.
@@ -120,8 +109,7 @@ impl PressedPad {
         0.5 * (low + high)
     }
 
-    /// Moves the bolt to a depth, `seconds` after the last one; below 0 it does not touch.
-    /// O(pixels).
+    /// Moves the bolt to a depth `seconds` later; below 0 it does not touch. O(pixels).
     pub fn press_to(&mut self, depth_mm: f64, seconds: f64) {
         let (below, share) = self.split(depth_mm);
         let touches = depth_mm > 0.0;
@@ -157,8 +145,7 @@ impl PressedPad {
         pixels as f64 * PAD.pitch_mm * PAD.pitch_mm
     }
 
-    /// The entry of the table below a depth, and the share of the way to the next one; beyond the
-    /// table the last two count.
+    /// The entry of the table below a depth, and the share of the way to the next.
     fn split(&self, depth_mm: f64) -> (usize, f64) {
         let above = self.depths_mm.partition_point(|&known| known <= depth_mm).clamp(1, DEPTHS - 1);
         let [low, high] = [self.depths_mm[above - 1], self.depths_mm[above]];
@@ -175,6 +162,5 @@ pub const PAD: Grid = Grid { width: 48, height: 48, pitch_mm: 0.4 };
 pub const SENSOR: Sensor = Sensor { width: 115, height: 115 };
 /// Length of a recording: 41 frames of 10 ms.
 pub const DURATION_US: i64 = 410_000;
-/// Time from one picture and one label to the next. An edge of a contact moves by at most half a
-/// pixel in it.
+/// Time from one picture and label to the next, in which an edge moves half a pixel at most.
 pub const STEP_US: i64 = 2_000;

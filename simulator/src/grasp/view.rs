@@ -1,5 +1,4 @@
-//! What the camera inside a finger sees through the transparent pad: a bolt that comes near, and
-//! the contact.
+//! What the camera inside a finger sees through the pad: a bolt that comes near, the contact.
 //!
 //! The light of a pixel, as a share of a white surface's, is
 //!
@@ -18,9 +17,8 @@
 //! the pad, which turns away from the camera where its slope rises (the lobe of Beckmann and
 //! Spizzichino 1963).
 //!
-//! Left out: refraction at a bent surface, light from one part of the pad onto another, shadows,
-//! and the lens apart from its blur. No constant was fitted to a real sensor: contrasts, light and
-//! scratches are drawn over ranges instead.
+//! Left out: refraction, light from one part of the pad onto another, shadows. No constant was
+//! fitted to a real sensor: contrasts, light and scratches are drawn over ranges.
 
 use std::f64::consts::TAU;
 
@@ -59,8 +57,7 @@ pub struct Look {
     pub scratches: (f64, [f64; 3]),
 }
 
-/// The view of a bolt. Its axis and its end are those of a cylinder; of other indenters nothing is
-/// seen but the contact.
+/// The view of a bolt, a cylinder; of other indenters only the contact is seen.
 pub(super) struct View<'a> {
     bolt: &'a Placed,
     look: &'a Look,
@@ -82,8 +79,7 @@ impl<'a> View<'a> {
         Self { bolt, look, lowest_mm, radius_mm, half_mm, turn, slopes: bolt.tilts.map(tan) }
     }
 
-    /// Draws the picture row by row, with the bolt at a depth and moved by `place_mm`; the contact
-    /// moves with it. O(pixels).
+    /// Draws the picture with the bolt and its contact moved by `place_mm`. O(pixels).
     pub(super) fn draw(&self, pad: &PressedPad, depth_mm: f64, place_mm: [f64; 2], picture: &mut [f32]) {
         let contact: Vec<f64> = pad
             .pressure_mpa()
@@ -103,8 +99,7 @@ impl<'a> View<'a> {
         }
     }
 
-    /// What is seen through a pad that is not touched, and the brightness of the metal itself; that
-    /// is 0 beside the bolt.
+    /// What is seen through an untouched pad, and the metal's brightness; 0 beside it.
     fn behind(&self, (x, y): (f64, f64), depth_mm: f64, displacement_mm: f64, blur_mm: f64) -> (f64, f64) {
         let Look { metal, ground, scratches: (contrast, phases), .. } = *self.look;
         let (x, y) = (x - self.bolt.at_mm[0], y - self.bolt.at_mm[1]);

@@ -1,17 +1,15 @@
 //! A ball on a gel under a camera, which a controller moves.
 //!
-//! Enters: motions of the ball. Leaves: pictures, and what is true. Equal motions and an equal seed
-//! give equal pictures.
+//! Enters: motions of the ball. Leaves: pictures, and what is true; equal for an equal seed.
 
 use meissner_kernels::random::Random;
 
-use crate::error::SimulatorError;
+use crate::error::Result;
 use crate::gel::{
     Contact, Drift, GelSensor, GelSolver, Grid, Indenter, Load, MAX_DEPTH_SHARE, Placed, picture_bytes,
 };
 
-/// Pixels of the picture for each one of the grid that contacts are solved on, along a side: a ball
-/// is smooth.
+/// Pixels of the picture for each one of the grid of contacts, along a side: a ball is smooth.
 const COARSENESS: usize = 4;
 /// The ball stays within this share of the surface around its middle, along each side.
 const WITHIN: f64 = 0.6;
@@ -21,8 +19,7 @@ const WITHIN: f64 = 0.6;
 pub struct BallContact {
     /// The force in newtons.
     pub force_n: f64,
-    /// The middle of the contact from the middle of the picture, in millimetres; `None` without
-    /// contact.
+    /// The contact's middle from that of the picture, in millimetres; `None` without contact.
     pub middle_mm: Option<[f64; 2]>,
 }
 
@@ -41,17 +38,11 @@ pub struct BallOnGel {
 }
 
 impl BallOnGel {
-    /// A ball of radius `ball_mm` that touches the sensor in its middle, and the sensor's picture
-    /// at rest, of this width and height.
+    /// A ball of radius `ball_mm` that touches the sensor's middle, and the picture at rest.
     ///
     /// # Errors
     /// As [`GelSolver::new`].
-    pub fn new(
-        sensor: &GelSensor,
-        ball_mm: f64,
-        size: [usize; 2],
-        seed: u64,
-    ) -> Result<(Self, Vec<u8>), SimulatorError> {
+    pub fn new(sensor: &GelSensor, ball_mm: f64, size: [usize; 2], seed: u64) -> Result<(Self, Vec<u8>)> {
         let grid = grid(sensor, size);
         let mut random = Random::new(seed);
         let drift = Drift::drawn(&mut random);
@@ -62,12 +53,11 @@ impl BallOnGel {
         Ok((plant, picture_bytes(&at_rest, size, None)))
     }
 
-    /// Moves the ball, as far as the surface and its greatest depth allow. Returns how far it went
-    /// in millimetres: deeper, then along x and y.
+    /// Moves the ball as far as it can go, and returns that: deeper, along x, along y, in mm.
     ///
     /// # Errors
     /// As [`GelSolver::press`].
-    pub fn move_by(&mut self, [deeper_mm, x_mm, y_mm]: [f64; 3]) -> Result<[f64; 3], SimulatorError> {
+    pub fn move_by(&mut self, [deeper_mm, x_mm, y_mm]: [f64; 3]) -> Result<[f64; 3]> {
         let grid = self.solver.grid();
         let deepest_mm = MAX_DEPTH_SHARE * self.sensor.gel.thickness_mm;
         let depth_mm = (self.depth_mm + deeper_mm).clamp(-deepest_mm, deepest_mm);
@@ -97,7 +87,7 @@ impl BallOnGel {
     ///
     /// # Errors
     /// None for a plant that was made.
-    pub fn picture(&mut self) -> Result<Vec<u8>, SimulatorError> {
+    pub fn picture(&mut self) -> Result<Vec<u8>> {
         let grid = self.solver.grid();
         let flat;
         let displacement_mm = if let Some(contact) = &self.contact {
@@ -115,12 +105,7 @@ impl BallOnGel {
 ///
 /// # Errors
 /// As [`GelSolver::press`].
-pub fn ball_depth_mm(
-    sensor: &GelSensor,
-    ball_mm: f64,
-    size: [usize; 2],
-    force_n: f64,
-) -> Result<f64, SimulatorError> {
+pub fn ball_depth_mm(sensor: &GelSensor, ball_mm: f64, size: [usize; 2], force_n: f64) -> Result<f64> {
     let grid = grid(sensor, size);
     let ball = Placed::upright(Indenter::Ball { radius_mm: ball_mm });
     let contact = GelSolver::new(sensor.gel, grid)?.press(&ball.heights(&grid), Load::Force(force_n))?;

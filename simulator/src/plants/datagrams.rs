@@ -4,16 +4,20 @@
 //! its target once in each cycle to the fingertip, which answers to where the newest target came
 //! from, once in each millisecond. Least significant byte first:
 //!
-//! | bytes | target, 24 bytes | | bytes | state, 40 bytes |
-//! |---|---|---|---|---|
-//! | 0-7 | number of the cycle, u64: an older one is ignored | | 0-7 | time in microseconds, i64: the clock of the events |
-//! | 8-15, 16-23 | roll, pitch of the wrist in radians, f64 | | 8-15 | depth in millimetres, f64 |
-//! | | | | 16-23, 24-31 | roll, pitch of the wrist in radians, f64 |
-//! | | | | 32-35 | phase, u32: 0 approach, 1 press, 2 hold, 3 lift, 4 free |
-//! | | | | 36-39 | number of the tap, u32 |
+//! | bytes of a target | value |
+//! |---|---|
+//! | 0-7 | number of the cycle, u64: an older one is ignored |
+//! | 8-15, 16-23 | roll, pitch of the wrist in radians, f64 |
+//!
+//! | bytes of a state | value |
+//! |---|---|
+//! | 0-7 | time in microseconds, i64: the clock of the events |
+//! | 8-15 | depth in millimetres, f64 |
+//! | 16-23, 24-31 | roll, pitch of the wrist in radians, f64 |
+//! | 32-35 | phase, u32: 0 approach, 1 press, 2 hold, 3 lift, 4 free |
+//! | 36-39 | number of the tap, u32 |
 
-use super::Angles;
-use super::tap::Phase;
+use super::{Angles, Phase};
 
 /// Where the wrist should point.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -1,7 +1,6 @@
 //! The simulated fingertip: a soft dome on a wrist that taps a plane, and the events of its camera.
 //!
-//! Enters: time, targets of the wrist. Leaves: events in order of time, and the fingertip's state.
-//! Equal input gives equal events.
+//! Enters: time, targets of the wrist. Leaves: events in order, and the fingertip's state.
 //!
 //! The wrist turns between two contacts only: the model of the dome has no turn of the plane during
 //! a press. What the camera sees in a tap is thus decided when the tap begins, a tenth of a second
@@ -12,14 +11,11 @@ use std::sync::Arc;
 use meissner_engine::{Event, Sensor};
 
 use super::datagrams::FingertipState;
-use super::tap::Surface;
-use super::tap::Wrist;
-use super::tap::{DEPTH_MM, Phase, TAP_US, depth_mm};
 use super::{Angles, tilt};
+use super::{DEPTH_MM, Phase, Surface, TAP_US, Wrist, depth_mm};
 use crate::camera::{Camera, CameraSettings, SimulatedEvent};
-use crate::dome::DomeView;
-use crate::dome::PressTable;
-use crate::error::SimulatorError;
+use crate::dome::{DomeView, PressTable};
+use crate::error::Result;
 use crate::markers::MarkerScene;
 use crate::membrane::{Dome, Vector};
 
@@ -28,8 +24,7 @@ pub const FINGERTIP_SENSOR: Sensor = Sensor { width: 346, height: 260 };
 
 /// Time between two turns of the wrist, in microseconds.
 pub const TICK_US: i64 = 1000;
-/// Time between two images, in microseconds: while markers move, no marker moves more than about a
-/// fifth of a pixel.
+/// Time between two images in microseconds: no marker moves more than a fifth of a pixel.
 const MOVING_US: i64 = 500;
 const RESTING_US: i64 = 10_000;
 
@@ -67,12 +62,11 @@ pub fn presses() -> Arc<PressTable> {
 }
 
 impl Fingertip {
-    /// A fingertip before its first tap, upright on its base. `seed` determines the camera's noise
-    /// and thresholds.
+    /// A fingertip before its first tap. `seed` sets the camera's noise and thresholds.
     ///
     /// # Errors
     /// Never: the camera's settings are in range.
-    pub fn new(table: Arc<PressTable>, surface: Surface, seed: u64) -> Result<Self, SimulatorError> {
+    pub fn new(table: Arc<PressTable>, surface: Surface, seed: u64) -> Result<Self> {
         // Those of the training, which agree with a real stream (docs/simulated-touch.md).
         let scene = MarkerScene::default();
         let mut film = Film {
@@ -107,12 +101,11 @@ impl Fingertip {
         }
     }
 
-    /// Films an image if what it shows is decided and the tap has not been filmed yet; whether it
-    /// did.
+    /// Films an image if what it shows is decided and not yet filmed; whether it did.
     ///
     /// # Errors
     /// Never: images are finite and in order of time.
-    pub fn film_ahead(&mut self) -> Result<bool, SimulatorError> {
+    pub fn film_ahead(&mut self) -> Result<bool> {
         let filmed_us = self.film.filmed_us;
         let decided_us = (self.now_us / TAP_US + 1) * TAP_US;
         let moves = Phase::at(filmed_us).0.moves();
@@ -128,7 +121,7 @@ impl Fingertip {
     ///
     /// # Errors
     /// As [`Self::film_ahead`].
-    pub fn take(&mut self, events: &mut Vec<Event>) -> Result<(), SimulatorError> {
+    pub fn take(&mut self, events: &mut Vec<Event>) -> Result<()> {
         while self.film.filmed_us < self.now_us && self.film_ahead()? {}
         let due = self.film.events.partition_point(|simulated| simulated.event.t_us <= self.now_us);
         events.extend(self.film.events.drain(..due).map(|simulated| simulated.event));
@@ -146,8 +139,7 @@ impl Fingertip {
         }
     }
 
-    /// The angle between the axis of the dome and the normal of the plane, in radians: the error of
-    /// levelling.
+    /// The angle between the dome's axis and the plane's normal, in radians: the error.
     pub fn error(&self) -> f64 {
         tilt(self.away())
     }
@@ -170,7 +162,7 @@ impl Fingertip {
 
 impl Film {
     /// Shows the camera the markers at `t_us`, in a tap on a plane of the angles `contact`.
-    fn look(&mut self, t_us: i64, contact: Angles) -> Result<(), SimulatorError> {
+    fn look(&mut self, t_us: i64, contact: Angles) -> Result<()> {
         let [roll, pitch] = contact;
         // Roll is -tilt sin(azimuth) and pitch tilt cos(azimuth), as in the labels of the training.
         let azimuth = libm::atan2(-roll, pitch);
