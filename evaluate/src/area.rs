@@ -1,9 +1,8 @@
 //! Contact area and normal force from pictures of a gel: the data, and how networks are judged.
 //!
-//! Enters: files of pictures with the force on each pixel or with a circle of contact, and networks
-//! with their trainings. Leaves: a [`Report`] and the maps of force. Each press begins with a
-//! reset; its figures are computed from its pictures in their order, so that the number of threads
-//! changes no bit, except in measured times.
+//! Enters: files of pictures with the force on each pixel or a circle of contact, and networks.
+//! Leaves: a [`Report`] and the maps of force. Each press begins with a reset, so that the number
+//! of threads changes no bit, except in measured times.
 
 pub(crate) mod figures;
 pub(crate) mod pictures;

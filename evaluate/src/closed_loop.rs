@@ -81,12 +81,11 @@ const MAX_MM_PER_S: [f64; 2] = [10.0, 20.0];
 
 /// What is controlled, by which networks, and for how long.
 #[derive(Clone, Copy, Debug)]
+#[expect(missing_docs, reason = "the names say it")]
 pub struct Plan<'a> {
     /// The networks, over pictures.
     pub request: Request<'a>,
-    /// The goal.
     pub goal: Goal,
-    /// The sensor.
     pub sensor: GelSensor,
     /// Simulated time in seconds.
     pub seconds: f64,
@@ -137,8 +136,8 @@ pub struct NetworkReport {
 
 /// A loop.
 #[derive(Clone, Debug, Serialize)]
+#[expect(missing_docs, reason = "the keys of the JSON report")]
 pub struct Row {
-    /// How the network ran.
     #[serde(flatten)]
     pub variation: Variation,
     /// Mean distance from the goal, in the goal's unit.

@@ -83,26 +83,17 @@ pub enum EvaluateError {
 /// A part of a request for an evaluation or a measurement.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
+#[expect(missing_docs, reason = "the parts have the names of their options")]
 pub enum RequestPart {
-    /// The data set.
     Data,
-    /// The recording.
     Recording,
-    /// The networks.
     Networks,
-    /// The folder of trainings.
     Trainings,
-    /// The names of settings.
     Settings,
-    /// The time between two predictions.
     Every,
-    /// The time that a loop lasts.
     Seconds,
-    /// The rate of the pictures of a loop.
     Rate,
-    /// How much slower a network of a loop is.
     Slower,
-    /// The share of pictures that a loop loses.
     Lost,
 }
 

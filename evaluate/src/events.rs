@@ -49,14 +49,12 @@ pub trait EventTask: Sync {
 
 /// The data set of a task.
 #[derive(Clone, Copy, Debug)]
+#[expect(missing_docs, reason = "the names say it")]
 pub struct EventSet {
-    /// Name of the task.
     pub task: &'static str,
     /// The command that judges the networks of the task.
     pub command: &'static str,
-    /// Name of the data set.
     pub name: &'static str,
-    /// The sensor of all recordings.
     pub sensor: Sensor,
     /// Names of the classes, in the order of their indices.
     pub classes: &'static [&'static str],

@@ -16,10 +16,9 @@ use crate::streams::Streams;
 
 /// What filters kept.
 #[derive(Debug, Serialize)]
+#[expect(missing_docs, reason = "the keys of the JSON report")]
 pub struct Report {
-    /// The command and its input.
     pub header: Header,
-    /// Number of streams.
     pub streams: usize,
     /// Names of the filters, in the order in which events pass them.
     pub filters: Vec<&'static str>,
@@ -29,8 +28,8 @@ pub struct Report {
 
 /// Events of a cause.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[expect(missing_docs, reason = "the keys of the JSON report")]
 pub struct Kept {
-    /// Name of the cause.
     pub cause: &'static str,
     /// Events before the filters.
     pub events: u64,

@@ -1,11 +1,9 @@
 //! Contact force over time: networks that predict the force of a grasp from its events.
 //!
-//! Enters: a file of recordings with the force along time, and networks with their trainings.
-//! Leaves: a [`Report`] with errors over all frames, by phase and by bolt, and the predicted
-//! forces. A recording begins with a reset. Frames last [`PERIOD_US`] from the first time of the
-//! truth on, and the force at the end of each counts, for every kind of network. Figures are
-//! computed in a fixed order, so that the number of threads changes no bit, except in measured
-//! times and in what depends on them.
+//! Enters: a file of recordings with the force along time, and networks. Leaves: a [`Report`] with
+//! errors over all frames, by phase and by bolt, and the predicted forces. A recording begins with
+//! a reset. The force at the end of each [`PERIOD_US`] counts. The number of threads changes no
+//! bit, except in measured times and in what depends on them.
 
 pub(crate) mod recording;
 

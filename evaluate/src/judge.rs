@@ -1,10 +1,9 @@
 //! The frame of every evaluation: networks of a task with their trainings, judged on labelled data.
 //!
 //! Enters: candidates, and a [`Judge`], which knows the data and the figures of its task. Leaves:
-//! the report of each network, and the outputs of the trainings. Everything that can be refused is
-//! refused before a network runs. Cases are shared by threads and their outcomes are taken in
-//! order, so that the number of threads changes no bit, except in measured times and in what
-//! depends on them.
+//! the report of each network, and the outputs of the trainings. What can be refused is refused
+//! before a network runs. Outcomes are taken in order: threads change no bit but those of measured
+//! times.
 
 use std::time::{Duration, Instant};
 
@@ -37,15 +36,9 @@ pub(crate) trait Judge: Sync {
     type Network;
 
     /// Plans the trials of `candidate`.
-    ///
-    /// # Errors
-    /// The network or a training does not fit the data.
     fn plan(&self, candidate: &EvaluatedNetwork<Description<Self>>) -> Result<(Self::Plan, Vec<Trial>)>;
 
     /// The network of `description` with the weights of `training`.
-    ///
-    /// # Errors
-    /// The weights do not fit.
     fn engine(
         &self,
         description: &Description<Self>,
@@ -54,9 +47,6 @@ pub(crate) trait Judge: Sync {
     ) -> Result<Self::Engine>;
 
     /// Runs a network over a case.
-    ///
-    /// # Errors
-    /// The engine fails.
     fn outcome(&self, plan: &Self::Plan, engine: &mut Self::Engine, case: usize) -> Result<Self::Outcome>;
 
     /// The figures of a trial, whose outputs are written too.
@@ -98,14 +88,13 @@ impl<O> JudgedTrial<'_, O> {
 
 /// Figures of a network, with the keys of the JSON report.
 #[derive(Serialize)]
+#[expect(missing_docs, reason = "the keys of the JSON report")]
 pub struct NetworkReport<F> {
-    /// Network and weights.
     #[serde(flatten)]
     pub card: ModelCard,
     /// Source of its weights.
     #[serde(skip)]
     pub weights: String,
-    /// The figures.
     #[serde(flatten)]
     pub result: F,
 }
@@ -125,9 +114,6 @@ impl<F> JudgedNetworks<F> {
 
 /// Judges `candidates` with the threads of `workers`, and adds their outputs to `logits`. `done` is
 /// called after each training with its label and the time since judging began.
-///
-/// # Errors
-/// A candidate does not fit the data, before any network runs; an engine fails.
 pub(crate) fn judge<J: Judge>(
     judge: &J,
     candidates: &[EvaluatedNetwork<Description<J>>],
@@ -193,24 +179,23 @@ pub trait Figures: Sized {
 
 /// Figures of several trainings on the same data.
 #[derive(Serialize)]
+#[expect(missing_docs, reason = "the keys of the JSON report")]
 pub struct Judged<F: Figures> {
-    /// Number of trainings.
     pub trainings: usize,
     /// Figures of all trainings together.
     #[serde(flatten)]
     pub mean: F::Mean,
-    /// The trainings.
     pub each: Vec<TrainingFigures<F>>,
 }
 
 /// Figures of one training, or of the folds of one seed together.
 #[derive(Serialize)]
+#[expect(missing_docs, reason = "the keys of the JSON report")]
 pub struct TrainingFigures<F> {
     /// Seed of the training, where the weights state it.
     pub seed: Option<i64>,
     /// Files of the weights; none for shipped ones.
     pub files: Vec<String>,
-    /// The figures.
     #[serde(flatten)]
     pub figures: F,
 }

@@ -107,19 +107,14 @@ impl Serialize for Confusion {
 /// precision = TP / (TP + FP)    recall = TP / (TP + FN)    F1 = 2 TP / (2 TP + FP + FN)
 /// ```
 ///
-/// for each class. The means are over the classes that are true or predicted at least once, with
-/// equal weights. A class that is never predicted has precision 0. A class that is only ever
-/// predicted has recall 0. Both have F1 0, so a network gains nothing by ignoring a class. Classes
-/// that are neither true nor predicted are left out.
+/// for each class. The means are over the classes that are true or predicted at least once. One
+/// that is never predicted has precision 0, one that is never true recall 0, and both F1 0.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+#[expect(missing_docs, reason = "the keys of the JSON report")]
 pub struct Scores<T = f64> {
-    /// Share of predictions that are right.
     pub accuracy: T,
-    /// Mean precision of the classes.
     pub precision: T,
-    /// Mean recall of the classes.
     pub recall: T,
-    /// Mean F1 of the classes.
     pub f1: T,
 }
 
@@ -171,8 +166,8 @@ fn share(part: u64, whole: u64) -> f64 {
 
 /// Mean and standard deviation.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+#[expect(missing_docs, reason = "the keys of the JSON report")]
 pub struct MeanStd {
-    /// Mean.
     pub mean: f64,
     /// Sample standard deviation, with n - 1 in the denominator; `None` for a single value.
     pub std: Option<f64>,

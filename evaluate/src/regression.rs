@@ -1,9 +1,8 @@
 //! Regression over events: quantities such as the angles of a contact, at any time of a press.
 //!
-//! Enters: a file of streams of events with the truth along time, and networks with their
-//! trainings. Leaves: a [`Report`] and the outputs at the end of each press. A press begins with a
-//! reset, and its figures are computed from its predictions in a fixed order, so that the number of
-//! threads changes no bit, except in measured times and in what depends on them.
+//! Enters: a file of streams with the truth along time, and networks. Leaves: a [`Report`] and the
+//! outputs at the end of each press. A press begins with a reset: threads change no bit, except in
+//! measured times and in what depends on them.
 //!
 //! | time | meaning |
 //! |---|---|

@@ -12,7 +12,7 @@ use meissner_engine::{Event, Sensor};
 use meissner_models::TensorFile;
 use meissner_run::RunError;
 use meissner_simulator::Cause;
-use safetensors::tensor::{Dtype, SafeTensors};
+use safetensors::tensor::{Dtype, SafeTensors, TensorView};
 
 use crate::error::{EvaluateError, Result, StreamsError};
 
@@ -187,8 +187,7 @@ impl Truth {
             if view.dtype() != Dtype::F32 || view.shape() != [t_us.len()] {
                 continue;
             }
-            let number = |bytes: &[u8]| f32::from_le_bytes([bytes[0], bytes[1], bytes[2], bytes[3]]);
-            let values: Vec<f32> = view.data().chunks_exact(4).map(number).collect();
+            let values = floats(view.data());
             if let Some(i) = values.iter().position(|value| !value.is_finite()) {
                 return Err(value(tensor, i, "a finite number".to_owned(), values[i].to_string()));
             }
@@ -312,16 +311,33 @@ pub(crate) fn integers(
     name: &str,
     count: Option<usize>,
 ) -> Result<Vec<i64>, StreamsError> {
-    let expected = || match count {
-        Some(count) => format!("I64 ({count})"),
-        None => "I64 (any number)".to_owned(),
-    };
-    let wrong = |found: String| StreamsError::Tensor { tensor: name.to_owned(), expected: expected(), found };
-    let view = file.tensor(name).map_err(|_| wrong("nothing".to_owned()))?;
-    let fits = view.shape().len() == 1 && count.is_none_or(|count| view.shape() == [count]);
-    if view.dtype() != Dtype::I64 || !fits {
-        return Err(wrong(format!("{:?} {:?}", view.dtype(), view.shape())));
+    let expected = count.map_or_else(|| "I64 (any number)".to_owned(), |count| format!("I64 ({count})"));
+    let view = tensor(file, name, Dtype::I64, &expected)?;
+    if view.shape().len() != 1 || count.is_some_and(|count| view.shape() != [count]) {
+        return Err(wrong(name, &expected, &view));
     }
-    let value = |bytes: &[u8]| bytes.iter().rev().fold(0, |value, &byte| value << 8 | i64::from(byte));
-    Ok(view.data().chunks_exact(8).map(value).collect())
+    Ok(view.data().as_chunks().0.iter().map(|&bytes| i64::from_le_bytes(bytes)).collect())
+}
+
+/// The tensor called `name`, of this type.
+pub(crate) fn tensor<'a>(
+    file: &SafeTensors<'a>,
+    name: &str,
+    dtype: Dtype,
+    expected: &str,
+) -> Result<TensorView<'a>, StreamsError> {
+    let found = "nothing".to_owned();
+    let missing = |_| StreamsError::Tensor { tensor: name.to_owned(), expected: expected.to_owned(), found };
+    let view = file.tensor(name).map_err(missing)?;
+    if view.dtype() == dtype { Ok(view) } else { Err(wrong(name, expected, &view)) }
+}
+
+/// A tensor that is not as `expected`.
+pub(crate) fn wrong(name: &str, expected: &str, found: &TensorView<'_>) -> StreamsError {
+    let found = format!("{:?} {:?}", found.dtype(), found.shape());
+    StreamsError::Tensor { tensor: name.to_owned(), expected: expected.to_owned(), found }
+}
+
+pub(crate) fn floats(bytes: &[u8]) -> Vec<f32> {
+    bytes.as_chunks().0.iter().map(|&bytes| f32::from_le_bytes(bytes)).collect()
 }

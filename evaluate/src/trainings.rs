@@ -86,12 +86,11 @@ pub struct Request<'a> {
 }
 
 /// Figures of networks, and their outputs.
+#[expect(missing_docs, reason = "the names say it")]
 pub struct Evaluation<R> {
-    /// The figures.
     pub report: R,
     /// Outputs of the trainings: a tensor for each.
     pub logits: TensorFile,
-    /// Time that judging took.
     pub took: Duration,
 }
 

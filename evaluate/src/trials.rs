@@ -85,9 +85,6 @@ impl Cases {
 
     /// The trials of `trainings`: whole ones, which have not seen the cases `unseen`, then the
     /// folds by scheme and seed. `check` can refuse the cases of a fold.
-    ///
-    /// # Errors
-    /// A fold held out what is no case, `check` refuses, or another fold held out.
     pub(crate) fn trials(
         &self,
         trainings: &[Arc<Training>],

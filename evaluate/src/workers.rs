@@ -76,9 +76,6 @@ impl Workers {
     /// The results of `work` for `items` in their order, each thread with clones of `engine`.
     ///
     /// The number of threads cannot reach a result if `work` resets its engine.
-    ///
-    /// # Errors
-    /// The first error in the order of the items; [`EvaluateError::Stopped`].
     pub(crate) fn for_each<E: Clone + Sync, I: Sync, T: Send, X: Send + Into<EvaluateError>>(
         &self,
         engine: &E,

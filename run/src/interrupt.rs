@@ -2,11 +2,9 @@
 //! gone) unless that is ignored from the start, as by `nohup`.
 //!
 //! At first, each signal ends the program at once with exit status [`STATUS`]. A subcommand that
-//! works on a stream calls [`listen`] as soon as it has results to keep. From then on the first
-//! signal is a request: [`requested`] returns true, and every wait in [`sleep`], for [`input`], for
-//! an [`awaited`] file or for the reader of an [`output`] ends. The second signal ends the program
-//! at once or, where something is to be written that must not be lost ([`hold`]), as soon as it is.
-//! The third ends it at once.
+//! works on a stream calls [`listen`] once it has results to keep. From then on the first signal is
+//! a request: [`requested`] is true, and every wait here ends. The second ends the program at once
+//! or, where something must not be lost ([`hold`]), as soon as it is written; the third at once.
 //!
 //! On platforms other than Unix, nothing is requested, and signals have their default effect.
 
@@ -230,78 +228,56 @@ mod unix {
 }
 
 #[cfg(not(unix))]
+#[allow(missing_docs, clippy::missing_errors_doc, reason = "as on Unix")]
 mod other {
     use std::fs::File;
     use std::io::{self, BufReader, Read, Write, stdin};
     use std::net::{TcpListener, TcpStream, UdpSocket};
     use std::time::Duration;
 
-    /// Standard input or a socket.
     pub type Input = BufReader<Box<dyn Read + Send>>;
 
-    /// Standard output, standard error or a connection.
     pub type Output<F> = F;
 
-    /// Nothing is held.
     #[derive(Debug)]
     pub struct Hold(());
 
-    /// Does nothing.
     pub fn hold() -> Hold {
         Hold(())
     }
 
-    /// `file`.
     pub fn output<F: Write>(file: F) -> Output<F> {
         file
     }
 
-    /// Does nothing.
     pub fn install() {}
 
-    /// Does nothing.
     pub fn listen() {}
 
-    /// Never.
     pub fn requested() -> bool {
         false
     }
 
-    /// Waits for `time`.
     pub fn sleep(time: Duration) {
         std::thread::sleep(time);
     }
 
-    /// Standard input.
-    ///
-    /// # Errors
-    /// Never.
     pub fn input() -> io::Result<Input> {
         Ok(BufReader::new(Box::new(stdin())))
     }
 
-    /// `file`.
     pub fn awaited(file: File) -> Input {
         BufReader::new(Box::new(file))
     }
 
-    /// What `stream` receives.
     pub fn received(stream: TcpStream) -> Input {
         BufReader::new(Box::new(stream))
     }
 
-    /// The first connection over TCP that a client makes to `address`.
-    ///
-    /// # Errors
-    /// The address cannot be used.
     pub fn client(address: &str) -> io::Result<TcpStream> {
         Ok(TcpListener::bind(address)?.accept()?.0)
     }
 
-    /// The datagrams to `address` over UDP, one after the other; an empty one is the end.
-    ///
-    /// # Errors
-    /// The address cannot be used.
     pub fn datagrams(address: &str) -> io::Result<Input> {
         struct Datagrams(UdpSocket);
 

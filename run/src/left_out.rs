@@ -107,9 +107,6 @@ impl LineErrors {
     }
 
     /// Counts a line that is refused because of `problem`, which names the line.
-    ///
-    /// # Errors
-    /// The source is strict, or most lines are refused.
     pub(crate) fn refuse(&mut self, problem: String) -> Result<()> {
         if self.strict {
             return Err(RunError::Line { recording: self.name.clone(), problem });
@@ -138,9 +135,6 @@ impl LineErrors {
     }
 
     /// Ends the text.
-    ///
-    /// # Errors
-    /// Most lines were refused.
     pub(crate) fn end(&self) -> Result<()> {
         let lines = self.taken + self.count;
         if !self.of_anybody && is_mostly_refused(self.count, self.taken, true) {

@@ -59,8 +59,8 @@ pub type Advice = fn(LossReason) -> Option<&'static str>;
 /// A loss of input with its reason.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 #[non_exhaustive]
+#[expect(missing_docs, reason = "the keys of the JSON report")]
 pub struct LossWarning {
-    /// The reason.
     pub reason: LossReason,
     /// Number of lost events or lines.
     pub count: u64,

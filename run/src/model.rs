@@ -46,8 +46,8 @@ impl ModelOptions {
 }
 
 /// A network over events with its weights.
+#[expect(missing_docs, reason = "the names say it")]
 pub struct Model {
-    /// The network.
     pub network: Network,
     /// The card of network and weights, for reports.
     pub card: ModelCard,
@@ -210,14 +210,13 @@ impl Model {
 }
 
 /// A frame network with its weights.
+#[expect(missing_docs, reason = "the names say it")]
 pub struct FrameModel {
     /// The requested name or file.
     pub name: String,
-    /// The description.
     pub description: FrameDescription,
     /// How frames are made: as in the description, or with another sampling if one was requested.
     pub source: FrameSource,
-    /// The network.
     pub network: Arc<FrameNetwork>,
     /// The card of network and weights, for reports.
     pub card: ModelCard,

@@ -1,10 +1,9 @@
 //! Plays recordings at real speed, each of a sensor of its own, or what arrives on a stream,
 //! through bounded queues that may overflow, with reports by their deadlines.
 //!
-//! Each input has a thread that offers the events when they are due or arrive, and a thread that
-//! pushes and predicts. The caller's thread requests the predictions of all inputs at the time of
-//! every report. After the end, one more prediction covers all waiting events. An input whose
-//! engine fails ends there, and the others go on.
+//! Each input has a thread that offers events, and one that pushes and predicts. The caller's
+//! thread requests all predictions at the time of every report, and one more that covers all
+//! events. An input whose engine fails ends there, and the others go on.
 
 mod reader;
 mod summary;
@@ -70,10 +69,9 @@ pub struct PlayOptions {
 }
 
 /// An input of a play.
+#[expect(missing_docs, reason = "the names say it")]
 pub struct PlayInput {
-    /// The events.
     pub source: Source,
-    /// The sensor that they come from.
     pub sensor: Sensor,
     /// Policy when events arrive faster than the engine takes them.
     pub overload: Overload,

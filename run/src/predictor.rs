@@ -79,10 +79,8 @@ impl Backend {
 }
 
 impl EventPredictor {
-    /// A predictor over an empty window, with the filters, the tolerance and the staleness of
-    /// `approximations`. The number of neighbours is that of `network`, see
-    /// [`Approximations::adapt`]. [`Mode::Batch`] uses only the filters, and only the policies of
-    /// `options`.
+    /// A predictor with the filters, tolerance and staleness of `approximations`; the network was
+    /// [adapted](Approximations::adapt). [`Mode::Batch`] uses filters and policies only.
     ///
     /// # Errors
     /// The engine refuses the sensor, an option or an approximation.

@@ -22,7 +22,6 @@
 
 mod electrodes;
 mod events;
-mod frame_predictor;
 mod frames;
 mod pictures;
 mod prediction;

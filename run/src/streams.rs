@@ -69,9 +69,6 @@ pub fn name(path: &Path) -> String {
 }
 
 /// The bytes of the stream that `path` names.
-///
-/// # Errors
-/// It is no stream, an address cannot be used, or a signal ended the wait for a client.
 pub(crate) fn open(path: &Path) -> Result<interrupt::Input> {
     let opened = match stream(path) {
         Some(Stream::Stdin) => interrupt::input(),
@@ -84,9 +81,6 @@ pub(crate) fn open(path: &Path) -> Result<interrupt::Input> {
 }
 
 /// The lines of the stream `path`. A datagram ends a line; one that is too long is cut.
-///
-/// # Errors
-/// As [`open`].
 pub(crate) fn lines(path: &Path) -> Result<Box<dyn BufRead>> {
     let input = open(path)?;
     Ok(if is_of_datagrams(path) { Box::new(DatagramLines::new(input)) } else { Box::new(input) })
@@ -147,9 +141,6 @@ pub(crate) enum Receiver {
 }
 
 /// The receiver of the stream `path`: `-` is standard output, `udp://` the receiver's address.
-///
-/// # Errors
-/// It is no stream, an address cannot be used, or nobody listens there.
 pub(crate) fn receiver(path: &Path) -> Result<Receiver> {
     let opened = || -> io::Result<Receiver> {
         Ok(match stream(path) {

@@ -39,9 +39,6 @@ pub struct Training {
 
 impl Output {
     /// The outputs called `names`, with the `ranges` that the weights state.
-    ///
-    /// # Errors
-    /// [`ModelError::Metadata`] if there is not one range for each output.
     pub(crate) fn all(
         names: &[String],
         units: &[String],

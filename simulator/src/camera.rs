@@ -6,9 +6,8 @@
 //! - photocurrent: `E = lux * intensity`, plus the dark current `dark_lux`;
 //! - logarithm: `u = ln(E + dark_lux)`, linear in time between two images (v2e instead makes the
 //!   logarithm linear below 20 of 255);
-//! - bandwidth: `dv/dx = (u - v) / tau` with
-//!   `1 / tau = 2 pi min(cutoff_hz_per_lux (E + dark_lux), cutoff_max_hz)` (v2e: at most 300 Hz;
-//!   IEBCS: tau of 40 to 100 us at 1 klux);
+//! - bandwidth: `dv/dx = (u - v) / tau` with `1 / tau = 2 pi min(cutoff_hz_per_lux (E + dark_lux),
+//!   cutoff_max_hz)` (v2e: at most 300 Hz; IEBCS: tau of 40 to 100 us at 1 klux);
 //! - leak: the reference `m` falls by `threshold_on` at the rate
 //!   `leak_hz + leak_hz_per_klux E / 1000` (v2e: 0.01 to 0.1 Hz);
 //! - threshold: an event where `v - m` reaches `threshold_on` or `-threshold_off` of the pixel,
@@ -33,15 +32,15 @@ mod pixel;
 use meissner_engine::{Event, Sensor};
 use meissner_kernels::random::Random;
 
-use crate::{Result, SimulatorError};
+use crate::error::{Result, SimulatorError, setting};
 pub use pixel::Cause;
 pub(crate) use pixel::normal_pair;
 use pixel::{Firing, Pixel};
 
 /// An event and its cause.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[expect(missing_docs, reason = "the names say it")]
 pub struct SimulatedEvent {
-    /// The event, as the sensor would send it.
     pub event: Event,
     /// Why it was sent, which no sensor knows.
     pub cause: Cause,
@@ -294,17 +293,12 @@ impl CameraSettings {
     }
 
     pub(super) fn check(&self) -> Result<()> {
-        let positive = |name, found: f64| match found {
-            _ if found.is_finite() && found > 0.0 => Ok(()),
-            _ => Err(SimulatorError::Setting { name, expected: "a finite number above 0", found }),
+        let positive = |name, found: f64| {
+            setting(name, "a finite number above 0", found, found.is_finite() && found > 0.0)
         };
-        let cutoff = |name, found: f64| match found {
-            _ if found > 0.0 => Ok(()),
-            _ => Err(SimulatorError::Setting { name, expected: "above 0", found }),
-        };
-        let amount = |name, found: f64| match found {
-            _ if found.is_finite() && found >= 0.0 => Ok(()),
-            _ => Err(SimulatorError::Setting { name, expected: "a finite number of at least 0", found }),
+        let cutoff = |name, found: f64| setting(name, "above 0", found, found > 0.0);
+        let amount = |name, found: f64| {
+            setting(name, "a finite number of at least 0", found, found.is_finite() && found >= 0.0)
         };
         positive("lux", self.lux)?;
         positive("dark_lux", self.dark_lux)?;

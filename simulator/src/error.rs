@@ -32,3 +32,8 @@ pub enum SimulatorError {
     #[error("marker {marker} at {t_us} us is not at a finite position")]
     Position { marker: usize, t_us: i64 },
 }
+
+/// Refuses the value `found` of a setting unless it `fits`.
+pub(crate) fn setting(name: &'static str, expected: &'static str, found: f64, fits: bool) -> Result<()> {
+    if fits { Ok(()) } else { Err(SimulatorError::Setting { name, expected, found }) }
+}

@@ -34,7 +34,7 @@ mod indenters;
 mod picture;
 mod response;
 
-use crate::error::{Result, SimulatorError};
+use crate::error::{Result, SimulatorError, setting};
 pub use indenters::{Indenter, LETTERS, Placed};
 pub use picture::GelSensor;
 pub use picture::{Drift, GelCamera, Lens, Light, picture_bytes};
@@ -98,31 +98,17 @@ impl GelSolver {
     /// # Errors
     /// [`SimulatorError::Setting`] where a setting is outside its range.
     pub fn new(gel: Gel, grid: Grid) -> Result<Self> {
-        let above_0 = |name, found: f64| {
-            if found > 0.0 && !found.is_nan() {
-                return Ok(());
-            }
-            Err(SimulatorError::Setting { name, expected: "above 0", found })
-        };
-        above_0("modulus_mpa", gel.modulus_mpa)?;
-        above_0("thickness_mm", gel.thickness_mm)?;
-        above_0("pitch_mm", grid.pitch_mm)?;
-        above_0("width", grid.width as f64)?;
-        above_0("height", grid.height as f64)?;
-        if !(0.0..=0.5).contains(&gel.poisson) {
-            return Err(SimulatorError::Setting {
-                name: "poisson",
-                expected: "0 to 0.5",
-                found: gel.poisson,
-            });
+        for (name, found) in [
+            ("modulus_mpa", gel.modulus_mpa),
+            ("thickness_mm", gel.thickness_mm),
+            ("pitch_mm", grid.pitch_mm),
+            ("width", grid.width as f64),
+            ("height", grid.height as f64),
+        ] {
+            setting(name, "above 0", found, found > 0.0)?;
         }
-        if gel.friction.is_nan() || gel.friction < 0.0 {
-            return Err(SimulatorError::Setting {
-                name: "friction",
-                expected: "at least 0",
-                found: gel.friction,
-            });
-        }
+        setting("poisson", "0 to 0.5", gel.poisson, (0.0..=0.5).contains(&gel.poisson))?;
+        setting("friction", "at least 0", gel.friction, gel.friction >= 0.0)?;
         let kernel = response::Kernel::new(&gel, &grid);
         let convolution = Convolution::new(grid.width, grid.height, |column, row| kernel.at(column, row));
         Ok(Self { gel, grid, convolution })
@@ -150,10 +136,9 @@ impl GelSolver {
     /// ([`Grid::heights`]). A height may be infinite: there is no indenter.
     ///
     /// # Errors
-    /// [`SimulatorError::Pixels`] where there is not a height for each pixel;
-    /// [`SimulatorError::Setting`] where a height or the load is not a number, or the load is
-    /// negative; [`SimulatorError::NoContact`] where the search does not end, or a force has
-    /// nothing to press with.
+    /// [`SimulatorError::Pixels`] without a height for each pixel; [`SimulatorError::Setting`]
+    /// where a height or the load is out of range; [`SimulatorError::NoContact`] where none is
+    /// found.
     pub fn press(&mut self, heights_mm: &[f64], load: Load) -> Result<Contact> {
         self.check(heights_mm, load)?;
         let pixels = self.grid.pixels();
@@ -289,10 +274,7 @@ impl GelSolver {
 
 /// Refuses what is negative or not finite.
 fn finite(name: &'static str, found: f64) -> Result<()> {
-    if (0.0..f64::INFINITY).contains(&found) {
-        return Ok(());
-    }
-    Err(SimulatorError::Setting { name, expected: "a finite number of at least 0", found })
+    setting(name, "a finite number of at least 0", found, (0.0..f64::INFINITY).contains(&found))
 }
 
 fn mean_where(values: &[f64], pressure: &[f64]) -> f64 {

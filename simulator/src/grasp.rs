@@ -2,12 +2,10 @@
 //!
 //! Enters: a plan of motion and light. Leaves: events, and force, depth and phase along time.
 //!
-//! A finger is a flat pad ([`PAD`]): 19.2 mm square and 4 mm thick. The other finger is its mirror
-//! image, and the bolt lies free between them, so that both press with the same force. The bolt is
-//! gripped on its smooth shank, a rigid cylinder that lies across the pad and may end within it;
-//! thread and head are outside. The motor moves the fingers, and not the force: what the pad
-//! answers follows from the contact (`grasp/contact.rs`), and what the camera sees from light
-//! (`grasp/view.rs`).
+//! A finger is a flat pad ([`PAD`]), 19.2 mm square and 4 mm thick; the other is its mirror image,
+//! so that both press with the same force. The bolt is gripped on its smooth shank, a rigid
+//! cylinder that may end within the pad. The motor moves the fingers: the force follows from the
+//! contact (`grasp/contact.rs`), what the camera sees from light (`grasp/view.rs`).
 //!
 //! | phase | motion |
 //! |---|---|
@@ -69,6 +67,7 @@ impl Phase {
 
 /// What is true at a time of a recording.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[expect(missing_docs, reason = "the names say it")]
 pub struct Grip {
     /// Time in microseconds.
     pub t_us: i64,
@@ -78,12 +77,12 @@ pub struct Grip {
     pub depth_mm: f64,
     /// Area in contact, in square millimetres.
     pub area_mm2: f64,
-    /// The phase.
     pub phase: Phase,
 }
 
 /// The plan of a recording.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[expect(missing_docs, reason = "the names say it")]
 pub struct Grasp {
     /// The bolt on the pad.
     pub bolt: Placed,
@@ -95,11 +94,9 @@ pub struct Grasp {
     pub lasts_ms: [f64; 4],
     /// 0: the fingers move evenly; 1: with a smooth start and a smooth end.
     pub smooth: [f64; 2],
-    /// Vibration while holding.
     pub vibration: Vibration,
     /// How far the bolt slips into place while the fingers close, in millimetres.
     pub settles_mm: [f64; 2],
-    /// Light and surface.
     pub look: Look,
     /// Seed of the camera.
     pub seed: u64,

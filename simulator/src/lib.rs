@@ -3,13 +3,11 @@
 //! Enters: grey images with times, or the tracks of markers. Leaves: events in order of time, each
 //! with its [`Cause`]. Equal input and an equal seed give equal events on every machine.
 //!
-//! [`Camera`] is the model of the sensor. It takes one image after another and finds the exact time
-//! at which each pixel crosses its threshold between two images. [`MarkerTracks`] draws bright
-//! discs that move, as a camera sees the markers inside a tactile sensor. [`Press`] moves the
-//! markers of a soft dome, and [`DomeView`] is where its camera sees them; [`PressTable`] has its
-//! presses at real speed. [`gel`] presses indenters of any shape into a flat gel, and shows it
-//! under coloured lights. [`grasp`] has two fingers grasp a bolt in front of a camera, with the
-//! force along time. [`plants`] are what controllers move.
+//! [`Camera`] is the model of the sensor: it finds the exact time at which each pixel crosses its
+//! threshold between two images. [`MarkerTracks`] draws moving discs. [`Press`] moves the markers
+//! of a soft dome, which [`DomeView`] sees; [`PressTable`] has its presses at real speed. [`gel`]
+//! presses indenters into a flat gel under coloured lights. [`grasp`] has two fingers grasp a bolt,
+//! with the force along time. [`plants`] are what controllers move.
 //!
 //! ```
 //! use meissner_engine::Sensor;

@@ -3,8 +3,8 @@
 //! Enters: what the controller does, and time. Leaves: what the sensor sees, and what is true, to
 //! judge the controller by. Equal input and an equal seed give equal output.
 //!
-//! - [`Fingertip`]: a soft dome on a [`Wrist`] taps a tilted [`Surface`], seen by an event camera; it
-//!   is moved from any process by the target of the wrist ([`WristTarget`], [`FingertipState`]);
+//! - [`Fingertip`]: a soft dome on a [`Wrist`] taps a tilted [`Surface`], seen by an event camera;
+//!   it is moved from any process by the target of the wrist ([`WristTarget`], [`FingertipState`]);
 //! - [`BallOnGel`]: a ball is pressed into a gel and rolls on it, seen by a camera of pictures; it
 //!   is moved by motions.
 //!

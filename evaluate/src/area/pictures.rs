@@ -6,11 +6,11 @@ use meissner_io::datasets::BallPictures;
 use meissner_models::systems::contact_area::ImageSize;
 use meissner_run::RunError;
 use meissner_simulator::gel::Grid;
-use safetensors::tensor::{Dtype, SafeTensors, TensorView};
+use safetensors::tensor::{Dtype, SafeTensors};
 use serde::Serialize;
 
 use crate::error::{EvaluateError, RequestPart, Result, StreamsError};
-use crate::streams::{bounds, integers};
+use crate::streams::{self, bounds, floats, integers, tensor, wrong};
 
 /// Where pictures come from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
@@ -123,7 +123,7 @@ impl Set {
             .iter()
             .position(|v| !v.is_finite() || *v < least)
         {
-            Some(at) => Err(crate::streams::value(
+            Some(at) => Err(streams::value(
                 list,
                 at,
                 format!("a finite number of at least {least}"),
@@ -190,25 +190,4 @@ impl Set {
         let name = name.to_owned();
         Self { name, source: Source::Real, size: ImageSize { width: size[0], height: size[1] }, presses }
     }
-}
-
-fn tensor<'a>(
-    file: &SafeTensors<'a>,
-    name: &str,
-    dtype: Dtype,
-    expected: &str,
-) -> Result<TensorView<'a>, StreamsError> {
-    let found = "nothing".to_owned();
-    let missing = |_| StreamsError::Tensor { tensor: name.to_owned(), expected: expected.to_owned(), found };
-    let view = file.tensor(name).map_err(missing)?;
-    if view.dtype() == dtype { Ok(view) } else { Err(wrong(name, expected, &view)) }
-}
-
-fn wrong(name: &str, expected: &str, found: &TensorView<'_>) -> StreamsError {
-    let found = format!("{:?} {:?}", found.dtype(), found.shape());
-    StreamsError::Tensor { tensor: name.to_owned(), expected: expected.to_owned(), found }
-}
-
-fn floats(bytes: &[u8]) -> Vec<f32> {
-    bytes.as_chunks().0.iter().map(|&bytes| f32::from_le_bytes(bytes)).collect()
 }

@@ -1,10 +1,8 @@
 //! Networks over events on the labels, event by event.
 //!
 //! Enters: the data set, networks with their trainings. Leaves: a [`Report`], and the outputs at
-//! the end of each recording. Whole trainings are judged on the split test. Folds are judged on the
-//! recordings that they held out, all folds of a seed together. Counts are integers, and figures
-//! are computed from them in a fixed order. Every recording begins with a reset, so the number of
-//! threads changes no bit.
+//! the end of each recording. Whole trainings are judged on the split test, all folds of a seed
+//! together on what they held out. Every recording begins with a reset: threads change no bit.
 
 use std::collections::BTreeMap;
 use std::marker::PhantomData;

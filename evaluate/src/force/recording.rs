@@ -79,8 +79,8 @@ const BIN_N: f64 = 0.1;
 
 /// Figures on recordings; `T` is a number for one training, [`MeanStd`] for several.
 #[derive(Serialize)]
+#[expect(missing_docs, reason = "the keys of the JSON report")]
 pub struct ForceErrors<T = f64> {
-    /// Number of recordings.
     pub recordings: u64,
     /// All frames, those of each phase, and those of each bolt.
     pub parts: Vec<PartErrors<T>>,
@@ -96,10 +96,10 @@ pub struct ForceErrors<T = f64> {
 
 /// Errors of some of the frames.
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[expect(missing_docs, reason = "the keys of the JSON report")]
 pub struct PartErrors<T = f64> {
     /// What the frames have in common: "all", a phase, or a bolt such as "8 mm".
     pub part: String,
-    /// Number of frames.
     pub frames: u64,
     /// Mean squared error in square newtons.
     pub mse: T,

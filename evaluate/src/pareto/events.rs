@@ -3,10 +3,9 @@
 //! Streams are timed from an empty window on. Errors are those of recordings that a training has
 //! not seen; with several trainings, the first one is timed.
 //!
-//! Enters: streams of events, and recordings with labels where there are any. Leaves: a
-//! [`Measurement`] of each setting. The exact network and the setting take turns. A prediction is
-//! read after each event that enters, and stands until the next one. It is compared with the exact
-//! prediction at every event.
+//! Enters: streams, and recordings with labels where there are any. Leaves: a [`Measurement`] of
+//! each setting, in turns with the exact network. A prediction is read after each event that
+//! enters, stands until the next one, and is compared at every event.
 //!
 //! Answers: every recording begins with a reset, so the number of threads changes no count. Where a
 //! prediction depends on earlier reads (tolerance, stale readout), a prediction is read after each

@@ -1,10 +1,9 @@
 //! The study of the force of grasps: event graphs and frame networks, with each of their settings.
 //!
-//! Enters: a file of recordings, and networks with their trainings. Leaves: a [`Study`] whose error
-//! is the mean squared error of the force. The unit of the times is a recording, so that networks
-//! of both kinds are on one front: all its events, and a prediction at the end of each frame. Some
-//! recordings, evenly chosen, are timed in turns with the exact network. All are judged as `eval
-//! force` judges them.
+//! Enters: a file of recordings, and networks. Leaves: a [`Study`] of the mean squared error of the
+//! force, judged as by `eval force`. Times are those of a recording with a prediction for each
+//! frame, so that networks of both kinds are on one front. Some recordings are timed, evenly
+//! chosen.
 
 use std::path::Path;
 use std::sync::Arc;

@@ -25,12 +25,12 @@ const PARTS: usize = 10;
 
 /// Times, work and errors of one setting, for an event, a window, a picture or a recording.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[expect(missing_docs, reason = "the keys of the JSON report")]
 pub struct Measurement {
     /// Events, windows, pictures or recordings that were timed in each repeat.
     pub timed: u64,
     /// Share of these that no filter dropped and no setting left out.
     pub entered: f64,
-    /// Times.
     #[serde(flatten)]
     pub timing: Timing,
     /// Computed rows of events and cells, or pixels of frames.
@@ -67,10 +67,9 @@ pub struct Timing {
 
 /// Errors against the exact network, in the units of the outputs.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[expect(missing_docs, reason = "the keys of the JSON report")]
 pub struct Numerical {
-    /// Largest error.
     pub max: f64,
-    /// Root of the mean square error.
     pub rms: f64,
     /// `rms` as a share of the exact outputs' own; `None` where these are all 0.
     pub relative_rms: Option<f64>,
@@ -100,10 +99,9 @@ impl Numerical {
 /// Times of the events of a repeat: those of filters and push, and the same with the prediction.
 pub(super) type Lap = Vec<(Duration, Duration)>;
 
-/// Times two networks over `streams`, `repeats` times, in turns of `turn` items each, so that a
-/// slower machine slows both. The order alternates: neither network always finds the caches of the
-/// other. `begin` begins a stream, `run` pushes items. In the first repeat, `after` is called after
-/// each turn with the index of its first item and the number of items of the stream.
+/// Times two networks over `streams`, `repeats` times, in alternating turns of `turn` items, so
+/// that a slower machine slows both. `begin` begins a stream, `run` pushes items. In the first
+/// repeat, `after` gets the index of a turn's first item and the number of items of the stream.
 pub(super) fn take_turns<N, I, E>(
     (exact, own): (&mut N, &mut N),
     (streams, repeats, turn): (&[Vec<I>], u32, usize),

@@ -1,10 +1,8 @@
 //! The study of contact area and normal force: networks over pictures of a gel.
 //!
-//! Enters: files of pictures, and networks with their trainings. Leaves: a [`Study`] whose error is
-//! what the intersection over union lacks to 1. Some presses, evenly chosen, are timed in turns
-//! with the exact network, and their maps of force are compared with the exact ones. All presses
-//! are judged as `eval area` judges them. A press begins with a reset and the picture of the sensor
-//! at rest, whose times do not count.
+//! Enters: files of pictures, and networks. Leaves: a [`Study`] of what the intersection over union
+//! lacks to 1, judged as by `eval area`. Some presses are timed, evenly chosen, without their
+//! reset, and their maps are compared with the exact ones.
 
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -30,11 +28,9 @@ use crate::workers::Workers;
 
 /// Timed pictures without another number.
 const PICTURES: usize = 40;
-/// Tolerances in the unit of the network's input, in which a grey level of the camera is 0.04 for
-/// the shipped networks. Activations are compared with them, layer by layer; normalised layers have
-/// about the scale of the input. Half a grey level is below the noise of a camera, which is 1 to 3
-/// grey levels, so nearly every pixel of a real picture changes by more. 0.05 and 0.1 are within
-/// the noise, and 0.2 is 5 grey levels, which only contact changes.
+/// Tolerances in the unit of the input, in which a grey level is 0.04 for the shipped networks;
+/// normalised layers have about this scale. Noise is 1 to 3 grey levels: the first is below it,
+/// 0.05 and 0.1 are within, and 0.2 is 5 grey levels, which only contact changes.
 const TOLERANCES: [f32; 4] = [0.02, 0.05, 0.1, 0.2];
 
 /// The study of networks over pictures on all presses in `files`.

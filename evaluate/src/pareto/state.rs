@@ -87,9 +87,6 @@ impl State {
 }
 
 /// The lines and their number of bytes, without a last line that was not finished.
-///
-/// # Errors
-/// The number of the first line that cannot be read.
 pub(super) fn parse(bytes: &[u8]) -> Result<(Vec<Line>, usize), (usize, serde_json::Error)> {
     let mut lines = Vec::new();
     let mut begin = 0;

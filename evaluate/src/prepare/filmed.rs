@@ -20,7 +20,7 @@ use serde_json::json;
 
 use crate::error::{EvaluateError, Result, StreamsError};
 use crate::prepare::{Prepared, add_streams, metadata};
-use crate::streams::{Truth, bounds, integers};
+use crate::streams::{Truth, bounds, floats, integers, tensor, wrong};
 
 /// The events that a camera sees of the marker tracks in the safetensors file `tracks`.
 ///
@@ -126,19 +126,13 @@ fn read(bytes: &[u8]) -> Result<(Vec<MarkerTracks>, Option<Truth>), StreamsError
     let file = SafeTensors::deserialize(bytes)?;
     let t_us = integers(&file, "t_us", None)?;
     let start = bounds(&integers(&file, "start", None)?, t_us.len())?;
-    let wrong = |found: String| StreamsError::Tensor {
-        tensor: "position".to_owned(),
-        expected: format!("F32 ({}, markers, 2)", t_us.len()),
-        found,
+    let expected = format!("F32 ({}, markers, 2)", t_us.len());
+    let view = tensor(&file, "position", Dtype::F32, &expected)?;
+    let markers = match *view.shape() {
+        [times, markers, 2] if times == t_us.len() => markers,
+        _ => return Err(wrong("position", &expected, &view)),
     };
-    let view = file.tensor("position").map_err(|_| wrong("nothing".to_owned()))?;
-    let &[times, markers, 2] = view.shape() else { return Err(wrong(format!("{:?}", view.shape()))) };
-    if view.dtype() != Dtype::F32 || times != t_us.len() {
-        return Err(wrong(format!("{:?} {:?}", view.dtype(), view.shape())));
-    }
-    let value = |bytes: &[u8]| f32::from_le_bytes([bytes[0], bytes[1], bytes[2], bytes[3]]);
-    let positions: Vec<[f32; 2]> =
-        view.data().chunks_exact(8).map(|pair| [value(&pair[..4]), value(&pair[4..])]).collect();
+    let positions = floats(view.data()).as_chunks().0.to_vec();
     let tracks = |(stream, range): (usize, &[usize])| {
         let (times, places) = (range[0]..range[1], range[0] * markers..range[1] * markers);
         MarkerTracks::new(t_us[times].to_vec(), markers, positions[places].to_vec())

@@ -31,12 +31,11 @@ pub enum Shapes {
 
 /// What is pressed, on what, and how often.
 #[derive(Clone, Copy, Debug)]
+#[expect(missing_docs, reason = "the names say it")]
 pub struct GelPlan {
     /// The sensor of all presses; `None`: another one for each press ([`GelSensor::drawn`]).
     pub sensor: Option<GelSensor>,
-    /// The indenters.
     pub shapes: Shapes,
-    /// Number of presses.
     pub presses: usize,
     /// Pictures of a press, at least 1: the force is greatest in the middle.
     pub pictures: usize,

@@ -11,10 +11,9 @@ use crate::metrics::MeanStd;
 
 /// Figures of a network on presses; `T` is a number for one training and [`MeanStd`] for several.
 #[derive(Serialize)]
+#[expect(missing_docs, reason = "the keys of the JSON report")]
 pub struct Errors<T = f64> {
-    /// Number of presses.
     pub presses: u64,
-    /// Each output.
     pub outputs: Vec<OutputErrors<T>>,
     /// All angles together, where there are several.
     pub angles: Option<OutputErrors<T>>,
@@ -29,10 +28,9 @@ pub struct Errors<T = f64> {
 
 /// Errors of an output, or of several with the same unit.
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[expect(missing_docs, reason = "the keys of the JSON report")]
 pub struct OutputErrors<T = f64> {
-    /// Name of the output.
     pub name: String,
-    /// Unit of the errors.
     pub unit: String,
     /// Mean absolute error at the end of a press.
     pub mean_absolute: T,
@@ -46,12 +44,11 @@ pub struct OutputErrors<T = f64> {
 
 /// Events and work of presses.
 #[derive(Debug, Default, Serialize)]
+#[expect(missing_docs, reason = "the keys of the JSON report")]
 pub struct Work {
     /// Presses, once for each training.
     pub presses: u64,
-    /// Pushed events.
     pub events: u64,
-    /// Predictions that were read.
     pub predictions: u64,
     /// Rows of the event graph; 0 for networks over frames.
     pub rows: u64,

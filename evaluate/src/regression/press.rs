@@ -89,9 +89,6 @@ impl Presses {
     }
 
     /// The trials of `trainings`: to a whole one, all presses are unseen.
-    ///
-    /// # Errors
-    /// A fold held out a press that is not in the file, or one that another fold held out.
     pub(crate) fn trials(&self, trainings: &[Arc<Training>]) -> Result<Vec<Trial>> {
         let mut cases = Cases::default();
         (0..self.len()).for_each(|press| cases.push(&press.to_string(), 1));

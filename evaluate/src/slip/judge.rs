@@ -90,10 +90,10 @@ pub type Judged = crate::judge::Judged<Classified>;
 
 /// Figures of windows; `T` is a number for one training, [`MeanStd`] for several.
 #[derive(Serialize)]
+#[expect(missing_docs, reason = "the keys of the JSON report")]
 pub struct Classified<T = f64> {
     /// Number of windows; of several trainings the smallest, where folds are missing.
     pub windows: u64,
-    /// Accuracy, precision, recall and F1.
     #[serde(flatten)]
     pub scores: Scores<T>,
     /// Counts of predictions, the sum over the trainings.

@@ -1,9 +1,8 @@
 //! Bursts: the phase of each event.
 //!
 //! Enters: the events. Leaves: a phase for each. An event belongs to a burst if the accepted events
-//! of the [`WINDOW_US`] before it came at the burst rate or faster. The default burst rate is
-//! [`FACTOR`] times the mean rate of the stream. Times are the times at which the engine accepts
-//! events. A dropped event has the phase of its position in the stream.
+//! of the [`WINDOW_US`] before it came at the burst rate, by default [`FACTOR`] times the mean. A
+//! dropped event has the phase of its position.
 
 use meissner_engine::{Admission, Event, LatePolicy, Sensor};
 

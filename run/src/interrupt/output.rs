@@ -1,9 +1,9 @@
 //! Output that is awaited as input is: a reader who stops does not keep the program alive.
 //!
 //! Enters: bytes for standard output, standard error or a connection. Leaves: the same bytes, in
-//! order. Until the program is asked to end, a write waits for the reader. From then on, what the
-//! reader does not take at once is kept, so that the stream can end with its state; it is sent when
-//! the output is dropped, as long as the reader takes something within each [`PATIENCE`].
+//! order. A write waits for the reader until the program is asked to end. Then what is not taken at
+//! once is kept, and sent when the output is dropped, as long as something is taken within
+//! [`PATIENCE`].
 
 use std::fs::File;
 use std::io::{self, Write};

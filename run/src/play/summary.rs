@@ -60,10 +60,9 @@ pub struct PlaySummary {
 /// Counts of reports.
 #[derive(Clone, Copy, Debug, Default, Serialize)]
 #[non_exhaustive]
+#[expect(missing_docs, reason = "the keys of the JSON report")]
 pub struct ReportCounts {
-    /// Reports that were due.
     pub due: u64,
-    /// Reports that were made.
     pub made: u64,
     /// Reports that covered all events that had entered the queue, of which the engine lost none.
     pub fresh: u64,

@@ -26,8 +26,8 @@ use meissner_io::{ElectrodeSettings, Electrodes, IoError, Kind, Reading};
 use meissner_models::FrameSource;
 use meissner_models::systems::slip::DecisionFilter;
 
-use super::frame_predictor::FramePredictor;
 use super::prediction::{ElectrodePrediction, Observer, Prediction};
+use super::summary::FramePredictor;
 use super::summary::{ElectrodeCounts, Ended, Ending, FrameSummary, InputCounts, Summary};
 use crate::answer::{Classes, Values};
 use crate::error::{Result, RunError, chain};

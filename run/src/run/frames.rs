@@ -7,8 +7,8 @@ use meissner_engine::frames::FrameOptions;
 use meissner_engine::{EngineError, Event, Outcome, Sensor};
 use serde::{Deserialize, Serialize};
 
-use super::frame_predictor::FramePredictor;
 use super::prediction::{FramePrediction, Observer, Prediction};
+use super::summary::FramePredictor;
 use super::summary::{EventCounts, FrameSummary, InputCounts, Summary};
 use super::{EVERY, RunOptions, Saver, Steps, StreamRun};
 use crate::answer::{Classes, Values};

@@ -17,8 +17,8 @@ use crate::error::{Result, RunError};
 use crate::interrupt;
 use crate::latency::microseconds;
 use crate::model::FrameModel;
-use crate::run::frame_predictor::FramePredictor;
 use crate::run::prediction::{Observer, PicturePrediction, Prediction};
+use crate::run::summary::FramePredictor;
 use crate::run::summary::{Ended, Ending, FrameSummary, InputCounts, Summary};
 
 /// A pixel is in contact if it differs from the reference by more than this, in levels.

@@ -27,8 +27,8 @@ pub struct Light {
 
 /// Lights and camera of a sensor, fitted to a real one (`models/train/area/lights.py`).
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[expect(missing_docs, reason = "the names say it")]
 pub struct GelCamera {
-    /// The lights.
     pub lights: [Light; 3],
     /// How wide they are, as a cosine.
     pub wide: f64,
@@ -38,7 +38,6 @@ pub struct GelCamera {
     pub even: [f64; 3],
     /// The power that makes light of grey levels.
     pub gamma: f64,
-    /// The lens.
     pub lens: Lens,
     /// Standard deviation of a grey level.
     pub noise: f64,
@@ -63,11 +62,9 @@ impl Default for GelCamera {
 }
 
 impl GelCamera {
-    /// Red, green and blue of each pixel of a picture of this `size`, row by row, in grey levels
-    /// from 0 to 255, with noise from `random` if there is one. The surface is `displacement_mm`
-    /// away from its place at rest, towards the camera
-    /// ([`Contact::displacement_mm`](super::Contact::displacement_mm)). The picture may have more
-    /// pixels than `surface`, whose slopes are interpolated. O(pixels).
+    /// Red, green and blue of each pixel of a picture of this `size`, row by row, from 0 to 255,
+    /// with noise from `random` if there is one. The surface is `displacement_mm` towards the
+    /// camera; its slopes are interpolated. O(pixels).
     ///
     /// # Errors
     /// [`SimulatorError::Pixels`] where there is not a displacement for each pixel of `surface`.
@@ -305,10 +302,9 @@ fn offset([width, height]: [usize; 2], i: usize) -> [f64; 2] {
 /// A gel with its camera. The default has the lights that are fitted to pictures of a real sensor,
 /// turned to pictures that are wider than high.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[expect(missing_docs, reason = "the names say it")]
 pub struct GelSensor {
-    /// The gel.
     pub gel: Gel,
-    /// Lights and camera.
     pub camera: GelCamera,
     /// Width of the surface that the picture shows, in millimetres.
     pub width_mm: f64,

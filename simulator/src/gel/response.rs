@@ -2,9 +2,9 @@
 //! convolution with that kernel, and the slow part of the answer.
 //!
 //! A half-space moves as Love 1929 has it (Johnson 1985, "Contact Mechanics", Eq. 3.25). A layer of
-//! thickness H bonded to a plate adds `(1 - nu^2) / (pi E H) * integral of (S(w) - 1) J0(w r / H) dw`
-//! times the area of the pixel, with the transfer function S of Bentall and Johnson 1968, "An elastic
-//! strip in plane rolling contact", section 2.
+//! thickness H bonded to a plate adds `(1 - nu^2) / (pi E H) * integral of (S(w) - 1) J0(w r / H)
+//! dw` times the area of the pixel, with the transfer function S of Bentall and Johnson 1968, "An
+//! elastic strip in plane rolling contact", section 2.
 //!
 //! `S(w) = ((3 - 4 nu) sinh 2w - 2w) / ((3 - 4 nu) cosh 2w + 2 w^2 + 5 - 12 nu + 8 nu^2)`: 1 for
 //! short waves, which do not reach the plate. The difference from the half-space is smooth, so that
@@ -20,6 +20,7 @@ use rustfft::{Fft, FftPlannerScalar};
 
 /// Material and thickness of a gel. The default is a soft silicone of 4 mm.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[expect(missing_docs, reason = "the names say it")]
 pub struct Gel {
     /// Young's modulus, in megapascals.
     pub modulus_mpa: f64,
@@ -27,7 +28,6 @@ pub struct Gel {
     pub poisson: f64,
     /// Thickness above the plate that it is bonded to, in millimetres; infinite: a half-space.
     pub thickness_mm: f64,
-    /// Friction coefficient between gel and indenter.
     pub friction: f64,
 }
 
@@ -39,10 +39,9 @@ impl Default for Gel {
 
 /// Pixels of the gel's surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[expect(missing_docs, reason = "the names say it")]
 pub struct Grid {
-    /// Columns.
     pub width: usize,
-    /// Rows.
     pub height: usize,
     /// Distance between neighbours, in millimetres.
     pub pitch_mm: f64,
