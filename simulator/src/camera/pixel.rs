@@ -8,7 +8,7 @@
 use libm::{exp, log};
 use meissner_kernels::random::Random;
 
-use super::CameraSettings;
+use super::settings::CameraSettings;
 
 /// Least threshold, as in v2e: a spread cannot make a pixel fire forever.
 const THRESHOLD_MIN: f64 = 0.01;

@@ -5,6 +5,5 @@ mod camera;
 mod dome;
 mod gel;
 mod grasp;
-mod noise;
 mod picture;
 mod plants;
