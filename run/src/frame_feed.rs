@@ -18,9 +18,11 @@ use std::collections::VecDeque;
 
 use meissner_engine::representations::RepresentationError;
 use meissner_engine::{
-    Admission, ClockWatch, Decision, Event, EventCounters, LatePolicy, Outcome, RestartPolicy, Sensor,
+    Admission, ClockWatch, Decision, EngineError, Event, EventCounters, LatePolicy, Outcome, RestartPolicy,
+    Sensor, snapshot_note,
 };
 use meissner_models::FrameDescription;
+use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
 use crate::schedule::Every;
@@ -87,34 +89,54 @@ impl FeedState {
         Self { epoch_us: t_us, now_us: t_us, accepted: 0, open_us: Some(t_us), events, held }
     }
 
-    /// The first field that a feed cannot have written: its name, expected and actual value.
-    pub(crate) fn fault(&self, sensor: Sensor) -> Option<(&'static str, String, String)> {
-        let &Self { epoch_us, now_us, accepted, open_us, .. } = self;
+    /// Refuses frames that are not made as `expected`, and the first field of `state` that a feed
+    /// on `sensor` cannot have written.
+    pub(crate) fn check(
+        state: Option<&Self>,
+        sensor: Sensor,
+        (expected, found): (&str, &str),
+    ) -> Result<(), EngineError> {
+        let misfit = |what, expected, found| Err(EngineError::Snapshot { what, expected, found });
+        if found != expected {
+            return misfit("frames", expected.to_owned(), found.chars().take(200).collect());
+        }
+        let Some(&Self { epoch_us, now_us, accepted, open_us, ref events, ref held }) = state else {
+            return Ok(());
+        };
         if now_us.checked_sub(epoch_us).is_none_or(|span_us| span_us < 0) {
             let expected = format!("from {epoch_us} to 2^63 after it");
-            return Some(("newest time in the note", expected, now_us.to_string()));
+            return misfit("newest time in the note", expected, now_us.to_string());
         }
         if let Some(open_us) = open_us.filter(|open_us| !(epoch_us..=now_us).contains(open_us)) {
             let expected = format!("from {epoch_us} to {now_us}");
-            return Some(("open window in the note", expected, open_us.to_string()));
+            return misfit("open window in the note", expected, open_us.to_string());
         }
-        if accepted < self.events.len() as u64 {
-            let expected = format!("at least {}, the events that are kept", self.events.len());
-            return Some(("accepted events in the note", expected, accepted.to_string()));
+        if accepted < events.len() as u64 {
+            let expected = format!("at least {}, the events that are kept", events.len());
+            return misfit("accepted events in the note", expected, accepted.to_string());
         }
-        if let Some((_, x, y, _)) = self.held.iter().find(|&&(_, x, y, _)| !sensor.contains(x, y)) {
-            return Some(("held event in the note", format!("a pixel of {sensor}"), format!("({x}, {y})")));
+        if let Some((_, x, y, _)) = held.iter().find(|&&(_, x, y, _)| !sensor.contains(x, y)) {
+            return misfit("held event in the note", format!("a pixel of {sensor}"), format!("({x}, {y})"));
         }
         let mut least_us = open_us.unwrap_or(epoch_us);
-        for &(t_us, x, y, _) in &self.events {
+        for &(t_us, x, y, _) in events {
             if !(least_us..=now_us).contains(&t_us) || !sensor.contains(x, y) {
                 let expected = format!("from {least_us} to {now_us} us on {sensor}");
-                return Some(("kept event in the note", expected, format!("{t_us} us at ({x}, {y})")));
+                return misfit("kept event in the note", expected, format!("{t_us} us at ({x}, {y})"));
             }
             least_us = t_us;
         }
-        None
+        Ok(())
     }
+}
+
+/// The note in the state `bytes`, as `expected`.
+pub(crate) fn read_note<N: DeserializeOwned>(bytes: &[u8], expected: &str) -> Result<N, EngineError> {
+    serde_json::from_slice(snapshot_note(bytes)?).map_err(|error| EngineError::Snapshot {
+        what: "note",
+        expected: expected.to_owned(),
+        found: error.to_string(),
+    })
 }
 
 /// Least step back of a restart: frames may be shorter than a packet of events is late.

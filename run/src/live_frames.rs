@@ -9,12 +9,12 @@ use std::sync::Arc;
 use meissner_engine::frames::{FrameEngine, FrameOptions};
 use meissner_engine::{
     DropReason, EngineError, Event, EventCounters, LatePolicy, Outcome, Prediction, Predictor, RestartPolicy,
-    Sensor, snapshot_note,
+    Sensor,
 };
 use serde::{Deserialize, Serialize};
 
 use crate::error::{Result, RunError};
-use crate::frame_feed::{EmptyFrameLimit, FeedOptions, FeedOutput, FeedState, FrameFeed};
+use crate::frame_feed::{EmptyFrameLimit, FeedOptions, FeedOutput, FeedState, FrameFeed, read_note};
 use crate::model::FrameModel;
 use crate::run::EVERY;
 
@@ -112,13 +112,7 @@ impl LiveFrames {
     /// then unchanged.
     pub fn restore_bytes(&mut self, bytes: &[u8]) -> Result<(), EngineError> {
         let note = Note::read(bytes)?;
-        let made = self.made();
-        if note.made != made {
-            return Err(misfit("frames", made, note.made.chars().take(200).collect()));
-        }
-        if let Some((what, expected, found)) = note.feed.as_ref().and_then(|state| state.fault(self.sensor)) {
-            return Err(misfit(what, expected, found));
-        }
+        FeedState::check(note.feed.as_ref(), self.sensor, (&self.made(), &note.made))?;
         self.frames.engine.restore_bytes(bytes)?;
         self.feed_from(note.silence, note.feed.as_ref());
         (self.frames.newest_us, self.frames.refused) = (note.newest_us, None);
@@ -154,19 +148,13 @@ fn feed(model: &FrameModel, sensor: Sensor, silence: u64, state: Option<&FeedSta
         })
 }
 
-fn misfit(what: &'static str, expected: String, found: String) -> EngineError {
-    EngineError::Snapshot { what, expected, found }
-}
-
 impl Note {
     fn written(&self) -> Vec<u8> {
         serde_json::to_vec(self).expect("numbers and text are JSON")
     }
 
     fn read(bytes: &[u8]) -> Result<Self, EngineError> {
-        serde_json::from_slice(snapshot_note(bytes)?).map_err(|error| {
-            misfit("note", "that of a frame network over events".to_owned(), error.to_string())
-        })
+        read_note(bytes, "that of a frame network over events")
     }
 }
 

@@ -121,9 +121,7 @@ impl Outcome {
         outcome.multiply_adds = costs.iter().zip(&counters.layers).map(|(cost, layer)| cost.of(layer)).sum();
         Ok(outcome)
     }
-}
 
-impl Outcome {
     /// The sum of what the intersections over union lack to 1, and the number of pictures.
     pub(crate) fn lacking(&self) -> (f64, u64) {
         (self.pictures.iter().map(|contact| 1.0 - contact.iou).sum(), self.pictures.len() as u64)

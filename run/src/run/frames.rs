@@ -13,7 +13,7 @@ use super::summary::{EventCounts, FrameSummary, InputCounts, Summary};
 use super::{EVERY, RunOptions, Saver, Steps, StreamRun};
 use crate::answer::{Classes, Values};
 use crate::error::{Result, RunError};
-use crate::frame_feed::{EmptyFrameLimit, FeedOptions, FeedOutput, FeedState, FrameFeed};
+use crate::frame_feed::{EmptyFrameLimit, FeedOptions, FeedOutput, FeedState, FrameFeed, read_note};
 use crate::latency::microseconds;
 use crate::losses::{InputLosses, LossWarning};
 use crate::model::FrameModel;
@@ -228,17 +228,9 @@ fn every_frames(network: &str, every: Option<Every>, feed: &FrameFeed) -> Result
 impl Note {
     /// The note in the state `bytes` of a run that made frames of `sensor` as described by `made`.
     fn read(bytes: &[u8], made: &str, sensor: Sensor) -> Result<Self, EngineError> {
-        let misfit = |what, expected, found| EngineError::Snapshot { what, expected, found };
-        let expected = "where the making of frames stands, as `meissner run` writes it".to_owned();
-        let note: Self = serde_json::from_slice(meissner_engine::snapshot_note(bytes)?)
-            .map_err(|error| misfit("note", expected, error.to_string()))?;
-        if note.made != made {
-            return Err(misfit("frames", made.to_owned(), note.made.chars().take(200).collect()));
-        }
-        match note.feed.as_ref().and_then(|feed| feed.fault(sensor)) {
-            Some((what, expected, found)) => Err(misfit(what, expected, found)),
-            None => Ok(note),
-        }
+        let note: Self = read_note(bytes, "where the making of frames stands, as `meissner run` writes it")?;
+        FeedState::check(note.feed.as_ref(), sensor, (made, &note.made))?;
+        Ok(note)
     }
 }
 

@@ -319,8 +319,8 @@ proptest! {
 }
 
 mod noise {
-    //! Noise against measured facts: how many of 2,500 pixels of a real sensor show any, by light and
-    //! polarity.
+    //! Noise against measured facts: how many of 2,500 pixels of a real sensor show any, by light
+    //! and polarity.
 
     use meissner_engine::Sensor;
     use meissner_simulator::{Camera, CameraSettings, Cause, SimulatedEvent};
@@ -351,8 +351,9 @@ mod noise {
 
     #[test]
     fn noise_by_light_and_polarity_is_that_of_a_measured_sensor() {
-        // Measured, on and off in per cent: 100 and 100 at 0.1 lux, 34 and 0.2 at 161 lux, 95 and 0 at
-        // 3,000 lux. How long the sensor was watched is not known; the rates are set for ten seconds.
+        // Measured, on and off in per cent: 100 and 100 at 0.1 lux, 34 and 0.2 at 161 lux, 95 and 0
+        // at 3,000 lux. How long the sensor was watched is not known; the rates are set for ten
+        // seconds.
         let sensor = Sensor::new(50, 50);
         let settings = CameraSettings { hot_share: 0.0, ..CameraSettings::default() };
         let dim = share_of_pixels(&white_wall(settings, sensor, 0.1, 10), sensor);
