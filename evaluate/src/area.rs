@@ -19,11 +19,9 @@ use meissner_run::provenance::{Header, InputCard, ModelCard};
 use meissner_run::run::ContactPredictor;
 use serde::Serialize;
 
-use crate::error::{EvaluateError, RequestPart, Result, TrainingError};
+use crate::error::{EvaluateError, RequestPart, Result};
 use crate::judge::{Judge, JudgedTrial, NetworkReport, judge};
-use crate::trainings::{
-    EvaluatedNetwork, Evaluation, HeldOut, Metadata, Request, Task, Training, candidates, seed_name,
-};
+use crate::trainings::{EvaluatedNetwork, Evaluation, Request, Task, Training, candidates, seed_name};
 use crate::trials::{Cases, Trial};
 use crate::workers::Workers;
 pub use figures::{BaselineFigures, Figures, KindFigures};
@@ -50,11 +48,6 @@ impl Task for Area {
 
     fn name(description: &FrameDescription) -> &str {
         description.name()
-    }
-
-    /// A file of pictures is unseen as a whole.
-    fn held_out(_: Metadata<'_>) -> Result<Option<HeldOut>, TrainingError> {
-        Ok(None)
     }
 }
 

@@ -17,7 +17,7 @@ use meissner_run::model::describe;
 use meissner_run::text::grouped;
 
 use crate::error::{EvaluateError, Result, TrainingError};
-use crate::trainings::{Task, Training};
+use crate::trainings::{HeldOut, Metadata, Task, Training};
 use crate::trials::{Cases, Trial};
 pub use judge::{DataReport, Judged, Options, OverTime, Protocols, Report, evaluate};
 
@@ -78,6 +78,19 @@ impl<T: EventTask> Task for T {
 
     fn trained_as(network: &str) -> &str {
         T::trained_as(network)
+    }
+
+    /// The recordings that a fold held out; a whole training must have left out the split test.
+    fn held_out(metadata: Metadata<'_>) -> Result<Option<HeldOut>, TrainingError> {
+        if metadata.0.contains_key("held_out") {
+            let expected = "with a JSON list of recordings, such as [\"train/3/00123\"]";
+            return metadata.recordings(expected).map(Some);
+        }
+        if metadata.0.get("trained_on").is_some_and(|split| split == "train") {
+            return Ok(None);
+        }
+        let expected = "\"train\", or \"held_out\" with a JSON list of recordings,";
+        Err(metadata.refused("trained_on", expected))
     }
 }
 

@@ -28,12 +28,10 @@ use meissner_run::provenance::{Header, InputCard, ModelCard};
 use rayon::ThreadPoolBuilder;
 use serde::Serialize;
 
-use crate::error::{EvaluateError, RequestPart, Result, TrainingError};
+use crate::error::{EvaluateError, RequestPart, Result};
 use crate::events::lost;
 use crate::judge::{Judge, JudgedTrial, NetworkReport, judge};
-use crate::trainings::{
-    EvaluatedNetwork, Evaluation, HeldOut, Metadata, Request, Task, Training, candidates,
-};
+use crate::trainings::{EvaluatedNetwork, Evaluation, Request, Task, Training, candidates};
 use crate::trials::Trial;
 use crate::workers::Workers;
 use engine::PressEngine;
@@ -60,11 +58,6 @@ impl Task for Regression {
 
     fn name(description: &AnyDescription) -> &str {
         description.name()
-    }
-
-    /// A file of presses is unseen as a whole.
-    fn held_out(_: Metadata<'_>) -> Result<Option<HeldOut>, TrainingError> {
-        Ok(None)
     }
 }
 

@@ -15,16 +15,11 @@ pub const STATUS: u8 = 130;
 mod output;
 
 #[cfg(not(unix))]
-pub use other::{
-    Hold, Input, Output, awaited, client, datagrams, hold, input, install, listen, output, received,
-    requested, sleep,
-};
+pub use other::*;
 #[cfg(unix)]
 pub use output::{Output, output};
 #[cfg(unix)]
-pub use unix::{
-    Hold, Input, awaited, client, datagrams, hold, input, install, listen, received, requested, sleep,
-};
+pub use unix::*;
 
 #[cfg(unix)]
 mod unix {

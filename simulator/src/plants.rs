@@ -53,14 +53,7 @@ const PHASES: [(Phase, i64); 5] = [
 ];
 
 /// Duration of a tap in microseconds: 0.8 s.
-pub const TAP_US: i64 = {
-    let (mut sum, mut i) = (0, 0);
-    while i < PHASES.len() {
-        sum += PHASES[i].1;
-        i += 1;
-    }
-    sum
-};
+pub const TAP_US: i64 = PHASES[0].1 + PHASES[1].1 + PHASES[2].1 + PHASES[3].1 + PHASES[4].1;
 
 /// How deep the dome is pressed, in millimetres.
 pub const DEPTH_MM: f64 = 10.0;
