@@ -141,12 +141,13 @@ impl LossWatch {
 /// The losses of an input.
 #[derive(Clone, Copy, Debug)]
 pub struct InputLosses {
-    events: EventCounters,
+    pub(crate) events: EventCounters,
     /// `None` if the input does not consist of events.
-    sensor: Option<Sensor>,
-    outside_crop: u64,
-    lines_refused: u64,
-    advice: Advice,
+    pub(crate) sensor: Option<Sensor>,
+    /// Accepted events that no frame covers.
+    pub(crate) outside_crop: u64,
+    pub(crate) lines_refused: u64,
+    pub(crate) advice: Advice,
 }
 
 impl InputLosses {
@@ -159,24 +160,6 @@ impl InputLosses {
     pub fn of_lines(taken: u64) -> Self {
         let events = EventCounters { pushed: taken, ..EventCounters::default() };
         Self { events, sensor: None, outside_crop: 0, lines_refused: 0, advice: |_| None }
-    }
-
-    /// The same losses with other counts of events.
-    #[must_use]
-    pub fn with_events(self, events: EventCounters) -> Self {
-        Self { events, ..self }
-    }
-
-    /// Adds the number of accepted events that no frame covers.
-    #[must_use]
-    pub fn with_outside_crop(self, outside_crop: u64) -> Self {
-        Self { outside_crop, ..self }
-    }
-
-    /// Adds the number of lines that could not be read.
-    #[must_use]
-    pub fn with_lines_refused(self, lines_refused: u64) -> Self {
-        Self { lines_refused, ..self }
     }
 
     /// Adds `advice` at the end of each message.
@@ -226,9 +209,10 @@ impl InputLosses {
         ];
         let is_large = |count, of| u128::from(count) * 100 > u128::from(of) * u128::from(PERCENT);
         let counts = counts.into_iter().filter(|&(_, count, of, _)| is_large(count, of));
+        let advice = |reason| (self.advice)(reason).map_or_else(String::new, |advice| format!(" ({advice})"));
         let restart = (events.restarts > 0).then(|| {
             let times = if events.restarts == 1 { String::new() } else { format!(" {} times", grouped(events.restarts)) };
-            let advice = (self.advice)(LossReason::Restart).map_or_else(String::new, |advice| format!(" ({advice})"));
+            let advice = advice(LossReason::Restart);
             let message = format!(
                 "the clock of the sensor has restarted{times}: the network began anew, without the events before{advice}"
             );
@@ -236,8 +220,7 @@ impl InputLosses {
         });
         let lost = counts.map(|(reason, count, of, why)| {
             let percent = count as f64 / of as f64 * 100.0;
-            let advice = (self.advice)(reason).map_or_else(String::new, |advice| format!(" ({advice})"));
-            let (lost, all) = (grouped(count), grouped(of));
+            let (lost, all, advice) = (grouped(count), grouped(of), advice(reason));
             let message = format!("{lost} of {all} ({percent:.1} %) {why}{advice}");
             LossWarning { reason, count, of, message }
         });

@@ -25,7 +25,7 @@ use crate::clock::Clock;
 use crate::error::{Result, RunError};
 use crate::interrupt;
 use crate::latency::microseconds;
-use crate::losses::LossWatch;
+use crate::losses::{InputLosses, LossWatch};
 use crate::memory::peak_resident_bytes;
 use crate::model::Model;
 use crate::run::{Observer, Prediction, ReportPrediction};
@@ -277,7 +277,7 @@ impl Play {
             });
             for (input, (watch, name, losses)) in watches.iter_mut().enumerate() {
                 let events = fleet.sensors()[input].event_counters();
-                watch.look(events.pushed, Instant::now, name, || losses.with_events(events));
+                watch.look(events.pushed, Instant::now, name, || InputLosses { events, ..*losses });
             }
             if shown.is_err() || failed.iter().all(Option::is_some) {
                 break;

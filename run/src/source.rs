@@ -247,8 +247,8 @@ impl Source {
 
     /// The losses so far of a run on `sensor`. `events` counts the events that reached the network.
     pub fn losses(&self, events: EventCounters, sensor: Sensor) -> InputLosses {
-        let losses = InputLosses::of_events(events, sensor);
-        losses.with_lines_refused(self.lines_refused()).with_advice(self.advice)
+        let losses = InputLosses::of_events(events, sensor).with_advice(self.advice);
+        InputLosses { lines_refused: self.lines_refused(), ..losses }
     }
 
     /// The number of events in the recording, if it is known.

@@ -171,7 +171,7 @@ mod losses {
 
     fn reasons(events: EventCounters, outside_crop: u64, lines_refused: u64) -> Vec<LossReason> {
         let losses = InputLosses::of_events(events, Sensor::new(4, 4));
-        let losses = losses.with_outside_crop(outside_crop).with_lines_refused(lines_refused);
+        let losses = InputLosses { outside_crop, lines_refused, ..losses };
         losses.warnings().into_iter().map(|warning| warning.reason).collect()
     }
 
@@ -233,7 +233,7 @@ mod losses {
 
     #[test]
     fn advice_stands_at_the_end_of_the_message_of_its_reason() {
-        let losses = InputLosses::of_lines(1).with_lines_refused(1);
+        let losses = InputLosses { lines_refused: 1, ..InputLosses::of_lines(1) };
         let advice = |reason| (reason == LossReason::LinesRefused).then_some("look at them");
         let message = losses.with_advice(advice).warnings().remove(0).message;
         assert_eq!(message, "1 of 2 (50.0 %) lines are refused: the first are named above (look at them)");

@@ -19,6 +19,7 @@ use super::frame_passes::{
 use super::{BenchInput, BenchOptions, FrameInputReport, InputReport};
 use crate::error::{Result, RunError};
 use crate::latency::Latency;
+use crate::losses::InputLosses;
 use crate::memory::peak_resident_bytes;
 use crate::model::Model;
 use crate::provenance::ModelCard;
@@ -153,7 +154,7 @@ pub fn compare(
     for _ in 1..options.repeat {
         ways = ways.faster(round()?.0);
     }
-    let losses = input.losses(moments.counters).with_outside_crop(outside);
+    let losses = InputLosses { outside_crop: outside, ..input.losses(moments.counters) };
     Ok(CompareReport {
         made: FrameInputReport::new(input, against, field, &moments, outside),
         input: input.report(&moments.counters, &losses, options.repeat.max(1)),

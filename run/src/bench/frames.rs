@@ -8,6 +8,7 @@ use super::frame_passes::{EventFrameModel, FrameLatencies, FramePasses, Predicti
 use super::{BenchInput, BenchOptions, FrameInputReport, InputReport};
 use crate::error::{Result, RunError};
 use crate::latency::clock_us;
+use crate::losses::InputLosses;
 use crate::memory::peak_resident_bytes;
 
 /// The report of a frame network. Counts are of one pass, except in distributions.
@@ -69,7 +70,7 @@ pub fn bench_frames(
     });
     let ((skipping, last), (everything, _)) = (skipping?, everything?);
 
-    let losses = input.losses(moments.counters).with_outside_crop(last.outside);
+    let losses = InputLosses { outside_crop: last.outside, ..input.losses(moments.counters) };
     Ok(FrameReport {
         made: FrameInputReport::new(input, model, field, &moments, last.outside),
         input: input.report(&moments.counters, &losses, repeat),

@@ -144,7 +144,8 @@ impl ElectrodeRun {
             steps: self.steps,
             decisions: self.windows.classes.are_known().then_some(self.windows.decisions),
         };
-        let losses = InputLosses::of_lines(taken).with_lines_refused(refused).with_advice(self.advice);
+        let losses = InputLosses::of_lines(taken).with_advice(self.advice);
+        let losses = InputLosses { lines_refused: refused, ..losses };
         let warnings = losses.warn(self.name());
         self.windows.predictor.passed.add(taken.saturating_mul(PERIOD_US));
         self.windows.predictor.training.warn(self.name());

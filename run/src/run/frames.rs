@@ -180,7 +180,8 @@ impl Steps for FrameSteps {
     }
 
     fn losses(&self, source: &Source, sensor: Sensor) -> InputLosses {
-        source.losses(*self.feed.counters(), sensor).with_outside_crop(self.feed.outside_crop())
+        let losses = source.losses(*self.feed.counters(), sensor);
+        InputLosses { outside_crop: self.feed.outside_crop(), ..losses }
     }
 
     fn summary(self, source: Source, warnings: Vec<LossWarning>) -> Summary {
