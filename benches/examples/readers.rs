@@ -12,7 +12,7 @@ use meissner_engine::Event;
 use meissner_io::{Format, IoError, ReadOptions, TimeRange, read, read_with};
 
 #[allow(dead_code, reason = "the tests use more of it")]
-#[path = "../../io/tests/codecs/support/mod.rs"]
+#[path = "../../io/tests/codecs/support.rs"]
 mod codecs;
 
 use codecs::aedat::{DAVIS346, aedat2, aedat3, davis_records};

@@ -5,18 +5,21 @@
 use std::num::NonZeroU16;
 use std::path::PathBuf;
 
-use clap::ValueEnum;
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
+use clap::{Arg, ValueEnum, value_parser};
 use meissner_engine::filters::RateLimit;
 use meissner_engine::{LatePolicy, Network, RestartPolicy, Sensor};
 use meissner_io::{Chip, ColumnOrder, ReadOptions, TextOptions, TimeUnit};
 use meissner_run::approximations::Approximations;
 use meissner_run::bench::Part;
 use meissner_run::predictor::Mode;
-pub(crate) use meissner_run::schedule::Every;
-pub(crate) use meissner_run::text::sensor;
 use meissner_run::text::{length_us, span_us};
 use meissner_simulator::gel::GelSensor;
+use rayon::{ThreadPool, ThreadPoolBuilder};
+
+use crate::error::CliError;
+pub(crate) use meissner_run::schedule::Every;
+pub(crate) use meissner_run::text::sensor;
 
 // Headings of the help. Each option names its heading, because the heading of a group of arguments
 // would also apply to the options that follow the group.
@@ -360,4 +363,44 @@ pub(crate) fn number(text: &str) -> Result<f32, String> {
 pub(crate) fn speed(text: &str) -> Result<f64, String> {
     let speed = text.parse().ok().filter(|speed: &f64| (1e-6..=1e6).contains(speed));
     speed.ok_or_else(|| "expected a number from 0.000001 to 1000000, such as 0.5".to_owned())
+}
+
+/// The number of threads.
+#[derive(Clone, Copy, Debug, Default, clap::Args)]
+pub(crate) struct Threads {
+    /// Threads that share the work [default: the machine's cores].
+    ///
+    /// The results are the same for any number.
+    #[arg(long, value_name = "N", value_parser = value_parser!(u16).range(1..=512), help_heading = MEASUREMENT)]
+    threads: Option<u16>,
+}
+
+/// `--threads` for a single engine, whose work at most two threads share.
+pub(crate) fn of_one_engine(arg: Arg) -> Arg {
+    let help = "Threads that share the work of a prediction, 1 or 2 [default: 1]";
+    let more = "The second helps where a prediction takes hundreds of microseconds. The values are the same, bit for bit. \
+                Not with --mode batch, whose predictions one thread computes.";
+    let arg = arg.value_parser(value_parser!(u16).range(1..=2)).help_heading(PREDICTIONS);
+    arg.help(help).long_help(format!("{help}.\n\n{more}"))
+}
+
+impl Threads {
+    /// A pool of this many threads.
+    pub(crate) fn pool(self) -> Result<ThreadPool, CliError> {
+        let threads = self.threads.map_or(0, usize::from);
+        let pool = ThreadPoolBuilder::new().num_threads(threads).build();
+        pool.map_err(|source| CliError::Threads { threads, source })
+    }
+
+    /// Whether two threads share the work of one engine.
+    pub(crate) fn are_two(self) -> bool {
+        self.threads == Some(2)
+    }
+
+    /// The pool whose two threads share the work of one engine, if there are two. The calling
+    /// thread is one of them while the pool is there.
+    pub(crate) fn shared(self) -> Result<Option<ThreadPool>, CliError> {
+        let two = || ThreadPoolBuilder::new().num_threads(2).use_current_thread().build();
+        self.are_two().then(two).transpose().map_err(|source| CliError::Threads { threads: 2, source })
+    }
 }

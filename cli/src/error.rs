@@ -13,7 +13,7 @@ use meissner_run::RunError;
 use meissner_run::streams::STDIN_NAME;
 use meissner_verify::VerifyError;
 
-use crate::kind::readers;
+use crate::input::readers;
 
 /// Why a subcommand ends without success.
 #[derive(Debug, thiserror::Error)]
@@ -259,40 +259,4 @@ fn hint_of_recording(recording: &str, source: &IoError) -> Option<String> {
         _ => return None,
     };
     Some(text.to_owned())
-}
-
-#[cfg(test)]
-mod tests {
-    use std::error::Error;
-    use std::io;
-    use std::path::PathBuf;
-
-    use meissner_engine::{EngineError, Sensor};
-
-    use super::CliError;
-
-    #[test]
-    fn a_network_without_an_incremental_form_is_told_the_option_that_runs_it() {
-        let hint = CliError::from(EngineError::NotIncremental("a".to_owned())).hint();
-        assert!(hint.is_some_and(|hint| hint.contains("--mode batch")));
-    }
-
-    #[test]
-    fn an_error_of_the_program_does_not_repeat_its_source() {
-        let denied = || io::Error::new(io::ErrorKind::PermissionDenied, "denied");
-        let path = PathBuf::from("some.file");
-        let engine = || EngineError::Sensor(Sensor::new(0, 1));
-        for error in [
-            engine().into(),
-            CliError::Resume { path: path.clone(), source: engine() },
-            CliError::write(&path, denied()),
-            CliError::Output(denied()),
-        ] {
-            let mut outer: &dyn Error = &error;
-            while let Some(source) = outer.source() {
-                assert!(!outer.to_string().contains(&source.to_string()), "{outer}: {source}");
-                outer = source;
-            }
-        }
-    }
 }

@@ -2,40 +2,40 @@
 //!
 //! | file | job |
 //! |---|---|
-//! | `digits`, `touch`, `slip`, `angle`, `force`, `area` | the tasks; tables and pictures of the last four |
+//! | `events` | digits and touch: classes of recordings of events |
+//! | `slip`, `angle`, `force`, `area` | a task each: arguments, tables, picture |
 //! | `filters` | what filters of events keep |
-//! | `events` | arguments, tables and picture of tasks on recordings of events |
 
 mod angle;
 mod area;
-mod digits;
 mod events;
 mod filters;
 mod force;
 mod slip;
-mod touch;
 
+use std::fmt::Display;
 use std::io::{self, IsTerminal, Write, stderr};
 use std::iter::{once, repeat};
 use std::path::PathBuf;
 use std::time::Duration;
 
 use clap::Subcommand;
+use meissner_evaluate::judge::{Figures, Judged, TrainingFigures};
 use meissner_evaluate::metrics::{Confusion, MeanStd};
-use meissner_evaluate::trainings::Evaluation;
+use meissner_evaluate::regression::Work;
+use meissner_evaluate::trainings::{Evaluation, seed_name};
 use meissner_evaluate::{EvaluateError, NetworkReport, ProgressHandle, Workers};
-use meissner_plot::{Matrix, Panel};
-use meissner_run::text::grouped;
+use meissner_plot::{Matrix, Panel, Series, Style};
+use meissner_run::predictor::Mode;
+use meissner_run::text::{grouped, span_us};
 use serde::Serialize;
 
-use crate::args::OUTPUT;
+use crate::args::{MODES, NETWORK, OUTPUT, PREDICTIONS, Threads, choice};
 use crate::error::CliError;
-use crate::output;
-use crate::output::ReportArgs;
+use crate::output::{self, ReportArgs};
 use crate::progress::Progress;
 use crate::stderr::tell;
-use crate::text::{Table, percent};
-use crate::threads::Threads;
+use crate::text::{Table, cell, columns, duration, percent};
 
 /// `meissner eval`.
 #[derive(Debug, clap::Args)]
@@ -49,9 +49,9 @@ enum TaskArgs {
     /// Direction of slip from 24 electrodes, on seen and unseen objects.
     Slip(slip::SlipArgs),
     /// Digits in front of a moving event camera (N-MNIST), over time.
-    Digits(digits::DigitsArgs),
+    Digits(events::DigitsArgs),
     /// Objects and containers under a tactile skin, over time.
-    Touch(touch::TouchArgs),
+    Touch(events::TouchArgs),
     /// Angles of a contact, or other quantities of presses, over time.
     Angle(angle::AngleArgs),
     /// Contact area and normal force from pictures of a gel.
@@ -60,6 +60,38 @@ enum TaskArgs {
     Force(force::ForceArgs),
     /// What filters of events keep of a simulated signal and its noise.
     Filters(filters::FiltersArgs),
+}
+
+/// Which events of a recording are taken.
+#[derive(Clone, Copy, Debug, clap::Args)]
+struct StrideArg {
+    /// Take every Nth event of each recording [default: as the weights say].
+    ///
+    /// The first event is taken. The metadata of the weights state the stride of the training; if
+    /// they state none, every event is taken.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..), help_heading = NETWORK)]
+    stride: Option<u32>,
+}
+
+/// When and how is predicted.
+#[derive(Clone, Copy, Debug, clap::Args)]
+struct PredictionArgs {
+    /// Time between two predictions, from 100us to 10s.
+    #[arg(long = "every", value_name = "TIME", default_value = "1ms", value_parser = every_us,
+          help_heading = PREDICTIONS)]
+    every_us: i64,
+    /// Recompute what an event changes, or every row at every prediction.
+    ///
+    /// Both give the same values, bit for bit. Frame networks compute what changes.
+    #[arg(long, value_parser = choice(MODES), default_value = "incremental", help_heading = PREDICTIONS)]
+    mode: Mode,
+}
+
+/// Reads the time between two predictions.
+fn every_us(text: &str) -> Result<i64, String> {
+    let us = span_us(text)?;
+    let fits = (100..=10_000_000).contains(&us);
+    if fits { Ok(us) } else { Err("expected a time from 100us to 10s".to_owned()) }
 }
 
 /// Threads and files of all tasks.
@@ -81,11 +113,11 @@ struct OutputArgs {
 pub(crate) fn eval(args: &EvalArgs) -> Result<(), CliError> {
     match &args.task {
         TaskArgs::Slip(args) => slip::eval(args),
-        TaskArgs::Digits(args) => digits::eval(args),
+        TaskArgs::Digits(args) => args.eval(),
         TaskArgs::Angle(args) => angle::eval(args),
         TaskArgs::Area(args) => area::eval(args),
         TaskArgs::Force(args) => force::eval(args),
-        TaskArgs::Touch(args) => touch::eval(args),
+        TaskArgs::Touch(args) => args.eval(),
         TaskArgs::Filters(args) => filters::eval(args),
     }
 }
@@ -133,17 +165,78 @@ fn networks<F>(out: &mut dyn Write, networks: &[NetworkReport<F>], notes: &[Stri
     notes.iter().try_for_each(|note| writeln!(out, "note         {note}"))
 }
 
-/// The cell of a missing figure.
-const NONE: &str = "-";
+/// The name of each network that was judged, with its figures.
+fn judged<'a, F, J: Figures>(
+    networks: &'a [NetworkReport<F>],
+    figures: fn(&F) -> Option<&Judged<J>>,
+) -> Vec<(&'a str, &'a Judged<J>)> {
+    let named =
+        |network: &'a NetworkReport<F>| Some((network.card.network.name.as_str(), figures(&network.result)?));
+    networks.iter().filter_map(named).collect()
+}
+
+/// Writes `rows` for each seed, where there are several. They get the name of network and seed.
+fn seeds<J: Figures, const N: usize>(
+    out: &mut dyn Write,
+    headings: [&str; N],
+    judged: &[(impl Display, &Judged<J>)],
+    rows: impl Fn(String, &TrainingFigures<J>) -> Vec<[String; N]>,
+) -> io::Result<()> {
+    if judged.iter().all(|(_, judged)| judged.trainings < 2) {
+        return Ok(());
+    }
+    let rows = judged.iter().flat_map(|(name, judged)| {
+        let of_seed = |one: &TrainingFigures<J>| rows(format!("{name}, seed {}", seed_name(one.seed)), one);
+        judged.each.iter().flat_map(of_seed).collect::<Vec<_>>()
+    });
+    Table::section(out, &headings, rows)
+}
+
+/// Writes the work of each network for a `part` of the data: a press or a recording.
+fn work<'a>(
+    out: &mut dyn Write,
+    part: &str,
+    all: impl Iterator<Item = (&'a str, &'a Work)>,
+) -> io::Result<()> {
+    let headings =
+        columns("events | predictions | rows | multiply-adds (million) | update p50 (us) | p99 (us)");
+    let rows = all.map(|(name, work)| {
+        let each = |count: u64| count as f64 / work.presses.max(1) as f64;
+        let count = |count: u64| grouped(each(count).round() as u64);
+        let times = work.update_us.quantiles();
+        [
+            name.to_owned(),
+            count(work.events),
+            count(work.predictions),
+            cell((work.rows > 0).then_some(work.rows), count),
+            format!("{:.1}", each(work.multiply_adds) / 1e6),
+            cell(times, |times| duration(times.p50)),
+            cell(times, |times| duration(times.p99)),
+        ]
+    });
+    Table::section(out, &[&[format!("work of a {part}").as_str()], &headings[..]].concat(), rows)
+}
+
+/// Which of `times` a table shows: about `most`, every so many from 1 or 0 on, and the last one.
+fn shown(times: usize, most: usize, first: usize) -> impl Iterator<Item = usize> {
+    let step = times.div_ceil(most).max(1);
+    (0..times).filter(move |i| (i + 1 - first).is_multiple_of(step) || i + 1 == times)
+}
 
 /// Mean and deviation in percent.
 fn spread(figure: MeanStd) -> [String; 2] {
-    [percent(figure.mean), figure.std.map_or_else(|| NONE.to_owned(), percent)]
+    [percent(figure.mean), cell(figure.std, percent)]
 }
 
-/// Writes the `confusion` of `classes` with the title `name`, in percent of each row. It is a sum over `trainings` on the same
-/// data. The last column, `counted`, is the number of predictions of one training in the row.
-fn confusion(
+/// The dashed line on which predicted and true values are equal.
+fn equal(low: f64, high: f64) -> Series {
+    Series::new("equal", 5, Style::Dashed, vec![(low, low), (high, high)])
+}
+
+/// Writes the `confusion` of `classes` with the title `name`, in percent of each row: a sum over
+/// `trainings` on the same data. The last column, `counted`, counts the predictions of one
+/// training.
+pub(crate) fn confusion(
     out: &mut dyn Write,
     name: &str,
     classes: &[&str],
@@ -158,12 +251,11 @@ fn confusion(
     let mut table = Table::new(&headings);
     for (class, row) in classes.iter().zip(confusion.rows()) {
         let sum: u64 = row.iter().sum();
-        let cell = |&count: &u64| match sum {
-            0 => NONE.to_owned(),
-            _ => format!("{:.1}", 100.0 * count as f64 / sum as f64),
+        let share = |&count: &u64| {
+            cell((sum > 0).then_some(sum), |sum| format!("{:.1}", 100.0 * count as f64 / sum as f64))
         };
-        let cells = row.iter().map(cell).chain([grouped(sum / trainings.max(1) as u64)]);
-        table.row(std::iter::once((*class).to_owned()).chain(cells));
+        let cells = row.iter().map(share).chain([grouped(sum / trainings.max(1) as u64)]);
+        table.row(once((*class).to_owned()).chain(cells));
     }
     table.write(out)
 }
@@ -179,7 +271,7 @@ fn matrix(
     Panel::Matrix(Matrix { title, about, classes, counts })
 }
 
-/// The line below the title of a matrix: the accuracy with its `interval`, and numbers with what they count.
+/// The line below the title of a matrix: the accuracy with its `interval`, and what was counted.
 fn accuracy_of(
     accuracy: MeanStd,
     interval: &str,
@@ -190,28 +282,4 @@ fn accuracy_of(
     let (mean, count) = (100.0 * accuracy.mean, grouped(count));
     let s = if trainings == 1 { "" } else { "s" };
     format!("{mean:.2}{std} %{interval}, {trainings} {training}{s}, {count} {counted}")
-}
-
-#[cfg(test)]
-mod tests {
-    use super::confusion;
-    use meissner_evaluate::metrics::Confusion;
-
-    #[test]
-    fn a_confusion_counts_predictions_of_one_training_for_any_number_of_them() {
-        let text = |trainings: usize| {
-            let mut matrix = Confusion::new(2);
-            for _ in 0..trainings {
-                [(0, 0), (0, 0), (0, 1), (1, 1)]
-                    .into_iter()
-                    .for_each(|(truth, found)| matrix.add(truth, found));
-            }
-            let mut text = Vec::new();
-            confusion(&mut text, "own", &["n", "s"], "windows", &matrix, trainings)
-                .expect("a vector takes everything");
-            String::from_utf8(text).expect("text")
-        };
-        assert_eq!(text(5), text(1));
-        assert!(text(5).contains("n  66.7   33.3        3"), "{}", text(5));
-    }
 }

@@ -1,10 +1,13 @@
 //! What was given on the command line, according to clap.
 
+use std::ffi::{OsStr, OsString};
+
+use clap::error::{ContextKind, ContextValue};
 use clap::parser::ValueSource;
 use clap::{Arg, ArgMatches, Command};
+use meissner_models::DEFAULT_NETWORK;
 
-/// The arguments of a subcommand whose values are not their defaults: names, and how messages show
-/// them.
+/// The arguments of a subcommand that are not their defaults: names, and how messages show them.
 #[derive(Debug)]
 pub(crate) struct Given(Vec<(String, String)>);
 
@@ -50,4 +53,49 @@ fn given(arg: &Arg, matches: &ArgMatches) -> Option<(String, String)> {
     let differ = !values.iter().copied().eq(defaults.iter().map(clap::builder::OsStr::as_os_str));
     let shown = values.iter().map(|value| value.to_string_lossy()).collect::<Vec<_>>().join(",");
     differ.then(|| (name.clone(), format!("{name} {shown}")))
+}
+
+/// `words`, the first of which is the program, in the words of this version.
+pub(crate) fn renamed(words: impl Iterator<Item = OsString>) -> Vec<OsString> {
+    let mut words: Vec<OsString> = words.collect();
+    let word = |at: usize| words.get(at).and_then(|word| word.to_str());
+    match word(1) {
+        Some("help") if matches!(word(2), Some("stress" | "soak")) => words[2] = "verify".into(),
+        Some("stress") => drop(words.splice(1..2, ["verify", "--stress"].map(OsString::from))),
+        Some("soak") => {
+            let (network, rest) = soak(words.drain(2..));
+            words.splice(1.., ["verify".into(), network, "--soak".into()].into_iter().chain(rest));
+        }
+        _ => {}
+    }
+    words
+}
+
+/// The network, and the other arguments, of `soak`.
+fn soak(mut words: impl Iterator<Item = OsString>) -> (OsString, Vec<OsString>) {
+    let (mut network, mut rest) = (DEFAULT_NETWORK.into(), Vec::new());
+    while let Some(word) = words.next() {
+        let (option, value) = match word.to_str().and_then(|word| word.split_once('=')) {
+            Some((option, value)) => (OsStr::new(option), Some(value.into())),
+            None => (word.as_os_str(), None),
+        };
+        match (option.to_str(), value) {
+            (Some("--network"), value) => network = value.or_else(|| words.next()).unwrap_or_default(),
+            (Some("--json"), Some(file)) => rest.extend(["--out".into(), file]),
+            (Some("--json"), None) => rest.push("--out".into()),
+            _ => rest.push(word),
+        }
+    }
+    (network, rest)
+}
+
+/// `error` of reading `words`, with a tip if a file follows `--json`.
+pub(crate) fn with_tip(mut error: clap::Error, words: &[OsString]) -> clap::Error {
+    if let Some(ContextValue::String(found)) = error.get(ContextKind::InvalidArg)
+        && words.windows(2).any(|two| two[0] == "--json" && two[1] == found.as_str())
+    {
+        let tip = "--json takes no file: it prints to standard output, and --out FILE writes to a file";
+        error.insert(ContextKind::Suggested, ContextValue::StyledStrs(vec![tip.into()]));
+    }
+    error
 }

@@ -163,7 +163,7 @@ impl Info {
 }
 
 /// The number of events that are earlier than an event before them.
-fn late(events: &[Event]) -> usize {
+pub(crate) fn late(events: &[Event]) -> usize {
     let mut newest = i64::MIN;
     let is_late = |event: &&Event| {
         let late = event.t_us < newest;
@@ -174,7 +174,7 @@ fn late(events: &[Event]) -> usize {
 }
 
 /// The largest number of the ascending `times` that are less than [`PEAK_US`] apart.
-fn peak(times: &[i64]) -> usize {
+pub(crate) fn peak(times: &[i64]) -> usize {
     let mut first = 0;
     let mut most = 0;
     for (i, &t) in times.iter().enumerate() {
@@ -184,23 +184,4 @@ fn peak(times: &[i64]) -> usize {
         most = most.max(i + 1 - first);
     }
     most
-}
-
-#[cfg(test)]
-mod tests {
-    use super::{late, peak};
-    use meissner_engine::Event;
-
-    #[test]
-    fn the_peak_is_over_any_millisecond_not_over_aligned_ones() {
-        assert_eq!(peak(&[]), 0);
-        assert_eq!(peak(&[0, 900, 1100, 1899, 1900]), 3);
-        assert_eq!(peak(&[i64::MIN, 0, i64::MAX]), 1);
-    }
-
-    #[test]
-    fn late_events_are_those_behind_the_newest() {
-        let events = [5, 3, 4, 5, 6, 2].map(|t| Event::new(t, 0, 0, true));
-        assert_eq!(late(&events), 3);
-    }
 }

@@ -2,12 +2,11 @@
 //!
 //! | file | contents |
 //! |---|---|
-//! | `run`, `play`, `bench`, `networks` and others | a subcommand each, with its arguments |
-//! | `args`, `input` | arguments that several share; the source and the network that they select |
-//! | `given`, `renamed` | which arguments were given; command lines of the version before |
-//! | `kind` | the kinds of input of networks |
-//! | `report`, `header`, `text`, `progress` | results as text and as JSON |
-//! | `tasks`, `threads` | data sets, networks and trainings; threads that share work |
+//! | `run`, `play`, `bench`, `networks` and others | one or a few subcommands each |
+//! | `args`, `tasks` | arguments that several share; data sets, networks and trainings |
+//! | `input` | the source and the network that they select, and its kind of input |
+//! | `given` | which arguments were given; command lines of the version before |
+//! | `report`, `text`, `progress` | results as text and as JSON |
 //! | `output`, `stderr` | standard output and files; messages on standard error |
 //! | `manual` | completions of shells, pages of the manual |
 //! | `error` | errors, hints, and the exit status |
@@ -21,24 +20,18 @@
 mod args;
 mod bench;
 mod convert;
-mod draw;
 mod error;
 mod eval;
 mod given;
-mod header;
 mod info;
 mod input;
-mod inspect;
-mod kind;
 mod manual;
-mod memory;
 mod networks;
 mod output;
 mod pareto;
 mod play;
 mod prepare;
 mod progress;
-mod renamed;
 mod report;
 mod run;
 mod send;
@@ -48,7 +41,6 @@ mod tasks;
 #[cfg(test)]
 mod tests;
 mod text;
-mod threads;
 mod verify;
 
 use std::process::ExitCode;
@@ -81,12 +73,12 @@ enum Command {
     /// List the shipped networks.
     Networks(networks::NetworksArgs),
     /// Show the layers, shapes and costs of a network.
-    Inspect(inspect::InspectArgs),
+    Inspect(networks::InspectArgs),
     /// Draw weights for a network from a seed.
     ///
     /// Drawn weights are useful for measuring latency and testing equality; the predictions are
     /// meaningless. The metadata of the file says so.
-    Draw(draw::DrawArgs),
+    Draw(networks::DrawArgs),
     /// Show the contents of a recording in numbers.
     Info(info::InfoArgs),
     /// Write a recording in another format.
@@ -127,9 +119,9 @@ const UNOPTIMISED: &str = "note: this program was built without optimisation and
 fn main() -> ExitCode {
     interrupt::install();
     install_logger();
-    let (program, words) = (program(), renamed::renamed(std::env::args_os()));
+    let (program, words) = (program(), given::renamed(std::env::args_os()));
     let matches = program.clone().try_get_matches_from(&words);
-    let matches = matches.unwrap_or_else(|error| renamed::with_tip(error, &words).exit());
+    let matches = matches.unwrap_or_else(|error| given::with_tip(error, &words).exit());
     let given = Given::of(&program, &matches);
     let command = Args::from_arg_matches(&matches).unwrap_or_else(|error| error.exit()).command;
     if cfg!(debug_assertions) && takes_long(&command) {
@@ -170,8 +162,8 @@ fn perform(command: &Command, given: &Given) -> Result<(), CliError> {
         Command::Play(args) => play::play(args, given),
         Command::Bench(args) => bench::bench(args, given),
         Command::Networks(args) => networks::networks(args),
-        Command::Inspect(args) => inspect::inspect(args),
-        Command::Draw(args) => draw::draw(args),
+        Command::Inspect(args) => networks::inspect(args),
+        Command::Draw(args) => networks::draw(args),
         Command::Info(args) => info::info(args),
         Command::Convert(args) => convert::convert(args),
         Command::Send(args) => send::send(args),

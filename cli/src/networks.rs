@@ -1,16 +1,21 @@
-//! `meissner networks`: the shipped networks.
+//! `meissner networks`, `inspect` and `draw`: the shipped networks, a network in detail, drawn
+//! weights.
 
-use std::io::{self, Write};
+use std::io::{self, Write, stdout};
+use std::path::PathBuf;
 
 use meissner_engine::frames::FrameShape;
 use meissner_models::systems::slip;
-use meissner_models::{AnyDescription, Card};
+use meissner_models::{AnyDescription, Card, drawn_file};
+use meissner_run::model::describe_any;
 use serde::Serialize;
 
-use crate::args::JsonArgs;
+use crate::args::{JsonArgs, MEASUREMENT, OUTPUT};
 use crate::error::CliError;
-use crate::kind::NetworkKind;
+use crate::input::NetworkKind;
 use crate::output;
+use crate::output::OutArgs;
+use crate::stderr::tell;
 use crate::text::Table;
 
 /// `meissner networks`.
@@ -27,10 +32,10 @@ const SLIP: &str = "direction of slip";
 const AREA: &str = "contact area and normal force";
 const DIGITS: &str = "digits (N-MNIST)";
 const TOUCH: &str = "objects by touch (NeuTouch)";
-const SYSTEMS: [&str; 6] = [ANGLE, FORCE, SLIP, AREA, DIGITS, TOUCH];
+pub(crate) const SYSTEMS: [&str; 6] = [ANGLE, FORCE, SLIP, AREA, DIGITS, TOUCH];
 
 /// Name, system and purpose of each shipped network.
-const PURPOSES: &[(&str, &str, &str)] = &[
+pub(crate) const PURPOSES: &[(&str, &str, &str)] = &[
     ("canf", AREA, "U-Net with squeeze-and-excitation, as published"),
     ("canf-plain", AREA, "the same U-Net without squeeze-and-excitation"),
     ("digits-all", DIGITS, "nodes read from all nodes of the window"),
@@ -65,12 +70,12 @@ const PURPOSES: &[(&str, &str, &str)] = &[
 
 /// A shipped network.
 #[derive(Debug, Serialize)]
-struct Entry {
+pub(crate) struct Entry {
     name: &'static str,
     system: &'static str,
     purpose: &'static str,
     /// Whether its shipped weights are trained.
-    trained: bool,
+    pub(crate) trained: bool,
     /// Columns and rows in pixels of the sensor of the training, or of the part that is read;
     /// `None` if any size fits.
     sensor: Option<[usize; 2]>,
@@ -88,7 +93,7 @@ pub(crate) fn networks(args: &NetworksArgs) -> Result<(), CliError> {
 }
 
 impl Entry {
-    fn of(name: &'static str) -> Option<Self> {
+    pub(crate) fn of(name: &'static str) -> Option<Self> {
         let description = AnyDescription::shipped(name)?;
         let &(_, system, purpose) = PURPOSES.iter().find(|(known, ..)| *known == name)?;
         let card = Card::shipped(name)?;
@@ -130,7 +135,7 @@ fn labelled(description: &AnyDescription) -> String {
 }
 
 /// Writes a table for each system, with the purpose and the outputs of each network below its row.
-fn write(out: &mut impl Write, entries: &[Entry]) -> io::Result<()> {
+pub(crate) fn write(out: &mut impl Write, entries: &[Entry]) -> io::Result<()> {
     let mut table = Table::new(&["network", "sensor", "input"]).left_aligned();
     let ordered =
         || SYSTEMS.iter().flat_map(|system| entries.iter().filter(move |entry| entry.system == *system));
@@ -156,42 +161,68 @@ fn write(out: &mut impl Write, entries: &[Entry]) -> io::Result<()> {
     writeln!(out, "\nAll weights are trained. `meissner inspect NETWORK` shows the layers.")
 }
 
-#[cfg(test)]
-mod tests {
-    use super::{Entry, PURPOSES, SYSTEMS, write};
-    use meissner_models::AnyDescription;
+/// `meissner inspect`.
+#[derive(Debug, clap::Args)]
+pub(crate) struct InspectArgs {
+    /// Name of a shipped network, or a description file (.toml).
+    ///
+    /// `meissner networks` lists the shipped networks.
+    #[arg(value_name = "NETWORK")]
+    network: String,
+    /// Print the graph of the layers in Graphviz's DOT language.
+    #[arg(long, conflicts_with = "json", help_heading = OUTPUT)]
+    dot: bool,
+    /// Draw the network into this file, instead of the table.
+    #[arg(long, value_name = "FILE", help_heading = OUTPUT)]
+    svg: Option<PathBuf>,
+    #[command(flatten)]
+    format: JsonArgs,
+}
 
-    #[test]
-    fn every_shipped_network_has_a_system_and_a_purpose() {
-        let mut names: Vec<&str> = AnyDescription::shipped_names().collect();
-        names.sort_unstable();
-        assert!(names.iter().eq(PURPOSES.iter().map(|(name, ..)| name)));
-        assert!(PURPOSES.iter().all(|(_, system, _)| SYSTEMS.contains(system)));
+/// Prints the network in the requested form.
+pub(crate) fn inspect(args: &InspectArgs) -> Result<(), CliError> {
+    let (description, _) = describe_any(&args.network)?;
+    if let Some(path) = &args.svg {
+        output::write(path, description.to_svg())?;
+        tell(format_args!("wrote {}", path.display()));
     }
+    if args.dot {
+        return Ok(stdout().lock().write_all(description.to_dot().as_bytes())?);
+    }
+    output::print(args.format.json, &description.summary(), |out| match args.svg {
+        None => writeln!(out, "{}", description.to_table().trim_end()),
+        Some(_) => Ok(()),
+    })
+}
 
-    #[test]
-    fn every_network_is_listed_with_what_it_predicts_for_people() {
-        let entries: Vec<Entry> = AnyDescription::shipped_names().filter_map(Entry::of).collect();
-        let mut text = Vec::new();
-        write(&mut text, &entries).expect("a vector takes everything");
-        let text = String::from_utf8(text).expect("text");
-        assert_eq!(text.matches("      predicts ").count(), entries.len());
-        for expected in [
-            "roll, pitch (deg)",
-            "depth (mm), tilt_x",
-            "anticlockwise, clockwise",
-            "classes 0 to 9",
-            "force (N)",
-        ] {
-            assert!(text.contains(expected), "{expected}: {text}");
-        }
-        assert!(!text.contains("(rad)"), "{text}");
-    }
+/// Examples, at the end of the long help.
+const EXAMPLES: &str = "\
+Examples:
+  meissner draw own.toml --out own.safetensors
+  meissner bench RECORDING --network own.toml --weights own.safetensors";
 
-    #[test]
-    fn every_shipped_network_is_trained() {
-        for name in AnyDescription::shipped_names() {
-            assert!(Entry::of(name).is_some_and(|entry| entry.trained), "{name}");
-        }
-    }
+/// `meissner draw`.
+#[derive(Debug, clap::Args)]
+#[command(after_long_help = EXAMPLES)]
+pub(crate) struct DrawArgs {
+    /// Name of a shipped network, or a description file (.toml).
+    #[arg(value_name = "NETWORK")]
+    pub(crate) network: String,
+    /// Seed; equal seeds give equal bytes on every machine.
+    #[arg(long, value_name = "N", default_value_t = 1, help_heading = MEASUREMENT)]
+    pub(crate) seed: u64,
+    #[command(flatten)]
+    file: OutArgs,
+}
+
+/// Draws the weights and writes them.
+pub(crate) fn draw(args: &DrawArgs) -> Result<(), CliError> {
+    let (description, _) = describe_any(&args.network)?;
+    let bytes = drawn_file(&description, args.seed);
+    // Training may have taken hours.
+    args.file.check()?;
+    args.file.write(bytes)?;
+    let (name, out) = (description.name(), args.file.out.display());
+    tell(format_args!("{out}: weights for {name} drawn from seed {}; nothing trained them", args.seed));
+    Ok(())
 }

@@ -75,8 +75,7 @@ pub(crate) fn print(
     Ok(out.flush()?)
 }
 
-/// Checks before minutes of work that the file at `path` can be written or replaced. Nothing is
-/// changed.
+/// Checks before minutes of work that the file at `path` can be written; changes nothing.
 pub(crate) fn check_writable(path: &Path) -> Result<(), CliError> {
     meissner_io::check_writable(path).map_err(|error| RunError::File(error).into())
 }
@@ -96,8 +95,7 @@ pub(crate) fn check_all_writable<const N: usize>(paths: [&Option<PathBuf>; N]) -
     paths.into_iter().flatten().try_for_each(|path| check_writable(path))
 }
 
-/// Writes `report` to standard output, as JSON or as `text`, and as JSON to the file that `args`
-/// name.
+/// Writes `report` to standard output, as JSON or `text`, and as JSON to the file of `args`.
 pub(crate) fn report(
     args: &ReportArgs,
     report: &impl Serialize,

@@ -6,19 +6,18 @@ use std::path::PathBuf;
 use clap::Subcommand;
 use meissner_evaluate::events::Digits;
 use meissner_evaluate::events::{EventData, EventTask};
+use meissner_evaluate::events::{TouchContainers, TouchObjects};
 use meissner_evaluate::prepare::{Prepared, graphs, labelled_events, slip_windows};
 use meissner_evaluate::slip::SlipData;
-use meissner_evaluate::events::{TouchContainers, TouchObjects};
 use meissner_io::datasets::NeutouchSet;
 use meissner_run::model::{describe, describe_frames};
 
-use crate::args::{NETWORK, OUTPUT};
+use crate::args::{NETWORK, OUTPUT, Threads};
 use crate::error::CliError;
 use crate::output::OutArgs;
 use crate::progress::Progress;
 use crate::stderr::tell;
 use crate::tasks::TouchData;
-use crate::threads::Threads;
 
 /// `meissner prepare`.
 #[derive(Debug, clap::Args)]

@@ -1,7 +1,6 @@
 //! The output of `run` and `play`: JSON lines for programs, or a table with a summary for people.
 //!
-//! The table shows some of the predictions of a file, all predictions of a live stream, and always
-//! the last one.
+//! The table shows some predictions of a file, all of a live stream, and always the last one.
 
 mod rows;
 pub(crate) mod summary;
@@ -15,13 +14,12 @@ use meissner_run::play::PlaySummary;
 use meissner_run::provenance::{Header, InputCard, ModelCard};
 use meissner_run::run::{Ended, Observer, Prediction, Summary};
 use meissner_run::text::grouped;
+use rows::{Columns, Row};
 use serde::Serialize;
 
 use crate::error::CliError;
-use crate::header;
 use crate::output::{Out, out};
 use crate::progress::{Progress, above};
-use rows::Columns;
 pub(crate) use rows::TableKind;
 
 /// Approximate number of predictions of a file that the table shows.
@@ -54,7 +52,7 @@ struct Rows {
     taken: Option<u64>,
     shown: u64,
     /// The newest rows, if they have not been shown: one of each input.
-    held: Vec<(u64, String)>,
+    held: Vec<Row>,
 }
 
 /// What is about an input of a play.
@@ -102,7 +100,7 @@ impl Report {
             Form::Json { live }
         } else {
             let columns = Columns::new(table, card, inputs.len(), total.is_some());
-            header::header(&mut out, &inputs, card, &mode, frames)?;
+            header(&mut out, &inputs, card, &mode, frames)?;
             writeln!(out, "{}", columns.headings())?;
             out.flush()?;
             let parts = (SHOWN / inputs.len().max(1) as u64).max(2);
@@ -160,12 +158,12 @@ impl Report {
         predictions: u64,
         write: impl FnOnce(&mut Out) -> io::Result<()>,
     ) -> io::Result<()> {
-        let Self { out, progress, form, .. } = self;
+        let Self { out, progress, total, form } = self;
         match form {
             Form::Json { .. } => line(out, &BTreeMap::from([("summary", summary)]))?,
             Form::People(rows) => {
-                for (_, row) in std::mem::take(&mut rows.held) {
-                    rows.show(out, &row)?;
+                for row in std::mem::take(&mut rows.held) {
+                    rows.show(out, &row, *total)?;
                 }
                 progress.finish();
                 if rows.shown < predictions {
@@ -191,16 +189,17 @@ impl Observer for Report {
                 if *live { out.flush() } else { Ok(()) }
             }
             Form::People(rows) => {
-                let (taken, row) = rows.columns.row(prediction, *total);
+                let row = rows.columns.row(prediction);
+                let taken = row.taken;
                 let part = total.map(|total| taken.saturating_mul(rows.parts) / total.max(1));
-                rows.held.retain(|&(before, _)| before == taken);
+                rows.held.retain(|before| before.taken == taken);
                 if part.is_some() && rows.part == part && rows.taken != Some(taken) {
-                    rows.held.push((taken, row));
+                    rows.held.push(row);
                     return Ok(());
                 }
                 (rows.part, rows.taken) = (part, Some(taken));
                 rows.held.clear();
-                rows.show(out, &row)
+                rows.show(out, &row, *total)
             }
         }
     }
@@ -211,10 +210,11 @@ impl Observer for Report {
 }
 
 impl Rows {
-    fn show(&mut self, out: &mut Out, row: &str) -> io::Result<()> {
+    fn show(&mut self, out: &mut Out, row: &Row, total: Option<u64>) -> io::Result<()> {
         self.shown += 1;
+        let text = self.columns.text(row, total);
         above(|| {
-            writeln!(out, "{row}")?;
+            writeln!(out, "{text}")?;
             out.flush()
         })
     }
@@ -223,4 +223,51 @@ impl Rows {
 fn line(out: &mut Out, line: &impl Serialize) -> io::Result<()> {
     serde_json::to_writer(&mut *out, line)?;
     out.write_all(b"\n")
+}
+
+/// Writes the inputs, the network with its `mode`, the weights, and the window or the frames.
+/// `frames` is given for a frame network.
+pub(crate) fn header(
+    out: &mut impl Write,
+    inputs: &[InputCard],
+    card: &ModelCard,
+    mode: &str,
+    frames: Option<&FrameModel>,
+) -> io::Result<()> {
+    for (number, input) in inputs.iter().enumerate() {
+        let sensor = input.sensor.map(|[width, height]| format!(", {width}x{height} pixels"));
+        let events = input.events.map(|events| format!(", {} events", grouped(events)));
+        let about = [Some(input.format.clone()), sensor, events].into_iter().flatten().collect::<String>();
+        let key = if inputs.len() > 1 {
+            format!("input {number}")
+        } else {
+            if frames.is_some() { "input" } else { "recording" }.to_owned()
+        };
+        writeln!(out, "{key:<12} {}\n             {about}", input.name)?;
+    }
+    // Of several inputs, each has its sensor beside it.
+    let sensor = if let [input] = inputs { input.sensor } else { None };
+    write_model(out, card, mode, sensor.filter(|_| frames.is_none()))?;
+    if let Some(model) = frames {
+        writeln!(out, "frames       {}: {}", model.description.input(), model.source)?;
+    }
+    writeln!(out)
+}
+
+/// Writes the lines of network and weights: what runs on which sensor, and how it is trained.
+pub(crate) fn write_model(
+    out: &mut impl Write,
+    card: &ModelCard,
+    mode: &str,
+    sensor: Option<[u16; 2]>,
+) -> io::Result<()> {
+    let on = sensor.map_or_else(String::new, |[width, height]| format!(" on {width}x{height} pixels"));
+    writeln!(out, "network      {}{on}, weights {}", card.network.name, card.trust())?;
+    writeln!(out, "             {mode}")?;
+    writeln!(out, "weights      {}", card.source())?;
+    if let (Some(span_us), Some(capacity)) = (card.network.span_us, card.network.capacity) {
+        let capacity = grouped(capacity as u64);
+        writeln!(out, "window       {} ms, at most {capacity} events", span_us as f64 / 1e3)?;
+    }
+    Ok(())
 }

@@ -19,8 +19,7 @@ use meissner_run::text::grouped;
 
 use crate::error::CliError;
 use crate::given::Given;
-use crate::input::advice;
-use crate::kind::NetworkKind;
+use crate::input::{NetworkKind, advice};
 use crate::report::{About, Report, TableKind};
 #[cfg(test)]
 pub(crate) use args::OPTIONS_OF_KINDS;

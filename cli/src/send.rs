@@ -40,8 +40,9 @@ pub(crate) struct SendArgs {
     speed: f64,
     /// Send records of 16 bytes instead of lines of text.
     ///
-    /// A record has the time in microseconds (8 bytes), column and row (2 each) and polarity (1), least significant
-    /// byte first, and three bytes of 0. It names no sensor: the receiver needs --sensor.
+    /// A record has the time in microseconds (8 bytes), column and row (2 each) and polarity (1),
+    /// least significant byte first, and three bytes of 0. It names no sensor: the receiver needs
+    /// --sensor.
     #[arg(long, help_heading = OUTPUT)]
     records: bool,
 }

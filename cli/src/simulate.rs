@@ -17,12 +17,11 @@ use meissner_run::RunError;
 use meissner_run::text::{grouped, span_us};
 use meissner_simulator::{CameraSettings, MarkerScene};
 
-use crate::args::{GelSensorArg, INPUT, MEASUREMENT, sensor};
+use crate::args::{GelSensorArg, INPUT, MEASUREMENT, Threads, sensor};
 use crate::error::CliError;
 use crate::output::OutArgs;
 use crate::progress::Progress;
 use crate::stderr::tell;
-use crate::threads::Threads;
 
 pub(crate) const CAMERA: &str = "Camera";
 pub(crate) const MARKERS: &str = "Markers";
@@ -51,8 +50,8 @@ enum InputArgs {
     Dome(DomeArgs),
     /// Pictures of a gel that is pressed by indenters, with the force on each pixel.
     ///
-    /// The lights are fitted to pictures of a real sensor. `eval area` and `models/train/area` read the
-    /// file.
+    /// The lights are fitted to pictures of a real sensor. `eval area` and `models/train/area` read
+    /// the file.
     Gel(GelArgs),
     /// Events of fingers that grasp and release a bolt, with the force along time.
     ///

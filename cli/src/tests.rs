@@ -1,5 +1,8 @@
 //! What the help looks like, and what is read.
 
+mod arguments;
+mod reports;
+
 use clap::{Arg, Command};
 
 use meissner_evaluate::TaskName;

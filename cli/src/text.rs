@@ -1,12 +1,8 @@
 //! Numbers and tables of text reports.
 
-mod folded;
-
 use std::ffi::OsStr;
 use std::io::{self, Write};
 use std::path::Path;
-
-pub(crate) use folded::Folded;
 
 /// Largest width of a line: the columns of a small terminal.
 pub(crate) const WIDTH: usize = 80;
@@ -29,6 +25,11 @@ pub(crate) fn cell<T>(value: Option<T>, text: impl FnOnce(T) -> String) -> Strin
     value.map_or_else(|| NONE.to_owned(), text)
 }
 
+/// The headings in `text`, between which stands ` | `.
+pub(crate) fn columns(text: &str) -> Vec<&str> {
+    text.split(" | ").collect()
+}
+
 /// `bytes` in units of 2^20.
 pub(crate) fn mebibytes(bytes: u64) -> String {
     format!("{:.1} MiB", bytes as f64 / f64::from(1 << 20))
@@ -49,8 +50,7 @@ pub(crate) fn file_name(path: &str) -> &str {
     Path::new(path).file_name().and_then(OsStr::to_str).unwrap_or(path)
 }
 
-/// A table with indented lines. The first column is aligned to the left, the others to the right,
-/// two spaces apart.
+/// A table with indented lines: the first column aligned left, others right, two spaces apart.
 #[derive(Default)]
 pub(crate) struct Table {
     rows: Vec<Vec<String>>,
@@ -132,29 +132,79 @@ impl Table {
     }
 }
 
-#[cfg(test)]
-mod tests {
-    use super::Table;
+/// Breaks lines of more than [`WIDTH`] characters between words. If a line begins with a key, the
+/// rest is indented to the text after the key.
+pub(crate) struct Folded<W: Write> {
+    out: W,
+    /// Whether lines are broken. Lines for programs are not.
+    folds: bool,
+    /// The line so far.
+    line: Vec<u8>,
+}
 
-    #[test]
-    fn a_table_that_is_wider_than_a_terminal_becomes_several_with_the_same_first_column() {
-        let headings: Vec<String> = (0..12).map(|i| format!("heading {i}")).collect();
-        let mut table = Table::new(&headings.iter().map(String::as_str).collect::<Vec<_>>());
-        table.row((0..12).map(|i| i.to_string()));
-        let lines = table.lines();
-        assert!(lines.len() == 5 && lines[2].is_empty(), "{lines:?}");
-        assert!(lines.iter().all(|line| line.chars().count() <= 80), "{lines:?}");
-        assert!(lines[3].starts_with("  heading 0") && lines[3].ends_with("heading 11"), "{lines:?}");
-        let words = lines.join(" ");
-        assert!(headings.iter().all(|heading| words.contains(heading.as_str())), "{lines:?}");
+impl<W: Write> Folded<W> {
+    /// Writes to `out`, and breaks long lines if the text is `for_people`.
+    pub(crate) fn new(out: W, for_people: bool) -> Self {
+        Self { out, folds: for_people, line: Vec::new() }
     }
 
-    #[test]
-    fn columns_are_as_wide_as_their_widest_cell() {
-        let mut table = Table::new(&["layer", "rows"]);
-        table.row(["a".to_owned(), "12,345".to_owned()]);
-        let mut text = Vec::new();
-        table.write(&mut text).expect("a vector takes everything");
-        assert_eq!(String::from_utf8_lossy(&text), "  layer    rows\n  a      12,345\n");
+    /// Breaks no line from here on.
+    pub(crate) fn unfold(&mut self) {
+        self.folds = false;
     }
+
+    fn end_of_line(&mut self) -> io::Result<()> {
+        let line = std::mem::take(&mut self.line);
+        match str::from_utf8(&line) {
+            Ok(text) if text.trim_end_matches('\n').chars().count() > WIDTH => {
+                self.out.write_all(folded(text.trim_end_matches('\n')).as_bytes())
+            }
+            _ => self.out.write_all(&line),
+        }
+    }
+}
+
+impl<W: Write> Write for Folded<W> {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        if !self.folds {
+            return self.out.write(bytes);
+        }
+        for part in bytes.split_inclusive(|&byte| byte == b'\n') {
+            self.line.extend_from_slice(part);
+            if part.ends_with(b"\n") {
+                self.end_of_line()?;
+            }
+        }
+        Ok(bytes.len())
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        let rest = std::mem::take(&mut self.line);
+        self.out.write_all(&rest)?;
+        self.out.flush()
+    }
+}
+
+/// `line` in lines of at most [`WIDTH`] characters, if no word is longer. Each line has its end.
+fn folded(line: &str) -> String {
+    let start = line.len() - line.trim_start().len();
+    let key = line[start..].find("  ").map(|end| start + end);
+    let text = key.map(|end| end + line[end..].len() - line[end..].trim_start().len());
+    let indent = text.map(|at| line[..at].chars().count()).filter(|&at| at <= WIDTH / 3).unwrap_or(start + 2);
+    let (mut all, mut width) = (String::new(), 0);
+    // Blanks between words are kept, except at the end of a line.
+    for word in line.split_inclusive(' ') {
+        let length = word.trim_end().chars().count();
+        if width + length > WIDTH && width > indent && length > 0 {
+            all.truncate(all.trim_end().len());
+            all.push('\n');
+            all.extend(std::iter::repeat_n(' ', indent));
+            width = indent;
+        }
+        all.push_str(word);
+        width += word.chars().count();
+    }
+    all.truncate(all.trim_end().len());
+    all.push('\n');
+    all
 }

@@ -1,39 +1,38 @@
 //! AEDAT 2.0, the format of jAER: the bytes of a file to events.
 //!
-//! After the text header ([`header`]) each record has 8 bytes: an address and a time in microseconds, both 32 bits, most
-//! significant byte first. The header's line `# AEChip: CLASS` names the chip, which gives the layout of the address:
+//! After the text header ([`header`]) each record has 8 bytes: an address and a time in
+//! microseconds, both 32 bits, most significant byte first. The header's line `# AEChip: CLASS`
+//! names the chip, which gives the layout of the address:
 //!
-//! | chip | not a change of brightness | row | column | polarity |
+//! | chip | not a change of brightness | row | column | rise |
 //! |---|---|---|---|---|
-//! | DVS128 | bit 15: external event | bits 14-8 | bits 7-1 | bit 0: 0 is a rise |
-//! | DAVIS | bit 31: sample of a frame, or with bits 11 and 10 of the IMU; bit 10: external event | bits 30-22 | bits 21-12 | bit 11: 1 is a rise |
+//! | DVS128 | bit 15: external event | bits 14-8 | bits 7-1 | bit 0: 0 |
+//! | DAVIS | bit 31: frame or IMU; bit 10: external event | bits 30-22 | bits 21-12 | bit 11: 1 |
 //!
-//! Columns count from the right and rows from the bottom; events here count from the left and the top, as those of the other
-//! formats. Files from before 2014 name no chip, nor do those of v2e: the caller can ([`ReadOptions::chip`], or
-//! [`ReadOptions::sensor`] with a size that only one chip has). Otherwise they are taken for a DVS128's where every address has at most
-//! 16 bits, and the recording says so ([`Recording::assumed`]). Events outside the chip, as some sensors send them, are left out and
-//! counted unless the reader is strict.
-//! Source: iniVation's page on AEDAT 2.0; for the mirrored column, and for the DVS128's polarity (the page has it the other way
-//! round), the extractors of jAER and the parser of `dv-processing`, which agree.
+//! Columns count from the right and rows from the bottom; events here count from the left and the
+//! top, as those of the other formats. Files from before 2014 name no chip, nor do those of v2e:
+//! the caller can ([`ReadOptions::chip`], or [`ReadOptions::sensor`] with a size that only one chip
+//! has). Otherwise they are taken for a DVS128's where every address has at most 16 bits, and the
+//! recording says so ([`Recording::assumed`]). Events outside the chip, as some sensors send them,
+//! are left out and counted unless the reader is strict. Source: iniVation's page on AEDAT 2.0; for
+//! the mirrored column, and for the DVS128's polarity (the page has it the other way round), the
+//! extractors of jAER and the parser of `dv-processing`, which agree.
 //!
 //! Invariant: the 32-bit time wraps where it falls by 2^31 or more; a smaller fall is a step back.
 
-mod chip;
-mod header;
+use std::str::FromStr;
 
-use meissner_engine::Event;
+use meissner_engine::{Event, Sensor};
 
 use crate::bytes::{Bytes, array};
-use crate::error::IoError;
-use crate::format::Format;
+use crate::error::{IoError, shown};
+use crate::format::{Format, UnknownName};
 use crate::left_out::{LeftOutKind, PassedOver};
+use crate::limits::JAER_HEADER_BYTES;
 use crate::options::ReadOptions;
 use crate::prophesee::WrappingClock;
 use crate::recording::{Recording, StreamKind, StreamSummary};
 use crate::seek::Records;
-pub use chip::Chip;
-pub(crate) use chip::sensor_of;
-pub(crate) use header::{Header, MAGIC};
 
 /// Bytes of a record.
 const STRIDE: usize = 8;
@@ -43,16 +42,56 @@ const TIME_RANGE: i64 = 1 << 32;
 /// What is taken for granted of a file that names no chip.
 const ASSUMED: &str = "the header names no AEChip: a DVS128 of 128 x 128 pixels is assumed, because no address has more than its 16 bits";
 
-/// The events of the file `bytes`.
-pub(crate) fn decode(bytes: &[u8], options: ReadOptions) -> Result<Recording, IoError> {
-    let file = Bytes::file(Format::Aedat2.name(), bytes);
-    let header = Header::open(file, options)?;
-    header.events(file.after(header.end), WrappingClock::new(TIME_RANGE), options.salvage)
-}
+impl Records for Header {
+    const PERIOD: Option<i64> = Some(TIME_RANGE);
 
-impl Header {
-    /// The events of `records`.
-    fn events(&self, records: Bytes<'_>, clock: WrappingClock, salvage: bool) -> Result<Recording, IoError> {
+    fn open(file: Bytes<'_>, options: ReadOptions) -> Result<Self, IoError> {
+        let asked = options.chip;
+        let of_sensor = || options.sensor.and_then(Chip::of_sensor);
+        file.magic(MAGIC)?;
+        let mut header = Self { end: 0, chip: None, is_empty: true, strict: options.strict };
+        let mut is_ended = false;
+        while let Some(line) = line(&file.data[header.end..]).filter(|_| !is_ended) {
+            let start = header.end;
+            header.end += line.len();
+            if header.end as u64 > JAER_HEADER_BYTES {
+                return Err(file.too_large("header", 0, JAER_HEADER_BYTES, header.end as u64, true));
+            }
+            let text = String::from_utf8_lossy(&line[1..]);
+            let text = text.trim();
+            is_ended = text.eq_ignore_ascii_case("End of ASCII Header");
+            if let Some(class) = text.strip_prefix("AEChip:") {
+                let class = class.trim();
+                let name = class.rsplit('.').next().unwrap_or_default();
+                header.chip = asked.or_else(|| Chip::of_class(name)).or_else(of_sensor);
+                if header.chip.is_none() {
+                    return Err(file.malformed("AEChip", start, NAMES, shown(class.as_bytes())));
+                }
+            }
+        }
+        header.chip = header.chip.or(asked).or_else(of_sensor);
+        let tail = &file.data[header.end..];
+        header.is_empty = tail.len() < STRIDE;
+        if header.end == 0 || (!is_ended && is_cut(tail)) {
+            let what = "the header's last line, which has no line feed,";
+            return Err(file.truncated(what, header.end, tail.len() as u64 + 1, false));
+        }
+        Ok(header)
+    }
+
+    fn start(&self) -> usize {
+        self.end
+    }
+
+    fn stride(&self) -> usize {
+        STRIDE
+    }
+
+    fn clock(&self, record: &[u8]) -> Option<i64> {
+        Some(u32::from_be_bytes(array(&record[4..])).into())
+    }
+
+    fn decode(&self, records: Bytes<'_>, clock: WrappingClock, salvage: bool) -> Result<Recording, IoError> {
         let (all, salvaged) = records.records("the last event", 0, salvage)?;
         let mut decoder = Decoder::new(records, self, clock);
         for (record, at) in all.iter().zip((0..).step_by(STRIDE)) {
@@ -68,30 +107,6 @@ impl Header {
         let assumed = if self.chip.is_none() && sensor.is_some() { vec![ASSUMED] } else { Vec::new() };
         let plain = Recording::of_events(Format::Aedat2, sensor, events);
         Ok(Recording { other_streams, left_out, assumed, salvaged, ..plain })
-    }
-}
-
-impl Records for Header {
-    const PERIOD: Option<i64> = Some(TIME_RANGE);
-
-    fn open(file: Bytes<'_>, options: ReadOptions) -> Result<Self, IoError> {
-        Self::parse(file, options)
-    }
-
-    fn start(&self) -> usize {
-        self.end
-    }
-
-    fn stride(&self) -> usize {
-        STRIDE
-    }
-
-    fn clock(&self, record: &[u8]) -> Option<i64> {
-        Some(u32::from_be_bytes(array(&record[4..])).into())
-    }
-
-    fn decode(&self, records: Bytes<'_>, clock: WrappingClock) -> Result<Recording, IoError> {
-        self.events(records, clock, false)
     }
 }
 
@@ -140,7 +155,7 @@ impl<'a> Decoder<'a> {
             Some(Chip { is_davis: true, .. }) => davis(address),
             _ => match self.dvs128(address, at) {
                 Ok(word) => word,
-                // One odd address of a DVS128 is noise; where no chip is named, it is another chip's.
+                // One odd address of a DVS128 is noise, or where no chip is named, another's.
                 Err(error) if self.chip.is_some() => {
                     return self.passed.pass(LeftOutKind::OtherWords, 1, error);
                 }
@@ -193,4 +208,111 @@ fn davis(address: u32) -> Word {
         (_, 3) => Word::Imu,
         _ => Word::Frame,
     }
+}
+
+/// A chip of AEDAT 2.0, whose addresses are known.
+///
+/// ```
+/// use meissner_engine::Sensor;
+/// use meissner_io::Chip;
+///
+/// assert_eq!("DAVIS346".parse::<Chip>()?.sensor(), Sensor::new(346, 260));
+/// # Ok::<(), meissner_io::UnknownName>(())
+/// ```
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Chip {
+    sensor: Sensor,
+    is_davis: bool,
+}
+
+/// The names of the chips, for messages.
+const NAMES: &str = "DVS128, DAVIS128, DAVIS208, DAVIS240, DAVIS346 or DAVIS640";
+
+impl Chip {
+    const DVS128: Self = Self { sensor: Sensor { width: 128, height: 128 }, is_davis: false };
+
+    /// Its pixels.
+    pub fn sensor(self) -> Sensor {
+        self.sensor
+    }
+
+    /// The chip with this sensor; of the two with 128 x 128 pixels the DVS128.
+    fn of_sensor(sensor: Sensor) -> Option<Self> {
+        CHIPS.iter().map(|&(name, _)| name).filter_map(Self::of_class).find(|chip| chip.sensor == sensor)
+    }
+
+    /// The chip of the class of this name.
+    fn of_class(name: &str) -> Option<Self> {
+        let is_dvs128 = ["dvs128", "tmpdiff128"]
+            .iter()
+            .any(|chip| name.get(..chip.len()).is_some_and(|start| start.eq_ignore_ascii_case(chip)));
+        Some(Self { sensor: sensor_of(name)?, is_davis: !is_dvs128 })
+    }
+}
+
+impl FromStr for Chip {
+    type Err = UnknownName;
+
+    /// The chip of this name, in upper or lower case: `DVS128`, `DAVIS128`, `DAVIS208`, `DAVIS240`,
+    /// `DAVIS346` or `DAVIS640`, also with letters behind it, as the classes of jAER have them
+    /// (`DAVIS346blue`).
+    fn from_str(name: &str) -> Result<Self, UnknownName> {
+        Self::of_class(name).ok_or_else(|| UnknownName::new("chip", NAMES, name))
+    }
+}
+
+/// The beginnings of the names of chips in lower case, with their pixels.
+const CHIPS: [(&str, [u16; 2]); 9] = [
+    ("dvs128", [128, 128]),
+    ("tmpdiff128", [128, 128]),
+    ("davis128", [128, 128]),
+    ("davis208", [208, 192]),
+    ("davis240", [240, 180]),
+    ("sbret10", [240, 180]),
+    ("davis346", [346, 260]),
+    ("davis640", [640, 480]),
+    ("apsdvs", [240, 180]),
+];
+
+/// The sensor of the chip of this name.
+pub(crate) fn sensor_of(chip: &str) -> Option<Sensor> {
+    let name = chip.to_ascii_lowercase();
+    let &(_, [width, height]) = CHIPS.iter().find(|(known, _)| name.starts_with(known))?;
+    Some(Sensor { width, height })
+}
+
+/// First bytes of a file.
+pub(crate) const MAGIC: &[u8] = b"#!AER-DAT2.0";
+
+/// Longest rest of a file that is examined as a line of its header.
+const LINE_BYTES: usize = 1 << 16;
+
+/// The content of a header, and where it ends.
+#[derive(Debug)]
+pub(crate) struct Header {
+    /// First byte after the header.
+    end: usize,
+    /// The chip; `None`: neither the header nor the caller names one.
+    chip: Option<Chip>,
+    /// Whether no record follows.
+    is_empty: bool,
+    strict: bool,
+}
+
+/// The first line of `bytes` with its line feed, if it is one of a header.
+fn line(bytes: &[u8]) -> Option<&[u8]> {
+    if !bytes.starts_with(b"#") {
+        return None;
+    }
+    let end = bytes.iter().position(|&b| b < b' ' && b != b'\t')?;
+    match &bytes[end..] {
+        [b'\n', ..] => Some(&bytes[..=end]),
+        [b'\r', b'\n', ..] => Some(&bytes[..end + 2]),
+        _ => None,
+    }
+}
+
+/// Whether `tail`, the rest of a file behind the last complete line, is the beginning of a line.
+fn is_cut(tail: &[u8]) -> bool {
+    tail.starts_with(b"#") && tail.len() < LINE_BYTES && !tail.iter().any(u8::is_ascii_control)
 }

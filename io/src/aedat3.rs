@@ -1,4 +1,4 @@
-//! AEDAT 3.1, the format of cAER and of DVS Gesture: the bytes of a file to the events of its first source.
+//! AEDAT 3.1, the format of cAER and of DVS Gesture: bytes to the events of the first source.
 //!
 //! ```text
 //! #!AER-DAT3.1\r\n            text header: lines that start with `#`
@@ -8,30 +8,31 @@
 //! packets                     28 bytes of header and the events, least significant byte first
 //! ```
 //!
-//! The header of a packet has the type (i16; 1: changes of brightness), the source (i16), and as i32 the bytes of an event, the
-//! place of the time in it, the number of times that the 31-bit clock has passed its end, the capacity, the number of events,
-//! and the number of valid ones. A change of brightness has 8 bytes: bits 31-17 x, 16-2 y, 1 polarity, 0 whether it is valid,
-//! then the time in microseconds (i32, 0 and above). Source: iniVation's page on AEDAT 3.1 and the headers of `libcaer`.
+//! The header of a packet has the type (i16; 1: changes of brightness), the source (i16), and as
+//! i32 the bytes of an event, the place of the time in it, the number of times that the 31-bit
+//! clock has passed its end, the capacity, the number of events, and the number of valid ones. A
+//! change of brightness has 8 bytes: bits 31-17 x, 16-2 y, 1 polarity, 0 whether it is valid, then
+//! the time in microseconds (i32, 0 and above). Source: iniVation's page on AEDAT 3.1 and the
+//! headers of `libcaer`.
 //!
-//! Invariants: packets fill the file exactly. A time is the packet's overflows times 2^31 plus the event's own time, so nothing
-//! wraps. Events that are not marked as valid are counted and left out; so are packets of other types and other sources, and, unless the
-//! reader is strict, events outside the chip or with a time below 0.
-
-mod header;
+//! Invariants: packets fill the file exactly. A time is the packet's overflows times 2^31 plus the
+//! event's own time, so nothing wraps. Events that are not marked as valid are counted and left
+//! out; so are packets of other types and other sources, and, unless the reader is strict, events
+//! outside the chip or with a time below 0.
 
 use std::collections::BTreeMap;
 
 use meissner_engine::{Event, Sensor};
 
+use crate::aedat2;
 use crate::bytes::{Bytes, array};
-use crate::error::IoError;
-use crate::format::Format;
+use crate::error::{IoError, shown};
+use crate::format::{Format, beginning};
 use crate::left_out::{LeftOutKind, PassedOver};
+use crate::limits::HEADER_BYTES;
 use crate::options::{ReadOptions, no_stream};
 use crate::recording::{Recording, StreamKind, StreamSummary};
 use crate::seek::{PacketHeader, Packets};
-use header::Header;
-pub(crate) use header::MAGIC;
 
 /// Bytes of a packet's header.
 const PACKET_HEADER: usize = 28;
@@ -55,7 +56,7 @@ pub(crate) struct Container {
     strict: bool,
 }
 
-/// The source whose events are read: the first with changes of brightness, or the one of the number that is asked for.
+/// The source whose events are read: the first with changes of brightness, or of this number.
 #[derive(Clone)]
 struct Main {
     /// Counted from 1 in the order of their first packets.
@@ -249,5 +250,63 @@ fn of_type(kind: i16) -> (&'static str, StreamKind) {
         2 => ("frames", StreamKind::Frames),
         3 | 4 => ("IMU", StreamKind::Imu),
         _ => ("packets of another type", StreamKind::Other),
+    }
+}
+
+/// First bytes of a file.
+pub(crate) const MAGIC: &[u8] = b"#!AER-DAT3.1\r\n";
+/// The header's last line.
+const END: &[u8] = b"#!END-HEADER";
+
+/// The content of a header, and where it ends.
+#[derive(Debug)]
+struct Header {
+    /// First byte of the first packet.
+    end: usize,
+    /// The sources whose chip is known, with its pixels.
+    sources: Vec<(i16, Sensor)>,
+}
+
+impl Header {
+    /// Reads the header at the start of `file`.
+    fn parse(file: Bytes<'_>) -> Result<Self, IoError> {
+        file.magic(MAGIC)?;
+        let mut header = Self { end: MAGIC.len(), sources: Vec::new() };
+        loop {
+            let start = header.end;
+            if start as u64 > HEADER_BYTES {
+                return Err(file.too_large("header", 0, HEADER_BYTES, start as u64, true));
+            }
+            let tail = &file.data[start..];
+            let Some(length) = tail.iter().position(|&b| b == b'\n') else {
+                let what = "the header before its line #!END-HEADER";
+                return Err(file.truncated(what, 0, file.len() as u64 + 1, true));
+            };
+            header.end += length + 1;
+            let line = tail[..length].trim_ascii_end();
+            if line == END {
+                return Ok(header);
+            }
+            if !line.starts_with(b"#") {
+                return Err(file.malformed("line of the header", start, "`#` at its start", shown(line)));
+            }
+            let text = String::from_utf8_lossy(&line[1..]);
+            match text.split_once(':').map(|(key, value)| (key.trim(), value.trim())) {
+                Some(("Format", "RAW")) | None => {}
+                Some(("Format", other)) => {
+                    let actual = format!("format `{}`", beginning(other, 40));
+                    return Err(IoError::Unsupported { expected: "AEDAT 3.1 of format RAW", actual });
+                }
+                Some((key, chip)) => {
+                    let source = key.strip_prefix("Source ").and_then(|number| number.trim().parse().ok());
+                    header.sources.extend(source.zip(aedat2::sensor_of(chip)));
+                }
+            }
+        }
+    }
+
+    /// The pixels of this source's chip, where it is known.
+    fn sensor(&self, source: i16) -> Option<Sensor> {
+        self.sources.iter().find(|(known, _)| *known == source).map(|&(_, sensor)| sensor)
     }
 }

@@ -1,23 +1,22 @@
-//! AEDAT4, iniVation's container: the bytes of a file to the events of its first event stream; the other streams are counted.
+//! AEDAT4, iniVation's container: bytes to the events of the first event stream.
 //!
 //! ```text
 //! #!AER-DAT4.0\r\n
-//! header    FlatBuffer IOHE after its size: compression, position of the packet table, XML of the streams
+//! header    FlatBuffer IOHE after its size: compression, position of the table, XML of the streams
 //! packets   { stream: i32, size: i32 } and `size` bytes: one compressed FlatBuffer after its size
-//! table     compressed FlatBuffer FTAB: position of each packet; missing if the recording was not closed (position -1)
+//! table     compressed FlatBuffer FTAB: positions of the packets; none if not closed (-1)
 //! ```
 //!
-//! A packet's buffer has a name of four letters: EVTS holds a vector of events of 16 bytes (time i64 in microseconds, x and y
-//! i16, polarity one byte), FRME one frame, IMUS a vector of samples, TRIG a vector of triggers. A packet is not compressed,
-//! or an LZ4 frame, or a Zstandard frame. Source: iniVation's pages on the AEDAT file formats and the schemas of its
-//! `dv-processing`.
+//! A packet's buffer has a name of four letters: EVTS holds a vector of events of 16 bytes (time
+//! i64 in microseconds, x and y i16, polarity one byte), FRME one frame, IMUS a vector of samples,
+//! TRIG a vector of triggers. A packet is not compressed, or an LZ4 frame, or a Zstandard frame.
+//! Source: iniVation's pages on the AEDAT file formats and the schemas of its `dv-processing`.
 //!
-//! Invariants: packets fill the space between header and table exactly. Every offset in a buffer is checked against its
-//! packet. Where the header declares no streams, or has no name, as those of aestream, the names in the packets tell the streams, or
-//! their content. Events
-//! outside the sensor, and with other values than an event can have, are left out and counted unless the reader is strict.
-//! A packet's content is as long as its size prefix (this also finds an LZ4 frame that was cut at the end of a
-//! block, which its decoder accepts). Frames are counted and not decompressed.
+//! Invariants: packets fill the space between header and table exactly. Every offset in a buffer is
+//! checked against its packet. Where the header declares no streams (aestream), the packets' names
+//! or content tell them. Odd events are left out and counted unless the reader is strict. A
+//! packet's content is as long as its size prefix (an LZ4 decoder accepts a frame that was cut
+//! after a block). Frames are not decompressed.
 
 pub(crate) mod header;
 mod packet;
@@ -73,7 +72,7 @@ const ASSUMED: &str = "the program that wrote this file left out of its header w
 /// Bytes of a packet's content up to the end of its name.
 const NAMED: u64 = 12;
 
-/// Whether the buffer `content` without a name can only be a packet of events: a vector of such that fills it.
+/// Whether the buffer `content` without a name can only be a vector of events.
 fn holds_events(content: Bytes<'_>) -> bool {
     let vector = Table::of_any_name(content, EVENTS.0).and_then(|root| root.vector(0, STRIDE));
     let is_event =
@@ -93,12 +92,12 @@ fn of_events(kinds: &[StreamKind]) -> impl Iterator<Item = usize> {
 /// What is known of a file before its packets are read.
 pub(crate) struct Container {
     header: Header,
-    /// The stream whose events are read: the first, or the one that is asked for, among those of events.
+    /// The stream whose events are read: the first, or the chosen one, among those of events.
     main: Option<usize>,
     /// Its number among the streams of events, from 1.
     asked: usize,
     strict: bool,
-    /// The place of each stream by its number. A header may declare a thousand streams, and a packet takes 8 bytes.
+    /// The place of each stream by its number: a header may declare a thousand.
     index_of: BTreeMap<i32, usize>,
     /// Bytes that the packets may still decompress to while a part is searched.
     budget: u64,
@@ -242,7 +241,7 @@ impl Packets for Container {
     }
 }
 
-/// Whether the packet at byte `at` is complete, header and content; true where its size is negative.
+/// Whether the packet at byte `at` is complete; true where its size is negative.
 fn is_whole(packets: Bytes<'_>, at: usize) -> bool {
     let Ok(size) = packets.i32("header of a packet", at + 4) else { return false };
     usize::try_from(size).is_ok_and(|size| size <= packets.len() - at - PACKET_HEADER) || size < 0

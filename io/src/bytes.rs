@@ -2,7 +2,7 @@
 
 use meissner_engine::Sensor;
 
-use crate::error::{IoError, Place};
+use crate::error::{IoError, Place, shown};
 use crate::left_out::{LeftOutKind, PassedOver};
 use crate::recording::Salvage;
 
@@ -59,6 +59,12 @@ impl<'a> Bytes<'a> {
         tail.get(..len).ok_or_else(|| self.truncated(what, at, len as u64, false))
     }
 
+    /// Checks that the file starts with `magic`.
+    pub(crate) fn magic(&self, magic: &[u8]) -> Result<(), IoError> {
+        let found = self.get("magic", 0, magic.len())?;
+        if found == magic { Ok(()) } else { Err(self.malformed("magic", 0, shown(magic), shown(found))) }
+    }
+
     pub(crate) fn array<const N: usize>(&self, what: &'static str, at: usize) -> Result<[u8; N], IoError> {
         self.get(what, at, N).map(array)
     }
@@ -75,7 +81,7 @@ impl<'a> Bytes<'a> {
         self.array(what, at).map(i32::from_le_bytes)
     }
 
-    /// The records of `N` bytes from byte `start` on. An incomplete last record is an error, or is left out with `salvage`.
+    /// The records of `N` bytes from byte `start` on. A cut last one is an error without `salvage`.
     pub(crate) fn records<const N: usize>(
         &self,
         what: &'static str,
@@ -116,7 +122,8 @@ impl<'a> Bytes<'a> {
         IoError::Malformed { format: self.format, what, place: self.place(at), expected, actual }
     }
 
-    /// The error of a part at `at` of more than `limit` bytes; `at_least`: it may have more than `actual`.
+    /// The error of a part at `at` of more than `limit` bytes; `at_least`: it may have more than
+    /// `actual`.
     pub(crate) fn too_large(
         &self,
         what: &'static str,
@@ -129,7 +136,7 @@ impl<'a> Bytes<'a> {
         IoError::TooLarge { format, what, place, unit, limit, actual, at_least }
     }
 
-    /// Whether an event at `at` lies inside `sensor`, where the sensor is known; one outside is left out.
+    /// Whether an event at `at` lies inside `sensor`, if it is known; one outside is left out.
     ///
     /// # Errors
     /// It is outside, and the reader is strict.

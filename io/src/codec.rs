@@ -17,6 +17,7 @@ use crate::hdf5;
 use crate::options::{ReadOptions, no_stream};
 use crate::packed;
 use crate::recording::{Capacity, Recording, Salvage};
+use crate::seek::records::whole;
 use crate::seek::{self, TimeRange};
 use crate::text::text_start;
 use crate::{aedat2, aedat3, aedat4, dat, es, evt2, evt3, nmnist, npy};
@@ -31,12 +32,11 @@ pub fn read(path: &Path) -> Result<Recording, IoError> {
 
 /// Reads the recording in the file at `path` with these options, which may be a [`Format`].
 ///
-/// The content of the file, unpacked from gzip or zip, is held in memory while it is decoded; [`crate::limits`] bounds the
-/// rest.
+/// The unpacked content of the file is held in memory; [`crate::limits`] bounds the rest.
 ///
 /// # Errors
-/// [`IoError::File`] where the file cannot be read, [`IoError::OtherKind`] where it is a folder; otherwise those of
-/// [`decode_with`].
+/// [`IoError::File`] where the file cannot be read, [`IoError::OtherKind`] where it is a folder;
+/// otherwise those of [`decode_with`].
 pub fn read_with(path: &Path, options: impl Into<ReadOptions>) -> Result<Recording, IoError> {
     let options = options.into();
     if path.is_dir() {
@@ -51,8 +51,8 @@ pub fn read_with(path: &Path, options: impl Into<ReadOptions>) -> Result<Recordi
     decode_content(packed::content_of_file(path, options.salvage)?, options)
 }
 
-/// Reads the events of `range` in the file at `path` without the rest of it; `None` where the format does not permit that, and
-/// [`read_with`] would read the whole file.
+/// Reads the events of `range` in the file at `path` without the rest of it; `None` where the
+/// format does not permit that, and [`read_with`] would read the whole file.
 ///
 /// # Errors
 /// As [`read_with`].
@@ -71,12 +71,12 @@ pub fn read_range(
     }
 }
 
-/// The recording in the file at `path` block by block; `None` where the format does not permit that. The ranges of `options` are
-/// ignored. Where a clock wraps, no time between two events of a block or of two is half of its period or more (DAT and AEDAT2: 36
-/// minutes).
+/// The recording in the file at `path` block by block; `None` where the format does not permit
+/// that. The ranges of `options` are ignored. Where a clock wraps, no time between two events of a
+/// block or of two is half of its period or more (DAT and AEDAT2: 36 minutes).
 ///
-/// Formats with records, packets or chunks that can be read alone have blocks: DAT, AEDAT2, EVT2, npy, HDF5, AEDAT3 and AEDAT4, where the file is
-/// not packed and not cut short.
+/// Formats with records, packets or chunks that can be read alone have blocks: DAT, AEDAT2, EVT2,
+/// npy, HDF5, AEDAT3 and AEDAT4, where the file is not packed and not cut short.
 ///
 /// # Errors
 /// [`IoError::File`] where the file cannot be read; those of its header.
@@ -97,16 +97,16 @@ pub fn blocks(path: &Path, options: impl Into<ReadOptions>) -> Result<Option<see
     }
 }
 
-/// The content of the file at `path`, unpacked if it is a gzip file, or a zip archive with one recording.
+/// The content of the file at `path`, unpacked from gzip or a zip archive with one recording.
 ///
 /// # Errors
-/// [`IoError::File`] where the file cannot be read; [`IoError::Truncated`], [`IoError::Malformed`], [`IoError::TooLarge`] or
-/// [`IoError::Unsupported`] where it cannot be unpacked.
+/// [`IoError::File`] where the file cannot be read; [`IoError::Truncated`], [`IoError::Malformed`],
+/// [`IoError::TooLarge`] or [`IoError::Unsupported`] where it cannot be unpacked.
 pub fn read_content(path: &Path) -> Result<Vec<u8>, IoError> {
     Ok(packed::content_of_file(path, false)?.0.into_owned())
 }
 
-/// The unpacked content of something that can be read only once, such as a pipe: it is held to be decoded more than once.
+/// The unpacked content of a pipe or the like, held to be decoded more than once.
 #[derive(Debug)]
 pub struct HeldContent {
     bytes: Vec<u8>,
@@ -114,7 +114,7 @@ pub struct HeldContent {
 }
 
 impl HeldContent {
-    /// Reads what is at `path` up to its end; with `salvage`, a gzip file that was cut short as far as it goes.
+    /// Reads what is at `path` up to its end; with `salvage`, also a gzip file that was cut short.
     ///
     /// # Errors
     /// Those of [`read_content`].
@@ -142,20 +142,20 @@ pub fn decode(bytes: &[u8]) -> Result<Recording, IoError> {
 
 /// Decodes `bytes`, the whole content of a file, with these options, which may be a [`Format`].
 ///
-/// A gzip file is unpacked first, and so is a zip archive that holds one recording, possibly among files of other kinds. The
-/// format, and the places of errors and salvage, are those of the content.
+/// A gzip file or a zip archive with one recording is unpacked first. Format, and places of errors
+/// and salvage, are those of the content.
 ///
 /// # Errors
-/// - Without a format: [`IoError::OtherKind`] where the content is known and not a recording that can be read,
+/// - Without a format: [`IoError::OtherKind`] where the content is known and no recording,
 ///   [`IoError::UnknownFormat`] or [`IoError::Unsupported`] where it has none of the formats.
-/// - [`IoError::Truncated`] where the content is cut short; with [`ReadOptions::salvage`] only where its header is.
-/// - [`IoError::Malformed`] where it contradicts the format, [`IoError::Lines`] where most of the first lines of a text are no events,
-///   [`IoError::TooLarge`] where a bound of [`crate::limits`] is exceeded,
-///   [`IoError::Unsupported`] where the content has a related format or a zip archive not one recording,
-///   [`IoError::Undecided`] where a text can be read in several ways.
+/// - [`IoError::Truncated`] where it is cut short (with [`ReadOptions::salvage`]: in its header).
+/// - [`IoError::Malformed`] where it contradicts the format, [`IoError::Lines`] where most of the
+///   first lines of a text are no events, [`IoError::Undecided`] where a text can be read in
+///   several ways, [`IoError::TooLarge`] beyond a bound of [`crate::limits`],
+///   [`IoError::Unsupported`] for a related format or a zip archive without one recording.
 ///
-/// With [`ReadOptions::strict`] also: [`IoError::OutsideSensor`] where an event lies outside the sensor that the file names, and
-/// [`IoError::Malformed`] for each word, event and line that is left out otherwise.
+/// With [`ReadOptions::strict`] also [`IoError::OutsideSensor`], and [`IoError::Malformed`] for
+/// each word, event and line that is left out otherwise.
 ///
 /// After an error there is no recording: the events before the fault are not returned.
 pub fn decode_with(bytes: &[u8], options: impl Into<ReadOptions>) -> Result<Recording, IoError> {
@@ -200,10 +200,10 @@ fn decode_bytes(content: Cow<'_, [u8]>, options: ReadOptions) -> Result<Recordin
     match found {
         Format::Aedat4 => aedat4::decode(bytes, options),
         Format::Aedat3 => aedat3::decode(bytes, options),
-        Format::Aedat2 => aedat2::decode(bytes, options),
-        Format::Evt2 => evt2::decode(bytes, options),
+        Format::Aedat2 => whole::<aedat2::Header>(found, bytes, options),
+        Format::Evt2 => whole::<evt2::Layout>(found, bytes, options),
         Format::Evt3 => evt3::decode(bytes, options),
-        Format::Dat => dat::decode(bytes, options),
+        Format::Dat => whole::<dat::Layout>(found, bytes, options),
         Format::Es => es::decode(bytes, options),
         Format::Nmnist => nmnist::decode(bytes, options),
         Format::Csv => csv::decode(bytes, options),
@@ -218,7 +218,7 @@ fn decode_bytes(content: Cow<'_, [u8]>, options: ReadOptions) -> Result<Recordin
     }
 }
 
-/// The events of `range` in the file `input` of the format `found`; `None`: the whole file must be read.
+/// The events of `range` in the file `input` of format `found`; `None`: read the whole file.
 fn read_part(
     found: Format,
     mut input: seek::Input<impl Read + Seek>,
@@ -230,8 +230,8 @@ fn read_part(
         Format::Aedat2 => seek::records::read::<aedat2::Header>(&mut input, range, options),
         Format::Evt2 => seek::records::read::<evt2::Layout>(&mut input, range, options),
         Format::Npy => seek::records::read::<npy::Layout>(&mut input, range, options),
-        Format::Aedat3 => seek::packets::read::<aedat3::Container>(&mut input, range, options),
-        Format::Aedat4 => seek::packets::read::<aedat4::Container>(&mut input, range, options),
+        Format::Aedat3 => seek::read_packets::<aedat3::Container>(&mut input, range, options),
+        Format::Aedat4 => seek::read_packets::<aedat4::Container>(&mut input, range, options),
         _ => Ok(None),
     }
 }
@@ -255,7 +255,7 @@ fn located<R: Read + Seek>(
 
 /// Writes `events` to the file at `path`, which is created or replaced as a whole ([`write_file`]).
 ///
-/// The events are checked first: if the format cannot hold them, or the disk is full, a former file is left unchanged.
+/// The events are checked first; after an error, a former file is unchanged.
 ///
 /// # Errors
 /// Those of [`write_file`]; otherwise those of [`encode`].
@@ -264,16 +264,17 @@ pub fn write(path: &Path, format: Format, sensor: Option<Sensor>, events: &[Even
     write_file(path, |out| put(format, sensor, events, out))
 }
 
-/// Writes `events` to `out`, with the sensor in the header (except for `.npy`, which has no place for it).
+/// Writes `events` to `out`, with the sensor in the header (`.npy` has no place for it).
 ///
-/// CSV and npy hold every event. DAT holds times from 0 to 2^32 - 1 microseconds and coordinates below 16384; EVT3 holds
-/// times from 0 to 2^40 - 1 and coordinates below 2048. Both hold steps back in time unless readers would take them for a
-/// wrap of the clock. ES needs a sensor and holds times from 0 to 2^33 - 1 (2.4 hours) in order. `out` is written in small pieces: give it a buffer.
+/// CSV and npy hold every event. DAT holds times from 0 to 2^32 - 1 microseconds and coordinates
+/// below 16384; EVT3 holds times from 0 to 2^40 - 1 and coordinates below 2048. Both hold steps
+/// back in time unless they look like a wrap of the clock. ES needs a sensor and holds ascending
+/// times from 0 to 2^33 - 1 (2.4 hours). `out` is written in small pieces: buffer it.
 ///
 /// # Errors
-/// Before anything is written: [`IoError::CannotHold`] names the first event that the format cannot hold or that lies outside
-/// `sensor`; [`IoError::Unsupported`] where the format is read only, or cannot hold the sensor. Then [`IoError::Stream`]
-/// where `out` fails.
+/// Before anything is written: [`IoError::CannotHold`] names the first event that the format cannot
+/// hold or that lies outside `sensor`; [`IoError::Unsupported`] where the format is read only, or
+/// cannot hold the sensor. Then [`IoError::Stream`] where `out` fails.
 pub fn encode(
     format: Format,
     sensor: Option<Sensor>,
@@ -290,7 +291,7 @@ pub fn encode(
     })
 }
 
-/// Refuses events that `format` cannot hold or that lie outside `sensor`, and formats that are read only.
+/// Refuses events that `format` cannot hold or outside `sensor`, and formats that are read only.
 fn check(format: Format, sensor: Option<Sensor>, events: &[Event]) -> Result<(), IoError> {
     let capacity = match format {
         Format::Csv | Format::Npy => Capacity::UNLIMITED,

@@ -6,19 +6,23 @@
 //! 1589163005561252,215,164,1
 //! ```
 //!
-//! Commas, semicolons, or blanks and tabs separate the fields of a line. Lines that start with `#` or `%` are comments. A
-//! comment `# sensor WxH` before the first event names the sensor; so do a line with only width and height, the comment
-//! `%geometry:W,H` of Metavision (whose columns are x, y, p, t), and the header `t,x@W,y@H,on` of faery and aestream.
+//! Commas, semicolons, or blanks and tabs separate the fields of a line. Lines that start with `#`
+//! or `%` are comments. A comment `# sensor WxH` before the first event names the sensor; so do a
+//! line with only width and height, the comment `%geometry:W,H` of Metavision (whose columns are x,
+//! y, p, t), and the header `t,x@W,y@H,on` of faery and aestream.
 //!
-//! A header may stand in a comment. It names the columns (t, ts, time or timestamp; x; y; p, pol, polarity or on) in any
-//! order, in upper or lower case; other columns are skipped. Without a header there are four columns, and their order is
-//! given by the caller ([`TextOptions`]) or found from all lines (`layout`). A text with several possible orders is refused.
+//! A header may stand in a comment. It names the columns (t, ts, time or timestamp; x; y; p, pol,
+//! polarity or on) in any order, in upper or lower case; other columns are skipped. Without a
+//! header there are four columns, and their order is given by the caller ([`TextOptions`]) or found
+//! from all lines (`layout`). A text with several possible orders is refused.
 //!
-//! t is in whole microseconds (`12` or `12.0`), or in the unit that the caller or the header (`t_ms`) names. Times with a
-//! decimal point are seconds if any of them has four or more decimals; fewer decimals could be milliseconds, and such a text
-//! is refused. Every number may have an exponent (`1.9e-06`, `1.2e+01`). Digits beyond microseconds are rounded to the nearest,
-//! halves away from zero, without floats. p is 1 or +1 for a rise, and 0 or -1 for a fall (also `True` and `False`). Blank lines,
-//! spaces and quotes around fields, both kinds of line end, and a byte order mark are accepted.
+//! t is in whole microseconds (`12` or `12.0`), or in the unit that the caller or the header
+//! (`t_ms`) names. Times with a decimal point are seconds if any of them has four or more decimals;
+//! fewer decimals could be milliseconds, and such a text is refused. Every number may have an
+//! exponent (`1.9e-06`, `1.2e+01`). Digits beyond microseconds are rounded to the nearest, halves
+//! away from zero, without floats. p is 1 or +1 for a rise, and 0 or -1 for a fall (also `True` and
+//! `False`). Blank lines, spaces and quotes around fields, both kinds of line end, and a byte order
+//! mark are accepted.
 
 pub(crate) mod columns;
 pub(crate) mod layout;
@@ -39,20 +43,22 @@ use crate::options::ReadOptions;
 use crate::recording::{Recording, Salvage};
 use crate::text::{Lines, is_comment, lines_of};
 
-/// The events of a text, each as soon as its line is there: for a pipe or a socket as well as for a file.
+/// The events of a text, each as soon as its line is there, also from a pipe or a socket.
 ///
-/// Nothing is read before the first call of `next`. No call reads beyond the line feed of its event, except for the content
-/// of the reader's own buffer. A line takes O(its length); a line longer than [`crate::limits::LINE_BYTES`] is refused.
+/// Nothing is read before the first call of `next`. No call reads beyond the line feed of its
+/// event, except for the content of the reader's own buffer. A line takes O(its length); a line
+/// longer than [`crate::limits::LINE_BYTES`] is refused.
 ///
-/// Without a header and without [`TextOptions`], the first event's line decides the order of the columns: t, x, y, p if
-/// commas separate and the line fits, otherwise the only order that fits. Times are whole microseconds, or seconds if the
-/// first time that is not 0 has four or more decimals. A line that fits several layouts gives [`IoError::Undecided`].
-/// [`crate::decode_with`] has the whole text and decides by all lines.
+/// Without a header and without [`TextOptions`], the first event's line decides the order of the
+/// columns: t, x, y, p if commas separate and the line fits, otherwise the only order that fits.
+/// Times are whole microseconds, or seconds if the first time that is not 0 has four or more
+/// decimals. A line that fits several layouts gives [`IoError::Undecided`]. [`crate::decode_with`]
+/// has the whole text and decides by all lines.
 ///
-/// A line that is not an event gives an error with its number, and the next call continues with the line after it, so that
-/// a live stream survives a bad line. A caller who needs every event stops at the first error. There are no further items
-/// after a bad header, an undecided line, an overlong line, a reader's failure, or input of another kind
-/// ([`IoError::OtherKind`]).
+/// A line that is not an event gives an error with its number, and the next call continues with the
+/// line after it, so that a live stream survives a bad line. A caller who needs every event stops
+/// at the first error. There are no further items after a bad header, an undecided line, an
+/// overlong line, a reader's failure, or input of another kind ([`IoError::OtherKind`]).
 ///
 /// ```
 /// let text = "t,x,y,p\n10,3,4,1\n12,3,5,-1\n";
@@ -142,7 +148,7 @@ fn other_than_text(start: &[u8]) -> Option<IoError> {
 }
 
 impl<'a> CsvEvents<&'a [u8]> {
-    /// The events of a whole text; all lines decide the layout as far as `options` and the header leave it open.
+    /// The events of a whole text; all lines decide what `options` and the header leave open.
     ///
     /// # Errors
     /// [`IoError::Undecided`] where several layouts fit all lines.
@@ -152,7 +158,7 @@ impl<'a> CsvEvents<&'a [u8]> {
     }
 }
 
-/// The layout of a whole text. Malformed lines are ignored here; they are refused when they are read.
+/// The layout of a whole text. Malformed lines are refused only when they are read.
 fn layout_of(text: &[u8], options: TextOptions) -> Result<Layout, IoError> {
     let mut layout = Layout::new(options);
     let has_points = text.iter().any(|byte| matches!(byte, b'.' | b'e' | b'E'));
@@ -172,7 +178,7 @@ fn layout_of(text: &[u8], options: TextOptions) -> Result<Layout, IoError> {
     Ok(layout)
 }
 
-/// The events of the text `bytes` without the lines that are none; with `salvage`, a last line without a line feed is left out.
+/// The events of the text `bytes`; with `salvage`, without a last line that has no line feed.
 pub(crate) fn decode(bytes: &[u8], options: ReadOptions) -> Result<Recording, IoError> {
     let salvage = options.salvage;
     let whole = match bytes.iter().rposition(|&b| b == b'\n') {

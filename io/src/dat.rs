@@ -1,10 +1,11 @@
 //! Prophesee DAT, version 2: events from and to 8 bytes each.
 //!
-//! Two bytes follow the text header ([`crate::prophesee`]): the type of the events (0x0C, in old files 0x00) and their size
-//! (8). Each event has two words of 32 bits, least significant byte first: the time in microseconds, and bits 13-0 x, 27-14 y,
-//! 31-28 polarity (0 or 1). Source: the vendor's page "DAT File Format". Invariant: the 32-bit time wraps where it falls by
-//! 2^31 or more; a smaller fall is a step back. Events outside the sensor or with another polarity are left out and counted, unless
-//! the reader is strict. Version 1 has another layout of x and y and is refused.
+//! Two bytes follow the text header ([`crate::prophesee`]): the type of the events (0x0C, in old
+//! files 0x00) and their size (8). Each event has two words of 32 bits, least significant byte
+//! first: the time in microseconds, and bits 13-0 x, 27-14 y, 31-28 polarity (0 or 1). Source: the
+//! vendor's page "DAT File Format". Invariant: the 32-bit time wraps where it falls by 2^31 or
+//! more. Events outside the sensor or with another polarity are left out and counted, unless the
+//! reader is strict. Version 1 is refused: it has another layout.
 
 use std::io::{self, Write};
 
@@ -37,47 +38,12 @@ pub(crate) const CAPACITY: Capacity = Capacity {
     is_wrap: |newest_us, t_us| newest_us - t_us >= TIME_RANGE / 2,
 };
 
-/// The events of the file `bytes`.
-pub(crate) fn decode(bytes: &[u8], options: ReadOptions) -> Result<Recording, IoError> {
-    let file = Bytes::file(Format::Dat.name(), bytes);
-    let layout = Layout::open(file, options)?;
-    layout.events(file.after(layout.start), WrappingClock::new(TIME_RANGE), options.salvage)
-}
-
 /// What the header says.
 pub(crate) struct Layout {
     sensor: Option<Sensor>,
     /// First byte of the first event.
     start: usize,
     strict: bool,
-}
-
-impl Layout {
-    /// The events of `records`.
-    fn events(
-        &self,
-        records: Bytes<'_>,
-        mut clock: WrappingClock,
-        salvage: bool,
-    ) -> Result<Recording, IoError> {
-        let sensor = self.sensor;
-        let (all, salvaged) = records.records("the last event", 0, salvage)?;
-        let (mut events, mut passed) = (Vec::with_capacity(all.len()), PassedOver::new(self.strict));
-        for (record, at) in all.iter().zip((0..).step_by(STRIDE)) {
-            let both = u64::from_le_bytes(*record);
-            let (time, pixel) = (i64::from(both as u32), (both >> 32) as u32);
-            let (x, y) = ((pixel & 0x3fff) as u16, (pixel >> 14 & 0x3fff) as u16);
-            let t_us = clock.advance(time);
-            if pixel >> 29 != 0 {
-                let error = records.malformed("polarity", at, "0 or 1", pixel >> 28);
-                passed.pass(LeftOutKind::Malformed, 1, error)?;
-            } else if records.is_inside(sensor, x, y, at, &mut passed)? {
-                events.push(Event::new(t_us, x, y, pixel >> 28 == 1));
-            }
-        }
-        let left_out = passed.end();
-        Ok(Recording { left_out, salvaged, ..Recording::of_events(Format::Dat, sensor, events) })
-    }
 }
 
 impl Records for Layout {
@@ -114,8 +80,29 @@ impl Records for Layout {
         Some(u32::from_le_bytes(array(record)).into())
     }
 
-    fn decode(&self, records: Bytes<'_>, clock: WrappingClock) -> Result<Recording, IoError> {
-        self.events(records, clock, false)
+    fn decode(
+        &self,
+        records: Bytes<'_>,
+        mut clock: WrappingClock,
+        salvage: bool,
+    ) -> Result<Recording, IoError> {
+        let sensor = self.sensor;
+        let (all, salvaged) = records.records("the last event", 0, salvage)?;
+        let (mut events, mut passed) = (Vec::with_capacity(all.len()), PassedOver::new(self.strict));
+        for (record, at) in all.iter().zip((0..).step_by(STRIDE)) {
+            let both = u64::from_le_bytes(*record);
+            let (time, pixel) = (i64::from(both as u32), (both >> 32) as u32);
+            let (x, y) = ((pixel & 0x3fff) as u16, (pixel >> 14 & 0x3fff) as u16);
+            let t_us = clock.advance(time);
+            if pixel >> 29 != 0 {
+                let error = records.malformed("polarity", at, "0 or 1", pixel >> 28);
+                passed.pass(LeftOutKind::Malformed, 1, error)?;
+            } else if records.is_inside(sensor, x, y, at, &mut passed)? {
+                events.push(Event::new(t_us, x, y, pixel >> 28 == 1));
+            }
+        }
+        let left_out = passed.end();
+        Ok(Recording { left_out, salvaged, ..Recording::of_events(Format::Dat, sensor, events) })
     }
 }
 

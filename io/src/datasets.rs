@@ -1,7 +1,8 @@
-//! Labelled sets of recordings: a folder to recordings with their labels, in an order that is the same on every machine.
+//! Labelled sets of recordings: a folder to labelled recordings, in one order on every machine.
 //!
-//! Recordings are ordered by class and then by file name in natural order (`pen2` before `pen10`). Entries whose names start
-//! with a dot are ignored. Files beside the class folders, and files with another extension in them, are skipped and listed.
+//! Recordings are ordered by class and then by file name in natural order (`pen2` before `pen10`).
+//! Entries whose names start with a dot are ignored. Files beside the class folders, and files with
+//! another extension in them, are skipped and listed.
 
 mod gelsight;
 mod neutouch;
@@ -39,7 +40,7 @@ impl<R> Dataset<R> {
         Self { recordings: Vec::new(), passed_over: Vec::new() }
     }
 
-    /// The subfolders of `folder` with their indices in `names`, ascending; other names are refused. Files are passed over.
+    /// The subfolders of `folder` with their indices in `names`, ascending; others are refused.
     fn subfolders(&mut self, folder: &Path, names: &[&str]) -> Result<Vec<(usize, PathBuf)>, IoError> {
         let refuse = |found: String| {
             Err(IoError::unfit(folder, format!("a folder with folders {}", names.join(", ")), found))
@@ -61,7 +62,7 @@ impl<R> Dataset<R> {
         Ok(known)
     }
 
-    /// Reads the recordings of `folder`: its files with this extension in upper or lower case. Other entries are passed over.
+    /// Reads the recordings of `folder`: its files with this extension in upper or lower case.
     fn extend(
         &mut self,
         folder: &Path,
@@ -149,20 +150,20 @@ pub struct EventFile {
 pub type EventDataset = Dataset<EventRecording>;
 
 impl EventDataset {
-    /// Reads digits seen by a moving event camera, in the layout of N-MNIST, with one or both splits. O(bytes); all events are
-    /// held in memory.
+    /// Reads digits seen by a moving event camera, in the layout of N-MNIST, with one or both
+    /// splits. O(bytes); all events are held in memory.
     ///
     /// ```text
     /// DATA/<train|test>/<digit>/<number>.bin        DATA/train/3/00123.bin
     /// ```
     ///
-    /// Every folder is a split or a digit, and every recording has an event. Every `.bin` file is read as
-    /// [`Format::Nmnist`], on 34 x 34 pixels, whatever its content. Source: Orchard, Jayawant, Cohen and Thakor, "Converting
-    /// static image datasets to spiking neuromorphic datasets using saccades", 2015.
+    /// Every folder is a split or a digit, and every recording has an event. Every `.bin` file is
+    /// read as [`Format::Nmnist`], on 34 x 34 pixels, whatever its content. Source: Orchard,
+    /// Jayawant, Cohen and Thakor, "Converting static image datasets to spiking neuromorphic
+    /// datasets using saccades", 2015.
     ///
     /// # Errors
-    /// [`IoError`], with the path, where the folder or a recording is missing, has another layout, cannot be read, or has no
-    /// events.
+    /// [`IoError`], with the path, where folder or recording is missing or odd, or has no events.
     pub fn nmnist(folder: impl AsRef<Path>) -> Result<Self, IoError> {
         let Dataset { recordings, passed_over } = Dataset::nmnist_files(folder)?;
         Ok(Self {
@@ -176,7 +177,8 @@ impl Dataset<EventFile> {
     /// Lists the files that [`EventDataset::nmnist`] reads, in its order, and reads none.
     ///
     /// # Errors
-    /// [`IoError`], with the path, where the folder is missing, has another layout, or has no recordings.
+    /// [`IoError`], with the path, where the folder is missing, has another layout, or has no
+    /// recordings.
     pub fn nmnist_files(folder: impl AsRef<Path>) -> Result<Self, IoError> {
         let folder = folder.as_ref();
         let mut set = Self::new();
@@ -197,7 +199,7 @@ impl EventFile {
     /// The recording in the file.
     ///
     /// # Errors
-    /// [`IoError`], with the path, where it cannot be read, has no events, or has one that a recording would leave out.
+    /// [`IoError`], with the path, where it cannot be read, or has no events or an odd one.
     pub fn read(&self) -> Result<EventRecording, IoError> {
         let Self { path, name, split, class } = self;
         let events = read_with(path, ReadOptions::from(Format::Nmnist).strict(true))
@@ -259,7 +261,7 @@ pub struct SlipFile {
     pub object: String,
 }
 
-/// Slips under 24 electrodes, one folder per class: the layout of the `BioTac` direction-of-slip data set.
+/// Slips under 24 electrodes, one folder per class: the `BioTac` direction-of-slip data set.
 ///
 /// ```text
 /// DATA/<class>/<object><number>.csv        DATA/n/pen178.csv
@@ -269,12 +271,13 @@ pub struct SlipFile {
 pub type SlipDataset = Dataset<SlipRecording>;
 
 impl SlipDataset {
-    /// Reads the data set in `folder`, whose folders are some or all of `classes`; a recording's class is an index into
-    /// `classes`, and classes come in that order. O(bytes); all readings are held in memory.
+    /// Reads the data set in `folder`, whose folders are some or all of `classes`, in that order; a
+    /// class is an index. O(bytes); all readings are held in memory.
     ///
     /// # Errors
-    /// [`IoError`], with the path, where the folder or a recording is missing, has another layout, cannot be read, or has no
-    /// readings; with the line too for a row that is no reading, where `bad_rows` refuses it.
+    /// [`IoError`], with the path, where the folder or a recording is missing, has another layout,
+    /// cannot be read, or has no readings; with the line too for a row that is no reading, where
+    /// `bad_rows` refuses it.
     pub fn read(folder: impl AsRef<Path>, classes: &[&str], bad_rows: BadRows) -> Result<Self, IoError> {
         let Dataset { recordings, passed_over } = Dataset::slip_files(folder, classes)?;
         let read = recordings.iter().map(|file| file.read(bad_rows));
@@ -286,7 +289,8 @@ impl Dataset<SlipFile> {
     /// Lists the files that [`SlipDataset::read`] reads, in its order, and reads none.
     ///
     /// # Errors
-    /// [`IoError`], with the path, where the folder is missing, has another layout, or has no recordings.
+    /// [`IoError`], with the path, where the folder is missing, has another layout, or has no
+    /// recordings.
     pub fn slip_files(folder: impl AsRef<Path>, classes: &[&str]) -> Result<Self, IoError> {
         let folder = folder.as_ref();
         let mut set = Self::new();
@@ -301,7 +305,7 @@ impl SlipRecording {
     /// The readings in stretches without a refused row between them.
     ///
     /// # Panics
-    /// Where [`Self::refused`] was changed so that its positions do not ascend or exceed the number of readings.
+    /// Where [`Self::refused`] was changed so that it does not ascend or exceeds the readings.
     pub fn stretches(&self) -> impl Iterator<Item = &[Reading]> {
         let ends = self.refused.iter().map(|row| row.after).chain([self.readings.len()]);
         let stretches = ends.scan(0, |start, end| {
@@ -328,8 +332,8 @@ impl SlipFile {
     /// The recording in the file.
     ///
     /// # Errors
-    /// [`IoError`], with the path, where it cannot be read or has no readings; with the line too for a row that is no reading,
-    /// where `bad_rows` refuses it.
+    /// [`IoError`], with the path, where it cannot be read or has no readings; with the line too
+    /// for a row that is no reading, where `bad_rows` refuses it.
     pub fn read(&self, bad_rows: BadRows) -> Result<SlipRecording, IoError> {
         let path = &self.path;
         let file = File::open(path).map_err(IoError::file("open", path))?;

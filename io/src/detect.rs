@@ -1,15 +1,16 @@
 //! The kind of an input, from its first bytes.
 //!
-//! AEDAT, Event Stream, npy and pictures start with a magic number. Prophesee's files have a text header that names the encoding. A text
-//! is of electrodes if its header names electrodes, and of events if it has a header of events or a first line of four
-//! numbers; any other text with a comma in its first line is tried as events. N-MNIST has no mark and is tried last.
+//! AEDAT, Event Stream, npy and pictures start with a magic number. Prophesee's files have a text
+//! header that names the encoding. A text is of electrodes if its header names electrodes, and of
+//! events if it has a header of events or a first line of four numbers; any other text with a comma
+//! in its first line is tried as events. N-MNIST has no mark and is tried last.
 
 use std::fs::File;
 use std::io::{self, Read};
 use std::path::Path;
 
 use crate::csv::columns::{is_csv, is_of_events};
-use crate::electrodes::header::names_electrodes;
+use crate::electrodes::names_electrodes;
 use crate::error::{IoError, shown};
 use crate::format::{Foreign, Format, ImageFormat, Kind, beginning};
 #[cfg(feature = "hdf5")]
@@ -33,11 +34,12 @@ const MARKS: &[(&[u8], Format)] = &[
 pub(crate) const START: u64 = 5 << 14;
 
 impl Kind {
-    /// The kind of a file that starts with `bytes`: the whole file, or at least its first 4 KiB. `None`: unknown.
+    /// The kind of a file that starts with `bytes`: the whole file, or at least its first 4 KiB.
+    /// `None`: unknown.
     ///
-    /// A gzip file and a zip archive are foreign here: [`crate::read`] and [`crate::decode`] look into them. A text that is
-    /// neither clearly of events nor clearly of electrodes, such as a list of pictures, is unknown. O(1), for
-    /// N-MNIST O(n).
+    /// A gzip file and a zip archive are foreign here: [`crate::read`] and [`crate::decode`] look
+    /// into them. A text that is neither clearly of events nor clearly of electrodes, such as a
+    /// list of pictures, is unknown. O(1), for N-MNIST O(n).
     pub fn of(bytes: &[u8]) -> Option<Self> {
         let marked = MARKS.iter().find(|(mark, _)| bytes.starts_with(mark));
         if let Some(&(_, format)) = marked {
@@ -85,9 +87,8 @@ impl Kind {
 
 /// The format of `bytes`, the whole content of a file; `None` where it has none of the formats.
 ///
-/// Only the marks of the formats are examined: a file with a known format can still be corrupt. What is packed has no format
-/// before it is unpacked. O(n) for N-MNIST, O(1) for
-/// the others. Empty content has no format.
+/// Only the marks of the formats are examined: such a file can still be corrupt. What is empty or
+/// packed has no format. O(n) for N-MNIST, O(1) for the others.
 pub fn detect(bytes: &[u8]) -> Option<Format> {
     format_of(bytes).ok()
 }
@@ -127,7 +128,7 @@ const VIDEO: Foreign = Foreign {
     instead: "it holds pictures and no events; write them as PNG, with ffmpeg -i VIDEO %06d.png",
 };
 
-/// Formats in which people keep recordings and which are not read: first bytes, name, and how to convert.
+/// Formats of recordings that are not read: first bytes, name, and how to convert.
 const FOREIGN: &[(&[u8], &str, &str)] = &[
     (
         b"\x89HDF",

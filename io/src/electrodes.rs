@@ -5,16 +5,15 @@
 //! 3530,3662,3582, ... ,3119
 //! ```
 //!
-//! The header is required, even if no row follows. The name of an electrode's column ends in `e1` to `e24` or `electrode1` to
-//! `electrode24` (upper or lower case, with `_`, a space or nothing before the number) after a prefix that all 24 share, such
-//! as a finger's; the columns may stand in any order. A column `t`, `time` or `timestamp` is the time in seconds; with `_s`,
-//! `_ms`, `_us` or `_ns` at its end, it is in that unit. Other columns are skipped. Fields, quotes, comments, blank lines, line
-//! ends and the byte order mark are as in the CSV of events.
+//! The header is required, even if no row follows. The name of an electrode's column ends in `e1`
+//! to `e24` or `electrode1` to `electrode24` (upper or lower case, with `_`, a space or nothing
+//! before the number) after a prefix that all 24 share, such as a finger's; the columns may stand
+//! in any order. A column `t`, `time` or `timestamp` is the time in seconds; with `_s`, `_ms`,
+//! `_us` or `_ns` at its end, it is in that unit. Other columns are skipped. Fields, quotes,
+//! comments, blank lines, line ends and the byte order mark are as in the CSV of events.
 //!
-//! Invariant: a reading is delivered as soon as its line is there, and nothing is allocated for it; each of its values is
-//! finite.
-
-pub(crate) mod header;
+//! Invariant: a reading is delivered as soon as its line is there, without allocation; its values
+//! are finite.
 
 use std::io::BufRead;
 use std::ops::RangeInclusive;
@@ -24,8 +23,6 @@ use crate::detect::other_kind;
 use crate::error::{IoError, shown};
 use crate::format::Kind;
 use crate::text::{Line, Lines, Separator};
-pub use header::ELECTRODES;
-use header::{Columns, Role, expected};
 
 /// Relative error that the rounding of times may add to an interval.
 const ROUNDING: f64 = 1e-4;
@@ -43,13 +40,14 @@ pub struct Reading {
 
 /// The readings of a text, each as soon as its line is there: for a pipe as well as for a file.
 ///
-/// Nothing is read before the first call of `next`. No call reads beyond the line feed of its reading, except for the
-/// content of the reader's own buffer. A line takes O(its length).
+/// Nothing is read before the first call of `next`. No call reads beyond the line feed of its
+/// reading, except for the content of the reader's own buffer. A line takes O(its length).
 ///
-/// A row that is not a reading gives an error with its line, and the next call continues with the row after it. A caller who
-/// needs every reading stops at the first error. There are no further items after a bad or missing header, a line longer than
-/// [`crate::limits::LINE_BYTES`], a reader's failure, or input of another kind ([`IoError::OtherKind`]). Suspicious readings
-/// are delivered and counted in [`Self::warnings`].
+/// A row that is not a reading gives an error with its line, and the next call continues with the
+/// row after it. A caller who needs every reading stops at the first error. There are no further
+/// items after a bad or missing header, a line longer than [`crate::limits::LINE_BYTES`], a
+/// reader's failure, or input of another kind ([`IoError::OtherKind`]). Suspicious readings are
+/// delivered and counted in [`Self::warnings`].
 ///
 /// ```
 /// use meissner_io::{ElectrodeSettings, Electrodes};
@@ -93,10 +91,10 @@ impl<R: BufRead> Electrodes<R> {
         self.warnings
     }
 
-    /// Whether the newest reading follows the one delivered before it, so that both can be in one window: no refused row lies
-    /// between them, and their times, if any, have neither a gap ([`ElectrodeSettings::longest_gap`]) nor a step back. A
-    /// repeated time is allowed, because times may be coarser than the readings. False for the first reading, and before
-    /// it.
+    /// Whether the newest reading follows the one delivered before it, so that both can be in one
+    /// window: no refused row lies between them, and their times, if any, have neither a gap
+    /// ([`ElectrodeSettings::longest_gap`]) nor a step back. A repeated time is allowed, because
+    /// times may be coarser than the readings. False for the first reading, and before it.
     pub fn follows(&self) -> bool {
         self.follows
     }
@@ -191,11 +189,11 @@ pub struct ElectrodeSettings {
     pub range: RangeInclusive<f32>,
     /// Readings per second, for a text with times; 100 by default.
     pub rate_hz: f64,
-    /// Largest relative difference between an interval and `1 / rate_hz`; 0.2 by default, so that intervals from 8 to 12 ms
-    /// are normal at 100 Hz.
+    /// Largest relative difference between an interval and `1 / rate_hz`; 0.2 by default, so that
+    /// intervals from 8 to 12 ms are normal at 100 Hz.
     pub rate_tolerance: f64,
-    /// Longest interval, in periods of `rate_hz`, after which a reading still follows the one before; 5 by default (50 ms at
-    /// 100 Hz).
+    /// Longest interval, in periods of `rate_hz`, after which a reading still follows the one
+    /// before; 5 by default (50 ms at 100 Hz).
     pub longest_gap: f64,
 }
 
@@ -211,10 +209,10 @@ impl Default for ElectrodeSettings {
 pub struct ElectrodeWarnings {
     /// Values outside [`ElectrodeSettings::range`]; a reading counts up to 24 times.
     pub values_out_of_range: u64,
-    /// Readings too early or too late after the reading of the row before. The first reading after a refused row is not
-    /// judged.
+    /// Readings too early or too late after that of the row before, unless that was refused.
     pub rows_off_rate: u64,
-    /// Readings after a gap: later than the one before by more than [`ElectrodeSettings::longest_gap`].
+    /// Readings after a gap: later than the one before by more than
+    /// [`ElectrodeSettings::longest_gap`].
     pub gaps: u64,
     /// Readings with the time of the one before.
     pub times_repeated: u64,
@@ -244,21 +242,21 @@ impl ElectrodeSettings {
         self
     }
 
-    /// Sets the longest interval, in periods of `rate_hz`, after which a reading still follows the one before.
+    /// Sets the longest interval, in periods of `rate_hz`, between readings that follow each other.
     #[must_use]
     pub fn longest_gap(mut self, periods: f64) -> Self {
         self.longest_gap = periods;
         self
     }
 
-    /// Counts the suspicious properties of a reading; `last_s` is the time of the row before. Returns whether the reading
-    /// follows that row: their times have neither a gap nor a step back between them.
+    /// Counts the suspicious properties of a reading; `last_s` is the time of the row before.
+    /// Returns whether it follows that row, without a gap or step back.
     fn count(&self, reading: &Reading, last_s: Option<f64>, warnings: &mut ElectrodeWarnings) -> bool {
         let outside = reading.values.iter().filter(|value| !self.range.contains(value)).count();
         warnings.values_out_of_range += outside as u64;
         let Some((last_s, now_s)) = last_s.zip(reading.time_s) else { return true };
-        // In expected intervals. Times since 1970 in f64 are rounded to 0.24 us: ROUNDING is larger than that and far
-        // smaller than the tolerances.
+        // In expected intervals. Times since 1970 in f64 are rounded to 0.24 us: ROUNDING is larger
+        // than that and far smaller than the tolerances.
         let interval = (now_s - last_s) * self.rate_hz;
         warnings.rows_off_rate += u64::from((interval - 1.0).abs() - self.rate_tolerance > ROUNDING);
         let (gap, backwards) = (interval - self.longest_gap > ROUNDING, now_s < last_s);
@@ -267,4 +265,101 @@ impl ElectrodeSettings {
         warnings.times_backwards += u64::from(backwards);
         !(gap || backwards)
     }
+}
+
+/// Electrodes of the array.
+pub const ELECTRODES: usize = 24;
+
+/// The content of a column.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Role {
+    /// The electrode of this index, from 0.
+    Electrode(usize),
+    /// The time, in a unit of this many seconds.
+    Time { seconds: f64 },
+}
+
+/// The columns of a text.
+///
+/// Invariant: each electrode has one column, and at most one column is the time.
+#[derive(Debug)]
+struct Columns(
+    /// Role and name, in lower case, of every column; `None`: the column is skipped.
+    Vec<Option<(Role, String)>>,
+);
+
+impl Columns {
+    /// The columns that a header names.
+    fn from_header(line: Line<'_>) -> Result<Self, IoError> {
+        let name = |field| String::from_utf8_lossy(field).to_ascii_lowercase();
+        let names: Vec<String> = Separator::Comma.fields(line.text).map(name).collect();
+        let electrodes = || names.iter().filter_map(|name| electrode(name));
+        let refuse = |expected: String, actual: String| Err(line.malformed("header", expected, actual));
+        let mut prefixes: Vec<&str> = electrodes().map(|(prefix, _)| prefix).collect();
+        prefixes.sort_unstable();
+        prefixes.dedup();
+        let [prefix] = prefixes[..] else {
+            if prefixes.is_empty() {
+                return refuse(expected(), shown(line.text));
+            }
+            let first: Vec<String> = prefixes.iter().take(3).map(|p| shown(p.as_bytes())).collect();
+            let dots = if prefixes.len() > first.len() { " .." } else { "" };
+            return refuse(expected(), format!("the prefixes {}{dots}", first.join(", ")));
+        };
+        for index in 0..ELECTRODES {
+            let found = electrodes().filter(|(_, e)| *e == index).count();
+            if found != 1 {
+                let name = format!("{prefix}{}", index + 1);
+                return refuse(format!("one column {}", shown(name.as_bytes())), format!("{found}"));
+            }
+        }
+        let times = names.iter().filter(|name| unit_of_time(name).is_some()).count();
+        if times > 1 {
+            return refuse("at most one column of time".to_owned(), format!("{times}"));
+        }
+        let roles = names.into_iter().map(|name| {
+            let role = match electrode(&name) {
+                Some((_, index)) => Role::Electrode(index),
+                None => Role::Time { seconds: unit_of_time(&name)? },
+            };
+            Some((role, name))
+        });
+        Ok(Self(roles.collect()))
+    }
+}
+
+/// The required content of a header.
+fn expected() -> String {
+    format!("columns e1 to e{ELECTRODES} of one prefix, such as ff_e1")
+}
+
+/// Whether a line names at least half of the electrodes, and so is a header of electrodes.
+pub(crate) fn names_electrodes(line: &[u8]) -> bool {
+    let names = Separator::Comma.fields(line).filter_map(|name| str::from_utf8(name).ok());
+    names.filter(|name| electrode(&name.to_ascii_lowercase()).is_some()).take(ELECTRODES / 2).count()
+        == ELECTRODES / 2
+}
+
+/// The prefix of an electrode's name and its index from 0; `None`: `name` is no electrode's.
+pub(crate) fn electrode(name: &str) -> Option<(&str, usize)> {
+    let prefix = name.trim_end_matches(|c: char| c.is_ascii_digit());
+    let number: usize = name[prefix.len()..].parse().ok()?;
+    let word = prefix.trim_end_matches(['_', ' ']);
+    let before = word.strip_suffix("electrode").or_else(|| word.strip_suffix('e'))?;
+    // `e` must be a word of its own: `device3` is no electrode.
+    let apart = before.is_empty() || before.ends_with(|c: char| !c.is_ascii_alphanumeric());
+    (apart && (1..=ELECTRODES).contains(&number)).then(|| (prefix, number - 1))
+}
+
+/// The unit of a column of time, in seconds; `None`: `name` is no column of time.
+pub(crate) fn unit_of_time(name: &str) -> Option<f64> {
+    let (stem, unit) = name.rsplit_once('_').unwrap_or((name, "s"));
+    let seconds = match unit {
+        "s" => 1.0,
+        "ms" => 1e-3,
+        "us" => 1e-6,
+        "ns" => 1e-9,
+        _ => return None,
+    };
+    matches!(stem, "t" | "time" | "timestamp").then_some(seconds)
 }

@@ -39,7 +39,8 @@ impl fmt::Display for Place {
 
 /// Why a recording, readings of electrodes or an image could not be read or written.
 ///
-/// `format` is the name of the format being read or written, as [`Format`] and [`ImageFormat`](crate::ImageFormat) show it.
+/// `format` is the name of the format being read or written, as [`Format`] and
+/// [`ImageFormat`](crate::ImageFormat) show it.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 #[expect(missing_docs, reason = "the messages explain the fields")]
@@ -101,7 +102,7 @@ pub enum IoError {
         /// Length of the part in bytes, or one more than the bytes present.
         expected: u64,
         actual: u64,
-        /// Whether `expected` is only a lower bound, as for data with an end marker instead of a length.
+        /// Whether `expected` is only a lower bound, as for data with an end marker.
         at_least: bool,
     },
     /// The content contradicts the format.
@@ -185,8 +186,8 @@ impl IoError {
         }
     }
 
-    /// Whether it is about one line of a text or a part of a datagram, after which reading goes on: it is no event, or one outside the
-    /// sensor.
+    /// Whether it is about one line of a text or a part of a datagram, after which reading goes on:
+    /// it is no event, or one outside the sensor.
     pub fn is_about_a_line(&self) -> bool {
         matches!(
             self,

@@ -8,18 +8,18 @@
 //! events                     one byte, then x and y (u16 each, least significant byte first)
 //! ```
 //!
-//! The first byte of an event has the polarity in bit 0 and in bits 7-1 the microseconds since the event before it, from 0 to
-//! 126. The byte 0xff before an event adds 127 microseconds; 0xfe is a reset, which says nothing. The first event counts from
-//! time 0. Rows count from the bottom; events here count from the top, as those of the other formats. Source: the specification of
-//! version 2 at <https://github.com/neuromorphic-paris/event_stream>; for the rows, its author's `faery`. Invariant: times never go
-//! back.
+//! The first byte of an event has the polarity in bit 0, and in bits 7-1 the microseconds since the
+//! event before it (first: since 0), at most 126. A byte 0xff before an event adds 127; 0xfe is a
+//! reset, which says nothing. Rows count from the bottom, in events here from the top.
+//! Source: <https://github.com/neuromorphic-paris/event_stream>, version 2; for the rows, its
+//! author's `faery`. Invariant: times never go back.
 
 use std::io::{self, Write};
 
 use meissner_engine::{Event, Sensor};
 
 use crate::bytes::Bytes;
-use crate::error::{IoError, shown};
+use crate::error::IoError;
 use crate::format::Format;
 use crate::left_out::PassedOver;
 use crate::options::ReadOptions;
@@ -56,10 +56,7 @@ pub(crate) const CAPACITY: Capacity = Capacity {
 pub(crate) fn decode(bytes: &[u8], options: ReadOptions) -> Result<Recording, IoError> {
     let format = Format::Es;
     let file = Bytes::file(format.name(), bytes);
-    let magic = file.get("magic", 0, MAGIC.len())?;
-    if magic != MAGIC {
-        return Err(file.malformed("magic", 0, shown(MAGIC), shown(magic)));
-    }
+    file.magic(MAGIC)?;
     let [major, minor, patch] = file.array("version", MAGIC.len())?;
     if major != 2 {
         let actual = format!("version {major}.{minor}.{patch}");
@@ -107,7 +104,7 @@ pub(crate) fn decode(bytes: &[u8], options: ReadOptions) -> Result<Recording, Io
     Ok(Recording { left_out, salvaged, ..Recording::of_events(format, Some(sensor), events) })
 }
 
-/// How many bytes at the start of `bytes` are overflows. A silence of minutes has millions: they are compared 64 at once.
+/// How many bytes at the start of `bytes` are overflows: minutes of silence have millions.
 fn overflows(bytes: &[u8]) -> usize {
     let (blocks, _) = bytes.as_chunks::<64>();
     let whole = 64 * blocks.iter().take_while(|&block| block == &OVERFLOWS[..64]).count();

@@ -1,6 +1,7 @@
 //! Prophesee EVT 2.0: the bytes of a file to events.
 //!
-//! After the text header ([`crate::prophesee`]) the file consists of words of 32 bits, least significant byte first:
+//! After the text header ([`crate::prophesee`]) the file consists of words of 32 bits, least
+//! significant byte first:
 //!
 //! | bits 31-28 | word | bits 27-22 | bits 21-11 | bits 10-0 |
 //! |---|---|---|---|---|
@@ -10,9 +11,10 @@
 //! | 0xE, 0xF | vendor's word, and its continuation | | | |
 //! | others | reserved, IMU, or values of pictures | | | |
 //!
-//! Source: the vendor's page "EVT 2.0 Format". Invariants: words of other types and events outside the sensor are left out and counted,
-//! unless the reader is strict; an event's time is the newest time word's plus its own six bits;
-//! the 34-bit time wraps where a time word falls by half its range or more, and a smaller fall is a step back.
+//! Source: the vendor's page "EVT 2.0 Format". Invariants: words of other types and events outside
+//! the sensor are left out and counted, unless the reader is strict; an event's time is the newest
+//! time word's plus its own six bits; the 34-bit time wraps where a time word falls by half its
+//! range or more, and a smaller fall is a step back.
 
 use meissner_engine::{Event, Sensor};
 
@@ -36,13 +38,6 @@ const TIME_RANGE: i64 = 1 << 34;
 /// Coordinates have 11 bits.
 const SIDE: u16 = 2048;
 
-/// The events of the file `bytes`.
-pub(crate) fn decode(bytes: &[u8], options: ReadOptions) -> Result<Recording, IoError> {
-    let file = Bytes::file(Format::Evt2.name(), bytes);
-    let layout = Layout::open(file, options)?;
-    layout.events(file.after(layout.start), WrappingClock::new(TIME_RANGE), options.salvage)
-}
-
 /// What the header says.
 pub(crate) struct Layout {
     sensor: Option<Sensor>,
@@ -56,9 +51,28 @@ fn time(word: u32) -> i64 {
     i64::from(word & 0x0fff_ffff) << LOW_BITS
 }
 
-impl Layout {
-    /// The events of `words`.
-    fn events(
+impl Records for Layout {
+    const PERIOD: Option<i64> = Some(TIME_RANGE);
+
+    fn open(file: Bytes<'_>, options: ReadOptions) -> Result<Self, IoError> {
+        let header = Header::parse(file)?;
+        Ok(Self { sensor: header.sensor(file, SIDE)?, start: header.end, strict: options.strict })
+    }
+
+    fn start(&self) -> usize {
+        self.start
+    }
+
+    fn stride(&self) -> usize {
+        STRIDE
+    }
+
+    fn clock(&self, record: &[u8]) -> Option<i64> {
+        let word = u32::from_le_bytes(array(record));
+        (word >> 28 == TIME).then(|| time(word))
+    }
+
+    fn decode(
         &self,
         words: Bytes<'_>,
         mut clock: WrappingClock,
@@ -103,31 +117,5 @@ impl Layout {
         let other_streams = StreamSummary::present([triggers, vendor, unplaced]);
         let (left_out, plain) = (passed.end(), Recording::of_events(Format::Evt2, sensor, events));
         Ok(Recording { other_streams, left_out, salvaged, ..plain })
-    }
-}
-
-impl Records for Layout {
-    const PERIOD: Option<i64> = Some(TIME_RANGE);
-
-    fn open(file: Bytes<'_>, options: ReadOptions) -> Result<Self, IoError> {
-        let header = Header::parse(file)?;
-        Ok(Self { sensor: header.sensor(file, SIDE)?, start: header.end, strict: options.strict })
-    }
-
-    fn start(&self) -> usize {
-        self.start
-    }
-
-    fn stride(&self) -> usize {
-        STRIDE
-    }
-
-    fn clock(&self, record: &[u8]) -> Option<i64> {
-        let word = u32::from_le_bytes(array(record));
-        (word >> 28 == TIME).then(|| time(word))
-    }
-
-    fn decode(&self, records: Bytes<'_>, clock: WrappingClock) -> Result<Recording, IoError> {
-        self.events(records, clock, false)
     }
 }

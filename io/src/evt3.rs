@@ -1,7 +1,7 @@
 //! Prophesee EVT 3.0: events from and to words of 16 bits.
 //!
-//! After the text header ([`crate::prophesee`]) the file consists of words, least significant byte first, that change the
-//! state of time, row and column; only changes are sent:
+//! After the text header ([`crate::prophesee`]) the file consists of words, least significant byte
+//! first, that change the state of time, row and column; only changes are sent:
 //!
 //! | bits 15-12 | word | bits 11-0 |
 //! |---|---|---|
@@ -17,19 +17,19 @@
 //! | 0xE, 0x7, 0xF | vendor's word, and its continuations | |
 //! | 0x9, 0xB, 0xC, 0xD | reserved, padding of other makers, or IMU | |
 //!
-//! Source: the vendor's page "EVT 3.0 Format", and for 0x1 and 0xD the header `evt3_event_types.h` of `OpenEB`. Invariants:
+//! Source: the vendor's page "EVT 3.0 Format", and for 0x1 and 0xD the header `evt3_event_types.h`
+//! of `OpenEB`. Invariants:
 //!
-//! - Nothing odd ends the reading, unless it is strict: reserved words, events outside the sensor and events of a row of kind 0x1, which
-//!   is none of this sensor's, are left out and counted. Events before the first words of time, row and (in a vector) base column
-//!   are unplaced: a stream may be cut anywhere.
-//! - The 24-bit time wraps where word 0x8 falls by half its range or more, and nowhere else. Sensors under
-//!   load fall by a few microseconds within word 0x6: that is a step back in time, not a wrap after 4 ms. Where word 0x8 rises again
-//!   from just after a wrap to just before it and a word 0x6 follows, that is a step back over the wrap ([`WrappingClock`]).
-//! - Where word 0x8 changes, the lower bits are 0 until the next word 0x6: with the old bits an event would be up to 4 ms
-//!   early.
-//! - Only single events (word 0x2) are written, in the given order: vectors would be shorter, but would reorder the events
-//!   of a row. A silence of a whole period of 2^24 microseconds is written as the two time words of a wrap, so that the
-//!   written times are absolute; a longer silence than half a period has a time word in its middle, so that none rises by more.
+//! - Nothing odd ends the reading unless it is strict: reserved words, events outside the sensor
+//!   and those of a row of kind 0x1 are left out and counted. Events before the first words of
+//!   time, row and (in a vector) base column are unplaced: a stream may be cut anywhere.
+//! - The 24-bit time wraps where word 0x8 falls by half its range or more, and nowhere else. Within
+//!   word 0x6, a fall is a step back: sensors under load fall by microseconds. Word 0x8 from just
+//!   after a wrap to just before it, then 0x6, steps back over the wrap ([`WrappingClock`]).
+//! - A change of word 0x8 clears the lower bits until the next word 0x6.
+//! - Only single events (word 0x2) are written: vectors would reorder those of a row. A silence
+//!   of a whole period of 2^24 microseconds is written as the two time words of a wrap; one above
+//!   half a period has a time word in its middle, so that times are absolute.
 
 use std::io::{self, Write};
 
@@ -110,6 +110,8 @@ pub(crate) struct Decoder {
     high: Option<(u16, i64)>,
     /// Whether no word 0x6 came after it.
     is_bare: bool,
+    /// Whether words were lost, and both words of time have not come since.
+    is_lost: bool,
     /// The time of the next event.
     t_us: i64,
     row: Row,
@@ -130,6 +132,7 @@ impl Decoder {
             clock: WrappingClock::new(HIGH_RANGE.into()).stepping_back(DISORDER_US >> TIME_BITS),
             high: None,
             is_bare: false,
+            is_lost: false,
             t_us: 0,
             row: Row::Unknown,
             base: None,
@@ -139,6 +142,18 @@ impl Decoder {
             unplaced: StreamSummary::new("before the first time and row", StreamKind::Unplaced),
             passed: PassedOver::new(strict),
         }
+    }
+
+    /// Words may be missing: events are unplaced until time, row and (in a vector) base column have
+    /// come again. The clock goes on: a loss of less than 8 s hides no wrap.
+    pub(crate) fn resync(&mut self) {
+        (self.high, self.is_bare, self.is_lost) = (None, false, true);
+        (self.row, self.base) = (Row::Unknown, None);
+    }
+
+    /// Events without a time, a row or a base column so far.
+    pub(crate) fn unplaced_events(&self) -> u64 {
+        self.unplaced.elements
     }
 
     /// Takes the word at byte `at` of `file`.
@@ -156,6 +171,7 @@ impl Decoder {
             word::VECTOR_8 => self.vector(file, value & 0xff, 8, at)?,
             word::TIME_LOW => {
                 self.is_bare = false;
+                self.is_lost &= self.high.is_none();
                 self.t_us = self.high.map_or(0, |(_, us)| us) + i64::from(value);
             }
             word::TIME_HIGH => self.time_high(value),
@@ -197,12 +213,11 @@ impl Decoder {
     /// An event at `x` + i for every set bit i.
     #[inline]
     fn pixels(&mut self, file: Bytes<'_>, x: u32, mut bits: u16, on: bool, at: usize) -> Result<(), IoError> {
-        let y = match (self.row, self.high) {
-            (Row::At(y), Some(_)) => y,
-            (Row::Unknown, _) | (_, None) => {
-                return self.unplaced(file, bits.count_ones(), "words of time and row before it", at);
-            }
-            (row, _) => return self.beside(file, x, (bits, row), at),
+        let is_timed = self.high.is_some() && !self.is_lost;
+        let y = match self.row {
+            Row::At(y) if is_timed => y,
+            Row::Outside(_) | Row::Other if is_timed => return self.beside(file, x, (bits, self.row), at),
+            _ => return self.unplaced(file, bits.count_ones(), "words of time and row before it", at),
         };
         while bits != 0 {
             let column = x + bits.trailing_zeros();
@@ -215,7 +230,8 @@ impl Decoder {
         Ok(())
     }
 
-    /// Leaves out the events at `x` + i for every set bit i, which are in a row outside the sensor, beyond its columns, or not its own.
+    /// Leaves out the events at `x` + i for every set bit i, which are in a row outside the sensor,
+    /// beyond its columns, or not its own.
     #[cold]
     fn beside(&mut self, file: Bytes<'_>, x: u32, (bits, row): (u16, Row), at: usize) -> Result<(), IoError> {
         if bits == 0 {
@@ -305,7 +321,7 @@ impl Written {
 
     fn write_high(&mut self, high: u16, out: &mut impl Write) -> io::Result<()> {
         if self.high != Some(high) {
-            // Some readers keep the lower bits after this word, others do not: they are written again.
+            // Some readers keep the lower bits after this word: they are written again.
             self.low = None;
         }
         put_change(&mut self.high, word::TIME_HIGH, high, out)

@@ -1,11 +1,11 @@
-//! The names of everything that this crate reads and writes: formats of recordings and images, kinds of input, and the
-//! fields of an event.
+//! The names of everything that this crate reads and writes: formats of recordings and images,
+//! kinds of input, and the fields of an event.
 
 use std::fmt;
 use std::path::Path;
 use std::str::FromStr;
 
-/// Names of the time in microseconds in headers of texts and of npy, in lower case. Names with another unit are not here.
+/// Names of the time in microseconds in headers of texts and of npy, in lower case.
 pub(crate) const TIME: &[&str] =
     &["t", "t_us", "ts", "ts_us", "time", "time_us", "timestamp", "timestamp_us"];
 /// Names of the pixel's column.
@@ -15,8 +15,8 @@ pub(crate) const Y: &[&str] = &["y"];
 /// Names of the polarity.
 pub(crate) const POLARITY: &[&str] = &["p", "pol", "polarity", "on"];
 
-/// Names of the fields of an event, in lower case and with the preferred one first: time in microseconds, column, row, polarity. Files and
-/// arrays of events have the same.
+/// Names of the fields of an event, in lower case and with the preferred one first: time in
+/// microseconds, column, row, polarity. Files and arrays of events have the same.
 pub const EVENT_FIELDS: [&[&str]; 4] = [TIME, X, Y, POLARITY];
 
 /// The first `most` characters of a text for a message.
@@ -113,7 +113,8 @@ impl Format {
         }
     }
 
-    /// The format for an output with this file name, by its extension in upper or lower case; `.raw` is EVT3.
+    /// The format for an output with this file name, by its extension in upper or lower case;
+    /// `.raw` is EVT3.
     ///
     /// The format of an input is found from its content ([`crate::detect()`]).
     ///
@@ -151,8 +152,8 @@ impl fmt::Display for Format {
 impl FromStr for Format {
     type Err = UnknownName;
 
-    /// The format of this name, in upper or lower case: `aedat4`, `aedat3`, `aedat2`, `evt2`, `evt3`, `dat`, `es`,
-    /// `nmnist` or `n-mnist`, `csv`, `npy`, `hdf5`.
+    /// The format of this name, in upper or lower case: `aedat4`, `aedat3`, `aedat2`, `evt2`,
+    /// `evt3`, `dat`, `es`, `nmnist` or `n-mnist`, `csv`, `npy`, `hdf5`.
     fn from_str(name: &str) -> Result<Self, UnknownName> {
         let is_named =
             |format: &Self| format.names()[..2].iter().any(|known| name.eq_ignore_ascii_case(known));

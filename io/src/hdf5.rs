@@ -2,16 +2,17 @@
 //!
 //! | writer | events | time | sensor | compression |
 //! |---|---|---|---|---|
-//! | DSEC | `events/t`, `x`, `y`, `p`: one array each | `t` and `t_offset`, a scalar, together | not named | Blosc ([`blosc`]) |
-//! | Metavision | `CD/events`: records with the fields `t`, `x`, `y`, `p` | `t` | attribute `geometry` of the root | ECF ([`ecf`]) |
+//! | DSEC | arrays `events/t`, `x`, `y`, `p` | `t` + `t_offset` | not named | Blosc ([`blosc`]) |
+//! | Metavision | records `CD/events` of `t`, `x`, `y`, `p` | `t` | `geometry` | ECF ([`ecf`]) |
 //!
-//! Arrays without compression, and with deflate, shuffle, Fletcher-32, SZIP, n-bit or scale-offset, are read too. Integers may have any
-//! size and byte order; a polarity above 0 is on. Source: <https://dsec.ifi.uzh.ch/data-format/> and the vendor's page on the
-//! HDF5 event file format. Invariant: a file gives at most as many bytes of events as [`crate::limits`] allows, and only the chunks
-//! of a range are read for it.
+//! Arrays without compression, and with deflate, shuffle, Fletcher-32, SZIP, n-bit or scale-offset,
+//! are read too. Integers may have any size and byte order; a polarity above 0 is on. Source:
+//! <https://dsec.ifi.uzh.ch/data-format/> and the vendor's page on the HDF5 event file format.
+//! Invariant: a file gives at most as many bytes of events as [`crate::limits`] allows, and only
+//! the chunks of a range are read for it.
 
 mod blosc;
-mod ecf;
+pub(crate) mod ecf;
 mod integer;
 
 use std::fs::File;
@@ -36,6 +37,8 @@ use crate::seek::blocks::RECORDS;
 use crate::seek::{Blocks, DISORDER_US, Probe, TimeRange, step};
 use integer::{Integer, Record};
 
+/// A part of the container, whose place is not known.
+const NOWHERE: Bytes<'static> = Bytes { format: Format::Hdf5.name(), data: &[], origin: Place::Byte(0) };
 /// First bytes of a file.
 pub(crate) const MAGIC: &[u8] = b"\x89HDF";
 /// Events that are decoded at once.
@@ -121,7 +124,7 @@ impl Events {
         let sensor = match present(root.attribute("geometry"))? {
             Some(geometry) => {
                 let value = geometry.read_string().map_err(unreadable)?;
-                prophesee::geometry(&value, Bytes::file(Format::Hdf5.name(), &[]))?
+                prophesee::geometry(&value, NOWHERE)?
             }
             None => None,
         };
@@ -129,11 +132,8 @@ impl Events {
         let mut lengths = Vec::new();
         for dataset in &arrays {
             let &[length] = dataset.shape() else {
-                return Err(malformed(
-                    "shape of an array",
-                    "one dimension",
-                    format!("{:?}", dataset.shape()),
-                ));
+                let shape = format!("{:?}", dataset.shape());
+                return Err(malformed("shape of an array", "one dimension", shape));
             };
             lengths.push(length);
         }
@@ -143,17 +143,8 @@ impl Events {
         }
         let limit = most(length);
         if count.saturating_mul(EVENT_BYTES) > limit {
-            let (format, place, unit) = (Format::Hdf5.name(), Place::Byte(0), "bytes");
-            let (actual, at_least) = (count.saturating_mul(EVENT_BYTES), false);
-            return Err(IoError::TooLarge {
-                format,
-                what: "array of events",
-                place,
-                unit,
-                limit,
-                actual,
-                at_least,
-            });
+            let actual = count.saturating_mul(EVENT_BYTES);
+            return Err(NOWHERE.too_large("array of events", 0, limit, actual, false));
         }
         Ok(Self { arrays, count, origin_us, sensor, strict })
     }
@@ -179,13 +170,9 @@ impl Events {
         passed: &mut PassedOver,
     ) -> Result<(), IoError> {
         for (index, Record([t_us, x, y, p])) in (range.start..).zip(self.records(&range)?) {
-            let (format, place) = (Format::Hdf5.name(), Place::Event(index));
+            let event = Bytes { origin: Place::Event(index), ..NOWHERE };
             let side = |what, value: i64| {
-                let malformed = |_| {
-                    let (expected, actual) = ("0 to 65535".to_owned(), value.to_string());
-                    IoError::Malformed { format, what, place, expected, actual }
-                };
-                u16::try_from(value).map_err(malformed)
+                u16::try_from(value).map_err(|_| event.malformed(what, 0, "0 to 65535", value))
             };
             let (x, y) = match (side("x", x), side("y", y)) {
                 (Ok(x), Ok(y)) => (x, y),
@@ -194,12 +181,9 @@ impl Events {
                     continue;
                 }
             };
-            if let Some(sensor) = self.sensor.filter(|sensor| !sensor.contains(x, y)) {
-                let error = IoError::OutsideSensor { format, place, sensor, x: x.into(), y: y.into() };
-                passed.pass(LeftOutKind::OutsideSensor, 1, error)?;
-                continue;
+            if event.is_inside(self.sensor, x, y, 0, passed)? {
+                events.push(Event::new(t_us.wrapping_add(self.origin_us), x, y, p > 0));
             }
-            events.push(Event::new(t_us.wrapping_add(self.origin_us), x, y, p > 0));
         }
         Ok(())
     }
@@ -251,11 +235,7 @@ fn slice<T: H5Type>(dataset: &Dataset, range: &Range<u64>) -> Result<Vec<T>, IoE
     let (elements, _) = elements.map_err(unreadable)?.into_raw_vec_and_offset();
     let expected = range.end - range.start;
     if elements.len() as u64 != expected {
-        return Err(malformed(
-            "part of an array",
-            format!("{expected} elements"),
-            elements.len().to_string(),
-        ));
+        return Err(malformed("part of an array", format!("{expected} elements"), elements.len()));
     }
     Ok(elements)
 }
@@ -293,7 +273,6 @@ fn unreadable(error: Error) -> IoError {
 }
 
 /// The error of a part of the container, whose place is not known.
-fn malformed(what: &'static str, expected: impl Into<String>, actual: String) -> IoError {
-    let (format, place, expected) = (Format::Hdf5.name(), Place::Byte(0), expected.into());
-    IoError::Malformed { format, what, place, expected, actual }
+fn malformed(what: &'static str, expected: impl Into<String>, actual: impl ToString) -> IoError {
+    NOWHERE.malformed(what, 0, expected, actual)
 }

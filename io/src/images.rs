@@ -6,14 +6,13 @@
 //! | PPM and PGM, binary (`P6`, `P5`), 8 and 16 bits | yes | |
 //! | JPEG, baseline and progressive | yes | |
 //!
-//! The format is found from the content. Grey is repeated in the three channels; alpha is dropped, not blended. A sample v of
-//! the range 0..=m becomes round(255 v / m), so that a 16-bit sample that repeats 8 bits gives these 8 bits. Gamma, colour
-//! profiles and the camera's orientation are ignored.
+//! The format is found from the content. Grey is repeated in the three channels; alpha is dropped,
+//! not blended. A sample v of the range 0..=m becomes round(255 v / m). Gamma, colour profiles and
+//! the camera's orientation are ignored.
 //!
-//! Invariant: a file that is cut short or corrupt gives an [`IoError`] with the place; an image of more than
-//! [`crate::limits::IMAGE_PIXELS`] pixels is refused before memory of its size is allocated.
+//! Invariant: a file that is cut short or corrupt gives an [`IoError`] with the place; an image of
+//! more than [`crate::limits::IMAGE_PIXELS`] is refused before it is allocated.
 
-mod image;
 mod jpeg;
 mod png;
 mod pnm;
@@ -27,16 +26,15 @@ use crate::bytes::Bytes;
 use crate::error::{IoError, Place, shown};
 use crate::files::entries;
 use crate::format::{ImageFormat, Kind};
-use crate::limits::IMAGE_BYTES;
+use crate::limits::{IMAGE_BYTES, IMAGE_PIXELS};
 use crate::text::BYTE_ORDER_MARK;
-pub use image::Image;
 pub use png::{encode_png, write_png};
 
 /// Reads the image of the file at `path`.
 ///
 /// # Errors
-/// [`IoError::File`] where the file cannot be read, [`IoError::Content`] with its path and the errors of
-/// [`decode_image`] where its content is malformed or longer than [`IMAGE_BYTES`].
+/// [`IoError::File`] where the file cannot be read, [`IoError::Content`] with its path and the
+/// errors of [`decode_image`] where its content is malformed or longer than [`IMAGE_BYTES`].
 pub fn read_image(path: &Path) -> Result<Image, IoError> {
     decode_image(&read_bounded(path)?).map_err(IoError::content(path))
 }
@@ -44,8 +42,8 @@ pub fn read_image(path: &Path) -> Result<Image, IoError> {
 /// Decodes `bytes`, the whole content of an image file.
 ///
 /// # Errors
-/// [`IoError::UnknownFormat`], or [`IoError::Truncated`], [`IoError::Malformed`] and [`IoError::TooLarge`] where the content
-/// is malformed.
+/// [`IoError::UnknownFormat`], or [`IoError::Truncated`], [`IoError::Malformed`] and
+/// [`IoError::TooLarge`] where the content is malformed.
 pub fn decode_image(bytes: &[u8]) -> Result<Image, IoError> {
     let Some(format) = ImageFormat::detect(bytes) else {
         let (length, start) = (bytes.len() as u64, shown(&bytes[..bytes.len().min(8)]));
@@ -76,8 +74,8 @@ fn read_bounded(path: &Path) -> Result<Vec<u8>, IoError> {
 
 /// The images of a sequence with their paths, one at a time, each read when it is asked for.
 ///
-/// The first image that can be read determines the size. A malformed image or one of another size gives an error, and the
-/// next call continues with the next file. A caller who needs every image stops at the first error.
+/// The first image that can be read determines the size. A malformed image or one of another size
+/// gives an error, and the next call takes the next file.
 #[derive(Clone, Debug)]
 pub struct ImageSequence {
     paths: vec::IntoIter<PathBuf>,
@@ -87,15 +85,16 @@ pub struct ImageSequence {
 impl ImageSequence {
     /// The sequence at `path`, which is one of:
     ///
-    /// - a folder: its files with the extension of an image format, by name in natural order (`img2` before
-    ///   `img10`); other files and subfolders are skipped;
+    /// - a folder: its files with the extension of an image format, in natural order (`img2` before
+    ///   `img10`);
     /// - an image (by its content): this image;
-    /// - a text: a list of paths, one a line, relative to the list's folder, in the list's order. Blank lines and
-    ///   lines that start with `#` are skipped; spaces around a path are not part of it.
+    /// - a text: a list of paths, one a line, relative to its folder. Blank lines, lines that start
+    ///   with `#`, and spaces around a path are skipped.
     ///
     /// # Errors
-    /// [`IoError::File`] where `path` cannot be read, [`IoError::Unfit`] where it has no image, [`IoError::Content`] where it
-    /// has another known kind, is neither an image nor a text, or is longer than [`crate::limits::IMAGE_BYTES`].
+    /// [`IoError::File`] where `path` cannot be read, [`IoError::Unfit`] where it has no image,
+    /// [`IoError::Content`] where it has another known kind, is neither an image nor a text, or is
+    /// longer than [`crate::limits::IMAGE_BYTES`].
     pub fn open(path: &Path) -> Result<Self, IoError> {
         if path.is_dir() {
             let mut files = entries(path)?;
@@ -175,4 +174,46 @@ fn list(path: &Path, content: &[u8]) -> Result<Vec<PathBuf>, IoError> {
         }
     }
     Ok(paths)
+}
+
+/// An RGB image of 8 bits a channel.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Image {
+    /// Pixels of a row; at least 1.
+    pub width: usize,
+    /// Rows; at least 1.
+    pub height: usize,
+    /// `height` x `width` x 3 bytes: row-major from the top left; red, green and blue of a pixel
+    /// side by side.
+    pub data: Vec<u8>,
+}
+
+impl Image {
+    /// Channels of every image: red, green, blue.
+    pub const CHANNELS: usize = 3;
+
+    /// Width and height.
+    pub fn size(&self) -> (usize, usize) {
+        (self.width, self.height)
+    }
+}
+
+/// The number of pixels of the image in `file`; an error beyond [`IMAGE_PIXELS`].
+fn pixels(file: Bytes<'_>, width: u64, height: u64) -> Result<usize, IoError> {
+    let (limit, actual) = (IMAGE_PIXELS, width.saturating_mul(height));
+    if actual > limit {
+        let (format, what, place, unit) = (file.format, "image", file.origin, "pixels");
+        return Err(IoError::TooLarge { format, what, place, unit, limit, actual, at_least: false });
+    }
+    Ok(actual as usize)
+}
+
+/// The big-endian sample in one or two bytes.
+fn sample(bytes: &[u8]) -> u32 {
+    bytes.iter().fold(0, |value, &byte| value << 8 | u32::from(byte))
+}
+
+/// round(255 v / m), halves upwards, for v from 0 to m.
+fn to_8_bits(v: u32, m: u32) -> u8 {
+    ((v * 255 + m / 2) / m) as u8
 }

@@ -1,8 +1,9 @@
-//! What a reader leaves out of a recording because it is no event that the recording's sensor can have.
+//! What a reader leaves out of a recording: no event that its sensor can have.
 //!
-//! Enters: each odd word, event or line, as the error that it is. Leaves: the error, where the reader is strict; otherwise counts by
-//! kind, with the first errors as texts. Invariant: whatever is left out is counted here, or in
-//! [`Recording::other_streams`](crate::Recording::other_streams) if it is another stream or has no place yet.
+//! Enters: each odd word, event or line, as the error that it is. Leaves: the error, where the
+//! reader is strict; otherwise counts by kind, with the first errors as texts. Invariant: whatever
+//! is left out is counted here, or in [`Recording::other_streams`](crate::Recording::other_streams)
+//! if it is another stream or has no place yet.
 
 use std::fmt;
 
@@ -21,7 +22,7 @@ const FIRST_LINES: u64 = 100;
 pub enum LeftOutKind {
     /// Events outside the sensor that the file names.
     OutsideSensor,
-    /// Words of a type that the format reserves or that says nothing of brightness, such as padding.
+    /// Words of a type that is reserved or says nothing of brightness, such as padding.
     OtherWords,
     /// Events of EVT3 in a row of an external system (word 0x1).
     OtherEvents,
@@ -32,7 +33,8 @@ pub enum LeftOutKind {
 }
 
 impl LeftOutKind {
-    /// The name for programs: `outside_sensor`, `other_words`, `other_events`, `malformed` or `lines`.
+    /// The name for programs: `outside_sensor`, `other_words`, `other_events`, `malformed` or
+    /// `lines`.
     pub fn name(self) -> &'static str {
         match self {
             Self::OutsideSensor => "outside_sensor",
@@ -124,17 +126,17 @@ impl PassedOver {
     }
 }
 
-/// Whether so many of the first lines of a text are refused that it is probably no text of events: more than half of the first 100, or of
-/// all lines of a shorter text at its `end`.
+/// Whether so many of the first lines of a text are refused that it is probably no text of events:
+/// more than half of the first 100, or of all lines of a shorter text at its `end`.
 pub fn is_mostly_refused(refused: u64, taken: u64, end: bool) -> bool {
     let lines = refused + taken;
     (lines <= FIRST_LINES && 2 * refused > FIRST_LINES) || (end && lines < FIRST_LINES && refused > taken)
 }
 
-/// The events of a text whose lines are `items`, and the lines that are left out. `strict`: the first refused line is an error.
+/// The events of a text of the lines `items`. `strict`: the first refused line is an error.
 ///
 /// # Errors
-/// An error that is not about one line, and [`IoError::Lines`] where most of the first lines are refused.
+/// An error not about one line, and [`IoError::Lines`] where most of the first are refused.
 pub(crate) fn events_of_lines(
     items: impl Iterator<Item = Result<Event, IoError>>,
     strict: bool,

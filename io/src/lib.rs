@@ -1,13 +1,14 @@
 //! Recordings of event cameras and event-based touch: bytes to events, and events to bytes.
 //!
-//! [`read`] and [`decode`] find the format from the content; [`write`](fn@write) and [`encode`] take it as an argument. A
-//! file that is truncated or corrupt gives an [`IoError`] with the place, the expected and the actual value. It never gives
-//! a panic, or only the events before a fault, and it never uses more memory than [`limits`] allows. Single words, events and lines that
-//! are odd, such as padding or an event outside the sensor, are left out and counted in [`Recording::left_out`];
-//! [`ReadOptions::strict`] refuses them. Only AEDAT4 and npy
-//! contain their length: any other file that is cut exactly between two words, events, packets or lines is a valid shorter
-//! recording. With [`ReadOptions::salvage`], a file that is cut short is read up to the cut, and [`Recording::salvaged`]
-//! describes the rest. Input of another kind ([`Kind`]) is refused by its name.
+//! [`read`] and [`decode`] find the format from the content; [`write`](fn@write) and [`encode`]
+//! take it as an argument. A file that is truncated or corrupt gives an [`IoError`] with the place,
+//! the expected and the actual value. It never panics, and never uses more memory than [`limits`]
+//! allows. Odd words, events and lines, such as padding or an event outside the sensor, are left
+//! out and counted in [`Recording::left_out`]; [`ReadOptions::strict`] refuses them. Only AEDAT4
+//! and npy contain their length: any other file that is cut between events is a valid shorter
+//! recording. With [`ReadOptions::salvage`], a file that is cut short is read up to the cut, and
+//! [`Recording::salvaged`] describes the rest. Input of another kind ([`Kind`]) is refused by its
+//! name.
 //!
 //! | format | reads | writes | geometry | module |
 //! |---|---|---|---|---|
@@ -19,15 +20,17 @@
 //! | Prophesee DAT, version 2 | yes | yes | header, if it names one | `dat` |
 //! | Event Stream 2 (`.es`), DVS events | yes | yes | header | `es` |
 //! | N-MNIST `.bin` | yes | | always 34x34 | `nmnist` |
-//! | CSV and other text, in any order of columns ([`TextOptions`]), also from a stream ([`LiveEvents`], which reads records of 16 bytes too) | yes | yes | `# sensor WxH` comment | `csv` |
+//! | CSV, other text ([`TextOptions`]), a [stream](LiveEvents) | yes | yes | comment | `csv` |
 //! | `NumPy` structured `.npy` | yes | yes | none | `npy` |
-//! | HDF5 of DSEC and of Prophesee (feature `hdf5`) | yes | | Prophesee: attribute `geometry` | `hdf5` |
+//! | HDF5 of DSEC and Prophesee (feature `hdf5`) | yes | | Prophesee: `geometry` | `hdf5` |
 //!
-//! A recording inside a gzip file, or alone of its kind in a zip archive, is unpacked first. With [`ReadOptions::range`] a part
-//! is read by time ([`TimeRange`]); of AEDAT, EVT2, DAT, npy and HDF5 the rest of the file is not read.
+//! A recording inside a gzip file, or alone of its kind in a zip archive, is unpacked first. With
+//! [`ReadOptions::range`] a part is read by time ([`TimeRange`]); of AEDAT, EVT2, DAT, npy and HDF5
+//! the rest of the file is not read.
 //!
-//! [`EventPackets`] reads the messages of event cameras in ROS 2. The crate also reads images of frame-based sensors ([`read_image`], [`ImageSequence`], [`write_png`]), readings of
-//! electrodes from CSV ([`Electrodes`]), and labelled sets of recordings ([`datasets`]).
+//! [`EventPackets`] reads the messages of event cameras in ROS 2. The crate also reads images of
+//! frame-based sensors ([`read_image`], [`ImageSequence`], [`write_png`]), readings of electrodes
+//! from CSV ([`Electrodes`]), and labelled sets of recordings ([`datasets`]).
 //!
 //! ```
 //! use meissner_engine::{Event, Sensor};
@@ -74,6 +77,8 @@ mod prophesee;
 mod recording;
 mod ros;
 mod seek;
+#[cfg(test)]
+mod tests;
 mod text;
 mod wire;
 mod zip;

@@ -1,29 +1,30 @@
 //! Upper bounds on the memory that a hostile file can make the decoders use.
 //!
-//! A recording is held in memory as its bytes, unpacked from gzip or zip, and its events. Every format except AEDAT4 has a fixed largest number of
-//! events per byte (12 events in 2 bytes for EVT3's vectors), so the length of a file bounds its events. AEDAT4 is
-//! compressed: the bounds below limit one packet, the whole file and a decompressor's window. No other buffer is sized
-//! by a length field unless the file has as many bytes.
+//! A recording is held in memory as its bytes, unpacked from gzip or zip, and its events. Every
+//! format except AEDAT4 has a fixed largest number of events per byte (12 events in 2 bytes for
+//! EVT3's vectors), so the length of a file bounds its events. AEDAT4 is compressed: the bounds
+//! below limit one packet, the whole file and a decompressor's window. No other buffer is sized by
+//! a length field unless the file has as many bytes.
 
 /// Longest recording that is read from a device or a pipe, which have no length, in bytes: 2 GiB.
 pub const STREAM_BYTES: u64 = 2 << 30;
 
-/// Longest packet of AEDAT4, and longest of many entries of a zip archive, after decompression, in bytes: 64 MiB, which is 4
-/// million events of AEDAT4.
+/// Longest packet of AEDAT4, and longest of many entries of a zip archive, after decompression, in
+/// bytes: 64 MiB, which is 4 million events of AEDAT4.
 ///
-/// A decompressor's window has the same bound, and a growing buffer may take twice its content: one hostile packet takes
-/// about 200 MiB at most.
+/// A decompressor's window has the same bound, and a growing buffer may take twice its content: one
+/// hostile packet takes about 200 MiB at most.
 pub const PACKET_BYTES: u64 = 64 << 20;
 
-/// Bytes that an AEDAT4 file, a gzip file or a zip archive may decompress to per byte of the file, in addition to [`PACKET_BYTES`].
+/// Bytes that a file may decompress to per byte, in addition to [`PACKET_BYTES`].
 ///
-/// An event of AEDAT4 takes 16 bytes after decompression, so events may be compressed to a quarter of a byte. Frames do not
-/// count: they are not decompressed. The sparse arrays of `NeuTouch` expand 50 times.
+/// An event of AEDAT4 takes 16 bytes after decompression, so it may be compressed to a quarter of a
+/// byte. The sparse arrays of `NeuTouch` expand 50 times.
 pub const EXPANSION: u64 = 64;
 
 /// Longest header of AEDAT3 and AEDAT4, in bytes (64 KiB; one to four kilobytes are usual).
 ///
-/// The XML parser compares each attribute of an element with all attributes before it: 1 MiB would take a minute.
+/// The XML parser compares all attributes of an element: 1 MiB would take a minute.
 pub const HEADER_BYTES: u64 = 1 << 16;
 
 /// Longest header of AEDAT 2, in bytes: 16 MiB. The settings of a chip as XML take about 100 KiB.
@@ -40,13 +41,13 @@ pub const IMAGE_BYTES: u64 = 64 << 20;
 
 /// Most pixels of an image: 16 Mi, such as 4096 x 4096.
 ///
-/// For each pixel a decoder holds up to 8 bytes of samples and 3 of the image, a progressive JPEG about 16: a hostile
-/// file takes about 256 MiB in addition to its own bytes.
+/// For each pixel a decoder holds up to 8 bytes of samples and 3 of the image, a progressive JPEG
+/// about 16: a hostile file takes about 256 MiB in addition to its own bytes.
 pub const IMAGE_PIXELS: u64 = 16 << 20;
 
 /// Most scans of a JPEG: a baseline image has one to four, a progressive one about ten.
 ///
-/// A scan of a few bytes can pass over every pixel again: without a bound, a file of 1 MiB takes minutes.
+/// A scan of a few bytes can pass over every pixel: without a bound, 1 MiB takes minutes.
 pub const JPEG_SCANS: usize = 100;
 
 /// Most bytes that `packed` bytes may expand to.

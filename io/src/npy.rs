@@ -1,15 +1,17 @@
 //! `NumPy` structured arrays of one dimension: events from and to `.npy`.
 //!
-//! A file has the bytes `\x93NUMPY`, the version (two bytes), the length of the header (16 bits in version 1, 32 in 2 and 3),
-//! the header, and the records. The header is the text of a Python dictionary with the keys `descr`, a list of the fields'
-//! names and types, `fortran_order` and `shape`. Source: the documentation of `numpy.lib.format`.
+//! A file has the bytes `\x93NUMPY`, the version (two bytes), the length of the header (16 bits in
+//! version 1, 32 in 2 and 3), the header, and the records. The header is the text of a Python
+//! dictionary with the keys `descr`, a list of the fields' names and types, `fortran_order` and
+//! `shape`. Source: the documentation of `numpy.lib.format`.
 //!
-//! The reader finds the fields t (microseconds), x, y and p or `on` by name, in any order. They are integers of any width and
-//! byte order, or floats ([`field`]), p also booleans, 0/1 or -1/+1; other fields and padding are skipped. Times as floats are whole
-//! microseconds, or in the unit that the caller names, or in seconds if any of them has four or more decimals, as in a text. Records with
-//! other values are left out and counted unless the reader is strict. Four arrays of one dimension, as an `.npz` may have them, are
-//! put together to such records ([`joined`]). The writer writes `[('t', '<i8'), ('x', '<u2'), ('y', '<u2'), ('p', '|u1')]`. The
-//! header has no place for the sensor.
+//! The reader finds the fields t (microseconds), x, y and p or `on` by name, in any order. They are
+//! integers of any width and byte order, or floats ([`field`]), p also booleans, 0/1 or -1/+1;
+//! other fields and padding are skipped. Times as floats are whole microseconds, or in the unit
+//! that the caller names, or in seconds if any of them has four or more decimals, as in a text. Odd
+//! records are left out and counted unless the reader is strict. Four arrays of an `.npz` are put
+//! together to records ([`joined`]). The writer writes `[('t', '<i8'), ('x', '<u2'), ('y', '<u2'),
+//! ('p', '|u1')]`. The header names no sensor.
 
 mod field;
 
@@ -211,7 +213,7 @@ impl Records for Layout {
         self.fields[0].scaled(record, power)?.try_into().ok()
     }
 
-    fn decode(&self, records: Bytes<'_>, _: WrappingClock) -> Result<Recording, IoError> {
+    fn decode(&self, records: Bytes<'_>, _: WrappingClock, _: bool) -> Result<Recording, IoError> {
         self.events(records)
     }
 }
@@ -360,7 +362,7 @@ fn columns<'a>(scanner: &mut Scanner<'a>) -> Result<(Vec<Column<'a>>, usize), Io
         };
         scanner.expect(b')')?;
         columns.push((name, field));
-        // At most 2^16 bytes of header, each field below 2^32 bytes: no overflow in 64 bits, saturated in 32.
+        // At most 2^16 bytes of header, each field below 2^32: no overflow in 64 bits.
         stride = stride.saturating_add(bytes);
         if scanner.peek() != Some(b']') {
             scanner.expect(b',')?;

@@ -30,26 +30,30 @@ pub struct ReadOptions {
     pub text: TextOptions,
     /// Whether a file that was cut short is read up to the cut.
     ///
-    /// The complete words of EVT2 and EVT3, events of AEDAT2, DAT, ES, N-MNIST and npy, packets of AEDAT3 and AEDAT4, and lines of CSV are kept;
-    /// [`Recording::salvaged`](crate::Recording::salvaged) describes the rest. Headers must be complete, and content that is malformed elsewhere is treated as
-    /// without it: a damaged file is not salvaged.
+    /// The complete words of EVT2 and EVT3, events of AEDAT2, DAT, ES, N-MNIST and npy, packets of
+    /// AEDAT3 and AEDAT4, and lines of CSV are kept;
+    /// [`Recording::salvaged`](crate::Recording::salvaged) describes the rest. Headers must be
+    /// complete; a file that is damaged elsewhere is not salvaged.
     pub salvage: bool,
-    /// Whether anything odd is an error: a line of a text that is no event, an event outside the sensor that the file names, a word of a
-    /// type that holds no events, an event before the first time. Otherwise [`Recording::left_out`](crate::Recording::left_out) and
+    /// Whether anything odd is an error: a line of a text that is no event, an event outside the
+    /// sensor that the file names, a word of a type that holds no events, an event before the first
+    /// time. Otherwise [`Recording::left_out`](crate::Recording::left_out) and
     /// [`Recording::other_streams`](crate::Recording::other_streams) count them.
     pub strict: bool,
     /// The chip of a recording of AEDAT2, instead of the one that it names.
     pub chip: Option<Chip>,
-    /// The sensor of a recording that names none, as far as it decides how the recording is read: with AEDAT2 it names the chip.
+    /// The sensor of a recording that names none; with AEDAT2 it names the chip.
     pub sensor: Option<Sensor>,
-    /// Which of several streams of events of AEDAT3 and AEDAT4 is read, counted from 1 in the file's order; `None`: the first.
+    /// Which stream of events of AEDAT3 and AEDAT4 is read, counted from 1; `None`: the first.
     pub stream: Option<NonZeroU16>,
     /// The range of times whose events are read; `None`: all events.
     ///
     /// Where the format permits, the rest of the file is not read: damage there is not found, and
-    /// [`Recording::other_streams`](crate::Recording::other_streams) counts only the part that is read. The events are those of the whole recording in the
-    /// range, provided that no event is more than [`DISORDER_US`](crate::DISORDER_US) earlier than one before it, and that the
-    /// clock of DAT, AEDAT2 or EVT2 passes its end at most once between neighbours of 1024 places in the file.
+    /// [`Recording::other_streams`](crate::Recording::other_streams) counts only the part that is
+    /// read. The events are those of the whole recording in the range, provided that no event is
+    /// more than [`DISORDER_US`](crate::DISORDER_US) earlier than one before it, and that the clock
+    /// of DAT, AEDAT2 or EVT2 passes its end at most once between neighbours of 1024 places in the
+    /// file.
     pub range: Option<TimeRange>,
 }
 

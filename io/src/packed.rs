@@ -1,8 +1,8 @@
 //! gzip and zip around one recording.
 //!
-//! Enters: the bytes of a file, or a stream of them. Leaves: the content of a gzip file (of all its members, RFC 1952), or of the
-//! only recording of a zip archive ([`crate::zip`]). Invariant: a content has at most [`PACKET_BYTES`] and [`EXPANSION`] bytes
-//! for each packed byte; reading stops one byte later.
+//! Enters: the bytes of a file, or a stream of them. Leaves: the content of a gzip file (of all its
+//! members, RFC 1952), or of the only recording of a zip archive ([`crate::zip`]). Invariant: a
+//! content has at most [`PACKET_BYTES`] and [`EXPANSION`] bytes for each packed byte.
 
 use std::borrow::Cow;
 use std::fs::File;
@@ -30,7 +30,7 @@ pub(crate) fn is_packed(bytes: &[u8]) -> bool {
     bytes.starts_with(GZIP) || bytes.starts_with(ZIP)
 }
 
-/// The content of `bytes`, a whole file: unpacked if it is a gzip file or a zip archive, otherwise as it is.
+/// The content of `bytes`, a whole file, unpacked if it is a gzip file or a zip archive.
 pub(crate) fn content(bytes: &[u8], salvage: bool) -> Result<Content<'_>, IoError> {
     if bytes.starts_with(GZIP) {
         let (content, salvaged) = gunzip(bytes, bytes.len() as u64, salvage)?;
@@ -53,7 +53,7 @@ pub(crate) fn content_of_file(path: &Path, salvage: bool) -> Result<Content<'sta
         let (content, salvaged) = gunzip(input, about.len(), salvage)?;
         return Ok((content.into(), salvaged));
     }
-    // Neither the length that a file states nor a file without one decides alone how much memory is taken.
+    // What a file states does not decide alone how much memory is taken.
     let limit = if about.is_file() { about.len().max(STREAM_BYTES) } else { STREAM_BYTES };
     let mut bytes = Vec::new();
     bytes.try_reserve_exact(about.len() as usize).map_err(|_| fail(ErrorKind::OutOfMemory.into()))?;
@@ -65,7 +65,11 @@ pub(crate) fn content_of_file(path: &Path, salvage: bool) -> Result<Content<'sta
 }
 
 /// Reads all of `input` after `bytes`, at most `limit` bytes.
-fn read_bounded(input: impl Read, limit: u64, bytes: &mut Vec<u8>) -> io::Result<Result<(), IoError>> {
+pub(crate) fn read_bounded(
+    input: impl Read,
+    limit: u64,
+    bytes: &mut Vec<u8>,
+) -> io::Result<Result<(), IoError>> {
     input.take(limit.saturating_add(1)).read_to_end(bytes)?;
     let actual = bytes.len() as u64;
     let too_large =
@@ -102,22 +106,5 @@ fn gunzip(input: impl BufRead, packed: u64, salvage: bool) -> Result<(Vec<u8>, O
             Err(IoError::Malformed { format, what, place, expected, actual: error.to_string() })
         }
         Err((_, source)) => Err(IoError::Stream { format, action: "read", place, source }),
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use std::io;
-
-    use super::read_bounded;
-    use crate::error::IoError;
-
-    #[test]
-    fn a_device_without_an_end_is_read_up_to_the_bound_and_refused() {
-        let mut bytes = Vec::new();
-        assert!(read_bounded(&[7; 100][..], 100, &mut bytes).expect("memory").is_ok());
-        let error = read_bounded(io::repeat(0), 1 << 20, &mut bytes).expect("memory").expect_err("no end");
-        assert!(matches!(error, IoError::TooLarge { limit: 1_048_576, at_least: true, .. }), "{error}");
-        assert!(bytes.capacity() < 4 << 20);
     }
 }

@@ -1,10 +1,11 @@
-//! The common parts of Prophesee's formats (EVT2, EVT3, DAT): the text header, and the clock that wraps.
+//! The common parts of EVT2, EVT3 and DAT: the text header, and the clock that wraps.
 //!
-//! Each line of the header starts with `%` and a space; a key, a space and a value follow. The header ends with a line
-//! `% end` or before the first line of another form, and the binary part follows at once. These keys are used: `evt 3.0` or
-//! `format EVT3` (possibly `format EVT3;height=720;width=1280`) names the encoding; `geometry 1280x720`, the two values in
-//! `format`, or `Width` and `Height` name the sensor; `Version` belongs to DAT. Source: the vendor's pages on the RAW and
-//! DAT file formats.
+//! Each line of the header starts with `%` and a space; a key, a space and a value follow. The
+//! header ends with a line `% end` or before the first line of another form, and the binary part
+//! follows at once. These keys are used: `evt 3.0` or `format EVT3` (possibly `format
+//! EVT3;height=720;width=1280`) names the encoding; `geometry 1280x720`, the two values in
+//! `format`, or `Width` and `Height` name the sensor; `Version` belongs to DAT. Source: the
+//! vendor's pages on the RAW and DAT file formats.
 
 use meissner_engine::Sensor;
 
@@ -15,8 +16,9 @@ use crate::seek::DISORDER_US;
 
 /// A clock that counts from 0 to `range` - 1 and wraps.
 ///
-/// It wraps where its value falls by half of `range` or more; a smaller fall is a step back in time. After a wrap, a value that is less
-/// than `back` before the newest one, seen over the wrap, is a step back too: two falls with such a rise between them are one wrap.
+/// It wraps where its value falls by half of `range` or more; a smaller fall is a step back in
+/// time. After a wrap, a value that is less than `back` before the newest one, seen over the wrap,
+/// is a step back too: two falls with such a rise between them are one wrap.
 #[derive(Debug)]
 pub(crate) struct WrappingClock {
     range: i64,
@@ -34,7 +36,7 @@ impl WrappingClock {
         Self { range, back: DISORDER_US, newest: 0, passed: 0, stepped_back: false }
     }
 
-    /// The same clock in another unit than microseconds, in which the longest step back over a wrap is `back`.
+    /// The same clock in another unit, in which the longest step back over a wrap is `back`.
     pub(crate) fn stepping_back(self, back: i64) -> Self {
         Self { back, ..self }
     }
@@ -44,7 +46,7 @@ impl WrappingClock {
         Self { newest, passed: t_us - newest, ..Self::new(range) }
     }
 
-    /// Takes the newest value for a step forward of nearly a period, if it was taken for one back over a wrap.
+    /// Takes the newest value for a step forward of nearly a period, not one back over a wrap.
     pub(crate) fn take_for_forward(&mut self) {
         if std::mem::take(&mut self.stepped_back) {
             self.passed += self.range;
@@ -139,7 +141,8 @@ impl Header {
             }
             "format" => {
                 let mut parts = value.split(';');
-                // Only exact names become versions: the words of `EVT21` differ from those of `EVT2`.
+                // Only exact names become versions: the words of `EVT21` differ from those of
+                // `EVT2`.
                 let encoding = match parts.next().unwrap_or_default().trim() {
                     "EVT2" => "2.0",
                     "EVT3" => "3.0",
@@ -158,7 +161,7 @@ impl Header {
         }
     }
 
-    /// The format of the binary part, or the name of an encoding that is not read. DAT has a version and names no encoding.
+    /// The format of the binary part, or the name of an encoding that is not read.
     pub(crate) fn encoding(&self) -> Option<Result<Format, &str>> {
         match (self.encoding.as_deref(), &self.version) {
             (Some("2.0" | "2"), _) => Some(Ok(Format::Evt2)),
@@ -169,8 +172,8 @@ impl Header {
         }
     }
 
-    /// The sensor that the header of `file` names; `None`: it names none. Each side has at most `most` pixels, the range of
-    /// the format's coordinates.
+    /// The sensor that the header of `file` names; `None`: it names none. Each side has at most
+    /// `most` pixels, the range of the format's coordinates.
     pub(crate) fn sensor(&self, file: Bytes<'_>, most: u16) -> Result<Option<Sensor>, IoError> {
         let side = |what, side: &Option<(String, usize)>| {
             let Some((text, line)) = side else { return Ok(None) };

@@ -1,5 +1,5 @@
-//! The result of a decoder: the events, the sensor if the file names it, and a summary of the rest of the file. For
-//! encoders: the limits on the events that a format can hold.
+//! The result of a decoder: the events, the sensor if the file names it, and a summary of the rest
+//! of the file. For encoders: the limits on the events that a format can hold.
 
 use std::fmt;
 use std::ops::RangeInclusive;
@@ -17,15 +17,15 @@ pub struct Recording {
     pub format: Format,
     /// The sensor that the file names; every event lies inside it. `None`: the file names none.
     pub sensor: Option<Sensor>,
-    /// The events in the file's order, with the file's times. Times may step back where the sensor's did.
+    /// The events in the file's order, with its times, which may step back.
     pub events: Vec<Event>,
     /// The other streams of the file, counted and not decoded. Empty streams are left out.
     pub other_streams: Vec<StreamSummary>,
-    /// Words, events and lines that were left out for what they are, by kind; empty with [`crate::ReadOptions::strict`].
+    /// Words, events and lines that were left out, by kind (none if [strict](crate::ReadOptions)).
     pub left_out: Vec<LeftOut>,
     /// What the file does not say and the reader took for granted, as sentences.
     pub assumed: Vec<&'static str>,
-    /// The incomplete end of the file, which was left out; only with [`crate::ReadOptions::salvage`].
+    /// The incomplete end that was left out; only with [`crate::ReadOptions::salvage`].
     pub salvaged: Option<Salvage>,
 }
 
@@ -57,7 +57,8 @@ pub struct StreamSummary {
     pub kind: StreamKind,
     /// Packets of AEDAT4; words of EVT2 and EVT3.
     pub packets: u64,
-    /// Elements in these packets: frames, samples, triggers, events. A packet of [`StreamKind::Other`] counts as one.
+    /// Elements in these packets: frames, samples, triggers, events. A packet of
+    /// [`StreamKind::Other`] counts as one.
     pub elements: u64,
 }
 
@@ -72,8 +73,8 @@ pub enum StreamKind {
     Imu,
     /// External triggers and special signals.
     Triggers,
-    /// Events before the first time (and row) of the stream, as in a recording that starts in the middle of a stream:
-    /// their time or pixel is unknown.
+    /// Events before the first time (and row) of the stream, as in a recording that starts in the
+    /// middle of a stream: their time or pixel is unknown.
     Unplaced,
     /// Anything else.
     Other,
@@ -134,7 +135,7 @@ impl Capacity {
         is_wrap: |_, _| false,
     };
 
-    /// Refuses a sensor that `format` cannot hold, and the first event that it cannot hold or that lies outside `sensor`.
+    /// Refuses a sensor or an event that `format` cannot hold, and an event outside `sensor`.
     pub(crate) fn check(
         &self,
         format: Format,

@@ -4,11 +4,11 @@
 //!
 //! | `encoding` | `events` | time |
 //! |---|---|---|
-//! | `evt3` | words of Prophesee's EVT 3.0, least significant byte first, as a file has them after its header | in the words; `time_base` has no meaning |
-//! | `mono` | 8 bytes for each event, least significant first: bit 63 polarity, 48-62 row, 32-47 column, 0-31 nanoseconds | after `time_base`, in nanoseconds |
+//! | `evt3` | words as in an EVT3 file after its header | in the words, not `time_base` |
+//! | `mono` | u64: polarity (1 bit), row (15), column (16), time | nanoseconds after `time_base` |
 //!
-//! Source: the readme of `event_camera_msgs`. Sensors that send `evt3` change their state from one message to the next, so that one decoder
-//! takes all messages of a camera, in order.
+//! Source: the readme of `event_camera_msgs`. One decoder takes all messages of a camera, in order,
+//! since `evt3` has a state. Where some are lost, it resynchronises.
 
 use meissner_engine::{Event, Sensor};
 
@@ -62,11 +62,13 @@ impl EventPackets {
         Ok(Self { sensor, encoding, events: Vec::new(), passed: PassedOver::default() })
     }
 
-    /// The events of the next message, with times in microseconds: `time_base` in nanoseconds and the bytes of `events`. O(bytes).
+    /// The events of the next message, in microseconds, from `time_base` (ns) and `events`.
+    /// O(bytes).
     ///
     /// # Errors
-    /// [`IoError::Truncated`] where the bytes end within an event or a word; nothing of the message is then read. Words and events that
-    /// a recording would leave out are counted in [`Self::left_out`].
+    /// [`IoError::Truncated`] where the bytes end within an event or a word; nothing of the message
+    /// is then read. Words and events that a recording would leave out are counted in
+    /// [`Self::left_out`].
     pub fn decode(&mut self, time_base: u64, bytes: &[u8]) -> Result<&[Event], IoError> {
         self.events.clear();
         let packet = Bytes::file(NAME, bytes);
@@ -96,13 +98,32 @@ impl EventPackets {
         Ok(&self.events)
     }
 
+    /// Messages before the next one were lost. Words of EVT 3.0 hold for those that follow, so that
+    /// events are left out until the sensor has sent time, row and base column again: none gets the
+    /// row or the time of another. A sensor sends its time every 16 us at the latest. A loss of
+    /// more than 8 s can hide a wrap of its clock.
+    pub fn resync(&mut self) {
+        if let Encoding::Evt3(decoder) = &mut self.encoding {
+            decoder.resync();
+        }
+    }
+
+    /// Events so far that had no time, row or base column: at the start of a stream that was joined
+    /// in its middle, and after each [`Self::resync`].
+    pub fn unplaced(&self) -> u64 {
+        match &self.encoding {
+            Encoding::Evt3(decoder) => decoder.unplaced_events(),
+            Encoding::Mono => 0,
+        }
+    }
+
     /// The events of the newest message, as [`Self::decode`] gave them.
     pub fn events(&self) -> &[Event] {
         &self.events
     }
 
-    /// What was left out of all messages so far, by kind: events outside the sensor, reserved words such as padding, and events of another
-    /// system. The places count from the start of each message.
+    /// What was left out of all messages so far, by kind. The places count from the start of each
+    /// message.
     pub fn left_out(&self) -> &[LeftOut] {
         match &self.encoding {
             Encoding::Evt3(decoder) => decoder.passed.so_far(),

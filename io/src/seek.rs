@@ -1,20 +1,20 @@
 //! Reading a part of a recording by time, without reading the rest where the format permits.
 //!
-//! Enters: a file that can be positioned, and a [`TimeRange`]. Leaves: the events of the range, in the file's order.
+//! Enters: a seekable file and a [`TimeRange`]. Leaves: its events in the file's order.
 //!
 //! | format | how the part is found |
 //! |---|---|
-//! | DAT, AEDAT2, EVT2, npy | binary search over the records (EVT2: over its words of time), after 1024 probes that count the wraps of the clock |
+//! | DAT, AEDAT2, EVT2, npy | binary search (EVT2: words of time) after 1024 probes for wraps |
 //! | HDF5 | binary search over the array of times, and then the chunks of the part |
 //! | AEDAT3, AEDAT4 | the headers of all packets, then binary search over the packets of events |
-//! | others; any that is packed, or whose last record or packet is not whole | the whole file is read, and other events are left out |
+//! | others, packed files, and those with a cut record or packet | the whole file is read |
 //!
-//! Invariant: what is read begins and ends [`DISORDER_US`] beyond the range, and is then cut to it event by event. So the result
-//! is that of cutting the whole recording, provided that no event is more than that earlier than one before it, and that the clock
-//! never wraps unseen: between neighbours of 1024 probes pass less than half of its period (DAT and AEDAT2: 36 minutes).
+//! Invariant: what is read begins and ends [`DISORDER_US`] beyond the range, and is then cut to it
+//! event by event. So the result is that of cutting the whole recording, provided that no event is
+//! more than that earlier than one before it, and that the clock never wraps unseen: between
+//! neighbours of 1024 probes pass less than half of its period (DAT and AEDAT2: 36 minutes).
 
 pub(crate) mod blocks;
-pub(crate) mod packets;
 pub(crate) mod records;
 
 use std::io::{BufReader, Read, Seek, SeekFrom};
@@ -22,9 +22,9 @@ use std::ops::Range;
 
 use crate::bytes::Bytes;
 use crate::error::{IoError, Place};
+use crate::options::ReadOptions;
 use crate::recording::Recording;
 pub use blocks::Blocks;
-pub(crate) use packets::{PacketHeader, Packets};
 pub(crate) use records::Records;
 
 /// Longest step back in time that a part of a recording allows for, in microseconds: 1 s.
@@ -75,7 +75,8 @@ impl TimeRange {
         origin.saturating_add(self.from_us)..origin.saturating_add(self.to_us)
     }
 
-    /// Whether an event at `t_us` is in the range, for a recording that starts with an event at `first_us`. O(1).
+    /// Whether an event at `t_us` is in the range, for a recording that starts with an event at
+    /// `first_us`. O(1).
     pub fn contains(self, t_us: i64, first_us: i64) -> bool {
         self.times(first_us).contains(&t_us)
     }
@@ -164,10 +165,11 @@ pub(crate) struct Probe {
     pub(crate) t_us: i64,
 }
 
-/// A step from before `bound_us` to not before it: the last place before the step, and the first after it. `None`: there is none.
+/// A step from before `bound_us` to not before it, if any: the places before and after it.
 ///
-/// `low` is a place before the bound, and `high` ends the search. `probe` gives the first place of a range whose time is known;
-/// its first argument is a known place before the range. O(log n) probes.
+/// `low` is a place before the bound, and `high` ends the search. `probe` gives the first place of
+/// a range whose time is known; its first argument is a known place before the range. O(log n)
+/// probes.
 pub(crate) fn step(
     bound_us: i64,
     mut low: Option<Probe>,
@@ -186,4 +188,80 @@ pub(crate) fn step(
             Some(found) => (end, high) = (middle, Some(found.at)),
         }
     }
+}
+
+/// The header of a packet.
+pub(crate) struct PacketHeader {
+    /// Bytes of the packet after its header.
+    pub(crate) length: u64,
+    /// Whether it has events that are read.
+    pub(crate) is_main: bool,
+}
+
+/// A format whose packets say how long they are.
+pub(crate) trait Packets: Sized {
+    /// Bytes of a packet's header.
+    const HEADER: usize;
+
+    /// Reads the header at the start of `file`, which has `length` bytes.
+    fn open(file: Bytes<'_>, length: u64, options: ReadOptions) -> Result<Self, IoError>;
+    /// First byte of the first packet.
+    fn start(&self) -> usize;
+    /// First byte after the last packet of a file of `length` bytes; `None`: the file is cut short.
+    fn end(&self, length: u64) -> Option<u64>;
+    /// What the header of the next packet says; `None`: it is malformed.
+    fn header(&mut self, header: &[u8]) -> Option<PacketHeader>;
+    /// The time of the first event in a packet of events, in microseconds; `None`: it has none.
+    fn first_us(&mut self, packet: Bytes<'_>) -> Result<Option<i64>, IoError>;
+    /// The events of whole packets.
+    fn decode(&self, packets: Bytes<'_>) -> Result<Recording, IoError>;
+}
+
+/// The events of `range`; `None`: the whole file must be read.
+pub(crate) fn read_packets<T: Packets>(
+    input: &mut Input<impl Read + Seek>,
+    range: TimeRange,
+    options: ReadOptions,
+) -> Result<Option<Recording>, IoError> {
+    let mut container: T = input.open(|file, length| T::open(file, length, options), T::start)?;
+    let Some(end) = container.end(input.length) else { return Ok(None) };
+    // The first byte and the bytes of each packet of events.
+    let mut places = Vec::new();
+    let mut at = container.start() as u64;
+    while at < end {
+        let header = input.read(at, T::HEADER as u64)?;
+        let Some(PacketHeader { length, is_main }) = container.header(&header) else { return Ok(None) };
+        let whole = length.saturating_add(T::HEADER as u64);
+        if header.len() < T::HEADER || whole > end - at {
+            return Ok(None);
+        }
+        if is_main {
+            places.push((at, whole));
+        }
+        at += whole;
+    }
+    let format = input.format;
+    let mut probe = |_: Option<Probe>, packets: Range<u64>| {
+        for packet in packets {
+            let (at, whole) = places[packet as usize];
+            let data = input.read(at, whole)?;
+            let bytes = Bytes { format, data: &data, origin: Place::Byte(at) };
+            if let Some(t_us) = container.first_us(bytes)? {
+                return Ok(Some(Probe { at: packet, value: t_us, t_us }));
+            }
+        }
+        Ok(None)
+    };
+    let count = places.len() as u64;
+    let Some(first_us) = probe(None, 0..count)?.map(|probe| probe.t_us) else { return Ok(None) };
+    let times = range.times(first_us);
+    let (begin, _) = step(times.start.saturating_sub(DISORDER_US), None, (count, None), &mut probe)?;
+    let (_, after) = step(times.end.saturating_add(DISORDER_US), None, (count, None), &mut probe)?;
+    let place = |packet: u64| places[packet as usize].0;
+    let begin = begin.map_or(container.start() as u64, |probe| place(probe.at));
+    let end = after.map_or(end, place).max(begin);
+    let data = input.read(begin, end - begin)?;
+    let mut recording = container.decode(Bytes { format, data: &data, origin: Place::Byte(begin) })?;
+    recording.events.retain(|event| range.contains(event.t_us, first_us));
+    Ok(Some(recording))
 }

@@ -1,7 +1,7 @@
-//! Lines of text, fields of a line, and decimal numbers: the parts that texts of events and of electrodes share.
+//! Lines, fields and decimal numbers, which texts of events and of electrodes share.
 //!
-//! Input: any buffered reader. Output: one line at a time, each as soon as its line feed is there. Invariant: a line has at
-//! most [`LINE_BYTES`] bytes, and nothing beyond its line feed is requested from the reader.
+//! A line comes as soon as its line feed is there. Invariant: a line has at most [`LINE_BYTES`],
+//! and nothing beyond its line feed is requested.
 
 use std::io::{BufRead, Read};
 use std::iter;
@@ -66,8 +66,8 @@ impl<R: BufRead> Lines<R> {
 
     /// The next line; `None` at the end of the input.
     ///
-    /// `refusal` sees the bytes of the first line, also where it is too long, so that input of another kind is refused by
-    /// its name.
+    /// `refusal` sees the bytes of the first line, also where it is too long, so that input of
+    /// another kind is refused by its name.
     pub(crate) fn next(
         &mut self,
         refusal: impl FnOnce(&[u8]) -> Option<IoError>,
@@ -120,7 +120,7 @@ pub(crate) fn is_comment(line: &[u8]) -> bool {
     line.starts_with(b"#") || line.starts_with(b"%")
 }
 
-/// The first 4 KiB of `bytes` without the byte order mark; `None` where they have control characters and so are no text.
+/// The first 4 KiB of `bytes` without the byte order mark, if they have no control characters.
 pub(crate) fn text_start(bytes: &[u8]) -> Option<&[u8]> {
     let start = &bytes[..bytes.len().min(4096)];
     let start = start.strip_prefix(BYTE_ORDER_MARK).unwrap_or(start);
@@ -152,8 +152,8 @@ pub(crate) enum Separator {
 }
 
 impl Separator {
-    /// The separator of `line`: the first of comma, semicolon and blanks that gives the four fields of an event, else the
-    /// first that occurs.
+    /// The separator of `line`: the first of comma, semicolon and blanks that gives the four fields
+    /// of an event, else the first that occurs.
     pub(crate) fn of(line: &[u8]) -> Self {
         const ALL: [Separator; 3] = [Separator::Comma, Separator::Semicolon, Separator::Blanks];
         let least = |fields: usize| ALL.into_iter().find(|s| s.fields(line).take(fields).count() == fields);
@@ -176,7 +176,8 @@ impl Separator {
     }
 }
 
-/// A decimal number as text: an optional sign, digits, optionally a point and more digits, and optionally an exponent of ten.
+/// A decimal number as text: sign, digits, point and more digits, exponent; all but digits
+/// optional.
 #[derive(Clone, Copy)]
 pub(crate) struct Number<'a> {
     negative: bool,
@@ -187,7 +188,7 @@ pub(crate) struct Number<'a> {
     exponent: Option<i32>,
 }
 
-/// Largest exponent by its absolute value; one beyond it counts as this one. Its number is 0 or has no use here.
+/// Largest absolute exponent; one beyond it counts as this one: its number has no use here.
 const EXPONENT: i32 = 1 << 16;
 /// Decimal digits that a float of 64 bits always keeps: the digits after them are noise.
 const DIGITS: usize = 15;
@@ -241,8 +242,8 @@ impl<'a> Number<'a> {
         self.fraction.is_some() || self.exponent.is_some()
     }
 
-    /// Digits after the point. Of a number with an exponent, whose writers print every float with all its digits, these are the ones
-    /// that a float keeps, without zeros at their end.
+    /// Digits after the point. Of a number with an exponent, whose writers print every float with
+    /// all its digits, these are the ones that a float keeps, without zeros at their end.
     pub(crate) fn decimals(self) -> usize {
         if self.exponent.is_none() {
             return self.fraction.unwrap_or_default().len();
@@ -253,7 +254,7 @@ impl<'a> Number<'a> {
             while kept.last() == Some(&9) {
                 kept.pop();
             }
-            // Nothing but nines is the next power of ten, which has no decimals after the point of the first digit.
+            // Nothing but nines is the next power of ten, which has no decimals.
             if let Some(last) = kept.last_mut() {
                 *last += 1;
             }
@@ -276,7 +277,7 @@ impl<'a> Number<'a> {
         self.is_whole() && self.digits().all(|digit| digit == 0)
     }
 
-    /// The number times 10^`power`, rounded to the nearest integer, halves away from zero; `None` beyond 128 bits.
+    /// The number times 10^`power`, rounded, halves away from zero; `None` beyond 128 bits.
     pub(crate) fn scaled(self, power: i32) -> Option<i128> {
         // Zeros of any exponent are not multiplied out.
         if self.exponent.is_some() && self.is_zero() {
@@ -300,75 +301,5 @@ impl<'a> Number<'a> {
     /// The number if it is a whole number.
     pub(crate) fn whole(self) -> Option<i128> {
         self.scaled(0).filter(|_| self.is_whole())
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::Number;
-
-    fn scaled(text: &str, power: i32) -> Option<i128> {
-        Number::parse(text.as_bytes()).and_then(|number| number.scaled(power))
-    }
-
-    #[test]
-    fn an_exponent_moves_the_point_and_the_noise_of_a_float_is_no_decimal() {
-        let number = |text: &'static str| Number::parse(text.as_bytes()).expect("a number");
-        for (text, decimals, is_whole) in [
-            ("1.9999999949504854e-06", 20, false),
-            ("1.010000000000000047e-03", 5, false),
-            ("1.049999999999999935e-03", 5, false),
-            ("1.200000000000000000e+01", 0, true),
-            ("9.999999999999999999e+00", 0, false),
-            ("1.234500000000000000e+03", 1, false),
-            ("12e-1", 1, false),
-            ("120e-1", 0, true),
-            ("0.000000000000000000e+00", 0, true),
-            ("0.003000", 6, false),
-            ("12.0", 1, true),
-        ] {
-            assert_eq!((number(text).decimals(), number(text).is_whole()), (decimals, is_whole), "{text}");
-        }
-    }
-
-    #[test]
-    fn digits_beyond_microseconds_round_to_the_nearest_and_halves_away_from_zero() {
-        for (text, power, expected) in [
-            ("0.003811000", 6, 3811),
-            ("0.0038114999999999", 6, 3811),
-            ("0.0038115", 6, 3812),
-            ("-0.0038115", 6, -3812),
-            ("12", 6, 12_000_000),
-            ("1.5", 3, 1500),
-            ("1499", -3, 1),
-            ("1500.0", -3, 2),
-            ("499", -3, 0),
-            ("500", -3, 1),
-            ("49", -3, 0),
-            ("-500", -3, -1),
-            ("1468940293.922985", 6, 1_468_940_293_922_985),
-            ("1.9999999949504854e-06", 6, 2),
-            ("1.000000000000000021e-03", 6, 1000),
-            ("1.499999999999999999e-06", 6, 1),
-            ("1.5E-6", 6, 2),
-            ("-1.5e-06", 6, -2),
-            ("4.9e-7", 6, 0),
-            ("5e-7", 6, 1),
-            ("5e-8", 6, 0),
-            ("1.2e+01", 0, 12),
-            ("2.5e+06", 0, 2_500_000),
-            ("1589163005561252e-6", 6, 1_589_163_005_561_252),
-            ("0e99999999999999999999", 6, 0),
-            ("7e-99999999999999999999", 6, 0),
-        ] {
-            assert_eq!(scaled(text, power), Some(expected), "{text}");
-        }
-        assert_eq!(scaled(&"9".repeat(50), 0), None);
-        assert_eq!(scaled("1e99999999999999999999", 0), None);
-        for wrong in
-            ["", "-", ".5", "1e", "e3", "1e+", "1e3.5", "1e3e3", "1.2.3", "0x1", "1,5", "+-1", "nan", "inf"]
-        {
-            assert!(Number::parse(wrong.as_bytes()).is_none(), "{wrong}");
-        }
     }
 }

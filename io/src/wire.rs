@@ -7,11 +7,11 @@
 //! | 12 | polarity, i8: more than 0 for a rise |
 //! | 13-15 | 0 |
 //!
-//! Over TCP and from a pipe, lines and records follow one another. A datagram of UDP stands alone: it may come after any other or not
-//! at all, and so nothing of it continues in the next.
+//! Over TCP and from a pipe, lines and records follow one another. A datagram of UDP stands alone:
+//! it may come after any other or not at all, and so nothing of it continues in the next.
 //!
-//! All values have their least significant byte first: on most machines, a `meissner_event` of the C interface is a record as it stands in
-//! memory.
+//! All values have their least significant byte first: on most machines, a `meissner_event` of the
+//! C interface is a record as it stands in memory.
 
 use std::collections::VecDeque;
 use std::io::{BufRead, Chain, Cursor, Read};
@@ -27,8 +27,8 @@ use crate::limits::LINE_BYTES;
 pub const RECORD_BYTES: usize = 16;
 const NAME: &str = "records";
 const UNDECIDED: &str = "CSV or records";
-/// Bytes that tell records from a text: the last of them is 0 for any time before the year 4253, and 255 for one before the epoch. No
-/// byte of a text has these values. A line with an event is as long.
+/// Bytes that tell records from a text: the last of them is 0, or 255 before the epoch, which no
+/// byte of a text is. A line with an event is as long.
 const TELLING: usize = 8;
 
 /// The record of `event`.
@@ -46,7 +46,8 @@ pub fn record(event: Event) -> [u8; RECORD_BYTES] {
     bytes
 }
 
-/// The event of a record; `None` if its last three bytes are not 0. For programs that read datagrams themselves, each of whole records.
+/// The event of a record; `None` if its last three bytes are not 0. For programs that read
+/// datagrams themselves, each of whole records.
 ///
 /// ```
 /// let event = meissner_engine::Event::new(513, 3, 4, true);
@@ -62,18 +63,18 @@ pub fn event_of(record: [u8; RECORD_BYTES]) -> Option<Event> {
 /// The first bytes of a stream, then the rest of it.
 type Whole<R> = Chain<Cursor<Vec<u8>>, R>;
 
-/// Events as they arrive, each as soon as its last byte is there. The first bytes tell a text from records.
+/// Events, each as soon as its last byte is there. The first bytes tell a text from records.
 ///
-/// A record whose last three bytes are not 0 ends the events: what follows would be out of step. In [datagrams](Self::of_datagrams)
-/// nothing ends them.
+/// A record whose last three bytes are not 0 ends the events: what follows would be out of step. In
+/// [datagrams](Self::of_datagrams) nothing ends them.
 ///
 /// ```
 /// use meissner_io::{LiveEvents, TextOptions, record};
 ///
 /// let event = meissner_engine::Event::new(10, 3, 4, true);
 /// for bytes in [b"10,3,4,1\n".to_vec(), record(event).to_vec()] {
-///     let events: Result<Vec<_>, _> = LiveEvents::new(&bytes[..], TextOptions::default()).collect();
-///     assert_eq!(events?, [event]);
+///     let mut events = LiveEvents::new(&bytes[..], TextOptions::default());
+///     assert_eq!(events.next().transpose()?, Some(event));
 /// }
 /// # Ok::<(), meissner_io::IoError>(())
 /// ```
@@ -94,16 +95,17 @@ enum Kind<R: BufRead> {
 }
 
 impl<R: BufRead> LiveEvents<R> {
-    /// The events of `input`; `options` are for a text. Nothing is read before the first call of `next`.
+    /// The events of `input`; `options` are for a text. Nothing is read before the first call of
+    /// `next`.
     pub fn new(input: R, options: TextOptions) -> Self {
         Self(Kind::Undecided(Some(input), options))
     }
 
-    /// The events of `input`, of which each read gives a datagram of whole lines or of whole records; an empty one is the end.
+    /// The events of `input`: each read gives a datagram of whole lines or records; empty: the end.
     ///
-    /// What is no event gives an [`IoError::Datagram`], and the next call goes on after it: a line, a record whose last three bytes
-    /// are not 0, and as a whole a datagram of records that has some bytes more or less. The layout of a text, its header and
-    /// its sensor hold for all datagrams from the first event on.
+    /// What is no event gives an [`IoError::Datagram`], and the next call goes on: a line, a record
+    /// whose last three bytes are not 0, or a datagram with part of a record. The layout and sensor
+    /// of a text hold for all datagrams from the first event on.
     pub fn of_datagrams(input: R, options: TextOptions) -> Self {
         Self(Kind::Datagrams(Datagrams::new(input, options)))
     }
@@ -118,7 +120,7 @@ impl<R: BufRead> LiveEvents<R> {
         }
     }
 
-    /// The sensor that a text names before its first event, known after that was read. Records name none.
+    /// The sensor that a text names before its first event, once that was read.
     pub fn sensor(&self) -> Option<Sensor> {
         match &self.0 {
             Kind::Text(text) => text.sensor(),
@@ -134,7 +136,7 @@ impl<R: BufRead> LiveEvents<R> {
         read.map_err(|source| failed(0, source))?;
         let is_binary = tells_records(&first);
         if is_binary {
-            // The mark of a format, such as gzip's two bytes, can be the time of a record: the rest of the record tells.
+            // The mark of a format can be the time of a record: the rest tells.
             let rest = (RECORD_BYTES - TELLING) as u64;
             input.by_ref().take(rest).read_to_end(&mut first).map_err(|source| failed(0, source))?;
         }

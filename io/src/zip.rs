@@ -1,8 +1,9 @@
 //! Zip archives: their files, whole, one at a time; and the only recording of an archive.
 //!
-//! Enters: the bytes of an archive, whose records the `rawzip` crate reads. Leaves: the name of each file and its content,
-//! stored or deflated, with the size and the CRC-32 that the directory states. Invariant: one content is held at a time. All
-//! contents together have at most [`most`] bytes, and each of many at most [`PACKET_BYTES`].
+//! Enters: the bytes of an archive, whose records the `rawzip` crate reads. Leaves: the name of
+//! each file and its content, stored or deflated, with the size and the CRC-32 that the directory
+//! states. Invariant: one content is held at a time. All contents together have at most [`most`]
+//! bytes, and each of many at most [`PACKET_BYTES`].
 
 use std::io::Read;
 
@@ -19,7 +20,7 @@ use crate::npy::{self, Part};
 /// The end record with the longest comment.
 const SEARCHED: u64 = 22 + u16::MAX as u64;
 
-/// Calls `entry` with the name and the content of each file of the archive `bytes`, in the order of its directory.
+/// Calls `entry` with name and content of each file of the archive `bytes`, in its order.
 pub(crate) fn for_each(
     bytes: &[u8],
     mut entry: impl FnMut(&str, &[u8]) -> Result<(), IoError>,
@@ -34,9 +35,10 @@ pub(crate) fn for_each(
     })
 }
 
-/// The content of the recording among the files of the archive `bytes`: the only one, or the one of several that is called `events`, or,
-/// in an `.npz`, the four arrays with the names of an event's values, put together. Arrays of anything else are no recordings. An
-/// only file is taken for it: its reader says what is wrong with it.
+/// The content of the recording among the files of the archive `bytes`: the only one, or the one of
+/// several that is called `events`, or, in an `.npz`, the four arrays with the names of an event's
+/// values, put together. Arrays of anything else are no recordings. An only file is taken for it:
+/// its reader says what is wrong with it.
 pub(crate) fn recording(bytes: &[u8]) -> Result<Vec<u8>, IoError> {
     let archive = Archive::open(bytes)?;
     let mut left = most(bytes.len() as u64);

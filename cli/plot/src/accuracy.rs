@@ -4,11 +4,11 @@ use crate::axes::{Axis, Field};
 use crate::svg::{Area, FRAME, GREY, INK, Place, SMALL, Svg, WHITE, colour};
 use crate::text::{self, SIZE, heading, legend};
 
-const LINES: Area = Area { left: 62.0, top: 66.0, right: 580.0, bottom: 396.0 };
-/// Space from the last baseline above a field or grid to it, and from the text of a panel to the next panel.
+pub(crate) const LINES: Area = Area { left: 62.0, top: 66.0, right: 580.0, bottom: 396.0 };
+/// Space from the baseline above a field or grid to it, and from a panel's text to the next panel.
 const BELOW: f64 = 8.0;
 const APART: f64 = 16.0;
-/// Width of the line that is drawn last. Each earlier line is wider by `WIDER`, so that lines that meet are all visible.
+/// Width of the line that is drawn last. Earlier lines are wider by `WIDER`: all are visible.
 const NARROWEST: f64 = 1.8;
 const WIDER: f64 = 1.6;
 
@@ -93,7 +93,7 @@ impl Curves {
     }
 }
 
-/// Accuracies as bars: a group for each set of data, a bar for each series, dashed lines for references.
+/// Accuracies as bars: a group for each set of data, a bar for each series, dashed references.
 #[derive(Clone, Debug)]
 pub struct Bars {
     /// Names of the groups.
@@ -133,7 +133,7 @@ impl Bars {
                 let Bar { mean, std } = accuracies[g]?;
                 Some((i, first + width * i as f64, mean, std))
             });
-            // Numbers are above lines and lines above bars, so that each can be read where they meet.
+            // Numbers are above lines and lines above bars: each can be read.
             for (i, x, mean, std) in bars.clone() {
                 let bar = Area {
                     left: x - 0.43 * width,
@@ -237,7 +237,7 @@ impl Matrix<'_> {
 }
 
 /// From white to dark blue. The square root makes rare confusions visible.
-fn shade(share: f64) -> String {
+pub(crate) fn shade(share: f64) -> String {
     let strength = share.clamp(0.0, 1.0).sqrt();
     let [r, g, b] = [0.0, 72.0, 128.0].map(|dark| (255.0 + (dark - 255.0) * strength).round() as u8);
     format!("#{r:02x}{g:02x}{b:02x}")
@@ -248,47 +248,4 @@ fn percent_field(area: Area, x: (f64, f64)) -> Field {
     let (x, y) =
         (Axis::linear(x, (area.left, area.right)), Axis::linear((0.0, 100.0), (area.bottom, area.top)));
     Field { area, x, y }
-}
-
-#[cfg(test)]
-mod tests {
-    use roxmltree::Document;
-
-    use super::{AccuracyCurve, Curves, LINES, shade};
-    use crate::Panel;
-
-    #[test]
-    fn lines_that_meet_are_all_visible_and_names_are_outside_the_field() {
-        let curve = |(colour, name): (usize, &str)| AccuracyCurve {
-            name: format!("{name}, 50.0 %"),
-            colour,
-            accuracy: vec![0.5; 2],
-            interval: vec![(0.4, 0.6); 2],
-        };
-        let curves = Curves {
-            title: "Accuracy".to_owned(),
-            about: String::new(),
-            time_title: "time (ms)".to_owned(),
-            times: vec![1.0, 2.0],
-            chance: 0.1,
-            curves: ["a", "b", "c"].into_iter().enumerate().map(curve).collect(),
-        };
-        let svg = crate::page("", "", &[vec![Panel::Curves(curves)]]);
-        let document = Document::parse(&svg).expect("it is well-formed XML");
-        let number = |text: Option<&str>| text.and_then(|text| text.parse::<f64>().ok()).expect("a number");
-        let lines = document.descendants().filter(|node| node.has_tag_name("polyline"));
-        let widths: Vec<f64> = lines.map(|line| number(line.attribute("stroke-width"))).collect();
-        assert!(widths.len() == 3 && widths.windows(2).all(|two| two[0] > two[1] + 1.0), "{widths:?}");
-        let names = document.descendants().filter(|node| {
-            node.has_tag_name("text") && node.text().is_some_and(|text| text.ends_with(", 50.0 %"))
-        });
-        let heights: Vec<f64> = names.map(|name| number(name.attribute("y"))).collect();
-        assert!(heights.len() == 3 && heights.iter().all(|&y| y < LINES.top), "{heights:?}");
-    }
-
-    #[test]
-    fn shades_run_from_white_to_dark_blue() {
-        assert_eq!([shade(0.0), shade(1.0), shade(2.0)], ["#ffffff", "#004880", "#004880"]);
-        assert_eq!(shade(0.25), "#80a4c0");
-    }
 }

@@ -1,6 +1,6 @@
 //! Axes with ticks, and the field between two of them.
 //!
-//! Enters: a range of values and a range of pixels. Leaves: places for values, ticks at round values, grid, labels and titles.
+//! Ranges of values and of pixels to places, ticks at round values, grid, labels and titles.
 
 use crate::svg::{Area, FRAME, Svg};
 use crate::text::grouped;
@@ -25,9 +25,9 @@ pub(crate) struct Axis {
 }
 
 /// A tick, with a label or between labels.
-struct Tick {
+pub(crate) struct Tick {
     place: f64,
-    label: Option<String>,
+    pub(crate) label: Option<String>,
 }
 
 impl Axis {
@@ -59,7 +59,7 @@ impl Axis {
         start + (along.clamp(low, high) - low) / (high - low) * (end - start)
     }
 
-    fn ticks(&self) -> Vec<Tick> {
+    pub(crate) fn ticks(&self) -> Vec<Tick> {
         if self.logarithmic { self.logarithmic_ticks() } else { self.linear_ticks() }
     }
 
@@ -123,7 +123,7 @@ pub(crate) fn widened(values: impl Iterator<Item = f64>, least: f64) -> (f64, f6
     (low - margin, high + margin)
 }
 
-/// The whole powers of ten around `values`, at least one apart; `otherwise` where no value is positive.
+/// The powers of ten around `values`, at least one apart; `otherwise` where no value is positive.
 pub(crate) fn decades(values: impl Iterator<Item = f64>, otherwise: (f64, f64)) -> (f64, f64) {
     let Some((low, high)) = ends(values.map(f64::log10)) else { return otherwise };
     (low.floor(), high.ceil().max(low.floor() + 1.0))
@@ -172,54 +172,5 @@ impl Field {
             svg.text((middle, bottom + 40.0), x_title).middle();
         }
         svg.text_upwards((12.0, centre), y_title);
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::{Axis, decades, widened};
-
-    fn labels(axis: &Axis) -> Vec<String> {
-        axis.ticks().into_iter().filter_map(|tick| tick.label).collect()
-    }
-
-    #[test]
-    fn an_axis_has_a_margin_at_both_ends_and_a_length_even_for_one_value() {
-        assert_eq!(widened([1.0, 3.0].into_iter(), 0.5), (0.9, 3.1));
-        assert_eq!(widened([2.0].into_iter(), 0.5), (1.75, 2.25));
-        assert_eq!(widened(std::iter::empty(), 0.5), (0.0, 1.0));
-        assert_eq!(decades([0.0, 20.0, 3000.0].into_iter(), (0.0, 3.0)), (1.0, 4.0));
-        assert_eq!(decades([10.0].into_iter(), (0.0, 3.0)), (1.0, 2.0));
-        assert_eq!(decades([0.0].into_iter(), (0.0, 3.0)), (0.0, 3.0));
-    }
-
-    #[test]
-    fn ticks_of_a_linear_axis_are_round_and_few() {
-        let labels = |low, high| labels(&Axis::linear((low, high), (0.0, 1.0))).join(" ");
-        assert_eq!(labels(0.0, 310.0), "0 50 100 150 200 250 300");
-        assert_eq!(labels(0.0, 160.0), "0 20 40 60 80 100 120 140 160");
-        assert_eq!(labels(0.0, 0.1), "0.00 0.02 0.04 0.06 0.08 0.10");
-        assert_eq!(labels(-2000.0, 1000.0), "-2,000 -1,500 -1,000 -500 0 500 1,000");
-        assert_eq!(labels(2.3, 4.6), "2.5 3.0 3.5 4.0 4.5");
-        assert_eq!(labels(0.0, 8388.608), "0 2,000 4,000 6,000 8,000");
-    }
-
-    #[test]
-    fn ticks_of_a_logarithmic_axis_are_written_in_digits_where_they_are_short() {
-        let labels = |low, high| labels(&Axis::logarithmic((low, high), (0.0, 1.0))).join(" ");
-        assert_eq!(labels(-3.0, 4.0), "0.001 0.01 0.1 1 10 100 1,000 10,000");
-        assert_eq!(labels(-0.5, 1.0), "0.5 0.7 1 2 3 5 7 10");
-        assert_eq!(labels(-6.0, -2.0), "1e-6 1e-5 1e-4 0.001 0.01");
-    }
-
-    #[test]
-    fn every_value_has_a_place_on_the_axis() {
-        let axis = Axis::logarithmic((0.0, 3.0), (400.0, 100.0));
-        assert_eq!(
-            [10.0, 0.0, -1.0, 1e9, f64::INFINITY].map(|value| axis.place(value)),
-            [300.0, 400.0, 400.0, 100.0, 100.0]
-        );
-        let with_zero = axis.with_zero();
-        assert_eq!([0.0, 1.0, 1000.0].map(|value| with_zero.place(value)), [387.0, 374.0, 100.0]);
     }
 }

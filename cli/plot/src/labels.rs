@@ -1,7 +1,8 @@
 //! Places for labels beside points, so that no label covers another.
 //!
-//! Enters: points with the widths of their labels, and areas that must stay free. Leaves: an area for each label, as near to
-//! its point as there is room, in the order of the points; `None` where no place is free.
+//! Enters: points with the widths of their labels, and areas that must stay free. Leaves: an area
+//! for each label, as near to its point as there is room, in the order of the points; `None` where
+//! no place is free.
 
 use crate::svg::{Area, Place};
 
@@ -56,48 +57,4 @@ fn line(point: Place, area: &Area) -> [Place; SAMPLES] {
         let share = i as f64 / SAMPLES as f64;
         (point.0 + share * (end.0 - point.0), point.1 + share * (end.1 - point.1))
     })
-}
-
-#[cfg(test)]
-mod tests {
-    use super::{Area, place};
-    use proptest::prelude::*;
-
-    const FIELD: Area = Area { left: 0.0, top: 0.0, right: 900.0, bottom: 500.0 };
-
-    #[test]
-    fn a_label_alone_is_to_the_right_of_its_point() {
-        let placed = place(&[((100.0, 100.0), 60.0)], &[], &FIELD);
-        let area = placed[0].expect("there is room");
-        assert!(area.left > 100.0 && area.top < 100.0 && area.bottom > 100.0, "{area:?}");
-    }
-
-    #[test]
-    fn a_label_at_the_border_stays_inside() {
-        let placed = place(&[((899.0, 499.0), 60.0)], &[], &FIELD);
-        assert!(placed[0].is_some_and(|area| area.right <= 900.0 && area.bottom <= 500.0));
-    }
-
-    #[test]
-    fn where_there_is_no_room_there_is_no_label() {
-        let narrow = Area { right: 50.0, ..FIELD };
-        assert_eq!(place(&[((10.0, 10.0), 60.0)], &[], &narrow), [None]);
-    }
-
-    proptest! {
-        #[test]
-        fn no_label_covers_another(
-            points in proptest::collection::vec(((0.0..900.0, 0.0..500.0), 30.0..200.0), 1..20)
-        ) {
-            let obstacles: Vec<Area> = points.iter().map(|&(point, _)| Area::spanning(point, point, 5.0)).collect();
-            let placed = place(&points, &obstacles, &FIELD);
-            for (i, a) in placed.iter().enumerate() {
-                let Some(a) = a else { continue };
-                prop_assert!(FIELD.contains((a.left, a.top)) && FIELD.contains((a.right, a.bottom)));
-                for b in placed[..i].iter().flatten().chain(&obstacles) {
-                    prop_assert!(!a.overlaps(b), "{:?} {:?}", a, b);
-                }
-            }
-        }
-    }
 }

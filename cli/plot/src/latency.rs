@@ -1,6 +1,6 @@
 //! The distribution of latencies: for each latency, the share of calls that took longer.
 //!
-//! Both axes are logarithmic, so that the median and the slowest of 100,000 calls can be read off one curve.
+//! Both axes are logarithmic: one curve shows the median and the slowest of 100,000 calls.
 
 use crate::axes::{Axis, Field, decades};
 use crate::svg::{Area, GREY, Place, SMALL, Svg, colour};
@@ -28,7 +28,7 @@ pub struct LatencyCurve {
     pub name: String,
     /// Whether the line is dashed, as for a part of the calls.
     pub dashed: bool,
-    /// Latency in microseconds and the share of calls that took longer, by ascending latency. The last share is 0.
+    /// Latency in microseconds and the share of calls that took longer, ascending; the last is 0.
     pub points: Vec<(f64, f64)>,
 }
 

@@ -1,6 +1,6 @@
 //! Pictures of measurements as standalone SVG files.
 //!
-//! Enters: plain data, which depends on no other crate. Leaves: the text of a file. Equal data gives equal bytes.
+//! Plain data to the text of a file. Equal data gives equal bytes.
 //!
 //! A picture is a [`page`] with rows of panels:
 //!
@@ -19,7 +19,8 @@
 //! // Of four calls, two took 10 us, one took 20 us and one took 40 us.
 //! let points = vec![(10.0, 0.5), (20.0, 0.25), (40.0, 0.0)];
 //! let push = LatencyCurve { name: "push".to_owned(), dashed: false, points };
-//! let svg = page("Latency", "four calls", &[vec![Panel::Distribution(Distribution { curves: vec![push] })]]);
+//! let panel = Panel::Distribution(Distribution { curves: vec![push] });
+//! let svg = page("Latency", "four calls", &[vec![panel]]);
 //! assert!(svg.starts_with("<svg") && svg.contains("latency (microseconds)"));
 //! ```
 #![forbid(unsafe_code)]
@@ -59,8 +60,8 @@ pub enum Panel<'a> {
     TradeOff(TradeOff),
 }
 
-/// A standalone SVG file: a bold `title`, the lines of `about` below it, and rows of panels from left to right. Lines of `about`
-/// that are wider than the panels are broken.
+/// A standalone SVG file: a bold `title`, the lines of `about` below it, and rows of panels from
+/// left to right. Lines of `about` that are wider than the panels are broken.
 ///
 /// # Panics
 /// If a box of a network reads a name that no box has, or bars have fewer accuracies than groups.

@@ -1,13 +1,13 @@
 //! A network as boxes from top to bottom, in bands.
 //!
-//! Inputs that are not the box above are curves at the sides: second inputs on the right, others on the left.
+//! Inputs that are not the box above are curves at the sides: second inputs right, others left.
 
 use std::collections::BTreeMap;
 
 use crate::svg::{Area, FRAME, GREY, Place, Svg};
 use crate::text::{SIZE, bold_width, width, wrapped};
 
-/// Left edge and width of a box, height of a box of two rows and of each row beyond, and the distance from one box to the next.
+/// Left edge and width of a box, height of two rows and of each row beyond, distance of boxes.
 const LEFT: f64 = 130.0;
 const WIDTH: f64 = 460.0;
 const HEIGHT: f64 = 44.0;
@@ -115,7 +115,7 @@ impl Network<'_> {
 }
 
 impl Node<'_> {
-    /// The rows of the kind: at least one, and an empty one more where the shape has no room beside the last.
+    /// The rows of the kind, and an empty one where the shape has no room beside the last.
     fn rows(&self) -> Vec<String> {
         let mut rows = wrapped(&self.kind, INSIDE, |line| width(line, SIZE));
         let last = rows.last().map_or(0.0, |last| width(last, SIZE));

@@ -1,11 +1,11 @@
-//! Lines and dots between two linear axes, such as errors against time, or found values against true ones.
+//! Lines and dots between two linear axes, such as errors against time.
 
 use crate::axes::{Axis, Field, widened};
 use crate::svg::{Area, ORDERED, Place, Svg, colour};
 use crate::text::{heading, legend};
 
-const LINES: Area = Area { left: 62.0, top: 66.0, right: 480.0, bottom: 396.0 };
-/// Space from the last baseline above the field to the field, and from the text of a panel to the next panel.
+pub(crate) const LINES: Area = Area { left: 62.0, top: 66.0, right: 480.0, bottom: 396.0 };
+/// Space from the baseline above a field to it, and from a panel's text to the next panel.
 const BELOW: f64 = 8.0;
 const APART: f64 = 16.0;
 const WIDTH: f64 = 1.8;
@@ -52,7 +52,21 @@ pub enum Style {
     Dots,
 }
 
+impl Series {
+    /// The points in a colour and style, with their name.
+    pub fn new(name: impl Into<String>, colour: usize, style: Style, points: Vec<(f64, f64)>) -> Self {
+        Self { name: name.into(), colour, style, points }
+    }
+}
+
 impl Plane {
+    /// An empty plane with the titles of its axes.
+    pub fn new(title: impl Into<String>, [x_title, y_title]: [&str; 2]) -> Self {
+        let [x_title, y_title] = [x_title, y_title].map(str::to_owned);
+        let (title, about, series) = (title.into(), String::new(), Vec::new());
+        Self { title, about, x_title, y_title, from_zero: false, ordered: false, series }
+    }
+
     /// Draws the panel. Returns its width and height with the space to the next panel.
     pub(crate) fn draw(&self, svg: &mut Svg) -> Place {
         let width = LINES.right + 40.0;
@@ -98,55 +112,5 @@ impl Plane {
                 }
             }
         }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use roxmltree::Document;
-
-    use super::{LINES, Plane, Series, Style};
-    use crate::Panel;
-
-    fn page(series: Vec<Series>) -> String {
-        let [title, about, x_title, y_title] = ["a", "b", "x", "y"].map(str::to_owned);
-        crate::page(
-            "",
-            "",
-            &[vec![Panel::Plane(Plane {
-                title,
-                about,
-                x_title,
-                y_title,
-                from_zero: true,
-                ordered: false,
-                series,
-            })]],
-        )
-    }
-
-    #[test]
-    fn lines_and_dots_lie_in_the_field_and_points_without_a_value_are_left_out() {
-        let of = |style, points: &[(f64, f64)]| Series {
-            name: "n".to_owned(),
-            colour: 0,
-            style,
-            points: points.to_vec(),
-        };
-        let dots = of(Style::Dots, &[(0.0, 1.0), (1.0, 3.0), (f64::NAN, 1.0)]);
-        let svg = page(vec![of(Style::Dashed, &[(0.0, 1.0), (2.0, 2.0)]), dots]);
-        let document = Document::parse(&svg).expect("it is well-formed XML");
-        let number = |text: Option<&str>| text.and_then(|text| text.parse::<f64>().ok()).expect("a number");
-        let circles: Vec<_> = document.descendants().filter(|node| node.has_tag_name("circle")).collect();
-        assert_eq!(circles.len(), 2);
-        for circle in circles {
-            let (x, y) = (number(circle.attribute("cx")), number(circle.attribute("cy")));
-            assert!((LINES.left..=LINES.right).contains(&x) && (LINES.top..=LINES.bottom).contains(&y));
-        }
-        let line =
-            document.descendants().find(|node| node.has_tag_name("polyline")).expect("there is a line");
-        assert!(line.attribute("stroke-dasharray").is_some());
-        // Nothing at all is an empty field.
-        assert!(Document::parse(&page(Vec::new())).is_ok());
     }
 }

@@ -1,7 +1,7 @@
 //! An SVG document as a list of elements.
 //!
-//! Enters: shapes and text at places in pixels, with y downwards. Leaves: well-formed XML. Text is always escaped, numbers
-//! have at most one decimal, and equal calls give equal bytes.
+//! Enters: shapes and text at places in pixels, with y downwards. Leaves: well-formed XML. Text is
+//! always escaped, numbers have at most one decimal, and equal calls give equal bytes.
 
 use std::fmt::{self, Display, Write};
 
@@ -165,7 +165,7 @@ impl Svg {
         group.content = format!("\n{other}");
     }
 
-    /// The document of this width and height, on white, with a name for screen readers and for browsers.
+    /// The document of this width and height, on white, with a name for screen readers.
     pub(crate) fn document(&self, (width, height): Place, name: &str) -> String {
         let (width, height) = (width.ceil(), height.ceil());
         format!(
@@ -178,7 +178,7 @@ impl Svg {
 }
 
 impl Element {
-    /// Adds an attribute. `name` and `value` are not escaped: they come from the program, not from data.
+    /// Adds an attribute. `name` and `value` come from the program: they are not escaped.
     pub(crate) fn set(&mut self, name: &str, value: impl Display) -> &mut Self {
         write!(self.attributes, " {name}=\"{value}\"").expect("writing to a string does not fail");
         self
@@ -209,7 +209,7 @@ impl Element {
         self.set("stroke-width", rounded(pixels))
     }
 
-    /// Makes the stroke dashed: lengths of dashes and gaps in pixels; solid where `lengths` is empty.
+    /// Dashes the stroke: lengths of dashes and gaps in pixels; solid where `lengths` is empty.
     pub(crate) fn dashes(&mut self, lengths: &str) -> &mut Self {
         if lengths.is_empty() { self } else { self.set("stroke-dasharray", lengths) }
     }
@@ -243,27 +243,8 @@ fn listed(places: impl Iterator<Item = Place>) -> String {
 }
 
 /// `text` for XML, without characters that XML cannot contain.
-fn escaped(text: &str) -> String {
+pub(crate) fn escaped(text: &str) -> String {
     let text: String =
         text.chars().filter(|c| !c.is_control() && !('\u{fffe}'..='\u{ffff}').contains(c)).collect();
     text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
-}
-
-#[cfg(test)]
-mod tests {
-    use super::{Svg, escaped};
-
-    #[test]
-    fn names_cannot_break_a_picture() {
-        assert_eq!(escaped("a<b>&\"c\"\u{1}\u{ffff}"), "a&lt;b&gt;&amp;&quot;c&quot;");
-    }
-
-    #[test]
-    fn numbers_have_at_most_one_decimal_and_no_negative_zero() {
-        let mut svg = Svg::default();
-        svg.line((-0.04, 1.0), (1.26, 2.5), "#000000").dashes("").dashes("2 3");
-        let line =
-            "<line x1=\"0\" y1=\"1\" x2=\"1.3\" y2=\"2.5\" stroke=\"#000000\" stroke-dasharray=\"2 3\"/>\n";
-        assert_eq!(svg.to_string(), line);
-    }
 }

@@ -1,4 +1,7 @@
-//! No text of a picture is cut or covers other text: the pictures of the repository, and panels with long names.
+//! No text of a picture is cut or covers other text: the pictures of the repository, and panels
+//! with long names.
+
+mod parts;
 
 use std::path::{Path, PathBuf};
 
@@ -16,7 +19,8 @@ fn number(node: Node<'_, '_>, name: &str) -> Option<f64> {
     node.attribute(name)?.parse().ok()
 }
 
-/// The areas of all text that runs from left to right, with the text. Widths are those of a wide font.
+/// The areas of all text that runs from left to right, with the text. Widths are those of a wide
+/// font.
 fn texts(document: &Document<'_>) -> Vec<(Area, String)> {
     let of = |node: Node<'_, '_>| {
         let text = node.text()?;

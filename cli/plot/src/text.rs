@@ -1,7 +1,7 @@
 //! Text that fits: its width, its lines, headings of panels and legends.
 //!
-//! Enters: text and the room for it. Leaves: lines, and the baseline of the last one. Widths are those of a wide font, so that
-//! the text of any usual font stays in its room.
+//! Enters: text and the room for it. Leaves: lines, and the baseline of the last one. Widths are
+//! those of a wide font, so that the text of any usual font stays in its room.
 
 use crate::svg::{GREY, Place, SMALL, Svg};
 
@@ -19,7 +19,7 @@ const APART: f64 = 18.0;
 /// A bold character is at most this much wider.
 const BOLD: f64 = 1.15;
 
-/// Widths of the characters from the space to `~` in hundredths of the font size: those of `DejaVu Sans`, a wide font.
+/// Widths of the characters from space to `~` in `DejaVu Sans`, in hundredths of the font size.
 const WIDTHS: [u8; 95] = [
     32, 40, 46, 84, 64, 95, 78, 27, 39, 39, 50, 84, 32, 36, 32, 34, 64, 64, 64, 64, 64, 64, 64, 64, 64, 64,
     34, 34, 84, 84, 84, 53, 100, 68, 69, 70, 77, 63, 58, 77, 75, 29, 29, 66, 56, 86, 75, 79, 60, 79, 69, 63,
@@ -38,7 +38,7 @@ pub(crate) fn bold_width(text: &str, size: f64) -> f64 {
     BOLD * width(text, size)
 }
 
-/// The lines of `text`, broken between words where they are wider than `room`. A word that is wider stays whole.
+/// The lines of `text`, broken between words where they are wider than `room`.
 pub(crate) fn wrapped(text: &str, room: f64, width: impl Fn(&str) -> f64) -> Vec<String> {
     let mut lines: Vec<String> = Vec::new();
     for line in text.lines() {
@@ -56,8 +56,8 @@ pub(crate) fn wrapped(text: &str, room: f64, width: impl Fn(&str) -> f64) -> Vec
     lines
 }
 
-/// Draws the bold title of a panel and the text below it, in lines of at most `room`. Returns the baseline of the last line,
-/// that of a line below the title at least.
+/// Draws the bold title of a panel and the text below it, in lines of at most `room`. Returns the
+/// baseline of the last line, that of a line below the title at least.
 pub(crate) fn heading(svg: &mut Svg, title: &str, about: &str, room: f64) -> f64 {
     let mut y = TITLE;
     for line in wrapped(title, room, |line| bold_width(line, SIZE)) {
@@ -74,8 +74,9 @@ pub(crate) fn heading(svg: &mut Svg, title: &str, about: &str, room: f64) -> f64
     last
 }
 
-/// Draws `names` from left to right in as many rows as they need between `left` and `right`, below the baseline `above`; `symbol` draws
-/// what a name stands for at the baseline of the entry. Returns the baseline of the last row.
+/// Draws `names` from left to right in as many rows as they need between `left` and `right`, below
+/// the baseline `above`; `symbol` draws what a name stands for at the baseline of the entry.
+/// Returns the baseline of the last row.
 pub(crate) fn legend<'a>(
     svg: &mut Svg,
     (left, right): (f64, f64),
@@ -103,24 +104,4 @@ pub fn grouped(number: u64) -> String {
     let digits = number.to_string();
     let comma = |i: usize| i > 0 && (digits.len() - i).is_multiple_of(3);
     digits.char_indices().flat_map(|(i, c)| comma(i).then_some(',').into_iter().chain([c])).collect()
-}
-
-#[cfg(test)]
-mod tests {
-    use super::{grouped, width, wrapped};
-
-    #[test]
-    fn lines_are_as_wide_as_their_room_and_words_stay_whole() {
-        let lines = wrapped("aa bb cc\ndddddddd e", 30.0, |line| width(line, 10.0));
-        assert_eq!(lines, ["aa bb", "cc", "dddddddd", "e"]);
-        assert!(wrapped("", 30.0, |line| width(line, 10.0)).is_empty());
-    }
-
-    #[test]
-    fn thousands_have_a_comma_between_them() {
-        assert_eq!(
-            [0, 999, 1000, 221_216, 1_234_567].map(grouped).join(" "),
-            "0 999 1,000 221,216 1,234,567"
-        );
-    }
 }

@@ -1,8 +1,8 @@
-//! Run time against error: a point for each setting of each network, and lines through the points on the front.
+//! Run time against error: a point for each setting of each network, and lines on the front.
 //!
-//! A network has a colour, a shape and a size. Points on the front are filled, others hollow. Networks are drawn from the
-//! largest shape to the smallest, so that every colour is visible where points meet. Labels keep off points, lines and
-//! error bars.
+//! A network has a colour, a shape and a size. Points on the front are filled, others hollow.
+//! Networks are drawn from the largest shape to the smallest, so that every colour is visible where
+//! points meet. Labels keep off points, lines and error bars.
 
 use crate::axes::{Axis, Field, ends, widened};
 use crate::labels;
@@ -12,7 +12,7 @@ use crate::text::{legend, width};
 const FIELD: Area = Area { left: 84.0, top: 30.0, right: 1124.0, bottom: 558.0 };
 /// Font size of labels.
 const LABEL: f64 = 12.0;
-/// Distance from the centre of a point's shape to its border: of the first network, and of the last of several.
+/// Radius of a point's shape: of the first network, and of the last of several.
 const REACH: (f64, f64) = (6.5, 3.5);
 /// A label that is farther than this from its point has a line to it.
 const NEAR: f64 = 9.0;
@@ -42,11 +42,12 @@ pub struct TradeOff {
 /// What errors are, which decides on their axis and on the fronts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Errors {
-    /// Percentages, at most 100: the axis is linear or logarithmic after their range, and all networks share one front.
+    /// Percentages: the axis is linear or logarithmic by range, and networks share one front.
     Percentages,
     /// Quantities in one unit, such as forces: the same, without a greatest value.
     Quantities,
-    /// Differences from the exact outputs of each network: the axis is logarithmic with a place for 0, and each network has its own front.
+    /// Differences from the exact outputs of each network: the axis is logarithmic with a place for
+    /// 0, and each network has its own front.
     Differences,
 }
 
@@ -61,9 +62,9 @@ pub struct Setting {
     pub error: f64,
     /// Both ends of the error bar.
     pub interval: Option<(f64, f64)>,
-    /// Whether it is on the front: no other setting is better in one respect and at least as good in the other.
+    /// Whether it is on the front: no other is better in one respect and as good in the other.
     pub on_front: bool,
-    /// Text beside the point. Where there is no room for all labels, they are numbers with a key below the field.
+    /// Text beside the point; without room for all, they are numbers with a key below.
     pub label: Option<String>,
     /// Text that a browser shows while the pointer is over the point.
     pub tooltip: String,
@@ -122,7 +123,7 @@ impl TradeOff {
         };
         let pixels = (FIELD.bottom, FIELD.top);
         let is_wide = || ends(errors()).is_some_and(|(least, most)| least > 0.0 && most > MAX_LINEAR * least);
-        // The greatest value, and the shortest linear axis: 2 points, or a tenth of the greatest error.
+        // The greatest value, and the shortest linear axis: 2 points or a tenth of it.
         let (most, least) = match self.errors {
             Errors::Percentages => (100.0, 2.0),
             Errors::Quantities | Errors::Differences => {
@@ -141,7 +142,7 @@ impl TradeOff {
         Field { area: FIELD, x: Axis::logarithmic(widened(times, 0.5), (FIELD.left, FIELD.right)), y }
     }
 
-    /// Draws the names of the networks and a note. Returns the baseline of the last row. All shapes have one size here.
+    /// Draws the names of the networks and a note. Returns the baseline of the last row.
     fn legend(&self, svg: &mut Svg) -> f64 {
         let names = self.networks.iter().map(String::as_str);
         let sides = (FIELD.left + 6.0, FIELD.right);
@@ -166,8 +167,8 @@ impl TradeOff {
         }
     }
 
-    /// Corners and colour of the step lines through the points on the fronts. Up to the time of the next point, the one
-    /// before it is the best.
+    /// Corners and colour of the step lines through the points on the fronts. Up to the time of the
+    /// next point, the one before it is the best.
     fn fronts(&self, place: impl Fn(&Setting) -> Place) -> Vec<(Vec<Place>, &'static str)> {
         let corners = |network: Option<usize>| {
             let on_front = |point: &&Setting| point.on_front && network.is_none_or(|of| of == point.network);
@@ -199,7 +200,7 @@ fn shape(svg: &mut Svg, network: usize, r: f64, (x, y): Place, filled: bool) -> 
     svg.shape(&path, fill).set("fill-opacity", 0.85).set("stroke", colour).width(1.3)
 }
 
-/// Writes the labels of points, or numbers and a key where there is no room for the labels. Returns the height of the key.
+/// Writes the labels of points, or numbers and a key without room. Returns the key's height.
 fn write_labels(svg: &mut Svg, named: &[(Place, &str)], obstacles: &[Area]) -> f64 {
     let placed = |texts: &[String]| {
         let wanted = named.iter().zip(texts).map(|(&(at, _), text)| (at, width(text, LABEL) + 4.0));

@@ -9,8 +9,7 @@ use meissner_run::latency::{Distribution, Latency, Quantiles};
 use meissner_run::provenance::InputCard;
 use meissner_run::text::grouped;
 
-use crate::header::write_model;
-use crate::report::summary;
+use crate::report::{summary, write_model};
 use crate::text::{Table, cell, duration, mebibytes};
 
 /// Writes the report of a network over events.
@@ -33,8 +32,7 @@ pub(super) fn write(out: &mut impl Write, report: &EventReport) -> io::Result<()
     deadline(out, &report.deadline)
 }
 
-/// Writes the recording and the network. `events` is the number of events in the recording; `part`
-/// is a line about the measured part.
+/// Writes the recording of so many events, `part`, a line about the measured part, and the network.
 pub(super) fn recording(
     out: &mut impl Write,
     input: &InputReport,

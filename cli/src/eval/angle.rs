@@ -3,20 +3,15 @@
 use std::io::{self, Write};
 
 use meissner_evaluate::NetworkReport;
-use meissner_evaluate::judge::TrainingFigures;
 use meissner_evaluate::metrics::MeanStd;
 use meissner_evaluate::regression::{Errors, Options, OutputErrors, PressFigures, Report, evaluate};
-use meissner_evaluate::trainings::seed_name;
 use meissner_plot::{Panel, Plane, Series, Style, page};
-use meissner_run::predictor::Mode;
 use meissner_run::text::grouped;
 
-use super::events::every_us;
-use super::{NONE, OutputArgs, networks, write};
-use crate::args::{MODES, NETWORK, PREDICTIONS, choice};
+use super::{OutputArgs, PredictionArgs, StrideArg, equal, judged, networks, seeds, shown, work, write};
 use crate::error::CliError;
 use crate::tasks::PressTask;
-use crate::text::{Table, duration, file_name};
+use crate::text::{Table, cell, columns, file_name};
 
 /// Largest number of rows of the table of errors against time. JSON has all times.
 const MAX_TIMES: usize = 25;
@@ -55,21 +50,10 @@ Examples:
 pub(super) struct AngleArgs {
     #[command(flatten)]
     task: PressTask,
-    /// Take every Nth event of each press [default: as the weights say].
-    ///
-    /// The first event is taken. The metadata of the weights state the stride of the training; if they state none, every
-    /// event is taken.
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..), help_heading = NETWORK)]
-    stride: Option<u32>,
-    /// Time between two predictions, from 100us to 10s.
-    #[arg(long = "every", value_name = "TIME", default_value = "1ms", value_parser = every_us,
-          help_heading = PREDICTIONS)]
-    every_us: i64,
-    /// Recompute what an event changes, or every row at every prediction.
-    ///
-    /// Both give the same values, bit for bit. Frame networks compute what changes.
-    #[arg(long, value_parser = choice(MODES), default_value = "incremental", help_heading = PREDICTIONS)]
-    mode: Mode,
+    #[command(flatten)]
+    stride: StrideArg,
+    #[command(flatten)]
+    predictions: PredictionArgs,
     #[command(flatten)]
     output: OutputArgs,
 }
@@ -77,9 +61,9 @@ pub(super) struct AngleArgs {
 pub(super) fn eval(args: &AngleArgs) -> Result<(), CliError> {
     let options = Options {
         request: args.task.request(),
-        stride: args.stride.map(|stride| stride as usize),
-        every_us: args.every_us,
-        mode: args.mode,
+        stride: args.stride.stride.map(|stride| stride as usize),
+        every_us: args.predictions.every_us,
+        mode: args.predictions.mode,
         embeds: args.output.svg.is_some(),
     };
     write(&args.output, svg, table, |workers, done| evaluate(&args.task.events, &options, workers, done))
@@ -93,18 +77,24 @@ fn table(out: &mut dyn Write, report: &Report) -> io::Result<()> {
     let every = report.every_us as f64 / 1e3;
     writeln!(out, "predictions  {}, every {every} ms and at the end of a press", report.mode)?;
     networks(out, &report.networks, &data.notes)?;
-    let judged: Vec<(&str, &Errors<MeanStd>)> = judged(report).collect();
-    ends(out, &judged)?;
-    seeds(out, report)?;
-    work(out, &judged)?;
-    against_time(out, report, &judged)
+    let figures = judged(&report.networks, |result: &PressFigures| result.figures.as_ref());
+    let means = means(report);
+    ends(out, &means)?;
+    seeds(out, ["each seed", "unit", "mean absolute", "std"], &figures, |name, one| {
+        let row = |output: &OutputErrors<f64>| {
+            let [mean, std] = [output.mean_absolute, output.std].map(|value| format!("{value:.3}"));
+            [format!("{name}, {}", output.name), output.unit.clone(), mean, std]
+        };
+        rows(&one.figures).map(row).collect()
+    })?;
+    work(out, "press", means.iter().map(|&(name, errors)| (name, &errors.work)))?;
+    against_time(out, report, &means)
 }
 
-/// The name of each network with its figures.
-fn judged(report: &Report) -> impl Iterator<Item = (&str, &Errors<MeanStd>)> {
-    report.networks.iter().filter_map(|network| {
-        Some((network.card.network.name.as_str(), &network.result.figures.as_ref()?.mean))
-    })
+/// The name of each network with its mean figures.
+fn means(report: &Report) -> Vec<(&str, &Errors<MeanStd>)> {
+    let figures = judged(&report.networks, |result: &PressFigures| result.figures.as_ref());
+    figures.into_iter().map(|(name, judged)| (name, &judged.mean)).collect()
 }
 
 /// All outputs, and all angles together.
@@ -113,59 +103,16 @@ fn rows<T>(errors: &Errors<T>) -> impl Iterator<Item = &OutputErrors<T>> {
 }
 
 fn ends(out: &mut dyn Write, judged: &[(&str, &Errors<MeanStd>)]) -> io::Result<()> {
-    let headings = ["at the end of a press", "unit", "mean absolute", "std", "newest", "settled (%)"];
+    let headings = columns("at the end of a press | unit | mean absolute | std | newest | settled (%)");
     let each =
         judged.iter().flat_map(|&(name, errors)| rows(errors).map(move |output| (name, errors, output)));
     let rows = each.map(|(name, errors, output)| {
-        let newest = output.newest.map_or_else(|| NONE.to_owned(), |newest| format!("{:.3}", newest.mean));
-        let is_angle = output.unit == "deg";
-        let settled = errors.settled_share.filter(|_| is_angle).map(|share| format!("{:.0}", 100.0 * share));
-        let [mean, std] = [output.mean_absolute, output.std].map(|value| format!("{:.3}", value.mean));
-        let settled = settled.unwrap_or_else(|| NONE.to_owned());
-        [format!("{name}, {}", output.name), output.unit.clone(), mean, std, newest, settled]
-    });
-    Table::section(out, &headings, rows)
-}
-
-/// Each seed, where there are several.
-fn seeds(out: &mut dyn Write, report: &Report) -> io::Result<()> {
-    let all =
-        || report.networks.iter().filter_map(|network| Some((network, network.result.figures.as_ref()?)));
-    if all().all(|(_, judged)| judged.trainings < 2) {
-        return Ok(());
-    }
-    let each = all().flat_map(|(network, judged)| judged.each.iter().map(move |one| (network, one)));
-    let rows = each.flat_map(|(network, TrainingFigures { seed, figures, .. })| {
-        let name = format!("{}, seed {}", network.card.network.name, seed_name(*seed));
-        rows(figures).map(move |output| {
-            let [mean, std] = [output.mean_absolute, output.std].map(|value| format!("{value:.3}"));
-            [format!("{name}, {}", output.name), output.unit.clone(), mean, std]
-        })
-    });
-    Table::section(out, &["each seed", "unit", "mean absolute", "std"], rows)
-}
-
-fn work(out: &mut dyn Write, judged: &[(&str, &Errors<MeanStd>)]) -> io::Result<()> {
-    let headings = [
-        "work of a press",
-        "events",
-        "predictions",
-        "rows",
-        "multiply-adds (million)",
-        "update p50 (us)",
-        "p99 (us)",
-    ];
-    let rows = judged.iter().map(|(name, errors)| {
-        let work = &errors.work;
-        let per_press = |count: u64| count as f64 / work.presses.max(1) as f64;
-        let count = |count: u64| grouped(per_press(count).round() as u64);
-        let [p50, p99] = work.update_us.quantiles().map_or_else(
-            || [NONE, NONE].map(str::to_owned),
-            |quantiles| [quantiles.p50, quantiles.p99].map(duration),
-        );
-        let rows = if work.rows == 0 { NONE.to_owned() } else { count(work.rows) };
-        let products = format!("{:.1}", per_press(work.multiply_adds) / 1e6);
-        [(*name).to_owned(), count(work.events), count(work.predictions), rows, products, p50, p99]
+        let figure = |figure: MeanStd| format!("{:.3}", figure.mean);
+        let [mean, std] = [output.mean_absolute, output.std].map(figure);
+        let settled = errors.settled_share.filter(|_| output.unit == "deg");
+        let settled = cell(settled, |share| format!("{:.0}", 100.0 * share));
+        let (name, unit) = (format!("{name}, {}", output.name), output.unit.clone());
+        [name, unit, mean, std, cell(output.newest, figure), settled]
     });
     Table::section(out, &headings, rows)
 }
@@ -177,16 +124,14 @@ fn against_time(out: &mut dyn Write, report: &Report, judged: &[(&str, &Errors<M
     let names = all.iter().map(|(name, _)| name.as_str());
     let headings: Vec<&str> = std::iter::once("ms since contact").chain(names).collect();
     let times = &report.times_us;
-    let step = times.len().div_ceil(MAX_TIMES).max(1);
-    let shown = (0..times.len()).filter(|i| i % step == 0 || i + 1 == times.len());
-    let rows = shown.map(|i| {
+    let rows = shown(times.len(), MAX_TIMES, 1).map(|i| {
         let cells = all.iter().map(move |(_, output)| format!("{:.2}", output.mean_absolute_at[i].mean));
         std::iter::once((times[i] as f64 / 1e3).to_string()).chain(cells)
     });
     Table::section(out, &headings, rows)
 }
 
-/// The lines of a network: all angles together where there are several, and the outputs that are no angles.
+/// The lines of a network: all angles together where there are several, and the other outputs.
 fn lines<'a>(name: &str, errors: &'a Errors<MeanStd>) -> Vec<(String, &'a OutputErrors<MeanStd>)> {
     let single = errors.outputs.iter().filter(|output| errors.angles.is_none() || output.unit != "deg");
     let named =
@@ -194,7 +139,7 @@ fn lines<'a>(name: &str, errors: &'a Errors<MeanStd>) -> Vec<(String, &'a Output
     errors.angles.iter().chain(single).map(named).collect()
 }
 
-/// The picture: errors against time, and for each network found values against true ones at the end of a press.
+/// The picture: errors against time, and for each network predicted against true values.
 fn svg(report: &Report) -> String {
     let about = format!(
         "{}: {} presses, {} events",
@@ -203,7 +148,7 @@ fn svg(report: &Report) -> String {
         grouped(report.data.events)
     );
     let mut units: Vec<&str> = Vec::new();
-    for output in judged(report).flat_map(|(_, errors)| &errors.outputs) {
+    for output in means(report).into_iter().flat_map(|(_, errors)| &errors.outputs) {
         if !units.contains(&output.unit.as_str()) {
             units.push(&output.unit);
         }
@@ -218,23 +163,23 @@ fn svg(report: &Report) -> String {
 /// Errors against time of all outputs in `unit`.
 fn curves(report: &Report, unit: &str) -> Panel<'static> {
     let times = || report.times_us.iter().map(|&t_us| t_us as f64 / 1e3);
-    let all = judged(report)
+    let all = means(report)
+        .into_iter()
         .flat_map(|(name, errors)| lines(name, errors))
         .filter(|(_, output)| output.unit == unit);
-    let series = all.enumerate().map(|(colour, (name, output))| Series {
-        name: format!("{name}: {:.2} at the end", output.mean_absolute.mean),
-        colour,
-        style: Style::Line,
-        points: times().zip(output.mean_absolute_at.iter().map(|at| at.mean)).collect(),
+    let series = all.enumerate().map(|(colour, (name, output))| {
+        let name = format!("{name}: {:.2} at the end", output.mean_absolute.mean);
+        let points = times().zip(output.mean_absolute_at.iter().map(|at| at.mean)).collect();
+        Series::new(name, colour, Style::Line, points)
     });
     Panel::Plane(Plane {
-        title: "Mean absolute error against time".to_owned(),
         about: "after the end of a press its last error stands".to_owned(),
-        x_title: "time since contact (ms)".to_owned(),
-        y_title: format!("error ({unit})"),
         from_zero: true,
-        ordered: false,
         series: series.collect(),
+        ..Plane::new(
+            "Mean absolute error against time",
+            ["time since contact (ms)", &format!("error ({unit})")],
+        )
     })
 }
 
@@ -242,61 +187,52 @@ fn curves(report: &Report, unit: &str) -> Panel<'static> {
 fn scatters(network: &NetworkReport<PressFigures>) -> impl Iterator<Item = Panel<'static>> {
     let outputs = network.result.figures.iter().flat_map(|figures| &figures.mean.outputs);
     outputs.zip(&network.result.scatter).enumerate().map(|(colour, (output, points))| {
-        let ends = points
-            .iter()
-            .map(|point| point.0)
-            .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), x| (low.min(x), high.max(x)));
-        let equal = Series {
-            name: "equal".to_owned(),
-            colour: 5,
-            style: Style::Dashed,
-            points: vec![(ends.0, ends.0), (ends.1, ends.1)],
-        };
+        let (low, high) = ends_of(points.iter().map(|point| point.0));
         let name = format!("mean absolute error {:.2} {}", output.mean_absolute.mean, output.unit);
-        let dots = Series { name, colour, style: Style::Dots, points: points.clone() };
+        let dots = Series::new(name, colour, Style::Dots, points.clone());
+        let axes = ["true", "predicted"].map(|values| format!("{values} ({})", output.unit));
         Panel::Plane(Plane {
-            title: format!("{}, {}", network.card.network.name, output.name),
             about: "at the end of each press".to_owned(),
-            x_title: format!("true ({})", output.unit),
-            y_title: format!("predicted ({})", output.unit),
-            from_zero: false,
-            ordered: false,
-            series: vec![equal, dots],
+            series: vec![equal(low, high), dots],
+            ..Plane::new(
+                format!("{}, {}", network.card.network.name, output.name),
+                axes.each_ref().map(String::as_str),
+            )
         })
     })
 }
 
-/// The embedding of what `network` reads out, once for each output, whose true values give the colours.
+/// The smallest and the largest of `values`.
+fn ends_of(values: impl Iterator<Item = f64>) -> (f64, f64) {
+    values.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), x| (low.min(x), high.max(x)))
+}
+
+/// The embedding of what `network` reads out, once for each output, coloured by its true values.
 fn embeddings(network: &NetworkReport<PressFigures>) -> impl Iterator<Item = Panel<'static>> {
     let outputs = network.result.figures.iter().flat_map(|figures| &figures.mean.outputs);
     let points = network.result.embedding.iter().flat_map(std::iter::repeat);
     outputs.zip(&network.result.scatter).zip(points).map(|((output, values), points)| {
         let truth = || values.iter().map(|value| value.0);
-        let (low, high) =
-            truth().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), v| (low.min(v), high.max(v)));
+        let (low, high) = ends_of(truth());
         let width = (high - low).max(f64::MIN_POSITIVE) / BANDS as f64;
         let band = |value: f64| (((value - low) / width) as usize).min(BANDS - 1);
-        let series = (0..BANDS).map(|colour| Series {
-            name: format!("{:.1} to {:.1}", low + width * colour as f64, low + width * (colour + 1) as f64),
-            colour,
-            style: Style::Dots,
-            points: truth()
-                .zip(points)
-                .filter(|(v, _)| band(*v) == colour)
-                .map(|(_, &point)| point)
-                .collect(),
+        let series = (0..BANDS).map(|colour| {
+            let [from, until] = [colour, colour + 1].map(|band| low + width * band as f64);
+            let of_band = truth().zip(points).filter(|(value, _)| band(*value) == colour);
+            let points = of_band.map(|(_, &point)| point).collect();
+            Series::new(format!("{from:.1} to {until:.1}"), colour, Style::Dots, points)
         });
         Panel::Plane(Plane {
-            title: format!("{}, readout by {}", network.card.network.name, output.name),
             about: format!(
                 "t-SNE of what is read out at the end of each press; colours: true {} ({})",
                 output.name, output.unit
             ),
-            x_title: "first dimension".to_owned(),
-            y_title: "second dimension".to_owned(),
-            from_zero: false,
             ordered: true,
             series: series.collect(),
+            ..Plane::new(
+                format!("{}, readout by {}", network.card.network.name, output.name),
+                ["first dimension", "second dimension"],
+            )
         })
     })
 }

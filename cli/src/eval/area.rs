@@ -10,11 +10,11 @@ use meissner_evaluate::trainings::seed_name;
 use meissner_plot::{Bar, Bars, Panel, Plane, Series, Style, page};
 use meissner_run::text::grouped;
 
-use super::{NONE, OutputArgs, networks, write};
+use super::{OutputArgs, equal, networks, write};
 use crate::args::APPROXIMATIONS;
 use crate::error::CliError;
 use crate::tasks::AreaTask;
-use crate::text::{Table, file_name};
+use crate::text::{NONE, Table, cell, columns, file_name};
 
 /// At the end of the long help.
 const METHOD: &str = "\
@@ -48,8 +48,8 @@ pub(super) struct AreaArgs {
     task: AreaTask,
     /// Compute only what changes by more than this between pictures of a press.
     ///
-    /// It holds for the input, in which one grey level is 0.04 for the shipped networks, and for the values of every layer.
-    /// Without this option, whatever changes is computed.
+    /// It holds for the input, in which one grey level is 0.04 for the shipped networks, and for
+    /// the values of every layer. Without this option, whatever changes is computed.
     #[arg(long, value_name = "CHANGE", help_heading = APPROXIMATIONS)]
     tolerance: Option<f32>,
     #[command(flatten)]
@@ -92,33 +92,26 @@ fn table(out: &mut dyn Write, report: &Report) -> io::Result<()> {
 /// The figures on one file.
 fn set(out: &mut dyn Write, report: &Report, index: usize, data: &DataReport) -> io::Result<()> {
     let file = file_name(&data.file);
-    let headings = [
-        file,
-        "IoU",
-        "std",
-        "force (N)",
-        "std",
-        "centroid (mm)",
-        "area (mm2)",
-        "million multiply-adds",
-        "time (ms)",
-    ];
-    let difference = &data.difference;
+    let figures_of = columns(
+        "IoU | std | force (N) | std | centroid (mm) | area (mm2) | million multiply-adds | time (ms)",
+    );
+    let headings = [&[file], &figures_of[..]].concat();
+    let (difference, none) = (&data.difference, || NONE.to_owned());
     let baseline = [
         format!("image difference above {}", difference.threshold),
-        format!("{:.3}", difference.iou.mean),
+        mean(Some(difference.iou)),
         deviation(Some(difference.iou)),
-        NONE.to_owned(),
-        NONE.to_owned(),
+        none(),
+        none(),
         mean(difference.centroid_mm),
         format!("{:.2}", difference.area_mm2.mean),
-        NONE.to_owned(),
-        NONE.to_owned(),
+        none(),
+        none(),
     ];
     let rows = figures(report, index).map(|(name, figures)| {
         [
             name,
-            format!("{:.3}", figures.iou.mean),
+            mean(Some(figures.iou)),
             deviation(Some(figures.iou)),
             mean(figures.force_n),
             deviation(figures.force_n),
@@ -132,7 +125,7 @@ fn set(out: &mut dyn Write, report: &Report, index: usize, data: &DataReport) ->
     let kinds = figures(report, index).flat_map(|(name, figures)| {
         figures.kinds.iter().map(move |(kind, figures)| {
             let pictures = grouped(figures.pictures as u64);
-            [format!("{name}, {kind}"), pictures, format!("{:.3}", figures.iou.mean), mean(figures.force_n)]
+            [format!("{name}, {kind}"), pictures, mean(Some(figures.iou)), mean(figures.force_n)]
         })
     });
     Table::section(out, &["by indenter", "pictures", "IoU", "force (N)"], kinds)
@@ -153,40 +146,26 @@ fn figures(report: &Report, index: usize) -> impl Iterator<Item = (String, &Figu
 }
 
 fn mean(figure: Option<MeanStd>) -> String {
-    figure.map_or_else(|| NONE.to_owned(), |figure| format!("{:.3}", figure.mean))
+    cell(figure, |figure| format!("{:.3}", figure.mean))
 }
 
 fn deviation(figure: Option<MeanStd>) -> String {
-    figure.and_then(|figure| figure.std).map_or_else(|| NONE.to_owned(), |std| format!("{std:.3}"))
+    cell(figure.and_then(|figure| figure.std), |std| format!("{std:.3}"))
 }
 
-/// The overlap of contacts as bars, then predicted against true forces: a row for each file that has forces.
+/// The overlap of contacts as bars, then predicted against true forces of each file that has them.
 fn svg(report: &Report) -> String {
     let names: Vec<_> = report.data.iter().map(|data| file_name(&data.file)).collect();
     let row = |index: usize| {
         let panel = |(colour, (name, figures)): (usize, (String, &Figures))| {
             let most = figures.scatter.iter().map(|&(expected, _)| expected).fold(0.0, f64::max);
-            let equal = Series {
-                name: "equal".to_owned(),
-                colour: 5,
-                style: Style::Dashed,
-                points: vec![(0.0, 0.0), (most, most)],
-            };
-            let force = mean(figures.force_n);
-            let dots = Series {
-                name: format!("mean absolute error {force} N"),
-                colour,
-                style: Style::Dots,
-                points: figures.scatter.clone(),
-            };
+            let error = format!("mean absolute error {} N", mean(figures.force_n));
+            let dots = Series::new(error, colour, Style::Dots, figures.scatter.clone());
             Panel::Plane(Plane {
-                title: format!("{name}, {}", names[index]),
                 about: format!("total force; IoU {:.3}", figures.iou.mean),
-                x_title: "true (N)".to_owned(),
-                y_title: "predicted (N)".to_owned(),
                 from_zero: true,
-                ordered: false,
-                series: vec![equal, dots],
+                series: vec![equal(0.0, most), dots],
+                ..Plane::new(format!("{name}, {}", names[index]), ["true (N)", "predicted (N)"])
             })
         };
         let with_force = figures(report, index).filter(|(_, figures)| !figures.scatter.is_empty());

@@ -1,59 +1,50 @@
-//! Accuracies of networks over events, event by event: arguments, the tables of a report, and its picture.
+//! `meissner eval digits` and `eval touch`: accuracies of networks over events, event by event.
 //!
-//! The picture has a row for the split test and one for the cross-validation, with accuracies against time and a confusion
-//! matrix for each network.
+//! The picture has a row for the split test and one for the cross-validation: accuracies against
+//! time, and a confusion matrix for each network.
 
 use std::io::{self, Write};
 use std::path::Path;
 
+use clap::Arg;
+use meissner_evaluate::events::Digits;
 use meissner_evaluate::events::{EventTask, Judged, Options, Report, evaluate};
+use meissner_evaluate::events::{TouchContainers, TouchObjects};
 use meissner_evaluate::judge::TrainingFigures;
-use meissner_evaluate::trainings::seed_name;
+use meissner_io::datasets::NeutouchSet;
 use meissner_plot::{AccuracyCurve, Curves, Panel, page};
-use meissner_run::predictor::Mode;
-use meissner_run::text::{self, grouped};
+use meissner_run::text::grouped;
 
-use super::{NONE, OutputArgs, accuracy_of, confusion, matrix, networks, spread, write};
-use crate::args::{MODES, NETWORK, PREDICTIONS, choice};
+use super::{
+    OutputArgs, PredictionArgs, StrideArg, accuracy_of, confusion, matrix, networks, seeds, shown, spread,
+    write,
+};
 use crate::error::CliError;
-use crate::tasks::EventNetworks;
-use crate::text::{Table, file_name, interval, percent};
+use crate::tasks::{DigitsTask, EventNetworks, TouchData, TouchTask};
+use crate::text::{Table, cell, columns, file_name, interval, percent};
 
 /// Largest number of rows of the table of accuracies against time. JSON has all times.
 const MAX_TIMES: usize = 40;
 
 /// How networks are judged.
 #[derive(Debug, clap::Args)]
-pub(super) struct JudgeArgs {
-    /// Take every Nth event of each recording [default: as the weights say].
-    ///
-    /// The first event is taken. The metadata of the weights state the stride of the training; if they state none, every
-    /// event is taken.
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..), help_heading = NETWORK)]
-    stride: Option<u32>,
-    /// Time between two predictions, from 100us to 10s.
-    #[arg(long = "every", value_name = "TIME", default_value = "10ms", value_parser = every_us,
-          help_heading = PREDICTIONS)]
-    every_us: i64,
-    /// Recompute what an event changes, or every row at every prediction.
-    ///
-    /// Both give the same values, bit for bit.
-    #[arg(long, value_parser = choice(MODES), default_value = "incremental", help_heading = PREDICTIONS)]
-    mode: Mode,
+struct JudgeArgs {
+    #[command(flatten)]
+    stride: StrideArg,
+    #[command(flatten)]
+    predictions: PredictionArgs,
     #[command(flatten)]
     output: OutputArgs,
 }
 
-/// Reads the time between two predictions.
-pub(super) fn every_us(text: &str) -> Result<i64, String> {
-    let us = text::span_us(text)?;
-    let fits = (100..=10_000_000).contains(&us);
-    if fits { Ok(us) } else { Err("expected a time from 100us to 10s".to_owned()) }
+/// `--every` for recordings that last longer than a press.
+fn of_recordings(arg: Arg) -> Arg {
+    arg.default_value("10ms")
 }
 
 impl JudgeArgs {
     /// Judges `networks` on the data set in `folder`; the picture has a `title`.
-    pub(super) fn eval<T: EventTask>(
+    fn eval<T: EventTask>(
         &self,
         folder: &Path,
         networks: &EventNetworks,
@@ -61,10 +52,10 @@ impl JudgeArgs {
     ) -> Result<(), CliError> {
         let options = Options {
             request: networks.request(),
-            stride: self.stride.map(|stride| stride as usize),
+            stride: self.stride.stride.map(|stride| stride as usize),
             folds: networks.folds(),
-            every_us: self.every_us,
-            mode: self.mode,
+            every_us: self.predictions.every_us,
+            mode: self.predictions.mode,
         };
         let judge = |workers: &_, done| evaluate::<T>(folder, &options, workers, done);
         write(&self.output, |report: &_| svg(report, title), table, judge)
@@ -72,7 +63,7 @@ impl JudgeArgs {
 }
 
 /// The report for people: shares in percent, times in milliseconds.
-pub(super) fn table(out: &mut dyn Write, report: &Report) -> io::Result<()> {
+fn table(out: &mut dyn Write, report: &Report) -> io::Result<()> {
     let data = &report.data;
     let [recordings, train, test] = [data.recordings, data.train, data.test].map(|n| grouped(n as u64));
     writeln!(
@@ -86,7 +77,11 @@ pub(super) fn table(out: &mut dyn Write, report: &Report) -> io::Result<()> {
     networks(out, &report.networks, &data.notes)?;
     let judged = judged(report);
     accuracies(out, &judged)?;
-    seeds(out, &judged)?;
+    let headings = ["each seed", "files", "accuracy (%)", "95 % interval", "median settling time (ms)"];
+    seeds(out, headings, &judged, |name, TrainingFigures { files, figures, .. }| {
+        let (interval, settled) = (interval(figures.interval_95), settled(figures.settled_us));
+        vec![[name, files.len().to_string(), percent(figures.accuracy), interval, settled]]
+    })?;
     against_time(out, report, &judged)?;
     judged.iter().try_for_each(|(name, judged)| {
         confusion(out, name, report.classes, "recordings", &judged.mean.confusion, judged.trainings)
@@ -108,19 +103,14 @@ fn milliseconds(t_us: i64) -> String {
 }
 
 fn settled(t_us: Option<i64>) -> String {
-    t_us.map_or_else(|| NONE.to_owned(), |t_us| format!("{:.1}", t_us as f64 / 1000.0))
+    cell(t_us, |t_us| format!("{:.1}", t_us as f64 / 1000.0))
 }
 
 fn accuracies(out: &mut dyn Write, all: &[(String, &Judged)]) -> io::Result<()> {
-    let headings = [
-        "at the end of a recording",
-        "recordings",
-        "seeds",
-        "accuracy (%)",
-        "std",
-        "95 % interval",
-        "median settling time (ms)",
-    ];
+    let headings = columns(
+        "at the end of a recording | recordings | seeds | accuracy (%) | std | 95 % interval | \
+         median settling time (ms)",
+    );
     let row = |(name, Judged { trainings, mean: of, .. }): &(String, &Judged)| {
         let (count, [mean, std]) = (grouped(of.recordings), spread(of.accuracy));
         let (interval, settled) = (interval(of.interval_95), settled(of.settled_us));
@@ -129,29 +119,12 @@ fn accuracies(out: &mut dyn Write, all: &[(String, &Judged)]) -> io::Result<()> 
     Table::section(out, &headings, all.iter().map(row))
 }
 
-/// Each seed, where there are several.
-fn seeds(out: &mut dyn Write, all: &[(String, &Judged)]) -> io::Result<()> {
-    if all.iter().all(|(_, judged)| judged.trainings < 2) {
-        return Ok(());
-    }
-    let headings = ["each seed", "files", "accuracy (%)", "95 % interval", "median settling time (ms)"];
-    let each = all.iter().flat_map(|(name, judged)| judged.each.iter().map(move |one| (name, one)));
-    let rows = each.map(|(name, TrainingFigures { seed, files, figures })| {
-        let (interval, settled) = (interval(figures.interval_95), settled(figures.settled_us));
-        let name = format!("{name}, seed {}", seed_name(*seed));
-        [name, files.len().to_string(), percent(figures.accuracy), interval, settled]
-    });
-    Table::section(out, &headings, rows)
-}
-
 /// Accuracies at the times of predictions, the last one always.
 fn against_time(out: &mut dyn Write, report: &Report, all: &[(String, &Judged)]) -> io::Result<()> {
     let names = all.iter().map(|(name, _)| name.as_str());
     let headings: Vec<&str> = std::iter::once("accuracy (%) after (ms)").chain(names).collect();
     let times = &report.times_us;
-    let step = times.len().div_ceil(MAX_TIMES).max(1);
-    let shown = (0..times.len()).filter(|i| (i + 1) % step == 0 || i + 1 == times.len());
-    let rows = shown.map(|i| {
+    let rows = shown(times.len(), MAX_TIMES, 0).map(|i| {
         let cells = all.iter().map(move |(_, judged)| percent(judged.mean.accuracy_at[i].mean));
         std::iter::once(milliseconds(times[i])).chain(cells)
     });
@@ -159,7 +132,7 @@ fn against_time(out: &mut dyn Write, report: &Report, all: &[(String, &Judged)])
 }
 
 /// The picture, as the text of a file.
-pub(super) fn svg(report: &Report, title: &str) -> String {
+fn svg(report: &Report, title: &str) -> String {
     let about = format!(
         "{}: {} recordings, {} events; confusion matrices at the end of a recording: percent of the true class",
         file_name(&report.data.folder),
@@ -204,4 +177,80 @@ fn row(report: &Report, protocol: usize) -> Option<Vec<Panel<'static>>> {
         curves,
     });
     (!is_empty).then(|| std::iter::once(curves).chain(matrices).collect())
+}
+
+/// At the end of the long help.
+const DIGITS: &str = "\
+How it judges:
+  Every recording is a separate stream. The engine is reset, the events are pushed one by one, and a prediction is read every TIME (--every) and at the end. Times count from the first event of the recording. A prediction is the class with the largest output. The last prediction of a recording stays valid after its end: every recording counts at every time, and the last accuracy is the accuracy at the end. An answer settles at the first of these times from which all predictions are right. The median is the time by which half of all recordings have settled; some may never settle.
+  Whole trainings are judged on the split test. Folds of a cross-validation are judged on the recordings of both splits that they held out.
+  Intervals are 95 % Wilson intervals over the recordings, one for each seed. For several seeds, the bounds are means over the seeds, accuracies have a mean and a sample standard deviation (- for one seed), and confusion matrices are sums.
+
+Trainings (--trainings): every *.safetensors file of the folder is a training, with metadata
+  network     name of the network; digits-frozen uses those of digits-past
+  seed        whole number
+  trained_on  \"train\": the split test is unseen; folds need no trained_on
+  held_out    JSON list of recordings, such as [\"train/3/00123\"]: the file is a
+              fold; without this key, it is a whole training
+  fold        whole number (optional)
+  stride      N if the network was trained on every N-th event of a recording,
+              starting with the first; without this key: on all events
+  The folds of a network and seed must hold out every recording exactly once, and give one accuracy together.
+
+Logits (--logits), at the end of each recording:
+  For every whole training a tensor NETWORK.SEED, or NETWORK.shipped where the weights name no seed, of shape (recordings of the split test, 10). For the folds of a seed together a tensor NETWORK.SEED.folds of shape (recordings, 10). Metadata recordings and test: JSON lists of their names.
+
+Examples:
+  meissner eval digits nmnist/
+  meissner eval digits nmnist/ --network own.toml --weights own.safetensors
+  meissner eval digits nmnist/ --trainings runs/ --folds 10 --json > out.json
+  meissner eval digits nmnist/ --network digits-past --every 5ms --svg out.svg";
+
+/// `meissner eval digits`.
+#[derive(Debug, clap::Args)]
+#[command(after_long_help = DIGITS, mut_arg("every_us", of_recordings))]
+pub(super) struct DigitsArgs {
+    #[command(flatten)]
+    task: DigitsTask,
+    #[command(flatten)]
+    judge: JudgeArgs,
+}
+
+impl DigitsArgs {
+    pub(super) fn eval(&self) -> Result<(), CliError> {
+        let DigitsTask { data, networks } = &self.task;
+        self.judge.eval::<Digits>(data, networks, "Digits, event by event")
+    }
+}
+
+/// At the end of the long help.
+const TOUCH: &str = "\
+`meissner eval digits --help` explains how it judges, the trainings and the JSON: they are the same. An event of a recording is a spike of a taxel. Its pixel is the place of the taxel in steps of 0.05 mm, and its time is the beginning of its bin of 20 ms.
+
+Examples:
+  meissner eval touch objects neutouch/ --every 100ms
+  meissner eval touch containers neutouch/ --trainings runs/ --folds 5 --svg a.svg";
+
+/// `meissner eval touch`.
+#[derive(Debug, clap::Args)]
+#[command(after_long_help = TOUCH, mut_arg("every_us", of_recordings))]
+pub(super) struct TouchArgs {
+    #[command(flatten)]
+    task: TouchTask,
+    #[command(flatten)]
+    judge: JudgeArgs,
+}
+
+impl TouchArgs {
+    pub(super) fn eval(&self) -> Result<(), CliError> {
+        let TouchTask { data: TouchData { set, data }, networks } = &self.task;
+        match set {
+            NeutouchSet::Objects => {
+                self.judge.eval::<TouchObjects>(data, networks, "Objects by touch, event by event")
+            }
+            NeutouchSet::Containers => {
+                self.judge.eval::<TouchContainers>(data, networks, "Containers by touch, event by event")
+            }
+        }
+    }
 }

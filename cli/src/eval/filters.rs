@@ -6,12 +6,10 @@ use std::path::PathBuf;
 use meissner_evaluate::filters::{Kept, Report, judge};
 use meissner_run::text::grouped;
 
-use super::NONE;
 use crate::args::FilterArgs;
 use crate::error::CliError;
-use crate::output;
-use crate::output::ReportArgs;
-use crate::text::{Table, percent};
+use crate::output::{self, ReportArgs};
+use crate::text::{Table, cell, columns, percent};
 
 /// At the end of the long help.
 const METHOD: &str = "\
@@ -52,13 +50,11 @@ pub(super) fn eval(args: &FiltersArgs) -> Result<(), CliError> {
 fn table(out: &mut dyn Write, report: &Report) -> io::Result<()> {
     writeln!(out, "data         {}: {} streams", report.header.input.name, grouped(report.streams as u64))?;
     writeln!(out, "filters      {}\n", report.filters.join(", "))?;
-    let share = |part: u64, all: u64| match all {
-        0 => NONE.to_owned(),
-        _ => percent(part as f64 / all as f64),
-    };
+    let share = |part: u64, all: u64| cell((all > 0).then_some(all), |all| percent(part as f64 / all as f64));
     let sum = |count: fn(&Kept) -> u64| report.causes.iter().map(count).sum::<u64>();
     let (all, all_passed) = (sum(|kept| kept.events), sum(|kept| kept.passed));
-    let mut table = Table::new(&["cause", "events", "passed", "kept (%)", "of all before (%)", "after (%)"]);
+    let mut table =
+        Table::new(&columns("cause | events | passed | kept (%) | of all before (%) | after (%)"));
     let rows = report.causes.iter().map(|kept| (kept.cause, kept.events, kept.passed));
     for (name, events, passed) in rows.chain([("all", all, all_passed)]) {
         let counts = [name.to_owned(), grouped(events), grouped(passed), share(passed, events)];

@@ -2,20 +2,17 @@
 
 use std::io::{self, Write};
 
+use clap::Arg;
 use meissner_evaluate::NetworkReport;
 use meissner_evaluate::force::{ForceErrors, ForceFigures, Options, Report, evaluate};
 use meissner_evaluate::metrics::MeanStd;
-use meissner_evaluate::trainings::seed_name;
 use meissner_plot::{Panel, Plane, Series, Style, page};
-use meissner_run::predictor::Mode;
 use meissner_run::text::grouped;
 
-use super::events::every_us;
-use super::{NONE, OutputArgs, networks, write};
-use crate::args::{MODES, PREDICTIONS, choice};
+use super::{OutputArgs, PredictionArgs, judged, networks, seeds, work, write};
 use crate::error::CliError;
 use crate::tasks::ForceTask;
-use crate::text::{Table, duration, file_name};
+use crate::text::{NONE, Table, cell, columns, file_name};
 
 /// Recordings in the picture.
 const DRAWN: usize = 3;
@@ -45,25 +42,24 @@ Examples:
 
 /// `meissner eval force`.
 #[derive(Debug, clap::Args)]
-#[command(after_long_help = METHOD)]
+#[command(after_long_help = METHOD, mut_arg("every_us", dividing_a_frame))]
 pub(super) struct ForceArgs {
     #[command(flatten)]
     task: ForceTask,
-    /// Time between two predictions of a network over events; it divides 10ms.
-    #[arg(long = "every", value_name = "TIME", default_value = "1ms", value_parser = every_us,
-          help_heading = PREDICTIONS)]
-    every_us: i64,
-    /// Recompute what an event changes, or every row at every prediction.
-    ///
-    /// Both give the same values, bit for bit. Frame networks compute what changes.
-    #[arg(long, value_parser = choice(MODES), default_value = "incremental", help_heading = PREDICTIONS)]
-    mode: Mode,
+    #[command(flatten)]
+    predictions: PredictionArgs,
     #[command(flatten)]
     output: OutputArgs,
 }
 
+/// `--every` for networks beside those over frames of 10 ms.
+fn dividing_a_frame(arg: Arg) -> Arg {
+    arg.help("Time between two predictions of a network over events; it divides 10ms")
+}
+
 pub(super) fn eval(args: &ForceArgs) -> Result<(), CliError> {
-    let options = Options { request: args.task.networks.request(), every_us: args.every_us, mode: args.mode };
+    let PredictionArgs { every_us, mode } = args.predictions;
+    let options = Options { request: args.task.networks.request(), every_us, mode };
     write(&args.output, svg, table, |workers, done| evaluate(&args.task.events, &options, workers, done))
 }
 
@@ -74,23 +70,21 @@ fn table(out: &mut dyn Write, report: &Report) -> io::Result<()> {
     writeln!(out, "data         {}: {recordings} recordings, {events} events", data.file)?;
     writeln!(out, "force        variance {:.4} N^2: MSE of the mean predictor", data.variance)?;
     networks(out, &report.networks, &data.notes)?;
-    let all: Vec<(&str, &ForceErrors<MeanStd>)> = judged(report).collect();
+    let figures = judged(&report.networks, |result: &ForceFigures| result.figures.as_ref());
+    let all: Vec<_> = figures.iter().map(|&(name, judged)| (name, &judged.mean)).collect();
     parts(out, &all)?;
     distances(out, &all)?;
-    seeds(out, report)?;
-    work(out, &all)
-}
-
-/// The name of each network with its figures.
-fn judged(report: &Report) -> impl Iterator<Item = (&str, &ForceErrors<MeanStd>)> {
-    report.networks.iter().filter_map(|network| {
-        Some((network.card.network.name.as_str(), &network.result.figures.as_ref()?.mean))
-    })
+    seeds(out, ["each seed", "MSE (N^2)", "MAE (N)"], &figures, |name, one| {
+        let first = one.figures.parts.first();
+        let figure = |of: Option<f64>| cell(of, |of| format!("{of:.4}"));
+        vec![[name, figure(first.map(|part| part.mse)), figure(first.map(|part| part.mae))]]
+    })?;
+    work(out, "recording", all.iter().map(|&(name, errors)| (name, &errors.work)))
 }
 
 /// Rows as in the paper: a row for each network and part.
 fn parts(out: &mut dyn Write, judged: &[(&str, &ForceErrors<MeanStd>)]) -> io::Result<()> {
-    let headings = ["frames", "count", "MSE (N^2)", "std", "MAE (N)", "std"];
+    let headings = columns("frames | count | MSE (N^2) | std | MAE (N) | std");
     let rows = judged.iter().flat_map(|(name, errors)| {
         errors.parts.iter().map(move |part| {
             let [mse, mse_std, mae, mae_std] =
@@ -98,68 +92,18 @@ fn parts(out: &mut dyn Write, judged: &[(&str, &ForceErrors<MeanStd>)]) -> io::R
             [format!("{name}, {}", part.part), grouped(part.frames), mse, mse_std, mae, mae_std]
         })
     });
-    let none = || NONE.to_owned();
-    let paper = [
-        "the paper, its own sensor: ConvLSTM, all".to_owned(),
-        none(),
-        format!("{PAPER_MSE:.3}"),
-        none(),
-        none(),
-        none(),
-    ];
+    let (paper, mse) = ("the paper, its own sensor: ConvLSTM, all", format!("{PAPER_MSE:.3}"));
+    let paper = [paper, NONE, &mse, NONE, NONE, NONE].map(str::to_owned);
     Table::section(out, &headings, rows.chain([paper]))
 }
 
 fn distances(out: &mut dyn Write, judged: &[(&str, &ForceErrors<MeanStd>)]) -> io::Result<()> {
-    let optional = |figure: Option<MeanStd>| {
-        figure.map_or_else(|| NONE.to_owned(), |figure| format!("{:.4}", figure.mean))
-    };
+    let optional = |figure: Option<MeanStd>| cell(figure, |figure| format!("{:.4}", figure.mean));
     let rows = judged.iter().map(|(name, errors)| {
         let warping = format!("{:.3}", errors.time_warping.mean);
         [(*name).to_owned(), warping, optional(errors.bhattacharyya), optional(errors.newest)]
     });
     Table::section(out, &["distances", "DTW (N)", "Bhattacharyya", "MSE of the newest (N^2)"], rows)
-}
-
-/// Each seed, where there are several.
-fn seeds(out: &mut dyn Write, report: &Report) -> io::Result<()> {
-    let all =
-        || report.networks.iter().filter_map(|network| Some((network, network.result.figures.as_ref()?)));
-    if all().all(|(_, judged)| judged.trainings < 2) {
-        return Ok(());
-    }
-    let rows = all().flat_map(|(network, judged)| {
-        judged.each.iter().map(move |one| {
-            let name = format!("{}, seed {}", network.card.network.name, seed_name(one.seed));
-            let first = one.figures.parts.first();
-            let figure = |of: Option<f64>| of.map_or_else(|| NONE.to_owned(), |of| format!("{of:.4}"));
-            [name, figure(first.map(|part| part.mse)), figure(first.map(|part| part.mae))]
-        })
-    });
-    Table::section(out, &["each seed", "MSE (N^2)", "MAE (N)"], rows)
-}
-
-fn work(out: &mut dyn Write, judged: &[(&str, &ForceErrors<MeanStd>)]) -> io::Result<()> {
-    let headings = [
-        "work of a recording",
-        "events",
-        "predictions",
-        "multiply-adds (million)",
-        "update p50 (us)",
-        "p99 (us)",
-    ];
-    let rows = judged.iter().map(|(name, errors)| {
-        let work = &errors.work;
-        let per = |count: u64| count as f64 / work.presses.max(1) as f64;
-        let [p50, p99] = work.update_us.quantiles().map_or_else(
-            || [NONE, NONE].map(str::to_owned),
-            |quantiles| [quantiles.p50, quantiles.p99].map(duration),
-        );
-        let count = |count: u64| grouped(per(count).round() as u64);
-        let products = format!("{:.1}", per(work.multiply_adds) / 1e6);
-        [(*name).to_owned(), count(work.events), count(work.predictions), products, p50, p99]
-    });
-    Table::section(out, &headings, rows)
 }
 
 /// The picture: for each network, predicted and true force over the time of some recordings.
@@ -173,29 +117,24 @@ fn svg(report: &Report) -> String {
     let period_ms = report.period_us as f64 / 1e3;
     let panel = |network: &NetworkReport<ForceFigures>, number: usize| {
         let trace = &network.result.traces[number];
-        let series = |name: String, colour: usize, style: Style, of: fn(&(f64, f64)) -> f64| Series {
-            name,
-            colour,
-            style,
-            points: trace
-                .iter()
-                .enumerate()
-                .map(|(i, pair)| ((i + 1) as f64 * period_ms, of(pair)))
-                .collect(),
+        let series = |name: &str, colour: usize, style: Style, of: fn(&(f64, f64)) -> f64| {
+            let points = trace.iter().enumerate().map(|(i, pair)| ((i + 1) as f64 * period_ms, of(pair)));
+            Series::new(name, colour, style, points.collect())
         };
         let squares = trace.iter().map(|(truth, found)| (truth - found) * (truth - found)).sum::<f64>();
         let mse = squares / trace.len().max(1) as f64;
+        let found = format!("predicted, MSE {mse:.3} N\u{b2}");
         Panel::Plane(Plane {
-            title: format!("{}, recording {number}", network.card.network.name),
             about: "at the end of each frame".to_owned(),
-            x_title: "time (ms)".to_owned(),
-            y_title: "force (N)".to_owned(),
             from_zero: true,
-            ordered: false,
             series: vec![
-                series("true".to_owned(), 5, Style::Dashed, |pair| pair.0),
-                series(format!("predicted, MSE {mse:.3} N\u{b2}"), 0, Style::Line, |pair| pair.1),
+                series("true", 5, Style::Dashed, |pair| pair.0),
+                series(&found, 0, Style::Line, |pair| pair.1),
             ],
+            ..Plane::new(
+                format!("{}, recording {number}", network.card.network.name),
+                ["time (ms)", "force (N)"],
+            )
         })
     };
     let row = |network: &NetworkReport<ForceFigures>| -> Vec<Panel<'static>> {

@@ -1,4 +1,5 @@
-//! `meissner eval slip`: accuracies of networks for the direction of slip, on seen and unseen objects.
+//! `meissner eval slip`: accuracies of networks for the direction of slip, on seen and unseen
+//! objects.
 
 use std::io::{self, Write};
 
@@ -9,10 +10,10 @@ use meissner_models::systems::slip::{CLASSES, ObjectSet, WORDS};
 use meissner_plot::{Bar, Bars, Panel, page};
 use meissner_run::text::grouped;
 
-use super::{NONE, OutputArgs, accuracy_of, confusion, matrix, networks, spread};
+use super::{OutputArgs, accuracy_of, confusion, matrix, networks, spread, write};
 use crate::error::CliError;
 use crate::tasks::SlipTask;
-use crate::text::{Table, file_name, percent};
+use crate::text::{NONE, Table, cell, columns, file_name, percent};
 
 /// At the end of the long help.
 const METHOD: &str = "\
@@ -56,7 +57,7 @@ pub(super) struct SlipArgs {
 pub(super) fn eval(args: &SlipArgs) -> Result<(), CliError> {
     let request = args.task.request();
     let judge = |workers: &_, done| evaluate(&args.task.data, request, workers, done);
-    super::write(&args.output, svg, table, judge)
+    write(&args.output, svg, table, judge)
 }
 
 /// Why the two schemes of cross-validation differ.
@@ -100,20 +101,19 @@ fn accuracies(out: &mut dyn Write, report: &Report) -> io::Result<()> {
     let sets = sets(report);
     let names = sets.iter().map(|set| set.name());
     let headings: Vec<&str> = std::iter::once("accuracy (%)").chain(names).collect();
-    let cell = |on: &SetReport| {
+    let accuracy_on = |on: &SetReport| {
         let (mark, accuracy) = (if on.trained_on { "*" } else { "" }, on.judged.mean.scores.accuracy);
         let std = accuracy.std.map_or_else(String::new, |std| format!(" +- {}", percent(std)));
         format!("{}{std}{mark}", percent(accuracy.mean))
     };
     let own = report.networks.iter().filter(|network| !network.result.sets.is_empty()).map(|network| {
-        let cells = sets.iter().map(|&set| network.result.on(set).map_or_else(String::new, cell));
+        let cells = sets.iter().map(|&set| network.result.on(set).map_or_else(String::new, accuracy_on));
         std::iter::once(network.card.network.name.clone()).chain(cells).collect::<Vec<_>>()
     });
     let others = report.references.iter().map(|other| {
-        let cells = sets.iter().map(|&set| {
-            let share = other.accuracy(set).map(|share| format!("{:.*}", other.decimals, 100.0 * share));
-            share.unwrap_or_else(|| NONE.to_owned())
-        });
+        let cells = sets
+            .iter()
+            .map(|&set| cell(other.accuracy(set), |share| format!("{:.*}", other.decimals, 100.0 * share)));
         std::iter::once(other.name.to_owned()).chain(cells).collect()
     });
     Table::section(out, &headings, own.chain(others))?;
@@ -125,19 +125,9 @@ fn accuracies(out: &mut dyn Write, report: &Report) -> io::Result<()> {
 
 /// All figures of networks on sets.
 fn figures(out: &mut dyn Write, report: &Report) -> io::Result<()> {
-    let headings = [
-        "network, set",
-        "windows",
-        "trainings",
-        "accuracy (%)",
-        "std",
-        "precision",
-        "std",
-        "recall",
-        "std",
-        "F1",
-        "std",
-    ];
+    let headings = columns(
+        "network, set | windows | trainings | accuracy (%) | std | precision | std | recall | std | F1 | std",
+    );
     let rows = judged(report).map(|(network, on)| {
         let name = format!("{network}, {}{}", on.set, mark(on.trained_on));
         let (windows, scores) = (on.judged.mean.windows, &on.judged.mean.scores);
@@ -152,13 +142,18 @@ fn figures(out: &mut dyn Write, report: &Report) -> io::Result<()> {
 /// A confusion matrix for each network and set.
 fn confusions(out: &mut dyn Write, report: &Report) -> io::Result<()> {
     if judged(report).next().is_some() {
-        let words = CLASSES.iter().zip(WORDS).map(|(class, word)| format!("{class} {word}"));
-        writeln!(out, "\nclasses      {}", words.collect::<Vec<_>>().join(", "))?;
+        writeln!(out, "\nclasses      {}", classes())?;
     }
     judged(report).try_for_each(|(network, SetReport { set, judged, .. })| {
         let name = format!("{network} on {set}");
         confusion(out, &name, &CLASSES, "windows", &judged.mean.confusion, judged.trainings)
     })
+}
+
+/// The classes in words.
+fn classes() -> String {
+    let words = CLASSES.iter().zip(WORDS).map(|(class, word)| format!("{class} {word}"));
+    words.collect::<Vec<_>>().join(", ")
 }
 
 /// Cross-validation by recording beside that by window.
@@ -181,35 +176,23 @@ fn cross_validation(out: &mut dyn Write, report: &Report) -> io::Result<()> {
     if rows.is_empty() {
         return Ok(());
     }
-    let headings = [
-        "cross-validation, accuracy (%)",
-        "by recording",
-        "std",
-        "seeds",
-        "folds",
-        "by window (the paper's way)",
-        "std",
-        "seeds",
-        "folds",
-    ];
+    let headings = columns(
+        "cross-validation, accuracy (%) | by recording | std | seeds | folds | \
+         by window (the paper's way) | std | seeds | folds",
+    );
     Table::section(out, &headings, rows)?;
     WHY.iter().try_for_each(|line| writeln!(out, "  {line}"))
 }
 
-/// The picture: accuracies of networks and references on each set as bars, then a confusion matrix for each network (row) and
-/// set (column).
+/// The picture: accuracies of networks and references on each set as bars, then a confusion matrix
+/// for each network (row) and set (column).
 fn svg(report: &Report) -> String {
     let about = format!(
         "{}: {} recordings, {} readings; confusion matrices: percent of the true class\n{}",
         file_name(&report.data.folder),
         grouped(report.data.recordings as u64),
         grouped(report.data.readings as u64),
-        CLASSES
-            .iter()
-            .zip(WORDS)
-            .map(|(class, word)| format!("{class} {word}"))
-            .collect::<Vec<_>>()
-            .join(", ")
+        classes()
     );
     let networks = || report.networks.iter().filter(|network| !network.result.sets.is_empty());
     let sets = sets(report);

@@ -1,10 +1,6 @@
 //! The picture of `pareto --svg`: every setting as a point of run time against error.
 //!
-//! Settings on the front and exact settings have labels. Others have their name and figures as a
-//! tooltip.
-
-#[cfg(test)]
-mod tests;
+//! Settings on the front and exact ones have labels, others a tooltip.
 
 use meissner_plot::{Errors, Panel, Setting, TradeOff, page};
 use meissner_run::text::grouped;
@@ -13,7 +9,7 @@ use crate::text::file_name;
 use meissner_evaluate::pareto::{Compared, EXACT, Report, SettingReport};
 
 /// The picture, as the text of a file.
-pub(super) fn svg(report: &Report) -> String {
+pub(crate) fn svg(report: &Report) -> String {
     let about = format!(
         "{}: {} {}s, {} timed, {} repeats by turns with the exact network, one thread, {} kernels",
         file_name(&report.data.name),

@@ -8,7 +8,7 @@ use meissner_run::text::grouped;
 use crate::text::{Table, file_name};
 
 /// Writes everything.
-pub(super) fn write(out: &mut dyn Write, report: &Report) -> io::Result<()> {
+pub(crate) fn write(out: &mut dyn Write, report: &Report) -> io::Result<()> {
     let (data, unit) = (&report.data, report.unit);
     let [recordings, size, timed] = [data.recordings, data.size, data.timed].map(grouped);
     // A press of pictures is a recording of them; recordings are their own unit in one study.
@@ -81,8 +81,7 @@ fn measured(setting: &SettingReport) -> [String; 9] {
     ]
 }
 
-/// Errors of each part of the data, a table for each kind; those that the settings are compared by
-/// only where there are several.
+/// Errors of each part of the data, a table for each kind.
 fn tasks(out: &mut dyn Write, report: &Report) -> io::Result<()> {
     for network in &report.networks {
         let exact = &network.exact().measurement.task;
@@ -137,11 +136,11 @@ fn drift(out: &mut dyn Write, report: &Report) -> io::Result<()> {
     Ok(())
 }
 
-fn us(us: f64) -> String {
+pub(crate) fn us(us: f64) -> String {
     format!("{us:.*}", if us < 10.0 { 2 } else { 1 })
 }
 
-fn error(error: f64) -> String {
+pub(crate) fn error(error: f64) -> String {
     if error == 0.0 { "0".to_owned() } else { format!("{error:.1e}") }
 }
 
@@ -175,8 +174,7 @@ const COLUMNS: &[(&str, Field)] = &[
     ("error_unit", |report, _, _| error_unit(report).to_owned()),
 ];
 
-/// The unit of the errors that settings are compared by, as numbers: shares are not in percent
-/// here. Empty without labels.
+/// The unit of the errors that settings are compared by; empty without labels.
 fn error_unit(report: &Report) -> &'static str {
     match report.compared {
         Compared::Task(kind) if kind.is_share() => "share",
@@ -186,7 +184,7 @@ fn error_unit(report: &Report) -> &'static str {
 }
 
 /// A line for each setting.
-pub(super) fn csv(report: &Report) -> String {
+pub(crate) fn csv(report: &Report) -> String {
     let mut lines = vec![COLUMNS.iter().map(|(name, _)| (*name).to_owned()).collect::<Vec<_>>()];
     for network in &report.networks {
         let line = |of| COLUMNS.iter().map(|(_, field)| field(report, network, of)).collect();
@@ -200,26 +198,10 @@ fn optional(number: Option<f64>) -> String {
 }
 
 /// A field as RFC 4180 has it.
-fn quoted(field: &str) -> String {
+pub(crate) fn quoted(field: &str) -> String {
     if field.contains([',', '"', '\n', '\r']) {
         format!("\"{}\"", field.replace('"', "\"\""))
     } else {
         field.to_owned()
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::{error, quoted, us};
-
-    #[test]
-    fn fields_cannot_break_a_line() {
-        assert_eq!([quoted("stride 2"), quoted("a,\"b\"")], ["stride 2", "\"a,\"\"b\"\"\""]);
-    }
-
-    #[test]
-    fn figures_have_the_digits_that_count() {
-        assert_eq!([us(1.234), us(123.4)], ["1.23", "123.4"]);
-        assert_eq!([error(0.0), error(0.00123)], ["0", "1.2e-3"]);
     }
 }

@@ -6,14 +6,13 @@ use meissner_models::systems::contact_area::{Centroid, ContactReport};
 use meissner_models::systems::slip;
 use meissner_run::answer::Answer;
 use meissner_run::provenance::ModelCard;
-use meissner_run::run::Prediction;
+use meissner_run::run::{ElectrodePrediction, PicturePrediction, Prediction};
 use meissner_run::text::grouped;
 use meissner_run::training::Output;
 
 use crate::text::cell;
 
-/// Largest number of columns of values: a line of 80 characters has room for so many beside counts
-/// and times.
+/// Most columns of values: a line of 80 characters has room for so many.
 const MAX_COLUMNS: usize = 2;
 /// Largest number of columns of values over electrodes.
 const MAX_ELECTRODE_COLUMNS: usize = 3;
@@ -46,6 +45,52 @@ pub(super) struct Columns {
     classes: Vec<String>,
     /// Width of the column of a class over electrodes.
     class_width: usize,
+}
+
+/// A row before it is text: of the predictions on a file, few are shown.
+pub(super) struct Row {
+    /// The part of the input that had been taken.
+    pub(super) taken: u64,
+    values: Shown,
+    figures: Figures,
+}
+
+/// What a row shows of the values.
+enum Shown {
+    Nothing,
+    /// Number and probability of the class.
+    Class(usize, f32),
+    /// The first ones, and how many there are.
+    Values([f32; MAX_COLUMNS], usize),
+}
+
+/// The other columns, by kind of input.
+enum Figures {
+    Events {
+        time_ms: Option<f64>,
+        nodes: u64,
+        rows: u64,
+        update_us: f64,
+    },
+    Frames {
+        time_ms: f64,
+        events: u64,
+        update_us: f64,
+    },
+    Report {
+        input: usize,
+        times_ms: [f64; 3],
+        state: &'static str,
+        waited_us: f64,
+    },
+    /// All of the row, which is always shown.
+    Text(String),
+}
+
+impl Row {
+    fn of_text(taken: u64, text: String) -> Self {
+        Self { taken, values: Shown::Nothing, figures: Figures::Text(text) }
+    }
 }
 
 impl Columns {
@@ -103,81 +148,89 @@ impl Columns {
         }
     }
 
-    /// The part of the input that had been taken at `prediction`, and the row. `total` is the size
-    /// of the input.
-    pub(super) fn row(&self, prediction: &Prediction<'_>, total: Option<u64>) -> (u64, String) {
-        let done = |taken: u64| {
-            total.map_or_else(|| short(taken), |total| format!("{} %", taken * 100 / total.max(1)))
-        };
+    /// The row of `prediction`.
+    pub(super) fn row(&self, prediction: &Prediction<'_>) -> Row {
         match prediction {
             Prediction::Events(p) => {
-                let values = self.values(p.value.0, p.answer.as_ref());
-                let time = cell(p.elapsed_us, |us| format!("{:.3}", us as f64 / 1e3));
-                let (nodes, rows) = (grouped(p.nodes as u64), grouped(p.rows.iter().sum()));
-                let (done, update_us) = (done(p.taken), p.update_us);
-                let row = format!("{done:>5}  {time:>11}{values}  {nodes:>8}  {rows:>9}  {update_us:>11.1}");
-                (p.taken, row)
+                let time_ms = p.elapsed_us.map(|us| us as f64 / 1e3);
+                let (nodes, rows) = (p.nodes as u64, p.rows.iter().sum());
+                let figures = Figures::Events { time_ms, nodes, rows, update_us: p.update_us };
+                Row { taken: p.taken, values: self.values(p.value.0, p.answer.as_ref()), figures }
             }
             Prediction::Frames(p) => {
                 let values = self.values(&means(p.value.0, self.names.len()), p.answer.as_ref());
-                let (done, time_ms, events) = (done(p.taken), p.elapsed_us as f64 / 1e3, grouped(p.events));
-                let update_us = p.update_us;
-                (p.taken, format!("{done:>5}  {time_ms:>13.3}{values}  {events:>8}  {update_us:>11.1}"))
-            }
-            Prediction::Electrodes(p) => {
-                let time = cell(p.time_s, |s| format!("{s:.3}"));
-                let values = match p.class.zip(p.probabilities) {
-                    Some((class, probabilities)) => {
-                        let probability = probabilities.0.iter().copied().fold(0.0, f32::max);
-                        let word = |class| slip::word(class, &self.classes);
-                        let (class, decision) = (word(class), p.decision.map_or("-", word));
-                        let width = self.class_width;
-                        format!("  {class:>width$}  {probability:>11.4}  {decision:>width$}")
-                    }
-                    None => self.columns(p.value.0, MAX_ELECTRODE_COLUMNS),
-                };
-                (p.line, format!("{:>7}  {time:>9}{values}  {:>11.1}", p.line, p.update_us))
-            }
-            Prediction::Picture(p) => {
-                let name = Path::new(p.image).file_name().unwrap_or_default().to_string_lossy();
-                let baseline = p.baseline.map_or_else(String::new, |baseline| {
-                    format!("  {:>19.3}  {:>15}", baseline.area_mm2, place(baseline.centroid))
-                });
-                let ContactReport {
-                    area_mm2: area, force_n: force, median_force_n: median, centroid, ..
-                } = p.contact;
-                let (centroid, update_us) = (place(centroid), p.update_us);
-                let row = format!(
-                    "{name:<16}  {area:>10.3}  {force:>10.4}  {median:>10.4}  {centroid:>13}{baseline}  {update_us:>11.1}"
-                );
-                (p.taken, row)
+                let (time_ms, events, update_us) = (p.elapsed_us as f64 / 1e3, p.events, p.update_us);
+                Row { taken: p.taken, values, figures: Figures::Frames { time_ms, events, update_us } }
             }
             Prediction::Report(p) => {
-                let values = self.values(p.value.0, p.answer.as_ref());
-                let [time, behind, age] =
-                    [p.elapsed_us as f64, p.behind_us as f64, p.age_us].map(|us| us / 1e3);
-                let (state, waited_us) = (p.state.name(), p.waited_us);
-                let input = if self.several { format!("{:>3} ", p.input) } else { String::new() };
-                let row = format!(
-                    "{input}{time:>9.3}{values}  {state:>6}  {behind:>9.3}  {age:>7.3}  {waited_us:>9.1}"
-                );
-                (p.number, row)
+                let times_ms = [p.elapsed_us as f64, p.behind_us as f64, p.age_us].map(|us| us / 1e3);
+                let (input, state, waited_us) = (p.input, p.state.name(), p.waited_us);
+                let figures = Figures::Report { input, times_ms, state, waited_us };
+                Row { taken: p.number, values: self.values(p.value.0, p.answer.as_ref()), figures }
             }
-            _ => (0, String::new()),
+            Prediction::Electrodes(p) => Row::of_text(p.line, self.electrodes(p)),
+            Prediction::Picture(p) => Row::of_text(p.taken, picture(p)),
+            _ => Row::of_text(0, String::new()),
         }
     }
 
-    /// The columns of `values`.
-    fn values(&self, values: &[f32], answer: Option<&Answer<'_>>) -> String {
-        match answer {
-            Some(answer) => format!("  {:>WIDTH$}  {:>WIDTH$.4}", answer.class, answer.probability()),
-            None if self.has_classes => String::new(),
-            None => self.columns(values, MAX_COLUMNS),
+    /// The text of `row`. `total` is the size of the input.
+    pub(super) fn text(&self, row: &Row, total: Option<u64>) -> String {
+        let part = |total: u64| format!("{} %", row.taken * 100 / total.max(1));
+        let done = || total.map_or_else(|| short(row.taken), part);
+        let values = match row.values {
+            Shown::Nothing => String::new(),
+            Shown::Class(class, probability) => {
+                format!("  {:>WIDTH$}  {probability:>WIDTH$.4}", self.classes[class])
+            }
+            Shown::Values(values, count) => self.columns(&values[..count], MAX_COLUMNS),
+        };
+        match &row.figures {
+            Figures::Text(text) => text.clone(),
+            &Figures::Events { time_ms, nodes, rows, update_us } => {
+                let time = cell(time_ms, |ms| format!("{ms:.3}"));
+                let (done, nodes, rows) = (done(), grouped(nodes), grouped(rows));
+                format!("{done:>5}  {time:>11}{values}  {nodes:>8}  {rows:>9}  {update_us:>11.1}")
+            }
+            &Figures::Frames { time_ms, events, update_us } => {
+                let (done, events) = (done(), grouped(events));
+                format!("{done:>5}  {time_ms:>13.3}{values}  {events:>8}  {update_us:>11.1}")
+            }
+            &Figures::Report { input, times_ms: [time, behind, age], state, waited_us } => {
+                let input = if self.several { format!("{input:>3} ") } else { String::new() };
+                format!("{input}{time:>9.3}{values}  {state:>6}  {behind:>9.3}  {age:>7.3}  {waited_us:>9.1}")
+            }
         }
     }
 
-    /// The first values in the units for people; those outside the range of the training are
-    /// marked.
+    fn electrodes(&self, p: &ElectrodePrediction<'_>) -> String {
+        let time = cell(p.time_s, |s| format!("{s:.3}"));
+        let values = match p.class.zip(p.probabilities) {
+            Some((class, probabilities)) => {
+                let probability = probabilities.0.iter().copied().fold(0.0, f32::max);
+                let word = |class| slip::word(class, &self.classes);
+                let (class, decision) = (word(class), p.decision.map_or("-", word));
+                let width = self.class_width;
+                format!("  {class:>width$}  {probability:>11.4}  {decision:>width$}")
+            }
+            None => self.columns(p.value.0, MAX_ELECTRODE_COLUMNS),
+        };
+        format!("{:>7}  {time:>9}{values}  {:>11.1}", p.line, p.update_us)
+    }
+
+    /// What a row has room for of `values`.
+    fn values(&self, values: &[f32], answer: Option<&Answer<'_>>) -> Shown {
+        match answer.map(|answer| (answer, self.classes.iter().position(|class| class == answer.class))) {
+            Some((answer, Some(class))) => Shown::Class(class, answer.probability()),
+            _ if self.has_classes => Shown::Nothing,
+            _ => {
+                let first = std::array::from_fn(|i| values.get(i).copied().unwrap_or(0.0));
+                Shown::Values(first, values.len().min(MAX_COLUMNS))
+            }
+        }
+    }
+
+    /// The first values in units for people; those outside the training's range are marked.
     fn columns(&self, values: &[f32], most: usize) -> String {
         let cells = self.outputs.iter().zip(values).take(most).map(|(output, &value)| {
             let mark = if output.is_outside(value) { OUTSIDE } else { "" };
@@ -208,13 +261,25 @@ fn row_of(cells: impl Iterator<Item = String>) -> String {
     cells.collect::<Vec<_>>().concat()
 }
 
+fn picture(p: &PicturePrediction<'_>) -> String {
+    let name = Path::new(p.image).file_name().unwrap_or_default().to_string_lossy();
+    let baseline = p.baseline.map_or_else(String::new, |baseline| {
+        format!("  {:>19.3}  {:>15}", baseline.area_mm2, place(baseline.centroid))
+    });
+    let ContactReport { area_mm2: area, force_n: force, median_force_n: median, centroid, .. } = p.contact;
+    let (centroid, update_us) = (place(centroid), p.update_us);
+    format!(
+        "{name:<16}  {area:>10.3}  {force:>10.4}  {median:>10.4}  {centroid:>13}{baseline}  {update_us:>11.1}"
+    )
+}
+
 fn place(centroid: Option<Centroid>) -> String {
     cell(centroid, |c| format!("{:.1}, {:.1}", c.x_px, c.y_px))
 }
 
-/// The value of each of `outputs`, or for an image the mean of its channel.
+/// The first of `outputs` values, or for an image the means of the first channels.
 fn means(values: &[f32], outputs: usize) -> Vec<f32> {
     let each = values.len() / outputs.max(1);
     let mean = |channel: &[f32]| channel.iter().map(|&v| f64::from(v)).sum::<f64>() / each as f64;
-    values.chunks_exact(each.max(1)).map(|channel| mean(channel) as f32).collect()
+    values.chunks_exact(each.max(1)).take(MAX_COLUMNS).map(|channel| mean(channel) as f32).collect()
 }

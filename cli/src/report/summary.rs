@@ -91,8 +91,7 @@ pub(crate) fn times_real_time(times: f64) -> String {
     format!("{times:.digits$} times real time: {verdict}")
 }
 
-/// Writes the number of predictions with a value outside the range of the training, if there were
-/// any.
+/// Writes the number of predictions outside the range of the training, if there were any.
 fn outside_training(out: &mut impl Write, predictions: Option<u64>) -> io::Result<()> {
     let Some(count @ 1..) = predictions else { return Ok(()) };
     writeln!(

@@ -14,13 +14,12 @@ use meissner_run::text::span_us;
 
 use crate::args::{
     ELECTRODES, Every, FRAMES, Input, JsonArgs, MODES, OUTPUT, PREDICTIONS, READING, REMEMBERS, REUSES,
-    STATE, choice, number,
+    STATE, Threads, choice, number, of_one_engine,
 };
 use crate::error::CliError;
 use crate::given::Given;
-use crate::kind::NetworkKind::{self, Electrodes, EventFrames, EventGraph, Pictures};
+use crate::input::NetworkKind::{self, Electrodes, EventFrames, EventGraph, Pictures};
 use crate::report::{About, TableKind};
-use crate::threads::{self, Threads};
 
 /// Examples, at the end of the long help.
 const EXAMPLES: &str = "\
@@ -37,15 +36,14 @@ Examples:
   biotac | meissner run - --network slip-lstm --hold 5 --json
   meissner run images/ --network canf --overlay maps";
 
-/// First bytes of a state. What begins otherwise is not read any further: the engine refuses it for
-/// them.
+/// First bytes of a state. The engine refuses what begins otherwise: it is not read further.
 const STATE_MARK: &[u8] = b"MEISSNER";
 /// Largest state that is read, in bytes: 2 GiB, as for weights.
 const STATE_BYTES: u64 = 1 << 31;
 
 /// `meissner run`.
 #[derive(Debug, clap::Args)]
-#[command(after_long_help = EXAMPLES, mut_arg("threads", threads::of_one_engine))]
+#[command(after_long_help = EXAMPLES, mut_arg("threads", of_one_engine))]
 pub(crate) struct RunArgs {
     #[command(flatten)]
     pub(super) input: Input,
@@ -62,9 +60,10 @@ pub(crate) struct RunArgs {
     /// prediction is for the window at its due time, also in a gap between events; due times are
     /// skipped while a gap leaves the window empty.
     ///
-    /// Frame networks over consecutive windows of events predict after every frame, at the end, or every TIME, which
-    /// must be a multiple of the windows' length. Over a sliding window, a frame is formed whenever a prediction is
-    /// due. Empty frames count like others (see --longest-silence).
+    /// Frame networks over consecutive windows of events predict after every frame, at the end, or
+    /// every TIME, which must be a multiple of the windows' length. Over a sliding window, a frame
+    /// is formed whenever a prediction is due. Empty frames count like others (see
+    /// --longest-silence).
     #[arg(long, value_name = "event|N|TIME|end", help_heading = PREDICTIONS)]
     pub(super) every: Option<Every>,
     #[command(flatten)]
@@ -150,7 +149,8 @@ pub(super) struct ElectrodeArgs {
     pub(super) hold: Option<u32>,
     /// Ignore windows whose largest probability is below P [default: 0].
     ///
-    /// An ignored window does not change the decision, and it ends a run of windows that agree (see --hold).
+    /// An ignored window does not change the decision, and it ends a run of windows that agree (see
+    /// --hold).
     #[arg(long, value_name = "P", value_parser = probability, help_heading = ELECTRODES)]
     pub(super) least_probability: Option<f32>,
 }
@@ -190,10 +190,11 @@ pub(super) struct StateArgs {
     pub(super) save_every_us: Option<i64>,
     /// Resume from the state in this file; INPUT is the input that follows it.
     ///
-    /// Both runs together print the same as a single run. Network, weights, sensor, --late and --tolerance must be the
-    /// same as in the run that wrote the state; otherwise the state is refused. Repeated events are not detected:
-    /// events before the last event of the first run are late (see --late), and events at its time count twice. "rows"
-    /// of the first prediction and "skips" count only this run, which computes each row again.
+    /// Both runs together print the same as a single run. Network, weights, sensor, --late and
+    /// --tolerance must be the same as in the run that wrote the state; otherwise the state is
+    /// refused. Repeated events are not detected: events before the last event of the first run are
+    /// late (see --late), and events at its time count twice. "rows" of the first prediction and
+    /// "skips" count only this run, which computes each row again.
     #[arg(long, value_name = "FILE", help_heading = STATE)]
     pub(super) resume: Option<PathBuf>,
 }
@@ -259,8 +260,7 @@ impl RunArgs {
         format!("{skip}{way}{threads}")
     }
 
-    /// The subject of a report about the network of `card`. `live` and `total` are those of
-    /// [`About`].
+    /// The subject of a report about the network of `card`; `live`, `total`: as in [`About`].
     pub(super) fn about<'a>(
         &self,
         table: TableKind,

@@ -2,10 +2,9 @@
 
 use meissner_evaluate::prepare::grasps;
 
-use crate::args::MEASUREMENT;
+use crate::args::{MEASUREMENT, Threads};
 use crate::error::CliError;
 use crate::output::OutArgs;
-use crate::threads::Threads;
 
 /// Tensors of the file.
 const GRASP: &str = "\

@@ -1,8 +1,5 @@
 //! Incremental against full recomputation over random streams, recordings, or a stream to replay.
 
-#[cfg(test)]
-mod tests;
-
 use std::io::{self, Write};
 use std::iter;
 use std::path::Path;
@@ -26,8 +23,9 @@ use super::VerifyArgs;
 use crate::args::READING;
 use crate::error::CliError;
 use crate::given::Given;
+use crate::output;
 use crate::progress::Progress;
-use crate::{header, output};
+use crate::report::write_model;
 
 /// What fits only networks over events, like [`READING`].
 pub(crate) const FOR_EVENTS: &[&str] = &["RECORDING", "--every", "--sensor", "--strict"];
@@ -45,9 +43,9 @@ struct Document<'a> {
 
 /// The sources without a difference, and the first source with one. Nothing runs after it.
 #[derive(Default, Serialize)]
-struct Verified {
+pub(crate) struct Verified {
     checks: Vec<Check>,
-    mismatch: Option<Found>,
+    pub(crate) mismatch: Option<Found>,
 }
 
 /// A source without a difference.
@@ -60,19 +58,19 @@ struct Check {
 
 /// A difference, and its minimal stream.
 #[derive(Serialize)]
-struct Found {
+pub(crate) struct Found {
     name: String,
     file: String,
-    steps: usize,
-    input: usize,
-    layer: Option<String>,
-    row: Option<usize>,
+    pub(crate) steps: usize,
+    pub(crate) input: usize,
+    pub(crate) layer: Option<String>,
+    pub(crate) row: Option<usize>,
     difference: String,
 }
 
 impl Verified {
     /// Adds the result of the source `name`.
-    fn note(
+    pub(crate) fn note(
         &mut self,
         args: &VerifyArgs,
         name: String,
@@ -228,12 +226,12 @@ fn run<I>(
     Ok(verified)
 }
 
-fn report(args: &VerifyArgs, card: &ModelCard, result: &Verified) -> Result<(), CliError> {
+pub(crate) fn report(args: &VerifyArgs, card: &ModelCard, result: &Verified) -> Result<(), CliError> {
     let names = result.checks.iter().map(|check| check.name.as_str());
     let names: Vec<&str> = names.chain(result.mismatch.as_ref().map(|found| found.name.as_str())).collect();
     let header = Header::new("verify", InputCard::other(&names.join(", "), "streams"), card.clone());
     output::report(&args.report, &Document { header, seed: args.seed, result }, |out| {
-        header::write_model(out, card, "incremental against full recomputation, bit for bit", None)?;
+        write_model(out, card, "incremental against full recomputation, bit for bit", None)?;
         writeln!(out)?;
         result.checks.iter().try_for_each(|check| check.write(out))
     })?;

@@ -5,7 +5,7 @@ use meissner_evaluate::metrics::wilson_95;
 use meissner_models::{Description, Weights};
 use serde_json::Value;
 
-use crate::digits_data::{DigitsFolder, RECORDINGS, Runs, Said, TEST, TRAIN, all_said, digits, small};
+use crate::data::{DigitsFolder, RECORDINGS, Runs, Said, TEST, TRAIN, all_said, digits, small};
 use crate::exit_status::fails;
 use crate::shared_files::shared;
 use crate::support::{argument, meissner, message, object, text, written};

@@ -4,7 +4,7 @@ use meissner_evaluate::events::folds;
 use meissner_models::{Description, Weights};
 use serde_json::{Value, json};
 
-use crate::digits_data::{DigitsFolder, RECORDINGS, Runs, Said, all_said, digits, small};
+use crate::data::{DigitsFolder, RECORDINGS, Runs, Said, all_said, digits, small};
 use crate::eval_digits::{TESTED, are_those, number, report};
 use crate::exit_status::fails;
 use crate::support::{argument, meissner, text};

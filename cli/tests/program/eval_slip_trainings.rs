@@ -6,9 +6,9 @@ use meissner_models::{FrameDescription, Weights};
 use serde_json::{Value, json};
 use tempfile::TempDir;
 
+use crate::data::slip::{CLASSES, SlipFolder, class, drawn, outputs, training};
 use crate::eval_slip::{confusion, counts, report};
 use crate::exit_status::fails;
-use crate::slip_data::{CLASSES, SlipFolder, class, drawn, outputs, training};
 use crate::support::{argument, meissner, text};
 
 const NETWORK: &str = "slip-lstm";

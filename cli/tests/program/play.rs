@@ -1,8 +1,12 @@
-//! Recordings at real speed: every report is made, every event is counted, and the end equals
-//! batch.
+//! `play`: one recording, and several at a time.
 
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use meissner_models::{Description, Tensor, Weights, draw};
 use serde_json::Value;
 
+use crate::data::small;
 use crate::shared_files::shared;
 use crate::support::{argument, bits, file, lines, meissner, message, text};
 
@@ -180,4 +184,157 @@ fn recordings_of_an_overload_miss_no_report() {
         assert_eq!(summary["verified"]["equal"], true, "{name}");
         assert_eq!(summary["queue"]["high_water"], 4096, "{name}: it is too fast");
     }
+}
+
+/// Writes `count` events, one every `period_us`, beginning at `first_us`.
+fn recording(folder: &Path, name: &str, first_us: i64, period_us: i64, count: i64) -> PathBuf {
+    let event =
+        |i: i64| format!("{},{},{},{}\n", first_us + i * period_us, i * 7 % 32, i * i / 9 % 24, i % 3 % 2);
+    let path = folder.join(name);
+    let events = (0..count).map(event).collect::<String>();
+    std::fs::write(&path, format!("t,x,y,p\n{events}")).expect("it can be written");
+    path
+}
+
+/// Plays `recordings` with `more`, and returns the output's lines.
+fn played(recordings: &[&Path], more: &[&str]) -> (Option<i32>, Vec<Value>) {
+    let play = ["play", "--sensor", "32x24", "--json"];
+    let paths: Vec<_> = recordings.iter().copied().map(argument).collect();
+    let output = meissner(&[&play[..], &paths, more].concat());
+    let lines: Vec<Value> =
+        text(&output).lines().map(|line| serde_json::from_str(line).expect("JSON")).collect();
+    assert!(!lines.is_empty(), "{}", message(&output));
+    (output.status.code(), lines)
+}
+
+/// The lines of `lines` with this key, in order.
+fn with<'a>(lines: &'a [Value], key: &str) -> Vec<&'a Value> {
+    lines.iter().map(|line| &line[key]).filter(|value| value.is_object()).collect()
+}
+
+#[test]
+fn each_of_several_recordings_has_its_reports_and_ends_as_it_does_alone() {
+    let folder = tempfile::tempdir().expect("there is a place for temporary files");
+    let long = recording(folder.path(), "long.csv", 1_700_000_000_000_000, 10, 2000);
+    let short = recording(folder.path(), "short.csv", 5, 100, 40);
+    let empty = recording(folder.path(), "empty.csv", 0, 1, 0);
+    let all = [&*long, &short, &empty];
+    let network = ["--network", "tactigraph-past", "--report-every", "1ms", "--overload", "block"];
+    let more = ["--speed", "10", "--deadline", "1ms", "--verify", "--pin", "0"];
+    let (code, lines) = played(&all, &[&network[..], &more].concat());
+    assert_eq!(code, Some(0), "{lines:?}");
+
+    let (headers, summaries) = (with(&lines, "header"), with(&lines, "summary"));
+    let names: Vec<_> = headers.iter().map(|header| header["input"]["name"].clone()).collect();
+    assert_eq!(names, all.map(|path| argument(path).to_owned()));
+    for (input, (summary, (events, reports))) in
+        summaries.iter().zip([(2000, 20), (40, 4), (0, 0)]).enumerate()
+    {
+        assert_eq!(summary["input"], input, "{summary}");
+        for key in ["events", "offered", "delivered", "accepted"] {
+            assert_eq!(summary[key], events, "{key}: {summary}");
+        }
+        let own = lines.iter().filter(|line| line["at_us"].is_number() && line["input"] == input).count();
+        assert_eq!((&summary["reports"]["made"], own), (&reports.into(), reports));
+        assert_eq!(summary["verified"]["equal"], true, "{summary}");
+        assert_eq!(summary["latency_us"]["event"].is_null(), events == 0, "{summary}");
+        assert!(summary["bytes"].as_u64() > Some(1 << 20), "{summary}");
+        let (_, alone) = lines_of(all[input], &network);
+        assert_eq!(bits(&summary["final"]), bits(&alone["final"]), "input {input}");
+    }
+    assert_eq!(summaries.len(), 3);
+}
+
+fn lines_of(path: &Path, network: &[&str]) -> (Vec<Value>, Value) {
+    let alone = ["play", argument(path), "--sensor", "32x24", "--json", "--speed", "100"];
+    lines(&meissner(&[&alone[..], network].concat()))
+}
+
+#[test]
+fn a_recording_that_repeats_goes_on_in_time() {
+    let folder = tempfile::tempdir().expect("there is a place for temporary files");
+    let path = recording(folder.path(), "events.csv", 1000, 10, 500);
+    let again = ["--repeat", "3", "--speed", "10", "--report-every", "1ms", "--network", "tactigraph-past"];
+    let (code, lines) = played(&[&path], &[&again[..], &["--verify", "--overload", "block"]].concat());
+    let summary = with(&lines, "summary")[0];
+    assert_eq!((code, &summary["verified"]["equal"]), (Some(0), &true.into()), "{summary}");
+    // Events at 0 to 4.99 ms have five reports, and the next lap begins with the last of them.
+    assert_eq!((&summary["accepted"], &summary["reports"]["due"]), (&1500.into(), &15.into()), "{summary}");
+    assert_eq!(summary["final"]["t_us"], 1000 + 2 * 5000 + 4990, "{summary}");
+}
+
+#[test]
+fn an_input_whose_engine_fails_ends_and_the_others_go_on() {
+    let folder = tempfile::tempdir().expect("there is a place for temporary files");
+    let network = small("tall", &[]);
+    let description = Description::parse(&network).expect("it is consistent");
+    // What an event without neighbours reads stays finite; sums over neighbours overflow.
+    let drawn = draw(&description, 3);
+    let tall = drawn.iter().map(|(name, tensor)| {
+        let factor = if name.contains("norm") || name.contains("fc") { 1.0 } else { 1e30 };
+        let values = tensor.values().expect("drawn").iter().map(|value| value * factor).collect();
+        (name.to_owned(), Tensor::new(tensor.shape().to_vec(), values).expect("the same size"))
+    });
+    let remarks = BTreeMap::from([("trained".to_owned(), "false".to_owned())]);
+    let [toml, weights] = ["tall.toml", "tall.safetensors"].map(|name| folder.path().join(name));
+    std::fs::write(&toml, network).expect("it can be written");
+    std::fs::write(&weights, Weights::new(tall).to_safetensors(&remarks)).expect("it can be written");
+
+    let lone = recording(folder.path(), "lone.csv", 0, 1_000_000, 2);
+    let dense = recording(folder.path(), "dense.csv", 0, 100, 300);
+    let own = ["--network", argument(&toml), "--weights", argument(&weights), "--speed", "20"];
+    let (code, lines) = played(&[&lone, &dense, &lone], &own);
+    assert_eq!(code, Some(1));
+    let (failed, summaries) = (with(&lines, "failed"), with(&lines, "summary"));
+    assert_eq!((failed.len(), &failed[0]["input"]), (1, &1.into()), "{lines:?}");
+    assert!(failed[0]["error"].as_str().expect("a text").contains("conv2"), "{}", failed[0]);
+    let accepted: Vec<_> =
+        summaries.iter().map(|summary| (&summary["input"], &summary["accepted"])).collect();
+    assert_eq!(accepted, [(&0.into(), &2.into()), (&2.into(), &2.into())]);
+}
+
+#[test]
+fn people_see_a_row_for_each_input() {
+    let folder = tempfile::tempdir().expect("there is a place for temporary files");
+    let fine = recording(folder.path(), "fine.csv", 0, 100, 300);
+    let burst = recording(folder.path(), "burst.csv", 0, 1, 3000);
+    let output = meissner(&[
+        "play",
+        argument(&fine),
+        argument(&burst),
+        "--sensor",
+        "32x24",
+        "--network",
+        "tactigraph-past",
+        "--queue",
+        "1000",
+        "--speed",
+        "1000",
+    ]);
+    let text = text(&output);
+    assert!(output.status.success(), "{}", message(&output));
+    for words in ["input 0 ", "input 1 ", "from input 1 by the queue: oldest", "engines and queues"] {
+        assert!(text.contains(words), "{words}: {text}");
+    }
+    assert!(!text.contains("from input 0"), "{text}");
+    let report = text.lines().find(|line| line.starts_with("  1    10.000")).expect("a report at 10 ms");
+    assert_eq!(report.split_whitespace().count(), 8, "a report fits one line: {report}");
+}
+
+#[test]
+fn what_several_inputs_cannot_have_is_refused_as_usage() {
+    let (folder, path) = crate::support::file("events.csv", "0,1,1,1\n");
+    let path = argument(&path);
+    for (arguments, named) in [
+        (&["play", path, "-"][..], "recordings, if there are several"),
+        (&["play", "udp://127.0.0.1:0", path], "recordings, if there are several"),
+        (&["play", "-", "--repeat", "2"], "--repeat"),
+        (&["play", path, "--pin", "0,4096"], "4096"),
+        (&["play", path, "--repeat", "0"], "--repeat"),
+    ] {
+        let output = meissner(arguments);
+        assert_eq!(output.status.code(), Some(2), "{arguments:?}: {}", message(&output));
+        assert!(message(&output).contains(named), "{arguments:?}: {}", message(&output));
+    }
+    drop(folder);
 }

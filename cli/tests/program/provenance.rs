@@ -8,7 +8,7 @@ use meissner_models::{Description, Weights, draw};
 use safetensors::SafeTensors;
 use serde_json::Value;
 
-use super::digits_data::{DigitsFolder, Runs, digits, said, small};
+use crate::data::{DigitsFolder, Runs, digits, said, small};
 use crate::shared_files::shared;
 use crate::support::{
     argument, bits, default_recording, file, headed_lines, keys, lines, meissner, message, object, text,

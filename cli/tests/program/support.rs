@@ -9,7 +9,7 @@ use meissner_models::{FrameDescription, draw};
 use serde_json::Value;
 use tempfile::TempDir;
 
-use crate::json_page::documented;
+use crate::output::page::documented;
 
 /// The shipped networks that run incrementally.
 pub(crate) const INCREMENTAL: [&str; 4] = ["graphres", "tactigraph", "tactigraph-frozen", "tactigraph-past"];

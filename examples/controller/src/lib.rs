@@ -21,9 +21,8 @@ pub type Failure = Box<dyn Error + Send + Sync>;
 /// Share of the predicted angle by which the wrist is turned: below 1, single errors are averaged.
 pub const GAIN: f64 = 0.8;
 
-/// The law of levelling: the target of the wrist in radians; `None` if the target stays. While a
-/// press is held, the wrist is braked, and the prediction is the angle by which the dome must still
-/// be turned.
+/// The law of levelling: the target of the wrist in radians; `None` if it stays. During a press the
+/// wrist is braked, and the prediction is the angle by which the dome must still turn.
 pub fn level(state: &FingertipState, predicted: &[f32]) -> Option<Angles> {
     let (Phase::Hold, &[roll, pitch]) = (state.phase, predicted) else { return None };
     Some([state.wrist[0] + GAIN * f64::from(roll), state.wrist[1] + GAIN * f64::from(pitch)])
@@ -59,8 +58,7 @@ pub fn feed(socket: &UdpSocket, input: &mut Input, ended: &AtomicBool) -> Result
 pub struct Timing {
     /// Cycles.
     pub cycles: u64,
-    /// Deadlines missed because the operating system woke the loop after half of the time to the
-    /// deadline.
+    /// Deadlines missed because the system woke the loop after half of the time to them.
     pub late: u64,
     /// Deadlines by which no prediction of every event was at hand.
     pub stale: u64,

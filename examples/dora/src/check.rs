@@ -1,18 +1,21 @@
-//! Whether a record accounts for every event, and has the bits of a single process.
+//! What to do with records: whether one accounts for every event and has the bits of a single
+//! process, and how long events took, hop by hop.
 //!
 //! An engine in this process ([`Replay`]) is given the events that the record says were accepted,
 //! and predicts where the record has a prediction.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
+use std::fmt::Write;
 use std::path::PathBuf;
+use std::time::Duration;
 
 use clap::Args;
 use meissner::{Event, Sensor};
-use meissner_packets::{AnyNetwork, Gap, Replay};
+use meissner_packets::{AnyNetwork, Gap, PacketError, Replay};
+use meissner_run::latency::Latency;
 use serde::Serialize;
 
 use crate::message::PredictionHeader;
-use crate::node::Failure;
 use crate::record::{Line, read};
 use crate::source::StreamOptions;
 
@@ -34,7 +37,6 @@ pub(crate) struct CheckOptions {
 /// What a check has found.
 #[derive(Debug, Default, PartialEq, Eq, Serialize)]
 pub(crate) struct Found {
-    /// Sensors in the record.
     pub(crate) sensors: usize,
     /// Lives of their sources.
     pub(crate) streams: usize,
@@ -55,9 +57,8 @@ pub(crate) struct Found {
 /// Checks the record, and prints what was found.
 ///
 /// # Errors
-/// An event is neither predicted on nor counted as dropped, a count is wrong, or a prediction has
-/// other bits.
-pub(crate) fn run(options: &CheckOptions) -> Result<String, Failure> {
+/// An event is unaccounted for, a count is wrong, or a prediction has other bits.
+pub(crate) fn run(options: &CheckOptions) -> Result<String, PacketError> {
     let network = AnyNetwork::named(&options.network, options.weights.as_deref())?;
     let (sensor, events) = options.stream.recorded()?;
     let found = check(&read(&options.record)?, &network, sensor, &events)?;
@@ -76,17 +77,17 @@ pub(crate) fn check(
     network: &AnyNetwork,
     sensor: Sensor,
     events: &[Event],
-) -> Result<Found, Failure> {
-    check_lines(lines, network, sensor, events).map_err(|failure| {
+) -> Result<Found, PacketError> {
+    check_lines(lines, network, sensor, events).map_err(|error| {
         let missed = lines.iter().filter_map(|line| match line {
             Line::Missed { input, messages, .. } => Some(format!("{messages} of {input}")),
             _ => None,
         });
         let missed: Vec<_> = missed.collect();
         if missed.is_empty() {
-            return failure;
+            return error;
         }
-        Failure::Check(format!("{failure}; the record lacks messages: {}", missed.join(", ")))
+        PacketError::Record(format!("{error}; the record lacks messages: {}", missed.join(", ")))
     })
 }
 
@@ -95,17 +96,17 @@ fn check_lines(
     network: &AnyNetwork,
     sensor: Sensor,
     events: &[Event],
-) -> Result<Found, Failure> {
+) -> Result<Found, PacketError> {
     let mut found = Found::default();
     let mut said = BTreeMap::<(&str, i64), Vec<((i64, u64), Said<'_>)>>::new();
     let mut told = BTreeMap::<(&str, &str, &str), u64>::new();
-    let mut lives = Vec::new();
+    let mut lives = BTreeSet::new();
     for line in lines {
         match line {
             Line::Prediction { header, values, .. } => {
                 let of_sensor = said.entry((&header.sensor, header.stream)).or_default();
                 of_sensor.push(((header.boot, header.order), Said::Prediction(header, values)));
-                lives.push(header.boot);
+                lives.insert(header.boot);
             }
             Line::Loss { header, boot, gap } => {
                 let of_sensor = said.entry((&header.sensor, header.stream)).or_default();
@@ -118,19 +119,17 @@ fn check_lines(
             Line::Command { .. } => (),
         }
     }
-    lives.sort_unstable();
-    lives.dedup();
     found.lives = lives.len();
     let streams: Vec<_> = said.keys().copied().collect();
     found.streams = streams.len();
     for (&(name, _, _), &sent) in told.iter().filter(|((_, what, _), _)| *what == "events_sent") {
         if sent > 0 && !streams.iter().any(|&(known, _)| known == name) {
-            return Err(Failure::Check(format!("{name}: nothing is said of its {sent} events")));
+            return Err(PacketError::Record(format!("{name}: nothing is said of its {sent} events")));
         }
     }
     for ((name, stream), mut said) in said {
         said.sort_by_key(|&(place, _)| place);
-        let wrong = |what: String| Failure::Check(format!("{name}: {what}"));
+        let wrong = |what: String| PacketError::Record(format!("{name}: {what}"));
         let mut replay = Replay::new(network, sensor, events)?;
         for (_, said) in said {
             match said {
@@ -143,8 +142,7 @@ fn check_lines(
                 }
             }
         }
-        // A source that was restarted has several streams. How much of the earlier ones it sent is
-        // not known.
+        // How much a source sent of streams before a restart is not known.
         if streams.iter().any(|&(other, later)| other == name && later > stream) {
             continue;
         }
@@ -178,5 +176,38 @@ fn check_lines(
     Ok(found)
 }
 
-#[cfg(test)]
-mod tests;
+/// Options of the latencies.
+#[derive(Clone, Debug, Args)]
+pub(crate) struct LatencyOptions {
+    /// The record; all nodes must have had the same clock
+    record: PathBuf,
+}
+
+/// Hops with their ends, in their order.
+const HOPS: [(&str, usize, usize); 4] =
+    [("source -> inference", 0, 1), ("inference", 1, 2), ("inference -> recorder", 2, 3), ("all", 0, 3)];
+
+/// A table of the latencies in a record.
+///
+/// # Errors
+/// It cannot be read.
+pub(crate) fn latencies(options: &LatencyOptions) -> Result<String, PacketError> {
+    let (mut hops, mut predictions) = (HOPS.map(|_| Latency::new()), 0);
+    for line in read(&options.record)? {
+        let Line::Prediction { header, recorded_ns, .. } = line else { continue };
+        predictions += 1;
+        let times = [header.events_sent_ns, header.events_received_ns, header.sent_ns, recorded_ns];
+        for (hop, (_, from, to)) in hops.iter_mut().zip(HOPS) {
+            // A clock that was set back between the two makes no time negative.
+            hop.record(Duration::from_nanos((times[to] - times[from]).max(1) as u64));
+        }
+    }
+    let mut table =
+        format!("| hop, {predictions} predictions | p50 us | p99 us | largest us |\n|---|---|---|---|\n");
+    for ((name, ..), hop) in HOPS.iter().zip(&hops) {
+        let [p50, p99, largest] = hop.quantiles().map_or([0.0; 3], |found| [found.p50, found.p99, found.max]);
+        writeln!(table, "| {name} | {p50:.0} | {p99:.0} | {largest:.0} |")
+            .expect("a string takes everything");
+    }
+    Ok(table)
+}

@@ -10,12 +10,15 @@ use std::time::{Duration, Instant};
 
 use clap::Args;
 use meissner::Event;
-use meissner_packets::{AnyNetwork, Gap, LiveOptions, LiveSensor, PacketError, Reason, StateWriter, now_ns};
+use meissner_packets::{
+    AnyNetwork, Gap, LiveOptions, LiveSensor, PacketError, Reason, StateWriter, failed, now_ns,
+};
+use meissner_run::error::chain;
 
 use crate::message::{
     Counter, EventsHeader, LossHeader, PredictionHeader, Stamp, read, read_events, texts_array, values_array,
 };
-use crate::node::{Failure, Inputs, Message, Outputs, start};
+use crate::node::{Inputs, Message, Outputs, start};
 
 /// Longest wait for what engines still have to do when the dataflow ends.
 const AT_THE_END: Duration = Duration::from_secs(2);
@@ -54,10 +57,9 @@ pub(crate) struct InferOptions {
 ///
 /// # Errors
 /// The daemon cannot be reached, a state cannot be read, or an engine fails.
-pub(crate) fn run(options: &InferOptions) -> Result<(), Failure> {
+pub(crate) fn run(options: &InferOptions) -> Result<(), PacketError> {
     if let Some(folder) = &options.state {
-        std::fs::create_dir_all(folder)
-            .map_err(|source| Failure::File { path: folder.display().to_string(), source })?;
+        std::fs::create_dir_all(folder).map_err(failed(folder.display().to_string()))?;
     }
     let sensors = LiveOptions {
         network: AnyNetwork::named(&options.network, options.weights.as_deref())?,
@@ -102,8 +104,8 @@ struct Inference {
 }
 
 /// An engine of `sensor` cannot go on.
-fn failed(sensor: &str) -> impl Fn(PacketError) -> Failure {
-    move |source| Failure::Sensor { sensor: sensor.to_owned(), source: source.into() }
+fn of_sensor(sensor: &str) -> impl FnOnce(PacketError) -> PacketError {
+    failed(format!("sensor {sensor}"))
 }
 
 impl Inference {
@@ -122,14 +124,14 @@ impl Inference {
     }
 
     /// Takes a message of events.
-    fn take(&mut self, message: &Message, deadline: Duration) -> Result<(), Failure> {
+    fn take(&mut self, message: &Message, deadline: Duration) -> Result<(), PacketError> {
         let input = &message.input;
         let headers = read::<Stamp>(&message.metadata)
             .and_then(|stamp| Ok((stamp, read::<EventsHeader>(&message.metadata)?)));
         let (stamp, header) = match headers {
             Ok(headers) => headers,
             Err(error) => {
-                self.refuse(input, &error.to_string());
+                self.refuse(input, &chain(&error));
                 return Ok(());
             }
         };
@@ -143,11 +145,11 @@ impl Inference {
             }
             // What the old life sent is predicted on before it is forgotten.
             self.predict(deadline.max(AT_THE_END), true)?;
-            self.sensors.remove(input).map_or(Ok(()), LiveSensor::close).map_err(failed(input))?;
+            self.sensors.remove(input).map_or(Ok(()), LiveSensor::close).map_err(of_sensor(input))?;
         }
         if !self.sensors.contains_key(input) {
             let started = LiveSensor::start(input, stamp.boot, geometry, &self.options);
-            let (mut sensor, refused) = started.map_err(failed(input))?;
+            let (mut sensor, refused) = started.map_err(of_sensor(input))?;
             sensor.dropped(self.dropped.remove(input).unwrap_or(0));
             self.sensors.insert(input.clone(), sensor);
             if let Some(error) = refused {
@@ -160,9 +162,9 @@ impl Inference {
         let place = (stamp.number, header.first, message.data.len());
         let times_ns = [stamp.sent_ns, message.received_ns];
         let gaps = sensor.take(place, events.is_ok().then_some(&self.events[..]), times_ns);
-        let gaps: Vec<Gap> = gaps.map_err(failed(input))?.collect();
+        let gaps: Vec<Gap> = gaps.map_err(of_sensor(input))?.collect();
         if let Err(error) = events {
-            self.refuse(input, &error.to_string());
+            self.refuse(input, &chain(&error));
         }
         gaps.into_iter().try_for_each(|gap| self.lose(input, stamp.boot, gap))
     }
@@ -177,7 +179,7 @@ impl Inference {
         }
     }
 
-    fn lose(&mut self, sensor: &str, stream: i64, gap: Gap) -> Result<(), Failure> {
+    fn lose(&mut self, sensor: &str, stream: i64, gap: Gap) -> Result<(), PacketError> {
         let header = LossHeader { sensor: sensor.to_owned(), stream, order: self.order };
         self.order += 1;
         self.outputs.send("losses", &header, texts_array(&[gap]))
@@ -188,9 +190,8 @@ impl Inference {
         self.sensors.values().map(LiveSensor::until_due).min().unwrap_or(Duration::MAX)
     }
 
-    /// Sends a prediction of each sensor for which one is due; with `at_once`, of each sensor with
-    /// news.
-    fn predict(&mut self, deadline: Duration, at_once: bool) -> Result<(), Failure> {
+    /// Sends predictions of the sensors for which one is due; with `at_once`, of those with news.
+    fn predict(&mut self, deadline: Duration, at_once: bool) -> Result<(), PacketError> {
         let is_due = |sensor: &LiveSensor| {
             if at_once { sensor.has_news() } else { sensor.until_due().is_zero() }
         };
@@ -198,7 +199,7 @@ impl Inference {
         let asked: Vec<_> = due.map(|sensor| (sensor.ask(deadline), sensor)).collect();
         for (asked, sensor) in asked {
             let (name, stream) = (sensor.name().to_owned(), sensor.stream());
-            let answer = sensor.answer(&asked, deadline).map_err(failed(&name))?;
+            let answer = sensor.answer(&asked, deadline).map_err(of_sensor(&name))?;
             let Some(predicted) = answer else { continue };
             let place = predicted.place;
             let header = PredictionHeader {
@@ -231,7 +232,7 @@ impl Inference {
     }
 
     /// Sends the counts.
-    fn tell(&mut self) -> Result<(), Failure> {
+    fn tell(&mut self) -> Result<(), PacketError> {
         let mut all: Vec<_> = self.sensors.values().flat_map(counters).collect();
         let refused = self.refused.iter();
         all.extend(refused.map(|(input, &count)| Counter::new(input, "messages_refused", count)));
@@ -239,11 +240,11 @@ impl Inference {
     }
 
     /// Predicts on what is left, sends the last counts and writes the states.
-    fn end(mut self) -> Result<(), Failure> {
+    fn end(mut self) -> Result<(), PacketError> {
         self.predict(AT_THE_END, true)?;
         self.tell()?;
         self.writer.close();
-        self.sensors.into_iter().try_for_each(|(name, sensor)| sensor.close().map_err(failed(&name)))
+        self.sensors.into_iter().try_for_each(|(name, sensor)| sensor.close().map_err(of_sensor(&name)))
     }
 }
 

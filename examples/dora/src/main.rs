@@ -1,5 +1,4 @@
-//! Nodes of dora dataflows: events from sensors, inference with Meissner, control, records and
-//! metrics.
+//! Nodes of dora dataflows: events, inference with Meissner, control, records and metrics.
 //!
 //! ```text
 //! source --events--> infer --predictions--> control --commands--> record
@@ -15,7 +14,7 @@
 //! | [`infer`] | an engine for each input: `meissner_packets`, between dora's inputs and outputs |
 //! | [`control`] | commands by a deadline |
 //! | [`record`], [`metrics`] | what was said, in a file and for Prometheus |
-//! | [`check`], [`latency`] | a record against a single process; how long hops took |
+//! | [`check`] | a record against a single process; how long hops took |
 //!
 //! Invariant: every event that a source sent is covered by a prediction or counted as dropped with
 //! a reason, and a prediction has the bits of an engine in one process that was given the same
@@ -24,12 +23,13 @@
 mod check;
 mod control;
 mod infer;
-mod latency;
 mod message;
 mod metrics;
 mod node;
 mod record;
 mod source;
+#[cfg(test)]
+mod tests;
 
 use std::process::ExitCode;
 
@@ -53,7 +53,7 @@ enum Arguments {
     /// Checks a record against a single process
     Check(check::CheckOptions),
     /// Shows the latencies in a record
-    Latency(latency::LatencyOptions),
+    Latency(check::LatencyOptions),
 }
 
 fn main() -> ExitCode {
@@ -64,7 +64,7 @@ fn main() -> ExitCode {
         Arguments::Record(options) => record::run(&options),
         Arguments::Metrics(options) => metrics::run(&options),
         Arguments::Check(options) => check::run(&options).map(|found| println!("{found}")),
-        Arguments::Latency(options) => latency::run(&options).map(|table| print!("{table}")),
+        Arguments::Latency(options) => check::latencies(&options).map(|table| print!("{table}")),
     };
     let Err(error) = done else { return ExitCode::SUCCESS };
     eprintln!("error: {}", chain(&error));

@@ -4,7 +4,7 @@
 //!
 //! | output | array | further metadata |
 //! |---|---|---|
-//! | `events` | struct of `t_us` i64, `x` u16, `y` u16, `on` bool | the fields of [`EventsHeader`] |
+//! | `events` | struct: `t_us` i64, `x` u16, `y` u16, `on` bool | the fields of [`EventsHeader`] |
 //! | `predictions` | f32, the outputs of the network | the fields of [`PredictionHeader`] |
 //! | `losses` | utf8, a [`Gap`](meissner_packets::Gap) as JSON | the fields of [`LossHeader`] |
 //! | `counters` | utf8, each a [`Counter`] as JSON | |
@@ -20,27 +20,10 @@ use dora_node_api::arrow_v59::array::{
 use dora_node_api::arrow_v59::datatypes::Field;
 use dora_node_api::{DoraArray, MetadataParameters, Parameter};
 use meissner::{Event, Sensor};
+use meissner_packets::{PacketError, failed};
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
-use thiserror::Error;
-
-/// A message that is not of the form that its output has.
-#[derive(Debug, Error)]
-pub(crate) enum MessageError {
-    /// A metadatum is absent, of another type or out of range.
-    #[error("metadata: {0}")]
-    Metadata(serde_json::Error),
-    /// The array has another type.
-    #[error("array: expected {expected}, got {found}")]
-    Array { expected: &'static str, found: String },
-    /// The array has nulls.
-    #[error("array: expected no nulls, got {0}")]
-    Nulls(usize),
-    /// A text is not the JSON that it should be.
-    #[error("text: {0}")]
-    Text(serde_json::Error),
-}
 
 /// Metadata with the fields of `entries`: integers, truth values and texts. Others are left out.
 pub(crate) fn metadata(entries: &impl Serialize) -> MetadataParameters {
@@ -60,7 +43,7 @@ pub(crate) fn metadata(entries: &impl Serialize) -> MetadataParameters {
 }
 
 /// The fields of `T` in `metadata`.
-pub(crate) fn read<T: DeserializeOwned>(metadata: &MetadataParameters) -> Result<T, MessageError> {
+pub(crate) fn read<T: DeserializeOwned>(metadata: &MetadataParameters) -> Result<T, PacketError> {
     let value = |(key, parameter): (&String, &Parameter)| {
         let value = match parameter {
             Parameter::Bool(value) => (*value).into(),
@@ -72,7 +55,7 @@ pub(crate) fn read<T: DeserializeOwned>(metadata: &MetadataParameters) -> Result
         Some((key.clone(), value))
     };
     let entries: Map<String, Value> = metadata.iter().filter_map(value).collect();
-    serde_json::from_value(Value::Object(entries)).map_err(MessageError::Metadata)
+    serde_json::from_value(Value::Object(entries)).map_err(failed("metadata"))
 }
 
 /// Which message it is.
@@ -91,14 +74,11 @@ pub(crate) struct Stamp {
 pub(crate) struct EventsHeader {
     /// Number of its first event in the life of the source, also of a message without events.
     pub(crate) first: u64,
-    /// Columns of the sensor.
     pub(crate) width: NonZeroU16,
-    /// Rows of the sensor.
     pub(crate) height: NonZeroU16,
 }
 
 impl EventsHeader {
-    /// The sensor.
     pub(crate) fn sensor(&self) -> Sensor {
         Sensor::new(self.width.get(), self.height.get())
     }
@@ -117,8 +97,7 @@ pub(crate) struct PredictionHeader {
     pub(crate) number: u64,
     /// Place among all messages in this life of the inference node.
     pub(crate) order: u64,
-    /// Number of the first event that it does not cover: all before it were given to the engine, or
-    /// are in a loss.
+    /// Number of the first event that it does not cover; those before were taken or lost.
     pub(crate) next: u64,
     /// Events that were given to the engine, of this stream.
     pub(crate) accepted: u64,
@@ -139,7 +118,6 @@ pub(crate) struct PredictionHeader {
 /// Where a loss belongs.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub(crate) struct LossHeader {
-    /// Name of the sensor.
     pub(crate) sensor: String,
     /// Life of the source.
     pub(crate) stream: i64,
@@ -150,7 +128,6 @@ pub(crate) struct LossHeader {
 /// What a command was made from.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub(crate) struct CommandHeader {
-    /// Name of the sensor.
     pub(crate) sensor: String,
     /// Whether it was made from a new prediction.
     pub(crate) fresh: bool,
@@ -161,9 +138,7 @@ pub(crate) struct CommandHeader {
 /// A count of a sensor.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub(crate) struct Counter {
-    /// Name of the sensor.
     pub(crate) sensor: String,
-    /// What is counted.
     pub(crate) name: String,
     /// Why, for what was dropped; otherwise empty.
     pub(crate) reason: String,
@@ -172,12 +147,10 @@ pub(crate) struct Counter {
 }
 
 impl Counter {
-    /// A count without a reason.
     pub(crate) fn new(sensor: &str, name: &str, value: u64) -> Self {
         Self::with_reason(sensor, name, "", value)
     }
 
-    /// A count with a reason.
     pub(crate) fn with_reason(sensor: &str, name: &str, reason: &str, value: u64) -> Self {
         let [sensor, name, reason] = [sensor, name, reason].map(str::to_owned);
         Self { sensor, name, reason, value }
@@ -186,51 +159,50 @@ impl Counter {
 
 /// Events as an array.
 pub(crate) fn events_array(events: &[Event]) -> ArrayRef {
-    let column =
-        |name: &str, array: ArrayRef| (Arc::new(Field::new(name, array.data_type().clone(), false)), array);
-    let times: Int64Array = events.iter().map(|event| event.t_us).collect::<Vec<_>>().into();
-    let columns: UInt16Array = events.iter().map(|event| event.x).collect::<Vec<_>>().into();
-    let rows: UInt16Array = events.iter().map(|event| event.y).collect::<Vec<_>>().into();
+    let times = Int64Array::from_iter_values(events.iter().map(|event| event.t_us));
+    let columns = UInt16Array::from_iter_values(events.iter().map(|event| event.x));
+    let rows = UInt16Array::from_iter_values(events.iter().map(|event| event.y));
     let on: BooleanArray = events.iter().map(|event| event.on).collect::<Vec<_>>().into();
-    Arc::new(StructArray::from(vec![
-        column("t_us", Arc::new(times)),
-        column("x", Arc::new(columns)),
-        column("y", Arc::new(rows)),
-        column("on", Arc::new(on)),
-    ]))
+    let arrays: [(&str, ArrayRef); 4] =
+        [("t_us", Arc::new(times)), ("x", Arc::new(columns)), ("y", Arc::new(rows)), ("on", Arc::new(on))];
+    let column = |(name, array): (&str, ArrayRef)| {
+        (Arc::new(Field::new(name, array.data_type().clone(), false)), array)
+    };
+    Arc::new(StructArray::from(arrays.map(column).to_vec()))
 }
 
 const EVENTS: &str = "a struct of t_us i64, x u16, y u16, on bool";
 
 /// The events in `data`, appended to `events`.
-pub(crate) fn read_events(data: &DoraArray, events: &mut Vec<Event>) -> Result<(), MessageError> {
+pub(crate) fn read_events(data: &DoraArray, events: &mut Vec<Event>) -> Result<(), PacketError> {
     let rows: &StructArray = array(data, EVENTS)?;
-    let nulls = rows.columns().iter().map(Array::null_count).sum::<usize>();
-    if nulls > 0 {
-        return Err(MessageError::Nulls(nulls));
-    }
+    without_nulls(rows.columns().iter().map(Array::null_count).sum())?;
     let times: &Int64Array = column(rows, "t_us")?;
     let columns: &UInt16Array = column(rows, "x")?;
     let lines: &UInt16Array = column(rows, "y")?;
     let on: &BooleanArray = column(rows, "on")?;
-    events.extend(
-        (0..rows.len())
-            .map(|row| Event::new(times.value(row), columns.value(row), lines.value(row), on.value(row))),
-    );
+    let event = |row| Event::new(times.value(row), columns.value(row), lines.value(row), on.value(row));
+    events.extend((0..rows.len()).map(event));
     Ok(())
 }
 
 /// An array without nulls, of the type that is expected.
-fn array<'a, A: Array + 'static>(data: &'a DoraArray, expected: &'static str) -> Result<&'a A, MessageError> {
+fn array<'a, A: Array + 'static>(data: &'a DoraArray, expected: &'static str) -> Result<&'a A, PacketError> {
     let array = data.as_array().as_any().downcast_ref::<A>();
-    let array = array.ok_or_else(|| MessageError::Array { expected, found: data.type_name() })?;
-    if array.null_count() > 0 { Err(MessageError::Nulls(array.null_count())) } else { Ok(array) }
+    let array = array.ok_or_else(|| PacketError::unexpected("array", expected, &data.type_name()))?;
+    without_nulls(array.null_count())?;
+    Ok(array)
+}
+
+fn without_nulls(nulls: usize) -> Result<(), PacketError> {
+    if nulls == 0 { Ok(()) } else { Err(PacketError::unexpected("array", "no nulls", &nulls.to_string())) }
 }
 
 /// A column of events by its name.
-fn column<'a, A: 'static>(rows: &'a StructArray, name: &str) -> Result<&'a A, MessageError> {
+fn column<'a, A: 'static>(rows: &'a StructArray, name: &str) -> Result<&'a A, PacketError> {
     let column = rows.column_by_name(name).and_then(|column| column.as_any().downcast_ref());
-    column.ok_or_else(|| MessageError::Array { expected: EVENTS, found: format!("{:?}", rows.data_type()) })
+    let found = || format!("{:?}", rows.data_type());
+    column.ok_or_else(|| PacketError::unexpected("array", EVENTS, &found()))
 }
 
 /// The values of a prediction as an array.
@@ -239,7 +211,7 @@ pub(crate) fn values_array(values: &[f32]) -> ArrayRef {
 }
 
 /// The values of a prediction.
-pub(crate) fn read_values(data: &DoraArray) -> Result<Vec<f32>, MessageError> {
+pub(crate) fn read_values(data: &DoraArray) -> Result<Vec<f32>, PacketError> {
     Ok(array::<Float32Array>(data, "f32")?.values().to_vec())
 }
 
@@ -249,7 +221,7 @@ pub(crate) fn turn_array(turn: [f64; 2]) -> ArrayRef {
 }
 
 /// A command.
-pub(crate) fn read_turn(data: &DoraArray) -> Result<Vec<f64>, MessageError> {
+pub(crate) fn read_turn(data: &DoraArray) -> Result<Vec<f64>, PacketError> {
     Ok(array::<Float64Array>(data, "f64")?.values().to_vec())
 }
 
@@ -260,10 +232,7 @@ pub(crate) fn texts_array<T: Serialize>(items: &[T]) -> ArrayRef {
 }
 
 /// The items in texts of JSON.
-pub(crate) fn read_texts<T: DeserializeOwned>(data: &DoraArray) -> Result<Vec<T>, MessageError> {
+pub(crate) fn read_texts<T: DeserializeOwned>(data: &DoraArray) -> Result<Vec<T>, PacketError> {
     let texts: &StringArray = array(data, "utf8")?;
-    texts.iter().flatten().map(|text| serde_json::from_str(text).map_err(MessageError::Text)).collect()
+    texts.iter().flatten().map(|text| serde_json::from_str(text).map_err(failed("text"))).collect()
 }
-
-#[cfg(test)]
-mod tests;

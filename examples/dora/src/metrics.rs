@@ -1,8 +1,6 @@
-//! The metrics node: counts and latencies of the other nodes, in Prometheus's text format over
-//! HTTP.
+//! The metrics node: counts and latencies of the nodes in Prometheus's text format.
 //!
-//! One request at a time, of a bounded length and time; whatever else is asked than `GET /metrics`
-//! is answered with 404.
+//! One request at a time, of a bounded length and time; all but `GET /metrics` gives 404.
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
@@ -13,9 +11,10 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 use clap::Args;
+use meissner_packets::{PacketError, failed};
 
-use crate::message::{Counter, MessageError, PredictionHeader, read, read_texts};
-use crate::node::{Failure, Message, start};
+use crate::message::{Counter, PredictionHeader, read, read_texts};
+use crate::node::{Message, start};
 
 /// Longest wait for a message.
 const NAP: Duration = Duration::from_millis(100);
@@ -47,8 +46,7 @@ const COUNTS: [(&str, &str); 11] = [
     ("messages_missed", "Messages that did not reach the metrics node, by input and reason"),
 ];
 
-/// Upper bounds of the latencies' buckets: from 50 microseconds, each twice the one before, to 1.6
-/// seconds.
+/// Upper bounds of the latencies' buckets: from 50 microseconds, doubling, to 1.6 seconds.
 const BUCKETS: usize = 16;
 
 /// Latencies of a hop: counts by bucket, the last for longer ones, and the sum in seconds.
@@ -60,7 +58,7 @@ struct Hop {
 
 /// What was told so far.
 #[derive(Debug, Default)]
-struct Metrics {
+pub(crate) struct Metrics {
     /// By name, sensor and reason.
     counts: BTreeMap<(String, String, String), u64>,
     /// By sensor and hop.
@@ -69,7 +67,7 @@ struct Metrics {
 
 impl Metrics {
     /// Takes what a node has counted.
-    fn count(&mut self, Counter { sensor, name, reason, value }: Counter) {
+    pub(crate) fn count(&mut self, Counter { sensor, name, reason, value }: Counter) {
         self.counts.insert((name, sensor, reason), value);
     }
 
@@ -85,7 +83,7 @@ impl Metrics {
         }
     }
 
-    fn take(&mut self, message: &Message) -> Result<(), MessageError> {
+    fn take(&mut self, message: &Message) -> Result<(), PacketError> {
         if message.metadata.contains_key("next") {
             self.time(&read(&message.metadata)?, message.received_ns);
         } else {
@@ -95,7 +93,7 @@ impl Metrics {
     }
 
     /// The page.
-    fn text(&self) -> Result<String, std::fmt::Error> {
+    pub(crate) fn text(&self) -> Result<String, std::fmt::Error> {
         let mut text = String::new();
         for (name, help) in COUNTS {
             writeln!(text, "# HELP meissner_{name} {help}.\n# TYPE meissner_{name} counter")?;
@@ -134,12 +132,11 @@ fn bound(bucket: usize) -> f64 {
 ///
 /// # Errors
 /// The address is taken, or the daemon cannot be reached.
-pub(crate) fn run(options: &MetricsOptions) -> Result<(), Failure> {
+pub(crate) fn run(options: &MetricsOptions) -> Result<(), PacketError> {
     let metrics = Arc::new(Mutex::new(Metrics::default()));
     let shown = Arc::clone(&metrics);
-    let address = options.listen.clone();
     let page = move || shown.lock().unwrap_or_else(PoisonError::into_inner).text().unwrap_or_default();
-    serve(&options.listen, page).map_err(|source| Failure::Address { address, source })?;
+    serve(&options.listen, page).map_err(failed(options.listen.clone()))?;
     let (outputs, mut inputs) = start()?;
     while !inputs.have_ended() {
         for message in inputs.take(NAP) {
@@ -150,7 +147,7 @@ pub(crate) fn run(options: &MetricsOptions) -> Result<(), Failure> {
                 *metrics.counts.entry(labels).or_default() += messages;
             }
             if let Err(error) = missing.and_then(|_| metrics.take(&message)) {
-                outputs.warn(&format!("{}: {error}", message.input));
+                outputs.warn_of(&message, &error);
             }
         }
     }
@@ -158,7 +155,7 @@ pub(crate) fn run(options: &MetricsOptions) -> Result<(), Failure> {
 }
 
 /// Serves `page` at `address` in a thread of its own, for as long as the process lives.
-fn serve(address: &str, page: impl Fn() -> String + Send + 'static) -> io::Result<SocketAddr> {
+pub(crate) fn serve(address: &str, page: impl Fn() -> String + Send + 'static) -> io::Result<SocketAddr> {
     let listener = TcpListener::bind(address)?;
     let bound = listener.local_addr()?;
     thread::spawn(move || {
@@ -193,49 +190,4 @@ fn answer(mut client: TcpStream, page: impl Fn() -> String) -> io::Result<()> {
     );
     client.write_all(head.as_bytes())?;
     client.write_all(body.as_bytes())
-}
-
-#[cfg(test)]
-mod tests {
-    use std::io::{Read, Write};
-    use std::net::TcpStream;
-
-    use super::{Metrics, serve};
-    use crate::message::Counter;
-
-    fn ask(address: std::net::SocketAddr, request: &[u8]) -> String {
-        let mut client = TcpStream::connect(address).unwrap();
-        client.write_all(request).unwrap();
-        let mut answer = String::new();
-        client.read_to_string(&mut answer).unwrap();
-        answer
-    }
-
-    #[test]
-    fn the_page_is_served_and_nothing_else() {
-        let address = serve("127.0.0.1:0", || "text".to_owned()).unwrap();
-        let answer = ask(address, b"GET /metrics HTTP/1.1\r\nHost: x\r\n\r\n");
-        assert!(answer.starts_with("HTTP/1.1 200 OK\r\n") && answer.ends_with("\r\n\r\ntext"), "{answer}");
-        for request in [&b"GET / HTTP/1.1\r\n\r\n"[..], b"\r\n\r\n", b"POST /metrics HTTP/1.1\r\n\r\n"] {
-            assert!(ask(address, request).starts_with("HTTP/1.1 404 "));
-        }
-        // One that says nothing does not keep the others waiting for ever.
-        let _silent = TcpStream::connect(address).unwrap();
-        assert!(ask(address, b"GET /metrics HTTP/1.1\r\n\r\n").ends_with("text"));
-    }
-
-    #[test]
-    fn counts_are_shown_as_they_were_last_told_and_unknown_ones_are_not() {
-        let mut metrics = Metrics::default();
-        for value in [3, 7] {
-            metrics.count(Counter::new("finger", "events_sent", value));
-            metrics.count(Counter::with_reason("finger", "events_dropped", "link", value));
-            metrics.count(Counter::new("finger", "something", value));
-        }
-        let text = metrics.text().unwrap();
-        assert!(text.contains("meissner_events_sent_total{sensor=\"finger\"} 7\n"), "{text}");
-        let dropped = "meissner_events_dropped_total{sensor=\"finger\",reason=\"link\"} 7\n";
-        assert!(text.contains(dropped), "{text}");
-        assert!(!text.contains("something") && text.ends_with("# EOF\n"), "{text}");
-    }
 }

@@ -6,37 +6,11 @@ use std::time::Duration;
 use dora_node_api::arrow_v59::array::ArrayRef;
 use dora_node_api::dora_core::config::DataId;
 use dora_node_api::{DoraArray, DoraNode, Event, EventStream, MetadataParameters, NodeError};
-use meissner_packets::{Numbers, PacketError, Reason, now_ns};
+use meissner_packets::{Numbers, PacketError, Reason, failed, now_ns};
+use meissner_run::error::chain;
 use serde::Serialize;
-use thiserror::Error;
 
-use crate::message::{MessageError, Stamp, metadata, read};
-
-/// A node cannot go on.
-#[derive(Debug, Error)]
-pub(crate) enum Failure {
-    /// The daemon refuses the node, or an output.
-    #[error("the node's daemon")]
-    Dora(#[from] NodeError),
-    /// A network or a recording cannot be used.
-    #[error(transparent)]
-    Run(#[from] meissner_run::RunError),
-    /// An engine cannot go on.
-    #[error("sensor {sensor}")]
-    Sensor { sensor: String, source: Box<PacketError> },
-    /// A file cannot be used.
-    #[error("{path}")]
-    File { path: String, source: std::io::Error },
-    /// An address cannot be listened at.
-    #[error("{address}")]
-    Address { address: String, source: std::io::Error },
-    /// A line of a record cannot be read.
-    #[error("line {line} of the record")]
-    Record { line: usize, source: serde_json::Error },
-    /// A record is not what it should be.
-    #[error("{0}")]
-    Check(String),
-}
+use crate::message::{Stamp, metadata, read};
 
 /// The side of a node that sends.
 pub(crate) struct Outputs {
@@ -49,10 +23,15 @@ pub(crate) struct Outputs {
 ///
 /// # Errors
 /// No daemon has, or it cannot be reached.
-pub(crate) fn start() -> Result<(Outputs, Inputs), Failure> {
-    let (node, events) = DoraNode::init_from_env()?;
+pub(crate) fn start() -> Result<(Outputs, Inputs), PacketError> {
+    let (node, events) = DoraNode::init_from_env().map_err(daemon)?;
     let outputs = Outputs { node, boot: now_ns(), numbers: BTreeMap::new() };
     Ok((outputs, Inputs { events, has_ended: false, numbers: HashMap::new() }))
+}
+
+/// The daemon refuses the node, or an output.
+fn daemon(error: NodeError) -> PacketError {
+    failed("the node's daemon")(chain(&error))
 }
 
 impl Outputs {
@@ -76,28 +55,31 @@ impl Outputs {
         output: &'static str,
         header: &impl Serialize,
         array: ArrayRef,
-    ) -> Result<(), Failure> {
+    ) -> Result<(), PacketError> {
         let number = self.numbers.entry(output).or_default();
         let mut entries = metadata(header);
         entries.extend(metadata(&Stamp { boot: self.boot, number: *number, sent_ns: now_ns() }));
         *number += 1;
-        Ok(self.node.send_output(DataId::from(output.to_owned()), entries, DoraArray::from(array))?)
+        let sent = self.node.send_output(DataId::from(output.to_owned()), entries, DoraArray::from(array));
+        sent.map_err(daemon)
     }
 
     /// Writes a warning to the log of the dataflow.
     pub(crate) fn warn(&self, text: &str) {
         self.node.log_warn(text);
     }
+
+    /// Warns of a message that is not as it must be.
+    pub(crate) fn warn_of(&self, message: &Message, error: &PacketError) {
+        self.warn(&format!("{}: {}", message.input, chain(error)));
+    }
 }
 
 /// A message that has arrived.
 #[derive(Debug)]
 pub(crate) struct Message {
-    /// The input.
     pub(crate) input: String,
-    /// Its metadata.
     pub(crate) metadata: MetadataParameters,
-    /// Its array.
     pub(crate) data: DoraArray,
     /// When it was taken from the queue, in nanoseconds since 1970.
     pub(crate) received_ns: i64,
@@ -112,8 +94,7 @@ pub(crate) struct Inputs {
 }
 
 impl Inputs {
-    /// The messages that are there, in order of arrival on each input; waits at most `most` for the
-    /// first. Empty if none has come.
+    /// The messages that are there, in order on each input; waits at most `most` for the first.
     pub(crate) fn take(&mut self, most: Duration) -> Vec<Message> {
         let mut messages = Vec::new();
         if !most.is_zero() {
@@ -154,12 +135,11 @@ impl Inputs {
         self.events.drain_drop_counts().into_iter().map(|(input, count)| (input.to_string(), count))
     }
 
-    /// How many messages are missing before `message` on its input, and why; also notes what the
-    /// queues dropped.
+    /// How many messages are missing before `message` on its input, and why.
     ///
     /// # Errors
     /// The message has no number.
-    pub(crate) fn missing(&mut self, message: &Message) -> Result<Option<(u64, Reason)>, MessageError> {
+    pub(crate) fn missing(&mut self, message: &Message) -> Result<Option<(u64, Reason)>, PacketError> {
         for (input, count) in self.dropped() {
             self.numbers.entry(input).or_default().1.dropped(count);
         }

@@ -9,14 +9,13 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use clap::Args;
-use meissner_packets::Gap;
+use meissner_packets::{Gap, PacketError, failed};
 use serde::{Deserialize, Serialize};
 
 use crate::message::{
-    self, CommandHeader, Counter, LossHeader, MessageError, PredictionHeader, Stamp, read_texts, read_turn,
-    read_values,
+    self, CommandHeader, Counter, LossHeader, PredictionHeader, Stamp, read_texts, read_turn, read_values,
 };
-use crate::node::{Failure, Inputs, Message, Outputs, start};
+use crate::node::{Inputs, Message, Outputs, start};
 
 /// Longest wait for a message.
 const NAP: Duration = Duration::from_millis(100);
@@ -34,22 +33,18 @@ pub(crate) struct RecordOptions {
 pub(crate) enum Line {
     /// A prediction.
     Prediction {
-        /// What it covers, and when it was made.
         #[serde(flatten)]
         header: PredictionHeader,
         /// When it arrived here.
         recorded_ns: i64,
-        /// The outputs of the network.
         values: Vec<f32>,
     },
     /// Events that no prediction covers.
     Loss {
-        /// Where they belong.
         #[serde(flatten)]
         header: LossHeader,
         /// Life of the inference node.
         boot: i64,
-        /// Which events, and why.
         #[serde(flatten)]
         gap: Gap,
     },
@@ -57,33 +52,23 @@ pub(crate) enum Line {
     Counters {
         /// Life of the node.
         boot: i64,
-        /// The counts.
         counters: Vec<Counter>,
     },
     /// A command of the controller.
     Command {
-        /// What it was made from.
         #[serde(flatten)]
         header: CommandHeader,
-        /// When it was sent.
         sent_ns: i64,
         /// Roll and pitch in radians.
         turn: Vec<f64>,
     },
     /// Messages that did not arrive here.
-    Missed {
-        /// The input.
-        input: String,
-        /// Their number.
-        messages: u64,
-        /// Why.
-        reason: String,
-    },
+    Missed { input: String, messages: u64, reason: String },
 }
 
 impl Line {
     /// The lines that say what `message` says.
-    fn of(message: &Message) -> Result<Vec<Self>, MessageError> {
+    fn of(message: &Message) -> Result<Vec<Self>, PacketError> {
         let Message { input, metadata, data, received_ns } = message;
         let Stamp { boot, sent_ns, .. } = message::read(metadata)?;
         Ok(match output(input) {
@@ -105,7 +90,7 @@ impl Line {
 }
 
 /// What an input has: its name up to the first dash, so that there can be several of a kind.
-fn output(input: &str) -> &str {
+pub(crate) fn output(input: &str) -> &str {
     input.split_once('-').map_or(input, |(output, _)| output)
 }
 
@@ -113,22 +98,20 @@ fn output(input: &str) -> &str {
 ///
 /// # Errors
 /// It cannot be read.
-pub(crate) fn read(path: &Path) -> Result<Vec<Line>, Failure> {
-    let file = |source| Failure::File { path: path.display().to_string(), source };
-    let text = std::fs::read_to_string(path).map_err(file)?;
-    let lines = text.lines().enumerate();
+pub(crate) fn read(path: &Path) -> Result<Vec<Line>, PacketError> {
+    let text = std::fs::read_to_string(path).map_err(failed(path.display().to_string()))?;
     let line = |(number, line): (usize, &str)| {
-        serde_json::from_str(line).map_err(|source| Failure::Record { line: number + 1, source })
+        serde_json::from_str(line).map_err(failed(format!("line {} of the record", number + 1)))
     };
-    lines.map(line).collect()
+    text.lines().enumerate().map(line).collect()
 }
 
 /// Runs the node until the dataflow ends.
 ///
 /// # Errors
 /// The file cannot be written, or the daemon cannot be reached.
-pub(crate) fn run(options: &RecordOptions) -> Result<(), Failure> {
-    let file = |source| Failure::File { path: options.file.display().to_string(), source };
+pub(crate) fn run(options: &RecordOptions) -> Result<(), PacketError> {
+    let file = |source: std::io::Error| failed(options.file.display().to_string())(source);
     if let Some(folder) = options.file.parent() {
         std::fs::create_dir_all(folder).map_err(file)?;
     }
@@ -164,44 +147,8 @@ fn write(
             lines.iter().try_for_each(put)
         }
         Err(error) => {
-            outputs.warn(&format!("{}: {error}", message.input));
+            outputs.warn_of(message, &error);
             Ok(())
         }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::{Line, output};
-    use crate::message::PredictionHeader;
-
-    #[test]
-    fn a_line_is_read_back_with_the_bits_of_its_values() {
-        let header = PredictionHeader {
-            sensor: "finger".to_owned(),
-            stream: 1,
-            boot: 2,
-            number: 3,
-            order: 4,
-            next: 5,
-            accepted: 5,
-            t_us: Some(6),
-            nodes: 7,
-            fresh: false,
-            events_sent_ns: 8,
-            events_received_ns: 9,
-            sent_ns: 10,
-        };
-        // A value of each exponent, with an odd mantissa.
-        let values = (0..255_u32).map(|exponent| f32::from_bits(exponent << 23 | 0x2a_aaab)).collect();
-        let line = Line::Prediction { header, recorded_ns: 11, values };
-        let text = serde_json::to_string(&line).unwrap();
-        assert_eq!(serde_json::from_str::<Line>(&text).unwrap(), line);
-        assert!(text.starts_with(r#"{"kind":"prediction","sensor":"finger""#), "{text}");
-    }
-
-    #[test]
-    fn several_inputs_of_a_kind_have_names_with_a_dash() {
-        assert_eq!(["counters", "counters-source", "losses"].map(output), ["counters", "counters", "losses"]);
     }
 }

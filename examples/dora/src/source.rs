@@ -1,9 +1,7 @@
-//! The source node: events of a recording at real speed or another, or those that arrive on a
-//! stream, as messages.
+//! The source node: events of a recording at a speed, or of a stream, as messages.
 //!
-//! Every event has a number, and each message that of its first event. While there is nothing to
-//! send, messages without events tell the number of the next one, so that a receiver knows what it
-//! has missed, also at the end.
+//! Each message has the number of its first event. While there is nothing to send, messages without
+//! events tell the next number, so that a receiver knows what it has missed.
 
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
@@ -11,19 +9,19 @@ use std::time::{Duration, Instant};
 use clap::Args;
 use meissner::io::ReadOptions;
 use meissner::{Event, Sensor};
-use meissner_packets::{FeedOptions, feed};
+use meissner_packets::{FeedOptions, PacketError, feed};
 use meissner_run::RunError;
 use meissner_run::source::Source;
 use meissner_run::text::sensor;
 
 use crate::message::{Counter, EventsHeader, events_array, texts_array};
-use crate::node::{Failure, Outputs, start};
+use crate::node::{Outputs, start};
 
 /// Longest time until an end of the dataflow is noticed.
 const NAP: Duration = Duration::from_millis(50);
 
 /// Stream time between two runs of a recording, in microseconds.
-const PAUSE_US: i64 = 10_000;
+pub(crate) const PAUSE_US: i64 = 10_000;
 
 /// Which events a source sends.
 #[derive(Clone, Debug, Args)]
@@ -61,7 +59,7 @@ impl StreamOptions {
 }
 
 /// `events`, `runs` times; each run begins a pause after the end of the run before.
-fn repeated(events: &[Event], runs: u32) -> Vec<Event> {
+pub(crate) fn repeated(events: &[Event], runs: u32) -> Vec<Event> {
     let times = || events.iter().map(|event| event.t_us);
     let (Some(first), Some(last)) = (times().min(), times().max()) else { return Vec::new() };
     let span = last.saturating_sub(first).saturating_add(PAUSE_US);
@@ -103,7 +101,7 @@ fn speed(text: &str) -> Result<f64, String> {
 ///
 /// # Errors
 /// The recording cannot be read, or the daemon cannot be reached.
-pub(crate) fn run(options: &SourceOptions) -> Result<(), Failure> {
+pub(crate) fn run(options: &SourceOptions) -> Result<(), PacketError> {
     let (sensor, source) = options.stream.open()?;
     let is_live = source.is_live();
     let events: Box<dyn Iterator<Item = _> + Send> = if is_live {
@@ -145,15 +143,13 @@ struct Node {
     /// When the last message was sent, and the last counts.
     sent: Instant,
     told: Instant,
-    /// Events and messages that were sent, and the longest time from when an event was due until it
-    /// was sent, in microseconds.
+    /// Events and messages that were sent, and the longest delay of an event in microseconds.
     counts: [u64; 3],
 }
 
 impl Node {
-    /// Sends events of which the first was due at `due`, or a message without events if it is time;
-    /// and counts.
-    fn pass_on(&mut self, events: &[Event], due: Instant) -> Result<(), Failure> {
+    /// Sends and counts events of which the first was due at `due`, or none if it is time.
+    fn pass_on(&mut self, events: &[Event], due: Instant) -> Result<(), PacketError> {
         if !events.is_empty() || self.sent.elapsed() >= self.idle {
             let [width, height] = [self.sensor.width, self.sensor.height]
                 .map(|side| side.try_into().expect("a sensor has pixels"));
@@ -167,26 +163,10 @@ impl Node {
         if self.told.elapsed() >= self.idle { self.tell() } else { Ok(()) }
     }
 
-    fn tell(&mut self) -> Result<(), Failure> {
+    fn tell(&mut self) -> Result<(), PacketError> {
         self.told = Instant::now();
         let counters =
             COUNTS.iter().zip(self.counts).map(|(name, count)| Counter::new(&self.name, name, count));
         self.outputs.send("counters", &(), texts_array(&counters.collect::<Vec<_>>()))
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use meissner::Event;
-
-    use super::{PAUSE_US, repeated};
-
-    #[test]
-    fn the_times_of_a_second_run_go_on_after_a_pause() {
-        let events = [Event::new(5, 1, 1, true), Event::new(25, 2, 2, false)];
-        let times: Vec<_> = repeated(&events, 3).iter().map(|event| event.t_us).collect();
-        let later = 20 + PAUSE_US;
-        assert_eq!(times, [5, 25, 5 + later, 25 + later, 5 + 2 * later, 25 + 2 * later]);
-        assert!(repeated(&[], 3).is_empty() && repeated(&events, 0).is_empty());
     }
 }

@@ -1,17 +1,23 @@
 //! Publishes events in slices.
 
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
-use crate::Error;
-use crate::channel::{Channel, Sender};
-use crate::wire::{EventRecord, SLICE, SliceHeader};
 use meissner_engine::{Event, Sensor};
+use meissner_packets::PacketError;
 use rustix::time::{ClockId, clock_gettime};
 use serde::Serialize;
+
+use crate::channel::{Channel, Sender};
+use crate::wire::{EventRecord, SLICE, SliceHeader};
 
 /// The name of the service for the events of `name`.
 pub fn events_of(name: &str) -> String {
     format!("{name}/events")
+}
+
+/// The name of the service for the predictions of `name`.
+pub fn predictions_of(name: &str) -> String {
+    format!("{name}/predictions")
 }
 
 /// Nanoseconds of `CLOCK_MONOTONIC`, which all processes of a host read alike.
@@ -19,11 +25,6 @@ pub fn now_ns() -> u64 {
     let now = clock_gettime(ClockId::Monotonic);
     // It counts from the start of the machine: 584 years fit.
     now.tv_sec as u64 * 1_000_000_000 + now.tv_nsec as u64
-}
-
-/// The time from `earlier_ns` to `later_ns`; zero if it is negative.
-pub fn between(earlier_ns: u64, later_ns: u64) -> Duration {
-    Duration::from_nanos(later_ns.saturating_sub(earlier_ns))
 }
 
 /// A sensor's driver, as far as the other processes can tell.
@@ -50,7 +51,7 @@ impl Driver {
     ///
     /// # Errors
     /// The service cannot be opened, or another driver has it.
-    pub fn new(name: &str, sensor: Sensor) -> Result<Self, Error> {
+    pub fn new(name: &str, sensor: Sensor) -> Result<Self, PacketError> {
         let sender = Channel::open(&events_of(name))?.sender(SLICE)?;
         let Sensor { width, height } = sensor;
         Ok(Self { sender, next: SliceHeader { run: now_ns(), width, height, ..SliceHeader::default() } })
@@ -60,7 +61,7 @@ impl Driver {
     ///
     /// # Errors
     /// As [`Sender::publish`].
-    pub fn publish(&mut self, events: &[Event], due: Instant) -> Result<(), Error> {
+    pub fn publish(&mut self, events: &[Event], due: Instant) -> Result<(), PacketError> {
         let due_ns = now_ns().saturating_sub(due.elapsed().as_nanos() as u64);
         for slice in events.chunks(SLICE) {
             let header = SliceHeader { due_ns, published_ns: now_ns(), ..self.next };
@@ -75,17 +76,12 @@ impl Driver {
     ///
     /// # Errors
     /// As [`Sender::publish`].
-    pub fn end(self) -> Result<Published, Error> {
+    pub fn end(self) -> Result<Published, PacketError> {
         let now = now_ns();
         let header = SliceHeader { due_ns: now, published_ns: now, end: 1, ..self.next };
         self.sender.publish(header, 0, |_| unreachable!("it has no events"))?;
-        Ok(self.published())
-    }
-
-    /// What was published so far.
-    pub fn published(&self) -> Published {
         let SliceHeader { run, sequence: slices, first_event: events, .. } = self.next;
-        Published { run, events, slices }
+        Ok(Published { run, events, slices })
     }
 
     /// Subscribers that there are.

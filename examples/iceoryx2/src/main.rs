@@ -1,5 +1,8 @@
 //! The processes: a driver, an inference, and a controller's side.
 
+mod infer;
+mod watch;
+
 use std::io::{Write, stdout};
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -8,18 +11,19 @@ use std::time::Duration;
 use clap::{Parser, Subcommand};
 use iceoryx2::prelude::{LogLevel, set_log_level_from_env_or};
 use meissner_engine::Sensor;
+use meissner_iceoryx2::channel::BUFFER;
 use meissner_iceoryx2::driver::Driver;
-use meissner_iceoryx2::node::{self, News};
 use meissner_iceoryx2::wire::SLICE;
-use meissner_iceoryx2::{Error, channel, controller};
 use meissner_io::ReadOptions;
-use meissner_packets::{AnyNetwork, FeedOptions, Gap, feed};
+use meissner_packets::{AnyNetwork, FeedOptions, PacketError, failed, feed};
 use meissner_run::error::chain;
 use meissner_run::interrupt;
 use meissner_run::source::Source;
 use meissner_run::text::sensor;
 use serde::Serialize;
-use serde_json::json;
+
+/// Longest wait until an end is noticed.
+const NAP: Duration = Duration::from_millis(100);
 
 /// Events and predictions between the processes of one host, in shared memory
 #[derive(Parser)]
@@ -27,6 +31,9 @@ use serde_json::json;
 struct Arguments {
     #[command(subcommand)]
     command: Command,
+    /// Name that the processes share
+    #[arg(long, global = true, default_value = "meissner")]
+    name: String,
 }
 
 #[derive(Subcommand)]
@@ -36,9 +43,6 @@ enum Command {
         /// A recording, or `-`, tcp://HOST:PORT, tcp-listen://HOST:PORT, udp://HOST:PORT; without
         /// it, the embedded recording
         source: Option<PathBuf>,
-        /// Name that the processes share
-        #[arg(long, default_value = "meissner")]
-        name: String,
         /// Columns and rows of the sensor, where the source does not name them
         #[arg(long, value_name = "WIDTHxHEIGHT", value_parser = sensor)]
         sensor: Option<Sensor>,
@@ -57,11 +61,8 @@ enum Command {
         /// File with weights, instead of the shipped ones
         #[arg(long)]
         weights: Option<PathBuf>,
-        /// Name that the processes share
-        #[arg(long, default_value = "meissner")]
-        name: String,
         /// Slices of at most 1024 events that may wait; where there are more, the oldest are lost
-        #[arg(long, default_value_t = channel::BUFFER)]
+        #[arg(long, default_value_t = BUFFER)]
         buffer: usize,
         /// End when a driver ends
         #[arg(long)]
@@ -69,9 +70,6 @@ enum Command {
     },
     /// Take predictions, as a controller does, and measure how long they took
     Watch {
-        /// Name that the processes share
-        #[arg(long, default_value = "meissner")]
-        name: String,
         /// Print each prediction as a line of JSON
         #[arg(long)]
         print: bool,
@@ -87,12 +85,12 @@ fn speed(text: &str) -> Result<f64, String> {
 }
 
 fn main() -> ExitCode {
-    let arguments = Arguments::parse();
+    let Arguments { command, name } = Arguments::parse();
     interrupt::install();
     interrupt::listen();
     // Its refusals come as errors; IOX2_LOG_LEVEL shows how they came about.
     set_log_level_from_env_or(LogLevel::Fatal);
-    match run(arguments.command) {
+    match run(command, &name) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
             eprintln!("error: {}", chain(&error));
@@ -101,11 +99,11 @@ fn main() -> ExitCode {
     }
 }
 
-fn run(command: Command) -> Result<(), Error> {
+fn run(command: Command, name: &str) -> Result<(), PacketError> {
     match command {
-        Command::Drive { source, name, sensor, speed, subscribers } => {
+        Command::Drive { source, sensor, speed, subscribers } => {
             let source = Source::open(source.as_deref(), &ReadOptions::default(), sensor.is_some(), false)?;
-            let mut driver = Driver::new(&name, source.sensor(sensor)?)?;
+            let mut driver = Driver::new(name, source.sensor(sensor)?)?;
             while driver.subscribers() < subscribers && !interrupt::requested() {
                 interrupt::sleep(Duration::from_millis(1));
             }
@@ -115,42 +113,16 @@ fn run(command: Command) -> Result<(), Error> {
             feed(source, options, interrupt::requested, |events, due| driver.publish(events, due))?;
             print(&driver.end()?)
         }
-        Command::Infer { network, weights, name, buffer, once } => {
+        Command::Infer { network, weights, buffer, once } => {
             let network = AnyNetwork::named(&network, weights.as_deref())?;
-            print(&node::infer(&name, network, node::Options { buffer, once }, tell)?)
+            print(&infer::infer(name, network, buffer, once)?)
         }
-        Command::Watch { name, print: lines, once } => {
-            let ready = || eprintln!("ready");
-            let summary = controller::watch(&name, once, ready, |header, values| {
-                if !lines {
-                    return Ok(());
-                }
-                let line = json!({
-                    "run": header.run, "sequence": header.sequence, "taken": header.taken, "lost": header.lost,
-                    "t_us": header.t_us, "nodes": header.nodes, "end": header.end == 1, "values": values,
-                });
-                writeln!(stdout(), "{line}")
-            })?;
-            print(&summary)
-        }
-    }
-}
-
-fn tell(news: News) {
-    match news {
-        News::Ready => eprintln!("ready"),
-        News::Run(run) => eprintln!("run {run}: a driver has started"),
-        News::Gap(run, Gap { from, until, packets, reason }) => {
-            eprintln!("run {run}: {} events in {packets} slices lost: {}", until - from, reason.name());
-        }
-        News::Refused(why) => eprintln!("a slice was refused: {why}"),
-        News::NoPrediction(why) => eprintln!("no prediction: {why}"),
-        News::End => eprintln!("the driver has ended"),
+        Command::Watch { print: lines, once } => print(&watch::watch(name, once, lines)?),
     }
 }
 
 /// One line of JSON.
-fn print(result: &impl Serialize) -> Result<(), Error> {
-    let line = serde_json::to_string(result).map_err(|error| Error::Output(error.into()))?;
-    writeln!(stdout(), "{line}").map_err(Error::Output)
+fn print(result: &impl Serialize) -> Result<(), PacketError> {
+    let line = serde_json::to_string(result).map_err(failed("output"))?;
+    writeln!(stdout(), "{line}").map_err(failed("output"))
 }

@@ -6,6 +6,7 @@
 
 use iceoryx2::prelude::ZeroCopySend;
 use meissner_engine::{Event, Sensor};
+use meissner_packets::PacketError;
 
 /// Events of a slice at most.
 pub const SLICE: usize = 1024;
@@ -54,8 +55,7 @@ pub struct SliceHeader {
     pub sequence: u64,
     /// Events of the run before this slice.
     pub first_event: u64,
-    /// When its first event was due, in nanoseconds of the shared clock: for a live sensor, when it
-    /// was received.
+    /// When its first event was due or received, in nanoseconds of the shared clock.
     pub due_ns: u64,
     /// When the driver began to write the slice, in nanoseconds of the shared clock.
     pub published_ns: u64,
@@ -98,50 +98,19 @@ pub struct PredictionHeader {
     pub end: u64,
 }
 
-/// Why a slice is refused.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-pub enum Malformed {
-    /// The sensor has no pixels.
-    #[error("expected a sensor with pixels, got {0}")]
-    Sensor(Sensor),
-    /// A record is no event.
-    #[error("record {index}: expected polarity 0 or 1 and three zeros, got {polarity} and {zero:?}")]
-    Record {
-        /// Number of the record in its slice.
-        index: usize,
-        /// Its polarity.
-        polarity: i8,
-        /// Its last bytes.
-        zero: [u8; 3],
-    },
-    /// It says that it is the end, and has events, or the other way round.
-    #[error("expected events, or an end without events, got {events} events with end = {end}")]
-    End {
-        /// Events.
-        events: usize,
-        /// The mark.
-        end: u32,
-    },
-    /// It was seen before, or counted as lost.
-    #[error("slice {found} of its run comes too late")]
-    Repeated {
-        /// Its number.
-        found: u64,
-    },
-}
-
 /// Checks the header of a slice of so many events by itself.
 ///
 /// # Errors
 /// The first reason to refuse it.
-pub fn check(header: &SliceHeader, events: usize) -> Result<Sensor, Malformed> {
+pub fn check(header: &SliceHeader, events: usize) -> Result<Sensor, PacketError> {
     let &SliceHeader { width, height, end, .. } = header;
     let sensor = Sensor::new(width, height);
     if width == 0 || height == 0 {
-        return Err(Malformed::Sensor(sensor));
+        return Err(PacketError::unexpected("slice", "a sensor with pixels", &sensor.to_string()));
     }
     if end > 1 || (end == 1) != (events == 0) {
-        return Err(Malformed::End { events, end });
+        let found = format!("{events} events with end = {end}");
+        return Err(PacketError::unexpected("slice", "events, or an end without events", &found));
     }
     Ok(sensor)
 }
@@ -150,55 +119,12 @@ pub fn check(header: &SliceHeader, events: usize) -> Result<Sensor, Malformed> {
 ///
 /// # Errors
 /// The first one that is no event.
-pub fn check_records(records: &[EventRecord]) -> Result<(), Malformed> {
+pub fn check_records(records: &[EventRecord]) -> Result<(), PacketError> {
     records.iter().enumerate().try_for_each(|(index, record)| {
         let EventRecord { polarity, zero, .. } = *record;
-        record.event().map(drop).ok_or(Malformed::Record { index, polarity, zero })
+        record.event().map(drop).ok_or_else(|| {
+            let (what, found) = (format!("record {index}"), format!("{polarity} and {zero:?}"));
+            PacketError::unexpected(&what, "polarity 0 or 1 and three zeros", &found)
+        })
     })
-}
-
-#[cfg(test)]
-mod tests {
-    use meissner_engine::{Event, Sensor};
-
-    use super::{EventRecord, Malformed, PredictionHeader, SliceHeader, check, check_records};
-
-    #[test]
-    fn a_record_is_that_of_meissner_send() {
-        let event = Event::new(-513, 3, 4, true);
-        let EventRecord { t_us, x, y, polarity, zero } = event.into();
-        let mut bytes = t_us.to_le_bytes().to_vec();
-        bytes.extend([x.to_le_bytes(), y.to_le_bytes()].concat());
-        bytes.push(polarity as u8);
-        bytes.extend(zero);
-        assert_eq!(bytes, meissner_io::record(event));
-        assert_eq!(EventRecord::from(event).event(), Some(event));
-    }
-
-    #[test]
-    fn no_byte_belongs_to_no_field() {
-        assert_eq!(size_of::<EventRecord>(), 16);
-        assert_eq!(size_of::<SliceHeader>(), 5 * 8 + 2 * 2 + 4);
-        assert_eq!(size_of::<PredictionHeader>(), 12 * 8);
-    }
-
-    #[test]
-    fn garbage_is_refused_with_its_reason() {
-        let header = SliceHeader { width: 4, height: 4, ..SliceHeader::default() };
-        let good = EventRecord::from(Event::new(1, 2, 3, false));
-        assert_eq!(check(&header, 3), Ok(Sensor::new(4, 4)));
-        let flat = SliceHeader { height: 0, ..header };
-        assert_eq!(check(&flat, 1), Err(Malformed::Sensor(Sensor::new(4, 0))));
-        let bad = EventRecord { zero: [0, 7, 0], ..good };
-        let expected = Malformed::Record { index: 1, polarity: 0, zero: [0, 7, 0] };
-        assert_eq!((check_records(&[good; 3]), check_records(&[good, bad])), (Ok(()), Err(expected)));
-        let bad = EventRecord { polarity: -1, ..good };
-        assert_eq!(check_records(&[bad]), Err(Malformed::Record { index: 0, polarity: -1, zero: [0; 3] }));
-        assert_eq!(check(&header, 0), Err(Malformed::End { events: 0, end: 0 }));
-        let end = SliceHeader { end: 1, ..header };
-        assert_eq!(check(&end, 0), Ok(Sensor::new(4, 4)));
-        assert_eq!(check(&end, 1), Err(Malformed::End { events: 1, end: 1 }));
-        let end = SliceHeader { end: 2, ..header };
-        assert_eq!(check(&end, 0), Err(Malformed::End { events: 0, end: 2 }));
-    }
 }

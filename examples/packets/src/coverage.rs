@@ -4,9 +4,8 @@
 //! dropped. Leaves: the part of each packet that the engine takes, and the gaps. Invariant: `next =
 //! accepted + lost`, so that every event before `next` is in one of the two.
 //!
-//! A source numbers its packets and its events. A packet that does not begin at `next` proves that
-//! others are missing. What arrives after it was counted as lost stays lost: the engine takes
-//! events in order only.
+//! A source numbers packets and events. One that does not begin at `next` proves that others are
+//! missing. What arrives later stays lost: the engine takes events in order only.
 
 use std::collections::BTreeMap;
 
@@ -20,11 +19,9 @@ pub enum Reason {
     Queue,
     /// It was lost on the way, outside of this process.
     Link,
-    /// In one gap, some packets were dropped by the queue and others lost on the way, or the
-    /// transport cannot tell.
+    /// Some were dropped by the queue and others lost on the way, or the transport cannot tell.
     QueueOrLink,
-    /// It was sent before the process was connected, while it was down, or after the state that it
-    /// restored.
+    /// It was sent before the process was connected, while it was down, or after its saved state.
     Down,
     /// The engine's own queue was full.
     Overload,
@@ -87,8 +84,7 @@ pub struct Numbers {
     next: Option<u64>,
     /// Packets that the queue dropped and that no gap has shown yet.
     dropped: u64,
-    /// Why packets are missing before the first, and between two, where the queue has not said that
-    /// it dropped them.
+    /// Why packets are missing before the first and between two that the queue did not drop.
     reasons: [Reason; 2],
 }
 
@@ -109,8 +105,8 @@ impl Numbers {
         self.dropped += packets;
     }
 
-    /// The packet of this number has arrived: how many before it are missing, and why. `None` if it
-    /// is late or a repetition.
+    /// The packet of this number arrived: how many before it are missing, and why, unless it is
+    /// late.
     pub fn arrived(&mut self, number: u64) -> Option<(u64, Reason)> {
         let missing = number.checked_sub(self.next.unwrap_or(0))?;
         let [before, between] = self.reasons;
@@ -160,8 +156,7 @@ impl Coverage {
         Self { next, accepted, lost, ..Self::default() }
     }
 
-    /// This process was connected before the stream began: its first packets get lost as the others
-    /// do.
+    /// This process was connected before the stream began: its first packets may get lost too.
     #[must_use]
     pub fn connected(mut self) -> Self {
         self.numbers.reasons[0] = self.numbers.reasons[1];
@@ -185,10 +180,9 @@ impl Coverage {
         self.numbers.dropped(packets);
     }
 
-    /// Places the packet of this number, whose `len` events begin with `first`; `None` where a
-    /// source does not number its events. Its gap counts as lost from now on; the caller takes the
-    /// events ([`Self::take`]) or loses them ([`Self::lose`]). `None` if there is nothing new in
-    /// it.
+    /// Places the packet of this number, whose `len` events begin with `first` (`None`: events have
+    /// no numbers). Its gap counts as lost; the caller [takes](Self::take) the events or
+    /// [loses](Self::lose) them. `None` if nothing in it is new.
     pub fn place(&mut self, number: u64, first: Option<u64>, len: usize) -> Option<Placed> {
         // A state does not know which packets it covered.
         let is_known = self.next == 0 || self.next_packet().is_some();

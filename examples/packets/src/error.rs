@@ -1,11 +1,16 @@
-//! The error of this crate.
+//! The error of this crate, and of the integrations.
+
+use std::error::Error;
 
 use meissner_engine::{EngineError, Sensor};
 use meissner_io::IoError;
 use meissner_live::LiveError;
 use meissner_run::RunError;
 
-/// An engine cannot start, or cannot go on.
+/// What an error is caused by.
+pub type Cause = Box<dyn Error + Send + Sync>;
+
+/// An engine or an integration cannot start, or cannot go on.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum PacketError {
@@ -18,9 +23,9 @@ pub enum PacketError {
     /// The engine's thread has ended.
     #[error(transparent)]
     Live(#[from] LiveError),
-    /// A state cannot be read or written.
+    /// A state cannot be read or written, or bytes are no events.
     #[error(transparent)]
-    File(#[from] IoError),
+    Io(#[from] IoError),
     /// A sensor changes its size within a stream.
     #[error("expected a sensor of {expected} in this stream, got {found}")]
     Sensor {
@@ -29,4 +34,38 @@ pub enum PacketError {
         /// The size of this one.
         found: Sensor,
     },
+    /// A step of the transport, or a file.
+    #[error("{what}")]
+    Failed {
+        /// What fails.
+        what: String,
+        /// Why.
+        source: Cause,
+    },
+    /// A record does not account for every event, or has other bits.
+    #[error("{0}")]
+    Record(String),
+    /// A packet or a setting is not as it must be.
+    #[error("{what}: expected {expected}, got {found}")]
+    Unexpected {
+        /// What is wrong.
+        what: String,
+        /// How it can be.
+        expected: String,
+        /// How it is.
+        found: String,
+    },
+}
+
+impl PacketError {
+    /// `found` instead of `expected`.
+    pub fn unexpected(what: &str, expected: &str, found: &str) -> Self {
+        let [what, expected, found] = [what, expected, found].map(str::to_owned);
+        Self::Unexpected { what, expected, found }
+    }
+}
+
+/// Makes a failure of `what` of its cause.
+pub fn failed<E: Into<Cause>>(what: impl Into<String>) -> impl FnOnce(E) -> PacketError {
+    |source| PacketError::Failed { what: what.into(), source: source.into() }
 }

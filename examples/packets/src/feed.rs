@@ -92,8 +92,7 @@ fn arriving<E: From<RunError>>(
     mut send: impl FnMut(&[Event], Instant) -> Result<(), E>,
 ) -> Result<(), E> {
     let (sender, receiver) = sync_channel(WAITING);
-    // A thread of its own waits for the stream. Where the caller is slower, the stream waits, or
-    // loses datagrams.
+    // A thread of its own waits for the stream, which waits for the caller, or loses datagrams.
     thread::spawn(move || {
         for event in events {
             // The receiver has ended.

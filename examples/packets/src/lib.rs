@@ -1,19 +1,18 @@
 //! Numbered packets of events into predictions: what the integrations share, without a transport.
 //!
 //! ```text
-//! source -> feed --packets (stream, number, events)--> [ transport ] --> coverage -> engine -> predictions, gaps, counts
+//! source -> feed --packets (stream, number, events)--> [ transport ] --> coverage -> engine
 //! ```
 //!
-//! Enters: packets of a sensor, which a source has numbered. Leaves: predictions, and for each
-//! event that no prediction covers a reason. Invariants: at any time `next = accepted + lost`; a
-//! prediction has the bits of an engine in one process that was given the accepted events. Nothing
-//! here knows how packets travel.
+//! Enters: numbered packets of a sensor. Leaves: predictions, and for each event that none covers a
+//! reason. Invariants: `next = accepted + lost`; a prediction has the bits of one engine that was
+//! given the accepted events.
 //!
 //! | type | use |
 //! |---|---|
 //! | [`Coverage`], [`Gap`], [`Reason`] | numbers of packets and events: what is missing, and why |
 //! | [`SensorEngine`] | an engine for the streams of one sensor, in the caller's thread |
-//! | [`LiveSensor`] | an engine for one stream, in a thread behind a bounded queue, whose state is saved |
+//! | [`LiveSensor`] | an engine for one stream, in a thread behind a bounded queue |
 //! | [`AnyNetwork`], [`AnyEngine`] | networks over events, or over frames of them |
 //! | [`Replay`] | the single process that predictions are compared with |
 //! | [`feed`] | the events of a recording when they are due, or of a live stream as they arrive |
@@ -30,7 +29,7 @@ mod saved;
 mod sensor_engine;
 
 pub use coverage::{Coverage, Gap, Losses, Lost, Numbers, Placed, Reason, by_reason};
-pub use error::PacketError;
+pub use error::{Cause, PacketError, failed};
 pub use feed::{FeedOptions, feed};
 pub use live_sensor::{LiveOptions, LivePrediction, LiveSensor};
 pub use network::{AnyEngine, AnyNetwork};

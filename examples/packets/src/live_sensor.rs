@@ -1,7 +1,6 @@
 //! An engine for one stream of a sensor, in a thread behind a bounded queue, whose state is saved.
 //!
-//! A packet that finds no room in the queue is dropped as a whole and counted, so it is known
-//! which.
+//! A packet that finds no room in the queue is dropped as a whole and counted.
 
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
@@ -95,8 +94,7 @@ impl LiveSensor {
         let table = Shared::new(table.into());
         let every = options.states.as_ref().map(|&(_, every)| every);
         let engine = SavedEngine::new(engine, stream, Arc::clone(&table), every);
-        // Whether a packet has room is known before it is offered: nothing is ever dropped here,
-        // and nobody waits.
+        // Room for a packet is known before it is offered: nothing is dropped here, nobody waits.
         let queue = QueueOptions::new().with_capacity(options.capacity).with_overload(Overload::DropNewest);
         let (input, live) = Live::spawn(engine, queue)?;
         let started = Self {
@@ -143,9 +141,8 @@ impl LiveSensor {
     }
 
     /// Takes the packet of this number, whose `len` events begin with number `first`; `None` for
-    /// events that cannot be read. `times_ns` are those at which it was sent and arrived. Every
-    /// event of it, and those that are missing before it, is accepted or in one of the gaps that
-    /// are returned.
+    /// events that cannot be read. `times_ns`: when it was sent and arrived. Every event of it and
+    /// those missing before it are accepted or in one of the gaps.
     ///
     /// # Errors
     /// The engine's thread has ended.
@@ -196,8 +193,7 @@ impl LiveSensor {
         self.live.ask(deadline)
     }
 
-    /// The answer to `asked`, which is waited for until its deadline. `None` if it covers nothing
-    /// new.
+    /// The answer to `asked` by its deadline. `None` if it covers nothing new.
     ///
     /// # Errors
     /// The prediction failed, or the engine's thread has ended.
@@ -221,8 +217,7 @@ impl LiveSensor {
         Ok(Some(LivePrediction { values, t_us, nodes, fresh, place }))
     }
 
-    /// Predictions so far, and of the accepted events those that the engine has no use for, by
-    /// reason.
+    /// Predictions so far, and accepted events that the engine has no use for, by reason.
     pub fn counts(&self) -> (u64, Vec<(DropReason, u64)>) {
         let table = lock(&self.table);
         (table.predictions, table.ignored.clone())

@@ -86,8 +86,7 @@ impl<'a> Replay<'a> {
         Ok(())
     }
 
-    /// Whether every one of `sent` events is predicted on or lost; the number of those that were
-    /// accepted.
+    /// How many of `sent` events were accepted, if every one is predicted on or lost.
     ///
     /// # Errors
     /// What was expected, and what was found.

@@ -60,8 +60,7 @@ impl Covered {
 /// What the caller and the worker tell each other.
 #[derive(Debug, Default)]
 pub(crate) struct StateTable {
-    /// Marks of packets that the newest prediction does not cover completely, in order, and one
-    /// before them.
+    /// Marks of packets that the newest prediction does not cover, in order, and one before them.
     pub(crate) marks: VecDeque<Mark>,
     /// Predictions that were answered.
     pub(crate) predictions: u64,
@@ -210,8 +209,7 @@ impl StateWriter {
     }
 }
 
-/// Replaces the state in the file at `path` at once. If it cannot be written, the state before it
-/// is still there.
+/// Replaces the state in the file at `path` at once, or leaves the former one.
 pub(crate) fn write(path: &Path, state: &[u8]) -> Result<(), IoError> {
     replace_file(path, |out| out.write_all(state))
 }

@@ -72,8 +72,7 @@ impl<S: PartialEq> SensorEngine<S> {
             let found = sensor;
             return if expected == found { Ok(false) } else { Err(PacketError::Sensor { expected, found }) };
         }
-        // All memory of an engine is taken when it is made: the one that is there is used again if
-        // it fits.
+        // An engine takes all memory when it is made: one that fits is used again.
         match &mut self.engine {
             Some((known, engine)) if *known == sensor => engine.reset(),
             engine => *engine = Some((sensor, self.network.engine(sensor)?)),
@@ -90,8 +89,7 @@ impl<S: PartialEq> SensorEngine<S> {
 
     /// Takes the packet of this number, whose `len` events begin with number `first`, of the stream
     /// that [began](Self::begin). `push` gives the engine those after the first ones, which are
-    /// known already, and returns how many it accepted. `None` if there is nothing new in it: it
-    /// came too late, or twice.
+    /// known, and returns how many it accepted. `None` if nothing is new.
     pub fn take(
         &mut self,
         number: u64,
@@ -110,8 +108,7 @@ impl<S: PartialEq> SensorEngine<S> {
         Some(Taken { gap: placed.gap, events })
     }
 
-    /// Loses the packet of this number because its events cannot be read. Returns what is missing
-    /// before it.
+    /// Loses the packet of this number, which cannot be read. Returns what is missing before it.
     pub fn lose(&mut self, number: u64, first: Option<u64>, len: usize) -> Option<Gap> {
         let placed = self.coverage.place(number, first, len)?;
         self.coverage.lose(len - placed.skip, Reason::Malformed);

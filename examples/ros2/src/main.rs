@@ -1,17 +1,40 @@
-//! The node as a program.
+//! A ROS 2 node that takes packets of an event camera and publishes predictions. It speaks the
+//! protocol of ROS 2 (DDS) itself: neither building nor running it needs a ROS installation.
+//!
+//! `inference` turns packets into predictions with `meissner_packets`, `messages` has the messages
+//! of ROS 2; topics and quality of service are here.
 
-use std::io::{Write, stdout};
+mod inference;
+mod messages;
+
+use std::fmt::Display;
 use std::net::IpAddr;
 use std::path::PathBuf;
 use std::process::ExitCode;
-use std::{panic, process};
+use std::time::{Duration, Instant};
+use std::{panic, process, thread};
 
 use clap::Parser;
-use meissner_packets::AnyNetwork;
-use meissner_ros2::Error;
-use meissner_ros2::node::{self, News, Options};
+use futures::future::{Either, select};
+use futures::{StreamExt, channel::oneshot, executor::block_on, pin_mut};
+use meissner_packets::{AnyNetwork, PacketError, failed};
 use meissner_run::error::chain;
 use meissner_run::interrupt;
+use meissner_run::latency::Latency;
+use ros2_client::qos::{History, QosProfile, WhenFull};
+use ros2_client::{Context, MessageTypeName, Name, Node, NodeName, NodeOptions, Publisher, Subscription};
+use rustdds::DomainParticipantBuilder;
+use serde::Serialize;
+
+use crate::inference::{Inference, PacketCounts};
+use crate::messages::{EventPacket, Float32MultiArray, Header, Vector3Stamped};
+
+/// Bytes of the socket's buffer: a packet arrives in many datagrams at once.
+const RECEIVE_BUFFER: usize = 8 << 20;
+/// Longest wait until an end is noticed.
+const NAP: Duration = Duration::from_millis(100);
+/// Predictions that are kept for a subscriber that is slow.
+const PREDICTIONS: usize = 64;
 
 /// A ROS 2 node: packets of an event camera in, predictions out
 #[derive(Parser)]
@@ -50,10 +73,44 @@ struct Arguments {
     domain: u16,
 }
 
+/// What the node did.
+#[derive(Debug, Default, Serialize)]
+struct Summary {
+    #[serde(flatten)]
+    counts: PacketCounts,
+    /// Messages that are no packets.
+    not_packets: u64,
+    /// Predictions that no subscriber got, because one of them does not confirm any.
+    unsent: u64,
+    /// From a packet at hand until its prediction was given to DDS, in microseconds.
+    packet_to_prediction_us: Latency,
+    /// From a packet's stamp until it was at hand, in microseconds: clocks of one host.
+    publisher_to_packet_us: Latency,
+}
+
+/// Where predictions go.
+enum Predictions {
+    Vectors(Publisher<Vector3Stamped>),
+    Arrays(Publisher<Float32MultiArray>),
+}
+
+impl Predictions {
+    /// Sends a prediction for the packet of this header.
+    fn send(&self, header: Header, values: &[f32]) -> Result<(), String> {
+        match self {
+            Self::Vectors(publisher) => {
+                publisher.publish(Vector3Stamped::new(header, values)).map_err(|e| format!("{e:?}"))
+            }
+            Self::Arrays(publisher) => {
+                publisher.publish(Float32MultiArray::new(values)).map_err(|e| format!("{e:?}"))
+            }
+        }
+    }
+}
+
 fn main() -> ExitCode {
     let arguments = Arguments::parse();
-    // A thread of DDS that panics would leave a node that receives nothing: it ends, and who
-    // started it can start it again.
+    // A thread of DDS that panics would leave a node that receives nothing: it ends.
     let tell_panic = panic::take_hook();
     panic::set_hook(Box::new(move |about| {
         tell_panic(about);
@@ -61,8 +118,11 @@ fn main() -> ExitCode {
     }));
     interrupt::install();
     interrupt::listen();
-    match run(arguments) {
-        Ok(()) => ExitCode::SUCCESS,
+    match run(&arguments) {
+        Ok(summary) => {
+            println!("{}", serde_json::to_string(&summary).expect("counts are written without errors"));
+            ExitCode::SUCCESS
+        }
         Err(error) => {
             eprintln!("error: {}", chain(&error));
             ExitCode::FAILURE
@@ -70,34 +130,135 @@ fn main() -> ExitCode {
     }
 }
 
-fn run(arguments: Arguments) -> Result<(), Error> {
-    let Arguments {
-        network,
-        weights,
-        packets,
-        predictions,
-        name,
-        namespace,
-        reliable,
-        depth,
-        interfaces,
-        domain,
-    } = arguments;
-    let network = AnyNetwork::named(&network, weights.as_deref())?;
-    let depth = depth as usize;
-    let options = Options { domain, interfaces, namespace, name, packets, predictions, reliable, depth };
-    let summary = node::run(network, &options, tell)?;
-    let line = serde_json::to_string(&summary).map_err(|e| Error::ros("show the summary", e))?;
-    writeln!(stdout(), "{line}").map_err(|e| Error::ros("show the summary", e))
+/// A step of ROS 2 that fails.
+fn ros<E: Display>(step: &str) -> impl FnOnce(E) -> PacketError {
+    let step = format!("cannot {step}");
+    move |error| failed(step)(error.to_string())
 }
 
-fn tell(news: News) {
-    match news {
-        News::Ready => eprintln!("ready"),
-        News::Connected => eprintln!("a camera is connected"),
-        News::Stream(seq) => eprintln!("a stream begins with packet {seq}"),
-        News::Lost(lost, seq) => eprintln!("{lost} packets lost before packet {seq}"),
-        News::Refused(why) => eprintln!("a packet was refused: {}", chain(&why)),
-        News::Failed(why) => eprintln!("{why}"),
+/// A name of a topic from its text.
+fn topic(what: &str, example: &str, text: &str) -> Result<Name, PacketError> {
+    let expected = || format!("a name of ROS 2 such as {example}");
+    Name::parse(text).map_err(|_| PacketError::unexpected(what, &expected(), text))
+}
+
+fn subscribe(node: &mut Node, options: &Arguments) -> Result<Subscription<EventPacket>, PacketError> {
+    let depth = options.depth as usize;
+    let qos = QosProfile::subscription_default().history(History::KeepLast { depth });
+    let qos = if options.reliable { qos.reliability_reliable(WhenFull::DEFAULT) } else { qos };
+    let name = topic("topic of packets", "/event_camera/events", &options.packets)?;
+    let kind = MessageTypeName::new("event_camera_msgs", "EventPacket");
+    let topic = node.create_topic(&name, kind, &qos).map_err(ros("create the topic of packets"))?;
+    node.create_subscription(&topic, Some(qos)).map_err(ros("subscribe to packets"))
+}
+
+fn advertise(node: &mut Node, options: &Arguments, outputs: usize) -> Result<Predictions, PacketError> {
+    // A reliable publisher serves subscribers of both kinds. It never waits.
+    let qos = QosProfile::subscription_default()
+        .history(History::KeepLast { depth: PREDICTIONS })
+        .reliability_reliable(WhenFull::Fail);
+    let name = topic("topic of predictions", "/meissner/prediction", &options.predictions)?;
+    let is_vector = outputs <= Vector3Stamped::MAX;
+    let (package, kind) =
+        if is_vector { ("geometry_msgs", "Vector3Stamped") } else { ("std_msgs", "Float32MultiArray") };
+    let step = "publish predictions";
+    let topic = node.create_topic(&name, MessageTypeName::new(package, kind), &qos).map_err(ros(step))?;
+    Ok(if is_vector {
+        Predictions::Vectors(node.create_publisher(&topic, Some(qos)).map_err(ros(step))?)
+    } else {
+        Predictions::Arrays(node.create_publisher(&topic, Some(qos)).map_err(ros(step))?)
+    })
+}
+
+/// Takes packets and publishes predictions until the program is asked to end. A packet that is
+/// refused is no error: it is counted and told.
+fn run(options: &Arguments) -> Result<Summary, PacketError> {
+    let network = AnyNetwork::named(&options.network, options.weights.as_deref())?;
+    let mut builder =
+        DomainParticipantBuilder::new(options.domain).socket_receive_buffer_size(RECEIVE_BUFFER);
+    if !options.interfaces.is_empty() {
+        builder = builder.with_only_networks(options.interfaces.iter().copied());
     }
+    let participant = builder.build().map_err(ros("join the domain"))?;
+    let context = Context::from_domain_participant(participant).map_err(ros("join ROS 2"))?;
+    let name = NodeName::new(&options.namespace, &options.name).map_err(|_| {
+        let found = format!("{} and {}", options.namespace, options.name);
+        PacketError::unexpected("node", "a name of ROS 2 such as / and meissner", &found)
+    })?;
+    let about = NodeOptions::new().enable_rosout(false).start_parameter_services(false);
+    let made = context.new_node(name, about).map_err(|error| format!("{error:?}"));
+    let mut node = made.map_err(ros("create the node"))?;
+    // It keeps the list of nodes and topics that `ros2 node list` shows.
+    let spinner = node.spinner().map_err(ros("run the node"))?;
+    thread::spawn(move || drop(block_on(spinner.spin())));
+    let predictions = advertise(&mut node, options, network.outputs())?;
+    let subscription = subscribe(&mut node, options)?;
+    eprintln!("ready");
+
+    let (mut inference, mut summary) = (Inference::new(network), Summary::default());
+    let mut ended = ended();
+    let connected = subscription.wait_for_publisher(&node);
+    pin_mut!(connected);
+    let has_ended = matches!(block_on(select(connected, &mut ended)), Either::Right(_));
+    if !has_ended {
+        // What it sends from now on arrives, or counts as lost.
+        eprintln!("a camera is connected");
+    }
+    let packets = subscription.async_stream();
+    pin_mut!(packets);
+    while !has_ended && let Either::Left((Some(packet), _)) = block_on(select(packets.next(), &mut ended)) {
+        let start = Instant::now();
+        let (packet, about) = match packet {
+            Ok(packet) => packet,
+            Err(error) => {
+                summary.not_packets += 1;
+                eprintln!("a message is no packet: {error}");
+                continue;
+            }
+        };
+        if let (Some(sent), Some(received)) = (about.source_timestamp(), about.received_timestamp()) {
+            let ns = received.to_nanos().saturating_sub(sent.to_nanos());
+            summary.publisher_to_packet_us.record(Duration::from_nanos(ns.max(0) as u64));
+        }
+        match inference.take(about.publisher_gid(), &packet) {
+            Ok(taken) => {
+                if taken.is_new {
+                    eprintln!("a stream begins with packet {}", packet.seq);
+                }
+                if taken.lost > 0 {
+                    eprintln!("{} packets lost before packet {}", taken.lost, packet.seq);
+                }
+            }
+            Err(refused) => {
+                eprintln!("a packet was refused: {}", chain(&refused));
+                continue;
+            }
+        }
+        match inference.predict() {
+            Ok(Some(prediction)) => {
+                if let Err(error) = predictions.send(packet.header, prediction.values) {
+                    summary.unsent += 1;
+                    eprintln!("a prediction was not sent: {error}");
+                }
+                summary.packet_to_prediction_us.record(start.elapsed());
+            }
+            Ok(None) => {}
+            Err(error) => eprintln!("no prediction: {error}"),
+        }
+    }
+    node.stop_spinner();
+    summary.counts = inference.counts();
+    Ok(summary)
+}
+
+/// Ready when the program is asked to end.
+fn ended() -> oneshot::Receiver<()> {
+    let (sender, receiver) = oneshot::channel();
+    thread::spawn(move || {
+        while !interrupt::requested() {
+            interrupt::sleep(NAP);
+        }
+        let _ = sender.send(());
+    });
+    receiver
 }

@@ -3,110 +3,79 @@
 use serde::{Deserialize, Serialize};
 
 /// `builtin_interfaces/msg/Time`.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Time {
-    /// Seconds.
-    pub sec: i32,
-    /// Nanoseconds of the second.
-    pub nanosec: u32,
+#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
+struct Time {
+    sec: i32,
+    nanosec: u32,
 }
 
 /// `std_msgs/msg/Header`.
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Header {
-    /// When.
-    pub stamp: Time,
-    /// Where: a frame of coordinates.
-    pub frame_id: String,
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+pub(crate) struct Header {
+    stamp: Time,
+    frame_id: String,
 }
 
 /// `event_camera_msgs/msg/EventPacket`.
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub struct EventPacket {
-    /// When the packet was made, and by which camera.
-    pub header: Header,
-    /// Rows of the sensor.
-    pub height: u32,
-    /// Columns of the sensor.
-    pub width: u32,
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+pub(crate) struct EventPacket {
+    pub(crate) header: Header,
+    pub(crate) height: u32,
+    pub(crate) width: u32,
     /// Number of the packet: a gap is a loss.
-    pub seq: u64,
+    pub(crate) seq: u64,
     /// Nanoseconds to which the times of encoding `mono` are added.
-    pub time_base: u64,
+    pub(crate) time_base: u64,
     /// `evt3` or `mono`.
-    pub encoding: String,
+    pub(crate) encoding: String,
     /// Whether the most significant byte of the events comes first.
-    pub is_bigendian: bool,
-    /// The events.
+    pub(crate) is_bigendian: bool,
     #[serde(with = "serde_bytes")]
-    pub events: Vec<u8>,
+    pub(crate) events: Vec<u8>,
 }
 
-/// `geometry_msgs/msg/Vector3`.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct Vector3 {
-    /// First value.
-    pub x: f64,
-    /// Second value.
-    pub y: f64,
-    /// Third value.
-    pub z: f64,
-}
-
-/// `geometry_msgs/msg/Vector3Stamped`: a prediction of at most three values.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct Vector3Stamped {
+/// `geometry_msgs/msg/Vector3Stamped`, with its `Vector3`: a prediction of at most three values.
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+pub(crate) struct Vector3Stamped {
     /// That of the newest packet that the prediction covers.
-    pub header: Header,
-    /// The values, and 0 for those that the network does not have. An f32 is exact in them.
-    pub vector: Vector3,
+    header: Header,
+    /// An f32 is exact in them.
+    vector: [f64; 3],
 }
 
 impl Vector3Stamped {
     /// Values of a message.
-    pub const MAX: usize = 3;
+    pub(crate) const MAX: usize = 3;
 
-    /// The message of a prediction; values after the third are left out.
-    pub fn new(header: Header, values: &[f32]) -> Self {
+    /// The message of a prediction, with 0 for values that the network does not have.
+    pub(crate) fn new(header: Header, values: &[f32]) -> Self {
         let value = |index| values.get(index).copied().unwrap_or(0.0).into();
-        Self { header, vector: Vector3 { x: value(0), y: value(1), z: value(2) } }
+        Self { header, vector: std::array::from_fn(value) }
     }
 }
 
 /// `std_msgs/msg/MultiArrayDimension`.
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub struct MultiArrayDimension {
-    /// Its name.
-    pub label: String,
-    /// Its length.
-    pub size: u32,
-    /// Values from one row to the next of the dimension before it.
-    pub stride: u32,
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+struct MultiArrayDimension {
+    label: String,
+    size: u32,
+    stride: u32,
 }
 
-/// `std_msgs/msg/MultiArrayLayout`.
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub struct MultiArrayLayout {
-    /// The dimensions.
-    pub dim: Vec<MultiArrayDimension>,
-    /// Values before the first.
-    pub data_offset: u32,
-}
-
-/// `std_msgs/msg/Float32MultiArray`: a prediction of any number of values.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct Float32MultiArray {
-    /// One dimension.
-    pub layout: MultiArrayLayout,
-    /// The values.
-    pub data: Vec<f32>,
+/// `std_msgs/msg/Float32MultiArray`, with its `MultiArrayLayout`: a prediction of any number of
+/// values.
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+pub(crate) struct Float32MultiArray {
+    dim: Vec<MultiArrayDimension>,
+    data_offset: u32,
+    data: Vec<f32>,
 }
 
 impl Float32MultiArray {
     /// The message of a prediction.
-    pub fn new(values: &[f32]) -> Self {
+    pub(crate) fn new(values: &[f32]) -> Self {
         let size = values.len() as u32;
         let dim = MultiArrayDimension { label: "outputs".to_owned(), size, stride: size };
-        Self { layout: MultiArrayLayout { dim: vec![dim], data_offset: 0 }, data: values.to_vec() }
+        Self { dim: vec![dim], data_offset: 0, data: values.to_vec() }
     }
 }

@@ -11,7 +11,7 @@ use meissner_io::Format;
 use meissner_models::{AnyDescription, Description, TensorFile, draw};
 
 #[allow(dead_code, reason = "the tests use more of it")]
-#[path = "../../../io/tests/codecs/support/mod.rs"]
+#[path = "../../../io/tests/codecs/support.rs"]
 mod codecs;
 #[allow(dead_code, reason = "the tests use more of it")]
 #[path = "../../../io/tests/images/support.rs"]

@@ -1,4 +1,4 @@
-//! The header of an AEDAT4 file: its compression, the streams it declares, and the position of the packets.
+//! The header of an AEDAT4 file: its compression, streams, and the position of the packets.
 
 use meissner_engine::Sensor;
 use roxmltree::{Document, Node, ParsingOptions};
@@ -31,14 +31,11 @@ pub(super) struct Header {
 }
 
 impl Header {
-    /// Reads the magic number and the header at the start of `file`, which has `length` bytes; with `salvage`, the file may end
-    /// before its packet table.
+    /// Reads the magic number and the header at the start of `file`, which has `length` bytes; with
+    /// `salvage`, the file may end before its packet table.
     pub(super) fn parse(file: Bytes<'_>, length: u64, salvage: bool) -> Result<Self, IoError> {
         let (what, start) = ("header", MAGIC.len());
-        let magic = file.get("magic", 0, start)?;
-        if magic != MAGIC {
-            return Err(file.malformed("magic", 0, shown(MAGIC), shown(magic)));
-        }
+        file.magic(MAGIC)?;
         let size = file.u32("size of the header", start)?;
         if u64::from(size) > HEADER_BYTES {
             return Err(file.too_large(what, start, HEADER_BYTES, size.into(), false));
@@ -49,7 +46,7 @@ impl Header {
         match Table::root(content, what, *b"IOHE") {
             Ok(root) => Self::of_table(file, (root, content), length, packets, salvage),
             Err(error) => {
-                // Some writers leave the name out. A buffer that can be read in spite of that is a header.
+                // Some writers leave the name out. A buffer that can be read is a header.
                 let unnamed = Table::of_any_name(content, what)
                     .and_then(|root| Self::of_table(file, (root, content), length, packets, salvage));
                 match unnamed {
@@ -88,7 +85,7 @@ impl Header {
         Ok(Self { compression, streams, packets, table, is_cut, is_unnamed: false })
     }
 
-    /// The position of the packet table, which the recorder writes last: a file that ends before it is cut short.
+    /// The position of the packet table, which is written last: a file that ends before is cut.
     fn table(file: Bytes<'_>, length: u64, packets: usize, at: i64) -> Result<usize, IoError> {
         match u64::try_from(at) {
             Ok(position) if position > length => Err(file.truncated(BEFORE_TABLE, 0, position, false)),
@@ -112,10 +109,11 @@ pub(super) struct Stream {
     pub(super) summary: StreamSummary,
 }
 
-/// The streams that the XML declares, in its order; none where it is empty or has no list of them, as some writers leave it.
+/// The streams that the XML declares, in its order; none where it has no list of them.
 ///
-/// `<dv><node name="outInfo"><node name="ID"><attr key="typeIdentifier">EVTS</attr>..<node name="info"><attr
-/// key="sizeX">346</attr>..`: a node for each stream, named by the number in the headers of its packets.
+/// `<dv><node name="outInfo"><node name="ID"><attr key="typeIdentifier">EVTS</attr>..<node
+/// name="info"><attr key="sizeX">346</attr>..`: a node for each stream, named by the number in the
+/// headers of its packets.
 fn parse_streams(xml: Bytes<'_>) -> Result<Vec<Stream>, IoError> {
     let what = "XML of the streams";
     let malformed = |what, expected, actual: String| xml.malformed(what, 0, expected, actual);
@@ -123,7 +121,7 @@ fn parse_streams(xml: Bytes<'_>) -> Result<Vec<Stream>, IoError> {
         return Ok(Vec::new());
     }
     let text = str::from_utf8(xml.data).map_err(|e| malformed(what, "UTF-8", e.to_string()))?;
-    // The parser copies and compares all name spaces for each element: 64 KiB of them take a minute.
+    // The parser compares all name spaces for each element: 64 KiB take a minute.
     if text.contains("xmlns") {
         return Err(malformed(what, "no name spaces", "`xmlns`".to_owned()));
     }

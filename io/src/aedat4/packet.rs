@@ -1,10 +1,11 @@
-//! One packet of AEDAT4: decompression within the bounds of [`crate::limits`], and the part of `FlatBuffers` that AEDAT4
-//! uses, with every offset checked.
+//! One packet of AEDAT4: decompression within the bounds of [`crate::limits`], and the part of
+//! `FlatBuffers` that AEDAT4 uses, with every offset checked.
 //!
-//! A buffer starts with its size (u32), the offset of its root table (u32, counted from itself), and a name of four letters.
-//! A table starts with the distance back to its vtable (i32). The vtable holds its own length, the table's length, and for
-//! each field its offset in the table (u16; 0: the field has its default value). A vector or string is an offset (u32, counted
-//! from itself) to a count (u32) and the elements. Source: the `FlatBuffers` internals page.
+//! A buffer starts with its size (u32), the offset of its root table (u32, counted from itself),
+//! and a name of four letters. A table starts with the distance back to its vtable (i32). The
+//! vtable holds its own length, the table's length, and for each field its offset in the table
+//! (u16; 0: the field has its default value). A vector or string is an offset (u32, counted from
+//! itself) to a count (u32) and the elements. Source: the `FlatBuffers` internals page.
 
 use std::io::Read;
 
@@ -13,8 +14,7 @@ use ruzstd::decoding::{FrameDecoder as Zstd, StreamingDecoder};
 
 use crate::bytes::Bytes;
 use crate::error::{IoError, shown};
-use crate::limits::PACKET_BYTES;
-use crate::limits::most;
+use crate::limits::{PACKET_BYTES, most};
 
 /// Bytes of the size before a buffer.
 const PREFIX: usize = 4;
@@ -31,7 +31,7 @@ pub(super) struct Table<'a> {
 }
 
 impl<'a> Table<'a> {
-    /// The root table of the buffer `bytes`, whose name must be `name` and whose length must be its size prefix.
+    /// The root table of the buffer `bytes` of this name, whose length is its size prefix.
     pub(super) fn root(bytes: Bytes<'a>, what: &'static str, name: [u8; 4]) -> Result<Self, IoError> {
         Self::parse(bytes, what, Some(name))
     }
@@ -78,7 +78,8 @@ impl<'a> Table<'a> {
         self.position(index)?.map(|at| self.bytes.array(self.what, at)).transpose()
     }
 
-    /// A vector of elements of `stride` bytes: its position and its bytes. Empty where the field is missing.
+    /// A vector of elements of `stride` bytes: position and bytes, empty where the field is
+    /// missing.
     pub(super) fn vector(&self, index: usize, stride: usize) -> Result<(usize, &'a [u8]), IoError> {
         let Some(at) = self.position(index)? else { return Ok((0, &[])) };
         let start = at.saturating_add(self.bytes.u32(self.what, at)? as usize);
@@ -109,8 +110,8 @@ pub(super) enum Compression {
 
 /// Decompresses one packet after another into one buffer.
 ///
-/// Invariant: a packet has at most [`PACKET_BYTES`], and all packets together at most [`EXPANSION`](crate::limits::EXPANSION) times the length of the
-/// file more, whatever the compressed bytes are.
+/// Invariant: a packet has at most [`PACKET_BYTES`], and all together
+/// [`EXPANSION`](crate::limits::EXPANSION) times the length of the file more.
 pub(super) struct Inflater<'a> {
     compression: Compression,
     file: Bytes<'a>,
@@ -143,8 +144,8 @@ impl<'f> Inflater<'f> {
         Ok(&self.buffer)
     }
 
-    /// The first `most` bytes of the content of `packet`, or all of it if it is shorter. Only then are the packet's end and
-    /// its checksum checked.
+    /// The first `most` bytes of the content of `packet`, or all of it if it is shorter. Only then
+    /// are the packet's end and its checksum checked.
     pub(super) fn prefix<'a>(
         &'a mut self,
         packet: &'a [u8],

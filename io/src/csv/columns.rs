@@ -1,4 +1,4 @@
-//! The columns of a text of events: their order, the unit of the times, and the values of coordinates and polarities.
+//! The columns of a text of events: order, unit of the times, coordinates and polarities.
 
 use std::fmt;
 use std::str::FromStr;
@@ -14,8 +14,8 @@ const LETTERS: [char; 4] = ['t', 'x', 'y', 'p'];
 
 /// The order of the columns of a text of events.
 ///
-/// It is written as one letter per column: `t`, `x`, `y` and `p` once each, and `_` for a column that is skipped, such as
-/// `xytp` or `t_xyp`.
+/// It is written as one letter per column: `t`, `x`, `y` and `p` once each, and `_` for a column
+/// that is skipped, such as `xytp` or `t_xyp`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ColumnOrder {
     /// The columns of t, x, y and p.
@@ -133,7 +133,7 @@ impl FromStr for ColumnOrder {
 
 /// The unit of the times of a text.
 ///
-/// Times become whole microseconds: further digits are rounded to the nearest, halves away from zero, without floats.
+/// Times become whole microseconds, rounded without floats, halves away from zero.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum TimeUnit {
     /// `s`.
@@ -213,8 +213,8 @@ pub(crate) fn is_of_events(line: &[u8]) -> bool {
         || (numbers == 4 && separator.fields(line).count() == 4)
 }
 
-/// Whether `bytes` may be a text of events: no control characters, and the first line that counts has a comma or can only be
-/// an event or a header. A line with width and height may precede that line.
+/// Whether `bytes` may be a text of events: no control characters, and the first line after a size
+/// has a comma or can only be an event or a header.
 pub(crate) fn is_csv(bytes: &[u8]) -> bool {
     let Some(text) = text_start(bytes) else { return false };
     let mut lines = content_lines(text);

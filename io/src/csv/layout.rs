@@ -1,16 +1,16 @@
-//! The layout of a text of events: given by the caller, by the first lines, or found from the values of all lines.
+//! The layout of a text of events: given, in the first lines, or found from all values.
 //!
-//! A column can be x or y if all its values are whole and from 0 to 65535 (and on the sensor that a comment names), the
-//! polarity if all are 0, 1, -1 or booleans, and the time if all are numbers. y follows x. An order that fits every line
-//! is possible; a possible order whose time never steps back is plausible.
+//! A column can be x or y if all its values are whole and from 0 to 65535 (and on the named
+//! sensor), the polarity if all are 0, 1, -1 or booleans, the time if all are numbers. y follows x.
+//! An order that fits every line is possible, and plausible if its time never falls.
 //!
 //! Without a header and without options, the lines of a text decide by these rules:
-//! 1. The only possible order is taken if it is t, x, y, p, or if its time cannot be a pixel, or from [`ENOUGH`] lines on.
-//! 2. Otherwise, from so many lines on, the only plausible order is taken: the columns and rows of pixels do not rise for
-//!    so long.
-//! 3. Otherwise t, x, y, p is taken if it is plausible, commas separate, and there are fewer lines.
+//! 1. The only possible order, if it is t, x, y, p, if its time cannot be a pixel, or from
+//!    [`ENOUGH`] lines on.
+//! 2. Otherwise, from so many lines on, the only plausible order: pixels do not rise for so long.
+//! 3. Otherwise, of fewer lines with commas, t, x, y, p if it is plausible.
 //!
-//! Otherwise the text is undecided, and the caller has to decide. In a stream, the first line alone decides.
+//! Otherwise the caller has to decide. In a stream, the first line alone decides.
 
 use meissner_engine::{Event, Sensor};
 
@@ -22,8 +22,8 @@ use crate::text::{Line, Number, Separator, bare, is_comment};
 const ENOUGH: usize = 16;
 /// Columns of a text without a header.
 const COLUMNS: usize = 4;
-/// Decimals from which on a time is in seconds: in milliseconds it would be finer than microseconds. Of a time with an exponent, the
-/// decimals that a float keeps count ([`Number::decimals`]).
+/// Decimals from which on a time is in seconds: in milliseconds it would be finer than
+/// microseconds.
 pub(crate) const DECIMALS_OF_SECONDS: usize = 4;
 
 /// Columns of t, x and p in every order in which y follows x.
@@ -34,7 +34,8 @@ const ORDERS: [[usize; 3]; 6] = [[0, 1, 3], [2, 0, 3], [3, 0, 2], [0, 2, 1], [1,
 /// ```
 /// use meissner_io::{ColumnOrder, TextOptions, TimeUnit};
 ///
-/// let options = TextOptions::default().columns("xytp".parse::<ColumnOrder>()?).time_unit(TimeUnit::Seconds);
+/// let order = "xytp".parse::<ColumnOrder>()?;
+/// let options = TextOptions::default().columns(order).time_unit(TimeUnit::Seconds);
 /// # Ok::<(), meissner_io::IoError>(())
 /// ```
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -94,7 +95,7 @@ impl Layout {
         self.columns.is_some() && (self.time.is_some() || !has_points)
     }
 
-    /// Takes a line before the first event; whether it is a comment, a header, or the sensor's size.
+    /// Takes a line before the first event, if it is a comment, a header, or the sensor's size.
     pub(super) fn preamble(&mut self, line: Line<'_>) -> Result<bool, IoError> {
         if is_comment(line.text) {
             let comment = Line { text: line.text[1..].trim_ascii(), number: line.number };
@@ -163,7 +164,7 @@ impl Layout {
             self.columns =
                 Evidence::of(separator, line.text, std::iter::empty()).columns(self.sensor, line)?;
         }
-        // A line that is no event in any order is refused by the plain order; the next line may be an event.
+        // The plain order refuses what is no event in any; the next line may be one.
         let [t, x, y, p] = self.columns.unwrap_or(ColumnOrder::PLAIN).fields(separator, line)?;
         let t_us = self.time_us(t, line)?;
         let refuse = |what, expected: &str, field| line.malformed(what, expected, shown(field));
@@ -206,8 +207,8 @@ impl Layout {
     }
 }
 
-/// The sensor of the comment `geometry:WIDTH,HEIGHT` of Metavision's texts, whose columns are x, y, p, t, or of
-/// `geometry WIDTHxHEIGHT` of its other files.
+/// The sensor of the comment `geometry:WIDTH,HEIGHT` of Metavision's texts, whose columns are x, y,
+/// p, t, or of `geometry WIDTHxHEIGHT` of its other files.
 fn geometry(comment: &[u8]) -> Option<(Sensor, Option<ColumnOrder>)> {
     match comment.strip_prefix(b"geometry")? {
         [b':', size @ ..] => Some((sensor(size, |c| c == ',')?, Some(ColumnOrder::METAVISION))),
@@ -232,8 +233,8 @@ pub(super) struct Evidence<'a> {
 }
 
 impl<'a> Evidence<'a> {
-    /// The evidence of these lines. A line with another number of fields than the `first`, or with words instead of values,
-    /// is ignored: it is refused later.
+    /// The evidence of these lines. A line with another number of fields than the `first`, or with
+    /// words instead of values, is ignored: it is refused later.
     pub(super) fn of(separator: Separator, first: &'a [u8], more: impl Iterator<Item = &'a [u8]>) -> Self {
         let count = separator.fields(first).count();
         let is_word = |field: &[u8]| Number::parse(field).is_none() && polarity(field).is_none();
@@ -249,8 +250,8 @@ impl<'a> Evidence<'a> {
         self.lines.iter().map(move |line| self.separator.fields(line).nth(index).unwrap_or_default())
     }
 
-    /// The order of the columns; `None`: no order fits, or the only one that fits is not certain. `first` is the first
-    /// event's line.
+    /// The order of the columns; `None`: no order fits, or the only one that fits is not certain.
+    /// `first` is the first event's line.
     fn columns(&self, sensor: Option<Sensor>, first: Line<'_>) -> Result<Option<ColumnOrder>, IoError> {
         if self.count != COLUMNS || self.lines.is_empty() {
             return Ok(None);

@@ -1,4 +1,5 @@
-//! Balls pressed on a `GelSight` sensor: pictures with the circle of contact, from arrays in a `NumPy` archive.
+//! Balls pressed on a `GelSight` sensor: pictures with the circle of contact, from arrays in a
+//! `NumPy` archive.
 
 use std::path::Path;
 
@@ -28,12 +29,13 @@ pub struct Ball {
 }
 
 impl BallPictures {
-    /// Reads the archive (npz) at `path`: `background` `|u1` (height, width, 3), `difference` `<i2` (pictures, height, width, 3), a
-    /// picture less the background, and `circle` `<f8` (pictures, 3). Other arrays are ignored. O(bytes).
+    /// Reads the archive (npz) at `path`: `background` `|u1` (height, width, 3), `difference` `<i2`
+    /// (pictures, height, width, 3), a picture less the background, and `circle` `<f8` (pictures,
+    /// 3). Other arrays are ignored. O(bytes).
     ///
     /// # Errors
-    /// [`IoError`], with the path, where the archive cannot be read, an array is missing, has another type, or their shapes do not fit;
-    /// where a circle is not finite.
+    /// [`IoError`], with the path, where the archive cannot be read, an array is missing, has
+    /// another type, or their shapes do not fit; where a circle is not finite.
     pub fn read(path: impl AsRef<Path>) -> Result<Self, IoError> {
         let path = path.as_ref();
         let bytes = std::fs::read(path).map_err(IoError::file("read", path))?;

@@ -1,9 +1,11 @@
-//! `NeuTouch`: spikes of a tactile skin with 39 taxels, from arrays in a zip archive to labelled recordings of events.
+//! `NeuTouch`: spikes of a tactile skin with 39 taxels, from arrays in a zip archive to labelled
+//! recordings of events.
 //!
-//! Enters: a folder with the archive of a set. Leaves: its recordings. A spike of a taxel in a bin is an event at the place of
-//! the taxel and at the beginning of the bin. The events of a bin all have one time; they come in the order of the taxels, and
-//! of one taxel rising before falling. Source: Taunyazov et al., "Event-driven visual-tactile sensing and learning for robots",
-//! 2020, for the sensor; Gu et al., "`TactileSGNet`", 2020, for the arrays.
+//! Enters: a folder with the archive of a set. Leaves: its recordings. A spike of a taxel in a bin
+//! is an event at the place of the taxel and at the beginning of the bin. The events of a bin all
+//! have one time; they come in the order of the taxels, and of one taxel rising before falling.
+//! Source: Taunyazov et al., "Event-driven visual-tactile sensing and learning for robots", 2020,
+//! for the sensor; Gu et al., "`TactileSGNet`", 2020, for the arrays.
 
 use std::path::{Path, PathBuf};
 
@@ -55,8 +57,8 @@ impl NeutouchSet {
 
     /// The index of rising pressure along the second axis of an array.
     ///
-    /// Nothing with the data says it, and the sets differ. After silence, a contact begins with this index: it has 82 % of the
-    /// objects' first bins and 65 % of the containers', the other has 23 % and 43 %.
+    /// The data do not say it. A contact begins with this index: it has 82 % of the objects' first
+    /// bins and 65 % of the containers', the other has 23 % and 43 %.
     fn rising(self) -> usize {
         match self {
             Self::Objects => 0,
@@ -66,16 +68,18 @@ impl NeutouchSet {
 }
 
 impl EventDataset {
-    /// Reads the recordings of `set` from its archive in `folder`, `Ev-Objects.zip` or `Ev-Containers.zip`; the path of the
-    /// archive itself, or this path without `.zip`, will do too. Their pixels are
-    /// steps of 0.05 mm, on 241 x 357. O(bytes) of the arrays; all events are held in memory.
+    /// Reads the recordings of `set` from its archive in `folder`, `Ev-Objects.zip` or
+    /// `Ev-Containers.zip`; the path of the archive itself, or this path without `.zip`, will do
+    /// too. Their pixels are steps of 0.05 mm, on 241 x 357. O(bytes) of the arrays; all events are
+    /// held in memory.
     ///
-    /// The archive has arrays `<train|test>/sample_<number>_label_<class>.npy` of f32, taxel by polarity by bin, with 1 for a
-    /// spike and 0 for none. Other files are passed over, and hidden ones are ignored.
+    /// The archive has arrays `<train|test>/sample_<number>_label_<class>.npy` of f32, taxel by
+    /// polarity by bin, 1 for a spike, else 0. Other and hidden files are passed over.
     ///
     /// # Errors
-    /// [`IoError`], with the path, where the archive is missing or cannot be read, or has no recording, two of one name, one
-    /// of another class or shape, or one without spikes. Contents beyond [`limits`](crate::limits) are refused.
+    /// [`IoError`], with the path, where the archive is missing or cannot be read, or has no
+    /// recording, two of one name, one of another class or shape, or one without spikes. Contents
+    /// beyond [`limits`](crate::limits) are refused.
     pub fn neutouch(folder: impl AsRef<Path>, set: NeutouchSet) -> Result<Self, IoError> {
         let path = archive(folder.as_ref(), set);
         let bytes = std::fs::read(&path).map_err(IoError::file("read", &path))?;

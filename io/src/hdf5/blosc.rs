@@ -2,15 +2,17 @@
 //!
 //! ```text
 //! version, version of the codec     one byte each
-//! flags                             bit 0: bytes shuffled, 1: stored, 2: bits shuffled, 4: blocks are not split; bits 5-7: codec
+//! flags                             bit 0: bytes shuffled, 1: stored, 2: bits shuffled,
+//!                                   4: blocks are not split; bits 5-7: codec
 //! size of an element                one byte
 //! bytes, bytes of a block, bytes of the chunk     u32 each
 //! for each block: its place in the chunk          u32; not if stored
-//! blocks: streams of a u32, its length, and its compressed bytes; as many bytes as it unpacks to are stored
+//! blocks: streams of a u32, its length, and as many bytes (as it unpacks to: not compressed)
 //! ```
 //!
-//! A block that is split has a stream for each byte of its elements. Codecs: LZ4, zlib and Zstandard. Source: the format's description
-//! and the decoder at <https://github.com/Blosc/c-blosc>. Invariant: what a chunk unpacks to is bounded before it is allocated.
+//! A block that is split has a stream for each byte of its elements. Codecs: LZ4, zlib and
+//! Zstandard. Source: <https://github.com/Blosc/c-blosc>. Invariant: what a chunk unpacks to is
+//! bounded before it is allocated.
 
 use std::io::Read;
 use std::sync::{Mutex, PoisonError};
@@ -143,7 +145,7 @@ impl Codec {
     }
 }
 
-/// Puts the bytes of elements together: `shuffled` has first all first bytes, then all second ones, and a rest as it is.
+/// Puts elements together: `shuffled` has all first bytes, all second ones, and a rest as it is.
 fn unshuffle(shuffled: &[u8], element: usize, out: &mut [u8]) {
     let count = out.len() / element;
     let (columns, rest) = shuffled.split_at(count * element);

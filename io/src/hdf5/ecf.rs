@@ -1,21 +1,21 @@
 //! ECF, the compression of Prophesee's records.
 //!
 //! ```text
-//! 4 * number of events + layout     u32; layout 2: pixels and polarities together; 1: columns and polarities together; 0: apart
+//! 4 * number of events + layout     u32
 //! time of the first event           u64
-//! times                             bytes of a step (bits 7-4) and how many events have the time (bits 3-0; 15: the next u16).
-//!                                   Before them, bytes with bits 7-4 set have longer steps in bits 3-0, lowest four bits first
-//! layout 2: four events of 24 bits in three u32: row (11), column (11), polarity
-//! others:   rows                    u16: row (bits 15-5) and its events (bits 4-0; 31: the next u16)
-//! layout 1: four events of 12 bits in three u16: column (11), polarity
-//! layout 0: columns                 u16: column (bits 15-5), and the five columns after it that follow (bits 4-0, nearest first)
-//!           polarities              byte: polarity (bit 7) and its events (bits 6-0; 127: the next u16)
+//! times       byte: step (bits 7-4), events at the time (3-0; 15: the next u16); before it,
+//!             bytes with bits 7-4 set have longer steps in bits 3-0, lowest four bits first
+//! layout 2    four events of 24 bits in three u32: row (11), column (11), polarity
+//! others      u16: row (bits 15-5), its events (bits 4-0; 31: the next u16)
+//! layout 1    four events of 12 bits in three u16: column (11), polarity
+//! layout 0    u16: column (bits 15-5), which of the next five follow (bits 4-0, nearest first);
+//!             byte: polarity (bit 7), its events (bits 6-0; 127: the next u16)
 //! ```
 //!
-//! Three words hold four events from the highest bit on; of an event in two words, the low bits are in the first one. All words begin
-//! with the least significant byte. A chunk unpacks to records of 16 bytes: x and y (u16), p (i16), two bytes of padding,
-//! t (i64). Source: the vendor's coder, <https://github.com/prophesee-ai/hdf5_ecf>. Invariant: a chunk has at most 65535 events, and no
-//! more than it says.
+//! Three words hold four events from the highest bit on; of an event in two words, the low bits are
+//! in the first one. All words begin with the least significant byte. A chunk unpacks to records of
+//! 16 bytes: x and y (u16), p (i16), two bytes of padding, t (i64). Source: the vendor's coder,
+//! <https://github.com/prophesee-ai/hdf5_ecf>. Invariant: a chunk has at most 65535 events.
 
 use crate::bytes::Bytes;
 use crate::error::IoError;
@@ -26,10 +26,10 @@ pub(super) const FILTER: u16 = 0x8ecf;
 /// Most events of a chunk.
 const MAX_EVENTS: usize = 65535;
 /// Bytes of a record.
-const RECORD: usize = 16;
+pub(crate) const RECORD: usize = 16;
 
 /// The records of `chunk`.
-pub(super) fn decode(chunk: &[u8]) -> Result<Vec<u8>, IoError> {
+pub(crate) fn decode(chunk: &[u8]) -> Result<Vec<u8>, IoError> {
     let mut input = Input { chunk: Bytes::file("ECF", chunk), at: 0 };
     let header = input.u32()?;
     let count = (header >> 2) as usize;
@@ -135,7 +135,7 @@ impl Input<'_> {
         Ok(times)
     }
 
-    /// Fills `values` with `count` values, from runs that `next` reads: a value and how often it stands.
+    /// Fills `values` with `count` values, from runs that `next` reads: value and length.
     fn runs<T: Copy>(
         &mut self,
         count: usize,
@@ -152,135 +152,5 @@ impl Input<'_> {
             values.resize(values.len() + usize::from(run), value);
         }
         Ok(())
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use proptest::prelude::*;
-
-    use super::{RECORD, decode};
-
-    /// The values of `values` in runs.
-    fn runs<T: PartialEq>(values: &[T]) -> impl Iterator<Item = (&T, u16)> {
-        values.chunk_by(PartialEq::eq).map(|run| (&run[0], run.len() as u16))
-    }
-
-    /// The chunk of `events` (t, x, y, on) in order of time, with this layout, as the vendor's coder writes it.
-    fn encoded(events: &[(u64, u16, u16, bool)], layout: u32) -> Vec<u8> {
-        let mut chunk = ((events.len() as u32) << 2 | layout).to_le_bytes().to_vec();
-        let times: Vec<_> = events.iter().map(|event| event.0).collect();
-        let mut now = times.first().copied().unwrap_or(0);
-        chunk.extend(now.to_le_bytes());
-        for (&t_us, run) in runs(&times) {
-            let mut step = t_us - now;
-            now = t_us;
-            if step >= 15 {
-                while step > 0 {
-                    chunk.push(0xf0 | (step & 15) as u8);
-                    step >>= 4;
-                }
-            }
-            chunk.push((step as u8) << 4 | run.min(15) as u8);
-            if run >= 15 {
-                chunk.extend(run.to_le_bytes());
-            }
-        }
-        if layout == 2 {
-            let mut words: Vec<_> = events
-                .iter()
-                .map(|&(_, x, y, on)| u32::from(y) << 12 | u32::from(x) << 1 | u32::from(on))
-                .collect();
-            words.resize(words.len().next_multiple_of(4), 0);
-            for four in words.as_chunks().0 {
-                let &[a, b, c, d] = four;
-                let three = [a << 8 | b & 0xff, b >> 8 << 16 | c & 0xffff, c >> 16 << 24 | d];
-                chunk.extend(three.iter().flat_map(|word| word.to_le_bytes()));
-            }
-            return chunk;
-        }
-        let rows: Vec<_> = events.iter().map(|event| event.2).collect();
-        for (row, run) in runs(&rows) {
-            chunk.extend((row << 5 | run.min(31)).to_le_bytes());
-            if run >= 31 {
-                chunk.extend(run.to_le_bytes());
-            }
-        }
-        if layout == 1 {
-            let mut words: Vec<_> = events.iter().map(|&(_, x, _, on)| x << 1 | u16::from(on)).collect();
-            words.resize(words.len().next_multiple_of(4), 0);
-            for four in words.as_chunks().0 {
-                let &[a, b, c, d] = four;
-                let three = [a << 4 | b & 0xf, b >> 4 << 8 | c & 0xff, c >> 8 << 12 | d];
-                chunk.extend(three.iter().flat_map(|word| word.to_le_bytes()));
-            }
-            return chunk;
-        }
-        let mut columns = events.iter().map(|event| event.1).peekable();
-        while let Some(column) = columns.next() {
-            let mut word = column << 5;
-            for step in 1..=5 {
-                if columns.next_if_eq(&(column + step)).is_some() {
-                    word |= 1 << (5 - step);
-                }
-            }
-            chunk.extend(word.to_le_bytes());
-        }
-        let polarities: Vec<_> = events.iter().map(|event| event.3).collect();
-        for (&on, run) in runs(&polarities) {
-            chunk.push(u8::from(on) << 7 | run.min(127) as u8);
-            if run >= 127 {
-                chunk.extend(run.to_le_bytes());
-            }
-        }
-        chunk
-    }
-
-    fn records(events: &[(u64, u16, u16, bool)]) -> Vec<u8> {
-        let record = |&(t_us, x, y, on): &(u64, u16, u16, bool)| {
-            let mut record = [0; RECORD];
-            record[..2].copy_from_slice(&x.to_le_bytes());
-            record[2..4].copy_from_slice(&y.to_le_bytes());
-            record[4] = on.into();
-            record[8..].copy_from_slice(&t_us.to_le_bytes());
-            record
-        };
-        events.iter().flat_map(record).collect()
-    }
-
-    proptest! {
-        /// Steps of time around the lengths that are written otherwise, runs of all lengths, and neighbours in a row.
-        #[test]
-        fn every_layout_comes_back(
-            bursts in prop::collection::vec(
-                (
-                    prop_oneof![0..20_u64, Just(1 << 40), 0..100_000_u64],
-                    0..2048_u16, 0..2048_u16, any::<bool>(),
-                    prop_oneof![1..7_usize, 1..200_usize],
-                    0..4_u16,
-                ),
-                0..20,
-            ),
-            begin in 0..1_u64 << 62,
-        ) {
-            let mut now = begin;
-            let mut events = Vec::new();
-            for (step, x, y, on, length, gap) in bursts {
-                now += step;
-                let column = |i: usize| (x + gap * i as u16) % 2048;
-                events.extend((0..length).map(|i| (now, column(i), y, on)));
-            }
-            for layout in 0..3 {
-                prop_assert_eq!(decode(&encoded(&events, layout)).unwrap(), records(&events), "layout {}", layout);
-            }
-        }
-
-        #[test]
-        fn any_bytes_give_records_or_an_error(chunk in prop::collection::vec(any::<u8>(), 0..80), count in 0..40_u32) {
-            let chunk = [&((count << 2) | (count % 3)).to_le_bytes()[..], &chunk].concat();
-            if let Ok(records) = decode(&chunk) {
-                prop_assert_eq!(records.len(), count as usize * RECORD);
-            }
-        }
     }
 }

@@ -3,7 +3,7 @@
 use hdf5_reader::error::{ByteOrder, Error, Result};
 use hdf5_reader::{Datatype, H5Type};
 
-/// An integer of 1, 2, 4 or 8 bytes; also of an enumeration, as a boolean is. From 2^63 on it is negative.
+/// An integer of 1, 2, 4 or 8 bytes, or of an enumeration. From 2^63 on it is negative.
 #[derive(Clone, Copy)]
 pub(super) struct Integer(pub(super) i64);
 
@@ -68,6 +68,11 @@ fn unfit(dtype: &Datatype) -> Error {
     Error::TypeMismatch { expected, actual: format!("{dtype:?}") }
 }
 
+/// The first `count` integers of `N` bytes.
+fn words<const N: usize>(raw: &[u8], count: usize, read: impl Fn([u8; N]) -> i64) -> Vec<Integer> {
+    raw.as_chunks().0.iter().take(count).map(|&word| Integer(read(word))).collect()
+}
+
 impl H5Type for Integer {
     fn hdf5_type() -> Datatype {
         i64::hdf5_type()
@@ -86,23 +91,13 @@ impl H5Type for Integer {
         let read = |element: &[u8]| Self(place.read(element));
         // The usual types as loops without a choice in them.
         let integers = match place {
-            Place { size: 1, signed: false, .. } => {
-                raw.iter().take(count).map(|&byte| Self(byte.into())).collect()
+            Place { size: 1, signed: false, .. } => words(raw, count, |[byte]| byte.into()),
+            Place { size: 2, signed: false, big: false, .. } => {
+                words(raw, count, |word| u16::from_le_bytes(word).into())
             }
-            Place { size: 2, signed: false, big: false, .. } => raw
-                .as_chunks()
-                .0
-                .iter()
-                .take(count)
-                .map(|&word| Self(u16::from_le_bytes(word).into()))
-                .collect(),
-            Place { size: 4, signed: false, big: false, .. } => raw
-                .as_chunks()
-                .0
-                .iter()
-                .take(count)
-                .map(|&word| Self(u32::from_le_bytes(word).into()))
-                .collect(),
+            Place { size: 4, signed: false, big: false, .. } => {
+                words(raw, count, |word| u32::from_le_bytes(word).into())
+            }
             Place { size, .. } => raw.chunks_exact(size).take(count).map(read).collect(),
         };
         Some(Ok(integers))

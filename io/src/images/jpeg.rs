@@ -1,8 +1,8 @@
 //! JPEG (ITU-T T.81): bytes to an image, with the `zune-jpeg` crate.
 //!
-//! The segments are checked before decoding: the decoder fills missing data with grey, but a file that is cut short must be
-//! an error; and the decoder passes over all pixels once per scan. The decoder is built without its processor-specific
-//! paths, so that a file gives the same pixels on every machine.
+//! The segments are checked before decoding: the decoder fills missing data with grey, and passes
+//! over all pixels once per scan. It is built without processor-specific paths: a file gives the
+//! same pixels on every machine.
 
 use std::io::Cursor;
 
@@ -10,20 +10,21 @@ use zune_jpeg::JpegDecoder;
 use zune_jpeg::zune_core::colorspace::ColorSpace;
 use zune_jpeg::zune_core::options::DecoderOptions;
 
-use super::image::{Image, pixels};
+use super::{Image, pixels};
 use crate::bytes::Bytes;
 use crate::error::IoError;
 use crate::limits::JPEG_SCANS;
 
-/// Most pixels that a byte codes. Every block of 8 x 8 values takes at least a bit, and subsampled components have at least
-/// half as many blocks as one component of all pixels.
+/// Most pixels that a byte codes. Every block of 8 x 8 values takes at least a bit, and subsampled
+/// components have at least half as many blocks as one component of all pixels.
 const MAX_PIXELS_OF_A_BYTE: usize = 2 * 8 * 64;
 
-/// Refuses sampling factors that the decoder does not support: it reads beyond its rows if a component has more columns or
-/// rows than the first. `content` is the content of the frame header at `at`.
+/// Refuses sampling factors for which the decoder reads beyond its rows: a component with more
+/// columns or rows than the first. `content` is that of the frame header at `at`.
 fn check_sampling(file: Bytes<'_>, content: &[u8], at: usize) -> Result<(), IoError> {
     const FIRST: [u8; 6] = [0x11, 0x12, 0x14, 0x21, 0x22, 0x41];
-    // After precision, height, width and the number of components come an identifier, the factors and a table for each.
+    // After precision, height, width and number of components: identifier, factors and table of
+    // each.
     let factors: Vec<u8> = content.iter().skip(7).step_by(3).copied().collect();
     let [first, others @ ..] = &factors[..] else { return Ok(()) };
     if !FIRST.contains(first) || others.iter().any(|&other| other != 0x11) {
@@ -34,8 +35,8 @@ fn check_sampling(file: Bytes<'_>, content: &[u8], at: usize) -> Result<(), IoEr
     Ok(())
 }
 
-/// Checks the segments up to the end-of-image marker, with at most [`JPEG_SCANS`] scans; returns where the first scan's data
-/// starts.
+/// Checks the segments up to the end-of-image marker, with at most [`JPEG_SCANS`] scans; returns
+/// where the first scan's data starts.
 fn first_scan(file: Bytes<'_>) -> Result<usize, IoError> {
     let (mut at, mut scan, mut scans) = (2, None, 0);
     loop {
@@ -78,7 +79,7 @@ fn first_scan(file: Bytes<'_>) -> Result<usize, IoError> {
                 return Err(file.malformed("scan", start, format!("at most {JPEG_SCANS} scans"), "one more"));
             }
             scan.get_or_insert(end);
-            // Entropy-coded data end at the first 0xff that is neither stuffed (0x00) nor a restart marker.
+            // Entropy-coded data end at the first 0xff before neither 0x00 nor a restart.
             let is_end = |pair: &[u8]| pair[0] == 0xff && !matches!(pair[1], 0x00 | 0xd0..=0xd7);
             let rest = &file.data[end..];
             let endless = || file.truncated("scan", end, rest.len() as u64 + 1, true);

@@ -1,14 +1,14 @@
 //! PNG (W3C recommendation, third edition): bytes to and from an image, with the `png` crate.
 //!
-//! The chunks are checked before decoding, so that a missing byte is an error with the position of its chunk, and no image is
-//! allocated that is larger than the compressed bytes can give.
+//! The chunks are checked before decoding, so that a missing byte is an error with the position of
+//! its chunk, and no image is allocated that is larger than the compressed bytes can give.
 
 use std::io::{Cursor, Write};
 use std::path::Path;
 
 use png::{BitDepth, ColorType, Decoder, Encoder, Transformations};
 
-use super::image::{Image, pixels, sample, to_8_bits};
+use super::{Image, pixels, sample, to_8_bits};
 use crate::bytes::{Bytes, array};
 use crate::error::IoError;
 use crate::files::write_file;
@@ -72,7 +72,7 @@ pub(super) fn decode(file: Bytes<'_>) -> Result<Image, IoError> {
     Ok(Image { width: width as usize, height: height as usize, data })
 }
 
-/// The decoded samples of the first image, their colour type and depth. Everything up to IEND is read.
+/// The decoded samples of the first image, their colour type and depth; reads up to IEND.
 fn samples(
     decoder: Decoder<&mut Cursor<&[u8]>>,
 ) -> Result<(Vec<u8>, ColorType, BitDepth), png::DecodingError> {
@@ -99,7 +99,7 @@ fn to_rgb(samples: &[u8], colour: ColorType, depth: BitDepth) -> Vec<u8> {
 /// Encodes interleaved RGB as an 8-bit PNG; O(pixels).
 ///
 /// # Errors
-/// [`IoError::Buffer`] where `rgb` is not `height` x `width` x 3 bytes, or a side is 0 or beyond 2^31 - 1.
+/// [`IoError::Buffer`] where `rgb` is not `height` x `width` x 3 bytes, or a side not 1..2^31.
 ///
 /// # Panics
 /// Never: an image of this size can be encoded, and writing to memory does not fail.

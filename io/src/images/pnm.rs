@@ -1,6 +1,6 @@
-//! Binary PPM and PGM (netpbm, `man 5 ppm`): `P6` or `P5`, width, height, largest sample, then the samples.
+//! Binary PPM and PGM (netpbm, `man 5 ppm`): `P6` or `P5`, width, height, largest sample, samples.
 
-use super::image::{Image, pixels, sample, to_8_bits};
+use super::{Image, pixels, sample, to_8_bits};
 use crate::bytes::Bytes;
 use crate::error::{IoError, shown};
 
@@ -30,8 +30,8 @@ fn number(file: Bytes<'_>, at: &mut usize, what: &'static str, most: u32) -> Res
     Ok(value)
 }
 
-/// Decodes a file that starts with `P5` or `P6`. Bytes after the image are refused: they are a second image, or the header
-/// is wrong.
+/// Decodes a file that starts with `P5` or `P6`. Bytes after the image are refused: they are a
+/// second image, or the header is wrong.
 pub(super) fn decode(file: Bytes<'_>) -> Result<Image, IoError> {
     let channels = if file.data[1] == b'6' { 3 } else { 1 };
     let mut at = 2;

@@ -1,7 +1,7 @@
 //! A field of a record, or a value of an array: its type, and what it says.
 //!
-//! Integers have 1, 2, 4 or 8 bytes; a boolean is a byte without a sign. A float of 32 or 64 bits is taken by its shortest decimal
-//! digits, so that 0.1 s are 100,000 us exactly.
+//! Integers have 1, 2, 4 or 8 bytes; a boolean is a byte without a sign. A float of 32 or 64 bits
+//! is taken by its shortest decimal digits, so that 0.1 s are 100,000 us exactly.
 
 use crate::bytes::array;
 use crate::text::Number;
@@ -24,7 +24,8 @@ enum Class {
 }
 
 impl Field {
-    /// The field at `offset` of the type that `text` names, if an event can have it, and its bytes. `None`: the size is not fixed.
+    /// The field at `offset` of the type that `text` names, if an event can have it, and its bytes.
+    /// `None`: the size is not fixed.
     pub(super) fn of_type(text: &[u8], offset: usize) -> Option<(Option<Self>, usize)> {
         let (big_endian, text) = match text {
             [b'>', rest @ ..] => (true, rest),
@@ -72,7 +73,7 @@ impl Field {
         match self.class {
             Class::Unsigned => Some(self.bits(record).into()),
             Class::Signed => {
-                // The shift up and back down fills the upper bits with the sign bit of the narrow type.
+                // Shifting up and down extends the sign of the narrow type.
                 let shift = 64 - 8 * self.width as u32;
                 Some(i128::from((self.bits(record) << shift) as i64 >> shift))
             }
@@ -80,7 +81,8 @@ impl Field {
         }
     }
 
-    /// Its value in `record` times 10^`power`, rounded to the nearest integer, halves away from zero; `None`: too large or no number.
+    /// Its value in `record` times 10^`power`, rounded to the nearest integer, halves away from
+    /// zero; `None`: too large or no number.
     #[inline]
     pub(super) fn scaled(self, record: &[u8], power: i32) -> Option<i128> {
         match (self.class, power) {
@@ -89,7 +91,7 @@ impl Field {
         }
     }
 
-    /// Its value in `record` as a decimal number, of floats with an exponent; `NaN` and `inf` are none.
+    /// Its value in `record` as a decimal number; `NaN` and `inf` are none.
     pub(super) fn text(self, record: &[u8]) -> String {
         match (self.class, self.width) {
             (Class::Float, 4) => format!("{:e}", f32::from_bits(self.bits(record) as u32)),

@@ -1,8 +1,8 @@
 //! A recording block by block, without holding the rest of it.
 //!
-//! Enters: a file whose parts can be read alone. Leaves: its events in the file's order, those of the whole recording. Invariant: a
-//! block of records begins at a record with a clock, and with the clock that the block before it ended with; a block of packets
-//! has whole packets.
+//! Enters: a file whose parts can be read alone. Leaves: its events in the file's order, those of
+//! the whole recording. Invariant: a block of records begins at a record with a clock, and with the
+//! clock that the block before it ended with; a block of packets has whole packets.
 
 use std::io::{Read, Seek};
 
@@ -21,7 +21,7 @@ const BYTES: u64 = 1 << 20;
 /// The next block; `None`: there is none.
 type Next = dyn FnMut() -> Result<Option<Recording>, IoError> + Send;
 
-/// The blocks of a recording in the order of its file, each with its events, about 65,536 of them. Made by [`blocks`](crate::blocks).
+/// The blocks of about 65,536 events of a recording, in order ([`blocks`](crate::blocks)).
 ///
 /// After an error there are no more.
 pub struct Blocks {

@@ -6,6 +6,7 @@ use std::ops::Range;
 use super::{DISORDER_US, Input, Probe, TimeRange, step};
 use crate::bytes::Bytes;
 use crate::error::{IoError, Place};
+use crate::format::Format;
 use crate::options::ReadOptions;
 use crate::prophesee::WrappingClock;
 use crate::recording::Recording;
@@ -32,8 +33,20 @@ pub(crate) trait Records: Sized {
     }
     /// The value of the clock in a record, in microseconds; `None`: the record has none.
     fn clock(&self, record: &[u8]) -> Option<i64>;
-    /// The events of whole records, the first of which is read with `clock`.
-    fn decode(&self, records: Bytes<'_>, clock: WrappingClock) -> Result<Recording, IoError>;
+    /// The events of records, the first of which is read with `clock`; with `salvage`, the last one
+    /// may be cut.
+    fn decode(&self, records: Bytes<'_>, clock: WrappingClock, salvage: bool) -> Result<Recording, IoError>;
+}
+
+/// The events of the whole file `bytes`.
+pub(crate) fn whole<T: Records>(
+    format: Format,
+    bytes: &[u8],
+    options: ReadOptions,
+) -> Result<Recording, IoError> {
+    let file = Bytes::file(format.name(), bytes);
+    let layout = T::open(file, options)?;
+    layout.decode(file.after(layout.start()), fresh::<T>(), options.salvage)
 }
 
 /// The events of `range`; `None`: the whole file must be read.
@@ -88,7 +101,8 @@ impl<T: Records, R: Read + Seek> Part<'_, T, R> {
 
     pub(super) fn decode(&mut self, records: Range<u64>, clock: WrappingClock) -> Result<Recording, IoError> {
         let (data, at) = self.bytes(&records)?;
-        self.layout.decode(Bytes { format: self.input.format, data: &data, origin: Place::Byte(at) }, clock)
+        let bytes = Bytes { format: self.input.format, data: &data, origin: Place::Byte(at) };
+        self.layout.decode(bytes, clock, false)
     }
 
     /// The time of the first event; `None`: there is none.
@@ -104,7 +118,7 @@ impl<T: Records, R: Read + Seek> Part<'_, T, R> {
         }
     }
 
-    /// The first of these records that has a clock, unwrapped after the place `before` it. O(records).
+    /// The first of these records that has a clock, unwrapped after `before`. O(records).
     pub(super) fn probe(
         &mut self,
         before: Option<Probe>,

@@ -102,8 +102,8 @@ fn a_packet_of_another_type_than_its_stream_is_refused() {
 
 #[test]
 fn an_lz4_frame_cut_at_the_end_of_a_block_is_refused() {
-    // Two blocks of at most 64 KiB; without the second and the end mark, the frame still decodes without an
-    // error.
+    // Two blocks of at most 64 KiB; without the second and the end mark, the frame still decodes
+    // without an error.
     let many: Vec<_> =
         (0..6000).map(|i| Event::new(i64::from(i) * 7919, i % 346, i % 260, i % 2 == 0)).collect();
     let blocks = FrameInfo::new().block_size(BlockSize::Max64KB);

@@ -1,4 +1,4 @@
-//! The data set of slips, folder by folder.
+//! Data sets folder by folder: digits, electrodes, pictures of a gel.
 
 use std::error::Error;
 use std::fs;
@@ -151,4 +151,226 @@ fn the_published_data_set_has_306_recordings_of_16_799_windows() {
     let misspelt: Vec<_> =
         set.recordings.iter().filter(|r| r.object == "strippes").map(|r| &r.name).collect();
     assert_eq!(misspelt, ["s/strippes305"]);
+}
+
+mod digits {
+    //! The data set of digits, folder by folder.
+
+    use std::error::Error;
+    use std::fs;
+    use std::path::Path;
+
+    use meissner_engine::Event;
+    use meissner_io::IoError;
+    use meissner_io::datasets::{EventDataset, Split};
+    use tempfile::TempDir;
+
+    use crate::shared_files::shared;
+    use crate::support::nmnist;
+
+    /// A recording of `count` events.
+    fn digit(count: u16) -> Vec<u8> {
+        let events = (0..count).map(|i| Event::new(7 + i64::from(i) * 100, i % 34, 33 - i % 34, i % 2 == 0));
+        nmnist(&events.collect::<Vec<_>>())
+    }
+
+    /// A folder with these files.
+    fn folder(files: &[(&str, &[u8])]) -> TempDir {
+        let folder = tempfile::tempdir().unwrap();
+        for (name, content) in files {
+            let path = folder.path().join(name);
+            fs::create_dir_all(path.parent().unwrap()).unwrap();
+            fs::write(path, content).unwrap();
+        }
+        folder
+    }
+
+    /// The message for a folder with these files.
+    fn refusal(files: &[(&str, &[u8])]) -> String {
+        EventDataset::nmnist(folder(files).path()).unwrap_err().to_string()
+    }
+
+    #[test]
+    fn recordings_come_by_split_then_by_class_and_then_by_number() {
+        let (one, two, three) = (digit(1), digit(2), digit(3));
+        let folder = folder(&[
+            ("test/0/00003.bin", &one),
+            ("train/9/00004.BIN", &two),
+            ("train/0/10.bin", &three),
+            ("train/0/9.bin", &two),
+            ("train/0/.8.bin", b"hidden"),
+            ("train/0/notes.txt", b"of the operator"),
+            ("train/labels", b"beside the digits"),
+            ("README", b"about"),
+        ]);
+        let set = EventDataset::nmnist(folder.path()).unwrap();
+        let found: Vec<_> =
+            set.recordings.iter().map(|r| (r.name.as_str(), r.split, r.class, r.events.len())).collect();
+        let expected = [
+            ("train/0/9", Split::Train, 0, 2),
+            ("train/0/10", Split::Train, 0, 3),
+            ("train/9/00004", Split::Train, 9, 2),
+            ("test/0/00003", Split::Test, 0, 1),
+        ];
+        assert_eq!(found, expected);
+        assert_eq!(set.recordings[0].events, [Event::new(7, 0, 33, true), Event::new(107, 1, 32, false)]);
+        let passed_over: Vec<_> = set.passed_over.iter().filter_map(|path| path.file_name()).collect();
+        assert_eq!(passed_over, ["README", "labels", "notes.txt"]);
+    }
+
+    #[test]
+    fn one_split_is_enough() {
+        for split in Split::ALL {
+            let folder = folder(&[(&format!("{split}/4/1.bin"), &digit(1))]);
+            let set = EventDataset::nmnist(folder.path()).unwrap();
+            assert_eq!((set.recordings.len(), set.recordings[0].split), (1, split));
+        }
+    }
+
+    #[test]
+    fn a_folder_that_is_no_split_or_no_digit_is_refused_by_name() {
+        let one = digit(1);
+        let message = refusal(&[("train/1/1.bin", &one), ("valid/1/1.bin", &one)]);
+        assert!(message.contains("train, test") && message.ends_with("found also valid"), "{message}");
+        let message = refusal(&[("test/1/1.bin", &one), ("test/10/1.bin", &one), ("test/ten/1.bin", &one)]);
+        assert!(message.contains("test: ") && message.ends_with("8, 9, found also 10, ten"), "{message}");
+    }
+
+    #[test]
+    fn what_is_missing_is_said() {
+        let nowhere = tempfile::tempdir().unwrap().path().join("data");
+        let message = EventDataset::nmnist(&nowhere).unwrap_err().to_string();
+        assert!(
+            message.contains(nowhere.to_str().unwrap()) && message.contains("found nothing"),
+            "{message}"
+        );
+        assert!(refusal(&[("README", b"about")]).contains("<train|test>/<digit>/<number>.bin"));
+        let message = refusal(&[("train/3/1.bin", b"")]);
+        assert!(message.contains("1.bin") && message.contains("expected events"), "{message}");
+    }
+
+    #[test]
+    fn a_bad_recording_is_an_error_with_path_and_byte() {
+        let broken = [&digit(2)[..], &[1, 2]].concat();
+        let folder = folder(&[("train/3/00123.bin", &broken)]);
+        let error = EventDataset::nmnist(folder.path()).unwrap_err();
+        assert!(matches!(error, IoError::Content { .. }));
+        let message = format!("{error}: {}", error.source().expect("why"));
+        let place = Path::new("train").join("3").join("00123.bin");
+        assert!(message.contains(place.to_str().unwrap()) && message.contains("byte 10"), "{message}");
+    }
+
+    #[test]
+    #[cfg_attr(no_shared, ignore = "no ../shared")]
+    fn the_shared_digits_are_1_000_and_100_of_1_069_to_7_152_events() {
+        let folder = shared("data/nmnist");
+        let set = EventDataset::nmnist(folder).unwrap();
+        let count = |split| set.recordings.iter().filter(|recording| recording.split == split).count();
+        assert_eq!((count(Split::Train), count(Split::Test), set.passed_over.len()), (1_000, 100, 0));
+        assert!((0..10).all(|class| set.recordings.iter().any(|recording| recording.class == class)));
+        let lengths = || set.recordings.iter().map(|recording| recording.events.len());
+        assert_eq!((lengths().min(), lengths().max()), (Some(1_069), Some(7_152)));
+        let steps_back =
+            |events: &[Event]| events.windows(2).filter(|pair| pair[1].t_us < pair[0].t_us).count();
+        assert_eq!(set.recordings.iter().map(|recording| steps_back(&recording.events)).sum::<usize>(), 0);
+    }
+}
+
+mod gelsight {
+    //! Pictures of balls: arrays in a `NumPy` archive.
+
+    use std::error::Error;
+
+    use meissner_io::datasets::BallPictures;
+
+    use crate::packed::zip;
+    use crate::shared_files::shared;
+
+    /// A file of version 1 with this type and shape.
+    fn npy(descr: &str, shape: &str, values: &[u8]) -> Vec<u8> {
+        let header = format!("{{'descr': '{descr}', 'fortran_order': False, 'shape': {shape}, }}\n");
+        let mut bytes = b"\x93NUMPY\x01\x00".to_vec();
+        bytes.extend((header.len() as u16).to_le_bytes());
+        bytes.extend(header.as_bytes());
+        bytes.extend(values);
+        bytes
+    }
+
+    /// Two pictures of 2 x 1 pixels.
+    fn arrays() -> [(&'static str, Vec<u8>); 4] {
+        let difference: [i16; 12] = [5, -5, 0, 250, -250, 1, 0, 0, 0, 0, 0, 7];
+        let circle = [1.0_f64, 0.5, 2.0, 0.0, 0.25, 3.0];
+        let bytes = |values: &[i16]| values.iter().flat_map(|value| value.to_le_bytes()).collect::<Vec<_>>();
+        let circle: Vec<u8> = circle.iter().flat_map(|value| value.to_le_bytes()).collect();
+        [
+            ("background.npy", npy("|u1", "(1, 2, 3)", &[10, 20, 30, 40, 50, 60])),
+            ("difference.npy", npy("<i2", "(2, 1, 2, 3)", &bytes(&difference))),
+            ("circle.npy", npy("<f8", "(2, 3)", &circle)),
+            ("notes.txt", b"not an array".to_vec()),
+        ]
+    }
+
+    fn read(arrays: &[(&str, Vec<u8>)]) -> Result<BallPictures, String> {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("balls.npz");
+        std::fs::write(&path, zip(arrays.iter().map(|(name, content)| (*name, content.clone())))).unwrap();
+        BallPictures::read(&path).map_err(|error| {
+            let mut message = error.to_string();
+            let mut source = error.source();
+            while let Some(inner) = source {
+                message = format!("{message}: {inner}");
+                source = inner.source();
+            }
+            message
+        })
+    }
+
+    #[test]
+    fn a_picture_is_the_background_and_the_difference_between_black_and_white() {
+        let read = read(&arrays()).unwrap();
+        assert_eq!((read.width, read.height), (2, 1));
+        assert_eq!(read.background, [10, 20, 30, 40, 50, 60]);
+        let pictures: Vec<_> = read.balls.iter().map(|ball| ball.picture.clone()).collect();
+        assert_eq!(pictures, [[15, 15, 30, 255, 0, 61], [10, 20, 30, 40, 50, 67]]);
+        assert_eq!(read.balls[1].circle, [0.0, 0.25, 3.0]);
+    }
+
+    #[test]
+    fn arrays_that_are_missing_or_do_not_fit_are_refused() {
+        for missing in 0..3 {
+            let left: Vec<_> = arrays()
+                .into_iter()
+                .enumerate()
+                .filter(|(i, _)| *i != missing)
+                .map(|(_, array)| array)
+                .collect();
+            let name = arrays()[missing].0.trim_end_matches(".npy");
+            let message = read(&left).unwrap_err();
+            assert!(message.contains(&format!("expected an array {name}, found none")), "{message}");
+        }
+        let with = |index: usize, content: Vec<u8>| {
+            let mut arrays = arrays();
+            arrays[index].1 = content;
+            read(&arrays).unwrap_err()
+        };
+        let message = with(0, npy("|u1", "(2, 1, 3)", &[0; 6]));
+        assert!(message.contains("[2, 1, 3], [2, 1, 2, 3], [2, 3]"), "{message}");
+        assert!(with(0, npy("|u1", "(1, 2, 3)", &[0; 5])).contains("6 bytes of the shape [1, 2, 3]"));
+        let message = with(1, npy("<f4", "(2, 1, 2, 3)", &[0; 48]));
+        assert!(message.contains("the type <i2 before this") && message.contains("<f4"), "{message}");
+        let infinite = [f64::INFINITY; 6].iter().flat_map(|value| value.to_le_bytes()).collect::<Vec<_>>();
+        assert!(with(2, npy("<f8", "(2, 3)", &infinite)).contains("expected finite circles, found inf"));
+    }
+
+    #[test]
+    #[cfg_attr(no_shared, ignore = "no ../shared")]
+    fn the_published_pictures_have_their_circles_inside() {
+        let balls = BallPictures::read(shared("data/gelsight/balls.npz")).unwrap();
+        assert_eq!((balls.width, balls.height, balls.balls.len()), (120, 160, 30));
+        for ball in &balls.balls {
+            let [column, row, radius] = ball.circle;
+            assert!((radius..120.0 - radius).contains(&column) && (radius..160.0 - radius).contains(&row));
+            assert_ne!(ball.picture, balls.background);
+        }
+    }
 }

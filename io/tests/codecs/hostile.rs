@@ -66,7 +66,8 @@ fn an_absurd_length_anywhere_gives_an_error_or_a_recording() {
     }
 }
 
-/// A Zstandard frame of `blocks` times 128 KiB of zeros, four bytes a block, with a window of `window`.
+/// A Zstandard frame of `blocks` times 128 KiB of zeros, four bytes a block, with a window of
+/// `window`.
 fn zstd_bomb(blocks: usize, window: u8) -> Vec<u8> {
     let mut frame = vec![0x28, 0xb5, 0x2f, 0xfd, 0x00, window];
     for block in 1..=blocks {
@@ -170,8 +171,8 @@ fn xml_that_expands_or_nests_without_end_is_refused() {
     }
 }
 
-/// A parser that compares each attribute or name space with all before it takes time, and memory, that grow with the square
-/// of the header.
+/// A parser that compares each attribute or name space with all before it takes time, and memory,
+/// that grow with the square of the header.
 #[test]
 fn xml_of_nothing_but_attributes_or_name_spaces_takes_no_more_than_seconds() {
     let longest = HEADER_BYTES as usize - 100;

@@ -1,4 +1,5 @@
-//! What is odd in a recording is left out and counted by kind, and the rest is read; a strict reader refuses it.
+//! What is odd in a recording is left out and counted by kind, and the rest is read; a strict
+//! reader refuses it.
 
 use meissner_engine::{Event, Sensor};
 use meissner_io::{
@@ -57,7 +58,8 @@ fn a_stream_that_begins_within_a_vector_has_unplaced_events() {
 
 #[test]
 fn rows_and_columns_of_evt3_outside_the_sensor_are_counted_by_their_events() {
-    // Row 1500 without events says nothing; then a vector over the right edge, and a vector in row 1500.
+    // Row 1500 without events says nothing; then a vector over the right edge, and a vector in row
+    // 1500.
     let words = [
         0x8000, 0x6001, 0x05dc, 0x0003, 0x2801, 0x3cfe, 0x4fff, 0x05dc, 0x2002, 0x3800, 0x5007, 0x0004,
         0x2805,

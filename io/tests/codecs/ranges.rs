@@ -76,7 +76,8 @@ fn files(events: &[Event], packet: usize) -> Vec<(Format, Vec<u8>)> {
     files
 }
 
-/// So many events from `first_us` on, with `step_us` between them in the mean, and steps back of up to `back_us`.
+/// So many events from `first_us` on, with `step_us` between them in the mean, and steps back of up
+/// to `back_us`.
 fn stream(count: i64, first_us: i64, step_us: i64, back_us: i64) -> Vec<Event> {
     let event = |i: i64| {
         let wobble = (i * 7919) % (back_us / 2 + 1);
@@ -168,7 +169,8 @@ fn what_is_beyond_the_part_is_not_read() {
     let expected = cut(&events, &times);
     for (format, mut bytes) in files(&events, 100) {
         let whole = match format {
-            // The first and last eighth are damaged: rows beyond the sensor, and packets that cannot be unpacked.
+            // The first and last eighth are damaged: rows beyond the sensor, and packets that
+            // cannot be unpacked.
             Format::Dat | Format::Npy | Format::Evt2 => {
                 let length = bytes.len();
                 for i in [length / 8, length - length / 8] {

@@ -1,9 +1,13 @@
-//! Real recordings, where they are at hand: counts, spans and a second format as the oracle.
+//! Real recordings where they are at hand, and recordings that were cut short.
 
-use meissner_engine::Sensor;
-use meissner_io::{Format, Recording, StreamKind, read, write};
+use meissner_engine::{Event, Sensor};
+use meissner_io::{
+    Format, IoError, Place, ReadOptions, Recording, StreamKind, decode, decode_with, read, write,
+};
 
 use crate::shared_files::shared;
+use crate::support::aedat4::{Compression, File, event_packet};
+use crate::support::{SENSOR, encoded, events, samples};
 
 fn recording(name: &str) -> Recording {
     read(&shared(&format!("data/events/{name}"))).unwrap()
@@ -101,4 +105,165 @@ fn a_recording_survives_every_encoder() {
         write(&path, format, Some(Sensor::new(1280, 720)), &peak.events).unwrap();
         assert_eq!(read(&path).unwrap().events, peak.events, "{format}");
     }
+}
+
+fn salvage(format: Format, bytes: &[u8]) -> Result<Recording, IoError> {
+    decode_with(bytes, ReadOptions::from(format).salvage(true))
+}
+
+/// Where a salvaged part of `bytes` ends.
+fn end(recording: &Recording, bytes: &[u8]) -> usize {
+    recording.salvaged.map_or(bytes.len(), |salvaged| bytes.len() - salvaged.bytes_not_read as usize)
+}
+
+/// The sample files, and for each how many events are whole in its first `length` bytes; `None`
+/// where the header is not.
+fn whole(format: Format, bytes: &[u8], length: usize) -> Option<usize> {
+    let start = match format {
+        Format::Nmnist => 0,
+        Format::Csv => bytes.iter().position(|&b| b == b'x').unwrap_or(0),
+        Format::Npy => bytes.iter().position(|&b| b == b'\n').unwrap() + 1,
+        Format::Dat => bytes.windows(2).position(|w| w == [0x0c, 8]).unwrap() + 2,
+        Format::Evt2 | Format::Evt3 => bytes.windows(5).position(|w| w == b"% end").unwrap() + 6,
+        Format::Aedat2 => bytes.windows(8).position(|w| w == b"Header\r\n").unwrap() + 8,
+        Format::Aedat3 => bytes.windows(8).position(|w| w == b"HEADER\r\n").unwrap() + 8,
+        Format::Es => 20,
+        Format::Aedat4 | Format::Hdf5 => unreachable!(),
+    };
+    let content = bytes.get(start..length)?;
+    Some(match format {
+        Format::Nmnist => content.len() / 5,
+        Format::Dat | Format::Aedat2 => content.len() / 8,
+        // Packets of 15, 15 and 10 events.
+        Format::Aedat3 => [148, 296, 404]
+            .iter()
+            .zip([15, 15, 10])
+            .filter(|(end, _)| content.len() >= **end)
+            .map(|p| p.1)
+            .sum(),
+        // The sample's first step takes 7 overflows, the others 5.
+        Format::Es => (content.len() + 3).saturating_sub(5) / 10,
+        Format::Npy => content.len() / 13,
+        Format::Evt2 => content.chunks_exact(4).filter(|w| w[3] >> 4 <= 1).count(),
+        Format::Csv => {
+            let lines = bytes[..length].split_inclusive(|&b| b == b'\n').filter(|line| line.ends_with(b"\n"));
+            lines.filter(|line| line[0].is_ascii_digit()).count()
+        }
+        // Cut exactly between two words: checked against the reader itself, which the other tests
+        // hold.
+        _ => decode_with(&bytes[..length - content.len() % 2], format).unwrap().events.len(),
+    })
+}
+
+#[test]
+fn salvage_gives_exactly_the_whole_events_before_a_cut_at_any_byte() {
+    for (format, bytes) in samples().into_iter().filter(|(format, _)| *format != Format::Aedat4) {
+        let all = decode(&bytes).unwrap();
+        assert_eq!(salvage(format, &bytes).unwrap(), all, "nothing is left out of a whole {format}");
+        for length in 0..bytes.len() {
+            let cut = &bytes[..length];
+            let Some(expected) = whole(format, &bytes, length) else { continue };
+            let salvaged = salvage(format, cut).unwrap_or_else(|e| panic!("{format} cut at {length}: {e}"));
+            assert_eq!(salvaged.events, all.events[..expected], "{format} cut at {length}");
+            assert!(end(&salvaged, cut) <= length);
+            // Where nothing is left out, the cut is one that nobody can tell, or the array's
+            // promise is not kept.
+            if salvaged.salvaged.is_none() {
+                assert_eq!(decode_with(cut, format).unwrap().events, salvaged.events);
+            } else if format != Format::Csv {
+                let error = decode_with(cut, format).unwrap_err();
+                assert!(matches!(error, IoError::Truncated { .. }), "{format} cut at {length}: {error}");
+            }
+        }
+    }
+}
+
+#[test]
+fn salvage_of_aedat4_gives_exactly_the_whole_packets() {
+    for compression in Compression::ALL {
+        for is_closed in [true, false] {
+            let packets: Vec<Vec<Event>> = events().chunks(15).map(<[Event]>::to_vec).collect();
+            let mut file = File::new(compression, Some(SENSOR));
+            file.table = file.table.filter(|_| is_closed);
+            let empty = File { packets: Vec::new(), table: None, ..File::new(compression, Some(SENSOR)) };
+            let mut ends = vec![empty.bytes().len()];
+            for packet in &packets {
+                file.push(0, &event_packet(packet));
+                ends.push(ends.last().unwrap() + 8 + file.packets.last().unwrap().1.len());
+            }
+            let bytes = file.bytes();
+            for length in ends[0]..bytes.len() {
+                let cut = &bytes[..length];
+                let salvaged = salvage(Format::Aedat4, cut).unwrap();
+                let whole = ends[1..].iter().filter(|&&end| end <= length).count();
+                assert_eq!(salvaged.events, packets[..whole].concat(), "{compression:?} cut at {length}");
+                match decode(cut) {
+                    Ok(recording) => assert_eq!(recording.events, salvaged.events),
+                    Err(_) => assert!(salvaged.salvaged.is_some(), "{compression:?} cut at {length}"),
+                }
+                if let Some(salvaged) = salvaged.salvaged.filter(|_| whole < packets.len()) {
+                    let Place::Byte(byte) = salvaged.place else { panic!("{salvaged:?}") };
+                    assert_eq!(
+                        (byte, salvaged.bytes_not_read),
+                        (ends[whole] as u64, (length - ends[whole]) as u64)
+                    );
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn a_strict_reader_refuses_a_damaged_recording_with_salvage_as_without() {
+    let mut damaged = Vec::new();
+    for (format, bytes) in samples() {
+        let middle = bytes.len() * 3 / 4;
+        let mut changed = bytes.clone();
+        match format {
+            Format::Csv => changed[middle..middle + 4].copy_from_slice(b"oops"),
+            // Column 255 on 34; a polarity that is none; a pixel beyond the sensor; a reserved
+            // word.
+            Format::Nmnist => changed[100] = 255,
+            Format::Npy => changed[bytes.len() - 1] = 9,
+            Format::Dat => *changed.last_mut().unwrap() = 0x70,
+            Format::Evt2 | Format::Es => changed[bytes.len() - 1] = 0x70,
+            Format::Evt3 => changed[bytes.len() - 1] = 0x90,
+            // A row beyond the sensor.
+            Format::Aedat2 => changed[bytes.len() - 8] = 0x7f,
+            Format::Aedat3 => changed[bytes.len() - 7] = 0x70,
+            Format::Aedat4 | Format::Hdf5 => continue,
+        }
+        damaged.push((format, changed));
+    }
+    for (format, bytes) in damaged {
+        let strict = ReadOptions::from(format).strict(true);
+        assert!(decode_with(&bytes, strict).is_err(), "{format}");
+        let refused = decode_with(&bytes, strict.salvage(true)).unwrap_err();
+        assert!(!matches!(refused, IoError::Truncated { .. }), "{format}: {refused}");
+    }
+    let mut file = File::new(Compression::None, Some(SENSOR));
+    file.packets.push((7, vec![1]));
+    file.push(0, &event_packet(&events()));
+    let refused = salvage(Format::Aedat4, &file.bytes()).unwrap_err();
+    assert!(matches!(refused, IoError::Malformed { what: "stream of a packet", .. }), "{refused}");
+}
+
+#[test]
+fn digits_that_were_cut_within_an_event_are_known_and_refused_as_cut() {
+    let bytes: Vec<u8> = (0..20).flat_map(|i| [i, 33 - i, 0x80, 0, i]).collect();
+    let error = decode(&bytes[..98]).unwrap_err();
+    assert!(matches!(error, IoError::Truncated { format: "N-MNIST", .. }), "{error}");
+    let salvaged = salvage(Format::Nmnist, &bytes[..98]).unwrap();
+    assert_eq!((salvaged.events.len(), salvaged.salvaged.unwrap().bytes_not_read), (19, 3));
+}
+
+#[test]
+fn what_is_left_out_is_counted_with_its_place() {
+    let text = encoded(Format::Csv, Some(SENSOR), &events());
+    let salvaged = salvage(Format::Csv, &text[..text.len() - 3]).unwrap();
+    let left_out = salvaged.salvaged.unwrap();
+    assert_eq!((salvaged.events.len(), left_out.place), (39, Place::Line(42)));
+    let dat = encoded(Format::Dat, Some(SENSOR), &events());
+    let left_out = salvage(Format::Dat, &dat[..dat.len() - 3]).unwrap().salvaged.unwrap();
+    assert_eq!((left_out.place, left_out.bytes_not_read), (Place::Byte(dat.len() as u64 - 8), 5));
 }

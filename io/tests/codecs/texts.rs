@@ -1,5 +1,5 @@
-//! Texts of events as people have them: orders of columns, separators, units of time, and what is refused because it could be
-//! read in several ways.
+//! Texts of events as people have them: orders of columns, separators, units of time, and what is
+//! refused because it could be read in several ways.
 
 use meissner_engine::{Event, Sensor};
 use meissner_io::{

@@ -1,4 +1,5 @@
-//! Writers of PNG and JPEG that compress nothing: every byte is known, and no code is shared with the readers.
+//! Writers of PNG and JPEG that compress nothing: every byte is known, and no code is shared with
+//! the readers.
 
 /// CRC-32 as in PNG's appendix, bit by bit.
 fn crc32(bytes: &[u8]) -> u32 {
@@ -56,10 +57,11 @@ pub(crate) fn png(width: u32, height: u32, depth: u8, colour: u8, raw: &[u8]) ->
     png_with(&Ihdr { width, height, depth, colour, interlaced: false }, &[], raw)
 }
 
-/// A baseline JPEG whose 8 x 8 blocks each have one colour (Y, Cb, Cr): only the mean of a block is coded.
+/// A baseline JPEG whose 8 x 8 blocks each have one colour (Y, Cb, Cr): only the mean of a block is
+/// coded.
 ///
-/// All quantisers are 1. A mean's difference of `n` bits has the code `n` in 4 bits, the end of a block the code 0 in
-/// 1 bit.
+/// All quantisers are 1. A mean's difference of `n` bits has the code `n` in 4 bits, the end of a
+/// block the code 0 in 1 bit.
 pub(crate) fn jpeg(width: u16, height: u16, blocks: &[[u8; 3]]) -> Vec<u8> {
     assert_eq!(blocks.len(), usize::from(width.div_ceil(8)) * usize::from(height.div_ceil(8)));
     let segment = |code: u8, content: &[u8]| {

@@ -1,5 +1,4 @@
-//! The controller: 1 kHz, events from UDP, predictions by a deadline, targets for the wrist of a
-//! fingertip.
+//! The controller: 1 kHz, events from UDP, predictions by a deadline, targets for a wrist.
 //!
 //!     cargo run --release -p meissner-controller --bin controller -- [CYCLES]
 use std::net::UdpSocket;
@@ -28,8 +27,7 @@ fn main() -> Result<(), Failure> {
     // Where more events wait, the oldest make room. A prediction begins two batches before the
     // deadline: short batches leave more time to events.
     let options = QueueOptions::new().with_capacity(1 << 16).with_batch(8);
-    // A thread starts with the priority of the one that starts it; one that waits for another
-    // stands above it.
+    // A thread inherits its priority; one that waits for another stands above it.
     raise("the engine's thread", 60);
     let (mut input, mut live) = Live::spawn(engine, options)?;
     raise("the sensor's thread", 70);

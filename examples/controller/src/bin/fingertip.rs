@@ -1,5 +1,4 @@
-//! The simulated fingertip in real time: sends events and its state over UDP, and takes targets of
-//! its wrist.
+//! The simulated fingertip in real time: sends events and state over UDP, takes wrist targets.
 //!
 //! ```text
 //! cargo run --release -p meissner-controller --bin fingertip
@@ -20,8 +19,7 @@ const MAX_RECORDS: usize = 87;
 
 /// A simulated soft dome on a wrist, which taps a tilted plane every 0.8 s.
 ///
-/// Events go to the controller as records of 16 bytes; the controller sends the target of the
-/// wrist, and receives its state.
+/// Events go to the controller as records of 16 bytes; it sends targets and receives states.
 #[derive(Debug, Parser)]
 struct Arguments {
     /// Where to send events.
