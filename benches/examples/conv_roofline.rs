@@ -5,10 +5,9 @@
 use std::hint::black_box;
 use std::time::Duration;
 
-use meissner_benches::answers::relative_error;
 use meissner_benches::peak::Peak;
 use meissner_benches::report::{Column, Digits, rooflines};
-use meissner_benches::timing::median_ns;
+use meissner_benches::timing::{median_ns, relative_error};
 use meissner_kernels::random::Random;
 use meissner_kernels::{
     Conv3x3, ConvParts, ConvScratch, FeatureMap, Isa, Region, View, WinogradConv3x3, WinogradTile,

@@ -15,8 +15,7 @@ use std::path::Path;
 use std::time::Instant;
 
 use meissner_benches::Result;
-use meissner_benches::answers::relative_error;
-use meissner_benches::timing::median_ms;
+use meissner_benches::timing::{median_ms, relative_error};
 use meissner_engine::frames::{Convolution, FrameEngine, FrameNetwork, FrameOptions, FrameShape, Skip};
 use meissner_engine::representations::{Crop, SignedRule, SlidingSigned};
 use meissner_kernels::random::Random;

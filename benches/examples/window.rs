@@ -9,7 +9,7 @@ use std::hint::black_box;
 use std::sync::Arc;
 
 use meissner_benches::streams::{self, Recording, SPAN_US, WINDOW};
-use meissner_benches::{Result, answers, networks, timing};
+use meissner_benches::{Result, networks, timing};
 use meissner_engine::{Batch, Candidates, ConvolutionScratch, EngineError, Network, Stream, Trace};
 use meissner_kernels::{Isa, Matrix};
 use meissner_models::{Tensor, Weights};
@@ -66,7 +66,7 @@ fn check(network: &Arc<Network>, window: &Recording, batch: &Batch, trace: &Trac
     for (alone, whole) in features.iter().zip(&trace.levels[0].features) {
         assert_eq!(alone.lanes(), whole.lanes(), "a layer alone");
     }
-    answers::checked_engine(network, window.sensor, &window.events);
+    timing::checked_engine(network, window.sensor, &window.events);
     Ok(())
 }
 

@@ -46,7 +46,7 @@ impl std::iter::Sum for Cost {
 }
 
 /// Bytes of `values` f32, padded to whole lanes.
-fn row_bytes(values: usize) -> usize {
+pub(crate) fn row_bytes(values: usize) -> usize {
     Lanes::count(values) * LANES * size_of::<f32>()
 }
 
@@ -102,27 +102,4 @@ pub fn forward(network: &Network, trace: &Trace) -> Cost {
         dense(segments, channels, layer.dense.outputs())
     });
     blocks.chain(layers).sum()
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use meissner_kernels::SplineParts;
-
-    #[test]
-    fn a_row_of_the_published_fifth_block_is_counted_by_hand() {
-        let weight = vec![0.5; 8 * 16 * 32];
-        let parts =
-            SplineParts { inputs: 16, outputs: 32, kernel: [2, 2, 2], weight, ..SplineParts::default() };
-        let cost = spline_row(&SplineConv::new(&parts).unwrap(), 16, false);
-        assert_eq!(cost.multiply_adds, 16 * 8 * 16 + 8 * 16 * 32);
-        // Edges, neighbours' rows, weights, sums twice, and four rows of 32 values.
-        assert_eq!(cost.bytes, 16 * 16 + 16 * 64 + 8 * 16 * 128 + 2 * 8 * 64 + 4 * 128);
-    }
-
-    #[test]
-    fn one_channel_moves_a_whole_lane() {
-        assert_eq!(row_bytes(1), 32);
-        assert_eq!(dense(1, 1, 1).multiply_adds, 1);
-    }
 }

@@ -2,7 +2,6 @@
 //! measured limits, clocks and tables.
 #![forbid(unsafe_code)]
 
-pub mod answers;
 pub mod cost;
 pub mod kernel_cases;
 pub mod networks;
@@ -10,6 +9,8 @@ pub mod peak;
 pub mod report;
 pub mod streams;
 pub mod suite;
+#[cfg(test)]
+mod tests;
 pub mod timing;
 
 /// The result of a program that prints whatever goes wrong.

@@ -136,35 +136,3 @@ pub fn window() -> Recording {
     eprintln!("window: {WINDOW} events of {}", recording.name);
     Recording { events, ..recording }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_synthetic_stream_is_accepted_whole_and_has_the_window() {
-        let stream = Recording::synthetic(2 * WINDOW);
-        assert!(stream.events.is_sorted_by_key(|e| e.t_us));
-        assert!(stream.events.iter().all(|e| e.x < stream.sensor.width && e.y < stream.sensor.height));
-        assert_eq!(stream.first_window(WINDOW, SPAN_US).map(<[Event]>::len), Some(WINDOW));
-    }
-
-    #[test]
-    fn the_window_of_the_tactile_recording_is_the_one_that_figures_refer_to() {
-        let Some(recording) = Recording::load("tactile_dots") else {
-            println!("skipped: no ../shared/data/events/tactile_dots.aedat4");
-            return;
-        };
-        let window = recording.first_window(WINDOW, SPAN_US).unwrap();
-        assert_eq!(window[WINDOW - 1], recording.events[8_462]);
-        assert_eq!(window[0], recording.events[8_463 - WINDOW]);
-    }
-
-    #[test]
-    fn a_window_ends_with_the_event_that_fills_it() {
-        let events = [0, 10, 100, 105, 110].map(|t| Event::new(t, 0, 0, true)).to_vec();
-        let stream = Recording { name: String::new(), sensor: Sensor::new(1, 1), events };
-        assert_eq!(stream.first_window(3, 10).map(|w| w[0].t_us), Some(100));
-        assert_eq!(stream.first_window(4, 10), None);
-    }
-}

@@ -7,10 +7,10 @@ use criterion::measurement::WallTime;
 use criterion::{BenchmarkGroup, Throughput};
 use meissner_engine::{Engine, Event, Network};
 
-use crate::answers::checked_engine;
 use crate::cost::Cost;
 use crate::peak::Peak;
 use crate::streams::{Recording, SPAN_US};
+use crate::timing::checked_engine;
 
 /// Times `call`, which costs `cost`, and prints GFLOP/s and the share of the peak below criterion's time.
 ///

@@ -10,7 +10,7 @@
 
 use std::time::Duration;
 
-use crate::priority;
+use crate::worker;
 use crate::{Asked, Input, Item, Live, LiveError, Predictor, QueueOptions, TimedAnswer};
 
 /// Live engines of many sensors, which are asked for predictions together. Engines that were made of one
@@ -53,7 +53,7 @@ impl<P: Predictor<Input: Item> + Send + 'static> Fleet<P> {
         sensors: impl IntoIterator<Item = (P, QueueOptions)>,
     ) -> Result<(Vec<Input<P::Input>>, Self), LiveError> {
         let sensors: Vec<_> = sensors.into_iter().collect();
-        let gives_way = sensors.len() > 1 && priority::is_restorable();
+        let gives_way = sensors.len() > 1 && worker::can_restore_priority();
         let spawned =
             sensors.into_iter().map(|(predictor, options)| Live::spawn_beside(predictor, options, gives_way));
         let (inputs, sensors): (Vec<_>, Vec<_>) = spawned.collect::<Result<Vec<_>, _>>()?.into_iter().unzip();

@@ -7,9 +7,6 @@
 //! *Positions* number the entered events from 1. Events up to `left()` have left: they were delivered, or dropped as
 //! the oldest. Events up to `entered()` have left or are waiting.
 
-#[cfg(test)]
-mod tests;
-
 use std::collections::VecDeque;
 
 use meissner_engine::Event;

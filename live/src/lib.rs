@@ -43,19 +43,17 @@
 //! threads, bit for bit. Under overload, the machine's speed decides which events are in the sequence.
 #![forbid(unsafe_code)]
 
-mod cores;
 mod error;
 mod fleet;
 mod input;
 mod intake;
 mod live;
 mod overload;
-mod pace;
-mod priority;
 mod shared;
+#[cfg(test)]
+mod tests;
 mod worker;
 
-pub use cores::cores;
 pub use error::LiveError;
 pub use fleet::Fleet;
 pub use input::Input;
@@ -63,3 +61,4 @@ pub use intake::Item;
 pub use live::{Asked, Live, TimedAnswer};
 pub use meissner_engine::Predictor;
 pub use overload::{Overload, QueueCounters, QueueOptions};
+pub use worker::cores;

@@ -9,7 +9,7 @@ use meissner_engine::EventCounters;
 
 use crate::intake::{Intake, Item};
 use crate::shared::{Answer, Losses, Request, Shared};
-use crate::{Input, LiveError, Overload, Predictor, QueueCounters, QueueOptions, cores, worker};
+use crate::{Input, LiveError, Overload, Predictor, QueueCounters, QueueOptions, worker};
 
 /// An engine that runs in its own thread, and its newest prediction.
 ///
@@ -104,14 +104,14 @@ impl<P: Predictor<Input: Item> + Send + 'static> Live<P> {
         let (pinned, is_pinned) = mpsc::sync_channel(1);
         let work = move || {
             // Nobody waits for it any more if the receiver is gone.
-            let _ = pinned.send(core.is_none_or(cores::pin));
+            let _ = pinned.send(core.is_none_or(worker::pin));
             worker::run(predictor, &theirs, batch, gives_way)
         };
         let told = (Losses::default(), 0);
         let worker = Some(thread.spawn(work).map_err(LiveError::Thread)?);
         let live = Self { shared, worker, panic: String::new(), values, uncovered: None, told };
         if let Some(core) = core.filter(|_| is_pinned.recv() != Ok(true)) {
-            return Err(LiveError::Core { core, cores: cores::cores() });
+            return Err(LiveError::Core { core, cores: worker::cores() });
         }
         Ok((Input::new(Arc::clone(&live.shared), filters), live))
     }

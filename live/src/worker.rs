@@ -1,14 +1,12 @@
-//! The thread that owns the engine.
+//! The thread that owns the engine: its loop, when it predicts, its core and its priority.
 //!
 //! Input: batches of events, requests. Output: answers. Invariant: a request is answered as soon as all events that it
 //! must cover have been inserted, or else as late as its deadline allows, with the events inserted by then.
 
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use crate::Predictor;
 use crate::intake::Item;
-use crate::pace::Pace;
-use crate::priority;
 use crate::shared::{Losses, Shared};
 
 /// Records the end of the worker when dropped, however it ends.
@@ -40,9 +38,9 @@ pub(crate) fn run<P: Predictor<Input: Item>>(
     while let Some(task) = shared.next(most, &mut batch, predictor.event_counters()) {
         if gives_way && task.congested != lowered.is_some() {
             lowered = if task.congested {
-                priority::lower()
+                lower_priority()
             } else {
-                lowered.filter(|&before| !priority::restore(before))
+                lowered.filter(|&before| !restore_priority(before))
             };
         }
         let begun = Instant::now();
@@ -93,4 +91,91 @@ pub(crate) fn run<P: Predictor<Input: Item>>(
         });
     }
     predictor
+}
+
+/// Decides when the worker stops taking events for a prediction that cannot cover all of them, from recent durations.
+///
+/// A prediction is started early enough to meet its deadline: twice the recent duration of a batch and a prediction
+/// before it. While events wait, predictions take at most half of the worker's time; otherwise a controller that
+/// requests predictions faster than they can be computed would starve the events.
+#[derive(Debug, Default)]
+pub(crate) struct Pace {
+    /// Longest recent duration; it decays by an eighth with each new one.
+    batch: Duration,
+    prediction: Duration,
+    /// Duration of the last prediction, and of the batches since then.
+    last: Duration,
+    since: Duration,
+}
+
+/// The longer of `taken` and seven eighths of `before`.
+fn lately(before: Duration, taken: Duration) -> Duration {
+    taken.max(before * 7 / 8)
+}
+
+impl Pace {
+    /// Records the duration of a batch.
+    pub(crate) fn pushed(&mut self, taken: Duration) {
+        self.batch = lately(self.batch, taken);
+        self.since += taken;
+    }
+
+    /// Records the duration of a prediction.
+    pub(crate) fn predicted(&mut self, taken: Duration) {
+        self.prediction = lately(self.prediction, taken);
+        self.last = taken;
+        self.since = Duration::ZERO;
+    }
+
+    /// Whether a prediction must be started `now` to be ready when `due`; never without a deadline.
+    pub(crate) fn is_time(&self, due: Option<Instant>, now: Instant) -> bool {
+        let begin = 2 * (self.batch + self.prediction);
+        due.is_some_and(|due| due.saturating_duration_since(now) <= begin) && self.since >= self.last
+    }
+}
+
+/// The cores that this process may use, ascending; empty if the system does not say.
+pub fn cores() -> Vec<usize> {
+    core_affinity::get_core_ids().unwrap_or_default().into_iter().map(|core| core.id).collect()
+}
+
+/// Pins the calling thread to `core`; whether it is pinned.
+pub(crate) fn pin(core: usize) -> bool {
+    cores().contains(&core) && core_affinity::set_for_current(core_affinity::CoreId { id: core })
+}
+
+/// Niceness of the lowest priority. Linux alone has one for each thread (sched(7)): any thread may raise it, only some may lower it
+/// again.
+#[cfg(target_os = "linux")]
+const LOWEST: i32 = 19;
+
+/// Gives the calling thread the lowest priority, until the niceness that it had is [restored](restore_priority); `None` if the system refuses.
+#[cfg(target_os = "linux")]
+pub(crate) fn lower_priority() -> Option<i32> {
+    use rustix::process::{getpriority_process, setpriority_process};
+    let before = getpriority_process(None).ok()?;
+    setpriority_process(None, LOWEST).ok()?;
+    Some(before)
+}
+
+/// Gives the calling thread the niceness `before` again; whether the system allows it.
+#[cfg(target_os = "linux")]
+pub(crate) fn restore_priority(before: i32) -> bool {
+    rustix::process::setpriority_process(None, before).is_ok()
+}
+
+/// Systems whose threads share one priority.
+#[cfg(not(target_os = "linux"))]
+pub(crate) fn lower_priority() -> Option<i32> {
+    None
+}
+
+#[cfg(not(target_os = "linux"))]
+pub(crate) fn restore_priority(_: i32) -> bool {
+    false
+}
+
+/// Whether a thread may restore a priority that it lowered. A thread tries it, which then ends: one that may not would keep the lowest.
+pub(crate) fn can_restore_priority() -> bool {
+    std::thread::spawn(|| lower_priority().is_some_and(restore_priority)).join().unwrap_or(false)
 }

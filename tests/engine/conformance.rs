@@ -18,7 +18,7 @@ use meissner_live::{Input, Item, Live, LiveError, QueueOptions};
 use meissner_models::{Description, draw};
 use meissner_run::live_frames::LiveFrames;
 use meissner_run::model::FrameModel;
-use meissner_tests::cases::cases;
+use meissner_tests::cases;
 use meissner_verify::conformance::{forgets, predicts, refuses_damage, resumes, takes_slices};
 use meissner_verify::frame_networks::network as frame_network;
 use meissner_verify::networks::{BlockShape, ConvolutionShape, NetworkShape, PoolShape};

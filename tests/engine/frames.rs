@@ -6,7 +6,7 @@ use meissner_engine::frames::{
     FrameShape, Skip,
 };
 use meissner_kernels::{Activation, Isa};
-use meissner_tests::cases::cases;
+use meissner_tests::cases;
 use meissner_verify::frame_networks::{Style, network, sequence};
 use meissner_verify::strategies::frame_style;
 use meissner_verify::{Random, bits};

@@ -1,11 +1,15 @@
-//! Whole networks against the reference, layer by layer, through the golden files: batch and incremental.
+//! Kernels, pooling and whole networks against `PyTorch` Geometric, layer by layer, through the golden files: batch, incremental,
+//! and the f64 reference.
 
 use std::collections::BTreeSet;
 use std::sync::Arc;
 
-use meissner_engine::{Batch, Engine, Event, LevelTrace, Network, Search, Sensor, Stream, Trace};
-use meissner_kernels::Matrix;
+use meissner_engine::{
+    Batch, Cells, Edges, Engine, Event, LevelTrace, Network, Search, Sensor, Stream, Trace,
+};
+use meissner_kernels::{GraphRow, Isa, Matrix, Neighbour, SplineConv, SplineParts, SplineScratch};
 use meissner_models::{Description, Weights};
+use meissner_reference::{Difference, EventReference, EventTrace, Rows};
 use meissner_tests::shared::{Golden, POINTNET, assert_close, shared};
 use meissner_verify::bits;
 
@@ -20,6 +24,11 @@ fn events(golden: &Golden) -> Vec<Event> {
 
 fn network(name: &str, weights: &Weights) -> Arc<Network> {
     let description = Description::shipped(name).expect("a shipped network");
+    Arc::new(description.network_ignoring_preparation(weights).expect("the weights fit"))
+}
+
+fn pointnet(weights: &Weights) -> Arc<Network> {
+    let description = Description::parse(POINTNET).expect("consistent");
     Arc::new(description.network_ignoring_preparation(weights).expect("the weights fit"))
 }
 
@@ -176,8 +185,7 @@ fn tactigraph_agrees_with_the_reference() {
 fn pointnet_agrees_with_the_reference() {
     let golden = Golden::load("pointnet");
     let weights = Weights::load(shared("golden/pointnet.safetensors")).expect("readable weights");
-    let description = Description::parse(POINTNET).expect("consistent");
-    let network = Arc::new(description.network_ignoring_preparation(&weights).expect("the weights fit"));
+    let network = pointnet(&weights);
     for search in [Search::Exhaustive, Search::Grid] {
         let trace = forward(&network, &events(&golden), search);
         let [level0, level1] = &trace.levels[..] else { panic!("pointnet has two levels") };
@@ -203,4 +211,145 @@ fn a_network_that_is_normalised_per_graph_has_no_incremental_form() {
     let weights = Weights::shipped("graphres-published").expect("shipped weights");
     let error = Engine::new(network("graphres-published", &weights), SENSOR).expect_err("batch only");
     assert!(error.to_string().contains("one event can change every row"), "{error}");
+}
+
+/// In-edges of each of `rows` rows, in the order of an edge list; `attribute` gives those of an edge.
+fn in_edges(edges: &[(usize, usize)], rows: usize, attribute: impl Fn(usize) -> [f32; 3]) -> Edges {
+    let mut lists = vec![Vec::new(); rows];
+    for (e, &(source, reader)) in edges.iter().enumerate() {
+        lists[reader].push(Neighbour { row: source as u32, u: attribute(e) });
+    }
+    let mut out = Edges::default();
+    lists.into_iter().for_each(|list| out.push(list));
+    out
+}
+
+#[test]
+#[cfg_attr(no_shared, ignore = "no ../shared")]
+fn spline_convolution_agrees_with_the_reference() {
+    let kernels = [[2, 2, 2], [2, 2, 2], [5, 5, 1], [2, 3, 4], [8, 8, 8]];
+    for (n, kernel) in kernels.into_iter().enumerate() {
+        let golden = Golden::load(&format!("spline_conv_{n}"));
+        let dims = golden.shape("edge_attr")[1];
+        let attributes = golden.floats("edge_attr");
+        let attribute = |e: usize| {
+            let mut u = [0.5; 3];
+            u[..dims].copy_from_slice(&attributes[e * dims..][..dims]);
+            u
+        };
+        let (inputs, outputs) = (golden.shape("x")[1], golden.shape("y")[1]);
+        let conv = SplineConv::new(&SplineParts {
+            inputs,
+            outputs,
+            kernel,
+            weight: golden.floats("weight").to_vec(),
+            root: golden.find("root").map(|(_, values)| values.to_vec()),
+            bias: golden.find("bias").map(|(_, values)| values.to_vec()),
+            norm: None,
+            elu: false,
+        })
+        .expect("the golden shapes fit");
+        let features = Matrix::from_rows(inputs, golden.floats("x"));
+        let edges = in_edges(&golden.edges("edge_index"), features.rows(), attribute);
+        let mut scratch = SplineScratch::default();
+        for isa in Isa::available() {
+            let mut out = Matrix::zeros(features.rows(), outputs);
+            let row = |i| GraphRow { neighbours: edges.row(i), own: features.row(i), ..GraphRow::default() };
+            let rows: Vec<_> = (0..features.rows()).map(row).collect();
+            conv.rows(isa, &features, &rows, &mut scratch, out.lanes_mut());
+            let got: Vec<f32> = (0..out.rows()).flat_map(|row| out.values(row).collect::<Vec<_>>()).collect();
+            assert_close(&format!("spline_conv_{n} on {}", isa.name()), &got, golden.floats("y"), 1e-5);
+        }
+    }
+}
+
+#[test]
+#[cfg_attr(no_shared, ignore = "no ../shared")]
+fn pooling_agrees_with_the_reference() {
+    let golden = Golden::load("voxel_pool");
+    let positions: Vec<&[f32]> = golden.floats("pos").chunks_exact(3).collect();
+    // The reference's grid of 1/8 x 1/6 cells has 8 columns.
+    let index = |p: &[f32]| [(p[0] * 8.0) as i64, (p[1] * 6.0) as i64];
+    let keys: Vec<[i64; 3]> = positions.iter().map(|p| [0, index(p)[1], index(p)[0]]).collect();
+    let features = Matrix::from_rows(12, golden.floats("x"));
+    let edges = in_edges(&golden.edges("edge_index"), features.rows(), |_| [0.5; 3]);
+    let cells = Cells::new(&keys, 0, &features, &edges);
+    let numbers: Vec<i64> = cells.keys.iter().map(|[_, y, x]| y * 8 + x).collect();
+    assert_eq!(numbers, golden.integers("cell"));
+    let maxima: Vec<f32> =
+        (0..cells.maxima.rows()).flat_map(|i| cells.maxima.values(i).collect::<Vec<_>>()).collect();
+    assert_eq!(maxima, golden.floats("pool_x"));
+    let positions: Vec<[f64; 3]> = positions.iter().map(|p| [p[0], p[1], p[2]].map(f64::from)).collect();
+    let means: Vec<f32> = cells.mean_positions(&positions).iter().flatten().map(|&p| p as f32).collect();
+    assert_close("pool_pos", &means, golden.floats("pool_pos"), 1e-6);
+    let merged: BTreeSet<(usize, usize)> = cells
+        .sources
+        .iter()
+        .enumerate()
+        .flat_map(|(to, from)| from.iter().map(move |&from| (from, to)))
+        .collect();
+    assert_eq!(merged, golden.edges("pool_edge_index").into_iter().collect());
+}
+
+/// Largest share of the reference's largest magnitude, in f64.
+pub(crate) const WIDE: f64 = 1e-5;
+
+/// Asserts that the golden values are within a share of the largest magnitude of the reference's.
+pub(crate) fn assert_wide(what: &str, golden: &[f32], reference: &[f64], share: f64) {
+    let mut difference = Difference::default();
+    difference.add_all(golden, reference);
+    assert!(difference.relative() <= share, "{what}: relative error {:e}", difference.relative());
+}
+
+fn assert_rows(what: &str, golden: &Golden, name: &str, rows: &Rows) {
+    assert_wide(what, golden.floats(name), &rows.concat(), WIDE);
+}
+
+fn wide_trace(golden: &Golden, network: Arc<Network>) -> EventTrace {
+    EventReference::new(network, SENSOR, None).expect("fixed scales").forward(Stream::new(&events(golden)))
+}
+
+#[test]
+#[cfg_attr(no_shared, ignore = "no ../shared")]
+fn graphres_in_f64_agrees_with_the_golden_files() {
+    let network = network("graphres", &published());
+    for window in ["a", "idle", "late"] {
+        let name = format!("graphres_fixed_{window}");
+        let golden = Golden::load(&name);
+        let trace = wide_trace(&golden, Arc::clone(&network));
+        let [events, pooled] = &trace.levels[..] else { panic!("{name} has two levels") };
+        for n in 1..=7 {
+            let rows = if n <= 5 { &events.features[n] } else { &pooled.features[n - 5] };
+            assert_rows(&format!("{name}: conv{n}"), &golden, &format!("conv{n}"), rows);
+        }
+        assert_rows(&format!("{name}: pool"), &golden, "pool_x", &pooled.features[0]);
+        assert_rows(&format!("{name}: readout"), &golden, "readout", &trace.readout);
+        assert_wide(&format!("{name}: y"), golden.floats("y"), &trace.prediction, WIDE);
+    }
+}
+
+#[test]
+#[cfg_attr(no_shared, ignore = "no ../shared")]
+fn tactigraph_in_f64_agrees_with_the_golden_file() {
+    let path = shared("golden/tactigraph.safetensors");
+    let golden = Golden::load("tactigraph");
+    let weights = Weights::load(&path).expect("readable weights");
+    let trace = wide_trace(&golden, network("tactigraph", &weights));
+    for (l, (level, feature)) in trace.levels.iter().zip([4, 3, 3]).enumerate() {
+        assert_rows(&format!("level{l}"), &golden, &format!("level{l}"), &level.features[feature]);
+    }
+    assert_wide("y", golden.floats("y"), &trace.prediction, WIDE);
+}
+
+#[test]
+#[cfg_attr(no_shared, ignore = "no ../shared")]
+fn pointnet_in_f64_agrees_with_the_golden_file() {
+    let golden = Golden::load("pointnet");
+    let weights = Weights::load(shared("golden/pointnet.safetensors")).expect("readable weights");
+    let trace = wide_trace(&golden, pointnet(&weights));
+    for (n, rows) in trace.levels[0].features.iter().enumerate().skip(1) {
+        assert_rows(&format!("conv{n}"), &golden, &format!("conv{n}"), rows);
+    }
+    assert_rows("conv4", &golden, "conv4", &trace.levels[1].features[1]);
+    assert_wide("y", golden.floats("y"), &trace.prediction, WIDE);
 }

@@ -1,10 +1,22 @@
-//! The rules of the house: what a crate may use, no circle of imports, and files that can be read at a sitting.
+//! The rules of the house: what a crate may use, no circle of imports, files that can be read at a sitting, errors that do not
+//! repeat their source, and promises that name their tests.
 //!
 //! ARCHITECTURE.md states the rules as invariants.
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::fs;
+use std::error::Error;
 use std::path::{Path, PathBuf};
+use std::{fs, io};
+
+use meissner_engine::representations::RepresentationError;
+use meissner_engine::{EngineError, Sensor};
+use meissner_io::{IoError, Place};
+use meissner_kernels::KernelError;
+use meissner_live::LiveError;
+use meissner_models::ModelError;
+use meissner_models::systems::slip::SlipError;
+use meissner_reference::ReferenceError;
+use proptest::prelude::ProptestConfig;
 
 /// Each crate with the crates of the house that it may use, its tests apart.
 const MAY_USE: [(&str, &[&str]); 15] = [
@@ -270,4 +282,99 @@ fn no_file_imports_from_one_that_imports_from_it() {
         circles.extend(graph.into_iter().map(|(m, to)| format!("{name}: {} imports {to:?}", m.join("::"))));
     }
     assert!(circles.is_empty(), "{}", circles.join("\n"));
+}
+
+fn denied() -> io::Error {
+    io::Error::new(io::ErrorKind::PermissionDenied, "denied")
+}
+
+/// Errors of every library that have a source, or stand for one that has, and how many sources they have.
+fn errors() -> Vec<(Box<dyn Error>, usize)> {
+    let path = || PathBuf::from("some.file");
+    let layer = || {
+        let source = KernelError::Length { tensor: "weight", expected: 3, found: 2 };
+        EngineError::Layer { layer: "conv1".to_owned(), source }
+    };
+    let bytes = || IoError::Unsupported { expected: "some", actual: "other".to_owned() };
+    let reading = RepresentationError::Reading { electrode: 3, value: f32::NAN };
+    vec![
+        (Box::new(layer()), 1),
+        (Box::new(LiveError::Engine(layer())), 1),
+        (Box::new(LiveError::Thread(denied())), 1),
+        (Box::new(ModelError::Read { path: path(), source: denied() }), 1),
+        (Box::new(ModelError::Engine(layer())), 1),
+        (Box::new(ReferenceError::Engine(layer())), 1),
+        (Box::new(ReferenceError::Engine(EngineError::Sensor(Sensor::new(0, 1)))), 0),
+        (Box::new(SlipError::Reading(reading)), 0),
+        (Box::new(IoError::File { action: "open", path: path(), source: denied() }), 1),
+        (
+            Box::new(IoError::Stream {
+                format: "CSV",
+                action: "read",
+                place: Place::Line(2),
+                source: denied(),
+            }),
+            1,
+        ),
+        (Box::new(IoError::Content { path: path(), source: Box::new(bytes()) }), 1),
+    ]
+}
+
+#[test]
+fn an_error_of_a_library_does_not_repeat_its_source() {
+    for (error, sources) in errors() {
+        let mut outer: &dyn Error = &*error;
+        let mut count = 0;
+        while let Some(source) = outer.source() {
+            assert!(!outer.to_string().contains(&source.to_string()), "{outer}: {source}");
+            outer = source;
+            count += 1;
+        }
+        assert_eq!(count, sources, "{error}");
+    }
+}
+
+const PAGE: &str = include_str!("../../docs/what-you-can-rely-on.md");
+
+/// What stands between backticks and ends as the path of a Rust file, with a test or without.
+fn references() -> Vec<(&'static str, Option<&'static str>)> {
+    let of_rust = |path: &str| Path::new(path).extension().is_some_and(|extension| extension == "rs");
+    let code = PAGE.split('`').skip(1).step_by(2);
+    let reference = |text: &'static str| match text.split_once("::") {
+        Some((path, test)) => (path, Some(test)),
+        None => (text, None),
+    };
+    code.map(reference).filter(|(path, _)| of_rust(path)).collect()
+}
+
+#[test]
+fn every_promise_names_tests_that_are_there() {
+    let root = root();
+    let references = references();
+    assert!(references.len() > 30, "{references:?}");
+    for (path, test) in references {
+        let text = std::fs::read_to_string(root.join(path)).unwrap_or_else(|error| panic!("{path}: {error}"));
+        let Some(test) = test else { continue };
+        let at = text.find(&format!("fn {test}(")).unwrap_or_else(|| panic!("{path} has no {test}"));
+        let above =
+            text[..at].trim_end().trim_end_matches("#[cfg_attr(no_shared, ignore = \"no ../shared\")]");
+        assert!(above.trim_end().ends_with("#[test]"), "{path}: {test} is no test");
+    }
+}
+
+#[test]
+fn every_row_of_promises_names_what_holds_it() {
+    for row in PAGE.lines().filter(|line| line.starts_with("| ") && !line.starts_with("| promise")) {
+        assert!(row.contains(".rs"), "{row}");
+    }
+}
+
+/// proptest reads and writes them in `proptest-regressions` beside the folder with `main.rs`, and says
+/// nothing where it finds none.
+#[test]
+fn failing_seeds_of_property_tests_are_found_where_they_are_kept() {
+    let persistence = ProptestConfig::default().failure_persistence.expect("failures are kept by default");
+    for file in ["tests/engine/incremental.rs", "tests/engine/snapshots_damaged.rs"] {
+        assert!(!persistence.load_persisted_failures2(Some(file)).is_empty(), "{file}");
+    }
 }

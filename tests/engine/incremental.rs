@@ -1,9 +1,12 @@
-//! Incremental equals batch, bit for bit: every row of every layer, over random networks, streams and interleavings.
+//! Incremental equals batch, bit for bit: every row of every layer, over random networks, streams and interleavings, and over
+//! real recordings for every network that has an incremental form.
 //!
 //! `MEISSNER_CASES` sets the number of cases (5,000 without it).
 
 use meissner_engine::{Candidates, Event, GraphRule, Reach, Search, Sensor};
-use meissner_tests::cases::cases;
+use meissner_models::{Description, Weights};
+use meissner_tests::cases;
+use meissner_tests::shared::shared;
 use meissner_verify::networks::{NetworkShape, PoolShape};
 use meissner_verify::{CheckedEngine, strategies};
 use proptest::prelude::*;
@@ -63,4 +66,44 @@ fn cells_in_time_above_coarser_cells_in_time_do_not_share_a_slot() {
         checked.push(Event::new(t, 0, 0, false));
         assert_eq!(checked.compare(), Ok(()));
     }
+}
+
+const EVENTS: usize = 20_000;
+/// Events from one comparison of predictions to the next; the batch searches by its grid, which is fast and no oracle.
+const EVERY: usize = 50;
+/// Each of so many comparisons looks at every row, with neighbours from a k-d tree, and every other one from all pairs.
+const WHOLE: usize = 10;
+
+/// Pushes the recording's first events and compares.
+fn compare(recording: &str, network: &str) {
+    let path = shared(&format!("data/events/{recording}.aedat4"));
+    let recording = meissner_io::read(&path).expect("a readable recording");
+    let sensor = recording.sensor.expect("AEDAT4 names its geometry");
+    let description = Description::shipped(network).expect("a shipped network");
+    let weights = Weights::shipped(network).expect("shipped weights");
+    let network = description.network(&weights).expect("the weights fit");
+    let mut checked = CheckedEngine::new(network, sensor, Search::Grid);
+    for (i, &event) in recording.events.iter().take(EVENTS).enumerate() {
+        checked.push(event);
+        if i % (EVERY * WHOLE) == 0 {
+            let all_pairs = i % (2 * EVERY * WHOLE) == 0;
+            let oracle =
+                if all_pairs { Search::Exhaustive } else { Search::Proposed(meissner_reference::PROPOSE) };
+            checked.compare_with(oracle).unwrap_or_else(|e| panic!("event {i}: {e}"));
+        } else if i % EVERY == 0 {
+            checked.predict().unwrap_or_else(|e| panic!("event {i}: {e}"));
+        }
+    }
+}
+
+#[test]
+#[cfg_attr(no_shared, ignore = "no ../shared")]
+fn shipped_networks_on_tactile_dots() {
+    ["graphres", "tactigraph", "tactigraph-past"].map(|network| compare("tactile_dots", network));
+}
+
+#[test]
+#[cfg_attr(no_shared, ignore = "no ../shared")]
+fn shipped_networks_on_davis346() {
+    ["graphres", "tactigraph", "tactigraph-past"].map(|network| compare("davis346", network));
 }

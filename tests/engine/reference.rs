@@ -11,7 +11,7 @@ use meissner_engine::{
 };
 use meissner_kernels::{Activation, Dense, SplineConv, SplineParts, WinogradTile};
 use meissner_reference::{Difference, EventReference, EventTrace, FrameReference, ReferenceError};
-use meissner_tests::cases::cases;
+use meissner_tests::cases;
 use meissner_verify::CheckedEngine;
 use meissner_verify::frame_networks::{self, Style};
 use meissner_verify::strategies::{network, script};

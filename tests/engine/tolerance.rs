@@ -7,7 +7,7 @@ use meissner_engine::{
     Candidates, Engine, EngineError, Event, GraphRule, Lifetime, Options, Reach, Search, Sensor,
 };
 use meissner_models::{Description, Weights};
-use meissner_tests::cases::cases;
+use meissner_tests::cases;
 use meissner_tests::within_tolerance;
 use meissner_verify::networks::{BlockShape, ConvolutionShape, NetworkShape};
 use meissner_verify::{CheckedEngine, Random, bits, strategies};

@@ -8,9 +8,9 @@ use std::fmt::{Debug, Display};
 
 use meissner_engine::{EngineError, EventCounters, Prediction, Predictor};
 
-use crate::difference::bits;
+use crate::error::bits;
 use crate::incremental::Incremental;
-use crate::step::Step;
+use crate::stream::Step;
 
 /// What a predictor shows: its prediction, as bits, with time and number of nodes; and its counts.
 type Shown = (Result<(Vec<u32>, Option<i64>, usize), EngineError>, EventCounters);

@@ -4,8 +4,8 @@ use meissner_engine::frames::{FrameEngine, FrameSnapshot};
 use meissner_engine::{Engine, EngineError, Event, Predictor, Snapshot};
 use meissner_kernels::Neighbour;
 
-use crate::difference::Difference;
-use crate::step::Step;
+use crate::error::Difference;
+use crate::stream::Step;
 
 /// An engine that is verified. [`Engine`] and [`FrameEngine`] implement it; so can an engine of your own.
 pub trait Incremental: Predictor {

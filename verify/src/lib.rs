@@ -35,9 +35,7 @@
 #![deny(clippy::print_stdout, clippy::print_stderr)]
 
 mod checked;
-mod checked_frames;
 pub mod conformance;
-mod difference;
 mod error;
 pub mod frame_networks;
 mod incremental;
@@ -46,17 +44,17 @@ mod random_stream;
 mod run;
 mod shrink;
 pub mod soak;
-mod step;
 #[cfg(feature = "proptest")]
 pub mod strategies;
-mod stream_text;
+mod stream;
 pub mod stress;
+#[cfg(test)]
+mod tests;
 
 pub use checked::{CheckedEngine, poisoned};
-pub use difference::{Difference, bits};
-pub use error::{Mismatch, Summary, VerifyError};
+pub use error::{Difference, Mismatch, Summary, VerifyError, bits};
 pub use incremental::{Incremental, IncrementalEvents};
 pub use meissner_kernels::random::Random;
 pub use random_stream::{random_frames, random_streams};
 pub use run::{verify, verify_frames, verify_stream};
-pub use step::{Script, Step, Stream};
+pub use stream::{Script, Step, Stream};

@@ -4,7 +4,7 @@ use meissner_engine::{Event, Network, Sensor};
 use meissner_kernels::random::Random;
 
 use crate::frame_networks::next_frame;
-use crate::step::{Step, Stream};
+use crate::stream::{Step, Stream};
 
 /// How the events of a stream are spread over sensor and time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -74,7 +74,7 @@ fn random_of(seed: u64, case: u64) -> Random {
     Random::new(Random::new(seed).bits() ^ Random::new(!case).bits())
 }
 
-fn random_stream(network: &Network, sensor: Option<Sensor>, random: &mut Random) -> Stream {
+pub(crate) fn random_stream(network: &Network, sensor: Option<Sensor>, random: &mut Random) -> Stream {
     let scene = SCENES[random.below(SCENES.len() as u64) as usize];
     let sensor = sensor.unwrap_or_else(|| Sensor::new(side(random), side(random)));
     let small = scene == Scene::Full || random.below(2) == 0;
@@ -172,69 +172,5 @@ impl Source {
         };
         self.now = self.now.saturating_add(by as i64);
         self.now
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::networks::{BlockShape, ConvolutionShape, NetworkShape};
-    use meissner_engine::{Candidates, DropReason, GraphRule, LatePolicy, Reach};
-
-    #[test]
-    fn streams_hold_every_difficulty_and_are_determined_by_their_seed() {
-        let graph = GraphRule { reach: Reach::Knn { k: 4 }, candidates: Candidates::All };
-        let block = BlockShape {
-            channels: 2,
-            conv: ConvolutionShape::Spline([2; 3]),
-            input: 0,
-            skip: None,
-            extras: [true; 4],
-        };
-        let network = NetworkShape {
-            graph,
-            span_us: 1_000,
-            capacity: 500,
-            place: None,
-            blocks: vec![block],
-            pooled: vec![],
-            from: 1,
-            grid: [1, 1],
-            dense: vec![1],
-            head: None,
-            seed: 1,
-        }
-        .build();
-        let (mut sides, mut evicted, mut late, mut outside) = (Vec::new(), 0, 0, 0);
-        let mut kinds = [0; 6];
-        for seed in 0..300 {
-            let stream = random_stream(&network, None, &mut Random::new(seed));
-            assert_eq!(stream.steps, random_stream(&network, None, &mut Random::new(seed)).steps);
-            let sensor = stream.sensor.expect("streams of events have a sensor");
-            sides.push(sensor.width);
-            let mut admission = meissner_engine::Admission::new(sensor, LatePolicy::Drop);
-            for step in &stream.steps {
-                let kind = match step {
-                    Step::Push(event) => {
-                        match admission.admit(*event) {
-                            Err(DropReason::OutsideSensor) => outside += 1,
-                            Err(DropReason::Late) => late += 1,
-                            _ => {}
-                        }
-                        0
-                    }
-                    Step::Advance(_) => 1,
-                    Step::Predict => 2,
-                    Step::Reset => 3,
-                    Step::Snapshot => 4,
-                    Step::Bytes => 5,
-                };
-                kinds[kind] += 1;
-            }
-            evicted += usize::from(stream.capacity.is_some_and(|capacity| capacity < stream.steps.len() / 4));
-        }
-        assert!(kinds.iter().all(|&count| count > 50), "{kinds:?}");
-        assert!(evicted > 50 && late > 50 && outside > 50, "{evicted} {late} {outside}");
-        assert!(sides.iter().any(|&side| side < 12) && sides.iter().any(|&side| side > 70), "{sides:?}");
     }
 }

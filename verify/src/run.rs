@@ -5,14 +5,12 @@ use std::sync::Arc;
 use meissner_engine::frames::FrameNetwork;
 use meissner_engine::{BatchEngine, EngineError, Network, Search, Sensor};
 
-use crate::checked::{CheckedEngine, poisoned};
-use crate::checked_frames::CheckedFrames;
-use crate::difference::Difference;
-use crate::error::{Mismatch, Summary, VerifyError};
+use crate::checked::{CheckedEngine, CheckedFrames, poisoned};
+use crate::error::{Difference, Mismatch, Summary, VerifyError};
 use crate::incremental::{Checked, Incremental, IncrementalEvents};
 use crate::random_stream::random_streams;
 use crate::shrink::{Shrink, shrink};
-use crate::step::{Step, Stream};
+use crate::stream::{Step, Stream};
 
 /// Verifies the engine of `network` on `cases` random streams of `seed`: on sensors of several sizes, or on `sensor`.
 ///

@@ -6,7 +6,7 @@
 
 use meissner_engine::Event;
 
-use crate::step::Step;
+use crate::stream::Step;
 
 /// Streams that are tried at most.
 const TRIES: usize = 4_000;

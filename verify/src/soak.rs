@@ -4,11 +4,8 @@
 //! Invariant: engine and batch take the same events, except those that the engine forgets at the return to a snapshot. Everything except
 //! latencies and memory is determined by recordings, network and seed.
 
-mod disturbance;
-mod endless;
-mod report;
-#[cfg(test)]
-mod tests;
+pub(crate) mod endless;
+pub(crate) mod report;
 
 pub use endless::Recording;
 pub use report::{Calls, Checkpoint, Disturbances, Memory, PartReport, Ratio, Report};
@@ -21,11 +18,10 @@ use meissner_kernels::random::Random;
 use meissner_run::latency::Latency;
 
 use crate::checked::CheckedEngine;
-use crate::difference::bits;
 use crate::error::VerifyError;
+use crate::error::bits;
 use crate::incremental::Incremental as _;
-use disturbance::{Deck, Disturbance};
-use endless::Endless;
+use endless::{Deck, Disturbance, Endless};
 use report::{Part, judged, ratios};
 
 /// How often predictions, disturbances and checkpoints come.

@@ -6,7 +6,7 @@ use proptest::prelude::*;
 use crate::frame_networks::Style as FrameStyle;
 use crate::networks::{BlockShape, ConvolutionShape, NetworkShape, PoolShape};
 use crate::random_stream::random_frames;
-use crate::step::{Script, Step};
+use crate::stream::{Script, Step};
 
 /// A step whose time counts from the step before, as [`Script::new`] takes it. Events lie in the first `pixels` columns and
 /// rows, and all have one time where `one_instant`.

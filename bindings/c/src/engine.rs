@@ -9,10 +9,9 @@ use meissner::{
 
 use crate::arguments::{Versioned, array, options, place, place_if_wanted, report, report_if_wanted, room};
 use crate::handles::Handles;
-use crate::log::warn;
+use crate::log::{LossWatch, warn, warnings_of_losses, write_lines};
 use crate::network::{Loaded, NETWORKS, meissner_network};
 use crate::status::{Failure, call, meissner_status};
-use crate::warnings::{self, LossWatch};
 
 /// A network over the events of a sliding window. One thread at a time.
 pub struct meissner_engine(());
@@ -37,7 +36,7 @@ impl Made {
         let sensor = self.engine.sensor();
         let mut found = self.network.warnings().to_vec();
         found.extend(self.network.warning_of_sensor(sensor));
-        found.extend(warnings::of_losses(self.engine.event_counters(), sensor));
+        found.extend(warnings_of_losses(self.engine.event_counters(), sensor));
         found
     }
 }
@@ -53,7 +52,7 @@ fn push(
         let entered = push(&mut made.engine);
         let events = made.engine.event_counters();
         let lost = if (entered < length || events.restarts > restarts) && made.losses.is_due() {
-            warnings::of_losses(events, made.engine.sensor())
+            warnings_of_losses(events, made.engine.sensor())
         } else {
             Vec::new()
         };
@@ -442,7 +441,7 @@ pub unsafe extern "C" fn meissner_engine_warnings(
     call(|| {
         let lines = || ENGINES.with(engine, |made| Ok(made.warnings()));
         // SAFETY: the callers' rules at the top of the header.
-        unsafe { warnings::write(text, capacity, length, lines) }
+        unsafe { write_lines(text, capacity, length, lines) }
     })
 }
 

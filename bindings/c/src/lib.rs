@@ -10,7 +10,7 @@
 //! | `engine.rs` | `meissner_engine_*`: events to predictions |
 //! | `frames.rs` | `meissner_frames_*`: frames to predictions |
 //! | `live.rs` | `meissner_input_*`, `meissner_live_*`: a queue, a thread, and predictions by a deadline |
-//! | `log.rs`, `warnings.rs` | `meissner_set_log`, and what it is told |
+//! | `log.rs` | `meissner_set_log`, and what it is told |
 //! | `handles.rs` | what handles stand for, and who may use it when |
 //! | `status.rs` | results of calls, and their texts |
 //!
@@ -31,7 +31,8 @@ mod live;
 mod log;
 mod network;
 mod status;
-mod warnings;
+#[cfg(test)]
+mod tests;
 
 use std::ffi::{CStr, c_char};
 

@@ -11,9 +11,8 @@ use meissner::{AnyDescription, Card, ModelError, Network, Sensor, Weights};
 
 use crate::arguments::{Versioned, array, options, place, place_if_wanted, report, text};
 use crate::handles::Handles;
-use crate::log::warn;
+use crate::log::{warn, write_lines};
 use crate::status::{Failure, Status, call, meissner_status};
-use crate::warnings;
 
 /// A network with its weights. It does not change, and any number of threads and engines may use it.
 pub struct meissner_network(());
@@ -402,7 +401,7 @@ pub unsafe extern "C" fn meissner_network_warnings(
     call(|| {
         let lines = || Ok(NETWORKS.get(network)?.warnings().to_vec());
         // SAFETY: the callers' rules at the top of the header.
-        unsafe { warnings::write(text, capacity, length, lines) }
+        unsafe { write_lines(text, capacity, length, lines) }
     })
 }
 

@@ -12,12 +12,10 @@ use crate::description::Description;
 use crate::engine::{counters, late_policy, network_of, restart_policy};
 use crate::error::{Failure, Outcome};
 use crate::events::Events;
-use crate::fork::on_own_threads;
 use crate::graph::{self, Graph};
-use crate::html;
-use crate::methods::{engine_methods, engine_over_events};
+use crate::methods::{engine_methods, engine_over_events, html_table, rows_of_events};
 use crate::prediction::{self, Outputs, Prediction};
-use crate::turn::turn;
+use crate::threads::{on_own_threads, turn};
 use crate::warned::Losses;
 
 /// Streams that are computed until signals are handled.

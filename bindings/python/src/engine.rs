@@ -11,10 +11,9 @@ use crate::description::Description;
 use crate::error::{Failure, Outcome};
 use crate::events::Events;
 use crate::graph::{self, Graph};
-use crate::html;
-use crate::methods::{engine_methods, engine_over_events};
+use crate::methods::{engine_methods, engine_over_events, html_table, rows_of_events};
 use crate::prediction::{self, Outputs, Prediction};
-use crate::turn::turn;
+use crate::threads::turn;
 use crate::warned::{self, Losses};
 use crate::weights::Weights;
 

@@ -21,7 +21,7 @@ use serde::Serialize;
 
 use crate::arrays::Pixels;
 use crate::error::{Failure, Outcome};
-use crate::watched::{Parts, Seen, watched, workers};
+use crate::threads::{Parts, Seen, watched, workers};
 
 /// Microseconds from one prediction to the next, where nothing else is said.
 const EVERY_US: i64 = 10_000;

@@ -7,7 +7,7 @@ use pyo3::types::{PyDict, PyTuple};
 use crate::arrays::{Pixels, counts, to_array};
 use crate::error::Outcome;
 use crate::events::Events;
-use crate::turn::turn;
+use crate::threads::turn;
 
 /// Filters in series; each sees what those before it passed. One that is None is left out.
 ///

@@ -10,12 +10,10 @@ use pyo3::types::{PyBytes, PyDict};
 use crate::arrays::contiguous;
 use crate::description::{Description, shape};
 use crate::error::{Failure, Outcome};
-use crate::fork::on_own_threads;
-use crate::html;
-use crate::methods::engine_methods;
+use crate::methods::{engine_methods, html_table};
 use crate::prediction::{self, Outputs, Prediction};
 use crate::representations::EventFrame;
-use crate::turn::turn;
+use crate::threads::{on_own_threads, turn};
 use crate::warned;
 use crate::weights::Weights;
 
@@ -304,7 +302,7 @@ impl FrameEngine {
             ["frames since the last reset".to_owned(), this.taken.to_string()],
             ["state".to_owned(), format!("{} bytes", this.engine.state_bytes())],
         ];
-        Ok(html::table(&format!("FrameEngine {:?}", network.name()), &rows))
+        Ok(html_table(&format!("FrameEngine {:?}", network.name()), &rows))
     }
 
     fn __repr__(slf: &Bound<'_, Self>) -> Outcome<String> {

@@ -6,14 +6,14 @@
 //! | `arrays` | what several classes take and return |
 //! | `engine`, `batch`, `frames` | the engines |
 //! | `live` | an engine in a thread of its own |
-//! | `methods` | what several classes have |
+//! | `methods` | what several classes have; tables of a notebook |
 //! | `prediction`, `graph` | what they return |
 //! | `description`, `weights` | networks, from whatever a user has |
 //! | `representations`, `filters`, `recording`, `write` | frames of events; which events enter; files |
 //! | `simulate` | a membrane, markers and a camera |
 //! | `datasets`, `evaluate`, `metrics` | labelled data sets, figures of networks on them |
-//! | `watched`, `fork` | long work that can be stopped; threads in a forked child |
-//! | `error`, `warned`, `html` | exceptions, warnings, what a notebook shows |
+//! | `threads` | one at a time in an object; forks; long work that can be stopped |
+//! | `error`, `warned` | exceptions, warnings |
 #![forbid(unsafe_code)]
 
 mod arrays;
@@ -25,10 +25,8 @@ mod error;
 mod evaluate;
 mod events;
 mod filters;
-mod fork;
 mod frames;
 mod graph;
-mod html;
 mod live;
 mod methods;
 mod metrics;
@@ -36,9 +34,8 @@ mod prediction;
 mod recording;
 mod representations;
 mod simulate;
-mod turn;
+mod threads;
 mod warned;
-mod watched;
 mod weights;
 mod write;
 
@@ -59,9 +56,9 @@ mod _meissner {
         filters::Filters,
         frames::FrameEngine,
         graph::Graph,
-        live::{Live, Timely},
+        live::Live,
         metrics::{_confusion, _iou, _mean_std, _pareto_front, _scores, _wilson_95},
-        prediction::Prediction,
+        prediction::{Prediction, Timely},
         recording::{Blocks, Recording, Windows, open},
         representations::{EventFrame, EventFrames, SlidingFrame, TimeSurface, VoxelGrid, frames_for},
         simulate::{Camera, Press, film_markers},

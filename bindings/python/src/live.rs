@@ -4,7 +4,6 @@
 //! holds the interpreter, except for a lock that is held for a copy.
 
 mod ends;
-mod timely;
 
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -22,14 +21,12 @@ use crate::engine::{Engine, event_counters};
 use crate::error::{Failure, Outcome, wrong_type};
 use crate::events::{Events, QUEUED};
 use crate::filters::Filters;
-use crate::fork::{self, has_common_threads};
 use crate::frames::{FrameEngine, checked};
-use crate::html;
-use crate::prediction::Outputs;
+use crate::methods::html_table;
+use crate::prediction::{Outputs, Timely, timely};
 use crate::representations::EventFrame;
-use crate::turn::turn;
+use crate::threads::{fork_refused, has_common_threads, turn};
 use ends::Ends;
-pub(crate) use timely::Timely;
 
 /// An engine in a thread of its own, behind a bounded queue: one thread pushes what a sensor sends, another one reads predictions
 /// by a deadline.
@@ -142,7 +139,7 @@ impl Live {
         let two_threads = engine.two_threads;
         // Its thread would hand work to those of the parent.
         if two_threads && !has_common_threads() {
-            return Err(fork::refused("Live of a FrameEngine with two_threads"));
+            return Err(fork_refused("Live of a FrameEngine with two_threads"));
         }
         let shapes = Some(engine.shapes());
         let (outputs, description) = (Arc::clone(&engine.outputs), engine.description.clone());
@@ -226,7 +223,7 @@ impl Live {
             Kind::Frames(ends) => ends.predict(py, deadline),
         }?;
         let shape = self.shapes.as_ref().map(|[_, output]| &output[..]);
-        timely::object(py, taken, shape, &self.outputs)
+        timely(py, taken, shape, &self.outputs)
     }
 
     /// Counts of what was offered: "offered" is the sum of "delivered", "waiting" and the dropped ones. "high_water" is the most that
@@ -312,7 +309,7 @@ impl Live {
         rows.extend(of.dropped_by_reason().into_iter().filter(|(_, count)| *count > 0));
         let rows: Vec<_> =
             rows.into_iter().map(|(name, count)| [name.to_owned(), count.to_string()]).collect();
-        Ok(html::table(&format!("Live {:?}", self.description.any.name()), &rows))
+        Ok(html_table(&format!("Live {:?}", self.description.any.name()), &rows))
     }
 
     fn __repr__(&self, py: Python<'_>) -> String {

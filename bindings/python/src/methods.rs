@@ -1,4 +1,8 @@
-//! Methods that several classes have: each macro writes them for one class, with the same words.
+//! Methods that several classes have: each macro writes them for one class, with the same words. Tables of a notebook.
+
+use std::fmt::Write;
+
+use meissner::EventCounters;
 
 /// What every engine has, by its fields `description` and, for copies, all of them.
 macro_rules! engine_methods {
@@ -138,9 +142,9 @@ macro_rules! engine_over_events {
                     ["events in the window".to_owned(), engine.nodes().to_string()],
                     ["time".to_owned(), now],
                 ];
-                rows.extend(html::of_events(*engine.event_counters()));
+                rows.extend(rows_of_events(*engine.event_counters()));
                 $(rows.push(["state".to_owned(), format!("{} bytes", engine.$bytes())]);)?
-                Ok(html::table(&title, &rows))
+                Ok(html_table(&title, &rows))
             }
 
             fn __repr__(slf: &Bound<'_, Self>) -> Outcome<String> {
@@ -220,3 +224,37 @@ macro_rules! sliding_representation {
 }
 
 pub(crate) use {engine_methods, engine_over_events, representation, sliding_representation};
+
+/// A table with a title, of rows of texts.
+pub(crate) fn html_table<const N: usize>(title: &str, rows: &[[String; N]]) -> String {
+    let mut html = format!("<table><caption>{}</caption><tbody>", escaped(title));
+    for row in rows {
+        html.push_str("<tr>");
+        for (i, cell) in row.iter().enumerate() {
+            let tag = if i == 0 { "th" } else { "td" };
+            let _ = write!(html, "<{tag} style=\"text-align:left\">{}</{tag}>", escaped(cell));
+        }
+        html.push_str("</tr>");
+    }
+    html + "</tbody></table>"
+}
+
+/// The rows of an engine's counts: what came, and what was lost, by reason.
+pub(crate) fn rows_of_events(events: EventCounters) -> Vec<[String; 2]> {
+    let mut rows = vec![["events pushed".to_owned(), events.pushed.to_string()]];
+    let lost = [
+        ("outside the sensor, dropped", events.outside_sensor),
+        ("late, dropped", events.late),
+        ("time out of range, dropped", events.time_out_of_range),
+        ("far ahead, dropped", events.outliers),
+        ("late, with the newest time", events.clamped),
+        ("restarts of the sensor's clock", events.restarts),
+    ];
+    let lost = lost.into_iter().filter(|(_, count)| *count > 0);
+    rows.extend(lost.map(|(name, count)| [name.to_owned(), count.to_string()]));
+    rows
+}
+
+fn escaped(text: &str) -> String {
+    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
+}

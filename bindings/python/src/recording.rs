@@ -15,8 +15,8 @@ use pyo3::types::{PyDict, PySlice};
 
 use crate::arrays::{sides, to_array};
 use crate::error::{Failure, Outcome};
-use crate::html;
-use crate::turn::turn;
+use crate::methods::html_table;
+use crate::threads::turn;
 
 /// Events of a block of an iteration.
 const BLOCK: usize = 1 << 16;
@@ -340,7 +340,7 @@ impl Recording {
         let content = self.content.lock().unwrap_or_else(PoisonError::into_inner);
         let title = format!("Recording {}", self.path.display());
         let Some(content) = &*content else {
-            return html::table(&title, &[["events", "not read yet"].map(str::to_owned)]);
+            return html_table(&title, &[["events", "not read yet"].map(str::to_owned)]);
         };
         let mut rows = vec![
             ["format".to_owned(), content.format.to_string()],
@@ -350,7 +350,7 @@ impl Recording {
         if let (Some(first), Some(last)) = (content.events.first(), content.events.last()) {
             rows.push(["time".to_owned(), format!("{} to {} us", first.t_us, last.t_us)]);
         }
-        html::table(&title, &rows)
+        html_table(&title, &rows)
     }
 
     fn __repr__(&self) -> String {

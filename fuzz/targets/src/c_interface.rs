@@ -11,8 +11,8 @@ use ::meissner_engine::{Engine, Event, LatePolicy, Network, Options, Outcome, Se
 use meissner_c::*;
 use meissner_models::{Description, Weights, drawn_file};
 
-use crate::choices::Choices;
-use crate::target::Verdict;
+use crate::Verdict;
+use crate::oracle::Choices;
 use crate::weights::NETWORK;
 
 const OK: meissner_status = meissner_status::MEISSNER_OK;

@@ -6,7 +6,7 @@ use meissner_engine::frames::{Convolution, FrameEngine, FrameNetwork};
 use meissner_engine::{Engine, EngineError, Event, Options, Sensor};
 use meissner_models::{AnyDescription, Description, FrameDescription, draw};
 
-use crate::target::Verdict;
+use crate::Verdict;
 
 /// Parameters of networks that are built.
 const PARAMETERS: usize = 1 << 16;

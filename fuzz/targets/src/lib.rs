@@ -3,30 +3,42 @@
 //! Each target is a plain function in [`TARGETS`], so that cargo-fuzz (`fuzz/fuzz_target.rs`), the replay of the corpora
 //! (`tests/replay.rs`) and the mutator (`src/bin/mutate.rs`) check the same promises. `fuzz/README.md` says how to run them.
 mod c_interface;
-mod choices;
 pub mod corpus;
 mod descriptions;
-mod images;
-mod mutation;
 mod oracle;
 mod recordings;
 mod snapshots;
-mod target;
 mod weights;
 
 use c_interface::c_interface;
 use descriptions::description;
-use images::image;
 use meissner_io::Format;
 use oracle::{graph, interleavings};
-use recordings::{any_recording, convert, csv, electrodes, recording};
+use recordings::{any_recording, convert, csv, electrodes, image, recording};
 use snapshots::{frame_snapshot, snapshot};
 use weights::{pickle, weights};
 
-pub use mutation::Mutator;
+pub use corpus::Mutator;
 pub use snapshots::seeds as snapshot_seeds;
-pub use target::{Target, Verdict};
 pub use weights::NETWORK;
+
+/// The outcome of an input. A broken promise is a panic.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Verdict {
+    /// The input gave a result that keeps its promises.
+    Accepted,
+    /// The input was refused with a typed error.
+    Refused,
+}
+
+/// A function over bytes that panics where a promise is broken.
+#[derive(Clone, Copy, Debug)]
+pub struct Target {
+    /// Its name, which is also that of its corpus and of its cargo-fuzz binary.
+    pub name: &'static str,
+    /// The function.
+    pub run: fn(&[u8]) -> Verdict,
+}
 
 /// All targets.
 pub const TARGETS: [Target; 26] = [

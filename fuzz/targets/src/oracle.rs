@@ -5,8 +5,7 @@ use meissner_verify::CheckedEngine;
 use meissner_verify::networks::{BlockShape, ConvolutionShape, NetworkShape, PoolShape};
 use meissner_verify::{Script, Step};
 
-use crate::choices::Choices;
-use crate::target::Verdict;
+use crate::Verdict;
 
 /// Most steps of a stream, and most comparisons: each is a batch from scratch.
 const STEPS: usize = 120;
@@ -155,5 +154,52 @@ fn relative(choices: &mut Choices<'_>) -> Step {
         215..218 => Step::Reset,
         218..222 => Step::Snapshot,
         222.. => Step::Predict,
+    }
+}
+
+/// Bytes as choices, taken one after the other; after their end, zeros.
+pub(crate) struct Choices<'a> {
+    bytes: &'a [u8],
+}
+
+impl<'a> Choices<'a> {
+    pub(crate) fn new(bytes: &'a [u8]) -> Self {
+        Self { bytes }
+    }
+
+    pub(crate) fn is_empty(&self) -> bool {
+        self.bytes.is_empty()
+    }
+
+    pub(crate) fn byte(&mut self) -> u8 {
+        let Some((&first, rest)) = self.bytes.split_first() else { return 0 };
+        self.bytes = rest;
+        first
+    }
+
+    pub(crate) fn flag(&mut self) -> bool {
+        self.byte() & 1 == 1
+    }
+
+    pub(crate) fn u16(&mut self) -> u16 {
+        u16::from_le_bytes([self.byte(), self.byte()])
+    }
+
+    pub(crate) fn u64(&mut self) -> u64 {
+        (0..4).fold(0, |word, _| word << 16 | u64::from(self.u16()))
+    }
+
+    /// A number from `low` to `high`, of a byte.
+    pub(crate) fn within(&mut self, low: usize, high: usize) -> usize {
+        low + usize::from(self.byte()) % (high - low + 1)
+    }
+
+    pub(crate) fn option<T>(&mut self, some: impl FnOnce(&mut Self) -> T) -> Option<T> {
+        if self.flag() { Some(some(self)) } else { None }
+    }
+
+    /// Up to `most` items.
+    pub(crate) fn list<T>(&mut self, least: usize, most: usize, item: impl Fn(&mut Self) -> T) -> Vec<T> {
+        (0..self.within(least, most)).map(|_| item(self)).collect()
     }
 }

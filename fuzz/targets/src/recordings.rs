@@ -1,22 +1,24 @@
-//! Bytes as recordings of events or electrodes: a typed error, or events that keep their promises and come back the same
-//! when they are written and read again, or finite readings.
+//! Bytes as recordings of events or electrodes, or as images: a typed error, or events that keep their promises and come back
+//! the same when they are written and read again, finite readings, or as many pixels as the header says.
 
 use std::io::BufReader;
 
 use meissner_engine::{Event, Sensor};
-use meissner_io::limits::{EXPANSION, PACKET_BYTES};
+use meissner_io::limits::{EXPANSION, IMAGE_PIXELS, PACKET_BYTES};
 use meissner_io::{
-    CsvEvents, ElectrodeSettings, Electrodes, Format, IoError, ReadOptions, Recording, StreamKind,
-    TextOptions, TimeUnit, decode, decode_with, encode,
+    CsvEvents, ElectrodeSettings, Electrodes, Format, Image, IoError, ReadOptions, Recording, StreamKind,
+    TextOptions, TimeUnit, decode, decode_image, decode_with, encode, encode_png,
 };
 
-use crate::choices::Choices;
-use crate::target::Verdict;
+use crate::Verdict;
+use crate::oracle::Choices;
 
 /// Longest message of an error: what a file says is quoted in part.
 const MESSAGE_BYTES: usize = 8 << 10;
 /// Events that are written and read again.
 const REWRITTEN: usize = 4096;
+/// Pixels of images that are written and read again.
+const REWRITTEN_PIXELS: usize = 1 << 16;
 
 /// Recordings of `format`.
 ///
@@ -198,4 +200,27 @@ pub(crate) fn electrodes(bytes: &[u8]) -> Verdict {
     // Times may be infinite in seconds where they are finite in their unit, so they are compared as text.
     assert_eq!(format!("{:?}", (&delivered, refused, warnings)), format!("{:?}", read(5)));
     if refused == 0 { Verdict::Accepted } else { Verdict::Refused }
+}
+
+/// PNG, JPEG and PNM.
+///
+/// # Panics
+/// If a promise is broken.
+pub(crate) fn image(bytes: &[u8]) -> Verdict {
+    let image = match decode_image(bytes) {
+        Ok(image) => image,
+        Err(error) => {
+            let message = error.to_string();
+            assert!(message.contains("expected"), "{message}");
+            return Verdict::Refused;
+        }
+    };
+    let pixels = image.width * image.height;
+    assert!((1..=IMAGE_PIXELS as usize).contains(&pixels), "{pixels} pixels");
+    assert_eq!(image.data.len(), pixels * Image::CHANNELS);
+    if pixels <= REWRITTEN_PIXELS {
+        let png = encode_png(image.width, image.height, &image.data).expect("an image can be written");
+        assert_eq!(decode_image(&png).expect("what was written can be read"), image);
+    }
+    Verdict::Accepted
 }

@@ -14,7 +14,7 @@ use meissner_verify::frame_networks::{Style, network, sequence};
 use meissner_verify::networks::{BlockShape, ConvolutionShape, NetworkShape, PoolShape};
 use meissner_verify::{Incremental, Random};
 
-use crate::target::Verdict;
+use crate::Verdict;
 
 /// Shortest bytes that can be sealed: header, length of the note and checksum.
 const MIN: usize = 40;

@@ -5,7 +5,7 @@ use std::sync::{Arc, LazyLock};
 use meissner_engine::{Engine, EngineError, Event, Sensor};
 use meissner_models::{Description, Weights};
 
-use crate::target::Verdict;
+use crate::Verdict;
 use torch::{Deviation, archive};
 
 #[allow(dead_code, reason = "the tests use more of it")]

@@ -2,7 +2,6 @@
 #![forbid(unsafe_code)]
 
 mod deadlines;
-mod ends;
 mod fake;
 mod fleet;
 mod frames;

@@ -7,7 +7,7 @@
 use meissner_engine::GraphConvolution;
 use meissner_kernels::{PointNetParts, SplineParts};
 
-use crate::activation::elu;
+use crate::frames::elu;
 
 /// Batch norm with running statistics, as trained: one value per channel.
 #[derive(Clone, Debug, PartialEq)]
@@ -74,7 +74,7 @@ impl Edge {
 }
 
 /// Weight of slot `i` of `size` on one axis at attribute `u`: a hat of width 1 to each side.
-fn hat(u: f64, i: usize, size: usize) -> f64 {
+pub(crate) fn hat(u: f64, i: usize, size: usize) -> f64 {
     if size == 1 { 1.0 } else { (1.0 - (u * (size - 1) as f64 - i as f64).abs()).max(0.0) }
 }
 
@@ -159,81 +159,4 @@ fn pointnet(parts: &PointNetParts, features: &[Vec<f64>], own: usize, edges: &[E
         .collect();
     let most = |o: usize| messages.iter().fold(0.0, |most: f64, message| most.max(message[o]));
     (0..parts.outputs).map(most).collect()
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use meissner_kernels::{PointNetConv, SplineConv};
-
-    fn block(kernel: [usize; 3], weight: Vec<f32>, elu: bool) -> Convolution {
-        let parts = SplineParts {
-            inputs: 1,
-            outputs: 1,
-            kernel,
-            weight,
-            root: None,
-            bias: Some(vec![0.25]),
-            norm: Some((vec![2.0], vec![1.0])),
-            elu,
-        };
-        Convolution::new(&SplineConv::new(&parts).expect("sizes fit").into())
-    }
-
-    #[test]
-    fn a_row_of_two_edges_is_what_a_hand_computes() {
-        let spline = block([2, 1, 1], vec![1.0, 3.0], false);
-        let edges = [Edge { row: 0, offset: [-0.5, -1.0, -1.0] }, Edge { row: 1, offset: [1.0, -1.0, -1.0] }];
-        // (2 (0.75 + 0.25 3) + 4 3) / 2 + 0.25 = 7.75, times 2, plus 1, plus the skip.
-        let row = spline.row(&[vec![2.0], vec![4.0]], 0, &edges, Some(&[0.5]));
-        assert_eq!(row, [17.0]);
-    }
-
-    #[test]
-    fn a_row_without_edges_is_its_bias() {
-        assert_eq!(block([2, 1, 1], vec![1.0, 3.0], false).row(&[vec![2.0]], 0, &[], None), [1.5]);
-    }
-
-    #[test]
-    fn a_pointnet_row_is_what_a_hand_computes() {
-        let parts = PointNetParts {
-            inputs: 1,
-            outputs: 2,
-            weight: vec![1.0, 10.0, 0.0, 0.0, -1.0, 0.0, 0.0, 0.0],
-            bias: vec![0.5, -8.0],
-            norm: Some((vec![2.0; 2], vec![1.0; 2])),
-        };
-        let conv = Convolution::new(&PointNetConv::new(&parts).expect("sizes fit").into());
-        let edges = [Edge::new(0, [0.5, 0.0, 0.0], 0.25), Edge::new(1, [-0.5, 0.0, 0.0], 0.25)];
-        // First channel: 2 + 20 + 0.5 from row 0 exceeds 0 and row 1; second: all are below 0.
-        assert_eq!(conv.row(&[vec![2.0], vec![4.0]], 1, &edges, None), [46.0, 1.0]);
-        assert_eq!(conv.row(&[vec![2.0], vec![4.0]], 1, &[], Some(&[1.0, 0.0])), [11.0, 1.0]);
-    }
-
-    #[test]
-    fn the_hats_of_an_axis_sum_to_one() {
-        for size in 1..6 {
-            for u in [0.0, 0.1, 0.25, 0.5, 0.99, 1.0] {
-                let sum: f64 = (0..size).map(|i| hat(u, i, size)).sum();
-                assert!((sum - 1.0).abs() < 1e-15, "size {size} at {u}: {sum}");
-            }
-        }
-    }
-
-    #[test]
-    fn unfolded_batch_norm_is_the_folded_one() {
-        let mut spline = block([1, 1, 1], vec![1.0], true);
-        let edge = Edge { row: 0, offset: [0.0; 3] };
-        let folded = spline.row(&[vec![0.75]], 0, &[edge], None);
-        // (x - 1) / sqrt(0.25) + 3 = 2 x + 1.
-        spline.norm = BatchNorm {
-            gamma: vec![1.0],
-            beta: vec![3.0],
-            mean: vec![1.0],
-            variance: vec![0.25],
-            epsilon: 0.0,
-        };
-        assert_eq!(spline.row(&[vec![0.75]], 0, &[edge], None), folded);
-        assert_eq!(folded, [3.0]);
-    }
 }

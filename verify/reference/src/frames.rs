@@ -3,14 +3,9 @@
 //! Input: frames, (channels, height, width) for an image. Output: the values of every layer, in the same layout.
 //! Recurrent layers keep their state between frames.
 
-mod image;
-mod recurrent;
-
 use meissner_engine::EngineError;
 use meissner_engine::frames::{Convolution, FrameLayerKind, FrameNetwork, FrameNetworkParts, FrameShape};
-
-use crate::activation::{activated, sigmoid};
-use image::Image;
+use meissner_kernels::{Activation, Elementary};
 
 /// A frame network and its state.
 #[derive(Clone, Debug)]
@@ -77,13 +72,13 @@ fn compute(kind: &FrameLayerKind, input: &Image, values: &[Image], memory: &mut 
     use FrameLayerKind as Kind;
     match kind {
         Kind::Conv { kernel, channels, weight, bias, relu } => {
-            image::conv(input, *kernel, *channels, weight, bias.as_deref(), *relu)
+            conv(input, *kernel, *channels, weight, bias.as_deref(), *relu)
         }
-        Kind::UpConv { channels, weight, bias } => image::up_conv(input, *channels, weight, bias.as_deref()),
-        Kind::MaxPool => image::pooled(input, 2, |window| window.fold(f64::NEG_INFINITY, f64::max)),
+        Kind::UpConv { channels, weight, bias } => up_conv(input, *channels, weight, bias.as_deref()),
+        Kind::MaxPool => pooled(input, 2, |window| window.fold(f64::NEG_INFINITY, f64::max)),
         Kind::AveragePool { size } => {
             let pixels = (size * size) as f64;
-            image::pooled(input, *size, |window| window.sum::<f64>() / pixels)
+            pooled(input, *size, |window| window.sum::<f64>() / pixels)
         }
         Kind::Sum => Image::vector(input.planes().map(|plane| plane.iter().sum()).collect()),
         Kind::GlobalAverage => Image::vector(means(input)),
@@ -97,10 +92,10 @@ fn compute(kind: &FrameLayerKind, input: &Image, values: &[Image], memory: &mut 
         }
         Kind::ConvLstm { hidden, weight, bias, peepholes, activation } => {
             let peepholes = peepholes.as_deref();
-            recurrent::conv_lstm(input, *hidden, (weight, bias, peepholes), *activation, memory)
+            conv_lstm(input, *hidden, (weight, bias, peepholes), *activation, memory)
         }
         Kind::Lstm { hidden, weight_ih, weight_hh, bias } => {
-            Image::vector(recurrent::lstm(&input.values, *hidden, [weight_ih, weight_hh, bias], memory))
+            Image::vector(lstm(&input.values, *hidden, [weight_ih, weight_hh, bias], memory))
         }
         Kind::Delay { frames } => {
             memory.resize(frames * input.values.len(), 0.0);
@@ -130,4 +125,191 @@ fn dense(x: &[f64], outputs: usize, weight: &[f32], bias: Option<&[f32]>) -> Vec
         sum + bias.map_or(0.0, |bias| f64::from(bias[o]))
     };
     (0..outputs).map(output).collect()
+}
+
+/// Values of an image; a vector has one value per channel.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Image {
+    /// Channels, rows, columns.
+    pub(crate) size: [usize; 3],
+    pub(crate) values: Vec<f64>,
+}
+
+impl Image {
+    pub(crate) fn new(size: [usize; 3], values: Vec<f64>) -> Self {
+        assert_eq!(values.len(), size.iter().product::<usize>(), "an image must have a value for each place");
+        Self { size, values }
+    }
+
+    fn vector(values: Vec<f64>) -> Self {
+        Self::new([values.len(), 1, 1], values)
+    }
+
+    /// The channels of this image, then those of `other`.
+    fn beside(&self, other: &Self) -> Self {
+        let [channels, height, width] = self.size;
+        Self::new([channels + other.size[0], height, width], [&self.values[..], &other.values].concat())
+    }
+
+    /// The rows of each channel.
+    fn planes(&self) -> impl Iterator<Item = &[f64]> {
+        self.values.chunks_exact(self.size[1] * self.size[2])
+    }
+
+    /// Value at channel `c`, row `y`, column `x`; 0 beyond the image.
+    fn at(&self, c: usize, y: isize, x: isize) -> f64 {
+        let [_, height, width] = self.size;
+        if (0..height as isize).contains(&y) && (0..width as isize).contains(&x) {
+            self.values[(c * height + y as usize) * width + x as usize]
+        } else {
+            0.0
+        }
+    }
+
+    /// An image of `size` whose values are `value(c, y, x)`.
+    fn from_fn(size: [usize; 3], value: impl Fn(usize, usize, usize) -> f64) -> Self {
+        let [channels, height, width] = size;
+        let places =
+            (0..channels * height * width).map(|i| (i / width / height, i / width % height, i % width));
+        Self::new(size, places.map(|(c, y, x)| value(c, y, x)).collect())
+    }
+}
+
+/// Convolution of `kernel` x `kernel` pixels; `weight` is (outputs, channels, kernel, kernel).
+pub(crate) fn conv(
+    input: &Image,
+    kernel: usize,
+    outputs: usize,
+    weight: &[f32],
+    bias: Option<&[f32]>,
+    relu: bool,
+) -> Image {
+    let half = (kernel / 2) as isize;
+    let [channels, height, width] = input.size;
+    Image::from_fn([outputs, height, width], |o, y, x| {
+        let mut sum = bias.map_or(0.0, |bias| f64::from(bias[o]));
+        for i in 0..channels {
+            for ky in 0..kernel {
+                for kx in 0..kernel {
+                    let w = weight[((o * channels + i) * kernel + ky) * kernel + kx];
+                    sum += f64::from(w) * input.at(i, (y + ky) as isize - half, (x + kx) as isize - half);
+                }
+            }
+        }
+        if relu { sum.max(0.0) } else { sum }
+    })
+}
+
+/// Transposed convolution of 2 x 2 pixels with stride 2; `weight` is (inputs, outputs, 2, 2).
+pub(crate) fn up_conv(input: &Image, outputs: usize, weight: &[f32], bias: Option<&[f32]>) -> Image {
+    let [channels, height, width] = input.size;
+    Image::from_fn([outputs, 2 * height, 2 * width], |o, y, x| {
+        let product = |i: usize| {
+            let w = weight[((i * outputs + o) * 2 + y % 2) * 2 + x % 2];
+            f64::from(w) * input.at(i, (y / 2) as isize, (x / 2) as isize)
+        };
+        bias.map_or(0.0, |bias| f64::from(bias[o])) + (0..channels).map(product).sum::<f64>()
+    })
+}
+
+/// Applies `of` to each window of `size` x `size` pixels; pixels that do not fill a window are dropped.
+pub(crate) fn pooled(input: &Image, size: usize, of: impl Fn(&mut dyn Iterator<Item = f64>) -> f64) -> Image {
+    let [channels, height, width] = input.size;
+    Image::from_fn([channels, height / size, width / size], |c, y, x| {
+        let at = |i: usize| input.at(c, (y * size + i / size) as isize, (x * size + i % size) as isize);
+        of(&mut (0..size * size).map(at))
+    })
+}
+
+/// One step of recurrent cells (Hochreiter and Schmidhuber 1997; Shi et al. 2015); returns the outputs. The quarters of
+/// `gates` are i, f, g and o:
+///
+/// ```text
+/// i = sigmoid(i), f = sigmoid(f), o = sigmoid(o)      with peepholes: of i + Vi c, f + Vf c, o + Vo c
+/// c = f c + i act(g)
+/// h = o act(c)
+/// ```
+///
+/// Every peephole reads the cell before the step. A memory is the cells followed by the outputs; empty means zeros.
+pub(crate) fn step(
+    gates: &[f64],
+    peepholes: Option<&[f32]>,
+    activation: Activation,
+    memory: &mut [f64],
+) -> Vec<f64> {
+    let count = gates.len() / 4;
+    let (cells, shown) = memory.split_at_mut(count);
+    for j in 0..count {
+        let peep = |gate: usize| peepholes.map_or(0.0, |v| f64::from(v[gate * count + j]) * cells[j]);
+        let (i, f) = (sigmoid(gates[j] + peep(0)), sigmoid(gates[count + j] + peep(1)));
+        let o = sigmoid(gates[3 * count + j] + peep(2));
+        cells[j] = f * cells[j] + i * activated(activation, gates[2 * count + j]);
+        shown[j] = o * activated(activation, cells[j]);
+    }
+    shown.to_vec()
+}
+
+/// One step of an LSTM of `hidden` cells; weights (4 hidden, inputs), (4 hidden, hidden), (4 hidden).
+pub(crate) fn lstm(
+    x: &[f64],
+    hidden: usize,
+    [weight_ih, weight_hh, bias]: [&[f32]; 3],
+    memory: &mut Vec<f64>,
+) -> Vec<f64> {
+    memory.resize(2 * hidden, 0.0);
+    let from_x = dense(x, 4 * hidden, weight_ih, Some(bias));
+    let from_h = dense(&memory[hidden..], 4 * hidden, weight_hh, None);
+    let gates: Vec<f64> = from_x.iter().zip(&from_h).map(|(a, b)| a + b).collect();
+    step(&gates, None, Activation::Tanh, memory)
+}
+
+/// One step of a convolutional LSTM of `hidden` channels; weight (4 hidden, inputs + hidden, 3, 3), bias (4 hidden),
+/// peepholes (3, hidden, height, width).
+fn conv_lstm(
+    x: &Image,
+    hidden: usize,
+    (weight, bias, peepholes): (&[f32], &[f32], Option<&[f32]>),
+    activation: Activation,
+    memory: &mut Vec<f64>,
+) -> Image {
+    let [_, height, width] = x.size;
+    let size = [hidden, height, width];
+    let cells = hidden * height * width;
+    memory.resize(2 * cells, 0.0);
+    let shown = Image::new(size, memory[cells..].to_vec());
+    let gates = conv(&x.beside(&shown), 3, 4 * hidden, weight, Some(bias), false);
+    Image::new(size, step(&gates.values, peepholes, activation, memory))
+}
+
+/// x for x > 0, else e^x - 1.
+pub(crate) fn elu(x: f64) -> f64 {
+    if x > 0.0 { x } else { x.exp_m1() }
+}
+
+/// 1 / (1 + e^-x).
+pub(crate) fn sigmoid(x: f64) -> f64 {
+    // From e^x for x < 0: e^-x would overflow although the result is representable.
+    if x < 0.0 { x.exp() / (1.0 + x.exp()) } else { 1.0 / (1.0 + (-x).exp()) }
+}
+
+/// Applies a layer's activation to its sum `x`.
+pub(crate) fn activated(activation: Activation, x: f64) -> f64 {
+    match activation {
+        Activation::Identity => x,
+        Activation::Relu => x.max(0.0),
+        Activation::Elu => elu(x),
+        Activation::Sigmoid => sigmoid(x),
+        Activation::Tanh => x.tanh(),
+    }
+}
+
+/// The exact function that `function` approximates.
+pub fn elementary(function: Elementary, x: f64) -> f64 {
+    match function {
+        Elementary::Exp => x.exp(),
+        Elementary::Expm1 => x.exp_m1(),
+        Elementary::Elu => elu(x),
+        Elementary::Sigmoid => sigmoid(x),
+        Elementary::Tanh => x.tanh(),
+    }
 }

@@ -35,16 +35,16 @@
 //! ```
 #![forbid(unsafe_code)]
 
-mod activation;
 mod convolution;
 mod difference;
 mod events;
 mod frames;
+#[cfg(test)]
+mod tests;
 mod tree;
 
-pub use activation::elementary;
 pub use convolution::BatchNorm;
 pub use difference::{Difference, ulps};
 pub use events::{EventReference, EventTrace, ReferenceError, ReferenceLevel, Rows};
-pub use frames::FrameReference;
+pub use frames::{FrameReference, elementary};
 pub use tree::{PROPOSE, from_tree};

@@ -1,8 +1,9 @@
-//! Recordings in an endless loop.
+//! Recordings in an endless loop, and disturbances between their events.
 //!
-//! Enters: recordings. Leaves: events. All stamps of a recording are shifted by one number, so that it begins after the end of
+//! Enters: recordings, and a seed. Leaves: events. All stamps of a recording are shifted by one number, so that it begins after the end of
 //! the recording before it. Invariant: within a recording, the differences between stamps are those of the recording, except
-//! for inserted silences. Stamps saturate at the largest i64 (after 292,000 years).
+//! for inserted silences; a shuffled deck of eight disturbances is dealt to its end before it is shuffled again. Stamps
+//! saturate at the largest i64 (after 292,000 years).
 
 use std::sync::Arc;
 
@@ -38,7 +39,7 @@ impl Recording {
 
 /// The stream, at an event. A clone looks ahead.
 #[derive(Clone, Debug)]
-pub(super) struct Endless {
+pub(crate) struct Endless {
     recordings: Arc<[Recording]>,
     recording: usize,
     next: usize,
@@ -52,7 +53,7 @@ pub(super) struct Endless {
 
 impl Endless {
     /// The stream over `recordings`, at least one, with random silences between them.
-    pub(super) fn new(recordings: Vec<Recording>, random: Random) -> Self {
+    pub(crate) fn new(recordings: Vec<Recording>, random: Random) -> Self {
         Self {
             recordings: recordings.into(),
             recording: 0,
@@ -65,17 +66,17 @@ impl Endless {
         }
     }
 
-    pub(super) fn names(&self) -> Vec<String> {
+    pub(crate) fn names(&self) -> Vec<String> {
         self.recordings.iter().map(|recording| recording.name.clone()).collect()
     }
 
     /// Number of recordings that have begun after the first.
-    pub(super) fn rounds(&self) -> u64 {
+    pub(crate) fn rounds(&self) -> u64 {
         self.rounds
     }
 
     /// Delays the next event by 1 us to some 9 minutes; all magnitudes are equally likely. Returns the middle of the silence.
-    pub(super) fn fall_silent(&mut self) -> i64 {
+    pub(crate) fn fall_silent(&mut self) -> i64 {
         let magnitude = 1 << self.random.below(MAX);
         let silence = (magnitude + self.random.below(magnitude)) as i64;
         self.shift_us = self.shift_us.saturating_add(silence);
@@ -84,7 +85,7 @@ impl Endless {
     }
 
     /// The next event.
-    pub(super) fn next(&mut self) -> Event {
+    pub(crate) fn next(&mut self) -> Event {
         if self.next == self.recordings[self.recording].events.len() {
             self.recording = (self.recording + 1) % self.recordings.len();
             self.next = 0;
@@ -101,57 +102,71 @@ impl Endless {
     }
 }
 
-#[cfg(test)]
-mod tests {
-    use super::{Endless, Recording};
-    use crate::error::VerifyError;
-    use meissner_engine::Event;
-    use meissner_kernels::random::Random;
+/// A disturbance between two events.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Disturbance {
+    /// Nothing happens for a while.
+    Silence,
+    /// A silence, and time is moved on to its middle.
+    Advance,
+    /// The state is written as bytes, and a new engine goes on from them.
+    Bytes,
+    /// A snapshot is taken in memory, events follow that are to be forgotten, and the engine returns to the snapshot.
+    Snapshot {
+        /// Events between snapshot and return.
+        detour: u64,
+    },
+    /// All events are forgotten.
+    Reset,
+}
 
-    fn recording(times: &[i64]) -> Recording {
-        let events = times.iter().map(|&t| Event::new(t, 0, 0, true)).collect();
-        Recording::new(String::new(), events).expect("there are events")
+/// Upper bound of the events between a snapshot and the return to it.
+const DETOUR: u64 = 3_000;
+
+/// An endless sequence of disturbances.
+#[derive(Debug)]
+pub(crate) struct Deck {
+    random: Random,
+    mean: u64,
+    /// Events until the next one.
+    left: u64,
+    cards: [Disturbance; 8],
+    dealt: usize,
+}
+
+impl Deck {
+    /// Random disturbances, on average one every `mean` events.
+    pub(crate) fn new(mut random: Random, mean: u64) -> Self {
+        use Disturbance::{Advance, Bytes, Reset, Silence, Snapshot};
+        let snapshot = Snapshot { detour: 0 };
+        let cards = [Silence, Silence, Advance, Bytes, Bytes, snapshot, snapshot, Reset];
+        let left = distance(&mut random, mean);
+        Self { random, mean, left, dealt: cards.len(), cards }
     }
 
-    fn times(stream: &mut Endless, count: usize) -> Vec<i64> {
-        (0..count).map(|_| stream.next().t_us).collect()
-    }
-
-    #[test]
-    fn recordings_follow_one_another_in_a_loop_with_silences_between_them() {
-        let mut stream =
-            Endless::new(vec![recording(&[1_000, 1_010, 1_030]), recording(&[-5, 0])], Random::new(3));
-        let t = times(&mut stream, 8);
-        assert_eq!([t[0], t[1], t[2]], [0, 10, 30]);
-        assert!(t[3] > t[2] && t[5] > t[4], "{t:?}");
-        assert_eq!((t[4] - t[3], t[6] - t[5], t[7] - t[5]), (5, 10, 30));
-        assert_eq!(stream.rounds(), 2);
-    }
-
-    #[test]
-    fn a_silence_makes_what_follows_later_and_its_middle_is_in_it() {
-        let mut stream = Endless::new(vec![recording(&[0, 10, 20])], Random::new(1));
-        for _ in 0..1_000 {
-            let before = stream.next().t_us;
-            let middle = stream.fall_silent();
-            let after = stream.clone().next().t_us;
-            assert!(before <= middle && middle <= after, "{before} {middle} {after}");
-            assert!(after - before < (1 << 30) + 20, "{before} {after}");
+    /// Counts an event. Returns the disturbance that is due before it.
+    pub(crate) fn after_an_event(&mut self) -> Option<Disturbance> {
+        if self.left > 0 {
+            self.left -= 1;
+            return None;
         }
+        self.left = distance(&mut self.random, self.mean);
+        if self.dealt == self.cards.len() {
+            self.dealt = 0;
+            // Fisher and Yates.
+            for i in (1..self.cards.len()).rev() {
+                self.cards.swap(i, self.random.below(i as u64 + 1) as usize);
+            }
+        }
+        self.dealt += 1;
+        Some(match self.cards[self.dealt - 1] {
+            Disturbance::Snapshot { .. } => Disturbance::Snapshot { detour: 1 + self.random.below(DETOUR) },
+            card => card,
+        })
     }
+}
 
-    #[test]
-    fn a_stamp_that_steps_back_does_so_in_every_round() {
-        let mut stream = Endless::new(vec![recording(&[0, 50, 40])], Random::new(1));
-        let t = times(&mut stream, 6);
-        assert_eq!((t[4] - t[3], t[5] - t[3]), (50, 40));
-        assert!(t[3] > t[1], "{t:?}");
-    }
-
-    #[test]
-    fn a_recording_without_events_is_refused() {
-        assert!(
-            matches!(Recording::new("empty".to_owned(), Vec::new()), Err(VerifyError::Empty(name)) if name == "empty")
-        );
-    }
+/// Number of events without a disturbance: uniform, `mean` - 1 on average.
+fn distance(random: &mut Random, mean: u64) -> u64 {
+    random.below(2 * mean - 1)
 }

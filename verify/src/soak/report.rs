@@ -14,7 +14,7 @@ pub struct Calls<T> {
 }
 
 impl Calls<Latency> {
-    pub(super) fn quantiles(&self) -> Calls<Option<Quantiles>> {
+    pub(crate) fn quantiles(&self) -> Calls<Option<Quantiles>> {
         Calls { push: self.push.quantiles(), predict: self.predict.quantiles() }
     }
 }
@@ -63,19 +63,19 @@ pub struct Checkpoint {
 
 /// Several checkpoints together.
 #[derive(Debug, Default)]
-pub(super) struct Part {
+pub(crate) struct Part {
     latencies: Calls<Latency>,
     resident: Vec<u64>,
 }
 
 impl Part {
-    pub(super) fn add(&mut self, row: &Checkpoint, latencies: &Calls<Latency>) {
+    pub(crate) fn add(&mut self, row: &Checkpoint, latencies: &Calls<Latency>) {
         self.latencies.push.add(&latencies.push);
         self.latencies.predict.add(&latencies.predict);
         self.resident.extend(row.resident_bytes);
     }
 
-    pub(super) fn report(self) -> PartReport {
+    pub(crate) fn report(self) -> PartReport {
         PartReport { latency_us: self.latencies.quantiles(), resident_bytes: median(self.resident) }
     }
 }
@@ -157,7 +157,7 @@ const FEWEST: usize = 20;
 
 /// `report` with ratios, memory after warm-up, and a sentence for each broken promise. Live memory may grow by
 /// `memory_growth` percent.
-pub(super) fn judged(report: Report, memory_growth: u32) -> Report {
+pub(crate) fn judged(report: Report, memory_growth: u32) -> Report {
     let memory = memory(&report.checkpoints);
     let mut broken: Vec<String> = report.checkpoints.iter().filter_map(differs).collect();
     if report.disturbances.returns_that_differ > 0 {
@@ -203,7 +203,7 @@ fn warm_up(rows: &[Checkpoint]) -> usize {
     largest.max(rows.len() / 5).min(rows.len() / 2)
 }
 
-pub(super) fn ratios(first: &PartReport, last: &PartReport) -> Calls<Option<Ratio>> {
+pub(crate) fn ratios(first: &PartReport, last: &PartReport) -> Calls<Option<Ratio>> {
     let of = |first: Option<Quantiles>, last: Option<Quantiles>| {
         first.zip(last).map(|(first, last)| Ratio { p50: last.p50 / first.p50, p99: last.p99 / first.p99 })
     };

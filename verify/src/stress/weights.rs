@@ -8,20 +8,19 @@ use meissner_kernels::Dense;
 use meissner_models::{Tensor, Weights};
 use meissner_reference::BatchNorm;
 
-use super::events::EventRun;
-use super::result::{Expect, Size, WITHIN};
-use super::{Prepared, streams};
+use super::events::{self, EventRun};
+use super::{Expect, Prepared, Size, WITHIN};
 use crate::error::VerifyError;
 
 /// The networks whose weights are changed.
-pub(super) const NETWORKS: [&str; 2] = ["graphres", "tactigraph-past"];
+pub(crate) const NETWORKS: [&str; 2] = ["graphres", "tactigraph-past"];
 /// The constant that batch norm adds to a variance.
 const EPSILON: f64 = 1e-5;
 
 /// A change of weights, by factors, and its expected result.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Altered {
-    pub(super) name: &'static str,
+pub(crate) struct Altered {
+    pub(crate) name: &'static str,
     /// Of the weights of the first block, and of all others.
     blocks: [f32; 2],
     /// Of the weights of the dense layers.
@@ -45,7 +44,7 @@ const NONE: Altered = Altered {
 };
 
 /// All changes.
-pub(super) const ALTERED: &[Altered] = &[
+pub(crate) const ALTERED: &[Altered] = &[
     Altered { name: "weights x 1e-6", blocks: [1e-6; 2], ..NONE },
     Altered { name: "weights x 1e-6, nothing added", blocks: [1e-6; 2], added: 0.0, ..NONE },
     Altered { name: "weights x 1e3", blocks: [1e3; 2], ..NONE },
@@ -69,14 +68,14 @@ pub(super) const ALTERED: &[Altered] = &[
 ];
 
 /// `altered` in the shipped network `name`.
-pub(super) fn prepare(altered: &Altered, name: &str, size: Size) -> Result<Prepared, VerifyError> {
-    let weights = streams::weights(name)?;
-    let shipped = streams::network(name, &weights)?;
+pub(crate) fn prepare(altered: &Altered, name: &str, size: Size) -> Result<Prepared, VerifyError> {
+    let weights = events::weights(name)?;
+    let shipped = events::network(name, &weights)?;
     let (changed, norms) = match altered.variance {
         Some(variance) => with_variance(name, &weights, variance)?,
         None => (scaled_network(&shipped, altered)?, BTreeMap::new()),
     };
-    let ordinary = streams::ordinary(shipped, size);
+    let ordinary = events::ordinary(shipped, size);
     let run = EventRun { network: Arc::new(changed), norms, ..ordinary.clone() };
     let (expect, within) = (altered.expect, altered.within);
     Ok(Prepared { run: Box::new(run), expect, within, ordinary: Box::new(ordinary) })
@@ -107,7 +106,7 @@ fn scaled(values: &[f32], factor: f32) -> Vec<f32> {
 }
 
 /// The shipped network `name` with all running variances `variance`, and its batch norms as they are before they are folded.
-fn with_variance(
+pub(crate) fn with_variance(
     name: &str,
     weights: &Weights,
     variance: f32,
@@ -120,7 +119,7 @@ fn with_variance(
         (name.to_owned(), changed.unwrap_or_else(|| tensor.clone()))
     });
     let weights = Weights::new(tensors);
-    let network = streams::network(name, &weights)?;
+    let network = events::network(name, &weights)?;
     let blocks = (0..network.levels()).flat_map(|l| &network.level(l).blocks);
     let mut norms = BTreeMap::new();
     for (i, block) in blocks.enumerate() {
@@ -135,19 +134,4 @@ fn with_variance(
         }
     }
     Ok((network, norms))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn every_batch_norm_of_the_shipped_networks_is_found() {
-        for name in NETWORKS {
-            let weights = streams::weights(name).expect("it is shipped");
-            let (network, norms) = with_variance(name, &weights, 0.0).expect("it fits");
-            let blocks: usize = (0..network.levels()).map(|l| network.level(l).blocks.len()).sum();
-            assert_eq!(norms.len(), blocks, "{name}");
-        }
-    }
 }

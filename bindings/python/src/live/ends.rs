@@ -12,9 +12,9 @@ use meissner::live::{Input, Item, Live, QueueCounters, QueueOptions};
 use meissner::{EventCounters, Predictor};
 use pyo3::prelude::*;
 
-use super::timely::Taken;
 use crate::error::{Failure, Outcome};
-use crate::fork;
+use crate::prediction::Taken;
+use crate::threads::fork_refused;
 
 /// How long a prediction is awaited until signals are handled.
 const LOOK: Duration = Duration::from_millis(10);
@@ -68,7 +68,7 @@ impl<P: Predictor<Input: Item> + Send + 'static> Ends<P> {
     }
 
     fn here(&self) -> Outcome<()> {
-        if self.is_here() { Ok(()) } else { Err(fork::refused("Live")) }
+        if self.is_here() { Ok(()) } else { Err(fork_refused("Live")) }
     }
 
     /// The end of the sensor, for this thread alone.

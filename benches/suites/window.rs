@@ -1,12 +1,14 @@
-//! Neighbour search from scratch: the engine's grid of pixels against a k-d tree with the same exact order, over one
-//! window.
+//! The window of 7,006 events from scratch, on one thread: neighbour search, and a forward pass.
 
 use std::hint::black_box;
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
-use meissner_benches::{networks, streams};
+use meissner_benches::peak::Peak;
+use meissner_benches::{cost, networks, streams, suite, timing};
 use meissner_engine::{Batch, Candidates, Lifetime, Search, Stream};
+use meissner_kernels::Isa;
 
+/// The engine's grid of pixels against a k-d tree with the same exact order.
 fn neighbours(criterion: &mut Criterion) {
     let window = streams::window();
     let stream = Stream::new(&window.events);
@@ -35,5 +37,23 @@ fn neighbours(criterion: &mut Criterion) {
     group.finish();
 }
 
-criterion_group!(suite, neighbours);
+/// A forward pass, graph included.
+fn batch(criterion: &mut Criterion) {
+    let window = streams::window();
+    let stream = Stream::new(&window.events);
+    let peak = Peak::measure(Isa::best());
+    let mut group = criterion.benchmark_group("batch, a window");
+    group.sample_size(20);
+    for name in networks::INCREMENTAL {
+        let network = networks::shipped(name);
+        timing::checked_engine(&network, window.sensor, &window.events);
+        let batch = networks::grid_batch(&network, window.sensor);
+        let cost = cost::forward(&network, &batch.forward(stream).expect("finite"));
+        // Neighbour search is in the time and not in the operations.
+        suite::bench(&mut group, name, cost, &peak, || _ = black_box(batch.forward(stream)));
+    }
+    group.finish();
+}
+
+criterion_group!(suite, neighbours, batch);
 criterion_main!(suite);

@@ -1,10 +1,14 @@
-//! The queue equals a model that processes one event at a time and lists the outcome of each.
+//! The queue equals a model that processes one event at a time and lists the outcome of each. The worker's pace and priority.
 
 use meissner_engine::Event;
 use meissner_engine::filters::Chain;
 use proptest::prelude::*;
 
-use super::{Intake, Overload};
+use std::time::{Duration, Instant};
+
+use crate::intake::Intake;
+use crate::overload::Overload;
+use crate::worker::{Pace, can_restore_priority, lower_priority, restore_priority};
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Fate {
@@ -187,4 +191,48 @@ fn thinning_begins_above_half_and_ends_at_a_quarter() {
     assert!(!offer(&mut intake), "3 of 8 is more than a quarter");
     intake.take(1, &mut Vec::new());
     assert!(offer(&mut intake));
+}
+
+const MS: Duration = Duration::from_millis(1);
+
+#[test]
+fn a_prediction_is_begun_twice_its_time_before_the_deadline() {
+    let (mut pace, now) = (Pace::default(), Instant::now());
+    pace.predicted(3 * MS);
+    pace.pushed(4 * MS);
+    assert!(!pace.is_time(Some(now + 15 * MS), now));
+    assert!(pace.is_time(Some(now + 14 * MS), now));
+    assert!(pace.is_time(Some(now), now + MS), "what is overdue is due");
+    assert!(!pace.is_time(None, now));
+}
+
+#[test]
+fn a_long_prediction_is_followed_by_as_long_a_time_for_events() {
+    let (mut pace, now) = (Pace::default(), Instant::now());
+    pace.predicted(10 * MS);
+    for _ in 0..9 {
+        pace.pushed(MS);
+        assert!(!pace.is_time(Some(now), now));
+    }
+    pace.pushed(MS);
+    assert!(pace.is_time(Some(now), now));
+}
+
+#[test]
+fn a_single_slow_batch_is_forgotten() {
+    let (mut pace, now) = (Pace::default(), Instant::now());
+    pace.pushed(100 * MS);
+    (0..40).for_each(|_| pace.pushed(MS));
+    assert!(!pace.is_time(Some(now + 4 * MS), now));
+}
+
+#[test]
+fn a_lowered_priority_is_restored_where_the_system_allows_it() {
+    if can_restore_priority() {
+        let before = lower_priority().expect("it could be lowered");
+        assert_eq!(lower_priority(), Some(19));
+        assert!(restore_priority(before));
+        assert_eq!(lower_priority(), Some(before));
+        assert!(restore_priority(before));
+    }
 }

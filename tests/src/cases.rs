@@ -1,9 +1,0 @@
-//! How many cases a property test has.
-
-use proptest::prelude::ProptestConfig;
-
-/// The number of cases that `MEISSNER_CASES` sets, `default` without it.
-pub fn cases(default: u32) -> ProptestConfig {
-    let cases = std::env::var("MEISSNER_CASES").ok().and_then(|cases| cases.parse().ok()).unwrap_or(default);
-    ProptestConfig { cases, max_shrink_iters: 20_000, ..ProptestConfig::default() }
-}
