@@ -23,11 +23,11 @@ fn count(grown: usize, freed: usize) {
     });
 }
 
-// SAFETY: every call goes to the system's allocator as it came; counting touches no memory of the caller.
+// SAFETY: every call goes to the system's allocator as it came; counting touches no memory.
 unsafe impl GlobalAlloc for Counting {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
         count(layout.size(), 0);
-        // SAFETY: the caller's promise about `layout` is the one that the system's allocator asks for.
+        // SAFETY: the caller's promise about `layout` is the one that the allocator asks for.
         unsafe { System.alloc(layout) }
     }
 
@@ -41,7 +41,7 @@ unsafe impl GlobalAlloc for Counting {
 #[global_allocator]
 static COUNTING: Counting = Counting;
 
-/// Has `read` refuse what it is given; the most bytes that this thread held meanwhile, beyond those before.
+/// Has `read` refuse what it is given; the most bytes that this thread held meanwhile.
 fn held<T, E>(read: impl FnOnce() -> Result<T, E>) -> usize {
     let before = HELD.get().0;
     HELD.set((before, before));

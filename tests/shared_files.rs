@@ -1,4 +1,4 @@
-//! The folder of recordings and golden files beside the project, which may be absent. Tests of several crates include this file.
+//! The folder of recordings and golden files, which may be absent. Several crates include this.
 #![allow(dead_code, unreachable_pub, reason = "each crate uses a part of it, and one exports it")]
 
 use std::path::{Path, PathBuf};

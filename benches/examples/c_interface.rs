@@ -1,7 +1,8 @@
-//! What the C interface costs: the same events in blocks of 256, with a prediction after each block, through Rust and through C by turns.
-//! `cargo run --release -p meissner-benches --example c_interface -- [BLOCK [RECORDING]]`.
+//! What the C interface costs: the same events in blocks, each with a prediction, through Rust and
+//! through C by turns. `cargo run --release -p meissner-benches --example c_interface -- [BLOCK
+//! [RECORDING]]`.
 //!
-//! With a block of 4,096 and a recording, it is the Rust side of `bindings/python/benches/overhead.py`.
+//! With a block of 4,096 and a recording, the Rust side of `bindings/python/benches/overhead.py`.
 #![allow(unsafe_code, reason = "the interface takes raw pointers")]
 
 use std::hint::black_box;

@@ -1,5 +1,5 @@
-//! The convolutions of the frame networks against the machine's limits, with random weights and activations, direct and by
-//! Winograd's tiles:
+//! The convolutions of the frame networks, direct and by Winograd's tiles, against the machine's
+//! limits:
 //! `cargo run --release -p meissner-benches --example conv_roofline [-- --json] [--all-isas]`.
 
 use std::hint::black_box;

@@ -1,9 +1,9 @@
-//! Many engines that take turns on one thread, one for each sensor: what another sensor costs in time and memory.
+//! Many engines that take turns on one thread: what another sensor costs in time and memory.
 //! `cargo run --release -p meissner-benches --example engines -- [NETWORK]`.
 //!
-//! Each engine has a fingertip of its own: the synthetic dots at 5,000 events a second, from another moment on. In each millisecond of this
-//! stream, every engine in turn takes its events as a slice and predicts. A row is measured in a process of its own, because
-//! memory that was freed stays with a process. Times are of the second half: the windows are full then.
+//! Each engine has the synthetic dots at 5,000 events a second, from another moment on. In each
+//! millisecond every engine takes its events as a slice and predicts. A row is measured in a
+//! process of its own, because freed memory stays with a process. Times are of the second half.
 
 use std::process::Command;
 use std::sync::Arc;

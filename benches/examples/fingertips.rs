@@ -4,11 +4,11 @@
 //!
 //! | file | events |
 //! |---|---|
-//! | `00.npy`, `01.npy`, ... | a soft dome is pressed on a plane of its own to 10 mm and lifted again, so slowly that about [`RATE`] events a second leave its camera, and noise beside them |
-//! | `flood.npy` | the same over and over, [`FLOOD`] times as fast, for as long |
-//! | `garbage.npy` | as many events as the first at random places, most outside the sensor, at times that step back by up to a second |
+//! | `00.npy`, ... | a dome is pressed to 10 mm and lifted, [`RATE`] events a second, and noise |
+//! | `flood.npy` | the same over and over, [`FLOOD`] times as fast |
+//! | `garbage.npy` | random places, most outside the sensor, times that step back by up to 1 s |
 //!
-//! All begin and end at rest and have the same duration, so that laps of `--repeat` fit together. Equal arguments give equal bytes.
+//! All begin and end at rest and have the same duration. Equal arguments give equal bytes.
 
 use std::path::Path;
 

@@ -1,14 +1,15 @@
 //! Times a frame network on given weights and an input, for `benches/peers/frames.py`.
 //!
-//!     cargo run --release -p meissner-benches --example frames -- NETWORK FILE [--runs N] [--recording FILE]...
+//! `cargo run --release -p meissner-benches --example frames -- NETWORK FILE [--runs N]
+//! [--recording FILE]...`
 //!
-//! FILE holds the network's weights, an input x and the answer y. The answer is compared before anything is timed, to 1e-4
-//! of its largest magnitude. Prints one JSON object: the instruction set, and for each method the median milliseconds of
-//! the whole input with nothing skipped, and the largest error relative to the largest magnitude.
+//! FILE holds weights, an input x and the answer y, which is compared to 1e-4 of its largest
+//! magnitude. Prints JSON: the instruction set, and for each method the median milliseconds of the
+//! whole input and the largest relative error.
 //!
-//! An image network is also timed with exact skipping, on a sequence in which a tenth of the image changes, a rectangle that
-//! moves. With --recording it is timed on the signed frames of a recording instead, 150 ms long and 10 ms apart, those
-//! in which something changes: milliseconds a frame, everything included, and the predictions compared in bits.
+//! An image network is also timed with exact skipping while a rectangle, a tenth of the image,
+//! moves; with --recording, on signed frames of 150 ms, 10 ms apart: milliseconds a frame, and the
+//! predictions compared in bits.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -92,7 +93,7 @@ impl<'a> Case<'a> {
         Ok(FrameEngine::with_options(network, options)?)
     }
 
-    /// Median milliseconds of the whole input, and the largest error relative to the largest magnitude.
+    /// Median milliseconds of the whole input, and the largest relative error.
     fn whole(&self, mut engine: FrameEngine, runs: usize) -> Result<(f64, f64)> {
         let Self { x, y, steps, .. } = *self;
         let mut answer = Vec::new();
@@ -119,7 +120,7 @@ impl<'a> Case<'a> {
         Ok((median_ms(runs, || forward(&mut answer))?, worst))
     }
 
-    /// Mean milliseconds a frame after the first; every prediction has the bits of one with nothing skipped.
+    /// Mean milliseconds a frame after the first; predictions have the bits of no skipping.
     fn sequence(&self, frames: &[Vec<f32>], options: FrameOptions) -> Result<f64> {
         let all = options.with_skip(Skip::Nothing).with_sparse(false);
         let mut whole = self.engine(Convolution::Direct, all)?;
@@ -145,7 +146,7 @@ impl<'a> Case<'a> {
     }
 }
 
-/// The image `x`, again and again with the values of a rectangle replaced, a tenth of it, each time elsewhere.
+/// The image `x` with a rectangle replaced, a tenth of it, each time elsewhere.
 fn moving_rectangle(x: &[f32], shape: FrameShape, count: usize) -> Vec<Vec<f32>> {
     let FrameShape::Image { channels, height, width } = shape else { return Vec::new() };
     let (rows, columns) = (height * 316 / 1000, width * 316 / 1000);
@@ -165,7 +166,7 @@ fn moving_rectangle(x: &[f32], shape: FrameShape, count: usize) -> Vec<Vec<f32>>
         .collect()
 }
 
-/// Signed frames of 150 ms, 10 ms apart, that differ from the one before, in the upper left of `shape`; 400 at most.
+/// Up to 400 signed frames of 150 ms, 10 ms apart, in the upper left of `shape`.
 fn signed_frames(path: &Path, shape: FrameShape) -> Result<Vec<Vec<f32>>> {
     let FrameShape::Image { channels: 1, height, width } = shape else {
         return Err("one channel is needed".into());

@@ -1,8 +1,8 @@
 //! Events read a second from a file of each format, which lies in the page cache:
 //! `cargo run --release -p meissner-benches --example readers -- [FOLDER] [--json]`.
 //!
-//! The files stay in FOLDER, so that `benches/peers/readers.py` can read them with other software. Every file is checked before
-//! it is timed: it must give the events that were written.
+//! The files stay in FOLDER for `benches/peers/readers.py`. Every file is checked before it is
+//! timed.
 
 use std::fs;
 use std::path::{Path, PathBuf};

@@ -54,8 +54,8 @@ fn measure(window: &Recording, peak: &Peak) -> Value {
         let (mut scratch, mut out) = (SplineScratch::default(), case.out());
         let ns = median_ns(MIN, || case.run(isa, &mut scratch, black_box(&mut out)));
         let (cost, rows) = (case.cost, case.rows);
-        // No row by itself is faster than its operations at the peak, or its bytes at the first cache's speed. Rows that
-        // share weights in registers move fewer bytes.
+        // No row is faster than its operations at the peak, or its bytes at the first cache's
+        // speed.
         let floor_ns = (cost.flops() as f64 / peak.gflops).max(cost.bytes as f64 / reads[0].gb_s);
         json!({
             "network": case.network,

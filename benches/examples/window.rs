@@ -1,7 +1,7 @@
-//! Our side of the comparison with other people's software: the window of 7,006 events through `graphres`, on one
-//! thread; `cargo run --release -p meissner-benches --example window -- [--export FILE] [--runs N]`.
+//! The window of 7,006 events through `graphres` on one thread, to compare with other software:
+//! `cargo run --release -p meissner-benches --example window -- [--export FILE] [--runs N]`.
 //!
-//! Prints one JSON object. `--export` also writes a safetensors file with a peer's inputs (positions, polarities,
+//! Prints one JSON object. `--export` also writes a peer's inputs (positions, polarities,
 //! neighbours, weights) and the expected results (the fifth block's rows, the prediction).
 
 use std::collections::BTreeMap;

@@ -1,11 +1,9 @@
 //! Operations and bytes of a row, from shapes alone.
 //!
-//! The multiply-adds that the equations need are counted, two floating-point operations each: sums per kernel slot,
-//! weights, root weight. Basis weights, ELU, batch norm and padding are not counted, because a faster kernel might do
-//! without them: counting them would flatter the achieved share.
+//! The multiply-adds of the equations are counted, two operations each: sums per kernel slot,
+//! weights, root weight. What a faster kernel might do without (basis, ELU, norm, padding) is not.
 //!
-//! Bytes are those that a row reads and writes if it is computed alone. Data that the row before left in a register
-//! counts again.
+//! Bytes are those of a row alone: data that the row before left in a register counts again.
 
 use meissner_engine::{GraphConvolution, Network, Trace};
 use meissner_kernels::{LANES, Lanes, Neighbour, SplineConv};
@@ -50,8 +48,7 @@ pub(crate) fn row_bytes(values: usize) -> usize {
     Lanes::count(values) * LANES * size_of::<f32>()
 }
 
-/// One row of a spline block with `degree` in-edges: edges, their rows, weights, sums per slot (written and read),
-/// root, skip, result.
+/// A row of a spline block with `degree` in-edges: edges, rows, weights, sums, root, skip, result.
 pub fn spline_row(conv: &SplineConv, degree: usize, skip: bool) -> Cost {
     let corners: usize = conv.kernel().iter().map(|&k| k.min(2)).product();
     let touched = conv.slots().min(degree * corners);
@@ -67,8 +64,7 @@ pub fn spline_row(conv: &SplineConv, degree: usize, skip: bool) -> Cost {
     }
 }
 
-/// One row of any block with `degree` in-edges: a spline row as [`spline_row`]; of others in-edges with their rows and offsets,
-/// weights, skip, result.
+/// A row of any block with `degree` in-edges, as [`spline_row`] for splines.
 pub fn row(conv: &GraphConvolution, degree: usize, skip: bool) -> Cost {
     if let Some(conv) = conv.spline() {
         return spline_row(conv, degree, skip);
@@ -87,7 +83,7 @@ pub fn dense(segments: usize, channels: usize, outputs: usize) -> Cost {
     Cost { multiply_adds: segments * channels * outputs, bytes }
 }
 
-/// Every row of a block and dense layer of a forward pass; neighbour search and maxima are left out.
+/// Every row of a block and dense layer of a forward pass, without search and maxima.
 pub fn forward(network: &Network, trace: &Trace) -> Cost {
     let levels = trace.levels.iter().enumerate();
     let blocks = levels.map(|(l, level)| -> Cost {

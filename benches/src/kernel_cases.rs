@@ -1,5 +1,5 @@
-//! The spline blocks and dense layers of the shipped networks as single kernels: their shapes, and in-edges of a real
-//! graph. Numbers are drawn from a seed, so that the scalar twin can compute with the same ones.
+//! Spline blocks and dense layers of the shipped networks as single kernels, with in-edges of a
+//! real graph and numbers from a seed, which the scalar twin shares.
 
 use meissner_engine::Stream;
 use meissner_kernels::{
@@ -105,7 +105,7 @@ pub fn splines(name: &str, window: &Recording) -> Vec<KernelCase> {
     cases
 }
 
-/// The dense layers of shipped networks: after readouts of 4 x 4 cells of 32 channels and of 24 x 18 of 16, and after a hidden layer.
+/// The dense layers of shipped networks: after two readouts, and after a hidden layer.
 pub fn denses() -> Vec<KernelCase> {
     vec![
         dense("graphres", "fc", [16, 32, 2], Activation::Identity),

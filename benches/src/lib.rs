@@ -1,5 +1,4 @@
-//! Shared by all benches: streams and networks to run, checks of answers, counts of operations and bytes, the machine's
-//! measured limits, clocks and tables.
+//! Shared by all benches: streams, networks, checks of answers, costs, limits, clocks, tables.
 #![forbid(unsafe_code)]
 
 pub mod cost;

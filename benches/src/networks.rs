@@ -19,8 +19,8 @@ pub fn shipped(name: &str) -> Arc<Network> {
     with_weights(name, &Weights::shipped(name).expect("shipped weights"))
 }
 
-/// `graphres` with the published checkpoint where the shared folder has it, else with the shipped weights; the weights,
-/// and where they are from.
+/// `graphres` with the published checkpoint where the shared folder has it, else with the shipped
+/// weights; the weights, and where they are from.
 ///
 /// # Panics
 /// If the weights cannot be read.
@@ -40,7 +40,7 @@ pub fn grid_batch(network: &Arc<Network>, sensor: Sensor) -> Batch {
     Batch::new(network.clone(), sensor).expect("the sensor has pixels").with_search(Search::Grid)
 }
 
-/// The search with a k-d tree, which shares nothing with the engine's. Its neighbours are in the same exact order.
+/// The search with a k-d tree, which shares nothing with the engine's, in the same exact order.
 pub const TREE: Search = Search::Proposed(meissner_reference::from_tree);
 
 /// A shipped network with other weights, whatever they were trained on: they are only timed.
@@ -54,11 +54,10 @@ pub fn graph_only(k: usize, candidates: Candidates) -> Arc<Network> {
     build(k, candidates, [1, 1], Vec::new(), false)
 }
 
-/// The stages after the event level: a pooling with the published cells (where `pooled`), and a readout of 4 x 4 cells,
-/// over `channels` channels.
+/// The stages after the event level: a pooling (where `pooled`) and a readout of 4 x 4 cells.
 ///
-/// A block with a single neighbour computes the channels. Their values differ from event to event; otherwise each event
-/// that expires would be a maximum. A single channel is the polarity and needs no block; nearly all its values are maxima.
+/// A block with a single neighbour computes the channels, so that values differ from event to
+/// event. A single channel is the polarity and needs no block.
 pub fn pooling_only(channels: usize, pooled: bool, candidates: Candidates) -> Arc<Network> {
     let extras = [true, false, false, false];
     let conv = ConvolutionShape::Spline([2; 3]);

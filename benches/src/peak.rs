@@ -1,6 +1,6 @@
-//! The machine's limits, measured: f32 products and sums in registers, and bytes read from each cache.
+//! The machine's limits, measured: f32 products and sums, and bytes read from each cache.
 //!
-//! Both loops run through the kernels' own [`Task`] dispatch, on one thread, with the vectors that a kernel uses.
+//! Both loops run through the kernels' own [`Task`] dispatch, on one thread.
 
 #![allow(
     clippy::inline_always,

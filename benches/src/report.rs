@@ -5,7 +5,7 @@ use serde_json::{Value, json};
 
 use crate::peak::Peak;
 
-/// How the numbers of a column are printed. Texts are printed as they are, absent values as nothing.
+/// How the numbers of a column are printed. Absent values are printed as nothing.
 #[derive(Clone, Copy, Debug)]
 pub enum Digits {
     /// This many after the point.
@@ -51,8 +51,8 @@ fn print_table(columns: &[Column], rows: &[Value]) {
 
 /// The command line and the loop of a roofline: `[--json] [--all-isas]`.
 ///
-/// Calls `measure` for each instruction set that is asked for, adds the set's name and peak to the object that it returns,
-/// and prints all as JSON, or each as a header, a `note` and a table of the field `rows`.
+/// Calls `measure` for each instruction set, adds its name and peak to the object, and prints all
+/// as JSON, or each as a header, a `note` and a table of the field `rows`.
 ///
 /// `all` are the instruction sets of `--all-isas`; without it, only the fastest is measured.
 pub fn rooflines(

@@ -1,7 +1,7 @@
-//! Streams that the suites run on: recordings where they exist, else a synthetic stream; and the window of 7,006 events.
+//! Streams of the suites: recordings where they exist, else a synthetic stream; the window.
 //!
-//! The folder with recordings is the one that `MEISSNER_SHARED` names, else `../shared` beside the project. An engine
-//! accepts every event of these streams: they are inside the sensor, and times do not descend.
+//! The folder with recordings is `MEISSNER_SHARED`, else `../shared` beside the project. An engine
+//! accepts every event of these streams.
 
 use std::path::{Path, PathBuf};
 
@@ -51,10 +51,10 @@ impl Recording {
         Some(Self { name: name.to_owned(), sensor, events })
     }
 
-    /// A grid of marker dots that sways under a sensor's skin: `events` events at about 47,000 a second.
+    /// A grid of marker dots that sways under a skin: `events` events at about 47,000 a second.
     ///
-    /// Dots ahead of the movement switch pixels on at their front edge and off at their back edge; a few events are
-    /// noise anywhere. The same events on every machine.
+    /// Dots switch pixels on at their front edge and off at their back edge; some events are noise.
+    /// The same events on every machine.
     pub fn synthetic(events: usize) -> Self {
         const COLUMNS: u32 = 12;
         const ROWS: u32 = 9;
@@ -70,7 +70,7 @@ impl Recording {
                 Event::new(t_us, x, y, random.below(2) == 0)
             } else {
                 let dot = random.below((COLUMNS * ROWS).into()) as u32;
-                // A triangular sway of 12 pixels in 80 ms: integers, so that no platform's sine matters.
+                // A triangular sway of 12 pixels in 80 ms, in integers.
                 let phase = (t_us % 80_000) as i32;
                 let (shift, right) = if phase < 40_000 {
                     (phase * 12 / 40_000, true)
@@ -90,8 +90,7 @@ impl Recording {
         Self { name: "synthetic dots".to_owned(), sensor, events: out }
     }
 
-    /// `events` events of one pixel at one time: the worst case of a search, and of in-edges from all nodes, where each event changes the
-    /// row of every other.
+    /// `events` events of one pixel at one time, where each event changes the row of every other.
     pub fn one_pixel(events: usize) -> Self {
         let sensor = Sensor::new(346, 260);
         let events = (0..events).map(|i| Event::new(0, 173, 130, i % 2 == 0)).collect();
@@ -126,7 +125,7 @@ pub fn recordings() -> Vec<Recording> {
     found
 }
 
-/// The window of 7,006 events: of `tactile_dots` where that exists, else of the synthetic stream; says which on standard error.
+/// The window of 7,006 events, of `tactile_dots` where that exists; says which.
 ///
 /// # Panics
 /// If the recording is another one and has no such window.

@@ -1,4 +1,4 @@
-//! Shared by the criterion suites: a full window in a steady state, and a benchmark that knows its operations.
+//! Shared by the criterion suites: a full window in a steady state, and costs.
 
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -12,7 +12,7 @@ use crate::peak::Peak;
 use crate::streams::{Recording, SPAN_US};
 use crate::timing::checked_engine;
 
-/// Times `call`, which costs `cost`, and prints GFLOP/s and the share of the peak below criterion's time.
+/// Times `call`, which costs `cost`, and prints GFLOP/s and the share of the peak.
 ///
 /// Criterion's own throughput line counts floating-point operations: its "Gelem/s" are GFLOP/s.
 pub fn bench(
@@ -35,7 +35,7 @@ pub fn bench(
             elapsed
         });
     });
-    // Criterion's test mode calls once and times nothing; a filter that leaves the benchmark out calls never.
+    // Criterion's test mode calls once; a filter that leaves the benchmark out calls never.
     if calls > 1 {
         let gflops = cost.gflops(total.as_secs_f64() * 1e9 / calls as f64);
         println!(
@@ -49,11 +49,10 @@ pub fn bench(
     }
 }
 
-/// An endless stream with a full window: the same events round after round. Each round is later by the window's span and
-/// one microsecond, so that an event expires exactly when it comes again.
+/// An endless stream with a full window: the same events round after round, each later by the span
+/// and one microsecond, so that an event expires exactly when it comes again.
 ///
-/// Computations that are timed on it run in a steady state: about as many nodes as a round has events, and one expiry an
-/// event.
+/// A steady state: as many nodes as a round has events, and one expiry an event.
 #[derive(Clone, Debug)]
 pub struct Rounds {
     events: Vec<Event>,
@@ -62,10 +61,10 @@ pub struct Rounds {
 }
 
 impl Rounds {
-    /// Rounds of the events of `window`, and a [checked](checked_engine) engine with a full window of them.
+    /// Rounds of `window`, and a [checked](checked_engine) engine with a full window of them.
     ///
     /// # Panics
-    /// If there are no events, they last longer than the span, no engine can run `network`, or the check fails.
+    /// If a round does not fit the span, no engine can run `network`, or the check fails.
     pub fn full(network: &Arc<Network>, window: &Recording) -> (Self, Engine) {
         let events = window.events.clone();
         let duration = events[events.len() - 1].t_us - events[0].t_us;

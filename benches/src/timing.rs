@@ -1,6 +1,6 @@
-//! Checks of answers, and times of short computations without criterion: medians over batches that are long enough for the clock.
+//! Checks of answers, and medians of times without criterion.
 //!
-//! Every bench compares its answer before it times anything: the time of a wrong answer is no figure.
+//! Every bench compares its answer first: the time of a wrong answer is no figure.
 
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -16,7 +16,7 @@ pub fn median_ns(shortest: Duration, mut call: impl FnMut()) -> f64 {
     median(samples_ns(SAMPLES, shortest, &mut call))
 }
 
-/// Nanoseconds of a call in the fastest of `samples` batches. For limits: a disturbed batch says nothing about a limit.
+/// Nanoseconds of a call in the fastest of `samples` batches, for limits.
 pub fn least_ns(samples: usize, shortest: Duration, mut call: impl FnMut()) -> f64 {
     samples_ns(samples, shortest, &mut call).into_iter().fold(f64::INFINITY, f64::min)
 }
@@ -78,8 +78,7 @@ pub fn relative_error<'a>(
     difference.relative()
 }
 
-/// An engine that took `events`. Its neighbourhoods, its rows and its prediction have the bits of the batch, which compares
-/// all pairs of events.
+/// An engine that took `events`, with the bits of the batch over all pairs.
 ///
 /// # Panics
 /// If they do not, or no engine can run `network`.

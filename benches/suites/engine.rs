@@ -1,4 +1,4 @@
-//! Engines event by event: the graph update, the stages after the event level, a whole step, and recordings.
+//! Engines event by event: graph update, stages after the event level, a step, recordings.
 
 use std::hint::black_box;
 
@@ -8,8 +8,7 @@ use meissner_benches::{networks, streams, timing};
 use meissner_engine::{Candidates, Engine, Event, Lifetime};
 use meissner_verify::bits;
 
-/// One event into a full sliding window without layers, its expiries included; also where all events are of one
-/// pixel at one time.
+/// One event into a full sliding window without layers, its expiries included.
 fn graph_update(criterion: &mut Criterion) {
     let windows = [
         ("", streams::window()),
@@ -33,8 +32,8 @@ fn graph_update(criterion: &mut Criterion) {
     group.finish();
 }
 
-/// One event into a full sliding window without spline blocks, then a prediction. The difference to `graph_update`
-/// with the same rule, and between these figures, is the cost of the stage.
+/// One event into a full window without spline blocks, then a prediction. The difference to
+/// `graph_update` with the same rule, and between these figures, is the cost of the stage.
 fn pooling(criterion: &mut Criterion) {
     let window = streams::window();
     let mut group = criterion.benchmark_group("pooling and readout, an event and a prediction");
@@ -59,8 +58,7 @@ fn pooling(criterion: &mut Criterion) {
     group.finish();
 }
 
-/// One whole step of each shipped network around 7,006 nodes: an event, what expires with it, and a prediction; and a
-/// push alone.
+/// One step of each shipped network around 7,006 nodes with a prediction, and a push alone.
 fn step(criterion: &mut Criterion) {
     let window = streams::window();
     let mut group = criterion.benchmark_group("step, an event");
@@ -97,8 +95,7 @@ fn run(engine: &mut Engine, events: &[Event]) -> usize {
     predictions
 }
 
-/// The beginning of each recording through each shipped network from an empty engine, with a prediction once a
-/// millisecond of the recording.
+/// The start of each recording from an empty engine, with a prediction once a millisecond.
 fn recordings(criterion: &mut Criterion) {
     for recording in streams::recordings() {
         let events = &recording.events[..EVENTS.min(recording.events.len())];

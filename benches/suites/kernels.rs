@@ -1,4 +1,4 @@
-//! Every layer kernel of the shipped networks, on every instruction set of this machine: rows of a real graph, achieved
+//! Every layer kernel of the shipped networks on every instruction set, over rows of a real graph:
 //! GFLOP/s, share of the measured peak.
 
 use std::hint::black_box;

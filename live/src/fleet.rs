@@ -1,39 +1,42 @@
 //! Live engines for many sensors in one process.
 //!
-//! Each sensor has an engine in a thread of its own, a queue with its own capacity and overload rule, and its own counters. Nothing is
-//! shared between sensors but the weights, which nobody writes. A sensor that floods fills its own queue; one whose engine fails
-//! or panics gets that error, and the others their predictions.
+//! Each sensor has an engine in a thread of its own, a queue and counters; only the weights are
+//! shared. A sensor that floods fills its own queue; one whose engine fails or panics gets that
+//! error, and the others their predictions.
 //!
-//! Cores are shared. On Linux, a worker of several has the lowest priority (the niceness 19) from when its queue is more than half full until it
-//! is a quarter full: a sensor that floods gets the time that the others leave. This needs the right to lower a niceness again
-//! (`RLIMIT_NICE`, `CAP_SYS_NICE`). Without it, all workers share the cores equally.
+//! On Linux, a worker of several has the lowest priority (niceness 19) from when its queue is more
+//! than half full until it is a quarter full. This needs the right to lower a niceness again
+//! (`RLIMIT_NICE`, `CAP_SYS_NICE`); without it, all workers share the cores equally.
 
 use std::time::Duration;
 
 use crate::worker;
 use crate::{Asked, Input, Item, Live, LiveError, Predictor, QueueOptions, TimedAnswer};
 
-/// Live engines of many sensors, which are asked for predictions together. Engines that were made of one
+/// Live engines of many sensors, which are asked for predictions together. Engines of one
 /// `Arc<Network>` share one copy of its weights.
 ///
 /// ```
 /// use std::sync::Arc;
 /// use std::time::Duration;
 ///
-/// use meissner_engine::{Engine, Event, Sensor};
+/// use meissner_engine::{Engine, EngineError, Event, Sensor};
 /// use meissner_live::{Fleet, QueueOptions};
 /// use meissner_models::{Description, Weights};
 ///
 /// let description = Description::shipped("tactigraph-past").expect("a shipped network");
-/// let network = Arc::new(description.network(&Weights::shipped("tactigraph-past").expect("its weights"))?);
+/// let weights = Weights::shipped("tactigraph-past").expect("its weights");
+/// let network = Arc::new(description.network(&weights)?);
 /// let sensor = Sensor::new(240, 180);
 /// let fingertip = || Ok((Engine::new(Arc::clone(&network), sensor)?, QueueOptions::new()));
-/// let fingertips = (0..3).map(|_| fingertip()).collect::<Result<Vec<_>, meissner_engine::EngineError>>()?;
+/// let fingertips: Result<Vec<_>, EngineError> = (0..3).map(|_| fingertip()).collect();
 ///
-/// let (mut inputs, mut fleet) = Fleet::spawn(fingertips)?;
+/// let (mut inputs, mut fleet) = Fleet::spawn(fingertips?)?;
 /// inputs[1].push_slice(&[Event::new(0, 120, 90, true); 100])?;
 /// let mut nodes = [0; 3];
-/// fleet.predict(Duration::from_secs(60), 0..3, |sensor, timely| nodes[sensor] = timely.map_or(0, |timely| timely.nodes));
+/// fleet.predict(Duration::from_secs(60), 0..3, |sensor, timely| {
+///     nodes[sensor] = timely.map_or(0, |timely| timely.nodes);
+/// });
 /// assert_eq!(nodes, [0, 100, 0]);
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
@@ -44,7 +47,7 @@ pub struct Fleet<P: Predictor<Input: Item>> {
 }
 
 impl<P: Predictor<Input: Item> + Send + 'static> Fleet<P> {
-    /// Starts a worker for each of `sensors`, as [`Live::spawn`]; the sensors' numbers are their places.
+    /// Starts a worker for each of `sensors`, which are numbered by their places.
     ///
     /// # Errors
     /// As [`Live::spawn`], of the first sensor that cannot start; no worker is left running.
@@ -63,7 +66,7 @@ impl<P: Predictor<Input: Item> + Send + 'static> Fleet<P> {
 }
 
 impl<P: Predictor<Input: Item>> Fleet<P> {
-    /// The predictions of `sensors` by one deadline, as [`Live::predict`]. All are asked before the first answer is waited for.
+    /// The predictions of `sensors` by one deadline, as [`Live::predict`]; all are asked first.
     /// `each` gets every sensor's number and its prediction or error, in the order of `sensors`.
     ///
     /// # Panics

@@ -26,11 +26,11 @@ impl<T: Item> Input<T> {
         Self { shared, filters, passes: Vec::with_capacity(CHUNK) }
     }
 
-    /// Offers `events` in order of arrival: each event enters the queue, or is dropped and counted. Allocates nothing
-    /// for events; frames are copied.
+    /// Offers `events` in order of arrival: each enters the queue, or is dropped and counted.
+    /// Allocates nothing for events; frames are copied.
     ///
-    /// Under [`Overload::Block`](crate::Overload::Block), waits while the queue is full, until half of it is free.
-    /// Otherwise never waits.
+    /// Under [`Overload::Block`](crate::Overload::Block), waits while the queue is full, until half
+    /// of it is free; otherwise never.
     ///
     /// # Errors
     /// [`LiveError::Closed`] if the worker has ended; the remaining events are not counted.
@@ -51,9 +51,8 @@ impl<T: Item> Input<T> {
         Ok(())
     }
 
-    /// Advances the clock to `t_us` after the events offered so far, as [`meissner_engine::Engine::advance`]. This
-    /// promises that no earlier event will be offered: the engine would treat it as late. The next prediction that
-    /// covers these events is for the window at that time.
+    /// Advances the clock to `t_us` after the events offered so far: earlier ones would be late
+    /// from now on. The next prediction of these events is for the window at that time.
     pub fn advance(&mut self, t_us: i64) {
         self.shared.advance(t_us);
     }

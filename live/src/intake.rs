@@ -1,11 +1,11 @@
 //! The queue of events, without threads.
 //!
-//! Input: offered events or frames and, for `Filter`, which of them pass: the filters run elsewhere. Output: events in order of arrival.
-//! Invariants: at most `capacity` events wait; `offered = delivered + waiting + dropped`; no memory is allocated after
-//! construction; which events enter does not depend on how offered events are split into slices.
+//! Input: offered events or frames and, for `Filter`, which of them pass. Output: events in order
+//! of arrival. Invariants: at most `capacity` events wait; `offered = delivered + waiting +
+//! dropped`; no memory is allocated later; which events enter does not depend on slices.
 //!
-//! *Positions* number the entered events from 1. Events up to `left()` have left: they were delivered, or dropped as
-//! the oldest. Events up to `entered()` have left or are waiting.
+//! *Positions* number the entered events from 1. Events up to `left()` were delivered, or dropped
+//! as the oldest; those up to `entered()` have left or are waiting.
 
 use std::collections::VecDeque;
 
@@ -45,7 +45,7 @@ impl Item for Frame {
 /// A bounded queue with an overload rule.
 #[derive(Debug)]
 pub(crate) struct Intake<T> {
-    ring: VecDeque<T>,
+    pub(crate) ring: VecDeque<T>,
     capacity: usize,
     overload: Overload,
     congested: bool,
@@ -67,8 +67,8 @@ impl<T: Item> Intake<T> {
         }
     }
 
-    /// Processes `events`. `passes` holds whether each passes the filters; it is empty if there are no filters. Returns
-    /// the number of processed events: all of them, or under `Block` those that found room.
+    /// Processes `events`. `passes` holds whether each passes the filters; empty without filters.
+    /// Returns the number processed: all, or under `Block` those that found room.
     pub(crate) fn offer(&mut self, events: &[T], passes: &[bool]) -> usize {
         let room = self.capacity - self.ring.len();
         let taken = match self.overload {
@@ -84,7 +84,8 @@ impl<T: Item> Intake<T> {
                 events.len()
             }
             Overload::DropOldest => {
-                // If processed one by one, events beyond the capacity would push out those at the start of the slice.
+                // One by one, events beyond the capacity would push out those at the start of the
+                // slice.
                 let (gone, staying) = events.split_at(events.len().saturating_sub(self.capacity));
                 let leaving = self.ring.len().saturating_sub(self.capacity - staying.len());
                 self.ring.drain(..leaving);
@@ -109,8 +110,8 @@ impl<T: Item> Intake<T> {
         taken
     }
 
-    /// Lets `events` enter: all if the queue is not congested, else those for which `stays(number, index)` is true,
-    /// with the event's number since the start and its index here.
+    /// Lets `events` enter: all if the queue is not congested, else those for which `stays(number,
+    /// index)`, with the event's number since the start and its index here.
     fn one_by_one(&mut self, events: &[T], stays: impl Fn(u64, usize) -> bool) {
         for (place, event) in events.iter().enumerate() {
             let waiting = self.ring.len();
@@ -154,7 +155,7 @@ impl<T: Item> Intake<T> {
         2 * self.ring.len() > self.capacity
     }
 
-    /// Whether the queue is congested now, if it last was or was not: from when more than half is taken until a quarter is.
+    /// Whether the queue is congested: from when more than half is taken until a quarter is.
     pub(crate) fn is_congested(&self, was: bool) -> bool {
         if was { 4 * self.ring.len() > self.capacity } else { self.is_crowded() }
     }

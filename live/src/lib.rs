@@ -1,20 +1,20 @@
-//! Live inference for a sensor that may be faster than the engine: a bounded queue, a thread that owns the engine, and
-//! predictions within a deadline.
+//! Live inference for a sensor that may be faster than the engine: a bounded queue, a thread that
+//! owns the engine, and predictions within a deadline.
 //!
 //! ```text
-//! sensor's thread          Input --events, time--> bounded queue --> worker, which owns the engine
-//! controller's thread      Live  --predict(deadline)-------------->  the newest finished prediction
+//! sensor's thread      Input --events, time--> bounded queue --> worker with the engine
+//! controller's thread  Live  --predict(deadline)---------->  the newest finished prediction
 //! ```
 //!
 //! | type | use |
 //! |---|---|
 //! | [`Input`] | sensor's side: offers events; waits only under [`Overload::Block`] |
-//! | [`Live`] | controller's side: [`Live::predict`] returns by a deadline with a [`TimedAnswer`] prediction and its age |
-//! | [`Fleet`] | many sensors in one process, each with an engine, a queue and counters of its own |
+//! | [`Live`] | controller's side: a [`TimedAnswer`] with its age by a deadline |
+//! | [`Fleet`] | many sensors in one process, each with engine, queue and counters |
 //! | [`Asked`] | a prediction that was asked for, for a caller that cannot only wait |
-//! | [`QueueOptions`], [`Overload`] | capacity of the queue, and the rule for events when it is full |
+//! | [`QueueOptions`], [`Overload`] | capacity, and the rule for events when it is full |
 //! | [`QueueCounters`] | counts of offered, delivered, waiting and dropped events |
-//! | [`Predictor`], [`Item`] | engines that can run live: over events, or over frames ([`meissner_engine::frames::TimedFrames`]) |
+//! | [`Predictor`], [`Item`] | engines that can run live, over events or frames |
 //!
 //! ```
 //! use std::time::Duration;
@@ -39,8 +39,8 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
-//! Determinism: the engine receives a sequence of events and clock advances, and its predictions equal those without
-//! threads, bit for bit. Under overload, the machine's speed decides which events are in the sequence.
+//! Determinism: the engine receives a sequence of events and clock advances, and its predictions
+//! equal those without threads, bit for bit. The machine's speed decides which events are dropped.
 #![forbid(unsafe_code)]
 
 mod error;

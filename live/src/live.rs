@@ -22,9 +22,9 @@ pub struct Live<P: Predictor<Input: Item>> {
     /// Panic message, if the worker ended by itself.
     panic: String,
     values: Vec<f32>,
-    /// When the first event that no fresh prediction covers was offered, as far as predictions were asked for.
+    /// When the first event that no fresh prediction covers was offered.
     uncovered: Option<Instant>,
-    /// What earlier predictions have told of losses: those of the engine, and events that the queue dropped.
+    /// What earlier predictions have told: losses of the engine, and events that the queue dropped.
     told: (Losses, u64),
 }
 
@@ -37,29 +37,30 @@ pub struct TimedAnswer<'a> {
     pub t_us: Option<i64>,
     /// Events in the window; for a frame engine, frames since the last reset.
     pub nodes: usize,
-    /// Whether every event that had entered the queue before the call is in it, except those dropped to make room: none waits
-    /// ([`Self::behind_events`]), and the engine has taken all since the prediction before ([`Self::lost_events`]).
+    /// Whether every event that had entered the queue before the call is in it, except dropped
+    /// ones: none waits ([`Self::behind_events`]), the engine lost none ([`Self::lost_events`]).
     pub fresh: bool,
-    /// Whether it was computed for this call; otherwise it is the newest prediction that was finished by the deadline.
+    /// Whether it was computed for this call; otherwise it is the newest finished one.
     pub own: bool,
     /// Events or frames that had entered the queue at the time of the call and are not covered.
     pub behind_events: u64,
-    /// Events or frames that were given to the engine and are not in this prediction: dropped since the prediction before (late, outside
-    /// the sensor, far ahead), or held now, until it is clear whether the sensor's clock has restarted.
+    /// Events or frames given to the engine and not in this prediction: dropped since the one
+    /// before (late, outside the sensor, far ahead), or held until a restart of the clock is
+    /// decided.
     pub lost_events: u64,
     /// Events or frames that the rule of the queue dropped since the prediction before.
     pub dropped_events: u64,
     /// Restarts of the sensor's clock since the prediction before; each reset the engine.
     pub restarts: u64,
-    /// Stream time in microseconds from the last covered event (or the first event of all, if none is covered) to the
-    /// last event that had entered the queue at the time of the call.
+    /// Stream time in microseconds from the last covered event (or the first of all) to the last
+    /// one that had entered at the time of the call.
     pub behind_us: u64,
     /// Time since its computation started.
     pub age: Duration,
     /// Time since the call.
     pub waited: Duration,
-    /// Time since the first event was offered that this fresh prediction is the first to cover: how long the sensor's news took, at most.
-    /// `None` if the prediction is not fresh or nothing was offered since the last fresh one.
+    /// Time since the first event was offered that this fresh prediction is the first to cover.
+    /// `None` if it is not fresh, or nothing was offered since the last fresh one.
     pub latency: Option<Duration>,
 }
 
@@ -73,17 +74,18 @@ pub struct Asked {
 }
 
 impl<P: Predictor<Input: Item> + Send + 'static> Live<P> {
-    /// Starts a worker that owns `predictor` and reads from a queue. The first prediction, before any event, is
-    /// computed here, so that a prediction always exists.
+    /// Starts a worker that owns `predictor` and reads from a queue. The first prediction is
+    /// computed here, so that one always exists.
     ///
     /// # Errors
-    /// [`LiveError::Option`] for options out of range, [`LiveError::Engine`] if the first prediction fails,
-    /// [`LiveError::Thread`] if the thread cannot be started, [`LiveError::Core`] if it cannot be pinned.
+    /// [`LiveError::Option`] for options out of range, [`LiveError::Engine`] if the first
+    /// prediction fails, [`LiveError::Thread`] and [`LiveError::Core`] if the thread does not start
+    /// or is not pinned.
     pub fn spawn(predictor: P, options: QueueOptions) -> Result<(Input<P::Input>, Self), LiveError> {
         Self::spawn_beside(predictor, options, false)
     }
 
-    /// As [`Self::spawn`]; with `gives_way`, the worker has the lowest priority while its queue is congested.
+    /// With `gives_way`, the worker has the lowest priority while its queue is congested.
     pub(crate) fn spawn_beside(
         mut predictor: P,
         options: QueueOptions,
@@ -118,24 +120,24 @@ impl<P: Predictor<Input: Item> + Send + 'static> Live<P> {
 }
 
 impl<P: Predictor<Input: Item>> Live<P> {
-    /// The prediction for all events that have entered the queue by now or, at the deadline, the newest finished one,
-    /// with its age.
+    /// The prediction for all events that have entered by now or, at the deadline, the newest
+    /// finished one, with its age.
     ///
-    /// The worker takes waiting events in order. If it would miss the deadline, it predicts for the events taken so
-    /// far; a prediction that is not fresh lags by about the number of waiting events. Returns within `deadline`, apart
-    /// from the operating system's scheduling; [`Duration::MAX`] waits for all events that have entered.
+    /// The worker takes waiting events in order, and fewer if it would miss the deadline. Returns
+    /// within `deadline`, apart from the system's scheduling; [`Duration::MAX`] waits for all
+    /// events.
     ///
     /// # Errors
-    /// [`LiveError::Engine`] if the newest computation failed; an older prediction is not returned in its place.
-    /// [`LiveError::Panicked`] if the worker has ended.
+    /// [`LiveError::Engine`] if the newest computation failed, [`LiveError::Panicked`] if the
+    /// worker has ended.
     pub fn predict(&mut self, deadline: Duration) -> Result<TimedAnswer<'_>, LiveError> {
         let asked = self.ask(deadline);
         self.wait(&asked, deadline)?;
         self.timely(&asked)
     }
 
-    /// Asks for a prediction without waiting for it; it replaces what was asked before. For a caller that has other things to look
-    /// at while it waits: [`Self::wait`] and [`Self::timely`] are the rest of [`Self::predict`].
+    /// Asks for a prediction without waiting; it replaces what was asked before. [`Self::wait`] and
+    /// [`Self::timely`] are the rest of [`Self::predict`].
     pub fn ask(&mut self, deadline: Duration) -> Asked {
         let at = Instant::now();
         let (request, state) = self.shared.ask(at.checked_add(deadline));
@@ -214,8 +216,8 @@ impl<P: Predictor<Input: Item>> Live<P> {
         *self.shared.lock().intake.counters()
     }
 
-    /// Ends the worker after the current batch or prediction and returns its engine; waiting events are discarded. To
-    /// have them processed, request a prediction first.
+    /// Ends the worker after the current batch or prediction and returns its engine; waiting events
+    /// are discarded.
     ///
     /// # Errors
     /// [`LiveError::Panicked`] if the worker had already ended.

@@ -9,23 +9,23 @@ use crate::LiveError;
 
 /// Rule for events while they arrive faster than the engine takes them.
 ///
-/// `Thin` and `Filter` act while the queue is *congested*: from when it is more than half full until it is a quarter
-/// full. If it still fills up, they drop the newest events.
+/// `Thin` and `Filter` act while the queue is *congested*: from when it is more than half full
+/// until it is a quarter full. If it still fills up, they drop the newest events.
 #[derive(Clone, Debug)]
 pub enum Overload {
     /// Nothing is dropped: the offering thread waits until there is room.
     Block,
     /// The oldest waiting event makes room: the engine receives recent events, after a gap.
     DropOldest,
-    /// An event that finds no room is dropped: the engine receives events without gaps, but old ones.
+    /// An event that finds no room is dropped: events without gaps, but old ones.
     DropNewest,
     /// While congested, only offered events whose number (from 0) is a multiple of `stride` enter.
     Thin {
         /// At least 1.
         stride: u32,
     },
-    /// While congested, only events that pass these filters enter. The filters check every event at all times, so that
-    /// their state is current, and run in the offering thread. Frames pass all filters.
+    /// While congested, only events that pass these filters enter. They check every event at all
+    /// times, in the offering thread. Frames pass all filters.
     Filter(Chain),
 }
 
@@ -60,18 +60,19 @@ impl fmt::Display for Overload {
 #[non_exhaustive]
 #[must_use]
 pub struct QueueOptions {
-    /// Most waiting events, 1 to [`Self::MAX`]. Default: 65,536. Each takes 16 bytes, allocated at the start.
+    /// Most waiting events of 16 bytes, 1 to [`Self::MAX`], allocated at the start. Default:
+    /// 65,536.
     pub capacity: usize,
-    /// Rule for events that arrive faster than the engine takes them. Default: the oldest make room.
+    /// Rule for events that are too fast for the engine. Default: the oldest make room.
     pub overload: Overload,
-    /// Largest number of events that the worker inserts before it checks whether a prediction is due, 1 to
+    /// Most events that the worker inserts before it checks whether a prediction is due, 1 to
     /// [`Self::MAX`]. Default: 64.
     pub batch: usize,
-    /// Core that the worker's thread is pinned to, one of [`cores`](crate::cores). Default: the system places it.
+    /// Core of the worker's thread, one of [`cores`](crate::cores). Default: the system's choice.
     pub core: Option<usize>,
-    /// Whether the worker advances the clock and computes while no event waits and no prediction is requested. An answer then comes
-    /// sooner, above all where many events leave the window at once; in total, more is computed. Predictions keep their bits, unless
-    /// an approximation depends on when they are read. Default: false.
+    /// Whether the worker advances the clock and computes while it would wait. Answers come sooner,
+    /// above all where many events leave at once; in total, more is computed. Predictions keep
+    /// their bits, unless an approximation depends on when they are read. Default: false.
     pub ahead: bool,
 }
 

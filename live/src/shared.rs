@@ -1,7 +1,7 @@
 //! State that the threads share, and how they wait for each other.
 //!
-//! One lock guards queue, request and answer. It is held for copies of bounded size, and never while an engine
-//! computes. A waiting thread is woken by the event that it waits for, or by the end of the other side.
+//! One lock guards queue, request and answer. It is held for copies of bounded size, never while an
+//! engine computes. A waiting thread is woken by its event, or by the end of the other side.
 //!
 //! | thread | waits for | woken by |
 //! |---|---|---|
@@ -36,7 +36,7 @@ pub(crate) struct Request {
 pub(crate) struct Answer {
     /// Number of the request that it was computed for; 0 before the first.
     pub(crate) request: u64,
-    /// Error of the newest computation, if it failed; the other fields are then those of the previous one.
+    /// Error of the newest computation; the other fields are then those of the previous one.
     pub(crate) error: Option<EngineError>,
     pub(crate) values: Vec<f32>,
     pub(crate) t_us: Option<i64>,
@@ -163,8 +163,8 @@ impl<T: Item> State<T> {
         self.worker > Phase::Running
     }
 
-    /// The time of a clock advance after all events that have entered. Events after an advance have later times and advance the clock
-    /// themselves.
+    /// The time of a clock advance after all events that have entered; later events advance the
+    /// clock themselves.
     fn advance_us(&self) -> Option<i64> {
         let entered = self.intake.entered();
         self.moved.filter(|&(position, _)| position == entered).map(|(_, t_us)| t_us)
@@ -202,7 +202,7 @@ impl<T: Item> Shared<T> {
         }
     }
 
-    /// Locks the state. No code that can panic runs under the lock; if it did, the state would still be consistent.
+    /// Locks the state. No code that can panic runs under the lock.
     pub(crate) fn lock(&self) -> MutexGuard<'_, State<T>> {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
@@ -213,8 +213,8 @@ impl<T: Item> Shared<T> {
         }
     }
 
-    /// Offers `events`; `passes` holds whether each passes the filters. Waits if the rule is to wait. Returns the
-    /// number of processed events: all of them, unless the worker ends.
+    /// Offers `events`; `passes` holds whether each passes the filters. Waits if the rule is to
+    /// wait. Returns the number processed: all, unless the worker ends.
     pub(crate) fn offer(&self, events: &[T], passes: &[bool]) -> usize {
         let mut state = self.lock();
         let mut taken = 0;
@@ -242,7 +242,7 @@ impl<T: Item> Shared<T> {
     pub(crate) fn advance(&self, t_us: i64) {
         let mut state = self.lock();
         let entered = state.intake.entered();
-        // After newer events, the clock may have restarted; an advance that is too early has no effect.
+        // After newer events, the clock may have restarted; too early an advance has no effect.
         let before = state.moved.filter(|&(position, _)| position == entered);
         state.moved = Some((entered, before.map_or(t_us, |(_, before)| before.max(t_us))));
         if self.ahead {
@@ -280,9 +280,9 @@ impl<T: Item> Shared<T> {
         state
     }
 
-    /// Waits for a task, of which computing ahead is the last choice, and appends at most `most` events to `batch`; `None`
-    /// if the worker must end. `events` is what the engine has counted so far. While a prediction is requested, takes no event beyond its target, except that it takes one
-    /// if the target was dropped.
+    /// Waits for a task, with computing ahead as the last choice, and appends at most `most` events
+    /// to `batch`; `None` if the worker must end. While a prediction is requested, takes no event
+    /// beyond its target, except one if the target was dropped.
     pub(crate) fn next(&self, most: usize, batch: &mut Vec<T>, events: EventCounters) -> Option<Task> {
         let mut state = self.lock();
         state.events = events;

@@ -1,4 +1,4 @@
-//! The queue equals a model that processes one event at a time and lists the outcome of each. The worker's pace and priority.
+//! The queue equals a model that processes one event at a time. The worker's pace and priority.
 
 use meissner_engine::Event;
 use meissner_engine::filters::Chain;

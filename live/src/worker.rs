@@ -1,7 +1,7 @@
 //! The thread that owns the engine: its loop, when it predicts, its core and its priority.
 //!
-//! Input: batches of events, requests. Output: answers. Invariant: a request is answered as soon as all events that it
-//! must cover have been inserted, or else as late as its deadline allows, with the events inserted by then.
+//! Input: batches of events, requests. Output: answers. Invariant: a request is answered as soon as
+//! all events that it must cover have been inserted, or as late as its deadline allows.
 
 use std::time::{Duration, Instant};
 
@@ -18,8 +18,8 @@ impl<T: Item> Drop for End<'_, T> {
     }
 }
 
-/// Inserts events, at most `most` at a time, and computes predictions until asked to end; returns `predictor`. With `gives_way`, the thread has
-/// the lowest priority while its queue is congested.
+/// Inserts events, at most `most` at a time, and predicts until asked to end; returns `predictor`.
+/// With `gives_way`, the thread has the lowest priority while its queue is congested.
 pub(crate) fn run<P: Predictor<Input: Item>>(
     mut predictor: P,
     shared: &Shared<P::Input>,
@@ -93,11 +93,10 @@ pub(crate) fn run<P: Predictor<Input: Item>>(
     predictor
 }
 
-/// Decides when the worker stops taking events for a prediction that cannot cover all of them, from recent durations.
+/// Decides when a prediction starts that cannot cover all events, from recent durations.
 ///
-/// A prediction is started early enough to meet its deadline: twice the recent duration of a batch and a prediction
-/// before it. While events wait, predictions take at most half of the worker's time; otherwise a controller that
-/// requests predictions faster than they can be computed would starve the events.
+/// It starts twice the recent duration of a batch and a prediction before its deadline. While
+/// events wait, predictions take at most half of the time: they would starve the events.
 #[derive(Debug, Default)]
 pub(crate) struct Pace {
     /// Longest recent duration; it decays by an eighth with each new one.
@@ -144,12 +143,12 @@ pub(crate) fn pin(core: usize) -> bool {
     cores().contains(&core) && core_affinity::set_for_current(core_affinity::CoreId { id: core })
 }
 
-/// Niceness of the lowest priority. Linux alone has one for each thread (sched(7)): any thread may raise it, only some may lower it
+/// Lowest priority. On Linux each thread has a niceness (sched(7)), which only some may lower
 /// again.
 #[cfg(target_os = "linux")]
 const LOWEST: i32 = 19;
 
-/// Gives the calling thread the lowest priority, until the niceness that it had is [restored](restore_priority); `None` if the system refuses.
+/// Gives the calling thread the lowest priority; its niceness before, `None` if refused.
 #[cfg(target_os = "linux")]
 pub(crate) fn lower_priority() -> Option<i32> {
     use rustix::process::{getpriority_process, setpriority_process};
@@ -175,7 +174,7 @@ pub(crate) fn restore_priority(_: i32) -> bool {
     false
 }
 
-/// Whether a thread may restore a priority that it lowered. A thread tries it, which then ends: one that may not would keep the lowest.
+/// Whether a thread may restore a lowered priority. A thread tries it, which then ends.
 pub(crate) fn can_restore_priority() -> bool {
     std::thread::spawn(|| lower_priority().is_some_and(restore_priority)).join().unwrap_or(false)
 }

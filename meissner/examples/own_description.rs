@@ -1,4 +1,4 @@
-//! A network of one's own: a description in TOML, weights from a seed until it is trained, incremental and batch.
+//! A network of one's own: a description in TOML, weights from a seed, incremental and batch.
 //!
 //! ```text
 //! cargo run --release -p meissner --example own_description
@@ -8,7 +8,7 @@ use std::error::Error;
 
 use meissner::{Batch, Description, Engine, Event, Sensor, Stream, draw};
 
-/// Two spline blocks over the 8 nearest earlier events, a maximum over 2 x 2 cells of the image, one dense layer.
+/// Two spline blocks over the 8 nearest earlier events, a maximum over 2 x 2 cells, a dense layer.
 const NETWORK: &str = r#"
 [network]
 name = "edge-direction"

@@ -1,11 +1,11 @@
-//! Weights that `PyTorch` trained: the names and shapes that a network needs, and a file of weights loaded into it.
+//! Weights of `PyTorch`: the names and shapes that a network needs, and a file loaded into it.
 //!
 //! ```text
 //! cargo run --release -p meissner --example weights_from_pytorch [DESCRIPTION.toml WEIGHTS]
 //! ```
 //!
-//! WEIGHTS is a safetensors file or a state dict (`torch.save(model.state_dict(), "weights.pth")`). Nothing of it is
-//! executed. `docs/weights-from-pytorch.md` has the layouts.
+//! WEIGHTS is a safetensors file or a state dict (`torch.save(model.state_dict(), "weights.pth")`),
+//! of which nothing is executed. `docs/weights-from-pytorch.md` has the layouts.
 
 use std::collections::BTreeMap;
 use std::error::Error;
@@ -26,7 +26,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         let found = weights.get(&name).map(|tensor| tensor.shape().to_vec());
         println!("{name}: expected {shape:?}, found {found:?}");
     }
-    // A missing tensor, a wrong shape or a value that is not finite is an error that names the tensor.
+    // A missing tensor, a wrong shape or a value that is not finite is an error with its name.
     let network = description.network(&weights)?;
     let mut engine = Engine::new(network, Sensor::new(240, 180))?;
     engine.push(Event::new(0, 120, 90, true));

@@ -1,11 +1,11 @@
-//! Incremental inference for event cameras and event-based touch. One crate to depend on: it re-exports the engine at its root
+//! Incremental inference for event cameras and event-based touch: re-exports the engine at its root
 //! and the other libraries as modules.
 //!
 //! | you want | look at |
 //! |---|---|
 //! | predictions from events, one by one | [`Engine`] |
 //! | the same from scratch, as an oracle | [`Batch`] |
-//! | predictions from frames | [`frames::FrameEngine`], [`representations`] makes frames of events |
+//! | predictions from frames, frames from events | [`frames::FrameEngine`], [`representations`] |
 //! | a network from a file | [`Description`], [`FrameDescription`], [`Weights`] |
 //! | the format of a network's file | [`models::description`] |
 //! | recordings | [`io`] (feature `io`) |
@@ -13,8 +13,9 @@
 //! | filters in front of an engine | [`filters`] |
 //! | the arithmetic | [`kernels`] |
 //!
-//! Examples to copy, each run with `cargo run --release -p meissner --example NAME`: `stream_a_recording`,
-//! `frame_network`, `own_description`, `weights_from_pytorch`. A controller at 1 kHz is a folder of its own, `examples/controller`.
+//! Examples to copy, each run with `cargo run --release -p meissner --example NAME`:
+//! `stream_a_recording`, `frame_network`, `own_description`, `weights_from_pytorch`. A controller
+//! at 1 kHz is in `examples/controller`.
 //!
 //! An unoptimised build computes the same bits 8 to 10 times slower: measure with `--release`.
 #![forbid(unsafe_code)]

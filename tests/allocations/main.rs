@@ -1,4 +1,4 @@
-//! An engine takes its memory when it is made and nothing later, whatever the scene; and how much that is.
+//! An engine takes its memory when it is made and nothing later, and how much that is.
 #![allow(unsafe_code, reason = "a global allocator cannot be written without; this one only counts")]
 
 mod frames;
@@ -25,7 +25,7 @@ use meissner_verify::Random;
 /// The system's allocator, counted.
 struct Counting;
 
-// Of each thread by itself: the harness allocates and frees in its own when a test beside this one ends.
+// Of each thread by itself: the harness allocates in its own when another test ends.
 thread_local! {
     /// Allocations.
     static COUNT: Cell<u64> = const { Cell::new(0) };
@@ -51,7 +51,7 @@ fn held_bytes() -> i64 {
     HELD.try_with(Cell::get).unwrap_or(0)
 }
 
-/// What `run` gives, with the bytes that this thread then holds more than before, and the most that it held meanwhile.
+/// What `run` gives, bytes that this thread then holds more than before, and the most of them.
 fn measured<T>(run: impl FnOnce() -> T) -> (T, [u64; 2]) {
     let before = held_bytes();
     PEAK.set(before);
@@ -60,18 +60,18 @@ fn measured<T>(run: impl FnOnce() -> T) -> (T, [u64; 2]) {
     (result, [more(held_bytes()), more(PEAK.get())])
 }
 
-// SAFETY: every call goes to the system's allocator as it came; counting touches no memory of the caller.
+// SAFETY: every call goes to the system's allocator as it came; counting touches no memory.
 unsafe impl GlobalAlloc for Counting {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
         count_one();
         hold(layout.size() as i64);
-        // SAFETY: the caller's promise about `layout` is the one that the system's allocator asks for.
+        // SAFETY: the caller's promise about `layout` is the one that the allocator asks for.
         unsafe { System.alloc(layout) }
     }
 
     unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
         hold(-(layout.size() as i64));
-        // SAFETY: `pointer` came from `alloc` with this layout, that is, from the system's allocator.
+        // SAFETY: `pointer` came from `alloc` with this layout.
         unsafe { System.dealloc(pointer, layout) }
     }
 
@@ -412,7 +412,7 @@ fn a_third_pass_through_filters_a_tolerance_and_a_stale_readout_allocates_nothin
         }
         COUNT.get() - before
     };
-    // What stands from one pass to the next shifts the moments at which the pooled levels are computed: two for warming up.
+    // What stands from one pass to the next shifts when pooled levels are computed: warm up twice.
     let [first, second, third] = [0, 1, 2].map(|i| pass(i * (span + 10 * 150_000)));
     println!("{first} allocations in the first pass, {second} in the second, {third} in the third");
     assert_eq!(third, 0);

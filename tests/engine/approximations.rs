@@ -1,5 +1,4 @@
-//! Approximations that are asked for: adapted networks, whose engine equals their batch, and a stale readout, which returns
-//! what was exact when it was computed.
+//! Approximations: adapted networks, whose engine equals their batch, and a stale readout.
 
 use meissner_engine::{
     Candidates, Engine, EngineError, Event, Network, Search, Sensor, StaleReadout, Staleness,

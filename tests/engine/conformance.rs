@@ -1,4 +1,4 @@
-//! Every engine keeps the claims of [`conformance`]: over random networks, streams, clocks and ways to cut a stream.
+//! Every engine keeps the claims of [`conformance`], over random networks, streams and clocks.
 //!
 //! `MEISSNER_CASES` sets the number of cases (400 without it).
 
@@ -221,7 +221,7 @@ impl<P: Predictor<Input: Item>> Predictor for Behind<P> {
     }
 }
 
-/// The steps that a queue has, each advance with its prediction: an event after it would make it void.
+/// The steps of a queue, each advance with its prediction: a later event would make it void.
 fn queueable<I: Clone>(steps: &[Step<I>]) -> Vec<Step<I>> {
     let kept = steps.iter().filter(|step| !matches!(step, Step::Reset));
     kept.flat_map(|step| {
@@ -325,7 +325,7 @@ fn an_empty_slice_and_one_of_refused_events_change_nothing_but_counts() {
     assert_eq!((engine.counters().events.late, engine.counters().events.outside_sensor), (1, 1));
 }
 
-/// Found by the claims: the neighbours of the oldest events of a window were chosen among events that were forgotten.
+/// Found by the claims: neighbours of a window's oldest events were chosen among forgotten ones.
 #[test]
 fn a_batch_of_bounded_memory_knows_the_edges_of_its_window() {
     let block = frozen(3, 1, 1).blocks.remove(0);
@@ -348,7 +348,7 @@ fn small(keys: &str) -> String {
         .readout("grid = [2, 2]", &["a", "b"], "rad")
 }
 
-/// A stream of a small network, and the predictions and counts over it, which bindings compare with theirs.
+/// A stream of a small network with predictions and counts, which bindings compare with theirs.
 fn fixed_case(name: &str, keys: &str, seed: u64) -> Value {
     let (text, sensor) = (small(keys), Sensor::new(64, 48));
     let description = Description::parse(&text).expect("consistent");

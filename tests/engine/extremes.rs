@@ -1,5 +1,4 @@
-//! Values from outside at the ends of their types: they are taken, dropped and counted, or refused by a typed error. Nothing
-//! panics.
+//! Values at the ends of their types are taken, dropped and counted, or refused. Nothing panics.
 
 use std::sync::Arc;
 

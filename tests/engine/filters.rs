@@ -131,7 +131,7 @@ fn every_event_passes_while_the_rate_is_below_the_bound() {
 
 #[test]
 fn a_steady_stream_above_the_bound_is_thinned_evenly() {
-    // 4 events a microsecond and 1 million a second: every fourth, once the depth of 1,000 is used up.
+    // 4 events a microsecond and 1 million a second: every fourth, once the depth is used up.
     let mut filter = RateLimit::new(1_000_000).expect("admissible");
     let events: Vec<Event> = (0..40_000).map(|i| at(i / 4, 0, 0)).collect();
     let passes = run(&mut filter, &events);
@@ -146,7 +146,7 @@ fn an_event_alone_is_noise_and_its_neighbour_is_not() {
     let mut filter = BackgroundActivity::new(SENSOR, us).expect("admissible");
     let events =
         [at(0, 2, 2), at(10, 2, 2), at(20, 3, 3), at(20 + us, 2, 3), at(21 + 2 * us, 3, 3), at(0, 4, 4)];
-    // The pixel itself is no neighbour; a microsecond too late is noise; an earlier stamp is compared like a later one.
+    // The pixel is no neighbour of its own; a microsecond too late is noise; order is no matter.
     assert_eq!(run(&mut filter, &events), [false, false, true, true, false, false]);
 }
 

@@ -154,10 +154,10 @@ fn a_changed_pixel_computes_what_reads_it_and_several_compute_blocks() {
         let then = std::mem::replace(&mut before, engine.counters().clone());
         [0, 1, 2].map(|layer| before.layers[layer].computed - then.layers[layer].computed)
     };
-    // 3 x 3 pixels, which pool to rows 14 and 15, columns 19 and 20: a rectangle of 4 pixels. The convolution runs with the
-    // pooling. These and their neighbours are rows 13 to 16 and columns 18 to 21.
+    // 3 x 3 pixels, which pool to rows 14 and 15, columns 19 and 20. The convolution runs with the
+    // pooling: these and their neighbours are rows 13 to 16 and columns 18 to 21.
     assert_eq!(computed(&[(30, 40)]), [4 * 4, 4, 16]);
-    // Two such places are no rectangle. Each is in two blocks of 2 x 2, and with its neighbours in 3 x 2 blocks.
+    // Two such places: each is in two blocks of 2 x 2, with its neighbours in 3 x 2 blocks.
     assert_eq!(computed(&[(30, 40), (10, 100)]), [4 * 16, 16, 48]);
 }
 

@@ -1,5 +1,4 @@
-//! Frame networks against `PyTorch` through the golden files, frame by frame: direct, Winograd, everything computed, skipping,
-//! and in f64.
+//! Frame networks against `PyTorch`, frame by frame: direct, Winograd, skipping, and in f64.
 
 use meissner_engine::frames::{Convolution, FrameEngine, FrameNetwork, FrameOptions, Skip};
 use meissner_kernels::WinogradTile;

@@ -1,5 +1,5 @@
-//! Kernels, pooling and whole networks against `PyTorch` Geometric, layer by layer, through the golden files: batch, incremental,
-//! and the f64 reference.
+//! Kernels, pooling and whole networks against `PyTorch` Geometric, layer by layer: batch,
+//! incremental, and the f64 reference.
 
 use std::collections::BTreeSet;
 use std::sync::Arc;
@@ -52,7 +52,7 @@ fn rows_of(level: &LevelTrace) -> Vec<Vec<u32>> {
     (0..level.edges.rows()).map(|row| level.edges.row(row).iter().map(|n| n.row).collect()).collect()
 }
 
-/// Compares a pooled level's nodes and edges; `columns` is the row length of the reference's cell numbers.
+/// Compares a pooled level; `columns` is the row length of the reference's cell numbers.
 fn assert_pooled(level: &LevelTrace, golden: &Golden, prefix: &str, columns: i64) {
     let numbers: Vec<i64> = level.cells.iter().map(|[x, y, _]| y * columns + x).collect();
     assert_eq!(numbers, golden.integers(&format!("{prefix}_cell")), "{prefix}_cell");
@@ -94,7 +94,7 @@ fn assert_graphres(name: &str, golden: &Golden, trace: &Trace) {
     assert_close(&format!("{name}: y"), &trace.prediction, golden.floats("y"), PREDICTION);
 }
 
-/// Grows the graph one event at a time and asserts that neighbourhoods and prediction are the reference's.
+/// Grows the graph event by event: neighbourhoods and prediction are the reference's.
 fn assert_incremental(name: &str, golden: &Golden, network: &Arc<Network>, batch: &Trace) {
     let mut engine = Engine::new(Arc::clone(network), SENSOR).expect("the network is exact");
     for event in events(golden) {
@@ -213,7 +213,7 @@ fn a_network_that_is_normalised_per_graph_has_no_incremental_form() {
     assert!(error.to_string().contains("one event can change every row"), "{error}");
 }
 
-/// In-edges of each of `rows` rows, in the order of an edge list; `attribute` gives those of an edge.
+/// In-edges of each row, in the order of an edge list; `attribute` gives those of an edge.
 fn in_edges(edges: &[(usize, usize)], rows: usize, attribute: impl Fn(usize) -> [f32; 3]) -> Edges {
     let mut lists = vec![Vec::new(); rows];
     for (e, &(source, reader)) in edges.iter().enumerate() {

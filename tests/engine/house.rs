@@ -1,5 +1,5 @@
-//! The rules of the house: what a crate may use, no circle of imports, files that can be read at a sitting, errors that do not
-//! repeat their source, and promises that name their tests.
+//! The rules of the house: what a crate may use, no circle of imports, short files, errors that do
+//! not repeat their source, and promises that name their tests.
 //!
 //! ARCHITECTURE.md states the rules as invariants.
 
@@ -240,7 +240,7 @@ fn imports(module: &Module, text: &str, all: &BTreeMap<Module, String>) -> Vec<(
     found
 }
 
-/// The files that each file imports from. An item that a file re-exports is imported from where it is.
+/// The files that each file imports from; a re-exported item is imported from where it is.
 fn graph(all: &BTreeMap<Module, String>) -> BTreeMap<&Module, BTreeSet<Module>> {
     let imports: BTreeMap<&Module, _> = all.iter().map(|(m, text)| (m, imports(m, text, all))).collect();
     let exported: BTreeMap<(&Module, &str), &Module> = imports
@@ -269,7 +269,7 @@ fn no_file_imports_from_one_that_imports_from_it() {
         let mut all = BTreeMap::new();
         modules(&root().join(name).join("src"), &Vec::new(), &mut all);
         let mut graph = graph(&all);
-        // Files that import from no other, and those that no other imports from, are removed: circles are left.
+        // Files that import from no other, or that no other imports, are removed: circles are left.
         loop {
             let imported: BTreeSet<&Module> = graph.values().flatten().collect();
             let outside = |(m, to): &(&&Module, &BTreeSet<Module>)| to.is_empty() || !imported.contains(**m);
@@ -288,7 +288,7 @@ fn denied() -> io::Error {
     io::Error::new(io::ErrorKind::PermissionDenied, "denied")
 }
 
-/// Errors of every library that have a source, or stand for one that has, and how many sources they have.
+/// Errors of every library with a source, or standing for one, and the number of sources.
 fn errors() -> Vec<(Box<dyn Error>, usize)> {
     let path = || PathBuf::from("some.file");
     let layer = || {
@@ -369,8 +369,7 @@ fn every_row_of_promises_names_what_holds_it() {
     }
 }
 
-/// proptest reads and writes them in `proptest-regressions` beside the folder with `main.rs`, and says
-/// nothing where it finds none.
+/// proptest says nothing where it finds none.
 #[test]
 fn failing_seeds_of_property_tests_are_found_where_they_are_kept() {
     let persistence = ProptestConfig::default().failure_persistence.expect("failures are kept by default");

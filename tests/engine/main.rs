@@ -1,4 +1,4 @@
-//! Whole-engine properties, oracles, golden files, determinism: one program, because linking one per file took most of the time.
+//! Whole-engine properties, oracles, golden files: one program, as linking takes most of the time.
 
 mod approximations;
 mod conformance;

@@ -23,7 +23,7 @@ fn events() -> impl Strategy<Value = Vec<Event>> {
     )
 }
 
-/// Clusters of events far apart, and some between them, on sensors of any size; spans up to a minute.
+/// Clusters of events far apart, and some between them; spans up to a minute.
 fn scenes() -> impl Strategy<Value = (Vec<Event>, Sensor, i64)> {
     let event = (0i64..40, 0u16..8, 0u16..12, 0u16..12, any::<bool>());
     let step_us = prop_oneof![3 => Just(1i64), 2 => Just(25), 1 => Just(20_000)];

@@ -1,5 +1,4 @@
-//! Sensors, streams and options that are out of range, and networks that no memory holds, are refused by a typed error
-//! before anything is taken.
+//! Sensors, streams, options and networks out of range are refused before anything is taken.
 
 use std::sync::Arc;
 

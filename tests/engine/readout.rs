@@ -1,5 +1,4 @@
-//! Readouts: one that keeps cells in time apart (what it holds, and that time alone can change it), and one that sums (which
-//! cells an event makes it sum again).
+//! Readouts: one that keeps cells in time apart, and one that sums.
 #![forbid(unsafe_code)]
 
 use meissner_engine::{Aggregation, Event, Network, Search, Sensor};

@@ -52,7 +52,7 @@ pub(crate) fn engine(network: Network) -> Engine {
     Engine::with_options(network, SENSOR, options).expect("the network is exact")
 }
 
-/// Events at one instant at columns 0, 10, 20, ..., each a neighbour of the next alone, and their prediction.
+/// Events at one instant at columns 0, 10, 20, ..., each a neighbour of the next alone.
 pub(crate) fn chain(shape: &NetworkShape, events: u16) -> Engine {
     let mut engine = engine(shape.build());
     for i in 0..events {
@@ -99,7 +99,7 @@ fn an_expiry_recomputes_the_rows_that_read_the_expired_and_what_reads_them() {
     }
     engine.predict().expect("finite");
     engine.advance(SPAN_US + 1);
-    // The second event read the first; the third reads the second. Places count from the oldest that is left.
+    // The second event read the first; the third reads the second.
     assert_eq!(recomputed(&mut engine), [vec![0], vec![0, 1]]);
 }
 
@@ -139,7 +139,7 @@ fn an_event_outside_the_sensor_recomputes_nothing() {
 
 #[test]
 fn a_row_that_keeps_its_bits_stops_the_wave() {
-    // The first block writes the same row whatever it reads, so that only the new row changes there.
+    // The first block writes the same row whatever it reads: only the new row changes there.
     let mut parts = shape(near(Candidates::All), 2, vec![]).build().parts().clone();
     let constant = SplineParts {
         inputs: 1,
@@ -166,7 +166,7 @@ fn a_row_that_keeps_its_bits_stops_the_wave() {
 
 #[test]
 fn a_pooled_maximum_that_does_not_move_stops_the_wave() {
-    // Polarity is pooled directly, and positions are the cells' centres: a second event of a cell changes neither.
+    // Polarity is pooled directly, at centres of cells: a second event of a cell changes nothing.
     let mut engine = chain(&shape(near(Candidates::All), 0, vec![pool(0, 2, false)]), 5);
     engine.push(Event::new(1, 21, 51, true));
     let rows = recomputed(&mut engine);
@@ -193,7 +193,7 @@ fn a_row_is_computed_for_what_it_reads_and_for_nothing_that_blocks_before_read()
         pool.blocks[0] = first;
         pool
     };
-    // Cells 0, 5 and 6 move. None beside cell 0 has moved: the first block leaves its row as it was.
+    // Cells 0, 5 and 6 move. The first block leaves the row of cell 0 as it was.
     let mut engine = engine(shape(near(Candidates::All), 0, vec![two(block())]).build());
     for i in 0..10 {
         engine.push(Event::new(0, 10 * i, 50, false));
@@ -226,8 +226,7 @@ fn a_pointnet_row_is_computed_for_itself_and_for_what_it_reads() {
         pool.blocks = vec![first, BlockShape { input: 1, ..second }];
         shape(near(Candidates::Past(Lifetime::Window)), 0, vec![pool])
     };
-    // Each cell reads the cell before it. Cell 2 moves: without itself its row stays, a spline block as in
-    // `a_row_is_computed_for_what_it_reads_and_for_nothing_that_blocks_before_read`.
+    // Each cell reads the cell before it. Cell 2 moves, but its row stays.
     for (first, second, expected) in [
         (block(), block(), [vec![2], vec![3], vec![4]]),
         (pointnet(), block(), [vec![2], vec![2, 3], vec![3, 4]]),
@@ -262,7 +261,7 @@ fn a_pointnet_row_whose_maximum_stays_stops_the_wave() {
     }
     engine.predict().expect("finite");
     engine.push(Event::new(1, 50, 50, true));
-    // The new row and its neighbour are computed; the neighbour's bits stay, and the second block reads new in-edges alone.
+    // The new row and its neighbour are computed; the second block reads new in-edges alone.
     assert_eq!(recomputed(&mut engine), [vec![4, 5], vec![4, 5]]);
 }
 
@@ -310,7 +309,7 @@ fn a_frozen_row_that_leaves_before_a_prediction_is_pooled_by_none() {
 fn a_member_below_the_maximum_leaves_without_its_cell_being_taken_again() {
     for candidates in [Candidates::All, Candidates::Past(Lifetime::Frozen)] {
         let mut engine = engine(shape(near(candidates), 0, vec![pool(0, 0, false)]).build());
-        // With frozen rows the first two predictions split the members into the front and the back of a queue.
+        // With frozen rows the first two predictions split the members of a queue into two parts.
         for (t_us, on) in [(0, false), (10, false), (20, true)] {
             engine.push(Event::new(t_us, 50, 50, on));
             engine.predict().expect("finite");
@@ -361,7 +360,7 @@ fn what_expires_together_is_not_repaired() {
     }
     engine.predict().expect("finite");
     engine.advance(SPAN_US + 1);
-    // Five nodes left; of the two that stay, the one that read the fifth is recomputed, and its neighbour a layer later.
+    // Five nodes left; the one that read the fifth is recomputed, its neighbour a layer later.
     assert_eq!(recomputed(&mut engine)[..2], [vec![0], vec![0, 1]]);
     engine.push(Event::new(10 * SPAN_US, 0, 0, true));
     assert_eq!(recomputed(&mut engine), [[0], [0], [0], [0]]);
@@ -452,7 +451,7 @@ fn neighbourhoods_of_cells_are_checked_where_an_edge_or_a_position_changed_and_n
     assert_eq!(checked(false, &[(0, 0), (10, 10)], &[], SPAN_US + 1), (1, 0));
     // An edge between two cells of which more than one pair of events is left stays as it was.
     assert_eq!(checked(false, &[(0, 0), (10, 10)], &[(11, 1)], SPAN_US + 1), (0, 0));
-    // The oldest event makes room for one of its cell: that is new, and so is the edge of the cell beside it.
+    // The oldest event makes room for one of its cell, which has a new edge.
     assert_eq!(checked(false, &[(0, 0), (1, 10), (1, 90)], &[(2, 1)], 2).0, 2);
 }
 

@@ -1,4 +1,4 @@
-//! Engine and batch against the same network in f64: random networks, random streams, and a graph small enough for a hand.
+//! Engine and batch against the same network in f64: random, and small enough for a hand.
 //!
 //! `MEISSNER_CASES` sets the number of cases (200 without it).
 
@@ -17,9 +17,9 @@ use meissner_verify::frame_networks::{self, Style};
 use meissner_verify::strategies::{network, script};
 use proptest::prelude::*;
 
-/// Largest difference, as a share of the largest magnitude so far: what a layer makes of a rounding error is a matter of its
-/// weights, and weights of these networks are of order 1. 2,000 random cases of each kind stay below 1.5e-6 (networks over
-/// events) and 6e-6 (frame networks, by Winograd's tiles); others may be a few times as far off.
+/// Largest difference, as a share of the largest magnitude so far. 2,000 random cases of each kind
+/// stay below 1.5e-6 (networks over events) and 6e-6 (frame networks, by Winograd's tiles); others
+/// may be a few times as far off.
 const WITHIN: f64 = 3e-5;
 
 /// Adds to `scale` the magnitudes of a feature, and says where it is further off than they allow.
@@ -115,7 +115,7 @@ proptest! {
     }
 }
 
-/// A block that passes its input on, weighted by the x attribute: the weight of 0 is 0, that of 1 is 1.
+/// A block that passes its input on, weighted by the x attribute.
 fn slope() -> GraphConvolution {
     let parts = SplineParts {
         inputs: 1,
@@ -164,7 +164,7 @@ fn three_events_on_a_line_are_what_a_hand_computes() {
     let network = Arc::new(line(Normalisation::Fixed));
     let reference = EventReference::new(Arc::clone(&network), sensor, None).expect("fixed scales");
     let trace = reference.forward(Stream::new(&events));
-    // u = dx / 8 + 0.5: the first reads the second (2/8 + 0.5, on), the second the first, the third the second.
+    // u = dx / 8 + 0.5: the first reads the second (0.75, on), the second the first, the third it.
     assert_eq!(trace.levels[0].features[1], [[0.75], [0.25], [0.125]]);
     // Columns 0 to 3 hold the first two, of which 0.75 is larger.
     assert_eq!(trace.readout, [[0.75], [0.125]]);

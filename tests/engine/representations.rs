@@ -1,4 +1,4 @@
-//! Frames and tactile windows as they come out of the stream equal those from the whole list of events or readings.
+//! Frames and tactile windows from the stream equal those from the whole list.
 //!
 //! `MEISSNER_CASES` sets the number of cases (2,000 without it).
 

@@ -62,7 +62,7 @@ fn what_is_held_at_a_reset_is_counted() {
     assert_eq!((engine.event_counters().outliers, engine.event_counters().pushed), (1, 7));
 }
 
-/// Found by the claims of every engine: rows of events that a reset still took were computed after it.
+/// Found by the claims: rows of events that a reset still took were computed after it.
 #[test]
 fn late_events_that_a_reset_takes_leave_nothing_behind() {
     for candidates in EVERY {

@@ -1,5 +1,5 @@
-//! Snapshots that were damaged or do not fit: of both kinds of engine, damaged at every place; of frame engines, made up, of
-//! another network or with other options. Refused with the place, and the engine is as it was.
+//! Snapshots that were damaged at any place, made up, or do not fit are refused with the place, and
+//! the engine is as it was.
 
 use std::sync::Arc;
 
@@ -67,7 +67,7 @@ fn over_frames() -> (FrameEngine, Vec<u8>) {
     (run(1), run(2).to_bytes())
 }
 
-/// Has `wrong` refused with a typed error that names what was expected and found, or restored; says which.
+/// Has `wrong` refused with a typed error that says what was expected, or restored; says which.
 fn is_refused(engine: &mut impl Incremental, before: &[u8], wrong: &[u8], at: usize) -> bool {
     match engine.restore_bytes(wrong) {
         Ok(()) => {

@@ -1,4 +1,4 @@
-//! Snapshots that an engine refuses: with a typed error that names what is wrong, and the engine as it was.
+//! Snapshots that an engine refuses by name, and the engine as it was.
 
 use std::sync::{Arc, LazyLock};
 
@@ -14,7 +14,7 @@ use meissner_verify::networks::{BlockShape, ConvolutionShape, NetworkShape, Pool
 use proptest::prelude::*;
 
 pub(crate) const SENSOR: Sensor = Sensor { width: 20, height: 10 };
-/// Where the snapshots below have their fields. Up to the events of the window, those of all engines have the same.
+/// Where the snapshots below have their fields; all have the same up to the window's events.
 static FIELDS: LazyLock<Fields> = LazyLock::new(|| {
     let (mut engine, bytes) = after_events(Candidates::Past(Lifetime::Frozen), 0.0);
     Fields::of(&bytes, |bytes| engine.restore_bytes(bytes))
@@ -191,7 +191,7 @@ fn a_content_that_does_not_fit_is_refused_with_place_expected_and_found() {
     let rows = FIELDS.at("number of rows of level 0");
     let events = number(&bytes, window) as usize;
     let newest = number(&bytes, last) as i64 - 1;
-    // Between the number of events and their rows: 13 bytes for each event, then its number of in-edges.
+    // Between the number of events and their rows: 13 bytes an event, its number of in-edges.
     let (first, in_edges) = (window + 8, rows - events);
     let after = |event: usize| first + event * (in_edges - first) / events;
     for (at, value, expected) in [

@@ -1,4 +1,4 @@
-//! What becomes of events that do not come as one wishes, and of the neighbourhoods that they leave behind.
+//! Late, distant and other unusual events, and the neighbourhoods that they leave behind.
 
 use meissner_engine::{
     Admission, Candidates, DropReason, Engine, EngineError, Event, GraphRule, LatePolicy, Lifetime, Options,
@@ -138,7 +138,7 @@ fn an_event_outside_the_sensor_is_dropped_and_counted() {
     assert_eq!(stream.compare(), Ok(()));
 }
 
-/// A search that visits every cell of 8 x 8 pixels would go through 67 million of them for an event, and hold 2 GiB.
+/// A search of every cell of 8 x 8 pixels would go through 67 million of them for an event.
 #[test]
 fn the_largest_sensor_takes_few_mib_and_gives_the_bits_of_the_batch() {
     for candidates in EVERY {
@@ -358,7 +358,7 @@ fn an_expired_neighbour_is_replaced_by_the_next_nearest() {
     }
 }
 
-/// Found by the property test: those of its neighbours that are about to leave do not show that a reader has all
+/// Found by the property test: neighbours that are about to leave do not show that a reader has all
 /// candidates that stay.
 #[test]
 fn a_list_that_loses_several_neighbours_at_once_is_filled_up_again() {

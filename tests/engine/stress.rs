@@ -1,4 +1,4 @@
-//! What overflows: no NaN passes for a prediction, and what is infinite is the same in every way of computing it.
+//! What overflows: no NaN passes for a prediction, and infinities are the same in every way.
 
 use std::sync::Arc;
 
@@ -22,7 +22,7 @@ fn layer(name: &str, from: usize, kind: FrameLayerKind) -> FrameLayer {
     FrameLayer { name: name.to_owned(), from, kind }
 }
 
-/// Pixels x, y of 8 channels; the second convolution makes NaN of what the first makes infinite, and nothing else.
+/// Pixels of 8 channels; the second convolution makes NaN of what the first makes infinite.
 fn nan_of_infinity() -> FrameNetworkParts {
     let conv =
         |channels, weight| FrameLayerKind::Conv { kernel: 1, channels, weight, bias: None, relu: false };
@@ -152,7 +152,7 @@ fn exploding_activations_are_an_error_with_the_layers_name_in_engine_and_batch_a
 
 #[test]
 fn an_infinite_prediction_is_given_as_such_and_holds_no_nan() {
-    // The trained weights of a last layer are small: blocks that are larger make up for it, or drawn weights.
+    // Trained weights of a last layer are small: larger blocks or drawn weights make up for it.
     let graphres = draw(&Description::shipped("graphres").expect("a shipped network"), 1);
     let networks = [changed_from("graphres", &graphres, 1.0, 1e38), changed("tactigraph-past", 10.0, 1e38)];
     for network in &networks {
@@ -176,8 +176,8 @@ fn vanishing_and_denormal_activations_are_the_same_bits_in_engine_and_batch() {
     }
 }
 
-/// Neighbours within 11 pixels. What the first block writes is infinite for a row of two neighbours; what the second
-/// one writes, for a row that reads such a row, is not a number in its first channel and infinite in its second.
+/// Neighbours within 11 pixels. The first block is infinite for a row of two neighbours; the second
+/// is then not a number in its first channel and infinite in its second.
 fn infinite_between_two(head: Option<usize>, blocks: usize) -> NetworkParts {
     let block = |input| BlockShape {
         channels: 2,

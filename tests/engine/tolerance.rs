@@ -1,5 +1,4 @@
-//! What a tolerance keeps and what bounds it: every stored row is within it of what its stored inputs give, after any
-//! stream, so that errors do not add up over time.
+//! Every stored row is within the tolerance of what its stored inputs give, after any stream.
 //!
 //! `MEISSNER_CASES` sets the number of cases (1,000 without it).
 
@@ -72,7 +71,7 @@ fn a_huge_tolerance_keeps_every_row_but_those_that_enter() {
     let before = engine.feature(0, 1);
     engine.push(Event::new(0, 50, 50, false));
     engine.predict().expect("finite");
-    // The fourth event gained a neighbour, and its row of the first layer does not reach the second.
+    // The fourth event gained a neighbour; its row of the first layer does not reach the second.
     assert_eq!(engine.recomputed(), [[4, 5], [4, 5]]);
     assert!(engine.counters().layers.iter().all(|layer| layer.within_tolerance == 1));
     assert_eq!(engine.feature(0, 1)[..5], before);
@@ -157,7 +156,7 @@ fn discs(events: usize) -> Vec<Event> {
     (0..events).map(edge).collect()
 }
 
-/// Largest and root mean square difference of the predictions in each tenth of the stream, and the share of rows kept.
+/// Largest and root mean square difference in each tenth of the stream, and rows kept.
 fn drift(network: &str, tolerance: f32) -> ([[f64; 2]; 10], f64) {
     const EVENTS: usize = 50_000;
     const EVERY: usize = 50;
@@ -202,7 +201,7 @@ fn the_drift_over_50000_events_does_not_grow() {
         for [largest, rms] in tenths {
             println!("  largest {largest:.2e}, rms {rms:.2e}");
         }
-        // The first tenth fills the window. A sum of errors would grow sixfold from the second to the last ones.
+        // The first tenth fills the window. A sum of errors would grow sixfold.
         let mean = |tenths: &[[f64; 2]], which: usize| {
             tenths.iter().map(|tenth| tenth[which]).sum::<f64>() / tenths.len() as f64
         };

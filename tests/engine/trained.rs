@@ -1,8 +1,7 @@
-//! The shipped, trained networks give what `PyTorch` gives with the same weights, and those over events what a batch gives at any
-//! time.
+//! The shipped, trained networks give what `PyTorch` gives, and at any time what a batch gives.
 //!
-//! `golden/{digits,angles,touch,force,slip}.json` hold streams of events or readings made by a formula, and `PyTorch`'s values at their
-//! ends, or at the end of each frame or window (`models/train/*/golden.py`). Those for force use the streams of the angles.
+//! `golden/{digits,angles,touch,force,slip}.json` hold streams or readings made by a formula, and
+//! `PyTorch`'s values (`models/train/*/golden.py`). Those for force use the streams of the angles.
 
 use meissner_engine::frames::{Convolution, FrameEngine, FrameNetwork};
 use meissner_engine::representations::{Completed, Consecutive, ConsecutiveFrames, Crop, SlidingSigned};

@@ -1,4 +1,4 @@
-//! Runs the fixed run of `meissner_tests::fixed_run` as this build has it, and fails where a bit is not what it always was.
+//! Runs `meissner_tests::fixed_run` in this build, and fails where a bit is another one.
 //!
 //!     cargo run --release -p meissner-tests --example fixed_run
 

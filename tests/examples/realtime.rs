@@ -1,4 +1,4 @@
-//! Pushes and predicts under the real-time sanitizer, which ends the program at a call that may block or allocate.
+//! Pushes and predicts under the real-time sanitizer, which ends at a call that may block.
 //!
 //!     .ci/sanitize realtime
 //!

@@ -1,4 +1,4 @@
-//! What filters must let pass, from the whole list of events: the slow twin of `meissner_engine::filters`.
+//! What filters must let pass, from all events: the slow twin of `meissner_engine::filters`.
 
 use meissner_engine::filters::RateLimit;
 use meissner_engine::{Event, Sensor};
@@ -35,8 +35,8 @@ fn apart(a: Event, b: Event) -> i128 {
     (i128::from(a.t_us) - i128::from(b.t_us)).abs()
 }
 
-/// Whether the last event may pass: since each that passed before, no more have than the depth and the rate allow. Times
-/// are the newest ones so far.
+/// Whether depth and rate allow the last event, since each that passed before. Times are the newest
+/// ones so far.
 fn allowed(rate: u64, events: &[Event], passed: &[bool]) -> bool {
     let depth = i128::from((rate * RateLimit::DEPTH_US).max(1_000_000));
     let newest = |i: usize| events[..=i].iter().map(|e| i128::from(e.t_us)).max().unwrap_or(0);

@@ -1,4 +1,4 @@
-//! What frames must hold, from the whole list of events: the slow twin of `meissner_engine::representations`.
+//! What frames must hold, from all events: the twin of `meissner_engine::representations`.
 
 use std::collections::BTreeSet;
 

@@ -1,7 +1,7 @@
-//! One run, the same for ever: shipped networks over events and made networks over frames, and one number that stands for
-//! every bit of their predictions.
+//! One run, the same for ever: shipped networks over events, made networks over frames, and one
+//! number for every bit of their predictions.
 //!
-//! The numbers depend on semantics and weights alone, and may change only where these are changed on purpose.
+//! The numbers may change only where semantics or weights are changed on purpose.
 
 use std::hash::Hasher;
 use std::sync::Arc;
@@ -15,7 +15,7 @@ use meissner_models::{Description, Weights};
 use meissner_verify::Random;
 use meissner_verify::frame_networks::{self, Style};
 
-/// What [`of_events`] gives, on every machine, instruction set and number of threads, from every build.
+/// What [`of_events`] gives, on every machine, instruction set and number of threads.
 pub const EVENTS_EXPECTED: u64 = 0x18ca_cf0e_d0b2_8c8d;
 /// What [`of_frames`] gives.
 pub const FRAMES_EXPECTED: u64 = 0x65ab_181e_afc4_7072;

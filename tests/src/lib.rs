@@ -1,5 +1,4 @@
-//! Helpers of the whole-engine tests: numbers of cases, oracles for filters and representations, stored rows, and the files beside the project.
-//! Random networks and streams, and the comparison with a batch, are in `meissner_verify`.
+//! Helpers of the whole-engine tests: oracles of filters and representations, stored rows, files.
 
 pub mod event_filters;
 pub mod event_frames;

@@ -85,7 +85,7 @@ impl Golden {
     }
 }
 
-/// The shipped description of a frame network, for images of another height and width where the golden file has them.
+/// A shipped description of a frame network, with images of another size where `size` says so.
 ///
 /// # Panics
 /// If there is none of that name, or `size` is for a network whose frames are no images.
@@ -101,7 +101,7 @@ pub fn frame_description(name: &str, size: Option<[usize; 2]>) -> FrameDescripti
     FrameDescription::parse(&text).expect("consistent")
 }
 
-/// Asserts that `got` is within `tolerance` of `expected`, relative to the largest magnitude of `expected`.
+/// Asserts that `got` is within `tolerance` of `expected`, relative to its largest magnitude.
 ///
 /// # Panics
 /// If it is not.

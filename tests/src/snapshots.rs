@@ -10,7 +10,7 @@ const HEADER: usize = 24;
 /// Bytes after the content of a snapshot without a note: the length of the note, and the checksum.
 pub const FOOTER: usize = 16;
 
-/// `bytes`, a snapshot whose content was changed, with length and checksum that fit: FNV-1a over all before it.
+/// A snapshot with changed content, with length and checksum (FNV-1a) that fit.
 pub fn sealed(mut bytes: Vec<u8>) -> Vec<u8> {
     bytes.truncate(bytes.len() - 8);
     let length = (bytes.len() + 8) as u64;
@@ -26,8 +26,9 @@ pub fn sealed(mut bytes: Vec<u8>) -> Vec<u8> {
 pub struct Fields(Vec<(String, usize)>);
 
 impl Fields {
-    /// The fields of `bytes`, which `restore` reads: each is missing where the content is cut before its end. Items
-    /// whose number is checked against the bytes that are left are part of the field that holds this number.
+    /// The fields of `bytes`, which `restore` reads: each is missing where the content is cut
+    /// before its end. Items whose number is checked against the bytes that are left belong to the
+    /// field of this number.
     pub fn of(bytes: &[u8], mut restore: impl FnMut(&[u8]) -> Result<(), EngineError>) -> Self {
         let mut fields: Vec<(String, usize)> = Vec::new();
         for end in HEADER..bytes.len() - FOOTER {

@@ -1,7 +1,7 @@
-//! What an engine has stored against what its own stored inputs give: the check that an engine with a tolerance must pass.
+//! What an engine has stored against what its own stored inputs give.
 //!
-//! The graph does not depend on features, so that a batch over the same stream tells neighbourhoods and positions; cells
-//! are computed here once more, in wide integers.
+//! Neighbourhoods and positions come from a batch, as they do not depend on features; cells are
+//! computed once more, in wide integers.
 
 use meissner_engine::frames::{FrameEngine, FrameOptions, Skip};
 use meissner_engine::{Aggregation, ConvolutionScratch, Event, Fraction, Pooling, Trace};
@@ -9,8 +9,8 @@ use meissner_kernels::{Isa, Lanes, Matrix, add, clear_negative_zero, maximum};
 
 use meissner_verify::{CheckedEngine, bits};
 
-/// Asserts that every stored row of a block is within the engine's tolerance of what its stored inputs give, and that
-/// maxima and prediction are exactly those of the stored rows.
+/// Asserts that every stored row of a block is within the engine's tolerance of what its stored
+/// inputs give, and that maxima and prediction are exactly those of the stored rows.
 ///
 /// # Errors
 /// What is not.
@@ -99,7 +99,7 @@ fn cell_of_event(checked: &CheckedEngine, pooling: &Pooling, event: Event) -> [i
     ]
 }
 
-/// Cell of `pooling` that holds the centre of the cell `index` of `inner`; the last one for a centre beyond the image.
+/// Cell of `pooling` that holds the centre of cell `index` of `inner`; the last one beyond.
 fn cell_of_cell(pooling: &Pooling, inner: &Pooling, [x, y, t]: [i128; 3]) -> [i128; 3] {
     let axis = |i: i128, inner: Fraction, outer: Fraction| {
         outer.cell((2 * i + 1) * i128::from(inner.numerator()), 2 * i128::from(inner.denominator()))
@@ -192,7 +192,7 @@ fn prediction(checked: &CheckedEngine, trace: &Trace, top: &[Matrix]) -> Vec<f32
     values.values(0).collect()
 }
 
-/// How many cells in time each row of the last level lies before the newest; 0 where the readout does not ask.
+/// How many cells in time each row of the last level lies before the newest, or 0.
 fn ages(checked: &CheckedEngine, trace: &Trace) -> Vec<usize> {
     let parts = checked.engine.network().parts();
     let top = &trace.levels[trace.levels.len() - 1];

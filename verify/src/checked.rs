@@ -1,7 +1,7 @@
-//! An engine beside its full recomputation: over events beside the batch, over frames beside one that skips nothing.
+//! An engine beside its full recomputation: a batch, or a frame engine that skips nothing.
 //!
-//! Enters: the steps of a stream. Leaves: the first difference in outcomes, neighbourhoods, rows and predictions. Invariant:
-//! the batch is given exactly the events that the admission rules accept.
+//! Enters: steps. Leaves: the first difference in outcomes, neighbourhoods, rows and predictions.
+//! Invariant: the batch is given exactly the events that the admission rules accept.
 
 use std::fmt::Display;
 use std::sync::Arc;
@@ -16,7 +16,7 @@ use crate::error::{Difference, first_difference};
 use crate::incremental::{Checked, Incremental, IncrementalEvents, values};
 use crate::stream::{Script, Step};
 
-/// An engine that fills expired rows with NaN, so that a stale read shows. [`verify`](crate::verify) uses it.
+/// An engine that fills expired rows with NaN, so that a stale read shows.
 ///
 /// # Errors
 /// As [`Engine::with_options`].
@@ -103,8 +103,8 @@ impl<E: IncrementalEvents> CheckedEngine<E> {
         Ok(found.unwrap_or_default())
     }
 
-    /// Compares prediction, neighbourhoods and every row of every layer with the batch's, bit for bit. Where both refuse to
-    /// predict for the same reason, nothing else is compared.
+    /// Compares prediction, neighbourhoods and every row with the batch's, bit for bit. Where both
+    /// refuse to predict for the same reason, nothing else is compared.
     ///
     /// # Errors
     /// The first difference.

@@ -1,8 +1,8 @@
-//! What every engine keeps, wherever it runs: in a thread, behind a C interface, in another process.
+//! What every engine keeps: also in a thread, behind a C interface, in another process.
 //!
-//! Each claim is a function over the steps of a stream and makes its engines anew; the error says which step broke it.
-//! [`predicts`], [`takes_slices`] and [`forgets`] need a [`Predictor`] alone; [`resumes`] and [`refuses_damage`] need its
-//! states. A test of an engine draws networks and streams, and checks the claims that the engine has the means for.
+//! Each claim is a function over the steps of a stream and makes its engines anew; the error names
+//! the step. [`predicts`], [`takes_slices`] and [`forgets`] need a [`Predictor`] alone; [`resumes`]
+//! and [`refuses_damage`] need its states.
 
 use std::fmt::{Debug, Display};
 
@@ -44,8 +44,7 @@ fn done<T>(result: Result<T, impl Display>) -> Result<T, String> {
     result.map_err(|error| error.to_string())
 }
 
-/// Both predict the same, bit for bit, and count the same: an engine beside its batch, or beside the engine that it
-/// hands its inputs to.
+/// Both predict the same, bit for bit, and count the same.
 ///
 /// # Errors
 /// The first difference.
@@ -63,7 +62,7 @@ pub fn predicts<P: Predictor, O: Predictor<Input = P::Input>>(
     Ok(())
 }
 
-/// Slices have the effect of their inputs one by one, wherever the stream is cut: `cuts` are lengths of slices, in turn.
+/// Slices have the effect of their inputs one by one; `cuts` are lengths of slices, in turn.
 ///
 /// # Errors
 /// The first difference.
@@ -121,9 +120,9 @@ pub fn forgets<P: Predictor>(make: impl Fn() -> P, steps: &[Step<P::Input>]) -> 
     Ok(())
 }
 
-/// An engine that returns to a state goes on as the one whose state it is: to a state in memory and to bytes, each
-/// restored by an engine that has seen something else. The stream is cut after the step `cut`, and the engine that goes on
-/// from bytes is written and read again where the stream says so.
+/// An engine that returns to a state goes on as the one whose state it is, from memory and from
+/// bytes. The stream is cut after the step `cut`; the engine from bytes is written and read again
+/// where the stream says so.
 ///
 /// # Errors
 /// The first difference.
@@ -166,7 +165,7 @@ pub fn resumes<E: Incremental>(
     Ok(())
 }
 
-/// Bytes of a state that are cut, or have a bit flipped, at `place` (0 to 1) are refused, and change nothing.
+/// Bytes cut at `place` (0 to 1), or with a bit flipped there, are refused and change nothing.
 ///
 /// # Errors
 /// What was not refused, or changed.

@@ -78,8 +78,7 @@ impl From<RunError> for VerifyError {
     }
 }
 
-/// The first difference that was found: `found` is the engine's, `expected` that of the admission rules or of the full
-/// recomputation.
+/// The first difference: `found` is the engine's, `expected` that of the full recomputation.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[expect(missing_docs, reason = "the fields are named by what they hold")]
 #[non_exhaustive]

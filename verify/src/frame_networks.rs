@@ -204,8 +204,8 @@ pub fn network(
     net.parts(format!("{style:?}"))
 }
 
-/// A network without state, for images of `image` (channels, rows, columns): a convolution of `channels`, a pooling where
-/// the image can be halved, a dense layer of `outputs`.
+/// A network without state for images of `image` (channels, rows, columns): a convolution, a
+/// pooling where the image can be halved, a dense layer of `outputs`.
 pub fn head(image: [usize; 3], channels: usize, outputs: usize, seed: u64) -> FrameNetworkParts {
     let [read, height, width] = image;
     let input = FrameShape::Image { channels: read, height, width };
@@ -219,7 +219,7 @@ pub fn head(image: [usize; 3], channels: usize, outputs: usize, seed: u64) -> Fr
     net.parts("head".to_owned())
 }
 
-/// Frames of `channels` x `height` x `width`: mostly zero, often equal to the frame before or in part, sometimes all new.
+/// Frames of `channels` x `height` x `width`, mostly zero and often equal to the one before.
 pub fn sequence(count: usize, [channels, height, width]: [usize; 3], seed: u64) -> Vec<Vec<f32>> {
     let mut random = Random::new(seed);
     let mut frame = vec![0.0; channels * height * width];

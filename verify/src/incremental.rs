@@ -7,7 +7,7 @@ use meissner_kernels::Neighbour;
 use crate::error::Difference;
 use crate::stream::Step;
 
-/// An engine that is verified. [`Engine`] and [`FrameEngine`] implement it; so can an engine of your own.
+/// An engine under test. Implement it for an engine of your own.
 pub trait Incremental: Predictor {
     /// A state in memory.
     type Snapshot;

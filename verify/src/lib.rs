@@ -1,8 +1,9 @@
-//! Verifies that incremental results equal full recomputation, bit for bit. Nothing here parses arguments or prints.
+//! Verifies that incremental results equal full recomputation, bit for bit.
 //!
-//! [`verify`] runs a network over random streams. At every comparison, each row of each layer, each neighbourhood and the
-//! prediction of the incremental engine must have the bits of the batch. A stream on which they differ is shrunk to a
-//! minimal stream, which [`Stream::to_text`] writes and [`Stream::parse`] reads again. In your own test suite:
+//! [`verify`] runs a network over random streams and compares each row of each layer, each
+//! neighbourhood and the prediction with the batch. A stream on which they differ is shrunk to a
+//! minimal one, which [`Stream::to_text`] writes and [`Stream::parse`] reads. In your own test
+//! suite:
 //!
 //! ```
 //! use meissner_models::{Description, Weights};
@@ -19,15 +20,15 @@
 //!
 //! | module | contents |
 //! |---|---|
-//! | [`verify`], [`verify_stream`], [`verify_frames`] | an engine over streams, to a [`Summary`] or a [`Mismatch`] |
+//! | [`verify`], [`verify_stream`], [`verify_frames`] | to a [`Summary`] or a [`Mismatch`] |
 //! | [`random_streams`], [`random_frames`] | streams with every difficulty |
-//! | [`Incremental`], [`IncrementalEvents`] | the methods of an engine under test: implement them to verify an engine of your own |
+//! | [`Incremental`], [`IncrementalEvents`] | an engine under test: implement them for your own |
 //! | [`conformance`] | claims that every engine keeps, behind any interface |
 //! | [`CheckedEngine`] | an engine beside its full recomputation, for streams of your own |
 //! | [`Stream`], [`Step`], [`Script`] | streams as data, from recordings and as text |
 //! | [`networks`], [`frame_networks`] | random networks |
 //! | `strategies` | proptest strategies for streams and networks (feature `proptest`) |
-//! | [`stress`] | streams, weights, states and images that strain the arithmetic, with errors against f64 |
+//! | [`stress`] | inputs and weights that strain the arithmetic, with errors against f64 |
 //! | [`soak`] | one engine over recordings in an endless loop, disturbed at random |
 //!
 //! Everything except timings and memory is determined by seeds and inputs.

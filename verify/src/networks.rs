@@ -126,7 +126,7 @@ pub struct NetworkShape {
     pub grid: [usize; 2],
     /// Outputs of the dense layers.
     pub dense: Vec<usize>,
-    /// Channels of the convolution of a head, which replaces the dense layers and writes as many values as the last one.
+    /// Channels of the convolution of a head, which replaces the dense layers.
     pub head: Option<usize>,
     /// Seed of the numbers.
     pub seed: u64,
@@ -166,7 +166,7 @@ impl NetworkShape {
             pooled.push((pooling, level));
             channels = next;
         }
-        // Cells in time can stay apart where all poolings have the same; every other such network does so.
+        // Cells in time can stay apart where all poolings have the same.
         let time = pooled.first().and_then(|(pooling, _): &(Pooling, Level)| pooling.time);
         let same = pooled.iter().all(|(pooling, _)| pooling.time == time);
         let time = time.filter(|_| same && self.seed.is_multiple_of(2));

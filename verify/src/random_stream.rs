@@ -36,7 +36,7 @@ const ORIGINS: [i64; 4] = [0, 1_700_000_000_000_000, -77, i64::MIN / 2];
 /// Events in a window of an ordinary scene.
 const NODES: u64 = 24;
 
-/// `cases` random streams of `seed` for `network`, which verify an engine: on `sensor`, or on several sizes. In every other
+/// `cases` random streams of `seed` for `network`: on `sensor`, or on several sizes. In every other
 /// stream, and where the window is to be full, the capacity is below that of the network.
 pub fn random_streams(
     network: &Network,
@@ -47,8 +47,7 @@ pub fn random_streams(
     (0..cases).map(move |case| random_stream(network, sensor, &mut random_of(seed, case)))
 }
 
-/// `cases` random sequences of `seed` with frames of `values` values each, between predictions, resets and returns to
-/// states.
+/// `cases` random sequences of `seed` with frames of `values` values, between other steps.
 pub fn random_frames(values: usize, cases: u64, seed: u64) -> impl Iterator<Item = Stream<Vec<f32>>> {
     (0..cases).map(move |case| {
         let random = &mut random_of(seed, case);

@@ -1,4 +1,4 @@
-//! Runs an engine beside its full recomputation over streams, and shrinks the first stream on which results differ.
+//! Runs an engine beside its full recomputation, and shrinks the first stream that differs.
 
 use std::sync::Arc;
 
@@ -12,7 +12,7 @@ use crate::random_stream::random_streams;
 use crate::shrink::{Shrink, shrink};
 use crate::stream::{Step, Stream};
 
-/// Verifies the engine of `network` on `cases` random streams of `seed`: on sensors of several sizes, or on `sensor`.
+/// Verifies the engine of `network` on `cases` random streams of `seed`, on `sensor` or several.
 ///
 /// # Errors
 /// As [`verify_stream`].
@@ -29,11 +29,11 @@ pub fn verify(
     Ok(summary)
 }
 
-/// Verifies the engine that `engine` makes on `stream`, and adds to `summary`. The batch compares all pairs of events in
-/// small windows and searches large ones with a k-d tree; it orders neighbours by their exact distance.
+/// Verifies the engine that `engine` makes on `stream`, and adds to `summary`. The batch compares
+/// all pairs of events in small windows and searches large ones with a k-d tree.
 ///
 /// # Errors
-/// [`VerifyError::Mismatch`] with a minimal stream, or [`VerifyError::Engine`] if the engine refuses the network.
+/// [`VerifyError::Mismatch`] with a minimal stream, or [`VerifyError::Engine`].
 pub fn verify_stream<E: IncrementalEvents>(
     network: &Arc<Network>,
     stream: Stream,
@@ -54,11 +54,11 @@ pub fn verify_stream<E: IncrementalEvents>(
     run_stream(stream, make, summary)
 }
 
-/// Verifies the frame engine that `engine` makes on a sequence of frames, and adds to `summary`: an engine that skips
-/// values that no change reaches against one that computes every value of every frame.
+/// Verifies the frame engine that `engine` makes against one that computes every value of every
+/// frame, and adds to `summary`.
 ///
 /// # Errors
-/// [`VerifyError::FrameMismatch`] with a minimal sequence, or [`VerifyError::Engine`] if the engine refuses the network.
+/// [`VerifyError::FrameMismatch`] with a minimal sequence, or [`VerifyError::Engine`].
 pub fn verify_frames<E: Incremental<Input = Vec<f32>>>(
     network: &Arc<FrameNetwork>,
     stream: Stream<Vec<f32>>,
@@ -98,8 +98,7 @@ where
     Err(Box::new(Mismatch { difference, input, stream: Stream { steps, ..stream }, found_in }).into())
 }
 
-/// Runs `steps`, comparing after every step but inputs and clock advances, and at the end. The first difference, and the
-/// number of steps up to it.
+/// Runs `steps` with comparisons: the first difference, and the number of steps up to it.
 fn difference<C: Checked>(checked: &mut C, steps: &[Step<C::Input>]) -> Option<(usize, Difference)> {
     for (i, step) in steps.iter().enumerate() {
         let done =

@@ -1,8 +1,7 @@
 //! Smaller streams with a difference: steps are dropped, times and pixels become round.
 //!
-//! Delta debugging (Zeller and Hildebrandt 2002, "Simplifying and isolating failure-inducing input"): ever smaller parts of
-//! the stream are left out as long as the rest still shows a difference. Deterministic: the same stream shrinks to the
-//! same stream.
+//! Delta debugging (Zeller and Hildebrandt 2002, "Simplifying and isolating failure-inducing
+//! input"): ever smaller parts are left out as long as the rest still differs. Deterministic.
 
 use meissner_engine::Event;
 
@@ -19,7 +18,7 @@ pub(crate) trait Shrink: Clone {
     fn simpler(steps: &[Step<Self>], at: usize) -> Vec<Vec<Step<Self>>>;
 }
 
-/// The smallest stream found that `fails`, starting from `steps`, which does. `fails` says after how many steps.
+/// The smallest stream found that `fails`, from `steps`. `fails` says after how many steps.
 pub(crate) fn shrink<I: Shrink>(
     mut steps: Vec<Step<I>>,
     mut fails: impl FnMut(&[Step<I>]) -> Option<usize>,

@@ -1,8 +1,8 @@
-//! One engine over recordings in an endless loop, disturbed at random. It finds errors that show only after a long time.
+//! One engine over recordings in an endless loop, disturbed at random: errors of a long time.
 //!
-//! Enters: recordings. Leaves: latencies, comparisons with the batch at checkpoints, and the promises that are broken.
-//! Invariant: engine and batch take the same events, except those that the engine forgets at the return to a snapshot. Everything except
-//! latencies and memory is determined by recordings, network and seed.
+//! Enters: recordings. Leaves: latencies, comparisons with the batch at checkpoints, broken
+//! promises. Invariant: engine and batch take the same events, except those that a snapshot
+//! forgets. All but latencies and memory is determined by recordings, network and seed.
 
 pub(crate) mod endless;
 pub(crate) mod report;
@@ -53,7 +53,7 @@ pub struct Soak {
 }
 
 impl Soak {
-    /// An engine of `network` with the default options, before the first of `recordings`, of which there must be one.
+    /// An engine of `network` with the default options, before the first of `recordings`.
     ///
     /// # Errors
     /// The engine refuses the network or the sensor.
@@ -98,7 +98,7 @@ impl Soak {
         self.checked.engine.counters().events
     }
 
-    /// Performs the disturbance that is due, pushes the next event, and reads the prediction that is due.
+    /// Performs the disturbance that is due, pushes an event, and reads the prediction that is due.
     ///
     /// # Errors
     /// A layer computed NaN, or the engine refuses a state of its own.
@@ -165,7 +165,7 @@ impl Soak {
         Ok(())
     }
 
-    /// Compares the prediction with the batch's. `memory`, which tells live and resident bytes, is called after the batch.
+    /// Compares the prediction with the batch's. `memory` gives live and resident bytes after it.
     ///
     /// # Errors
     /// A layer computed NaN.

@@ -8,7 +8,7 @@ use crate::networks::{BlockShape, ConvolutionShape, NetworkShape, PoolShape};
 use crate::random_stream::random_frames;
 use crate::stream::{Script, Step};
 
-/// A step whose time counts from the step before, as [`Script::new`] takes it. Events lie in the first `pixels` columns and
+/// A step whose time counts from the step before. Events lie in the first `pixels` columns and
 /// rows, and all have one time where `one_instant`.
 fn relative(pixels: u16, one_instant: bool) -> impl Strategy<Value = Step> {
     let dt = if one_instant {
@@ -27,7 +27,7 @@ fn relative(pixels: u16, one_instant: bool) -> impl Strategy<Value = Step> {
     ]
 }
 
-/// Scripts of up to `most` steps, twice as many where there is a reset or where the clock restarts, on small sensors.
+/// Scripts of up to `most` steps, twice as many with a reset or restart, on small sensors.
 pub fn script(most: usize) -> impl Strategy<Value = Script> {
     script_on((prop_oneof![1u16..12, 12u16..70], prop_oneof![1u16..12, 12u16..70]), most)
 }
@@ -58,7 +58,7 @@ pub fn script_on(sensor: impl Strategy<Value = (u16, u16)>, most: usize) -> impl
     })
 }
 
-/// Scripts of up to `most` steps whose clock is not to be trusted: single stamps far ahead, jumps back by more than a window
+/// Scripts of up to `most` steps with single stamps far ahead, and jumps back by more than a window
 /// of `span_us`.
 pub fn unsteady_clock(span_us: i64, most: usize) -> impl Strategy<Value = Script> {
     let jump = prop_oneof![

@@ -1,4 +1,4 @@
-//! Streams as data: inputs, and the other calls of an engine, in order. As text, a mismatch can be kept, sent and replayed:
+//! Streams as data: inputs, and the other calls of an engine, in order. Their text:
 //!
 //! ```text
 //! # sensor 8x8                 (events alone)
@@ -14,7 +14,7 @@
 //! # bytes                      (the state as bytes, which a reset engine reads)
 //! ```
 //!
-//! Other comments are ignored. A stream of events is also a recording that every other command reads.
+//! Other comments are ignored. A stream of events is also a recording that every command reads.
 use meissner_engine::{Admission, Event, LatePolicy, Sensor};
 
 use crate::error::VerifyError;
@@ -30,7 +30,7 @@ pub enum Step<I = Event> {
     Predict,
     /// All inputs are forgotten.
     Reset,
-    /// A snapshot is taken, inputs follow that are to be forgotten, and the engine returns to the snapshot.
+    /// A snapshot, inputs that are to be forgotten, and the return to the snapshot.
     Snapshot,
     /// The state is written as bytes, the engine is reset, and returns to the bytes.
     Bytes,
@@ -63,7 +63,7 @@ pub struct Stream<I = Event> {
 const COMPARISONS: usize = 64;
 
 impl<I> Stream<I> {
-    /// The inputs of a recording, with a comparison after `every` inputs; `None` spreads 64 comparisons over it.
+    /// A recording, compared after every `every` inputs; `None` spreads 64 comparisons over it.
     pub fn of_recording(sensor: Option<Sensor>, inputs: Vec<I>, every: Option<usize>) -> Self {
         let every = every.unwrap_or(inputs.len().div_ceil(COMPARISONS)).max(1);
         let mut steps = Vec::with_capacity(inputs.len() + inputs.len() / every);
@@ -89,8 +89,8 @@ pub struct Script {
 }
 
 impl Script {
-    /// A stream from `steps` whose times count from the newest event or advance before them; an event of negative time is
-    /// late. Columns and rows are taken modulo a little more than the sensor's, so that a few pixels lie outside.
+    /// A stream from `steps` whose times count from the newest event or advance before them; an
+    /// event of negative time is late. A few pixels lie outside the sensor.
     pub fn new(sensor: Sensor, origin_us: i64, mut steps: Vec<Step>) -> Self {
         let pixel = |p: u16, extent: u16| (u32::from(p) % (u32::from(extent) * 33 / 32 + 1)) as u16;
         let (mut admission, mut clock) = (Admission::new(sensor, LatePolicy::Drop), origin_us);

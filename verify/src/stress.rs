@@ -1,7 +1,6 @@
-//! Streams, weights, states and images that strain the arithmetic, and elementary functions over all inputs.
+//! Inputs and weights that strain the arithmetic, and elementary functions over all inputs.
 //!
-//! Enters: nothing; cases are data in this module. Leaves: for each case, comparisons of the engine with the batch, errors
-//! against f64, times, and the promises that are broken.
+//! Leaves for each case comparisons with the batch, errors against f64, times, broken promises.
 
 pub(crate) mod events;
 mod frames;
@@ -24,7 +23,7 @@ const FULL: Size = Size { events: 640, frames: 1_000_000, passes: 5 };
 pub(crate) trait Run {
     /// The network, and the variant of the computation.
     fn network(&self) -> String;
-    /// Runs the input through the engine, from scratch and in f64, and adds the differences to `result`.
+    /// Runs the input through the engine, from scratch and in f64, and adds the differences.
     fn compare(&self, result: &mut CaseResult) -> Result<(), VerifyError>;
     /// Microseconds of an input and the prediction after it, mean over the input.
     fn time_us(&self) -> Result<f64, EngineError>;
@@ -159,7 +158,7 @@ pub struct CaseResult {
 }
 
 impl CaseResult {
-    /// Counts a prediction and the one of a full recomputation: they are equal if their bits or their errors are.
+    /// Counts a prediction and a full recomputation: equal if their bits or their errors are.
     pub(crate) fn compare(
         &mut self,
         got: &Result<Vec<f32>, EngineError>,

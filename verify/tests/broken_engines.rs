@@ -1,4 +1,4 @@
-//! Engines that are broken on purpose: each mismatch is found, shrunk to a few steps, written, and replayed.
+//! Engines that are broken on purpose: each mismatch is found, shrunk, written, and replayed.
 
 use std::sync::Arc;
 

@@ -1,4 +1,4 @@
-//! Arguments from C: pointers that may be NULL, arrays, strings, and structs that begin with their size.
+//! Arguments from C: pointers, arrays, strings, and structs that begin with their size.
 
 use std::ffi::{CStr, c_char};
 use std::mem::size_of;
@@ -25,7 +25,8 @@ pub(crate) struct Report<T> {
 /// The place that `pointer` points at.
 ///
 /// # Safety
-/// A pointer that is aligned and not NULL points at memory for a value, which this thread alone uses until the call returns.
+/// A pointer that is aligned and not NULL points at memory for a value, which this thread alone
+/// uses until the call returns.
 pub(crate) unsafe fn place<T>(pointer: *mut T, what: &str) -> Result<Place<T>, Failure> {
     check(pointer, what)?;
     Ok(Place(pointer))
@@ -43,7 +44,7 @@ pub(crate) unsafe fn place_if_wanted<T>(pointer: *mut T, what: &str) -> Result<O
 /// The memory for `length` values that `pointer` points at; it may be NULL if there is none.
 ///
 /// # Safety
-/// A pointer that is aligned and not NULL points at memory for `length` values, which this thread alone uses until the call returns.
+/// As [`place`], for `length` values.
 pub(crate) unsafe fn room<T>(pointer: *mut T, length: usize, what: &'static str) -> Result<Room<T>, Failure> {
     if length > 0 || !pointer.is_null() {
         check(pointer, what)?;
@@ -55,8 +56,7 @@ pub(crate) unsafe fn room<T>(pointer: *mut T, length: usize, what: &'static str)
 /// The struct that `pointer` points at, whose first field says how much of it the caller knows.
 ///
 /// # Safety
-/// A pointer that is aligned and not NULL points at a struct as long as its first field says, which this thread alone uses until the call
-/// returns.
+/// As [`place`], for a struct as long as its first field says.
 pub(crate) unsafe fn report<T: Versioned>(pointer: *mut T, what: &str) -> Result<Report<T>, Failure> {
     // SAFETY: the caller's.
     let size = unsafe { size(pointer, what) }?.min(size_of::<T>());
@@ -97,7 +97,8 @@ impl<T: Copy> Room<T> {
     pub(crate) fn copy(self, values: &[T]) -> Result<(), Failure> {
         self.fits(values.len())?;
         if !values.is_empty() {
-            // SAFETY: there is room for them, as who made it promised; `values` is ours, so that they do not overlap.
+            // SAFETY: there is room for them, as who made it promised; `values` is ours: no
+            // overlap.
             unsafe { self.start.copy_from_nonoverlapping(values.as_ptr(), values.len()) };
         }
         Ok(())
@@ -109,7 +110,8 @@ impl<T: Versioned> Report<T> {
     pub(crate) fn write(self, value: T) {
         let (from, first) = ((&raw const value).cast::<u8>(), size_of::<usize>());
         let length = self.size - first;
-        // SAFETY: `size` bytes can be written there, and `value` has as many; the first field is left out of both.
+        // SAFETY: `size` bytes can be written there, and `value` has as many, the first field
+        // apart.
         unsafe { self.pointer.cast::<u8>().add(first).copy_from_nonoverlapping(from.add(first), length) };
     }
 }
@@ -142,11 +144,11 @@ pub(crate) unsafe fn text<'a>(pointer: *const c_char, what: &str) -> Result<&'a 
 /// A struct of the interface whose first field is its size in bytes, as the caller knows it.
 ///
 /// # Safety
-/// The struct is `repr(C)`, its first field is a `usize`, and bytes of zeros are a value of it, as are any bytes of its other fields
-/// that a caller can pass.
+/// The struct is `repr(C)`, its first field is a `usize`, and bytes of zeros are a value of it, as
+/// are any bytes that a caller can pass.
 pub(crate) unsafe trait Versioned: Copy {}
 
-/// The options at `pointer`, or those of zeros where it is NULL. Fields that the caller does not know are 0.
+/// The options at `pointer`, or zeros where it is NULL, and in fields unknown to the caller.
 ///
 /// # Safety
 /// A pointer that is aligned and not NULL points at a struct as long as its first field says.

@@ -1,8 +1,8 @@
 //! Handles: what C holds instead of pointers, and the values behind them.
 //!
-//! A handle is a number in the clothes of a pointer: nothing is where it points. It names a slot of a table, and which of the values that
-//! the slot has held. So a handle that has ended is known to have, whoever still uses it, and a call that begins on one thread while another
-//! releases the handle finds the value or a refusal, never memory that was given back: slots stay.
+//! A handle is a number, not an address. It names a slot of a table, and which of the slot's
+//! values. So a handle that has ended is known to have, and a call that begins while another thread
+//! releases the handle finds the value or a refusal, never freed memory: slots stay.
 //!
 //! ```text
 //! bits of a handle (64):  generation 36 | slot 24 | kind 4
@@ -21,13 +21,13 @@ use crate::status::{Failure, Status, call};
 const KIND_BITS: u32 = 4;
 pub(crate) const SLOT_BITS: u32 = if usize::BITS == 64 { 24 } else { 16 };
 const GENERATIONS: usize = usize::MAX >> (KIND_BITS + SLOT_BITS);
-/// The generation of a new slot: such a handle is no address that a processor maps, so that a program which reads it stops at once.
+/// The generation of a new slot: no processor maps such an address, so that reading it stops.
 const FIRST: usize = GENERATIONS / 4 + 1;
 /// Slots of the first chunk; each further one has twice as many.
 pub(crate) const CHUNK: usize = 16;
 pub(crate) const CHUNKS: usize = (SLOT_BITS - CHUNK.ilog2()) as usize;
 
-/// The values of one kind of handle, which C knows as pointers to `H`. One thread at a time uses a value; a second is refused.
+/// The values of one kind of handle, pointers to `H` for C. One thread at a time uses a value.
 pub(crate) struct Handles<H, T> {
     kind: usize,
     /// Whether the values have threads, which a forked child has not.
@@ -42,7 +42,7 @@ pub(crate) struct Handles<H, T> {
 
 struct Slot<T> {
     generation: AtomicUsize,
-    /// The process that made the value. In a forked child, a lock that another thread held is never given back.
+    /// The process that made the value. In a forked child, another thread's lock is never freed.
     process: AtomicU32,
     /// Poisoned after a call that did not return: the value may then be in any state.
     value: Mutex<Option<Box<T>>>,
@@ -111,7 +111,7 @@ impl<H, T: Send> Handles<H, T> {
         body(self.hold(slot, generation)?.as_mut().ok_or_else(|| self.ended())?)
     }
 
-    /// Ends `handle` and returns its value; refuses if another call uses it at this moment, and changes nothing then.
+    /// Ends `handle` and returns its value; refuses, without a change, if another call uses it.
     pub(crate) fn take(&self, handle: *const H) -> Result<T, Failure> {
         let (slot, generation) = self.find(handle)?;
         let mut value = self.hold(slot, generation)?;
@@ -124,8 +124,8 @@ impl<H, T: Send> Handles<H, T> {
         Ok(*value?)
     }
 
-    /// Ends `handle` and drops its value, once no call uses it any more. Nothing happens for NULL, for one that has ended, and for what is
-    /// no handle.
+    /// Ends `handle` and drops its value, once no call uses it any more. NULL, and what has ended
+    /// or is no handle, is ignored.
     pub(crate) fn release(&self, handle: *const H) {
         let Ok((slot, generation)) = self.find(handle) else { return };
         // From here on no call begins; only the one that is inside ends.

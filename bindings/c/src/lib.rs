@@ -6,15 +6,15 @@
 //!
 //! | file | functions |
 //! |---|---|
-//! | `network.rs` | `meissner_network_*`: descriptions with weights, by name, from files or from bytes |
+//! | `network.rs` | `meissner_network_*`: descriptions with weights, from names, files, bytes |
 //! | `engine.rs` | `meissner_engine_*`: events to predictions |
 //! | `frames.rs` | `meissner_frames_*`: frames to predictions |
-//! | `live.rs` | `meissner_input_*`, `meissner_live_*`: a queue, a thread, and predictions by a deadline |
+//! | `live.rs` | `meissner_input_*`, `meissner_live_*`: a queue, a thread, deadlines |
 //! | `log.rs` | `meissner_set_log`, and what it is told |
 //! | `handles.rs` | what handles stand for, and who may use it when |
 //! | `status.rs` | results of calls, and their texts |
 //!
-//! The header's own comments state what callers must know. A test makes it from this source and compares.
+//! The header's comments state what callers must know. A test makes it from this source.
 #![expect(unsafe_code, reason = "the interface is made of raw pointers; each use of one says why it holds")]
 #![allow(non_camel_case_types, reason = "the names are those of the header")]
 #![expect(

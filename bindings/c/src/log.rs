@@ -1,5 +1,5 @@
-//! What the library has to say that is no error: what a network or an engine has to be warned of, for a function of the caller
-//! and for calls that return it.
+//! What the library has to say that is no error: for a function of the caller, and for calls that
+//! return it.
 
 use std::ffi::{CString, c_char, c_void};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -52,7 +52,7 @@ pub(crate) fn warn(text: &str) {
 /// Time between two warnings of losses of an engine.
 const PERIOD: Duration = Duration::from_secs(1);
 
-/// Reasons for which more than one of a hundred events was dropped, with the likely cause, and restarts of the clock.
+/// Reasons for which more than one of a hundred events was dropped, and restarts of the clock.
 pub(crate) fn warnings_of_losses(events: &EventCounters, sensor: Sensor) -> Vec<String> {
     let outside = format!(
         "outside the sensor of {sensor} pixels: the size of the sensor may not be that of the events"
@@ -87,7 +87,7 @@ pub(crate) struct LossWatch {
 }
 
 impl LossWatch {
-    /// Whether it is time to tell losses, of which there are new ones. Nothing is allocated for a log that nobody reads.
+    /// Whether it is time to tell losses. Nothing is allocated for a log that nobody reads.
     pub(crate) fn is_due(&mut self) -> bool {
         if !is_read() || self.last.is_some_and(|last| last.elapsed() < PERIOD) {
             return false;
@@ -97,7 +97,7 @@ impl LossWatch {
     }
 }
 
-/// Writes `lines` as a text to `text`, which has room for `capacity` bytes, and their number to `length`.
+/// Writes `lines` to `text`, which has room for `capacity` bytes, and their number to `length`.
 ///
 /// # Safety
 /// As [`room`] and [`place`].

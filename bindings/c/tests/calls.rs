@@ -60,7 +60,7 @@ static ALLOCATOR: Counting = Counting;
 /// An engine of the interface, for this test's thread and others.
 struct Handle(*mut meissner_engine);
 
-// SAFETY: the interface says that a handle may move between threads, and refuses calls that overlap.
+// SAFETY: a handle may move between threads; calls that overlap are refused.
 unsafe impl Send for Handle {}
 // SAFETY: as above.
 unsafe impl Sync for Handle {}

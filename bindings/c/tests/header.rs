@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-/// `include/meissner.h` is what cbindgen makes of the source. With `MEISSNER_WRITE` in the environment, it is written.
+/// `include/meissner.h` is what cbindgen makes of the source. `MEISSNER_WRITE` writes it.
 #[test]
 fn the_header_is_made_from_the_source() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR"));

@@ -1,4 +1,4 @@
-//! A call that is refused for an argument changes nothing: neither a handle nor memory of the caller.
+//! A call that is refused for an argument changes neither a handle nor the caller's memory.
 #![allow(unsafe_code, reason = "what is tested takes raw pointers")]
 
 use std::collections::BTreeSet;
@@ -12,7 +12,7 @@ use meissner_c::meissner_status::{
 };
 use meissner_c::*;
 
-/// Memory of the caller, of which no refused call may change a byte. As a struct, it states a size beyond every version.
+/// Memory of the caller, which no refused call may change. As a struct, it states too large a size.
 const MARK: u64 = 0xaaaa_aaaa_aaaa_aaaa;
 const ROOM: usize = 4096;
 
@@ -36,7 +36,7 @@ struct State(Vec<Vec<u8>>);
 
 fn struct_of<T>(size: usize) -> T {
     assert!(size <= size_of::<T>());
-    // SAFETY: zeros are a value of every struct of the interface, and the first field of each is its size.
+    // SAFETY: zeros are a value of every struct, and the first field of each is its size.
     unsafe {
         let mut made: T = std::mem::zeroed();
         (&raw mut made).cast::<usize>().write(size);
@@ -150,7 +150,7 @@ fn bad_struct<T>(room: *mut u64) -> [*mut T; 3] {
     [none, misaligned, NO_SIZE.as_ptr().cast_mut().cast()]
 }
 
-/// Calls with an argument that is refused: the function, what its message names, and what it must return.
+/// Calls with a refused argument: the function, what its message names, what it must return.
 #[test]
 #[expect(clippy::too_many_lines, reason = "a list of calls")]
 fn a_refused_argument_changes_neither_handles_nor_memory() {

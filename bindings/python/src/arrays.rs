@@ -1,4 +1,4 @@
-//! What several classes take and return: structured arrays of events, sizes of sensors, counts by name.
+//! Shared by classes: structured arrays of events, sizes of sensors, counts by name.
 
 use meissner::{Event, Sensor};
 use numpy::{PyArray1, PyArrayDyn, PyArrayMethods, PyUntypedArrayMethods};
@@ -69,7 +69,7 @@ pub(crate) fn as_numpy<'py>(
     }
 }
 
-/// The size of a sensor from (width, height); a third number, the polarities of tonic's `sensor_size`, is ignored.
+/// A sensor from (width, height); a third number, as in tonic's `sensor_size`, is ignored.
 pub(crate) struct Pixels(pub(crate) Sensor);
 
 impl<'a, 'py> FromPyObject<'a, 'py> for Pixels {

@@ -21,11 +21,11 @@ use crate::warned::Losses;
 /// Streams that are computed until signals are handled.
 const STREAMS: usize = 16;
 
-/// The same network computed from scratch at every prediction: the oracle of `Engine`, with its methods.
+/// The same network from scratch at every prediction: the oracle of `Engine`, with its methods.
 ///
-/// Predictions equal those of an exact `Engine` bit for bit. `search` "exhaustive" compares all pairs of events and shares
-/// nothing with the engine but the kernels; "grid" uses the engine's search, for speed. For a network with frozen in-edges it
-/// remembers every event since the last reset. The other arguments are those of `Engine`.
+/// Predictions equal those of an exact `Engine` bit for bit. `search` "exhaustive" compares all
+/// pairs of events; "grid" uses the engine's search, for speed. With frozen in-edges it remembers
+/// every event since the last reset. The other arguments are those of `Engine`.
 ///
 /// Raises `DescriptionError`, `WeightsError`, `InputError`.
 #[pyclass(module = "meissner", name = "Batch", weakref)]
@@ -83,10 +83,10 @@ impl Batch {
         out.write(&values)
     }
 
-    /// Predictions of independent streams, each an argument of `push`, on all processors: float32 (streams, outputs).
+    /// Predictions of independent streams, each an argument of `push`: float32 (streams, outputs).
     ///
-    /// The state of this batch is neither used nor changed. Events must lie on the sensor, and times must not step back.
-    /// Raises `InputError`, `NotANumberError`.
+    /// The state of this batch is neither used nor changed. Events must lie on the sensor, and
+    /// times must not step back. Raises `InputError`, `NotANumberError`.
     fn predict_all<'py>(
         slf: &Bound<'_, Self>,
         py: Python<'py>,
@@ -114,7 +114,7 @@ impl Batch {
         Ok(PyArray1::from_vec(py, values).reshape([rows, outputs])?.into_any())
     }
 
-    /// The graph of each level, for PyTorch Geometric: that of the events, then one for each pooling.
+    /// The graph of each level, for PyTorch Geometric: events, then one for each pooling.
     fn graphs<'py>(slf: &Bound<'_, Self>, py: Python<'py>) -> Outcome<Bound<'py, PyList>> {
         let this = turn(slf)?;
         let graph = this.engine.batch().graph(this.engine.stream())?;
@@ -135,7 +135,7 @@ impl Batch {
         to_array(py, graph::last(this.engine.events(), this.engine.nodes()))
     }
 
-    /// Output of each block and pooling for the current window, computed from scratch: arrays (rows, channels) by name.
+    /// Output of each block and pooling for the window, from scratch: (rows, channels) by name.
     fn activations<'py>(slf: &Bound<'_, Self>, py: Python<'py>) -> Outcome<Bound<'py, PyDict>> {
         let this = turn(slf)?;
         let batch = &this.engine;

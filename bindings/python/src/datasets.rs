@@ -7,7 +7,7 @@ use std::path::PathBuf;
 use meissner::io::datasets::{
     BadRows, Dataset as Set, EventDataset, EventFile, EventRecording, NeutouchSet, SlipFile,
 };
-use meissner::{Sensor, models};
+use meissner::models;
 use meissner_evaluate::streams::Streams;
 use models::systems::{digits, slip, touch};
 use numpy::PyArray1;
@@ -21,8 +21,11 @@ use crate::error::{Failure, Outcome};
 #[pyclass(module = "meissner", name = "_Recordings", frozen)]
 pub(crate) struct Recordings {
     parts: Parts,
+    #[pyo3(get)]
     classes: Vec<String>,
-    sensor: Option<Sensor>,
+    #[pyo3(get)]
+    sensor: Option<(u16, u16)>,
+    #[pyo3(get)]
     passed_over: Vec<PathBuf>,
 }
 
@@ -66,13 +69,13 @@ impl Recordings {
         let names = |classes: &[&str]| classes.iter().map(|&class| class.to_owned()).collect::<Vec<_>>();
         let neutouch = |set: NeutouchSet, classes: &[&str]| -> Outcome<Self> {
             let Set { recordings, passed_over } = py.detach(|| EventDataset::neutouch(&path, set))?;
-            let (classes, sensor) = (names(classes), Some(touch::SENSOR));
+            let (classes, sensor) = (names(classes), Some(sides(touch::SENSOR)));
             Ok(Self { parts: Parts::Read(recordings), classes, sensor, passed_over })
         };
         match name {
             "nmnist" => {
                 let Set { recordings, passed_over } = py.detach(|| Set::nmnist_files(&path))?;
-                let (classes, sensor) = (names(&digits::CLASSES), Some(digits::SENSOR));
+                let (classes, sensor) = (names(&digits::CLASSES), Some(sides(digits::SENSOR)));
                 Ok(Self { parts: Parts::Files(recordings), classes, sensor, passed_over })
             }
             "objects" => neutouch(NeutouchSet::Objects, &touch::OBJECTS),
@@ -84,7 +87,7 @@ impl Recordings {
             }
             "presses" => {
                 let streams = py.detach(|| Streams::read(&path))?;
-                let sensor = Some(streams.sensor());
+                let sensor = Some(sides(streams.sensor()));
                 Ok(Self {
                     parts: Parts::Presses(streams),
                     classes: Vec::new(),
@@ -100,21 +103,6 @@ impl Recordings {
     #[getter]
     fn labels(&self) -> Vec<Label<'_>> {
         (0..self.parts.len()).map(|i| self.parts.label(i)).collect()
-    }
-
-    #[getter]
-    fn classes(&self) -> Vec<String> {
-        self.classes.clone()
-    }
-
-    #[getter]
-    fn sensor(&self) -> Option<(u16, u16)> {
-        self.sensor.map(sides)
-    }
-
-    #[getter]
-    fn passed_over(&self) -> Vec<PathBuf> {
-        self.passed_over.clone()
     }
 
     /// The data of recording `i`, and what else is known of it.

@@ -13,10 +13,11 @@ use crate::error::{Failure, Outcome, wrong_type};
 
 /// A checked description of a network: its layers and how they are joined, without weights.
 ///
-/// `network` is the name of a network that comes with the module (`networks()`), the path of a TOML file, the text of one, or
-/// a dict with the same tables. A dict may have `None` for a key that is not set.
+/// `network` is the name of a network that comes with the module (`networks()`), the path or the
+/// text of a TOML file, or a dict with the same tables, where `None` stands for a key that is not
+/// set.
 ///
-/// Raises `DescriptionError` with every inconsistency and its line, `FileError` where a file cannot be read.
+/// Raises `DescriptionError` with every inconsistency and its line, `FileError`.
 #[pyclass(module = "meissner", name = "Description", frozen, from_py_object)]
 #[derive(Clone)]
 pub(crate) struct Description {

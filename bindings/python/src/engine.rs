@@ -17,28 +17,30 @@ use crate::threads::turn;
 use crate::warned::{self, Losses};
 use crate::weights::Weights;
 
-/// A network over the events of a sliding window: recomputes only what an event changes, and predicts the bits that
-/// `Batch` computes from scratch.
+/// A network over the events of a sliding window: recomputes only what an event changes, and
+/// predicts the bits that `Batch` computes from scratch.
 ///
 /// - `network`: as for `Description`; a `Description` too.
 /// - `sensor`: (width, height) in pixels.
 /// - `weights`: as for `Weights`; None for those that come with the module.
-/// - `late`: what becomes of an event earlier than the newest time: "drop" (counted), or "clamp" to that time.
-/// - `restart`: what is done when the clock of the sensor restarts: "reset" forgets the events before and goes on with the new clock, "keep"
-///   keeps the old one, for which the events are late. With "reset", events earlier than the window or more than 10 s ahead are held until
-///   those after them tell a restart from a single wrong time.
-/// - `tolerance`: largest change of a row that does not propagate; 0 is exact, anything else an approximation.
-/// - `span_us`, `capacity`: replace the length of the window and its most events: an approximation of what was trained.
+/// - `late`: an event earlier than the newest time is dropped and counted ("drop"), or takes that
+///   time ("clamp").
+/// - `restart`: when the clock of the sensor restarts, "reset" forgets the events before, "keep"
+///   keeps the old clock, for which the events are late. With "reset", events earlier than the
+///   window or more than 10 s ahead are held until a restart is told from a single wrong time.
+/// - `tolerance`: largest change of a row that does not propagate; 0 is exact.
+/// - `span_us`, `capacity`: replace the length of the window and its most events.
 /// - `memory_limit`: most bytes of state; all memory is taken here.
-/// - `check_preparation`: False to run weights whose training prepared its input in another way.
+/// - `check_preparation`: False to run weights that were trained with another preparation.
 ///
-/// An engine serves one thread at a time; others wait for their turn. `copy.copy(engine)` is an independent engine in the same state. `len(engine)` is the number of events in the window.
+/// An engine serves one thread at a time; others wait for their turn. `copy.copy(engine)` is an
+/// independent engine in the same state. `len(engine)` is the number of events in the window.
 ///
-/// Warns (`MeissnerWarning`) if the weights were trained on another sensor, window or preparation, and once of each reason for which more
-/// than a hundredth of the events is lost.
+/// Warns (`MeissnerWarning`) if the weights were trained on another sensor, window or preparation,
+/// and once of each reason for which more than a hundredth of the events is lost.
 ///
-/// Raises `DescriptionError`, `WeightsError`, `InputError`, `NotIncrementalError` for a network that only `Batch` runs,
-/// `MemoryLimitError`.
+/// Raises `DescriptionError`, `WeightsError`, `InputError`, `NotIncrementalError` for a network
+/// that only `Batch` runs, `MemoryLimitError`.
 #[pyclass(module = "meissner", name = "Engine", weakref)]
 #[derive(Clone)]
 pub(crate) struct Engine {
@@ -141,7 +143,7 @@ impl Engine {
         Ok(Self::new_from(engine, &outputs, &description))
     }
 
-    /// Writes the prediction to `out`, a writable contiguous array of float32, and allocates nothing.
+    /// Writes the prediction to `out`, a writable contiguous float32 array; allocates nothing.
     ///
     /// Raises `InputError`, `DtypeError`, `NotANumberError`.
     fn predict_into(slf: &Bound<'_, Self>, py: Python<'_>, out: &Bound<'_, PyAny>) -> Outcome<()> {
@@ -158,7 +160,7 @@ impl Engine {
         Ok(PyBytes::new(py, &this.engine.to_bytes()))
     }
 
-    /// Returns to the state of `snapshot`, which an engine with the same network, sensor and options made.
+    /// Returns to the state of `snapshot`, of an engine with the same network, sensor and options.
     ///
     /// Raises `SnapshotError`; the state is then as it was.
     fn restore(slf: &Bound<'_, Self>, snapshot: &[u8]) -> Outcome<()> {
@@ -172,15 +174,15 @@ impl Engine {
         Ok(graph::of_engine(&this.engine))
     }
 
-    /// Events of the window as a structured array, from the oldest, with the times at which they were accepted.
+    /// Events of the window as a structured array, from the oldest, with their accepted times.
     #[getter]
     fn events<'py>(slf: &Bound<'_, Self>, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         let this = turn(slf)?;
         to_array(py, &this.engine.events())
     }
 
-    /// Output of each block and pooling as of the last prediction: arrays (rows, channels) by name. Rows of the event level
-    /// are the events of the window, those of a pooled level its cells in the order of t, y, x.
+    /// Output of each block and pooling as of the last prediction: arrays (rows, channels) by name.
+    /// Rows of a pooled level are its cells in the order of t, y, x.
     fn activations<'py>(slf: &Bound<'_, Self>, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let this = turn(slf)?;
         graph::activations(py, this.engine.network(), |level, feature| this.engine.feature(level, feature))

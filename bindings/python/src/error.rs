@@ -1,7 +1,7 @@
 //! From the errors of Rust to the exceptions of Python.
 //!
-//! Every exception derives from `meissner.Error` and keeps the text of the error and of its sources. The classes are in
-//! `meissner/_errors.py`, because a class made by Rust has one base only.
+//! Every exception derives from `meissner.Error` and keeps the text of the error and of its
+//! sources. The classes are in `meissner/_errors.py`: one made by Rust has one base only.
 
 use std::error::Error;
 

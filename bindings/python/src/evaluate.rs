@@ -1,6 +1,6 @@
 //! Networks on labelled data sets: accuracies and errors, and run time against them.
 //!
-//! Enters: a data set, networks. Leaves: the JSON report of the program as text, which `meissner/_evaluate.py` makes records of.
+//! Enters: a data set, networks. Leaves: the program's JSON report, for `meissner/_evaluate.py`.
 
 use std::path::{Path, PathBuf};
 use std::time::Duration;

@@ -1,8 +1,8 @@
 //! Events from `NumPy`.
 //!
-//! Enters: a structured array with fields in any order, four arrays, or a recording. Leaves: blocks of [`Event`]. An array is
-//! read where it is, whatever its strides, alignment and byte order; it is never copied as a whole. Invariant: the memory of
-//! an array is read only while the interpreter is held, and all values are checked before the first block.
+//! Enters: a structured array with fields in any order, four arrays, or a recording. Leaves: blocks
+//! of [`Event`]. An array is read in place, whatever its strides and byte order. Invariant: it is
+//! read only while the interpreter is held, and values are checked before the first block.
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -63,7 +63,7 @@ pub(crate) enum Events<'py> {
 }
 
 impl<'py> Events<'py> {
-    /// The events of the arguments of a method `push(events=None, *, t=None, x=None, y=None, p=None)`: one object, or four arrays.
+    /// The events of the arguments of a method `push`: one object, or four arrays.
     pub(crate) fn of_call(
         args: &Bound<'py, PyTuple>,
         keywords: Option<&Bound<'py, PyDict>>,
@@ -196,7 +196,7 @@ impl<'py> Events<'py> {
         }
     }
 
-    /// Appends the events of `range`. A coordinate that 16 bits do not hold becomes 65535, which lies on no sensor.
+    /// Appends the events of `range`. A coordinate beyond 16 bits becomes 65535, on no sensor.
     fn append(&self, range: Range<usize>, scratch: &mut [Vec<i64>; 4], to: &mut Vec<Event>) {
         match self {
             Self::Recorded(events) => to.extend_from_slice(&events[range]),
@@ -240,8 +240,9 @@ impl<'py> Events<'py> {
         events
     }
 
-    /// Hands all events to `work`, in order. Other threads run meanwhile, and signals are handled about every 50 ms: after an
-    /// exception of a handler (Ctrl-C), the events before are worked on, the others are not.
+    /// Hands all events to `work`, in order. Other threads run meanwhile, and signals are handled
+    /// about every 50 ms: after an exception of a handler (Ctrl-C), the other events are not worked
+    /// on.
     pub(crate) fn work(
         &self,
         py: Python<'py>,
@@ -328,7 +329,7 @@ fn is_duration(dtype: &Bound<'_, PyAny>) -> PyResult<bool> {
 }
 
 impl<'py> Column<'py> {
-    /// An array of one dimension. An empty one may have any type: lists without a value are arrays of float64.
+    /// An array of one dimension. An empty one may have any type.
     fn of(name: &str, array: &Bound<'py, PyAny>) -> Outcome<Self> {
         let array = if array.len()? == 0 {
             array.call_method1("astype", ("i8",))?
@@ -346,7 +347,7 @@ impl<'py> Column<'py> {
         self.bytes.as_array().nrows()
     }
 
-    /// Replaces `values` by those of `range`. An unsigned value of 64 bits above 2^63 - 1 becomes negative.
+    /// Replaces `values` by those of `range`. Unsigned values above 2^63 - 1 become negative.
     fn read(&self, range: Range<usize>, values: &mut Vec<i64>) {
         values.clear();
         let bytes = self.bytes.as_array();
@@ -383,7 +384,7 @@ fn fill<const N: usize>(
     }));
 }
 
-/// `object` as an array of one dimension; arrays and what shares its memory with `NumPy` (such as tensors) are not copied.
+/// `object` as an array of one dimension, without a copy where its memory is `NumPy`'s.
 fn as_array<'py>(name: &str, object: &Bound<'py, PyAny>) -> Outcome<Bound<'py, PyAny>> {
     let numpy = object.py().import("numpy")?;
     let array = numpy.call_method1("atleast_1d", (numpy.call_method1("asarray", (object,))?,))?;
@@ -403,7 +404,7 @@ fn as_array<'py>(name: &str, object: &Bound<'py, PyAny>) -> Outcome<Bound<'py, P
 /// The memory of an array of one dimension as (elements, bytes), without a copy.
 fn bytes_of<'py>(array: &Bound<'py, PyAny>) -> Outcome<Bound<'py, PyArray2<u8>>> {
     let py = array.py();
-    // The last axis of a view of another size must be contiguous, so it gets one of a single element.
+    // The last axis of a view of another size must be contiguous: it gets a single element.
     let column = array.get_item((PySlice::full(py), py.None()))?;
     let bytes = column.call_method1("view", ("u1",))?;
     Ok(bytes.cast_into::<PyArray2<u8>>().map_err(PyErr::from)?)

@@ -13,7 +13,7 @@ use crate::threads::turn;
 ///
 /// - `stride`: passes the first of every `stride` events.
 /// - `rate`: passes at most so many events a second.
-/// - `background_us`: passes an event if one of the eight pixels around it had an event within this time.
+/// - `background_us`: passes an event with a neighbouring pixel's event within this time.
 /// - `refractory_us`: silences a pixel for this time after each event that passed.
 ///
 /// They run in this order. Raises `InputError`.
@@ -49,8 +49,8 @@ impl Filters {
         Ok(Self { chain: Chain::new(filters) })
     }
 
-    /// Takes events, as `Engine.push`; returns those that pass, as a structured array. The filters go on with the next ones.
-    /// An event outside the sensor passes the last two; a coordinate that 16 bits do not hold comes back as 65535.
+    /// Takes events, as `Engine.push`; returns those that pass, as a structured array. An event
+    /// outside the sensor passes the last two; a coordinate beyond 16 bits comes back as 65535.
     #[pyo3(signature = (*args, **keywords), text_signature = "($self, events=None, *, t=None, x=None, y=None, p=None)")]
     fn push<'py>(
         slf: &Bound<'_, Self>,

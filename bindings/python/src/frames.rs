@@ -17,22 +17,22 @@ use crate::threads::{on_own_threads, turn};
 use crate::warned;
 use crate::weights::Weights;
 
-/// A network over frames with its recurrent state. What no change reaches is not computed again; the bits are the same.
+/// A network over frames with its recurrent state. What no change reaches is not recomputed.
 ///
-/// Frames of pictures of a gel, for `canf` and `canf-plain`, are (3, height, width): red, green and blue, each ((picture - rest) / 255 - mean) /
-/// std with levels from 0 to 255, the picture `rest` without contact, and mean and std of the description (0 and 0.1). A prediction times
-/// `force_std` plus `force_mean` of the description is the force on each pixel in N.
+/// Frames of a gel, for `canf` and `canf-plain`, are (3, height, width): red, green and blue, each
+/// ((picture - rest) / 255 - mean) / std, with the picture `rest` without contact, and mean and std
+/// of the description. A prediction times `force_std` plus `force_mean` is the force on each pixel
+/// in N.
 ///
 /// - `network`, `weights`: as for `Engine`.
-/// - `skip`: "exact", "nothing" (computes everything, the oracle), or a number: a pixel that changed by no more keeps its
-///   values, an approximation.
-/// - `sparse`: frames are mostly zero, as those of events are: the answer to zeros is stored. The bits are the same.
+/// - `skip`: "exact", "nothing" (the oracle), or the change up to which a pixel keeps its values.
+/// - `sparse`: frames are mostly zero: the answer to zeros is stored. The bits are the same.
 /// - `two_threads`: two threads share large maps. The bits are the same.
 /// - `memory_limit`: most bytes of activations and state.
-/// - `check_preparation`: False to run weights whose training prepared its input in another way.
+/// - `check_preparation`: False to run weights that were trained with another preparation.
 ///
-/// `copy.copy(engine)` is an independent engine in the same state. `len(engine)` is the number of frames since the last
-/// reset.
+/// `copy.copy(engine)` is an independent engine in the same state. `len(engine)` is the number of
+/// frames since the last reset.
 ///
 /// Raises `DescriptionError`, `WeightsError`, `InputError`, `MemoryLimitError`.
 #[pyclass(module = "meissner", name = "FrameEngine", weakref)]
@@ -61,7 +61,7 @@ fn skip_of(skip: &Bound<'_, PyAny>) -> Outcome<Skip> {
     }
 }
 
-/// Frames of shape `expected`, one or several with one more axis in front, as contiguous finite float32.
+/// Frames of shape `expected`, one or several, as contiguous finite float32.
 pub(crate) fn checked<'py>(
     frames: &Bound<'py, PyAny>,
     expected: &[usize],
@@ -83,7 +83,7 @@ pub(crate) fn checked<'py>(
     Ok(array)
 }
 
-/// Frames since the last reset. They are part of the state; a copy predicts, so that no counter of `engine` moves.
+/// Frames since the last reset. A copy predicts, so that no counter of `engine` moves.
 fn taken(engine: &Engine, two_threads: bool) -> Outcome<u64> {
     let count = || engine.clone().predict().map_or(0, |prediction| prediction.frames);
     if two_threads { on_own_threads(count) } else { Ok(count()) }
@@ -183,12 +183,14 @@ impl FrameEngine {
         })
     }
 
-    /// Takes the next frame, of shape `input_shape`, or several with one more axis in front. Layers with a state run now.
+    /// Takes the next frame, of shape `input_shape`, or several with one more axis in front.
     ///
-    /// Frames of contiguous float32 are read in place; others are converted. A run of equal frames (`EventFrame`) is taken as
-    /// often as it says. Other threads run meanwhile, and Ctrl-C raises `KeyboardInterrupt` between two frames.
+    /// Frames of contiguous float32 are read in place; others are converted. A run of equal frames
+    /// (`EventFrame`) is taken as often as it says. Other threads run meanwhile, and Ctrl-C raises
+    /// `KeyboardInterrupt` between two frames.
     ///
-    /// Raises `InputError` for another shape or values that are not finite, before the first frame is taken; `DtypeError`.
+    /// Raises `InputError` for another shape or infinite values before the first frame;
+    /// `DtypeError`.
     fn push(slf: &Bound<'_, Self>, py: Python<'_>, frames: &Bound<'_, PyAny>) -> Outcome<()> {
         let mut this = turn(slf)?;
         if let Ok(frame) = frames.cast::<EventFrame>() {
@@ -199,7 +201,8 @@ impl FrameEngine {
         this.push_frames(py, frames)
     }
 
-    /// The prediction after the last frame; before the first one that for a frame of zeros. Raises `NotANumberError`.
+    /// The prediction after the last frame, at first for a frame of zeros. Raises
+    /// `NotANumberError`.
     fn predict(slf: &Bound<'_, Self>, py: Python<'_>) -> Outcome<Prediction> {
         let mut this = turn(slf)?;
         let (values, frames) =
@@ -243,7 +246,7 @@ impl FrameEngine {
         Ok(())
     }
 
-    /// Counts since the engine was made: frames, predictions, and of each layer the pixels computed, skipped and absorbed.
+    /// Counts: frames, predictions, and of each layer the pixels computed, skipped and absorbed.
     #[getter]
     fn counters<'py>(slf: &Bound<'_, Self>, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let this = turn(slf)?;

@@ -99,22 +99,22 @@ impl Graph {
         Ok(edges.into_pyarray(py).reshape([2, self.edges[0].len()])?.into_any())
     }
 
-    /// (edges, 3), float32 from 0 to 1: the pseudo-coordinates of a spline, clamp((p_j - p_i) / (2 s) + 0.5) along x, y, t
-    /// with the scale s of the level.
+    /// (edges, 3), float32 from 0 to 1: clamp((p_j - p_i) / (2 s) + 0.5) along x, y, t with the
+    /// scale s of the level.
     #[getter]
     fn edge_attr<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         rows(py, &self.attributes, 3)
     }
 
-    /// (nodes, channels), float32: the input of the level. Of events the polarity, -1 or 1, and the place of a pixel in its cell
-    /// where the network asks for it; of cells the maxima of their members.
+    /// (nodes, channels), float32: the input of the level. Of events the polarity, -1 or 1, and the
+    /// place in its cell where the network asks for it; of cells the maxima of their members.
     #[getter]
     fn x<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         rows(py, &self.features, self.channels)
     }
 
-    /// (nodes, 3), float32: x / width, y / height, t / span. Time counts from the oldest event of the window; of cells it counts
-    /// from the first event since the last reset.
+    /// (nodes, 3), float32: x / width, y / height, t / span. Time counts from the oldest event of
+    /// the window; of cells from the first event since the last reset.
     #[getter]
     fn pos<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         rows(py, &self.positions, 3)

@@ -2,14 +2,12 @@
 //!
 //! | file | what it is |
 //! |---|---|
-//! | `events` | events from `NumPy`, in place and in blocks |
-//! | `arrays` | what several classes take and return |
-//! | `engine`, `batch`, `frames` | the engines |
-//! | `live` | an engine in a thread of its own |
+//! | `events`, `arrays` | events from `NumPy`, in place and in blocks; what classes share |
+//! | `engine`, `batch`, `frames`, `live` | the engines |
 //! | `methods` | what several classes have; tables of a notebook |
 //! | `prediction`, `graph` | what they return |
 //! | `description`, `weights` | networks, from whatever a user has |
-//! | `representations`, `filters`, `recording`, `write` | frames of events; which events enter; files |
+//! | `representations`, `filters`, `recording`, `write` | frames of events; files |
 //! | `simulate` | a membrane, markers and a camera |
 //! | `datasets`, `evaluate`, `metrics` | labelled data sets, figures of networks on them |
 //! | `threads` | one at a time in an object; forks; long work that can be stopped |
@@ -68,7 +66,7 @@ mod _meissner {
     use meissner::AnyDescription;
     use pyo3::pyfunction;
 
-    /// Names of the networks that come with the module: those over events, those over frames, or all.
+    /// Names of the networks that come with the module.
     ///
     /// `kind` is "events", "frames" or None.
     #[pyfunction]

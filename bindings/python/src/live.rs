@@ -1,7 +1,7 @@
 //! Live engines: a bounded queue, a thread that owns the engine, and predictions by a deadline.
 //!
-//! Enters: an engine, events from arrays. Leaves: predictions with their age. Invariant: no thread waits for a lock while it
-//! holds the interpreter, except for a lock that is held for a copy.
+//! Enters: an engine, events from arrays. Leaves: predictions with their age. Invariant: no thread
+//! waits for a lock while it holds the interpreter, except for one held for a copy.
 
 mod ends;
 
@@ -28,25 +28,27 @@ use crate::representations::EventFrame;
 use crate::threads::{fork_refused, has_common_threads, turn};
 use ends::Ends;
 
-/// An engine in a thread of its own, behind a bounded queue: one thread pushes what a sensor sends, another one reads predictions
-/// by a deadline.
+/// An engine in a thread of its own, behind a bounded queue: one thread pushes what a sensor sends,
+/// another one reads predictions by a deadline.
 ///
-/// - `engine`: an `Engine` or a `FrameEngine`. The live engine starts in its present state and leaves it as it is.
-/// - `overload`: what happens while events arrive faster than the engine takes them. "drop_oldest" makes room for new events,
-///   "drop_newest" drops these, "block" has `push` wait. "thin" lets one event of `stride` enter, and `Filters` those that pass,
-///   from when the queue is half full until it is a quarter full.
+/// - `engine`: an `Engine` or a `FrameEngine`, which stays as it is.
+/// - `overload`: "drop_oldest" makes room for new events, "drop_newest" drops these, "block" has
+///   `push` wait. "thin" lets one event of `stride` enter, and `Filters` those that pass, from when
+///   the queue is half full until it is a quarter full.
 /// - `capacity`: most waiting events (16 bytes each) or frames.
 /// - `batch`: most events that the engine takes before it looks whether a prediction is due.
-/// - `ahead`: whether the engine computes while no event waits and no prediction is asked for. Answers come sooner, and more is
+/// - `ahead`: whether the engine computes while it would wait: answers come sooner, and more is
 ///   computed in total.
 ///
-/// `with Live(engine) as live:` closes it at the end. What enters is predicted with the bits of an engine without threads.
+/// `with Live(engine) as live:` closes it. Predictions have the bits of an engine without threads.
 ///
 /// Raises `InputError`, `LiveError` if no thread can be started.
 #[pyclass(module = "meissner", name = "Live", frozen, weakref)]
 pub(crate) struct Live {
     ends: Kind,
     outputs: Arc<Outputs>,
+    /// The description of the network.
+    #[pyo3(get)]
     description: Description,
     /// Shapes of a frame and of a prediction, for frames.
     shapes: Option<[Vec<usize>; 2]>,
@@ -147,10 +149,10 @@ impl Live {
         Ok(Self { ends, outputs, description, shapes, two_threads })
     }
 
-    /// Offers events in order, as `Engine.push` takes them: each enters the queue, or is dropped and counted. Waits only with
-    /// overload "block". Other threads run meanwhile. One thread at a time.
+    /// Offers events in order, as `Engine.push`: each enters the queue, or is dropped and counted.
+    /// Waits only with overload "block". Other threads run meanwhile. One thread at a time.
     ///
-    /// Raises `InputError` or `DtypeError` before the first event, `LiveError` if the live engine has ended.
+    /// Raises `InputError` or `DtypeError` before the first event, `LiveError` if it has ended.
     #[pyo3(signature = (*args, **keywords), text_signature = "($self, events=None, *, t=None, x=None, y=None, p=None)")]
     fn push<'py>(
         &self,
@@ -165,8 +167,8 @@ impl Live {
         events.work_in(py, QUEUED, |part| Ok(input.push_slice(part)?))
     }
 
-    /// Offers frames of shape `input_shape` of the engine, one with its time in microseconds or several with their times. A frame
-    /// earlier than the one before is dropped.
+    /// Offers frames of shape `input_shape`, one with its time in microseconds or several with
+    /// their times. A frame earlier than the one before is dropped.
     ///
     /// Raises as `push`.
     fn push_frames(&self, py: Python<'_>, frames: &Bound<'_, PyAny>, t_us: &Bound<'_, PyAny>) -> Outcome<()> {
@@ -200,7 +202,7 @@ impl Live {
         Ok(())
     }
 
-    /// Advances the clock to `t_us` after what was offered so far. No earlier event may follow: it would be late.
+    /// Advances the clock to `t_us` after what was offered so far: earlier events will be late.
     fn advance(&self, py: Python<'_>, t_us: i64) -> Outcome<()> {
         match &self.ends {
             Kind::Events(ends) => ends.advance(py, t_us),
@@ -208,11 +210,12 @@ impl Live {
         }
     }
 
-    /// The prediction for all that was offered by now or, `deadline_us` microseconds from now, the newest finished one, with its
-    /// age. None waits for all that was offered. Other threads run meanwhile, and Ctrl-C ends the wait. One thread at a time.
+    /// The prediction for all that was offered by now or, `deadline_us` microseconds from now, the
+    /// newest finished one, with its age. None waits for all. Other threads run meanwhile, and
+    /// Ctrl-C ends the wait. One thread at a time.
     ///
-    /// Raises `NotANumberError` if the newest computation failed, `LiveError` if the live engine has ended or if this process was forked
-    /// from the one that has its thread.
+    /// Raises `NotANumberError` if the newest computation failed, `LiveError` if the live engine
+    /// has ended or this process was forked from the one with its thread.
     #[pyo3(signature = (deadline_us=None))]
     fn predict(&self, py: Python<'_>, deadline_us: Option<f64>) -> Outcome<Py<Timely>> {
         // Before the arguments are looked at: the deadline counts from the call.
@@ -226,9 +229,9 @@ impl Live {
         timely(py, taken, shape, &self.outputs)
     }
 
-    /// Counts of what was offered: "offered" is the sum of "delivered", "waiting" and the dropped ones. "high_water" is the most that
-    /// has been waiting, "blocked_us" how long `push` has waited for room. "events" has what the engine counts, as `Engine.counters`, as
-    /// of the newest prediction or of a later batch.
+    /// Counts: "offered" is the sum of "delivered", "waiting" and the dropped ones, "high_water"
+    /// the most that has been waiting, "blocked_us" how long `push` has waited. "events" is as in
+    /// `Engine.counters`, as of the newest prediction or of a later batch.
     #[getter]
     fn counters<'py>(&self, py: Python<'py>) -> Outcome<Bound<'py, PyDict>> {
         let (of, events) = self.counts(py)?;
@@ -249,12 +252,6 @@ impl Live {
         Ok(all)
     }
 
-    /// The description of the network.
-    #[getter]
-    fn description(&self) -> Description {
-        self.description.clone()
-    }
-
     /// Whether `close` was called.
     #[getter]
     fn is_closed(&self) -> bool {
@@ -264,8 +261,9 @@ impl Live {
         }
     }
 
-    /// Ends the thread and returns its engine; None where it was closed before. What is waiting is discarded: call `predict()` first
-    /// to have it taken. A `push` or `predict` that waits in another thread raises `LiveError`. So does `close` in a forked child.
+    /// Ends the thread and returns its engine; None where it was closed before. What is waiting is
+    /// discarded: call `predict()` first. A `push` or `predict` that waits in another thread raises
+    /// `LiveError`. So does `close` in a forked child.
     fn close(&self, py: Python<'_>) -> Outcome<Option<Py<PyAny>>> {
         let Self { outputs, description, two_threads, .. } = self;
         Ok(match &self.ends {

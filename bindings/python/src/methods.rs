@@ -1,4 +1,4 @@
-//! Methods that several classes have: each macro writes them for one class, with the same words. Tables of a notebook.
+//! Methods that several classes have: each macro writes them for one class. Tables of a notebook.
 
 use std::fmt::Write;
 

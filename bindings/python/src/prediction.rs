@@ -43,18 +43,23 @@ impl Outputs {
     }
 }
 
-/// A prediction. Its values are an array of float32; `prediction["roll"]` is one of them by name, and so is `prediction[0]`.
+/// A prediction: an array of float32. `prediction["roll"]` and `prediction[0]` are one of its
+/// values.
 #[pyclass(module = "meissner", name = "Prediction", frozen, subclass)]
 pub(crate) struct Prediction {
     values: Py<PyAny>,
     outputs: Arc<Outputs>,
+    /// Time in microseconds of the newest covered event; None before the first one, and for frames.
+    #[pyo3(get)]
     t_us: Option<i64>,
+    /// Events in the window; for a network over frames the frames since the last reset.
+    #[pyo3(get)]
     nodes: u64,
     rows: Vec<u64>,
 }
 
 impl Prediction {
-    /// `values` of shape `shape`; `nodes` are the events of the window, or the frames since the last reset.
+    /// `nodes` are the events of the window, or the frames since the last reset.
     pub(crate) fn new(
         py: Python<'_>,
         values: &[f32],
@@ -109,7 +114,7 @@ pub(crate) fn computed(
 
 #[pymethods]
 impl Prediction {
-    /// The values: float32 of shape (outputs,), or (channels, height, width) of a network that predicts images.
+    /// The values: float32 of shape (outputs,), or (channels, height, width) of images.
     #[getter]
     fn values(&self, py: Python<'_>) -> Py<PyAny> {
         self.values.clone_ref(py)
@@ -125,18 +130,6 @@ impl Prediction {
     #[getter]
     fn units<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
         PyTuple::new(py, &self.outputs.units)
-    }
-
-    /// Time in microseconds of the newest event that the prediction covers; None before the first one, and for frames.
-    #[getter]
-    fn t_us(&self) -> Option<i64> {
-        self.t_us
-    }
-
-    /// Events in the window; for a network over frames the frames since the last reset.
-    #[getter]
-    fn nodes(&self) -> u64 {
-        self.nodes
     }
 
     /// Rows that each layer computed since the prediction before: its cost.
@@ -160,7 +153,7 @@ impl Prediction {
         Ok(dict)
     }
 
-    /// Probability of each class by a softmax of the logits, float32; None where no classes are predicted.
+    /// Probability of each class by a softmax, float32; None where no classes are predicted.
     #[getter]
     fn probabilities<'py>(&self, py: Python<'py>) -> Outcome<Option<Bound<'py, PyArray1<f32>>>> {
         if !self.outputs.classes {
@@ -244,22 +237,22 @@ impl Prediction {
 /// A prediction that was there by its deadline, with what it covers and how old it is.
 #[pyclass(module = "meissner", name = "Timely", extends = Prediction, frozen)]
 pub(crate) struct Timely {
-    /// Whether it covers every event that had been offered before the call, except those that the queue
-    /// dropped: none waits, and the engine has lost none.
+    /// Whether it covers every event that had been offered before the call, except dropped ones:
+    /// none waits, and the engine has lost none.
     #[pyo3(get)]
     fresh: bool,
-    /// Whether it was computed for this call; otherwise it is the newest that was finished by the deadline.
+    /// Whether it was computed for this call; otherwise it is the newest finished one.
     #[pyo3(get)]
     own: bool,
     /// Events or frames that had entered the queue before the call and are not covered.
     #[pyo3(get)]
     behind_events: u64,
-    /// Microseconds of the stream from the last covered event to the last one that had entered the queue.
+    /// Microseconds of the stream from the last covered event to the last one in the queue.
     #[pyo3(get)]
     behind_us: u64,
-    /// Events or frames since the prediction before that the engine was given and that are not in this
-    /// one: late, outside the sensor, far ahead, or held until it is clear whether the sensor's clock has
-    /// restarted.
+    /// Events or frames since the prediction before that the engine was given and that are not in
+    /// this one: late, outside the sensor, far ahead, or held until a restart of the clock is
+    /// decided.
     #[pyo3(get)]
     lost_events: u64,
     /// Events or frames that the queue dropped since the prediction before.

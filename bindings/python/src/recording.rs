@@ -21,12 +21,12 @@ use crate::threads::turn;
 /// Events of a block of an iteration.
 const BLOCK: usize = 1 << 16;
 
-/// A recording of events in a file. The file is read when something of it is asked for, and is then kept: 16 bytes an event.
-/// Iteration, `blocks`, `windows`, `between`, `sensor` and `format` do not need the whole of a DAT, EVT2, npy, AEDAT 2.0, 3.1 or 4 file:
-/// they read a part after the other, and keep none. Other formats are read as a whole.
+/// A recording of events in a file, which is read when something of it is asked for, and then kept:
+/// 16 bytes an event. Iteration, `blocks`, `windows`, `between`, `sensor` and `format` read a DAT,
+/// EVT2, npy, AEDAT 2.0, 3.1 or 4 file part after part, and keep none.
 ///
-/// Iteration gives structured arrays with the fields t (microseconds), x, y, p, of at most 65,536 events each. `len()` is the
-/// number of events, `recording[i:j]` are some of them, `recording.between(a, b)` those of a time.
+/// Iteration gives structured arrays of at most 65,536 events with the fields t (microseconds), x,
+/// y, p. `len()` is the number of events; `recording[i:j]` and `recording.between(a, b)` are some.
 #[pyclass(module = "meissner", name = "Recording", frozen, weakref)]
 pub(crate) struct Recording {
     path: PathBuf,
@@ -49,7 +49,7 @@ struct Content {
 impl Recording {
     fn content(&self) -> Outcome<Arc<Content>> {
         let content: Result<_, io::IoError> = Python::attach(|py| {
-            // The lock is taken and given back without the interpreter, so that no thread waits for both.
+            // The lock is taken without the interpreter, so that no thread waits for both.
             py.detach(|| {
                 let mut content = self.content.lock().unwrap_or_else(PoisonError::into_inner);
                 if let Some(content) = &*content {
@@ -70,7 +70,7 @@ impl Recording {
         Ok(content?)
     }
 
-    /// The times of a part that is read from the file alone; `None` where all events are wanted or are at hand.
+    /// The times of a part that is read from the file alone; `None` for all, or what is at hand.
     fn range(&self, start_us: Option<i64>, end_us: Option<i64>) -> Option<TimeRange> {
         let times = match (start_us, end_us) {
             (None, None) => return None,
@@ -79,7 +79,7 @@ impl Recording {
         self.is_in_file().then(|| TimeRange::of_file(times))
     }
 
-    /// Whether the file was not read, as far as that matters: a thread that holds the lock is about to have its events at hand.
+    /// Whether the file was not read: a thread that holds the lock is about to have its events.
     fn is_in_file(&self) -> bool {
         self.content.try_lock().is_ok_and(|content| content.is_none())
     }
@@ -117,20 +117,20 @@ pub(crate) fn word<T: std::str::FromStr<Err = UnknownName>>(word: Option<&str>) 
     parsed.map_err(|error: UnknownName| Failure::input(error.to_string()))
 }
 
-/// Opens a recording of events: AEDAT 2.0, 3.1 and 4, EVT2, EVT3, DAT, Event Stream, N-MNIST, text, NumPy, or HDF5 of DSEC
-/// and Prophesee; also inside gzip or zip. The format is found from the content.
+/// Opens a recording of events: AEDAT 2.0, 3.1 and 4, EVT2, EVT3, DAT, Event Stream, N-MNIST, text,
+/// NumPy, or HDF5 of DSEC and Prophesee; also inside gzip or zip.
 ///
-/// - `format`: "aedat4", "aedat3", "aedat2", "evt2", "evt3", "dat", "es", "nmnist", "csv", "npy" or "hdf5", instead of the one found.
-/// - `columns`, `time_unit`: the order of the columns of a text, such as "txyp", and the unit of its times: "s", "ms", "us" or
-///   "ns".
+/// - `format`: "aedat4", "aedat3", "aedat2", "evt2", "evt3", "dat", "es", "nmnist", "csv", "npy" or
+///   "hdf5", instead of the one found from the content.
+/// - `columns`, `time_unit`: the columns of a text, such as "txyp"; "s", "ms", "us" or "ns".
 /// - `salvage`: read a file that was cut short up to the cut.
-/// - `strict`: refuse what is left out otherwise: lines of a text that are no events, events outside the sensor that the file names, words
-///   that hold no events, events before the first time. `Recording.left_out` counts them.
-/// - `sensor`: (width, height) of the sensor, where the file names none. It names the chip of AEDAT 2.0, where only one has this size.
+/// - `strict`: refuse what is left out otherwise (`Recording.left_out`): lines of a text that are
+///   no events, events outside the sensor, words that hold no events, events before the first time.
+/// - `sensor`: (width, height), where the file names none, or where its chip (AEDAT 2.0) is open.
 /// - `chip`: the chip of AEDAT 2.0, such as "DAVIS346", instead of the one that the file names.
-/// - `stream`: which of several streams of events of AEDAT 3.1 and 4 is read, counted from 1.
+/// - `stream`: which of several streams of events of AEDAT 3.1 and 4 is read, from 1.
 ///
-/// Raises `FileError` where there is no such file; `RecordingError` with the place of a fault when the content is read.
+/// Raises `FileError`, and `RecordingError` with the place of a fault when the content is read.
 #[pyfunction]
 #[pyo3(signature = (path, *, format=None, columns=None, time_unit=None, salvage=false, strict=false, sensor=None, chip=None, stream=None))]
 #[expect(clippy::too_many_arguments, reason = "options with defaults")]
@@ -173,7 +173,7 @@ impl Recording {
         Ok(self.head(py)?.0.to_string())
     }
 
-    /// (width, height) of the sensor in pixels, or the one of `open` where the file names none; None without either.
+    /// (width, height) of the sensor, or the one of `open` where the file names none; or None.
     #[getter]
     fn sensor(&self, py: Python<'_>) -> Outcome<Option<(u16, u16)>> {
         Ok(self.head(py)?.1.or(self.options.sensor).map(sides))
@@ -200,7 +200,7 @@ impl Recording {
         Ok(content.streams.iter().map(of).collect())
     }
 
-    /// With `salvage`: what the end of the file lacks, and the bytes that were not read; None for a whole file.
+    /// With `salvage`: what the end of the file lacks, and the bytes not read; None if whole.
     #[getter]
     fn salvaged(&self) -> Outcome<Option<(String, u64)>> {
         let content = self.content()?;
@@ -209,8 +209,8 @@ impl Recording {
         Ok(content.salvaged.as_ref().map(of))
     }
 
-    /// What was left out because it is no event of the sensor, by kind: (kind, count, the first of them with its place). Kinds are
-    /// "outside_sensor", "other_words", "other_events", "malformed" and "lines".
+    /// What was left out because it is no event of the sensor: (kind, count, the first with its
+    /// place). Kinds are "outside_sensor", "other_words", "other_events", "malformed" and "lines".
     #[getter]
     fn left_out(&self) -> Outcome<Vec<(&'static str, u64, String)>> {
         let content = self.content()?;
@@ -233,9 +233,9 @@ impl Recording {
 
     /// Events with start_us <= t < end_us as one structured array; None leaves a side open.
     ///
-    /// Of a file that was not read yet, only this part is read and kept by no one: for DAT, EVT2, npy, AEDAT 2.0, 3.1 and 4 by a
-    /// search in the file, which allows for times that step back by at most 1 s; other formats are read as a whole. Afterwards it is
-    /// O(log events) where times are in order, O(events) where they step back.
+    /// Of a file that was not read yet, only this part is read: for DAT, EVT2, npy, AEDAT 2.0, 3.1
+    /// and 4 by a search in the file, which allows for times that step back by at most 1 s.
+    /// Afterwards it is O(log events) where times are in order, O(events) otherwise.
     #[pyo3(signature = (start_us=None, end_us=None))]
     fn between<'py>(
         &self,
@@ -270,8 +270,9 @@ impl Recording {
         Ok(Blocks { feed: self.feed(py)?, size })
     }
 
-    /// Pairs (t_us, events) every `period_us`: the events since the pair before, up to t_us and including it. The first pair
-    /// ends `period_us` after the first event, the last one at or after the last event.
+    /// Pairs (t_us, events) every `period_us`: the events since the pair before, up to t_us
+    /// included. The first pair ends `period_us` after the first event, the last at or after the
+    /// last event.
     fn windows(&self, py: Python<'_>, period_us: i64) -> Outcome<Windows> {
         if period_us < 1 {
             return Err(Failure::input(format!("period_us: expected at least 1 us, found {period_us}")));

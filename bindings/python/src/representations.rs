@@ -27,7 +27,7 @@ fn image<'py>(py: Python<'py>, values: &[f32], shape: [usize; 3]) -> PyResult<Bo
     PyArray1::from_slice(py, values).call_method1("reshape", (shape.to_vec(),))
 }
 
-/// The part of a sensor that an argument `crop` names: (x, y, width, height), or None for all of it.
+/// The part of a sensor that an argument `crop` names; None for all of it.
 fn crop_of(crop: Option<Rectangle>, sensor: Sensor) -> Crop {
     crop.map_or(Crop::whole(sensor), |(x, y, width, height)| Crop::new(x, y, width, height))
 }
@@ -109,9 +109,10 @@ impl EventFrame {
 
 /// Frames over consecutive windows of equal length, as events complete them.
 ///
-/// - `rule`: "counts": two channels, the number of OFF and of ON events at a pixel divided by `maximum`; "sum": one channel,
-///   the sum of polarities -1 and 1; "latest": one channel, the polarity of the latest event.
-/// - `period_us`: length of a window; `start_us`: begin of the first one, by default the first event.
+/// - `rule`: "counts": two channels, the number of OFF and of ON events at a pixel divided by
+///   `maximum`; "sum": the sum of polarities -1 and 1; "latest": the polarity of the latest event.
+/// - `period_us`: length of a window; `start_us`: begin of the first one, by default the first
+///   event.
 /// - `crop`: (x, y, width, height) of the pixels; None for all.
 ///
 /// Raises `InputError`.
@@ -172,8 +173,8 @@ impl EventFrames {
         Ok(Self { frames })
     }
 
-    /// Takes events, as `Engine.push`; returns the frames that they complete, in order. A silence is one `EventFrame` of zeros
-    /// with the number of its frames as `count`.
+    /// Takes events, as `Engine.push`; returns the frames that they complete. A silence is one
+    /// `EventFrame` of zeros with the number of its frames as `count`.
     #[pyo3(signature = (*args, **keywords), text_signature = "($self, events=None, *, t=None, x=None, y=None, p=None)")]
     fn push<'py>(
         slf: &Bound<'_, Self>,
@@ -206,7 +207,7 @@ impl EventFrames {
 
 /// A frame (1, height, width) over the events of the last `span_us`, which can be read at any time.
 ///
-/// `rule` is "sum" or "latest", as for `EventFrames`. Beyond `capacity` events the oldest leave first.
+/// `rule` is "sum" or "latest". Beyond `capacity` events the oldest leave first.
 ///
 /// Raises `InputError`.
 #[pyclass(module = "meissner", name = "SlidingFrame")]
@@ -240,7 +241,7 @@ impl SlidingFrame {
     }
 }
 
-/// A time surface (2, height, width), OFF and ON: how long ago each pixel last saw an event, as a value from 1 down to 0.
+/// A time surface (2, height, width), OFF and ON: the age of each pixel's latest event, 1 to 0.
 ///
 /// Give `tau_us` for exp(-age / tau), or `span_us` for max(0, 1 - age / span).
 ///
@@ -280,8 +281,9 @@ impl TimeSurface {
 
 /// A voxel grid (bins, height, width): polarities spread over two bins of time each.
 ///
-/// `window_us` is (start, end), both included. `time` says how it maps to the bins: "bins" as in tonic, where the end lies one
-/// bin after the last, or "centres", where it lies on the last one. The result does not depend on the order of events.
+/// `window_us` is (start, end), both included. `time` maps it to the bins: "bins" as in tonic,
+/// where the end lies one bin after the last, or "centres", where it lies on the last one. The
+/// order of events does not matter.
 ///
 /// Raises `InputError`.
 #[pyclass(module = "meissner", name = "VoxelGrid")]
@@ -313,7 +315,7 @@ impl VoxelGrid {
         Ok(Self { grid: Grid::new(sensor.0, crop, bins, time, window_us.0..=window_us.1)? })
     }
 
-    /// Adds events, as `Engine.push`; returns how many lie on the sensor, in the crop and in the window.
+    /// Adds events, as `Engine.push`; returns how many lie on sensor, crop and window.
     #[pyo3(signature = (*args, **keywords), text_signature = "($self, events=None, *, t=None, x=None, y=None, p=None)")]
     fn push<'py>(
         slf: &Bound<'_, Self>,
@@ -362,10 +364,9 @@ impl VoxelGrid {
     }
 }
 
-/// What makes the frames that a network over frames reads of events, as its description says: an `EventFrames` or a
-/// `SlidingFrame`.
+/// What makes the frames that a network reads of events: an `EventFrames` or a `SlidingFrame`.
 ///
-/// Raises `InputError` for a network whose frames are not made of events, or for a sensor that is smaller than a frame.
+/// Raises `InputError` for a network whose frames are not of events, or too small a sensor.
 #[pyfunction]
 pub(crate) fn frames_for(py: Python<'_>, network: &Bound<'_, PyAny>, sensor: Pixels) -> Outcome<Py<PyAny>> {
     let (description, sensor) = (Description::of(network)?, sensor.0);

@@ -37,14 +37,14 @@ fn to_array<'py>(py: Python<'py>, events: &[SimulatedEvent]) -> PyResult<Bound<'
 /// Events of a camera that sees markers move: `SIMULATED_DTYPE`, in order of time.
 ///
 /// - `t_us`: times in microseconds, ascending: int64 (times,).
-/// - `positions`: column and row of each marker in pixels, (times, markers, 2). Markers move along straight lines between the
-///   times; (0, 0) is the centre of the pixel in the corner.
-/// - `radius`, `edge`: of a marker, in pixels; `marker`, `ground`: shares of the light of a white surface.
-/// - the other arguments are those of `Camera`. Thresholds and leak have the values of the scene that the networks for the angle of
-///   contact were trained on: `threshold_off` 0.35, `threshold_spread` 0.03, `leak_hz` 0.003.
+/// - `positions`: column and row of each marker in pixels, (times, markers, 2), with straight lines
+///   between the times; (0, 0) is the centre of the pixel in the corner.
+/// - `radius`, `edge`: of a marker, in pixels; `marker`, `ground`: shares of the light of white.
+/// - the others are those of `Camera`, but with `threshold_off` 0.35, `threshold_spread` 0.03 and
+///   `leak_hz` 0.003, as in the training of the networks for the angle of contact.
 ///
-/// Equal arguments give equal events on every machine, those of `meissner simulate markers`. Other threads run meanwhile, and
-/// Ctrl-C ends it. Raises `InputError`, `DtypeError`.
+/// Equal arguments give equal events on every machine, those of `meissner simulate markers`. Other
+/// threads run meanwhile, and Ctrl-C ends it. Raises `InputError`, `DtypeError`.
 #[pyfunction]
 #[pyo3(
     signature = (t_us, positions, sensor, *, radius=None, edge=None, marker=None, ground=None, seed=0, ideal=false, **settings),
@@ -140,11 +140,12 @@ fn settings_of(
 /// A simulated event camera: grey images in, events with their causes out.
 ///
 /// - `sensor`: (width, height) in pixels.
-/// - `seed`: of thresholds, phases and noise. Equal images, settings and seeds give equal events on every machine.
-/// - `ideal`: a camera without noise, spread, delay and limit of bandwidth, instead of one in lamp light.
-/// - `settings`: `lux` (light of a white surface), `dark_lux`; `threshold_on`, `threshold_off`, `threshold_spread` in units of the
-///   natural logarithm; `cutoff_hz_per_lux`, `cutoff_max_hz`; `leak_hz`, `leak_hz_per_klux`; `shot_hz`, `shot_corner_lux`;
-///   `hot_share`, `hot_hz`; `refractory_us`, `latency_us`, `jitter_us`; `initial_phase` (bool).
+/// - `seed`: of thresholds, phases and noise. Equal arguments give equal events on every machine.
+/// - `ideal`: a camera without noise, spread, delay and limit of bandwidth, not one in lamp light.
+/// - `settings`: `lux` (light of a white surface), `dark_lux`; `threshold_on`, `threshold_off`,
+///   `threshold_spread` in units of the natural logarithm; `cutoff_hz_per_lux`, `cutoff_max_hz`;
+///   `leak_hz`, `leak_hz_per_klux`; `shot_hz`, `shot_corner_lux`; `hot_share`, `hot_hz`;
+///   `refractory_us`, `latency_us`, `jitter_us`; `initial_phase` (bool).
 ///
 /// Raises `InputError`.
 #[pyclass(module = "meissner", name = "Camera")]
@@ -166,10 +167,12 @@ impl Camera {
         })
     }
 
-    /// Takes the image at `t_us` microseconds; returns the events that are certain by then, in order of time.
+    /// Takes the image at `t_us` microseconds; returns the events that are certain by then, in
+    /// order.
     ///
-    /// `image` has shape (height, width): shares of the light of a white surface, at least 0. Between two images the logarithm
-    /// of the light changes linearly, so that fast motion needs many images. The first image causes no events.
+    /// `image` has shape (height, width): shares of the light of a white surface, at least 0.
+    /// Between two images the logarithm of the light changes linearly. The first image causes no
+    /// events.
     ///
     /// Raises `InputError`, `DtypeError`; the camera is then as it was.
     fn push<'py>(
@@ -190,7 +193,7 @@ impl Camera {
         Ok(to_array(py, &events)?)
     }
 
-    /// The events that wait for their latency. The camera goes on after it, but a later event can then precede these.
+    /// The events that wait for their latency. A later event can then precede these.
     fn finish<'py>(slf: &Bound<'_, Self>, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         let mut this = turn(slf)?;
         let mut events = Vec::new();
@@ -214,11 +217,11 @@ impl Camera {
 /// Depth of a part of a press, after which signals are handled, in millimetres.
 const STEP_MM: f64 = 0.25;
 
-/// A soft dome with markers inside that is pressed on a plane: a thin shell of an incompressible Yeoh solid, quasi-static.
+/// A soft dome with markers inside that is pressed on a plane: a thin, quasi-static Yeoh shell.
 ///
-/// - `tilt`, `azimuth`: of the plane, in radians; its normal leans towards `azimuth`, counted from x to y.
-/// - `radius_mm`, `wall_mm`: of the hemisphere; `rings_mm`: diameter of the outermost of the `rings` of markers around the one at
-///   the top; ring k has 6 k markers.
+/// - `tilt`, `azimuth`: of the plane, in radians; its normal leans towards `azimuth`, from x to y.
+/// - `radius_mm`, `wall_mm`: of the hemisphere; `rings_mm`: diameter of the outermost of the
+///   `rings` of markers around the top one; ring k has 6 k markers.
 /// - `yeoh_kpa`: the coefficients C10, C20, C30. The default dome is the published one.
 ///
 /// Raises `InputError`.
@@ -271,8 +274,9 @@ impl Press {
         Ok(Self { press: PressModel::new(&dome, tilt, azimuth), dome })
     }
 
-    /// Presses on to `depth_mm` along the axis of the dome. A depth below the present one changes nothing. 15 mm of the default dome
-    /// take about a second. Other threads run meanwhile, and Ctrl-C ends it at a smaller depth.
+    /// Presses on to `depth_mm` along the axis of the dome; a smaller depth changes nothing. 15 mm
+    /// of the default dome take about a second. Other threads run meanwhile, and Ctrl-C ends it
+    /// earlier.
     fn press_to(slf: &Bound<'_, Self>, py: Python<'_>, depth_mm: f64) -> Outcome<()> {
         let mut this = turn(slf)?;
         let most = this.dome.radius_mm;
@@ -301,7 +305,7 @@ impl Press {
         Ok(this.press.force_n())
     }
 
-    /// The markers, ring after ring from the top outwards: float64 (markers, 3), x, y, z in millimetres above the base.
+    /// The markers, from the top outwards: float64 (markers, 3), x, y, z in mm above the base.
     #[getter]
     fn markers<'py>(slf: &Bound<'_, Self>, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         let this = turn(slf)?;
@@ -309,8 +313,8 @@ impl Press {
         PyArray1::from_iter(py, markers.iter().flatten().copied()).call_method1("reshape", (markers.len(), 3))
     }
 
-    /// Where the camera below the base sees the markers: float32 (markers, 2), column and row in pixels of `sensor`, for
-    /// `film_markers`. As in `meissner simulate dome`.
+    /// Where the camera below the base sees the markers: float32 (markers, 2), column and row in
+    /// pixels, for `film_markers`.
     fn positions<'py>(slf: &Bound<'_, Self>, py: Python<'py>, sensor: Pixels) -> PyResult<Bound<'py, PyAny>> {
         let this = turn(slf)?;
         let (view, markers) = (DomeView::new(&this.dome, sensor.0), this.press.markers());

@@ -1,6 +1,6 @@
 //! Threads: one at a time in an object, forks, and long work that signals can stop.
 //!
-//! A forked child has one thread, the one that forked. It computes on threads of its own, and is told what it cannot use.
+//! A forked child has one thread, computes on threads of its own, and is told what it cannot use.
 
 use std::ops::{Deref, DerefMut};
 use std::process;
@@ -64,8 +64,8 @@ pub(crate) fn fork_refused(what: &str) -> Failure {
     Failure::Refused("LiveError", message)
 }
 
-/// Objects that a thread is in: the object's address, the thread and its process. Taken and given back with the interpreter held, so that
-/// no fork happens meanwhile.
+/// Objects that a thread is in: address, thread and process. Changed with the interpreter held, so
+/// that no fork happens meanwhile.
 static TAKEN: Mutex<Vec<(usize, ThreadId, u32)>> = Mutex::new(Vec::new());
 
 /// An object of Python, for this thread alone.
@@ -78,7 +78,7 @@ fn taken() -> MutexGuard<'static, Vec<(usize, ThreadId, u32)>> {
     TAKEN.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// The object, as soon as no other thread is in it. Other threads run meanwhile, and signals are handled.
+/// The object, once no other thread is in it. Others run meanwhile, and signals are handled.
 pub(crate) fn turn<'py, T: PyClass<Frozen = False>>(object: &Bound<'py, T>) -> Outcome<Turn<'py, T>> {
     let address = object.as_ptr().addr();
     loop {
@@ -159,8 +159,9 @@ pub(crate) fn workers(threads: Option<u16>, watch: &ProgressHandle) -> Outcome<W
     Ok(Workers::new(pool, watch.clone()))
 }
 
-/// The result of `work`, which runs in another thread without the interpreter. Every now and then `tick(done, total, name)` is called
-/// with what `seen` says. An exception of it or of a signal stops the work at its next part, and is raised then.
+/// The result of `work`, which runs in another thread without the interpreter, while `tick(done,
+/// total, name)` is called with what `seen` says. An exception of it or of a signal stops the work
+/// at its next part, and is raised then.
 pub(crate) fn watched<T: Send>(
     py: Python<'_>,
     watch: &ProgressHandle,

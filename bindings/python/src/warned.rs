@@ -29,7 +29,7 @@ impl Losses {
     }
 }
 
-/// Warns if `weights` were trained on another input than a network with this window and sensor gets.
+/// Warns if `weights` were trained on another input than this network gets.
 pub(crate) fn of_network(
     py: Python<'_>,
     description: &Description,

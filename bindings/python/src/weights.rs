@@ -15,9 +15,9 @@ use crate::error::{Failure, Outcome, wrong_type};
 
 /// Named tensors: a mapping from names to float32 arrays.
 ///
-/// `source` is the path of a safetensors file or of a state dict of PyTorch (nothing in it is executed), the bytes of one, a
-/// mapping from names to arrays or torch tensors (a `state_dict()`), or a torch module. Floating-point values become float32.
-/// `metadata` (of texts) replaces that of the file.
+/// `source` is the path or the bytes of a safetensors file or of a state dict of PyTorch (nothing
+/// in it is executed), a mapping from names to arrays or torch tensors, or a torch module.
+/// Floating-point values become float32. `metadata` (of texts) replaces that of the file.
 ///
 /// Raises `WeightsError` where they cannot be read, `FileError` where a file cannot.
 #[pyclass(module = "meissner", name = "Weights", frozen, mapping)]
@@ -26,7 +26,7 @@ pub(crate) struct Weights {
 }
 
 impl Weights {
-    /// The weights of an argument `weights` for `description`; None stands for those that come with the module.
+    /// The weights of an argument `weights`; None stands for those that come with the module.
     pub(crate) fn of(
         weights: Option<&Bound<'_, PyAny>>,
         description: &Description,
@@ -137,7 +137,7 @@ impl Weights {
         Ok(Self { weights })
     }
 
-    /// Weights of `network` drawn from `seed`, the same on every machine. They are not trained: predictions mean nothing.
+    /// Weights of `network` drawn from `seed`, the same on every machine. They are not trained.
     #[staticmethod]
     #[pyo3(signature = (network, seed=0))]
     fn draw(network: &Bound<'_, PyAny>, seed: u64) -> Outcome<Self> {
@@ -152,10 +152,10 @@ impl Weights {
         self.weights.metadata().clone()
     }
 
-    /// What a run depends on, from the metadata. Raises `WeightsError` for metadata of another form.
+    /// What a run depends on, from the metadata. Raises `WeightsError` for another form.
     #[getter]
     fn card(&self) -> Outcome<Card> {
-        Ok(Card { card: self.weights.card()? })
+        Ok(Card::new(self.weights.card()?))
     }
 
     /// The bytes of a safetensors file. `metadata` replaces that of these weights.
@@ -224,7 +224,7 @@ impl Weights {
     fn __repr__(&self) -> String {
         let values: usize =
             self.weights.iter().map(|(_, tensor)| tensor.shape().iter().product::<usize>()).sum();
-        let card = self.weights.card().map(|card| Card { card }.said()).unwrap_or_default();
+        let card = self.weights.card().map(|card| Card::new(card).said()).unwrap_or_default();
         format!("<Weights: {} tensors, {values} values{card}>", self.__len__())
     }
 
@@ -236,18 +236,40 @@ impl Weights {
 /// What a run depends on, from the metadata of weights.
 #[pyclass(module = "meissner", name = "Card", frozen)]
 pub(crate) struct Card {
-    card: models::Card,
+    /// Whether they were trained; None where it is unknown.
+    #[pyo3(get)]
+    trained: Option<bool>,
+    /// One line about them.
+    #[pyo3(get)]
+    about: Option<String>,
+    /// Preparation of the input of the training, as JSON.
+    #[pyo3(get)]
+    preparation: Option<String>,
+    /// The training took every `stride`-th event.
+    #[pyo3(get)]
+    stride: usize,
+    /// (width, height) of the sensor of the training.
+    #[pyo3(get)]
+    sensor: Option<(u16, u16)>,
+    /// Whether these are the weights of the published contact-angle checkpoint.
+    #[pyo3(get)]
+    published: bool,
 }
 
 impl Card {
+    fn new(card: models::Card) -> Self {
+        let models::Card { trained, about, preparation, stride, sensor, published, .. } = card;
+        Self { trained, about, preparation, stride, sensor: sensor.map(sides), published }
+    }
+
     /// For the end of a `repr`.
     fn said(&self) -> String {
-        let trained = match self.card.trained {
+        let trained = match self.trained {
             Some(true) => ", trained",
             Some(false) => ", not trained",
             None => "",
         };
-        let about = self.card.about.as_ref().map(|about| format!(", {about:?}")).unwrap_or_default();
+        let about = self.about.as_ref().map(|about| format!(", {about:?}")).unwrap_or_default();
         format!("{trained}{about}")
     }
 }
@@ -261,47 +283,11 @@ impl Card {
             let message = format!("weights: expected a network of networks(), found {name:?}");
             Failure::Refused("WeightsError", message)
         };
-        Ok(Self { card: models::Card::shipped(name).ok_or_else(missing)? })
-    }
-
-    /// Whether they were trained; None where it is unknown.
-    #[getter]
-    fn trained(&self) -> Option<bool> {
-        self.card.trained
-    }
-
-    /// One line about them.
-    #[getter]
-    fn about(&self) -> Option<&str> {
-        self.card.about.as_deref()
-    }
-
-    /// Preparation of the input of the training, as JSON.
-    #[getter]
-    fn preparation(&self) -> Option<&str> {
-        self.card.preparation.as_deref()
-    }
-
-    /// The training took every `stride`-th event.
-    #[getter]
-    fn stride(&self) -> usize {
-        self.card.stride
-    }
-
-    /// (width, height) of the sensor of the training.
-    #[getter]
-    fn sensor(&self) -> Option<(u16, u16)> {
-        self.card.sensor.map(sides)
-    }
-
-    /// Whether these are the weights of the published contact-angle checkpoint.
-    #[getter]
-    fn published(&self) -> bool {
-        self.card.published
+        Ok(Self::new(models::Card::shipped(name).ok_or_else(missing)?))
     }
 
     fn __repr__(&self) -> String {
-        let sensor = self.card.sensor.map(|sensor| format!(", sensor {sensor}")).unwrap_or_default();
-        format!("<Card: stride {}{sensor}{}>", self.card.stride, self.said())
+        let sensor = self.sensor.map(|(w, h)| format!(", sensor {w}x{h}")).unwrap_or_default();
+        format!("<Card: stride {}{sensor}{}>", self.stride, self.said())
     }
 }

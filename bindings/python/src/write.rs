@@ -10,9 +10,10 @@ use crate::error::{Failure, Outcome};
 use crate::events::Events;
 use crate::recording::word;
 
-/// Writes events (as for `Engine.push`) to a file: "csv", "npy", "dat" or "evt3", by default by the extension of `path`.
+/// Writes events to a file: "csv", "npy", "dat" or "evt3", by default by the extension.
 ///
-/// Raises `RecordingError` where the format cannot hold an event or `sensor`, `InputError`, `DtypeError`, `FileError`.
+/// Raises `RecordingError` where the format cannot hold an event, `InputError`, `DtypeError`,
+/// `FileError`.
 #[pyfunction]
 #[pyo3(signature = (path, events, sensor=None, *, format=None))]
 pub(crate) fn write(

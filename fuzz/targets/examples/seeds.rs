@@ -1,4 +1,4 @@
-//! Writes the seeds of the corpora: `cargo run -p meissner-fuzz --example seeds`. Findings beside them stay.
+//! Writes the seeds of the corpora: `cargo run -p meissner-fuzz --example seeds`.
 //!
 //! The bytes come from the writers of the tests beside each reader, which share no code with it.
 

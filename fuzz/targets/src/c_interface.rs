@@ -1,5 +1,6 @@
-//! Bytes as calls of the C interface: any order of calls, with pointers that may be NULL or misaligned, lengths of any size that memory
-//! backs, and structs that state any size. An engine of Rust takes the same events: the values agree to the bit.
+//! Bytes as calls of the C interface in any order, with pointers that may be NULL or misaligned,
+//! lengths of any size that memory backs, and structs that state any size. The values agree with an
+//! engine of Rust to the bit.
 #![allow(unsafe_code, reason = "the interface takes raw pointers")]
 #![allow(clippy::wildcard_imports, reason = "its names begin with its own")]
 
@@ -89,7 +90,7 @@ pub(crate) fn c_interface(bytes: &[u8]) -> Verdict {
         meissner_network_release(network);
         status
     };
-    // The first byte of the field is read if the size reaches it; a size beyond all fields is of a version that does not exist.
+    // The field's first byte is read if the size reaches it; no version has a larger size.
     let known = size_of::<meissner_engine_options>();
     let read = if stated > offset_of!(meissner_engine_options, late) { late } else { 0 };
     if !(8..=known).contains(&stated) || read > 1 {
@@ -225,7 +226,7 @@ impl Pair {
         let (stated, wanted) = (size(choices), choices.flag());
         let mut prediction = Room::new(stated, &[]);
         let of = if wanted { prediction.pointer() } else { null_mut() };
-        // SAFETY: the handle is valid, `values` has that room, and the struct is as long as it states.
+        // SAFETY: the handle is valid, `values` has that room, and the struct is as long as stated.
         let status = unsafe { meissner_engine_predict(self.engine, values.as_mut_ptr(), room, of) };
         if wanted && stated < 8 {
             assert_eq!(status, INVALID);

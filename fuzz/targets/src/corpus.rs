@@ -1,4 +1,4 @@
-//! The committed inputs of each target, and changed ones: cut, flipped, overwritten, spliced. Equal seeds give equal inputs.
+//! The committed inputs of each target, and changed ones. Equal seeds give equal inputs.
 
 use std::io;
 use std::path::PathBuf;
@@ -43,7 +43,7 @@ impl<'c> Mutator<'c> {
         Self { corpus, seed }
     }
 
-    /// Input `index`, whatever others were asked for before: up to six changes of an input of the corpus.
+    /// Input `index`: up to six changes of an input of the corpus.
     pub fn input(&self, index: u64) -> Vec<u8> {
         let mut random = Random::new(self.seed ^ index.wrapping_mul(0xd6e8_feb8_6659_fd93));
         let mut bytes = self.pick(&mut random).to_vec();

@@ -1,4 +1,4 @@
-//! Bytes as descriptions: problems with their lines, or a description that can be shown, drawn and run within bounds.
+//! Bytes as descriptions: problems with lines, or a description to show, draw and run.
 
 use std::sync::Arc;
 

@@ -1,7 +1,8 @@
 //! Fuzz targets: each takes bytes, and panics if a promise is broken.
 //!
-//! Each target is a plain function in [`TARGETS`], so that cargo-fuzz (`fuzz/fuzz_target.rs`), the replay of the corpora
-//! (`tests/replay.rs`) and the mutator (`src/bin/mutate.rs`) check the same promises. `fuzz/README.md` says how to run them.
+//! Each is a plain function in [`TARGETS`], so that cargo-fuzz (`fuzz/fuzz_target.rs`), the replay
+//! of the corpora (`tests/replay.rs`) and the mutator (`src/bin/mutate.rs`) check the same
+//! promises.
 mod c_interface;
 pub mod corpus;
 mod descriptions;

@@ -11,7 +11,7 @@ use crate::Verdict;
 const STEPS: usize = 120;
 const COMPARISONS: usize = 12;
 
-/// The event graph alone: pushes at any time and pixel, `advance`, resets; neighbourhoods against all pairs.
+/// The event graph alone under pushes, `advance` and resets; neighbourhoods against all pairs.
 ///
 /// # Panics
 /// If a promise is broken.

@@ -1,5 +1,5 @@
-//! Bytes as recordings of events or electrodes, or as images: a typed error, or events that keep their promises and come back
-//! the same when they are written and read again, finite readings, or as many pixels as the header says.
+//! Bytes as recordings of events or electrodes, or as images: a typed error, or what keeps its
+//! promises and comes back the same when it is written and read again.
 
 use std::io::BufReader;
 
@@ -43,8 +43,8 @@ pub(crate) fn recording(format: Format, bytes: &[u8]) -> Verdict {
     }
 }
 
-/// CSV, whole and line by line: the size of the reader's buffer does not change the events, and a bad line costs one item.
-/// With the same options, a stream and a file are read the same by a strict reader, and by another one without the bad lines.
+/// CSV, whole and line by line: the buffer's size does not change the events, and a bad line costs
+/// one item. A stream and a file are read the same.
 ///
 /// # Panics
 /// If a promise is broken.
@@ -108,7 +108,7 @@ pub(crate) fn convert(bytes: &[u8]) -> Verdict {
     if rewritten(sensor, &events) > 0 { Verdict::Accepted } else { Verdict::Refused }
 }
 
-/// The whole part of a file that may be cut short. Of a file that is not cut short, this is everything.
+/// The whole part of a file that may be cut short.
 fn salvaged(format: Format, bytes: &[u8]) {
     let asked = ReadOptions::from(format).salvage(true);
     let salvaged = decode_with(bytes, asked);
@@ -116,7 +116,7 @@ fn salvaged(format: Format, bytes: &[u8]) {
         Ok(recording) => keeps_its_promises(bytes, recording),
         Err(error) => drop(refused(error)),
     }
-    // A last line without a line feed is no whole one, and may be what tells the order of the columns.
+    // A last line without a line feed may be what tells the order of the columns.
     if format != Format::Csv
         && let Ok(whole) = decode_with(bytes, format)
     {
@@ -197,7 +197,7 @@ pub(crate) fn electrodes(bytes: &[u8]) -> Verdict {
         (delivered, refused, readings.warnings())
     };
     let (delivered, refused, warnings) = read(1 << 16);
-    // Times may be infinite in seconds where they are finite in their unit, so they are compared as text.
+    // Times may be infinite in seconds where they are finite in their unit.
     assert_eq!(format!("{:?}", (&delivered, refused, warnings)), format!("{:?}", read(5)));
     if refused == 0 { Verdict::Accepted } else { Verdict::Refused }
 }

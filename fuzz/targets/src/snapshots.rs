@@ -1,7 +1,6 @@
-//! Bytes as snapshots: refused by name with the engine as it was, or a state that can be stored, restored and gone on from.
+//! Bytes as snapshots: refused with the engine as it was, or a state that can be gone on from.
 //!
-//! The first byte picks the engine, the second whether length and checksum are made to fit what follows, so that a content
-//! that was made up is looked at.
+//! The first byte picks the engine, the second whether length and checksum are made to fit.
 
 use std::sync::LazyLock;
 
@@ -160,7 +159,7 @@ fn check<E: GoesOn>(engines: &[E], bytes: &[u8]) -> Verdict {
     Verdict::Accepted
 }
 
-/// Snapshots of the engines above, as the targets read them: sealed ones, so that what is changed in them is looked at.
+/// Snapshots of the engines above, sealed, so that what is changed in them is looked at.
 pub fn seeds() -> (Vec<Vec<u8>>, Vec<Vec<u8>>) {
     let seed = |(which, bytes): (usize, Vec<u8>)| [&[which as u8, 1][..], &bytes].concat();
     let events = ENGINES.iter().map(Engine::to_bytes).enumerate().map(seed).collect();

@@ -1,4 +1,4 @@
-//! Bytes as weights: a typed error, or tensors that are what their shapes say, and a network that runs or refuses them.
+//! Bytes as weights: a typed error, or tensors that a network runs or refuses.
 
 use std::sync::{Arc, LazyLock};
 
@@ -73,7 +73,7 @@ pub(crate) fn weights(bytes: &[u8]) -> Verdict {
     Verdict::Accepted
 }
 
-/// The instructions of a state dict's pickle, in an archive whose checksums are right, beside one storage of zeros.
+/// A state dict's pickle in an archive with right checksums, beside one storage of zeros.
 ///
 /// # Panics
 /// If a promise is broken.
@@ -81,7 +81,7 @@ pub(crate) fn pickle(bytes: &[u8]) -> Verdict {
     weights(&archive(&[("data.pkl", bytes), ("data/0", &[0; 64])], Deviation::default()))
 }
 
-/// Either the network refuses the weights by name, or it predicts what the engine can tell from NaN.
+/// Either the network refuses the weights by name, or it predicts.
 fn run(weights: &Weights) {
     let network = match DESCRIPTION.network(weights) {
         Ok(network) => Arc::new(network),

@@ -7,7 +7,7 @@ use std::time::Duration;
 use meissner_engine::{DropReason, EngineError, Event, EventCounters, Outcome, Prediction};
 use meissner_live::{Live, LiveError, Overload, Predictor, QueueCounters, QueueOptions, cores};
 
-/// Longest time that a test waits for something that takes no time: the machine may do other things.
+/// Longest wait for something that takes no time: the machine may do other things.
 pub(crate) const PATIENCE: Duration = Duration::from_mins(1);
 
 /// What was asked of it, in order.

@@ -1,4 +1,4 @@
-//! More events than the engine takes, under every policy; errors, panics and ends, which are reported and never waited for.
+//! More events than the engine takes, under every policy; errors, panics and ends.
 
 use std::sync::Arc;
 use std::thread;
@@ -67,7 +67,7 @@ fn blocking_drops_nothing_and_says_how_long_it_waited() {
         Live::spawn(fake, options(CAPACITY, Overload::Block)).expect("options are fine");
     let held = gate.lock().expect("nobody panicked");
     let reader = thread::spawn(move || input.push_slice(&events(0..OFFERED)).map(|()| input));
-    // The first slice fills the queue, and the worker holds a batch at most: half of it will not be free.
+    // The first slice fills the queue, and the worker holds a batch at most.
     wait_until(&live, |counters| counters.offered == CAPACITY as u64);
     thread::sleep(Duration::from_millis(5));
     check(&live.counters(), CAPACITY);

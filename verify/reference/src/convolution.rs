@@ -1,8 +1,9 @@
 //! The convolutions of blocks in f64, with batch norm and skip.
 //!
-//! Spline (`SplineCNN`, Fey et al. 2018, Eq. 2 and 5): the basis of degree 1 is a tensor product of hat functions, and
-//! every in-edge contributes to all slots of the kernel. `PointNet` (`PointNet++`, Qi et al. 2017): a linear layer over
-//! the channels and the offset of every in-edge and of the row itself, and the maximum.
+//! Spline (`SplineCNN`, Fey et al. 2018, Eq. 2 and 5): the basis is a tensor product of hat
+//! functions, and every in-edge contributes to all slots. `PointNet` (`PointNet++`, Qi et al.
+//! 2017): the maximum of a linear layer over channels and offset of every in-edge and of the row
+//! itself.
 
 use meissner_engine::GraphConvolution;
 use meissner_kernels::{PointNetParts, SplineParts};

@@ -53,8 +53,8 @@ impl Difference {
 /// 2^104, the distance of the two largest f32.
 pub(crate) const MAX_ULP: f64 = 20_282_409_603_651_670_423_947_251_286_016.0;
 
-/// Error of `got` in units in the last place of the f32 nearest to `want`: the distance from its magnitude to the next
-/// larger f32. 0 if `got` is that f32, or both are NaN; infinite if only one is NaN.
+/// Error of `got` in units in the last place of the f32 nearest to `want`. 0 if `got` is that f32
+/// or both are NaN; infinite if only one is NaN.
 pub fn ulps(got: f32, want: f64) -> f64 {
     let nearest = want as f32;
     if got == nearest || (got.is_nan() && want.is_nan()) {

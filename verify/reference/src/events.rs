@@ -1,7 +1,7 @@
-//! A network over events computed from scratch in f64, with the neighbourhoods and cells of the contract.
+//! A network over events, computed from scratch in f64.
 //!
-//! Input: a [`Stream`]. Output: every feature of every level, the readout, the prediction. Neighbourhoods and cells
-//! equal the engine's, because both follow one total order and exact integers; values differ only by rounding.
+//! Input: a [`Stream`]. Output: every feature of every level, the readout, the prediction.
+//! Neighbourhoods and cells equal the engine's; values differ only by rounding.
 
 mod pool;
 
@@ -79,11 +79,12 @@ pub struct EventTrace {
 }
 
 impl EventReference {
-    /// `network` over the events of `sensor`; `head` holds the parameters of its head, if it has one.
+    /// `network` over the events of `sensor`; `head` holds the parameters of its head, if any.
     ///
     /// # Errors
-    /// [`ReferenceError::PerGraph`] for a network with per-graph normalisation, [`ReferenceError::Head`] if only one of
-    /// `head` and the network's head exists, [`ReferenceError::Engine`] if the head's layers do not fit.
+    /// [`ReferenceError::PerGraph`] for per-graph normalisation, [`ReferenceError::Head`] if only
+    /// one of `head` and the network's head exists, [`ReferenceError::Engine`] if the head's layers
+    /// do not fit.
     pub fn new(
         network: impl Into<Arc<Network>>,
         sensor: Sensor,
@@ -131,8 +132,7 @@ impl EventReference {
     /// Computes every row of every layer. O(n^2) for the neighbourhoods of n events.
     ///
     /// # Panics
-    /// If `Batch::forward` refuses `stream`: an event outside the sensor, before the epoch, before its predecessor or
-    /// after the newest time, or a time difference that does not fit 64 bits.
+    /// If `Batch::forward` refuses `stream`: a pixel, an order of times or a time difference.
     pub fn forward(&self, stream: Stream<'_>) -> EventTrace {
         let parts = self.network.parts();
         let mut levels = vec![event_level(self, stream)];
@@ -194,8 +194,8 @@ fn dense(network: &Network) -> FrameNetworkParts {
     }
 }
 
-/// Rows, edges and input of the event level: neighbourhoods by comparing all pairs in the contract's order (smaller d2
-/// first, then the later event), d2 = ((dx / width)^2 + (dy / height)^2) + (dt / span)^2 from integer differences.
+/// The event level: neighbourhoods from all pairs in the contract's order (smaller d2, then the
+/// later event), d2 = ((dx / width)^2 + (dy / height)^2) + (dt / span)^2 from integer differences.
 fn event_level(reference: &EventReference, stream: Stream<'_>) -> ReferenceLevel {
     let parts = reference.network.parts();
     let oldest = stream.now_us.saturating_sub(parts.span_us);

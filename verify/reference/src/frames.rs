@@ -1,7 +1,6 @@
 //! A frame network in f64: every layer is computed completely for every frame.
 //!
-//! Input: frames, (channels, height, width) for an image. Output: the values of every layer, in the same layout.
-//! Recurrent layers keep their state between frames.
+//! Input: frames, (channels, height, width) for an image. Output: the values of every layer.
 
 use meissner_engine::EngineError;
 use meissner_engine::frames::{Convolution, FrameLayerKind, FrameNetwork, FrameNetworkParts, FrameShape};
@@ -28,7 +27,7 @@ impl FrameReference {
         Ok(Self { parts, values: Vec::new(), memories: vec![Vec::new(); layers] })
     }
 
-    /// Takes the next frame and computes every layer; returns the output of the last one. O(multiply-adds).
+    /// Takes a frame and computes every layer; returns the output of the last. O(multiply-adds).
     ///
     /// # Panics
     /// If the number of values is not the network's input size.
@@ -47,7 +46,7 @@ impl FrameReference {
         self.prediction()
     }
 
-    /// The output of the last layer, (channels, height, width) for an image; empty before the first frame.
+    /// The output of the last layer; empty before the first frame.
     pub fn prediction(&self) -> &[f64] {
         self.values.last().map_or(&[], |value| &value.values)
     }
@@ -212,7 +211,7 @@ pub(crate) fn up_conv(input: &Image, outputs: usize, weight: &[f32], bias: Optio
     })
 }
 
-/// Applies `of` to each window of `size` x `size` pixels; pixels that do not fill a window are dropped.
+/// Applies `of` to each window of `size` x `size` pixels; incomplete windows are dropped.
 pub(crate) fn pooled(input: &Image, size: usize, of: impl Fn(&mut dyn Iterator<Item = f64>) -> f64) -> Image {
     let [channels, height, width] = input.size;
     Image::from_fn([channels, height / size, width / size], |c, y, x| {
@@ -221,7 +220,7 @@ pub(crate) fn pooled(input: &Image, size: usize, of: impl Fn(&mut dyn Iterator<I
     })
 }
 
-/// One step of recurrent cells (Hochreiter and Schmidhuber 1997; Shi et al. 2015); returns the outputs. The quarters of
+/// One step of recurrent cells (Hochreiter and Schmidhuber 1997; Shi et al. 2015). The quarters of
 /// `gates` are i, f, g and o:
 ///
 /// ```text
@@ -230,7 +229,7 @@ pub(crate) fn pooled(input: &Image, size: usize, of: impl Fn(&mut dyn Iterator<I
 /// h = o act(c)
 /// ```
 ///
-/// Every peephole reads the cell before the step. A memory is the cells followed by the outputs; empty means zeros.
+/// Every peephole reads the cell before the step. A memory is the cells and then the outputs.
 pub(crate) fn step(
     gates: &[f64],
     peepholes: Option<&[f32]>,
@@ -249,7 +248,7 @@ pub(crate) fn step(
     shown.to_vec()
 }
 
-/// One step of an LSTM of `hidden` cells; weights (4 hidden, inputs), (4 hidden, hidden), (4 hidden).
+/// One step of an LSTM; weights (4 hidden, inputs), (4 hidden, hidden), (4 hidden).
 pub(crate) fn lstm(
     x: &[f64],
     hidden: usize,
@@ -263,7 +262,7 @@ pub(crate) fn lstm(
     step(&gates, None, Activation::Tanh, memory)
 }
 
-/// One step of a convolutional LSTM of `hidden` channels; weight (4 hidden, inputs + hidden, 3, 3), bias (4 hidden),
+/// One step of a convolutional LSTM; weight (4 hidden, inputs + hidden, 3, 3), bias (4 hidden),
 /// peepholes (3, hidden, height, width).
 fn conv_lstm(
     x: &Image,

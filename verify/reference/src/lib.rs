@@ -1,13 +1,11 @@
 //! Networks in f64, computed value by value, to measure rounding errors.
 //!
-//! Input: the parameters of a network and its stream or frames. Output: the values of every layer, in f64. The code
-//! shares only parameters, and exact integers and fractions of pixels, times and cells, with kernels and engine. Every
-//! sum is a plain loop, so that the code can be compared with the equations; errors of f64 are 2^29 times smaller than
-//! the measured errors. Elementary functions are the platform's, so the last bits of results may differ between
-//! machines.
+//! Input: the parameters of a network and its stream or frames. Output: the values of every layer.
+//! Kernels and engine share only parameters and exact integers with it. Every sum is a plain loop,
+//! as in the equations. Elementary functions are the platform's, so that the last bits may differ
+//! between machines.
 //!
-//! The crate also has a neighbour search by a k-d tree, which proposes candidates to a batch that is the oracle for
-//! large windows.
+//! A neighbour search by a k-d tree proposes candidates to a batch, the oracle of large windows.
 //!
 //! | type | what it is |
 //! |---|---|
@@ -16,14 +14,18 @@
 //! | [`Difference`], [`ulps`] | differences of f32 values from these |
 //!
 //! ```
-//! use meissner_engine::frames::{Convolution, FrameEngine, FrameLayer, FrameLayerKind, FrameNetwork};
-//! use meissner_engine::frames::{FrameNetworkParts, FrameShape};
+//! use meissner_engine::frames::{
+//!     Convolution, FrameEngine, FrameLayer, FrameLayerKind, FrameNetwork, FrameNetworkParts,
+//! FrameShape,
+//! };
 //! use meissner_kernels::Activation;
 //! use meissner_reference::{Difference, FrameReference};
 //!
-//! let kind = FrameLayerKind::Dense { outputs: 1, weight: vec![0.1; 3], bias: None, activation: Activation::Tanh };
+//! let (weight, activation) = (vec![0.1; 3], Activation::Tanh);
+//! let kind = FrameLayerKind::Dense { outputs: 1, weight, bias: None, activation };
 //! let layers = vec![FrameLayer { name: "out".to_owned(), from: 0, kind }];
-//! let parts = FrameNetworkParts { name: "mean".to_owned(), input: FrameShape::Vector(3), layers };
+//! let input = FrameShape::Vector(3);
+//! let parts = FrameNetworkParts { name: "mean".to_owned(), input, layers };
 //! let network = FrameNetwork::new(parts.clone(), Convolution::Direct)?;
 //! let (mut engine, mut reference) = (FrameEngine::new(network)?, FrameReference::new(parts)?);
 //!

@@ -146,7 +146,7 @@ fn what_does_not_fill_a_window_is_left_out() {
 
 #[test]
 fn open_gates_add_up_what_comes() {
-    // i, f and o are 1 at a bias of 1000, and g is the input: c = tanh(x) after one step, twice that after two.
+    // i, f and o are 1 at a bias of 1000, g is the input: c = tanh(x), then twice that.
     let bias = [1000.0, 1000.0, 0.0, 1000.0];
     let weights: [&[f32]; 3] = [&[0.0, 0.0, 1.0, 0.0], &[0.0; 4], &bias];
     let mut memory = Vec::new();

@@ -1,8 +1,7 @@
-//! Neighbours of the events of a window from a k-d tree, which is independent of the engine's search.
+//! Neighbours of a window from a k-d tree, which is independent of the engine's search.
 //!
-//! Input: positions, rounded from integers, and the range that each event may read from. Output: for each event, all
-//! its neighbours and a few more; the batch sorts them by exact distance. The tree's distances are between rounded
-//! positions, so every bound is widened by more than their largest error.
+//! Input: rounded positions, and the range that each event may read from. Output: for each event,
+//! its neighbours and a few more. Bounds are widened by more than the largest rounding error.
 
 use std::num::NonZeroUsize;
 use std::ops::Range;
@@ -13,8 +12,8 @@ use meissner_engine::{Places, Propose};
 /// Number of events up to which all pairs are proposed: a tree is no faster there.
 const FEW: usize = 500;
 
-/// Proposes neighbours for an oracle over windows of any size: all pairs of a few events, near events from a k-d tree
-/// otherwise. Cost: O(n k log n) with k neighbours; more if only a few of the near events may be read.
+/// Proposes neighbours for windows of any size: all pairs of a few events, else near events from a
+/// k-d tree. O(n k log n) with k neighbours; more if few near events may be read.
 pub const PROPOSE: Propose = by_size;
 
 fn by_size(places: &Places<'_>, tell: &mut dyn FnMut(&[u32])) {
@@ -49,7 +48,7 @@ pub fn from_tree(places: &Places<'_>, tell: &mut dyn FnMut(&[u32])) {
     }
 }
 
-/// Squared distance that contains the first `most` candidates of event `i`, or all of fewer; none without any.
+/// Squared distance that contains the first `most` candidates of event `i`; none without any.
 fn bound(
     tree: &ImmutableKdTree<f64, 3>,
     position: &[f64; 3],
@@ -81,7 +80,7 @@ fn bound(
 
 /// Converts a bound of exact squared distances to one of rounded positions, all at most `largest`.
 fn widened(bound: f64, largest: f64) -> f64 {
-    // A coordinate is off by half a unit in the last place, a difference by twice that plus its own rounding.
+    // A coordinate is off by half a unit in the last place, a difference by more than twice that.
     let off = 8.0 * f64::EPSILON * largest;
     (bound.sqrt() + off).powi(2) * (1.0 + 1e-9)
 }

@@ -1,9 +1,9 @@
 //! Recordings in an endless loop, and disturbances between their events.
 //!
-//! Enters: recordings, and a seed. Leaves: events. All stamps of a recording are shifted by one number, so that it begins after the end of
-//! the recording before it. Invariant: within a recording, the differences between stamps are those of the recording, except
-//! for inserted silences; a shuffled deck of eight disturbances is dealt to its end before it is shuffled again. Stamps
-//! saturate at the largest i64 (after 292,000 years).
+//! Enters: recordings, and a seed. Leaves: events. All stamps of a recording are shifted, so that
+//! it begins after the one before. Invariants: within a recording, differences between stamps are
+//! its own, except for inserted silences; a shuffled deck of eight disturbances is dealt to its
+//! end.
 
 use std::sync::Arc;
 
@@ -75,7 +75,7 @@ impl Endless {
         self.rounds
     }
 
-    /// Delays the next event by 1 us to some 9 minutes; all magnitudes are equally likely. Returns the middle of the silence.
+    /// Delays the next event by 1 us to some 9 minutes, and returns the middle of the silence.
     pub(crate) fn fall_silent(&mut self) -> i64 {
         let magnitude = 1 << self.random.below(MAX);
         let silence = (magnitude + self.random.below(magnitude)) as i64;
@@ -111,7 +111,7 @@ pub(crate) enum Disturbance {
     Advance,
     /// The state is written as bytes, and a new engine goes on from them.
     Bytes,
-    /// A snapshot is taken in memory, events follow that are to be forgotten, and the engine returns to the snapshot.
+    /// A snapshot in memory, events that are to be forgotten, and the return to it.
     Snapshot {
         /// Events between snapshot and return.
         detour: u64,

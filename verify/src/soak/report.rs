@@ -19,7 +19,7 @@ impl Calls<Latency> {
     }
 }
 
-/// Number of disturbances of each kind, and of returns to a state after which the prediction differed.
+/// Disturbances of each kind, and returns to a state after which the prediction differed.
 #[derive(Clone, Copy, Debug, Default, Serialize)]
 pub struct Disturbances {
     /// Silences.
@@ -55,7 +55,7 @@ pub struct Checkpoint {
     pub latency_us: Calls<Option<Quantiles>>,
     /// What the process has allocated and not freed, where the caller knows it.
     pub live_bytes: Option<u64>,
-    /// Resident memory of the process, where the platform reports it: live bytes, and what the allocator keeps between them.
+    /// Resident memory of the process, where the platform reports it.
     pub resident_bytes: Option<u64>,
     /// Time since the start.
     pub seconds: f64,
@@ -155,8 +155,8 @@ fn median(mut values: Vec<u64>) -> Option<u64> {
 /// With fewer checkpoints, warm-up and end cannot be told apart.
 const FEWEST: usize = 20;
 
-/// `report` with ratios, memory after warm-up, and a sentence for each broken promise. Live memory may grow by
-/// `memory_growth` percent.
+/// `report` with ratios, memory after warm-up (which may grow by `memory_growth` percent), and a
+/// sentence for each broken promise.
 pub(crate) fn judged(report: Report, memory_growth: u32) -> Report {
     let memory = memory(&report.checkpoints);
     let mut broken: Vec<String> = report.checkpoints.iter().filter_map(differs).collect();
@@ -184,7 +184,7 @@ fn differs(row: &Checkpoint) -> Option<String> {
     })
 }
 
-/// The last tenth against the largest value of the warm-up. None if memory is unknown or the checkpoints are too few.
+/// The last tenth against the largest value of the warm-up; none if unknown or too few.
 fn memory(rows: &[Checkpoint]) -> Option<Memory> {
     if rows.len() < FEWEST {
         return None;
@@ -196,7 +196,7 @@ fn memory(rows: &[Checkpoint]) -> Option<Memory> {
     Some(Memory { warm_bytes, end_bytes, growth_percent })
 }
 
-/// Checkpoints of the warm-up: a fifth, or more until the largest batch, which takes most of the memory, but at most half.
+/// Checkpoints of the warm-up: until the largest batch, but a fifth at least and half at most.
 fn warm_up(rows: &[Checkpoint]) -> usize {
     let most = rows.iter().map(|row| row.compared).max();
     let largest = rows.iter().position(|row| Some(row.compared) == most).map_or(0, |at| at + 1);

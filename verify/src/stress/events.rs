@@ -1,4 +1,4 @@
-//! Networks over streams of events that strain the arithmetic, computed event by event, from scratch, and in f64.
+//! Networks over events that strain the arithmetic: incrementally, from scratch, and in f64.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -113,8 +113,7 @@ impl LayerErrors {
     }
 }
 
-/// The networks that streams go through: neighbours among all, with one pooling and with three, and frozen ones from the
-/// past, with poolings and without.
+/// Neighbours among all, with one pooling and with three, and from the past, frozen and not.
 pub(crate) const NETWORKS: [&str; 4] = ["graphres", "tactigraph", "tactigraph-frozen", "tactigraph-past"];
 /// Most events in the window: fewer than there are, so that some are evicted.
 const CAPACITY: usize = 300;

@@ -1,4 +1,4 @@
-//! Frame networks that strain the arithmetic, computed in three ways: with skipping, completely, and in f64.
+//! Frame networks that strain the arithmetic: with skipping, completely, and in f64.
 
 use std::sync::Arc;
 use std::time::Instant;
@@ -163,7 +163,7 @@ const ORDINARY_GATES: Gates = Gates {
 pub(crate) const GATES: &[Gates] = &[
     ORDINARY_GATES,
     Gates { name: "forget gate at 1", bias: [0.0, 40.0, 0.0, 0.0], within: 1e-1, ..ORDINARY_GATES },
-    // Nothing leaves, everything enters: the cell is a sum over all frames, which f32 rounds at each.
+    // Nothing leaves, everything enters: the cell is a sum over all frames.
     Gates {
         name: "all gates at 1",
         bias: [40.0, 40.0, 0.0, 40.0],
@@ -175,8 +175,8 @@ pub(crate) const GATES: &[Gates] = &[
     Gates { name: "all gates at 0", bias: [-200.0, -200.0, 0.0, -200.0], ..ORDINARY_GATES },
     Gates { name: "gates in the denormal range", bias: [-95.0, 0.0, 0.0, 0.0], ..ORDINARY_GATES },
     Gates { name: "gates that alternate", weights: [1e4, 0.3], frames: alternating, ..ORDINARY_GATES },
-    // Gates are steps there. If the sum of a gate is nearer to 0 than its rounding, about once in ten million times,
-    // f32 and f64 stand on different sides of the step, and the error is all that the gate lets through.
+    // Gates are steps there: where the sum of a gate is nearer to 0 than its rounding, f32 and f64
+    // stand on different sides of the step.
     Gates {
         name: "frames of 1e30",
         within: 1.0,
@@ -348,7 +348,8 @@ fn of_images(images: &Images, convolution: Convolution) -> FrameRun {
         let mut weight = random.values(channels * inputs * 9, scale);
         if edges {
             for kernel in weight.chunks_exact_mut(9) {
-                // The middle is minus the sum of the others, rounded to 2^-10, so that the sum of all is exactly 0.
+                // Minus the sum of the others, rounded to 2^-10, so that the sum of all is exactly
+                // 0.
                 kernel.iter_mut().for_each(|w| *w = (*w * 1024.0).round() / 1024.0);
                 kernel[4] -= kernel.iter().sum::<f32>();
             }

@@ -7,7 +7,7 @@ use serde::Serialize;
 
 /// Inputs that are computed together.
 const CHUNK: u64 = 1 << 16;
-/// Of all bit patterns, every so many are taken where a part is enough; prime, so that all patterns of low bits occur.
+/// Of all bit patterns, one in so many; prime, so that all patterns of low bits occur.
 const STRIDE: u64 = 4099;
 /// Bit patterns to each side of a special value.
 const NEAR: u32 = 512;
@@ -37,7 +37,7 @@ impl FunctionResult {
         Self { function, inputs: 0, ulps: 0.0, at: 0.0, bound, not_numbers: 0, broken: Vec::new() }
     }
 
-    /// Of both, the larger error; of equal ones that of the smaller bit pattern, so that the order of parts does not matter.
+    /// The larger error of both; of equal ones that of the smaller bit pattern.
     fn with(self, other: Self) -> Self {
         let key = |result: &Self| (result.ulps, u32::MAX - result.at.to_bits());
         let (inputs, not_numbers) = (self.inputs + other.inputs, self.not_numbers + other.not_numbers);
@@ -46,8 +46,8 @@ impl FunctionResult {
     }
 }
 
-/// The largest error of `function` over all bit patterns, or over a part of them where `quick`. `done` is called
-/// after every 256th part.
+/// The largest error of `function` over all bit patterns, or over a part of them where `quick`.
+/// `done` is called after every 256th part.
 pub fn sweep(function: Elementary, quick: bool, done: impl Fn() + Sync) -> FunctionResult {
     let none = || FunctionResult::of_none(function);
     let mut result = if quick {
@@ -92,8 +92,8 @@ fn over(function: Elementary, bits: impl Iterator<Item = u32>) -> FunctionResult
     result
 }
 
-/// Bit patterns about zeros, ones, infinities, the ends of the denormal numbers, and where results saturate or powers of two
-/// change.
+/// Bit patterns about zeros, ones, infinities, the ends of the denormal numbers, and where results
+/// saturate or powers of two change.
 fn near_special_values() -> Vec<u32> {
     let halves = (1..210).map(|n| (f64::from(n) * std::f64::consts::LN_2 / 2.0) as f32);
     let named =

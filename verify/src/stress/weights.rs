@@ -105,7 +105,7 @@ fn scaled(values: &[f32], factor: f32) -> Vec<f32> {
     values.iter().map(|v| v * factor).collect()
 }
 
-/// The shipped network `name` with all running variances `variance`, and its batch norms as they are before they are folded.
+/// The shipped network with all running variances `variance`, and its norms before folding.
 pub(crate) fn with_variance(
     name: &str,
     weights: &Weights,

@@ -1,7 +1,7 @@
 //! Both ends of a live engine, for threads that share them.
 //!
-//! Each end has a lock. The end of the sensor is held for a whole push, and a second push is refused. The end of the controller
-//! is given back every [`LOOK`] while a prediction is awaited, so that `close` and `counters` get through.
+//! The sensor's end is held for a whole push; a second push is refused. The controller's end is
+//! given back every [`LOOK`] while a prediction is awaited, for `close` and `counters`.
 
 use std::process;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -62,7 +62,7 @@ impl<P: Predictor<Input: Item> + Send + 'static> Ends<P> {
         })
     }
 
-    /// Whether its thread is in this process. In a forked child it is not, and a lock may be held for ever.
+    /// Whether its thread is in this process. In a forked child, a lock may be held for ever.
     pub(super) fn is_here(&self) -> bool {
         self.process == process::id()
     }
@@ -142,7 +142,7 @@ impl<P: Predictor<Input: Item> + Send + 'static> Ends<P> {
 impl<P: Predictor<Input: Item>> Drop for Ends<P> {
     fn drop(&mut self) {
         if self.process != process::id() {
-            // Its thread is in the parent: there is none to wait for, and its locks may be held for ever.
+            // Its thread is in the parent: there is none to wait for.
             let live = self.live.get_mut().unwrap_or_else(PoisonError::into_inner);
             std::mem::forget(std::mem::replace(live, Err(Counts::default())));
         }

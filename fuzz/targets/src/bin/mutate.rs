@@ -1,8 +1,8 @@
-//! Mutates the corpora and counts the outcomes: inputs a target, time and memory of the worst input.
+//! Mutates the corpora and counts the outcomes, with time and memory of the worst input.
 //!
-//! `mutate [TARGET..] [--count N] [--seed N] [--seconds N]`: without targets all of them, without a count 100,000 inputs of
-//! each, at most so many seconds each. A panic, an input that takes more than 10 s, or one that takes more than 1 GiB ends
-//! the program with a failure and is left in a file. Input `i` of a target depends on the seed and `i` alone.
+//! `mutate [TARGET..] [--count N] [--seed N] [--seconds N]`: without targets all of them, without a
+//! count 100,000 inputs of each. A panic, an input of more than 10 s, or of more than 1 GiB ends
+//! the program and is left in a file. Input `i` depends on the seed and `i` alone.
 #![allow(unsafe_code, reason = "a global allocator cannot be written without; this one only counts")]
 
 use std::alloc::{GlobalAlloc, Layout, System};
@@ -33,11 +33,11 @@ fn hold(bytes: usize) {
     PEAK.fetch_max(held, Ordering::Relaxed);
 }
 
-// SAFETY: every call goes to the system's allocator as it came; counting touches no memory of the caller.
+// SAFETY: every call goes to the system's allocator as it came; counting touches no memory.
 unsafe impl GlobalAlloc for Counting {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
         hold(layout.size());
-        // SAFETY: the caller's promise about `layout` is the one that the system's allocator asks for.
+        // SAFETY: the caller's promise about `layout` is the one that the allocator asks for.
         unsafe { System.alloc(layout) }
     }
 

@@ -1,4 +1,4 @@
-//! A pooled level, and the readout: channel-wise maxima or sums over cells, which are computed in integers.
+//! A pooled level, and the readout: maxima or sums over cells, which are computed in integers.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -10,8 +10,7 @@ use crate::convolution::Edge;
 /// Index of a cell with t first, which gives the order of cells.
 type Key = [i64; 3];
 
-/// Rows, edges and input of the level that `pooling` makes from `below`; `inner` made `below`, unless that is the event
-/// level.
+/// The level that `pooling` makes from `below`, which `inner` made, unless it is the event level.
 pub(super) fn level(
     reference: &EventReference,
     (pooling, scale): (&Pooling, f32),
@@ -108,7 +107,7 @@ fn key_of_event(reference: &EventReference, pooling: &Pooling, event: &Event, st
     ]
 }
 
-/// Cell that contains the centre of a cell of `inner`; the last cell if the centre is beyond the image.
+/// Cell that contains the centre of a cell of `inner`; the last one beyond the image.
 fn key_of_cell(pooling: &Pooling, inner: &Pooling, [x, y, t]: [i64; 3]) -> Key {
     let axis = |index: i64, inner: Fraction, outer: Fraction| {
         let twice_centre = (2 * i128::from(index) + 1) * i128::from(inner.numerator());
