@@ -78,8 +78,12 @@ fn measure(peak: &Peak, case: &Case) -> Value {
     let views: Vec<View<'_>> = case.inputs.iter().map(FeatureMap::view).collect();
     let (mut direct_out, mut out) = (case.out(), case.out());
     let region = Region::all(out.height(), out.width());
-    let direct_ns = case.direct_ns(peak.isa, &mut direct_out);
-    let gflops = |ns: f64| 2.0 * case.multiply_adds() as f64 / ns;
+    let direct = Conv3x3::new(&case.parts).expect("the case's parameters fit");
+    let direct_ns = median_ns(MIN, || {
+        direct.run(peak.isa, &views, region, black_box(&mut direct_out).band()).expect("the case's maps fit");
+    });
+    let multiply_adds = case.parts.weight.len() * out.height() * out.width();
+    let gflops = |ns: f64| 2.0 * multiply_adds as f64 / ns;
     let mut line = json!({
         "layer": case.name,
         "direct_ns": direct_ns,
@@ -144,20 +148,5 @@ impl Case {
     fn out(&self) -> FeatureMap {
         let (height, width) = (self.inputs[0].height(), self.inputs[0].width());
         FeatureMap::zeros(height, width, self.parts.outputs, 1).expect("the shape is a map's")
-    }
-
-    /// Median nanoseconds of the direct kernel, which writes `out`.
-    fn direct_ns(&self, isa: Isa, out: &mut FeatureMap) -> f64 {
-        let conv = Conv3x3::new(&self.parts).expect("the case's parameters fit");
-        let inputs: Vec<View<'_>> = self.inputs.iter().map(FeatureMap::view).collect();
-        let region = Region::all(out.height(), out.width());
-        median_ns(MIN, || {
-            conv.run(isa, &inputs, region, black_box(&mut *out).band()).expect("the case's maps fit");
-        })
-    }
-
-    /// Products of the direct convolution.
-    fn multiply_adds(&self) -> usize {
-        self.parts.weight.len() * self.inputs[0].height() * self.inputs[0].width()
     }
 }

@@ -13,6 +13,7 @@ use meissner_benches::streams::Recording;
 use meissner_benches::{Result, networks};
 use meissner_engine::{Engine, Event, Network, Sensor};
 use meissner_run::memory::resident_bytes;
+use meissner_verify::bits;
 
 const ENGINES: [usize; 4] = [1, 8, 64, 512];
 /// Slices of all engines together.
@@ -94,10 +95,7 @@ fn check(
     for &event in (from..from + count).flat_map(|at| stream.slice(at)) {
         singly.push(event);
     }
-    let bits = |engine: &mut Engine| -> Result<Vec<u32>> {
-        Ok(engine.predict()?.values.iter().map(|value| value.to_bits()).collect())
-    };
-    if bits(engine)? != bits(&mut singly)? {
+    if bits(engine.predict()?.values) != bits(singly.predict()?.values) {
         return Err("slices and single events differ".into());
     }
     Ok(())

@@ -22,6 +22,7 @@ use meissner_engine::representations::{Crop, SignedRule, SlidingSigned};
 use meissner_kernels::random::Random;
 use meissner_kernels::{Isa, WinogradTile};
 use meissner_models::{FrameDescription, Weights};
+use meissner_verify::bits;
 
 const MAX_ERROR: f64 = 1e-4;
 
@@ -137,7 +138,7 @@ impl<'a> Case<'a> {
             if n % 10 == 0 {
                 whole.push(frame)?;
                 let expected = whole.predict()?.values;
-                if !prediction.iter().zip(expected).all(|(a, b)| a.to_bits() == b.to_bits()) {
+                if bits(prediction) != bits(expected) {
                     return Err(format!("frame {n}: skipping changed the prediction").into());
                 }
             }

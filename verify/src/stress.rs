@@ -110,22 +110,20 @@ impl From<&Rounding> for Errors {
 }
 
 /// A layer and the largest difference of its values from f64, as a share of its largest magnitude.
+#[expect(missing_docs, reason = "the fields are named by what they hold")]
 #[derive(Clone, Debug, Serialize)]
 pub struct LayerError {
-    /// The layer.
     pub layer: String,
     /// The share.
     pub relative: f64,
 }
 
 /// The result of a case.
+#[expect(missing_docs, reason = "the fields are named by what they hold")]
 #[derive(Clone, Debug, Default, Serialize)]
 pub struct CaseResult {
-    /// Group of the case.
     pub group: &'static str,
-    /// Name of the case.
     pub case: &'static str,
-    /// The network.
     pub network: String,
     /// Events that entered, or frames.
     pub steps: u64,

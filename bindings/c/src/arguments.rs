@@ -116,6 +116,25 @@ impl<T: Versioned> Report<T> {
     }
 }
 
+/// Writes what `bytes` gives to `pointer`, which has room for `capacity`, and its length to
+/// `length`. If there is too little room, only the length is written.
+///
+/// # Safety
+/// As [`room`] and [`place`].
+pub(crate) unsafe fn write_bytes(
+    pointer: *mut u8,
+    capacity: usize,
+    what: &'static str,
+    length: *mut usize,
+    bytes: impl FnOnce() -> Result<Vec<u8>, Failure>,
+) -> Result<(), Failure> {
+    // SAFETY: the caller's.
+    let (room, length) = unsafe { (room(pointer, capacity, what)?, place(length, "length")?) };
+    let bytes = bytes()?;
+    length.write(bytes.len());
+    room.copy(&bytes)
+}
+
 /// The `length` values at `pointer`, which may be NULL if there are none.
 ///
 /// # Safety

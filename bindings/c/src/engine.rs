@@ -7,7 +7,9 @@ use meissner::{
     Engine, Event, EventCounters, LatePolicy, Options, Outcome, Predictor, RestartPolicy, Sensor,
 };
 
-use crate::arguments::{Versioned, array, options, place, place_if_wanted, report, report_if_wanted, room};
+use crate::arguments::{
+    Versioned, array, options, place, place_if_wanted, report, report_if_wanted, room, write_bytes,
+};
 use crate::handles::Handles;
 use crate::log::{LossWatch, warn, warnings_of_losses, write_lines};
 use crate::network::{Loaded, NETWORKS, meissner_network};
@@ -344,12 +346,7 @@ pub unsafe extern "C" fn meissner_engine_advance(
     engine: *const meissner_engine,
     t_us: i64,
 ) -> meissner_status {
-    call(|| {
-        ENGINES.with(engine, |made| {
-            made.engine.advance(t_us);
-            Ok(())
-        })
-    })
+    call(|| ENGINES.act(engine, |made| made.engine.advance(t_us)))
 }
 
 /// Predicts for the current window: writes the network's outputs to `values`, which has room for `length`, and what the prediction is of
@@ -385,12 +382,7 @@ pub unsafe extern "C" fn meissner_engine_predict(
 /// Removes all events; the next one may have any time. Counters stay.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn meissner_engine_reset(engine: *const meissner_engine) -> meissner_status {
-    call(|| {
-        ENGINES.with(engine, |made| {
-            made.engine.reset();
-            Ok(())
-        })
-    })
+    call(|| ENGINES.act(engine, |made| made.engine.reset()))
 }
 
 /// Counts of events and predictions. Allocates for a moment.
@@ -454,13 +446,9 @@ pub unsafe extern "C" fn meissner_engine_snapshot(
     capacity: usize,
     length: *mut usize,
 ) -> meissner_status {
-    call(|| {
-        // SAFETY: the callers' rules at the top of the header.
-        let (bytes, length) = unsafe { (room(bytes, capacity, "bytes")?, place(length, "length")?) };
-        let found = ENGINES.with(engine, |made| Ok(made.engine.to_bytes()))?;
-        length.write(found.len());
-        bytes.copy(&found)
-    })
+    let state = || ENGINES.with(engine, |made| Ok(made.engine.to_bytes()));
+    // SAFETY: the callers' rules at the top of the header.
+    call(|| unsafe { write_bytes(bytes, capacity, "bytes", length, state) })
 }
 
 /// Returns to the state of a snapshot of an engine with the same network, sensor and options. Allocates.

@@ -5,7 +5,7 @@ use std::sync::OnceLock;
 
 use meissner::frames::{FrameEngine, FrameOptions, Skip};
 
-use crate::arguments::{Versioned, array, options, place, report_if_wanted, room};
+use crate::arguments::{Versioned, array, options, place, report_if_wanted, room, write_bytes};
 use crate::engine::{meissner_layer_counters, meissner_prediction};
 use crate::handles::{Handles, forked};
 use crate::network::{NETWORKS, flag, meissner_network};
@@ -135,12 +135,7 @@ pub unsafe extern "C" fn meissner_frames_predict(
 /// Returns to the state before the first frame. Counters stay.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn meissner_frames_reset(frames: *const meissner_frames) -> meissner_status {
-    call(|| {
-        FRAMES.with(frames, |frames| {
-            frames.engine.reset();
-            Ok(())
-        })
-    })
+    call(|| FRAMES.act(frames, |frames| frames.engine.reset()))
 }
 
 /// Counts of pixels, layer by layer, of which `meissner_network_info` says the number. Allocates for a moment.
@@ -175,13 +170,9 @@ pub unsafe extern "C" fn meissner_frames_snapshot(
     capacity: usize,
     length: *mut usize,
 ) -> meissner_status {
-    call(|| {
-        // SAFETY: the callers' rules at the top of the header.
-        let (bytes, length) = unsafe { (room(bytes, capacity, "bytes")?, place(length, "length")?) };
-        let found = FRAMES.with(frames, |frames| Ok(frames.engine.to_bytes()))?;
-        length.write(found.len());
-        bytes.copy(&found)
-    })
+    let state = || FRAMES.with(frames, |frames| Ok(frames.engine.to_bytes()));
+    // SAFETY: the callers' rules at the top of the header.
+    call(|| unsafe { write_bytes(bytes, capacity, "bytes", length, state) })
 }
 
 /// Returns to the state of a snapshot of an engine with the same network and options. Allocates.

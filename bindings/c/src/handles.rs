@@ -111,6 +111,14 @@ impl<H, T: Send> Handles<H, T> {
         body(self.hold(slot, generation)?.as_mut().ok_or_else(|| self.ended())?)
     }
 
+    /// As [`Self::with`], for what cannot fail.
+    pub(crate) fn act(&self, handle: *const H, body: impl FnOnce(&mut T)) -> Result<(), Failure> {
+        self.with(handle, |value| {
+            body(value);
+            Ok(())
+        })
+    }
+
     /// Ends `handle` and returns its value; refuses, without a change, if another call uses it.
     pub(crate) fn take(&self, handle: *const H) -> Result<T, Failure> {
         let (slot, generation) = self.find(handle)?;

@@ -215,12 +215,7 @@ fn push_all(input: &mut Input, mut events: impl Iterator<Item = Event>) -> Resul
 /// Advances the clock to `t_us` after the events pushed so far. No earlier event may follow: it would be late.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn meissner_input_advance(input: *const meissner_input, t_us: i64) -> meissner_status {
-    call(|| {
-        INPUTS.with(input, |input| {
-            input.advance(t_us);
-            Ok(())
-        })
-    })
+    call(|| INPUTS.act(input, |input| input.advance(t_us)))
 }
 
 /// The prediction for all events pushed by now or, when `deadline_ns` nanoseconds have passed, the newest finished one, with its age;

@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 
 use meissner::{EventCounters, Sensor};
 
-use crate::arguments::{place, room};
+use crate::arguments::write_bytes;
 use crate::status::Failure;
 
 /// Takes a warning, in UTF-8 and valid during the call, and the pointer that was given with the function. Any thread that makes a network
@@ -100,17 +100,18 @@ impl LossWatch {
 /// Writes `lines` to `text`, which has room for `capacity` bytes, and their number to `length`.
 ///
 /// # Safety
-/// As [`room`] and [`place`].
+/// As [`write_bytes`].
 pub(crate) unsafe fn write_lines(
     text: *mut c_char,
     capacity: usize,
     length: *mut usize,
     lines: impl FnOnce() -> Result<Vec<String>, Failure>,
 ) -> Result<(), Failure> {
+    let bytes = || {
+        let lines = lines()?.iter().flat_map(|line| [line, "\n"]).collect::<String>();
+        // The names in it are of files: a NUL would end it.
+        Ok((lines.replace('\0', " ") + "\0").into_bytes())
+    };
     // SAFETY: the caller's.
-    let (text, length) = unsafe { (room(text.cast::<u8>(), capacity, "text")?, place(length, "length")?) };
-    // The names in it are of files: a NUL would end it.
-    let lines = lines()?.iter().flat_map(|line| [line, "\n"]).collect::<String>().replace('\0', " ") + "\0";
-    length.write(lines.len());
-    text.copy(lines.as_bytes())
+    unsafe { write_bytes(text.cast(), capacity, "text", length, bytes) }
 }

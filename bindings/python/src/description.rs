@@ -62,20 +62,17 @@ impl Description {
                 return Self::load(path);
             }
             let names: Vec<&str> = AnyDescription::shipped_names().collect();
-            return Err(Failure::Description(
-                format!(
-                    "network: expected {}, or the path of a .toml file, found {text:?}",
-                    names.join(", ")
-                ),
-                Vec::new(),
-            ));
+            let names = names.join(", ");
+            return Err(refused(format!(
+                "network: expected {names}, or the path of a .toml file, found {text:?}"
+            )));
         }
         if network.hasattr("__fspath__")? {
             return Self::load(&network.extract::<PathBuf>()?);
         }
         if let Ok(tables) = network.cast::<PyMapping>() {
             let text = toml::to_string(&table("network", tables)?)
-                .map_err(|error| Failure::Description(format!("network: {error}"), Vec::new()))?;
+                .map_err(|error| refused(format!("network: {error}")))?;
             return Self::parse(text);
         }
         Err(wrong_type("network", "a name, a path, a text of TOML, a dict or a Description", network))
@@ -91,13 +88,7 @@ impl Description {
     pub(crate) fn events(&self) -> Outcome<&meissner::Description> {
         match &self.any {
             AnyDescription::Events(description) => Ok(description),
-            AnyDescription::Frames(description) => Err(Failure::Description(
-                format!(
-                    "network {:?}: expected a network over events, found one over frames: FrameEngine runs it",
-                    description.name()
-                ),
-                Vec::new(),
-            )),
+            AnyDescription::Frames(_) => Err(self.wrong("events", "frames: FrameEngine")),
         }
     }
 
@@ -105,15 +96,21 @@ impl Description {
     pub(crate) fn frames(&self) -> Outcome<&meissner::FrameDescription> {
         match &self.any {
             AnyDescription::Frames(description) => Ok(description),
-            AnyDescription::Events(description) => Err(Failure::Description(
-                format!(
-                    "network {:?}: expected a network over frames, found one over events: Engine runs it",
-                    description.name()
-                ),
-                Vec::new(),
-            )),
+            AnyDescription::Events(_) => Err(self.wrong("frames", "events: Engine")),
         }
     }
+
+    fn wrong(&self, expected: &str, found: &str) -> Failure {
+        let name = self.any.name();
+        refused(format!(
+            "network {name:?}: expected a network over {expected}, found one over {found} runs it"
+        ))
+    }
+}
+
+/// A refusal without problems of its own.
+fn refused(message: String) -> Failure {
+    Failure::Description(message, Vec::new())
 }
 
 #[pymethods]
@@ -202,7 +199,7 @@ impl Description {
     /// Everything about the network as a dict: that of `meissner inspect --json`.
     fn summary<'py>(&self, py: Python<'py>) -> Outcome<Bound<'py, PyAny>> {
         let json = serde_json::to_string(&self.any.summary())
-            .map_err(|error| Failure::Description(format!("summary: {error}"), Vec::new()))?;
+            .map_err(|error| refused(format!("summary: {error}")))?;
         Ok(py.import("json")?.call_method1("loads", (json,))?)
     }
 

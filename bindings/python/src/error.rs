@@ -118,12 +118,6 @@ impl From<ModelError> for Failure {
     }
 }
 
-impl From<FormatError> for Failure {
-    fn from(error: FormatError) -> Self {
-        Self::Refused("WeightsError", text(&error))
-    }
-}
-
 impl From<IoError> for Failure {
     fn from(error: IoError) -> Self {
         let class = if matches!(error, IoError::File { .. }) { "FileError" } else { "RecordingError" };
@@ -150,17 +144,18 @@ impl From<EvaluateError> for Failure {
     }
 }
 
-impl From<SimulatorError> for Failure {
-    fn from(error: SimulatorError) -> Self {
-        Self::Refused("InputError", text(&error))
-    }
+/// Errors of one class.
+macro_rules! refused {
+    ($($error:ty => $class:literal),+) => {
+        $(impl From<$error> for Failure {
+            fn from(error: $error) -> Self {
+                Self::Refused($class, text(&error))
+            }
+        })+
+    };
 }
 
-impl From<RepresentationError> for Failure {
-    fn from(error: RepresentationError) -> Self {
-        Self::Refused("InputError", text(&error))
-    }
-}
+refused!(FormatError => "WeightsError", SimulatorError => "InputError", RepresentationError => "InputError");
 
 /// A `TypeError` for an argument of another kind.
 pub(crate) fn wrong_type(what: &str, expected: &str, found: &Bound<'_, PyAny>) -> Failure {

@@ -162,30 +162,10 @@ impl<'py> Events<'py> {
     /// Refuses times beyond 64 bits with a sign, and polarities other than -1, 0 and 1.
     fn check(&self) -> Outcome<()> {
         let Self::Columns([times, .., polarities]) = self else { return Ok(()) };
-        let mut values = Vec::new();
-        for start in (0..self.len()).step_by(BLOCK) {
-            let range = start..self.len().min(start + BLOCK);
-            if times.integer.size == 8 && !times.integer.signed {
-                times.read(range.clone(), &mut values);
-                if let Some(at) = values.iter().position(|t| *t < 0) {
-                    let found = values[at].cast_unsigned();
-                    let at = start + at;
-                    return Err(Failure::input(format!(
-                        "t: expected at most 2^63 - 1 us, found {found} as event {at}"
-                    )));
-                }
-            }
-            if polarities.integer.size > 0 {
-                polarities.read(range, &mut values);
-                if let Some(at) = values.iter().position(|p| !(-1..=1).contains(p)) {
-                    let (found, at) = (values[at], start + at);
-                    return Err(Failure::input(format!(
-                        "p: expected polarities -1, 0 or 1, found {found} as event {at}"
-                    )));
-                }
-            }
+        if times.integer.size == 8 && !times.integer.signed {
+            times.all("t", "at most 2^63 - 1 us", |t| t >= 0, |t| t.cast_unsigned().to_string())?;
         }
-        Ok(())
+        polarities.all("p", "polarities -1, 0 or 1", |p| (-1..=1).contains(&p), |p| p.to_string())
     }
 
     /// Number of events.
@@ -215,17 +195,8 @@ impl<'py> Events<'py> {
     /// All events, checked to lie on pixels that 16 bits hold.
     pub(crate) fn to_vec(&self) -> Outcome<Vec<Event>> {
         if let Self::Columns([_, x, y, _]) = self {
-            let mut values = Vec::new();
             for (name, column) in [("x", x), ("y", y)] {
-                for start in (0..self.len()).step_by(BLOCK) {
-                    column.read(start..self.len().min(start + BLOCK), &mut values);
-                    if let Some(at) = values.iter().position(|value| u16::try_from(*value).is_err()) {
-                        let (found, at) = (values[at], start + at);
-                        return Err(Failure::input(format!(
-                            "{name}: expected 0 to 65535, found {found} as event {at}"
-                        )));
-                    }
-                }
+                column.all(name, "0 to 65535", |value| u16::try_from(value).is_ok(), |v| v.to_string())?;
             }
         }
         Ok(self.to_vec_clamped())
@@ -345,6 +316,27 @@ impl<'py> Column<'py> {
 
     fn len(&self) -> usize {
         self.bytes.as_array().nrows()
+    }
+
+    /// Refuses the first value that `is` not as `expected`, in the words of `found`.
+    fn all(
+        &self,
+        name: &str,
+        expected: &str,
+        is: impl Fn(i64) -> bool,
+        found: impl Fn(i64) -> String,
+    ) -> Outcome<()> {
+        let mut values = Vec::new();
+        for start in (0..self.len()).step_by(BLOCK) {
+            self.read(start..self.len().min(start + BLOCK), &mut values);
+            if let Some(at) = values.iter().position(|&value| !is(value)) {
+                let (found, at) = (found(values[at]), start + at);
+                return Err(Failure::input(format!(
+                    "{name}: expected {expected}, found {found} as event {at}"
+                )));
+            }
+        }
+        Ok(())
     }
 
     /// Replaces `values` by those of `range`. Unsigned values above 2^63 - 1 become negative.

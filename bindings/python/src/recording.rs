@@ -35,13 +35,9 @@ pub(crate) struct Recording {
 }
 
 struct Content {
-    format: Format,
-    sensor: Option<Sensor>,
+    /// Without its events.
+    read: io::Recording,
     events: Arc<Vec<Event>>,
-    streams: Vec<StreamSummary>,
-    salvaged: Option<Salvage>,
-    left_out: Vec<LeftOut>,
-    assumed: Vec<&'static str>,
     /// Whether no time is earlier than the one before.
     ascending: bool,
 }
@@ -55,14 +51,10 @@ impl Recording {
                 if let Some(content) = &*content {
                     return Ok(Arc::clone(content));
                 }
-                let read = io::read_with(&self.path, self.options)?;
-                let ascending = read.events.is_sorted_by_key(|event| event.t_us);
-                let (streams, salvaged) = (read.other_streams, read.salvaged);
-                let (format, sensor, events) = (read.format, read.sensor, Arc::new(read.events));
-                let (left_out, assumed) = (read.left_out, read.assumed);
-                let read =
-                    Content { format, sensor, events, streams, salvaged, left_out, assumed, ascending };
-                let read = Arc::new(read);
+                let mut read = io::read_with(&self.path, self.options)?;
+                let events = Arc::new(std::mem::take(&mut read.events));
+                let ascending = events.is_sorted_by_key(|event| event.t_us);
+                let read = Arc::new(Content { read, events, ascending });
                 *content = Some(Arc::clone(&read));
                 Ok(read)
             })
@@ -102,7 +94,7 @@ impl Recording {
             return Ok((first.format, first.sensor));
         }
         let content = self.content()?;
-        Ok((content.format, content.sensor))
+        Ok((content.read.format, content.read.sensor))
     }
 
     /// The events, shared.
@@ -197,7 +189,7 @@ impl Recording {
     fn other_streams(&self) -> Outcome<Vec<(String, String, u64)>> {
         let content = self.content()?;
         let of = |stream: &StreamSummary| (stream.name.clone(), stream.kind.to_string(), stream.elements);
-        Ok(content.streams.iter().map(of).collect())
+        Ok(content.read.other_streams.iter().map(of).collect())
     }
 
     /// With `salvage`: what the end of the file lacks, and the bytes not read; None if whole.
@@ -206,7 +198,7 @@ impl Recording {
         let content = self.content()?;
         let of =
             |salvage: &Salvage| (format!("{} at {}", salvage.what, salvage.place), salvage.bytes_not_read);
-        Ok(content.salvaged.as_ref().map(of))
+        Ok(content.read.salvaged.as_ref().map(of))
     }
 
     /// What was left out because it is no event of the sensor: (kind, count, the first with its
@@ -217,13 +209,13 @@ impl Recording {
         let of = |left_out: &LeftOut| {
             (left_out.kind.name(), left_out.count, left_out.first.first().cloned().unwrap_or_default())
         };
-        Ok(content.left_out.iter().map(of).collect())
+        Ok(content.read.left_out.iter().map(of).collect())
     }
 
     /// What the file does not say and the reader took for granted, as sentences.
     #[getter]
     fn assumed(&self) -> Outcome<Vec<&'static str>> {
-        Ok(self.content()?.assumed.clone())
+        Ok(self.content()?.read.assumed.clone())
     }
 
     /// All events as one structured array.
@@ -344,10 +336,10 @@ impl Recording {
             return html_table(&title, &[["events", "not read yet"].map(str::to_owned)]);
         };
         let mut rows = vec![
-            ["format".to_owned(), content.format.to_string()],
+            ["format".to_owned(), content.read.format.to_string()],
             ["events".to_owned(), content.events.len().to_string()],
         ];
-        rows.extend(content.sensor.map(|sensor| ["sensor".to_owned(), sensor.to_string()]));
+        rows.extend(content.read.sensor.map(|sensor| ["sensor".to_owned(), sensor.to_string()]));
         if let (Some(first), Some(last)) = (content.events.first(), content.events.last()) {
             rows.push(["time".to_owned(), format!("{} to {} us", first.t_us, last.t_us)]);
         }
@@ -360,8 +352,8 @@ impl Recording {
         match &*content {
             None => format!("<Recording {path}: not read yet>"),
             Some(content) => {
-                let (format, events) = (content.format, content.events.len());
-                let sensor = content.sensor.map(|sensor| format!(" on {sensor}")).unwrap_or_default();
+                let (format, events) = (content.read.format, content.events.len());
+                let sensor = content.read.sensor.map(|sensor| format!(" on {sensor}")).unwrap_or_default();
                 format!("<Recording {path}: {format}, {events} events{sensor}>")
             }
         }

@@ -159,7 +159,7 @@ impl Camera {
     #[pyo3(signature = (sensor, *, seed=0, ideal=false, **settings))]
     fn new(sensor: Pixels, seed: u64, ideal: bool, settings: Option<&Bound<'_, PyDict>>) -> Outcome<Self> {
         Ok(Self {
-            camera: CameraCameraModel::new(
+            camera: CameraModel::new(
                 sensor.0,
                 settings_of(CameraSettings::default(), ideal, settings)?,
                 seed,

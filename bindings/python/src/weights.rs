@@ -36,10 +36,9 @@ impl Weights {
             return shipped.ok_or_else(|| {
                 let name = description.any.name();
                 let expected = "a path, bytes, a mapping of tensors or Weights.draw(network, seed)";
-                Failure::Refused(
-                    "WeightsError",
-                    format!("weights of network {name:?}: expected {expected}, found None, and it is no network of this module"),
-                )
+                let found = "None, and it is no network of this module";
+                let text = format!("weights of network {name:?}: expected {expected}, found {found}");
+                Failure::Refused("WeightsError", text)
             });
         };
         match weights.cast::<Self>() {
@@ -62,6 +61,10 @@ impl Weights {
             Ok(tensors) => Self::of_tensors(tensors),
             Err(_) => Err(wrong_type("weights", "a path, bytes, a mapping of tensors or Weights", source)),
         }
+    }
+
+    fn bytes(&self, metadata: Option<BTreeMap<String, String>>) -> Vec<u8> {
+        self.weights.to_safetensors(metadata.as_ref().unwrap_or(self.weights.metadata()))
     }
 
     fn of_tensors(tensors: &Bound<'_, PyMapping>) -> Outcome<models::Weights> {
@@ -165,15 +168,13 @@ impl Weights {
         py: Python<'py>,
         metadata: Option<BTreeMap<String, String>>,
     ) -> Bound<'py, PyBytes> {
-        let metadata = metadata.unwrap_or_else(|| self.weights.metadata().clone());
-        PyBytes::new(py, &self.weights.to_safetensors(&metadata))
+        PyBytes::new(py, &self.bytes(metadata))
     }
 
     /// Writes a safetensors file, as `to_bytes` makes it. Raises `FileError`.
     #[pyo3(signature = (path, metadata=None))]
     fn save(&self, path: PathBuf, metadata: Option<BTreeMap<String, String>>) -> Outcome<()> {
-        let metadata = metadata.unwrap_or_else(|| self.weights.metadata().clone());
-        fs::write(&path, self.weights.to_safetensors(&metadata)).map_err(|error| {
+        fs::write(&path, self.bytes(metadata)).map_err(|error| {
             Failure::Refused("FileError", format!("cannot write {}: {error}", path.display()))
         })
     }

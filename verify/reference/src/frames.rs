@@ -224,7 +224,7 @@ pub(crate) fn pooled(input: &Image, size: usize, of: impl Fn(&mut dyn Iterator<I
 /// `gates` are i, f, g and o:
 ///
 /// ```text
-/// i = sigmoid(i), f = sigmoid(f), o = sigmoid(o)      with peepholes: of i + Vi c, f + Vf c, o + Vo c
+/// i = sigmoid(i + Vi c), f = sigmoid(f + Vf c), o = sigmoid(o + Vo c)      V: peepholes
 /// c = f c + i act(g)
 /// h = o act(c)
 /// ```

@@ -20,34 +20,29 @@ impl Calls<Latency> {
 }
 
 /// Disturbances of each kind, and returns to a state after which the prediction differed.
+#[expect(missing_docs, reason = "the fields are named by what they hold")]
 #[derive(Clone, Copy, Debug, Default, Serialize)]
 pub struct Disturbances {
-    /// Silences.
     pub silences: u64,
     /// Silences in which time was moved on.
     pub advances: u64,
     /// States as bytes.
     pub bytes: u64,
-    /// Snapshots in memory.
     pub snapshots: u64,
-    /// Resets.
     pub resets: u64,
     /// Returns to a state after which the prediction had other bits.
     pub returns_that_differ: u64,
 }
 
 /// A comparison with the batch, and measurements since the checkpoint before.
+#[expect(missing_docs, reason = "the fields are named by what they hold")]
 #[derive(Clone, Debug, Serialize)]
 pub struct Checkpoint {
-    /// Events so far.
     pub events: u64,
-    /// Time of the newest event.
     pub t_us: Option<i64>,
-    /// Events in the window.
     pub nodes: usize,
     /// Events that the batch went over.
     pub compared: usize,
-    /// Whether the prediction has the bits of the batch.
     pub equal: bool,
     /// Bits of the prediction, hexadecimal.
     pub bits: Vec<String>,
@@ -81,20 +76,19 @@ impl Part {
 }
 
 /// Results of several checkpoints.
+#[expect(missing_docs, reason = "the fields are named by what they hold")]
 #[derive(Clone, Copy, Debug, Default, Serialize)]
 pub struct PartReport {
-    /// Latencies of the calls.
     pub latency_us: Calls<Option<Quantiles>>,
     /// Median of the resident memory.
     pub resident_bytes: Option<u64>,
 }
 
 /// Quantiles of the end as multiples of those of the start.
+#[expect(missing_docs, reason = "the fields are named by what they hold")]
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Ratio {
-    /// Of the medians.
     pub p50: f64,
-    /// Of the 99th percentiles.
     pub p99: f64,
 }
 
@@ -110,23 +104,19 @@ pub struct Memory {
 }
 
 /// The result of a soak.
+#[expect(missing_docs, reason = "the fields are named by what they hold")]
 #[derive(Clone, Debug, Default, Serialize)]
 pub struct Report {
-    /// Names of the recordings.
     pub recordings: Vec<String>,
     /// Recordings that began after the first.
     pub rounds: u64,
-    /// Instruction set.
     pub isa: &'static str,
-    /// Seed of silences and disturbances.
     pub seed: u64,
     /// Events from one prediction to the next.
     pub every: u64,
-    /// Events.
     pub events: u64,
     /// Events that entered the window.
     pub accepted: u64,
-    /// Disturbances.
     pub disturbances: Disturbances,
     /// The first tenth of the checkpoints.
     pub first: PartReport,
@@ -138,11 +128,9 @@ pub struct Report {
     pub memory: Option<Memory>,
     /// Largest resident memory of the process.
     pub peak_resident_bytes: Option<u64>,
-    /// Duration.
     pub seconds: f64,
     /// A sentence for each broken promise.
     pub broken: Vec<String>,
-    /// All checkpoints.
     pub checkpoints: Vec<Checkpoint>,
 }
 
