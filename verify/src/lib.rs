@@ -48,6 +48,7 @@ pub mod soak;
 #[cfg(feature = "proptest")]
 pub mod strategies;
 mod stream;
+mod stream_text;
 pub mod stress;
 #[cfg(test)]
 mod tests;
