@@ -13,7 +13,7 @@ use meissner_run::RunError;
 use meissner_run::streams::STDIN_NAME;
 use meissner_verify::VerifyError;
 
-use crate::input::readers;
+use crate::kind::readers;
 
 /// Why a subcommand ends without success.
 #[derive(Debug, thiserror::Error)]

@@ -25,6 +25,7 @@ mod eval;
 mod given;
 mod info;
 mod input;
+mod kind;
 mod manual;
 mod networks;
 mod output;

@@ -12,7 +12,7 @@ use serde::Serialize;
 
 use crate::args::{JsonArgs, MEASUREMENT, OUTPUT};
 use crate::error::CliError;
-use crate::input::NetworkKind;
+use crate::kind::NetworkKind;
 use crate::output;
 use crate::output::OutArgs;
 use crate::stderr::tell;

@@ -19,7 +19,8 @@ use meissner_run::text::grouped;
 
 use crate::error::CliError;
 use crate::given::Given;
-use crate::input::{NetworkKind, advice};
+use crate::input::advice;
+use crate::kind::NetworkKind;
 use crate::report::{About, Report, TableKind};
 #[cfg(test)]
 pub(crate) use args::OPTIONS_OF_KINDS;

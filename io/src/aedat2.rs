@@ -1,6 +1,6 @@
 //! AEDAT 2.0, the format of jAER: the bytes of a file to events.
 //!
-//! After the text header ([`header`]) each record has 8 bytes: an address and a time in
+//! After the text header each record has 8 bytes: an address and a time in
 //! microseconds, both 32 bits, most significant byte first. The header's line `# AEChip: CLASS`
 //! names the chip, which gives the layout of the address:
 //!
@@ -20,19 +20,22 @@
 //!
 //! Invariant: the 32-bit time wraps where it falls by 2^31 or more; a smaller fall is a step back.
 
-use std::str::FromStr;
+mod chip;
 
-use meissner_engine::{Event, Sensor};
+use meissner_engine::Event;
 
 use crate::bytes::{Bytes, array};
 use crate::error::{IoError, shown};
-use crate::format::{Format, UnknownName};
+use crate::format::Format;
 use crate::left_out::{LeftOutKind, PassedOver};
 use crate::limits::JAER_HEADER_BYTES;
 use crate::options::ReadOptions;
 use crate::prophesee::WrappingClock;
 use crate::recording::{Recording, StreamKind, StreamSummary};
 use crate::seek::Records;
+pub use chip::Chip;
+use chip::NAMES;
+pub(crate) use chip::sensor_of;
 
 /// Bytes of a record.
 const STRIDE: usize = 8;
@@ -208,77 +211,6 @@ fn davis(address: u32) -> Word {
         (_, 3) => Word::Imu,
         _ => Word::Frame,
     }
-}
-
-/// A chip of AEDAT 2.0, whose addresses are known.
-///
-/// ```
-/// use meissner_engine::Sensor;
-/// use meissner_io::Chip;
-///
-/// assert_eq!("DAVIS346".parse::<Chip>()?.sensor(), Sensor::new(346, 260));
-/// # Ok::<(), meissner_io::UnknownName>(())
-/// ```
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Chip {
-    sensor: Sensor,
-    is_davis: bool,
-}
-
-/// The names of the chips, for messages.
-const NAMES: &str = "DVS128, DAVIS128, DAVIS208, DAVIS240, DAVIS346 or DAVIS640";
-
-impl Chip {
-    const DVS128: Self = Self { sensor: Sensor { width: 128, height: 128 }, is_davis: false };
-
-    /// Its pixels.
-    pub fn sensor(self) -> Sensor {
-        self.sensor
-    }
-
-    /// The chip with this sensor; of the two with 128 x 128 pixels the DVS128.
-    fn of_sensor(sensor: Sensor) -> Option<Self> {
-        CHIPS.iter().map(|&(name, _)| name).filter_map(Self::of_class).find(|chip| chip.sensor == sensor)
-    }
-
-    /// The chip of the class of this name.
-    fn of_class(name: &str) -> Option<Self> {
-        let is_dvs128 = ["dvs128", "tmpdiff128"]
-            .iter()
-            .any(|chip| name.get(..chip.len()).is_some_and(|start| start.eq_ignore_ascii_case(chip)));
-        Some(Self { sensor: sensor_of(name)?, is_davis: !is_dvs128 })
-    }
-}
-
-impl FromStr for Chip {
-    type Err = UnknownName;
-
-    /// The chip of this name, in upper or lower case: `DVS128`, `DAVIS128`, `DAVIS208`, `DAVIS240`,
-    /// `DAVIS346` or `DAVIS640`, also with letters behind it, as the classes of jAER have them
-    /// (`DAVIS346blue`).
-    fn from_str(name: &str) -> Result<Self, UnknownName> {
-        Self::of_class(name).ok_or_else(|| UnknownName::new("chip", NAMES, name))
-    }
-}
-
-/// The beginnings of the names of chips in lower case, with their pixels.
-const CHIPS: [(&str, [u16; 2]); 9] = [
-    ("dvs128", [128, 128]),
-    ("tmpdiff128", [128, 128]),
-    ("davis128", [128, 128]),
-    ("davis208", [208, 192]),
-    ("davis240", [240, 180]),
-    ("sbret10", [240, 180]),
-    ("davis346", [346, 260]),
-    ("davis640", [640, 480]),
-    ("apsdvs", [240, 180]),
-];
-
-/// The sensor of the chip of this name.
-pub(crate) fn sensor_of(chip: &str) -> Option<Sensor> {
-    let name = chip.to_ascii_lowercase();
-    let &(_, [width, height]) = CHIPS.iter().find(|(known, _)| name.starts_with(known))?;
-    Some(Sensor { width, height })
 }
 
 /// First bytes of a file.

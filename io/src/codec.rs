@@ -230,8 +230,8 @@ fn read_part(
         Format::Aedat2 => seek::records::read::<aedat2::Header>(&mut input, range, options),
         Format::Evt2 => seek::records::read::<evt2::Layout>(&mut input, range, options),
         Format::Npy => seek::records::read::<npy::Layout>(&mut input, range, options),
-        Format::Aedat3 => seek::read_packets::<aedat3::Container>(&mut input, range, options),
-        Format::Aedat4 => seek::read_packets::<aedat4::Container>(&mut input, range, options),
+        Format::Aedat3 => seek::packets::read::<aedat3::Container>(&mut input, range, options),
+        Format::Aedat4 => seek::packets::read::<aedat4::Container>(&mut input, range, options),
         _ => Ok(None),
     }
 }

@@ -10,7 +10,7 @@ use std::io::{self, Read};
 use std::path::Path;
 
 use crate::csv::columns::{is_csv, is_of_events};
-use crate::electrodes::names_electrodes;
+use crate::electrodes::header::names_electrodes;
 use crate::error::{IoError, shown};
 use crate::format::{Foreign, Format, ImageFormat, Kind, beginning};
 #[cfg(feature = "hdf5")]

@@ -1,7 +1,7 @@
 //! Parts of readers and writers that no recording reaches.
 
 mod electrodes_header {
-    use crate::electrodes::{electrode, unit_of_time};
+    use crate::electrodes::header::{electrode, unit_of_time};
 
     #[test]
     fn electrodes_are_known_by_the_end_of_their_names() {

@@ -104,6 +104,19 @@ fn no_file_is_longer_than_one_reads_at_a_sitting() {
 }
 
 #[test]
+fn comments_have_at_most_100_columns() {
+    let mut all = Vec::new();
+    sources(&root(), &mut all);
+    let mut long = Vec::new();
+    for path in &all {
+        let text = fs::read_to_string(path).expect("sources are text");
+        let is_long = |line: &&str| line.trim_start().starts_with("//") && line.chars().count() > 100;
+        long.extend(text.lines().filter(is_long).map(|line| format!("{}: {line}", path.display())));
+    }
+    assert!(long.is_empty(), "{}", long.join("\n"));
+}
+
+#[test]
 fn limits_are_called_max_and_min() {
     let mut all = Vec::new();
     sources(&root(), &mut all);

@@ -34,8 +34,9 @@
 // Events that are earlier than the newest enter with its time, and are counted.
 #define MEISSNER_LATE_CLAMP 1
 
-// When the clock of the sensor restarts, the engine resets and takes the events of the new clock. Events that are earlier than the window,
-// or more than 10 s ahead, are held until those after them tell a restart from a single wrong time.
+// When the clock of the sensor restarts, the engine resets and takes the events of the new clock.
+// Events that are earlier than the window, or more than 10 s ahead, are held until those after
+// them tell a restart from a single wrong time.
 #define MEISSNER_RESTART_RESET 0
 
 // The clock never goes back: events are late until the old time comes again.
@@ -93,7 +94,8 @@ typedef enum meissner_status {
   MEISSNER_BUFFER_TOO_SMALL = 5,
   // The engine would need more memory than its limit.
   MEISSNER_MEMORY_LIMIT = 6,
-  // A layer computed NaN: there is no prediction. The engine predicts again once what caused it has left the window.
+  // A layer computed NaN: there is no prediction. The engine predicts again once what caused it
+  // has left the window.
   MEISSNER_NOT_A_NUMBER = 7,
   // Bytes are not a snapshot of such an engine.
   MEISSNER_INVALID_SNAPSHOT = 8,
@@ -103,7 +105,8 @@ typedef enum meissner_status {
   MEISSNER_CLOSED = 10,
   // A fault in the library. The handle can only be released.
   MEISSNER_PANICKED = 11,
-  // The call needs threads of the process that forked this one: make the handle in the child, after the fork.
+  // The call needs threads of the process that forked this one: make the handle in the child,
+  // after the fork.
   MEISSNER_FORKED = 12,
 } meissner_status;
 
@@ -119,7 +122,8 @@ typedef struct meissner_input meissner_input;
 // The controller's side of a live engine. One thread at a time.
 typedef struct meissner_live meissner_live;
 
-// A network with its weights. It does not change, and any number of threads and engines may use it.
+// A network with its weights. It does not change, and any number of threads and engines may use
+// it.
 typedef struct meissner_network meissner_network;
 
 // Options of an engine over events. 0 is the default of each.
@@ -128,7 +132,8 @@ typedef struct meissner_engine_options {
   size_t size;
   // Limit of the state in bytes; 0 for 4 GiB.
   uint64_t memory_limit;
-  // Largest change of a row that does not propagate, in the units of the layer: an approximation. 0 is exact.
+  // Largest change of a row that does not propagate, in the units of the layer: an
+  // approximation. 0 is exact.
   float tolerance;
   // MEISSNER_LATE_DROP or MEISSNER_LATE_CLAMP.
   uint32_t late;
@@ -162,7 +167,8 @@ typedef struct meissner_prediction {
   uint64_t rows;
 } meissner_prediction;
 
-// Counts of events since the engine was made. `pushed` is the sum of `accepted` and of the four reasons for which events are dropped.
+// Counts of events since the engine was made. `pushed` is the sum of `accepted` and of the four
+// reasons for which events are dropped.
 typedef struct meissner_counters {
   // `sizeof(meissner_counters)`, set by the caller.
   size_t size;
@@ -212,7 +218,8 @@ typedef struct meissner_frames_options {
   uint32_t skip;
   // With MEISSNER_SKIP_TOLERANCE.
   float tolerance;
-  // 1 if frames are mostly zero, as those of events are: the same results with more memory and less time.
+  // 1 if frames are mostly zero, as those of events are: the same results with more memory and
+  // less time.
   uint32_t sparse;
   // 1 to share large layers between two threads: the same results.
   uint32_t two_threads;
@@ -230,7 +237,8 @@ typedef struct meissner_live_options {
   uint32_t overload;
   // With MEISSNER_OVERLOAD_THIN, at least 1.
   uint32_t stride;
-  // 1 if the engine computes while no event waits and no prediction is asked for: answers come sooner, and more is computed in total.
+  // 1 if the engine computes while no event waits and no prediction is asked for: answers come
+  // sooner, and more is computed in total.
   uint64_t ahead;
 } meissner_live_options;
 
@@ -244,7 +252,8 @@ typedef struct meissner_timely {
   uint64_t nodes;
   // Events that had been pushed at the time of the call and are not covered.
   uint64_t behind_events;
-  // Stream time in microseconds from the last covered event to the last one that had been pushed.
+  // Stream time in microseconds from the last covered event to the last one that had been
+  // pushed.
   uint64_t behind_us;
   // Nanoseconds since its computation began.
   uint64_t age_ns;
@@ -252,12 +261,14 @@ typedef struct meissner_timely {
   uint64_t waited_ns;
   // 1 if an event has set `t_us`.
   uint32_t has_time;
-  // 1 if it covers every event that had been pushed, except those that the queue dropped: none waits, and the engine has lost none.
+  // 1 if it covers every event that had been pushed, except those that the queue dropped: none
+  // waits, and the engine has lost none.
   uint32_t fresh;
   // 1 if it was computed for this call, 0 if it is the newest that was finished by the deadline.
   uint32_t own;
-  // Events since the prediction before that the engine was given and that are not in this one: late, outside the sensor, far ahead, or
-  // held until it is clear whether the sensor's clock has restarted.
+  // Events since the prediction before that the engine was given and that are not in this one:
+  // late, outside the sensor, far ahead, or held until it is clear whether the sensor's clock
+  // has restarted.
   uint64_t lost_events;
   // Events that the queue dropped since the prediction before.
   uint64_t dropped_events;
@@ -287,19 +298,22 @@ typedef struct meissner_queue_counters {
   uint64_t blocked_ns;
 } meissner_queue_counters;
 
-// Takes a warning, in UTF-8 and valid during the call, and the pointer that was given with the function. Any thread that makes a network
-// or an engine, or pushes events, may call it; one at a time.
+// Takes a warning, in UTF-8 and valid during the call, and the pointer that was given with the
+// function. Any thread that makes a network or an engine, or pushes events, may call it; one at a
+// time.
 typedef void (*meissner_log)(const char *text, void *user);
 
 // Options of a network. 0 is the default of each.
 typedef struct meissner_network_options {
   // `sizeof(meissner_network_options)`.
   size_t size;
-  // Length of the window in microseconds, instead of the description's. Networks over events only.
+  // Length of the window in microseconds, instead of the description's. Networks over events
+  // only.
   int64_t span_us;
   // Most events in the window, instead of the description's. Networks over events only.
   uint64_t capacity;
-  // Most neighbours of an event, at most the description's: an approximation. Networks over events only.
+  // Most neighbours of an event, at most the description's: an approximation. Networks over
+  // events only.
   uint64_t neighbours;
   // MEISSNER_CONVOLUTION_DIRECT or another. Frame networks only.
   uint32_t convolution;
@@ -355,12 +369,12 @@ uint32_t meissner_version(void);
 // The version as text, for example "0.1.0". It stays valid.
 const char *meissner_version_text(void);
 
-// Whether this library and this processor have a feature: "events", "frames" and "live" name parts of the interface, other names
-// instruction sets ("portable", "avx2", "avx512").
+// Whether this library and this processor have a feature: "events", "frames" and "live" name parts
+// of the interface, other names instruction sets ("portable", "avx2", "avx512").
 bool meissner_has_feature(const char *name);
 
-// Makes an engine for a network over events and a sensor of `width` x `height` pixels. `options` may be NULL. Allocates: the whole state
-// is made here.
+// Makes an engine for a network over events and a sensor of `width` x `height` pixels. `options`
+// may be NULL. Allocates: the whole state is made here.
 enum meissner_status meissner_engine_new(const struct meissner_network *network,
                                          uint16_t width,
                                          uint16_t height,
@@ -371,8 +385,9 @@ enum meissner_status meissner_engine_new(const struct meissner_network *network,
 enum meissner_status meissner_engine_clone(const struct meissner_engine *engine,
                                            struct meissner_engine **result);
 
-// Pushes an event. `accepted`, which may be NULL, is set to whether it entered the window; a dropped event is counted. An event that is
-// held, as its time does not agree with the clock, has not entered: it does, or is counted, with a later one.
+// Pushes an event. `accepted`, which may be NULL, is set to whether it entered the window; a
+// dropped event is counted. An event that is held, as its time does not agree with the clock, has
+// not entered: it does, or is counted, with a later one.
 enum meissner_status meissner_engine_push(const struct meissner_engine *engine,
                                           int64_t t_us,
                                           uint16_t x,
@@ -380,15 +395,15 @@ enum meissner_status meissner_engine_push(const struct meissner_engine *engine,
                                           int8_t polarity,
                                           bool *accepted);
 
-// Pushes `length` events in order. `accepted`, which may be NULL, is set to how many entered the window: with events that were held before,
-// they can be more than `length`.
+// Pushes `length` events in order. `accepted`, which may be NULL, is set to how many entered the
+// window: with events that were held before, they can be more than `length`.
 enum meissner_status meissner_engine_push_events(const struct meissner_engine *engine,
                                                  const struct meissner_event *events,
                                                  size_t length,
                                                  size_t *accepted);
 
-// Pushes `length` events in order, whose times in microseconds, columns, rows and polarities are in arrays of their own. `accepted`, which
-// may be NULL, is set to how many entered the window.
+// Pushes `length` events in order, whose times in microseconds, columns, rows and polarities are
+// in arrays of their own. `accepted`, which may be NULL, is set to how many entered the window.
 enum meissner_status meissner_engine_push_arrays(const struct meissner_engine *engine,
                                                  const int64_t *t_us,
                                                  const uint16_t *x,
@@ -397,12 +412,13 @@ enum meissner_status meissner_engine_push_arrays(const struct meissner_engine *e
                                                  size_t length,
                                                  size_t *accepted);
 
-// Advances the clock to `t_us` without an event: events older than the window leave. Earlier times change nothing.
-enum meissner_status meissner_engine_advance(const struct meissner_engine *engine,
-                                             int64_t t_us);
+// Advances the clock to `t_us` without an event: events older than the window leave. Earlier times
+// change nothing.
+enum meissner_status meissner_engine_advance(const struct meissner_engine *engine, int64_t t_us);
 
-// Predicts for the current window: writes the network's outputs to `values`, which has room for `length`, and what the prediction is of
-// to `prediction`, which may be NULL. Nothing is computed if `length` is less than the number of outputs.
+// Predicts for the current window: writes the network's outputs to `values`, which has room for
+// `length`, and what the prediction is of to `prediction`, which may be NULL. Nothing is computed
+// if `length` is less than the number of outputs.
 enum meissner_status meissner_engine_predict(const struct meissner_engine *engine,
                                              float *values,
                                              size_t length,
@@ -415,26 +431,30 @@ enum meissner_status meissner_engine_reset(const struct meissner_engine *engine)
 enum meissner_status meissner_engine_counters(const struct meissner_engine *engine,
                                               struct meissner_counters *counters);
 
-// Counts of rows, layer by layer, of which `meissner_network_info` says the number. Allocates for a moment.
+// Counts of rows, layer by layer, of which `meissner_network_info` says the number. Allocates for
+// a moment.
 enum meissner_status meissner_engine_layer_counters(const struct meissner_engine *engine,
                                                     struct meissner_layer_counters *layers,
                                                     size_t length);
 
-// Writes the warnings about an engine, as `meissner_network_warnings`: those about its network, a sensor that is not that of the training,
-// each reason for which more than one of a hundred events has been dropped, and restarts of the sensor's clock.
+// Writes the warnings about an engine, as `meissner_network_warnings`: those about its network, a
+// sensor that is not that of the training, each reason for which more than one of a hundred events
+// has been dropped, and restarts of the sensor's clock.
 enum meissner_status meissner_engine_warnings(const struct meissner_engine *engine,
                                               char *text,
                                               size_t capacity,
                                               size_t *length);
 
-// Writes the state as bytes to `bytes`, which has room for `capacity`, and their number to `length`. If there is too little room, only
-// `length` is written: call with a `capacity` of 0 to ask for it. Allocates.
+// Writes the state as bytes to `bytes`, which has room for `capacity`, and their number to
+// `length`. If there is too little room, only `length` is written: call with a `capacity` of 0 to
+// ask for it. Allocates.
 enum meissner_status meissner_engine_snapshot(const struct meissner_engine *engine,
                                               uint8_t *bytes,
                                               size_t capacity,
                                               size_t *length);
 
-// Returns to the state of a snapshot of an engine with the same network, sensor and options. Allocates.
+// Returns to the state of a snapshot of an engine with the same network, sensor and options.
+// Allocates.
 enum meissner_status meissner_engine_restore(const struct meissner_engine *engine,
                                              const uint8_t *bytes,
                                              size_t length);
@@ -447,15 +467,15 @@ enum meissner_status meissner_frames_new(const struct meissner_network *network,
                                          const struct meissner_frames_options *options,
                                          struct meissner_frames **result);
 
-// Pushes one or more whole frames, one after the other: `length` values in the order (frame, channel, row, column). All of them are
-// finite, or no frame is taken.
+// Pushes one or more whole frames, one after the other: `length` values in the order (frame,
+// channel, row, column). All of them are finite, or no frame is taken.
 enum meissner_status meissner_frames_push(const struct meissner_frames *frames,
                                           const float *values,
                                           size_t length);
 
-// Predicts after the last frame: writes the network's outputs in the order (channel, row, column) to `values`, which has room for
-// `length`, and what the prediction is of to `prediction`, which may be NULL. Nothing is computed if `length` is less than the number of
-// outputs.
+// Predicts after the last frame: writes the network's outputs in the order (channel, row, column)
+// to `values`, which has room for `length`, and what the prediction is of to `prediction`, which
+// may be NULL. Nothing is computed if `length` is less than the number of outputs.
 enum meissner_status meissner_frames_predict(const struct meissner_frames *frames,
                                              float *values,
                                              size_t length,
@@ -464,7 +484,8 @@ enum meissner_status meissner_frames_predict(const struct meissner_frames *frame
 // Returns to the state before the first frame. Counters stay.
 enum meissner_status meissner_frames_reset(const struct meissner_frames *frames);
 
-// Counts of pixels, layer by layer, of which `meissner_network_info` says the number. Allocates for a moment.
+// Counts of pixels, layer by layer, of which `meissner_network_info` says the number. Allocates
+// for a moment.
 enum meissner_status meissner_frames_layer_counters(const struct meissner_frames *frames,
                                                     struct meissner_layer_counters *layers,
                                                     size_t length);
@@ -483,14 +504,16 @@ enum meissner_status meissner_frames_restore(const struct meissner_frames *frame
 // Ends a frame engine, after the call that another thread has in it.
 void meissner_frames_release(struct meissner_frames *frames);
 
-// Starts a thread that owns the engine and reads from a queue: `input` is for the thread that has the events, `live` for the one that
-// needs predictions. It starts in the present state of `engine`, which stays the caller's. `options` may be NULL. Allocates.
+// Starts a thread that owns the engine and reads from a queue: `input` is for the thread that has
+// the events, `live` for the one that needs predictions. It starts in the present state of
+// `engine`, which stays the caller's. `options` may be NULL. Allocates.
 enum meissner_status meissner_live_new(const struct meissner_engine *engine,
                                        const struct meissner_live_options *options,
                                        struct meissner_input **input,
                                        struct meissner_live **live);
 
-// Pushes `length` events in order: each enters the queue, or is dropped and counted. Waits only with MEISSNER_OVERLOAD_BLOCK.
+// Pushes `length` events in order: each enters the queue, or is dropped and counted. Waits only
+// with MEISSNER_OVERLOAD_BLOCK.
 enum meissner_status meissner_input_push_events(const struct meissner_input *input,
                                                 const struct meissner_event *events,
                                                 size_t length);
@@ -503,12 +526,14 @@ enum meissner_status meissner_input_push_arrays(const struct meissner_input *inp
                                                 const int8_t *polarity,
                                                 size_t length);
 
-// Advances the clock to `t_us` after the events pushed so far. No earlier event may follow: it would be late.
+// Advances the clock to `t_us` after the events pushed so far. No earlier event may follow: it
+// would be late.
 enum meissner_status meissner_input_advance(const struct meissner_input *input, int64_t t_us);
 
-// The prediction for all events pushed by now or, when `deadline_ns` nanoseconds have passed, the newest finished one, with its age;
-// UINT64_MAX waits for all events. Writes the network's outputs to `values`, which has room for `length`, and what the prediction is of
-// to `timely`, which may be NULL.
+// The prediction for all events pushed by now or, when `deadline_ns` nanoseconds have passed, the
+// newest finished one, with its age; UINT64_MAX waits for all events. Writes the network's outputs
+// to `values`, which has room for `length`, and what the prediction is of to `timely`, which may
+// be NULL.
 enum meissner_status meissner_live_predict(const struct meissner_live *live,
                                            uint64_t deadline_ns,
                                            float *values,
@@ -523,33 +548,36 @@ enum meissner_status meissner_live_counters(const struct meissner_live *live,
 enum meissner_status meissner_live_event_counters(const struct meissner_live *live,
                                                   struct meissner_counters *counters);
 
-// Ends a live engine, as `meissner_live_release`, and gives its engine back through `engine`. Waiting events are discarded: predict with
-// a deadline of UINT64_MAX first to have them taken. While another thread is in a call with `live`, the status is MEISSNER_BUSY and nothing
-// has changed. After MEISSNER_OK and MEISSNER_PANICKED, the handle has ended.
-enum meissner_status meissner_live_close(struct meissner_live *live,
-                                         struct meissner_engine **engine);
+// Ends a live engine, as `meissner_live_release`, and gives its engine back through `engine`.
+// Waiting events are discarded: predict with a deadline of UINT64_MAX first to have them taken.
+// While another thread is in a call with `live`, the status is MEISSNER_BUSY and nothing has
+// changed. After MEISSNER_OK and MEISSNER_PANICKED, the handle has ended.
+enum meissner_status meissner_live_close(struct meissner_live *live, struct meissner_engine **engine);
 
-// Ends a live engine and its thread, after the call that another thread has in it. Waiting events are discarded.
+// Ends a live engine and its thread, after the call that another thread has in it. Waiting events
+// are discarded.
 void meissner_live_release(struct meissner_live *live);
 
-// Ends the sensor's side, after the call that another thread has in it. The controller's side goes on.
+// Ends the sensor's side, after the call that another thread has in it. The controller's side goes
+// on.
 void meissner_input_release(struct meissner_input *input);
 
-// Sets the function that takes warnings: weights that are untrained or were trained on another sensor, and lost events, at most once a
-// second for each engine. NULL, the default, drops them; `meissner_network_warnings` and `meissner_engine_warnings` return them. The
-// function must call none of the library, must not unwind, and is not called any more once this call has returned.
-void meissner_set_log(meissner_log function,
-                      void *user);
+// Sets the function that takes warnings: weights that are untrained or were trained on another
+// sensor, and lost events, at most once a second for each engine. NULL, the default, drops them;
+// `meissner_network_warnings` and `meissner_engine_warnings` return them. The function must call
+// none of the library, must not unwind, and is not called any more once this call has returned.
+void meissner_set_log(meissner_log function, void *user);
 
-// Makes a network. `network` is the name of one that comes with the library ("tactigraph-past"), or the path of a description.
-// `weights` is the path of a safetensors file or of a PyTorch state dict; NULL for the weights that come with the library. `options`
-// may be NULL. Allocates.
+// Makes a network. `network` is the name of one that comes with the library ("tactigraph-past"),
+// or the path of a description. `weights` is the path of a safetensors file or of a PyTorch state
+// dict; NULL for the weights that come with the library. `options` may be NULL. Allocates.
 enum meissner_status meissner_network_open(const char *network,
                                            const char *weights,
                                            const struct meissner_network_options *options,
                                            struct meissner_network **result);
 
-// Makes a network from the text of a description and the bytes of a weights file. `options` may be NULL. Allocates.
+// Makes a network from the text of a description and the bytes of a weights file. `options` may be
+// NULL. Allocates.
 enum meissner_status meissner_network_from_bytes(const char *description,
                                                  size_t description_length,
                                                  const uint8_t *weights,
@@ -561,29 +589,31 @@ enum meissner_status meissner_network_from_bytes(const char *description,
 enum meissner_status meissner_network_describe(const struct meissner_network *network,
                                                struct meissner_network_info *info);
 
-// The name of value `index` of a prediction, and its unit. Either pointer may be NULL. The strings belong to the network. The values of
-// an image have one name.
+// The name of value `index` of a prediction, and its unit. Either pointer may be NULL. The strings
+// belong to the network. The values of an image have one name.
 enum meissner_status meissner_network_output(const struct meissner_network *network,
                                              size_t index,
                                              const char **name,
                                              const char **unit);
 
-// Writes the warnings about a network, each a line, to `text`, which has room for `capacity` bytes, and their number with the NUL at the
-// end to `length`: weights that were drawn from a seed, or trained on other graphs or frames. If there is too little room, only `length` is
+// Writes the warnings about a network, each a line, to `text`, which has room for `capacity`
+// bytes, and their number with the NUL at the end to `length`: weights that were drawn from a
+// seed, or trained on other graphs or frames. If there is too little room, only `length` is
 // written: call with a `capacity` of 0 to ask for it. Allocates.
 enum meissner_status meissner_network_warnings(const struct meissner_network *network,
                                                char *text,
                                                size_t capacity,
                                                size_t *length);
 
-// The name of network `index` of those that come with the library, or NULL after the last. It stays valid.
+// The name of network `index` of those that come with the library, or NULL after the last. It
+// stays valid.
 const char *meissner_shipped_network(size_t index);
 
 // Ends a network. Engines of it go on.
 void meissner_network_release(struct meissner_network *network);
 
-// What the last call of this thread that failed expected and found, in UTF-8. Valid until another call of this thread fails; empty
-// before the first.
+// What the last call of this thread that failed expected and found, in UTF-8. Valid until another
+// call of this thread fails; empty before the first.
 const char *meissner_error_text(void);
 
 #ifdef __cplusplus

@@ -43,7 +43,8 @@ impl Made {
     }
 }
 
-/// Pushes by `push`, which returns how many events entered, of `length`. Losses are logged once the handle is free again.
+/// Pushes by `push`, which returns how many events entered, of `length`. Losses are logged once the
+/// handle is free again.
 fn push(
     engine: *const meissner_engine,
     length: usize,
@@ -89,8 +90,9 @@ pub const MEISSNER_LATE_DROP: u32 = 0;
 /// Events that are earlier than the newest enter with its time, and are counted.
 pub const MEISSNER_LATE_CLAMP: u32 = 1;
 
-/// When the clock of the sensor restarts, the engine resets and takes the events of the new clock. Events that are earlier than the window,
-/// or more than 10 s ahead, are held until those after them tell a restart from a single wrong time.
+/// When the clock of the sensor restarts, the engine resets and takes the events of the new clock.
+/// Events that are earlier than the window, or more than 10 s ahead, are held until those after
+/// them tell a restart from a single wrong time.
 pub const MEISSNER_RESTART_RESET: u32 = 0;
 /// The clock never goes back: events are late until the old time comes again.
 pub const MEISSNER_RESTART_KEEP: u32 = 1;
@@ -103,7 +105,8 @@ pub struct meissner_engine_options {
     pub size: usize,
     /// Limit of the state in bytes; 0 for 4 GiB.
     pub memory_limit: u64,
-    /// Largest change of a row that does not propagate, in the units of the layer: an approximation. 0 is exact.
+    /// Largest change of a row that does not propagate, in the units of the layer: an
+    /// approximation. 0 is exact.
     pub tolerance: f32,
     /// MEISSNER_LATE_DROP or MEISSNER_LATE_CLAMP.
     pub late: u32,
@@ -133,7 +136,8 @@ pub struct meissner_prediction {
 // SAFETY: `repr(C)` with integers alone, the first of which is the size.
 unsafe impl Versioned for meissner_prediction {}
 
-/// Counts of events since the engine was made. `pushed` is the sum of `accepted` and of the four reasons for which events are dropped.
+/// Counts of events since the engine was made. `pushed` is the sum of `accepted` and of the four
+/// reasons for which events are dropped.
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
 pub struct meissner_counters {
@@ -215,8 +219,8 @@ fn engine_options(options: meissner_engine_options) -> Result<Options, Failure> 
     Ok(if options.memory_limit == 0 { made } else { made.with_memory_limit(options.memory_limit.into()) })
 }
 
-/// Makes an engine for a network over events and a sensor of `width` x `height` pixels. `options` may be NULL. Allocates: the whole state
-/// is made here.
+/// Makes an engine for a network over events and a sensor of `width` x `height` pixels. `options`
+/// may be NULL. Allocates: the whole state is made here.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn meissner_engine_new(
     network: *const meissner_network,
@@ -253,8 +257,9 @@ pub unsafe extern "C" fn meissner_engine_clone(
     })
 }
 
-/// Pushes an event. `accepted`, which may be NULL, is set to whether it entered the window; a dropped event is counted. An event that is
-/// held, as its time does not agree with the clock, has not entered: it does, or is counted, with a later one.
+/// Pushes an event. `accepted`, which may be NULL, is set to whether it entered the window; a
+/// dropped event is counted. An event that is held, as its time does not agree with the clock, has
+/// not entered: it does, or is counted, with a later one.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn meissner_engine_push(
     engine: *const meissner_engine,
@@ -274,8 +279,8 @@ pub unsafe extern "C" fn meissner_engine_push(
     })
 }
 
-/// Pushes `length` events in order. `accepted`, which may be NULL, is set to how many entered the window: with events that were held before,
-/// they can be more than `length`.
+/// Pushes `length` events in order. `accepted`, which may be NULL, is set to how many entered the
+/// window: with events that were held before, they can be more than `length`.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn meissner_engine_push_events(
     engine: *const meissner_engine,
@@ -294,8 +299,8 @@ pub unsafe extern "C" fn meissner_engine_push_events(
     })
 }
 
-/// Pushes `length` events in order, whose times in microseconds, columns, rows and polarities are in arrays of their own. `accepted`, which
-/// may be NULL, is set to how many entered the window.
+/// Pushes `length` events in order, whose times in microseconds, columns, rows and polarities are
+/// in arrays of their own. `accepted`, which may be NULL, is set to how many entered the window.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn meissner_engine_push_arrays(
     engine: *const meissner_engine,
@@ -340,7 +345,8 @@ pub(crate) unsafe fn from_arrays<'a>(
     Ok(t_us.iter().zip(pixels).map(|(&t_us, ((&x, &y), &polarity))| Event::new(t_us, x, y, polarity > 0)))
 }
 
-/// Advances the clock to `t_us` without an event: events older than the window leave. Earlier times change nothing.
+/// Advances the clock to `t_us` without an event: events older than the window leave. Earlier times
+/// change nothing.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn meissner_engine_advance(
     engine: *const meissner_engine,
@@ -349,8 +355,9 @@ pub unsafe extern "C" fn meissner_engine_advance(
     call(|| ENGINES.act(engine, |made| made.engine.advance(t_us)))
 }
 
-/// Predicts for the current window: writes the network's outputs to `values`, which has room for `length`, and what the prediction is of
-/// to `prediction`, which may be NULL. Nothing is computed if `length` is less than the number of outputs.
+/// Predicts for the current window: writes the network's outputs to `values`, which has room for
+/// `length`, and what the prediction is of to `prediction`, which may be NULL. Nothing is computed
+/// if `length` is less than the number of outputs.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn meissner_engine_predict(
     engine: *const meissner_engine,
@@ -401,7 +408,8 @@ pub unsafe extern "C" fn meissner_engine_counters(
     })
 }
 
-/// Counts of rows, layer by layer, of which `meissner_network_info` says the number. Allocates for a moment.
+/// Counts of rows, layer by layer, of which `meissner_network_info` says the number. Allocates for
+/// a moment.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn meissner_engine_layer_counters(
     engine: *const meissner_engine,
@@ -421,8 +429,9 @@ pub unsafe extern "C" fn meissner_engine_layer_counters(
     })
 }
 
-/// Writes the warnings about an engine, as `meissner_network_warnings`: those about its network, a sensor that is not that of the training,
-/// each reason for which more than one of a hundred events has been dropped, and restarts of the sensor's clock.
+/// Writes the warnings about an engine, as `meissner_network_warnings`: those about its network, a
+/// sensor that is not that of the training, each reason for which more than one of a hundred events
+/// has been dropped, and restarts of the sensor's clock.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn meissner_engine_warnings(
     engine: *const meissner_engine,
@@ -437,8 +446,9 @@ pub unsafe extern "C" fn meissner_engine_warnings(
     })
 }
 
-/// Writes the state as bytes to `bytes`, which has room for `capacity`, and their number to `length`. If there is too little room, only
-/// `length` is written: call with a `capacity` of 0 to ask for it. Allocates.
+/// Writes the state as bytes to `bytes`, which has room for `capacity`, and their number to
+/// `length`. If there is too little room, only `length` is written: call with a `capacity` of 0 to
+/// ask for it. Allocates.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn meissner_engine_snapshot(
     engine: *const meissner_engine,
@@ -451,7 +461,8 @@ pub unsafe extern "C" fn meissner_engine_snapshot(
     call(|| unsafe { write_bytes(bytes, capacity, "bytes", length, state) })
 }
 
-/// Returns to the state of a snapshot of an engine with the same network, sensor and options. Allocates.
+/// Returns to the state of a snapshot of an engine with the same network, sensor and options.
+/// Allocates.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn meissner_engine_restore(
     engine: *const meissner_engine,

@@ -51,7 +51,8 @@ pub struct meissner_frames_options {
     pub skip: u32,
     /// With MEISSNER_SKIP_TOLERANCE.
     pub tolerance: f32,
-    /// 1 if frames are mostly zero, as those of events are: the same results with more memory and less time.
+    /// 1 if frames are mostly zero, as those of events are: the same results with more memory and
+    /// less time.
     pub sparse: u32,
     /// 1 to share large layers between two threads: the same results.
     pub two_threads: u32,
@@ -92,8 +93,8 @@ pub unsafe extern "C" fn meissner_frames_new(
     })
 }
 
-/// Pushes one or more whole frames, one after the other: `length` values in the order (frame, channel, row, column). All of them are
-/// finite, or no frame is taken.
+/// Pushes one or more whole frames, one after the other: `length` values in the order (frame,
+/// channel, row, column). All of them are finite, or no frame is taken.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn meissner_frames_push(
     frames: *const meissner_frames,
@@ -107,9 +108,9 @@ pub unsafe extern "C" fn meissner_frames_push(
     })
 }
 
-/// Predicts after the last frame: writes the network's outputs in the order (channel, row, column) to `values`, which has room for
-/// `length`, and what the prediction is of to `prediction`, which may be NULL. Nothing is computed if `length` is less than the number of
-/// outputs.
+/// Predicts after the last frame: writes the network's outputs in the order (channel, row, column)
+/// to `values`, which has room for `length`, and what the prediction is of to `prediction`, which
+/// may be NULL. Nothing is computed if `length` is less than the number of outputs.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn meissner_frames_predict(
     frames: *const meissner_frames,
@@ -138,7 +139,8 @@ pub unsafe extern "C" fn meissner_frames_reset(frames: *const meissner_frames) -
     call(|| FRAMES.act(frames, |frames| frames.engine.reset()))
 }
 
-/// Counts of pixels, layer by layer, of which `meissner_network_info` says the number. Allocates for a moment.
+/// Counts of pixels, layer by layer, of which `meissner_network_info` says the number. Allocates
+/// for a moment.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn meissner_frames_layer_counters(
     frames: *const meissner_frames,

@@ -59,8 +59,8 @@ pub extern "C" fn meissner_version_text() -> *const c_char {
     TEXT.as_ptr().cast()
 }
 
-/// Whether this library and this processor have a feature: "events", "frames" and "live" name parts of the interface, other names
-/// instruction sets ("portable", "avx2", "avx512").
+/// Whether this library and this processor have a feature: "events", "frames" and "live" name parts
+/// of the interface, other names instruction sets ("portable", "avx2", "avx512").
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn meissner_has_feature(name: *const c_char) -> bool {
     if name.is_null() {

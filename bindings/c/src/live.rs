@@ -50,7 +50,8 @@ pub struct meissner_live_options {
     pub overload: u32,
     /// With MEISSNER_OVERLOAD_THIN, at least 1.
     pub stride: u32,
-    /// 1 if the engine computes while no event waits and no prediction is asked for: answers come sooner, and more is computed in total.
+    /// 1 if the engine computes while no event waits and no prediction is asked for: answers come
+    /// sooner, and more is computed in total.
     pub ahead: u64,
 }
 
@@ -69,7 +70,8 @@ pub struct meissner_timely {
     pub nodes: u64,
     /// Events that had been pushed at the time of the call and are not covered.
     pub behind_events: u64,
-    /// Stream time in microseconds from the last covered event to the last one that had been pushed.
+    /// Stream time in microseconds from the last covered event to the last one that had been
+    /// pushed.
     pub behind_us: u64,
     /// Nanoseconds since its computation began.
     pub age_ns: u64,
@@ -77,12 +79,14 @@ pub struct meissner_timely {
     pub waited_ns: u64,
     /// 1 if an event has set `t_us`.
     pub has_time: u32,
-    /// 1 if it covers every event that had been pushed, except those that the queue dropped: none waits, and the engine has lost none.
+    /// 1 if it covers every event that had been pushed, except those that the queue dropped: none
+    /// waits, and the engine has lost none.
     pub fresh: u32,
     /// 1 if it was computed for this call, 0 if it is the newest that was finished by the deadline.
     pub own: u32,
-    /// Events since the prediction before that the engine was given and that are not in this one: late, outside the sensor, far ahead, or
-    /// held until it is clear whether the sensor's clock has restarted.
+    /// Events since the prediction before that the engine was given and that are not in this one:
+    /// late, outside the sensor, far ahead, or held until it is clear whether the sensor's clock
+    /// has restarted.
     pub lost_events: u64,
     /// Events that the queue dropped since the prediction before.
     pub dropped_events: u64,
@@ -140,8 +144,9 @@ fn queue_options(options: meissner_live_options) -> Result<QueueOptions, Failure
     Ok(if options.batch == 0 { made } else { made.with_batch(number(options.batch, "batch")?) })
 }
 
-/// Starts a thread that owns the engine and reads from a queue: `input` is for the thread that has the events, `live` for the one that
-/// needs predictions. It starts in the present state of `engine`, which stays the caller's. `options` may be NULL. Allocates.
+/// Starts a thread that owns the engine and reads from a queue: `input` is for the thread that has
+/// the events, `live` for the one that needs predictions. It starts in the present state of
+/// `engine`, which stays the caller's. `options` may be NULL. Allocates.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn meissner_live_new(
     engine: *const meissner_engine,
@@ -165,7 +170,8 @@ pub unsafe extern "C" fn meissner_live_new(
     })
 }
 
-/// Pushes `length` events in order: each enters the queue, or is dropped and counted. Waits only with MEISSNER_OVERLOAD_BLOCK.
+/// Pushes `length` events in order: each enters the queue, or is dropped and counted. Waits only
+/// with MEISSNER_OVERLOAD_BLOCK.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn meissner_input_push_events(
     input: *const meissner_input,
@@ -212,15 +218,17 @@ fn push_all(input: &mut Input, mut events: impl Iterator<Item = Event>) -> Resul
     }
 }
 
-/// Advances the clock to `t_us` after the events pushed so far. No earlier event may follow: it would be late.
+/// Advances the clock to `t_us` after the events pushed so far. No earlier event may follow: it
+/// would be late.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn meissner_input_advance(input: *const meissner_input, t_us: i64) -> meissner_status {
     call(|| INPUTS.act(input, |input| input.advance(t_us)))
 }
 
-/// The prediction for all events pushed by now or, when `deadline_ns` nanoseconds have passed, the newest finished one, with its age;
-/// UINT64_MAX waits for all events. Writes the network's outputs to `values`, which has room for `length`, and what the prediction is of
-/// to `timely`, which may be NULL.
+/// The prediction for all events pushed by now or, when `deadline_ns` nanoseconds have passed, the
+/// newest finished one, with its age; UINT64_MAX waits for all events. Writes the network's outputs
+/// to `values`, which has room for `length`, and what the prediction is of to `timely`, which may
+/// be NULL.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn meissner_live_predict(
     live: *const meissner_live,
@@ -304,9 +312,10 @@ pub unsafe extern "C" fn meissner_live_event_counters(
     })
 }
 
-/// Ends a live engine, as `meissner_live_release`, and gives its engine back through `engine`. Waiting events are discarded: predict with
-/// a deadline of UINT64_MAX first to have them taken. While another thread is in a call with `live`, the status is MEISSNER_BUSY and nothing
-/// has changed. After MEISSNER_OK and MEISSNER_PANICKED, the handle has ended.
+/// Ends a live engine, as `meissner_live_release`, and gives its engine back through `engine`.
+/// Waiting events are discarded: predict with a deadline of UINT64_MAX first to have them taken.
+/// While another thread is in a call with `live`, the status is MEISSNER_BUSY and nothing has
+/// changed. After MEISSNER_OK and MEISSNER_PANICKED, the handle has ended.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn meissner_live_close(
     live: *mut meissner_live,
@@ -321,13 +330,15 @@ pub unsafe extern "C" fn meissner_live_close(
     })
 }
 
-/// Ends a live engine and its thread, after the call that another thread has in it. Waiting events are discarded.
+/// Ends a live engine and its thread, after the call that another thread has in it. Waiting events
+/// are discarded.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn meissner_live_release(live: *mut meissner_live) {
     LIVES.release(live);
 }
 
-/// Ends the sensor's side, after the call that another thread has in it. The controller's side goes on.
+/// Ends the sensor's side, after the call that another thread has in it. The controller's side goes
+/// on.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn meissner_input_release(input: *mut meissner_input) {
     INPUTS.release(input);

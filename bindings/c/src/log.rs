@@ -11,8 +11,9 @@ use meissner::{EventCounters, Sensor};
 use crate::arguments::write_bytes;
 use crate::status::Failure;
 
-/// Takes a warning, in UTF-8 and valid during the call, and the pointer that was given with the function. Any thread that makes a network
-/// or an engine, or pushes events, may call it; one at a time.
+/// Takes a warning, in UTF-8 and valid during the call, and the pointer that was given with the
+/// function. Any thread that makes a network or an engine, or pushes events, may call it; one at a
+/// time.
 pub type meissner_log = Option<unsafe extern "C" fn(text: *const c_char, user: *mut c_void)>;
 
 struct Log {
@@ -27,9 +28,10 @@ unsafe impl Send for Log {}
 static IS_READ: AtomicBool = AtomicBool::new(false);
 static LOG: Mutex<Log> = Mutex::new(Log { function: None, user: std::ptr::null_mut() });
 
-/// Sets the function that takes warnings: weights that are untrained or were trained on another sensor, and lost events, at most once a
-/// second for each engine. NULL, the default, drops them; `meissner_network_warnings` and `meissner_engine_warnings` return them. The
-/// function must call none of the library, must not unwind, and is not called any more once this call has returned.
+/// Sets the function that takes warnings: weights that are untrained or were trained on another
+/// sensor, and lost events, at most once a second for each engine. NULL, the default, drops them;
+/// `meissner_network_warnings` and `meissner_engine_warnings` return them. The function must call
+/// none of the library, must not unwind, and is not called any more once this call has returned.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn meissner_set_log(function: meissner_log, user: *mut c_void) {
     IS_READ.store(function.is_some(), Ordering::Relaxed);

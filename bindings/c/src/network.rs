@@ -14,7 +14,8 @@ use crate::handles::Handles;
 use crate::log::{warn, write_lines};
 use crate::status::{Failure, Status, call, meissner_status};
 
-/// A network with its weights. It does not change, and any number of threads and engines may use it.
+/// A network with its weights. It does not change, and any number of threads and engines may use
+/// it.
 pub struct meissner_network(());
 
 pub(crate) static NETWORKS: Handles<meissner_network, Arc<Loaded>> = Handles::new(1, "network");
@@ -47,11 +48,13 @@ pub const MEISSNER_CONVOLUTION_WINOGRAD_4: u32 = 2;
 pub struct meissner_network_options {
     /// `sizeof(meissner_network_options)`.
     pub size: usize,
-    /// Length of the window in microseconds, instead of the description's. Networks over events only.
+    /// Length of the window in microseconds, instead of the description's. Networks over events
+    /// only.
     pub span_us: i64,
     /// Most events in the window, instead of the description's. Networks over events only.
     pub capacity: u64,
-    /// Most neighbours of an event, at most the description's: an approximation. Networks over events only.
+    /// Most neighbours of an event, at most the description's: an approximation. Networks over
+    /// events only.
     pub neighbours: u64,
     /// MEISSNER_CONVOLUTION_DIRECT or another. Frame networks only.
     pub convolution: u32,
@@ -267,7 +270,8 @@ pub(crate) fn flag(value: u32, what: &str) -> Result<bool, Failure> {
     }
 }
 
-/// A count as the library takes it. One that only an unsigned number of 64 bits holds is refused here: it would become a negative one.
+/// A count as the library takes it. One that only an unsigned number of 64 bits holds is refused
+/// here: it would become a negative one.
 pub(crate) fn number(count: u64, what: &str) -> Result<usize, Failure> {
     let fits = i64::try_from(count).ok().and_then(|count| usize::try_from(count).ok());
     fits.ok_or_else(|| Failure::argument(what, format!("at most {}", isize::MAX), count))
@@ -284,9 +288,9 @@ fn c_string(text: &str) -> CString {
     CString::new(text.replace('\0', " ")).unwrap_or_default()
 }
 
-/// Makes a network. `network` is the name of one that comes with the library ("tactigraph-past"), or the path of a description.
-/// `weights` is the path of a safetensors file or of a PyTorch state dict; NULL for the weights that come with the library. `options`
-/// may be NULL. Allocates.
+/// Makes a network. `network` is the name of one that comes with the library ("tactigraph-past"),
+/// or the path of a description. `weights` is the path of a safetensors file or of a PyTorch state
+/// dict; NULL for the weights that come with the library. `options` may be NULL. Allocates.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn meissner_network_open(
     network: *const c_char,
@@ -323,7 +327,8 @@ pub unsafe extern "C" fn meissner_network_open(
     })
 }
 
-/// Makes a network from the text of a description and the bytes of a weights file. `options` may be NULL. Allocates.
+/// Makes a network from the text of a description and the bytes of a weights file. `options` may be
+/// NULL. Allocates.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn meissner_network_from_bytes(
     description: *const c_char,
@@ -367,8 +372,8 @@ pub unsafe extern "C" fn meissner_network_describe(
     })
 }
 
-/// The name of value `index` of a prediction, and its unit. Either pointer may be NULL. The strings belong to the network. The values of
-/// an image have one name.
+/// The name of value `index` of a prediction, and its unit. Either pointer may be NULL. The strings
+/// belong to the network. The values of an image have one name.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn meissner_network_output(
     network: *const meissner_network,
@@ -388,8 +393,9 @@ pub unsafe extern "C" fn meissner_network_output(
     })
 }
 
-/// Writes the warnings about a network, each a line, to `text`, which has room for `capacity` bytes, and their number with the NUL at the
-/// end to `length`: weights that were drawn from a seed, or trained on other graphs or frames. If there is too little room, only `length` is
+/// Writes the warnings about a network, each a line, to `text`, which has room for `capacity`
+/// bytes, and their number with the NUL at the end to `length`: weights that were drawn from a
+/// seed, or trained on other graphs or frames. If there is too little room, only `length` is
 /// written: call with a `capacity` of 0 to ask for it. Allocates.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn meissner_network_warnings(
@@ -405,7 +411,8 @@ pub unsafe extern "C" fn meissner_network_warnings(
     })
 }
 
-/// The name of network `index` of those that come with the library, or NULL after the last. It stays valid.
+/// The name of network `index` of those that come with the library, or NULL after the last. It
+/// stays valid.
 #[unsafe(no_mangle)]
 pub extern "C" fn meissner_shipped_network(index: usize) -> *const c_char {
     static NAMES: OnceLock<Vec<CString>> = OnceLock::new();

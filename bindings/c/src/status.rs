@@ -28,7 +28,8 @@ pub enum meissner_status {
     MEISSNER_BUFFER_TOO_SMALL = 5,
     /// The engine would need more memory than its limit.
     MEISSNER_MEMORY_LIMIT = 6,
-    /// A layer computed NaN: there is no prediction. The engine predicts again once what caused it has left the window.
+    /// A layer computed NaN: there is no prediction. The engine predicts again once what caused it
+    /// has left the window.
     MEISSNER_NOT_A_NUMBER = 7,
     /// Bytes are not a snapshot of such an engine.
     MEISSNER_INVALID_SNAPSHOT = 8,
@@ -38,7 +39,8 @@ pub enum meissner_status {
     MEISSNER_CLOSED = 10,
     /// A fault in the library. The handle can only be released.
     MEISSNER_PANICKED = 11,
-    /// The call needs threads of the process that forked this one: make the handle in the child, after the fork.
+    /// The call needs threads of the process that forked this one: make the handle in the child,
+    /// after the fork.
     MEISSNER_FORKED = 12,
 }
 
@@ -124,7 +126,8 @@ thread_local! {
     static TEXT: RefCell<CString> = RefCell::default();
 }
 
-/// Runs the body of a function of the interface: keeps the text of a failure, and lets no panic out.
+/// Runs the body of a function of the interface: keeps the text of a failure, and lets no panic
+/// out.
 pub(crate) fn call(body: impl FnOnce() -> Result<(), Failure>) -> Status {
     let failure = match catch_unwind(AssertUnwindSafe(body)) {
         Ok(Ok(())) => return Status::MEISSNER_OK,
@@ -144,8 +147,8 @@ fn panic_text(cause: &(dyn Any + Send)) -> String {
     format!("a fault in the library: {}", text.unwrap_or_else(|| "without a message".to_owned()))
 }
 
-/// What the last call of this thread that failed expected and found, in UTF-8. Valid until another call of this thread fails; empty
-/// before the first.
+/// What the last call of this thread that failed expected and found, in UTF-8. Valid until another
+/// call of this thread fails; empty before the first.
 #[unsafe(no_mangle)]
 pub extern "C" fn meissner_error_text() -> *const c_char {
     TEXT.try_with(|last| last.borrow().as_ptr()).unwrap_or(c"".as_ptr())

@@ -18,7 +18,7 @@ use crate::args::{
 };
 use crate::error::CliError;
 use crate::given::Given;
-use crate::input::NetworkKind::{self, Electrodes, EventFrames, EventGraph, Pictures};
+use crate::kind::NetworkKind::{self, Electrodes, EventFrames, EventGraph, Pictures};
 use crate::report::{About, TableKind};
 
 /// Examples, at the end of the long help.
