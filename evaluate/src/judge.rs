@@ -1,6 +1,6 @@
 //! The frame of every evaluation: networks of a task with their trainings, judged on labelled data.
 //!
-//! Enters: candidates, and a [`Judge`], which knows the data and the figures of its task. Leaves:
+//! Enters: candidates, and a `Judge`, which knows the data and the figures of its task. Leaves:
 //! the report of each network, and the outputs of the trainings. What can be refused is refused
 //! before a network runs. Outcomes are taken in order: threads change no bit but those of measured
 //! times.

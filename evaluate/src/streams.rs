@@ -1,7 +1,7 @@
 //! Streams of events from a safetensors file, with labels along time.
 //!
 //! Enters: the bytes of a file. Leaves: streams of events that lie on the sensor, with times that
-//! do not descend within a stream, and the [`Truth`] about each stream where the file has it. A
+//! do not descend within a stream, and the `Truth` about each stream where the file has it. A
 //! file that breaks this is refused with the index of the first value that does.
 
 use std::collections::BTreeMap;
