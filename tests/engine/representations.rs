@@ -11,29 +11,9 @@ use meissner_engine::{Event, Sensor};
 use meissner_tests::cases;
 use meissner_tests::event_frames::{FrameKind, History, Kept, keep, place, set};
 use meissner_tests::shared::shared;
-use meissner_verify::{Script, Step, strategies};
+use meissner_verify::Step;
+use meissner_verify::strategies::steady;
 use proptest::prelude::*;
-
-/// Scripts up to a clock that restarts: of years without events, every empty frame would be kept.
-fn script(most: usize) -> impl Strategy<Value = Script> {
-    strategies::script(most).prop_map(|mut script| {
-        let mut before = None;
-        let restart = script.steps.iter().position(|step| {
-            let now = match step {
-                Step::Push(event) => Some(event.t_us),
-                Step::Advance(t_us) => Some(*t_us),
-                Step::Reset => None,
-                _ => before,
-            };
-            let is_far =
-                before.zip(now).is_some_and(|(before, now): (i64, i64)| now.abs_diff(before) > 1_000_000);
-            before = now;
-            is_far
-        });
-        script.steps.truncate(restart.unwrap_or(script.steps.len()));
-        script
-    })
-}
 
 /// A part of the sensor, from four numbers of any size.
 fn crop(sensor: Sensor, [x, y, width, height]: [u16; 4]) -> Crop {
@@ -69,7 +49,7 @@ proptest! {
 
     #[test]
     fn consecutive_frames_equal_frames_from_all_events(
-        script in script(120),
+        script in steady(120),
         corner in any::<[u16; 4]>(),
         period_us in prop_oneof![40i64..200, 200i64..3_000],
         start in proptest::option::of(-500i64..500),
@@ -113,7 +93,7 @@ proptest! {
 
     #[test]
     fn a_sliding_frame_equals_the_frame_from_the_events_of_its_span(
-        script in script(200),
+        script in steady(200),
         corner in any::<[u16; 4]>(),
         span_us in prop_oneof![1i64..100, 100i64..3_000],
         capacity in prop_oneof![1usize..40, Just(1_000)],
@@ -154,7 +134,7 @@ proptest! {
 
     #[test]
     fn a_time_surface_decays_from_the_latest_event_of_each_pixel_and_polarity(
-        script in script(200),
+        script in steady(200),
         corner in any::<[u16; 4]>(),
         scale in prop_oneof![0.5f32..20.0, 20f32..5_000.0],
         linear in any::<bool>(),
@@ -201,7 +181,7 @@ proptest! {
 
     #[test]
     fn a_voxel_grid_equals_its_formula_and_is_free_of_order(
-        script in script(120),
+        script in steady(120),
         corner in any::<[u16; 4]>(),
         bins in 1usize..12,
         centres in any::<bool>(),

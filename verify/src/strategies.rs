@@ -29,11 +29,28 @@ fn relative(pixels: u16, one_instant: bool) -> impl Strategy<Value = Step> {
 
 /// Scripts of up to `most` steps, twice as many with a reset or restart, on small sensors.
 pub fn script(most: usize) -> impl Strategy<Value = Script> {
-    script_on((prop_oneof![1u16..12, 12u16..70], prop_oneof![1u16..12, 12u16..70]), most)
+    script_on(small(), most)
+}
+
+/// The same on one clock, which goes on after a reset.
+pub fn steady(most: usize) -> impl Strategy<Value = Script> {
+    scripts(small(), most, false)
+}
+
+fn small() -> impl Strategy<Value = (u16, u16)> {
+    (prop_oneof![1u16..12, 12u16..70], prop_oneof![1u16..12, 12u16..70])
 }
 
 /// Scripts of up to `most` steps on sensors of these columns and rows.
 pub fn script_on(sensor: impl Strategy<Value = (u16, u16)>, most: usize) -> impl Strategy<Value = Script> {
+    scripts(sensor, most, true)
+}
+
+fn scripts(
+    sensor: impl Strategy<Value = (u16, u16)>,
+    most: usize,
+    restarts: bool,
+) -> impl Strategy<Value = Script> {
     // Anywhere, at one pixel, at few pixels, at one instant.
     let style = prop_oneof![
         4 => Just((u16::MAX, false)),
@@ -46,12 +63,13 @@ pub fn script_on(sensor: impl Strategy<Value = (u16, u16)>, most: usize) -> impl
         let run = move || (origin(), proptest::collection::vec(relative(pixels, one_instant), 1..most));
         (run(), proptest::option::weighted(0.3, (any::<bool>(), run())))
     });
-    (sensor, runs).prop_map(|((width, height), ((origin_us, steps), second))| {
+    (sensor, runs).prop_map(move |((width, height), ((origin_us, steps), second))| {
         let sensor = Sensor::new(width, height);
         let mut script = Script::new(sensor, origin_us, steps);
-        if let Some((is_reset, (origin_us, steps))) = second {
+        if let Some((is_reset, (other_us, steps))) = second {
             // Without the reset, the clock of the sensor restarts.
-            script.steps.extend(is_reset.then_some(Step::Reset));
+            script.steps.extend((is_reset || !restarts).then_some(Step::Reset));
+            let origin_us = if restarts { other_us } else { origin_us };
             script.steps.extend(Script::new(sensor, origin_us, steps).steps);
         }
         script
