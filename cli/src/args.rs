@@ -9,7 +9,7 @@ use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use clap::{Arg, ValueEnum, value_parser};
 use meissner_engine::filters::RateLimit;
 use meissner_engine::{LatePolicy, Network, RestartPolicy, Sensor};
-use meissner_io::{Chip, ColumnOrder, ReadOptions, TextOptions, TimeUnit};
+use meissner_io::{Chip, ColumnOrder, Format, ReadOptions, TextOptions, TimeUnit};
 use meissner_run::approximations::Approximations;
 use meissner_run::bench::Part;
 use meissner_run::predictor::Mode;
@@ -123,6 +123,14 @@ pub(crate) struct ReadArgs {
     /// all.
     #[arg(long, help_heading = INPUT)]
     pub(crate) strict: bool,
+    /// Format of the recording, instead of the one that its content shows.
+    ///
+    /// On a stream, evt2, evt21 or evt3 reads the raw bytes of a Prophesee sensor, as a driver or
+    /// v4l2 gives them: with a header or without, from the start or joined in the middle. Bytes
+    /// that were lost are noticed and counted ("lines_refused"), and the stream goes on; without a
+    /// header, --sensor is needed. Without this option, a stream is a text or records of 16 bytes.
+    #[arg(long, value_name = "NAME", help_heading = INPUT)]
+    pub(crate) format: Option<Format>,
     /// Chip of a recording in AEDAT 2 that names none, such as DAVIS346.
     ///
     /// DVS128, DAVIS128, DAVIS208, DAVIS240, DAVIS346 or DAVIS640; it decides how addresses are
@@ -140,7 +148,7 @@ impl ReadArgs {
     pub(crate) fn options(self) -> ReadOptions {
         let text = TextOptions::default().columns(self.columns).time_unit(self.time_unit);
         let options = ReadOptions::default().text(text).salvage(self.salvage).strict(self.strict);
-        options.chip(self.chip).stream(self.stream).sensor(self.sensor)
+        options.format(self.format).chip(self.chip).stream(self.stream).sensor(self.sensor)
     }
 }
 
@@ -171,13 +179,13 @@ impl PartArgs {
 pub(crate) struct Input {
     /// Recording, or - for standard input [default: a small built-in recording].
     ///
-    /// Events: AEDAT 2, 3.1 or 4, EVT2, EVT3, DAT, Event Stream (.es), N-MNIST, CSV or npy, also
+    /// Events: AEDAT 2, 3.1 or 4, EVT2, EVT2.1, EVT3, DAT, Event Stream (.es), N-MNIST, CSV or npy, also
     /// inside gzip, or alone in a zip archive. The built-in recording is a simulated press and
     /// release; `meissner run` without any option compares its true angles with the predicted ones.
     ///
     /// Live events: - for standard input, tcp://HOST:PORT, tcp-listen://HOST:PORT or
     /// udp://HOST:PORT. CSV lines (t_us,x,y,p) or records of 16 bytes (`meissner send --help`) are
-    /// read as they arrive.
+    /// read as they arrive, with --format the raw bytes of a Prophesee sensor.
     ///
     /// Electrodes: CSV with a column for each of the 24 electrodes, also live. Pictures: a PNG,
     /// JPEG, PPM or PGM file, a folder of them, or a text file with one path per line.
@@ -317,7 +325,8 @@ impl ApproximationArgs {
 }
 
 /// Options of [`ReadArgs`] that are for events alone.
-pub(crate) const READING: &[&str] = &["--columns", "--time-unit", "--salvage", "--chip", "--stream"];
+pub(crate) const READING: &[&str] =
+    &["--columns", "--time-unit", "--salvage", "--format", "--chip", "--stream"];
 /// Approximations that make a prediction depend on earlier predictions.
 pub(crate) const REUSES: &[&str] = &["--tolerance", "--stale-events", "--stale-time"];
 /// Approximations that keep events or predictions outside the engine.

@@ -87,7 +87,7 @@ pub fn blocks(path: &Path, options: impl Into<ReadOptions>) -> Result<Option<see
     match found {
         Format::Dat => seek::blocks::of_records::<dat::Layout>(input, options),
         Format::Aedat2 => seek::blocks::of_records::<aedat2::Header>(input, options),
-        Format::Evt2 => seek::blocks::of_records::<evt2::Layout>(input, options),
+        Format::Evt2 | Format::Evt21 => seek::blocks::of_records::<evt2::Layout>(input, options),
         Format::Npy => seek::blocks::of_records::<npy::Layout>(input, options),
         Format::Aedat3 => seek::blocks::of_packets::<aedat3::Container>(input, options),
         Format::Aedat4 => seek::blocks::of_packets::<aedat4::Container>(input, options),
@@ -201,7 +201,7 @@ fn decode_bytes(content: Cow<'_, [u8]>, options: ReadOptions) -> Result<Recordin
         Format::Aedat4 => aedat4::decode(bytes, options),
         Format::Aedat3 => aedat3::decode(bytes, options),
         Format::Aedat2 => whole::<aedat2::Header>(found, bytes, options),
-        Format::Evt2 => whole::<evt2::Layout>(found, bytes, options),
+        Format::Evt2 | Format::Evt21 => whole::<evt2::Layout>(found, bytes, options),
         Format::Evt3 => evt3::decode(bytes, options),
         Format::Dat => whole::<dat::Layout>(found, bytes, options),
         Format::Es => es::decode(bytes, options),
@@ -228,7 +228,7 @@ fn read_part(
     match found {
         Format::Dat => seek::records::read::<dat::Layout>(&mut input, range, options),
         Format::Aedat2 => seek::records::read::<aedat2::Header>(&mut input, range, options),
-        Format::Evt2 => seek::records::read::<evt2::Layout>(&mut input, range, options),
+        Format::Evt2 | Format::Evt21 => seek::records::read::<evt2::Layout>(&mut input, range, options),
         Format::Npy => seek::records::read::<npy::Layout>(&mut input, range, options),
         Format::Aedat3 => seek::packets::read::<aedat3::Container>(&mut input, range, options),
         Format::Aedat4 => seek::packets::read::<aedat4::Container>(&mut input, range, options),
@@ -302,7 +302,13 @@ fn check(format: Format, sensor: Option<Sensor>, events: &[Event]) -> Result<(),
             return Err(IoError::Unsupported { expected, actual: "none".to_owned() });
         }
         Format::Es => es::CAPACITY,
-        Format::Aedat4 | Format::Aedat3 | Format::Aedat2 | Format::Evt2 | Format::Nmnist | Format::Hdf5 => {
+        Format::Aedat4
+        | Format::Aedat3
+        | Format::Aedat2
+        | Format::Evt2
+        | Format::Evt21
+        | Format::Nmnist
+        | Format::Hdf5 => {
             let expected = "CSV, npy, DAT, EVT3 or ES to be written";
             return Err(IoError::Unsupported { expected, actual: format.to_string() });
         }

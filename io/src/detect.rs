@@ -54,7 +54,7 @@ impl Kind {
         if has_header(bytes) {
             match Header::scan(bytes).encoding() {
                 Some(Ok(format)) => return Some(Self::Events(format)),
-                Some(Err(name)) => return matches!(name, "2.1" | "EVT21").then_some(Self::Foreign(EVT21)),
+                Some(Err(_)) => return None,
                 // The comments of a text may start like this header.
                 None => {}
             }
@@ -103,10 +103,10 @@ pub(crate) fn format_of(bytes: &[u8]) -> Result<Format, IoError> {
     }
     if let Some(Err(name)) = Header::scan(bytes).encoding() {
         let actual = format!("encoding `{}`", beginning(name, 40));
-        return Err(IoError::Unsupported { expected: "EVT 2.0 or 3.0", actual });
+        return Err(IoError::Unsupported { expected: "EVT 2.0, 2.1 or 3.0", actual });
     }
     let (length, start) = (bytes.len() as u64, shown(&bytes[..bytes.len().min(16)]));
-    let expected = "AEDAT 2 to 4, EVT2, EVT3, DAT, ES, N-MNIST, CSV or npy";
+    let expected = "AEDAT 2 to 4, EVT2, EVT2.1, EVT3, DAT, ES, N-MNIST, CSV or npy";
     Err(IoError::UnknownFormat { what: "format", expected, length, start })
 }
 
@@ -116,10 +116,6 @@ pub(crate) fn other_kind(start: &[u8], wanted: Kind, expected: &'static str) -> 
     Some(IoError::OtherKind { expected, found })
 }
 
-const EVT21: Foreign = Foreign {
-    name: "Prophesee EVT 2.1",
-    instead: "write it as CSV with Metavision's metavision_file_to_csv, or record in EVT 3.0",
-};
 const DV: &str = "convert it to AEDAT4 with iniVation's DV";
 const STILLS: &str = "a picture in GIF or TIFF";
 const AS_STILL: &str = "write it as PNG, JPEG, PPM or PGM";

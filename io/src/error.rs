@@ -66,6 +66,18 @@ pub enum IoError {
         number: u64,
         source: Box<IoError>,
     },
+    /// A word of a raw stream is left out.
+    #[error("{format}: word at {place}: expected a known one, or an event on the sensor, found {word:#x}")]
+    Word { format: &'static str, place: Place, word: u64 },
+    /// Bytes of a raw stream were lost; what follows is read from the next word that is in step.
+    #[error("{format}: bytes were lost before {place}: {events} events are left out")]
+    Lost {
+        format: &'static str,
+        /// Where the loss was seen.
+        place: Place,
+        /// Events that were read out of step, or have lost their time or place.
+        events: u64,
+    },
     /// Reading from or writing to a stream failed.
     #[error("{format}: cannot {action} at {place}")]
     Stream {
@@ -192,6 +204,8 @@ impl IoError {
         matches!(
             self,
             Self::Datagram { .. }
+                | Self::Word { .. }
+                | Self::Lost { .. }
                 | Self::Malformed { place: Place::Line(_), .. }
                 | Self::OutsideSensor { place: Place::Line(_), .. }
         )

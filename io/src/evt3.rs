@@ -45,26 +45,26 @@ use crate::recording::{Capacity, Recording, StreamKind, StreamSummary};
 use crate::seek::DISORDER_US;
 
 /// Coordinates have 11 bits.
-const SIDE: u16 = 2048;
+pub(crate) const SIDE: u16 = 2048;
 /// Bits of the time in each of its two words.
 const TIME_BITS: u32 = 12;
 /// The upper word counts from 0 to this value - 1, and wraps.
 const HIGH_RANGE: u16 = 1 << TIME_BITS;
 
 /// Bits 15-12 of the words.
-mod word {
-    pub(super) const Y: u16 = 0x0;
-    pub(super) const OTHER_Y: u16 = 0x1;
-    pub(super) const X: u16 = 0x2;
-    pub(super) const BASE: u16 = 0x3;
-    pub(super) const VECTOR_12: u16 = 0x4;
-    pub(super) const VECTOR_8: u16 = 0x5;
-    pub(super) const TIME_LOW: u16 = 0x6;
-    pub(super) const CONTINUED_4: u16 = 0x7;
-    pub(super) const TIME_HIGH: u16 = 0x8;
-    pub(super) const TRIGGER: u16 = 0xa;
-    pub(super) const VENDOR: u16 = 0xe;
-    pub(super) const CONTINUED_12: u16 = 0xf;
+pub(crate) mod word {
+    pub(crate) const Y: u16 = 0x0;
+    pub(crate) const OTHER_Y: u16 = 0x1;
+    pub(crate) const X: u16 = 0x2;
+    pub(crate) const BASE: u16 = 0x3;
+    pub(crate) const VECTOR_12: u16 = 0x4;
+    pub(crate) const VECTOR_8: u16 = 0x5;
+    pub(crate) const TIME_LOW: u16 = 0x6;
+    pub(crate) const CONTINUED_4: u16 = 0x7;
+    pub(crate) const TIME_HIGH: u16 = 0x8;
+    pub(crate) const TRIGGER: u16 = 0xa;
+    pub(crate) const VENDOR: u16 = 0xe;
+    pub(crate) const CONTINUED_12: u16 = 0xf;
 }
 
 /// The events of the file `bytes`.
@@ -105,7 +105,7 @@ enum Row {
 pub(crate) struct Decoder {
     /// The sensor, or the range of 11 bits.
     bounds: Sensor,
-    clock: WrappingClock,
+    pub(crate) clock: WrappingClock,
     /// The newest word 0x8, and its time in microseconds.
     high: Option<(u16, i64)>,
     /// Whether no word 0x6 came after it.
@@ -149,6 +149,11 @@ impl Decoder {
     pub(crate) fn resync(&mut self) {
         (self.high, self.is_bare, self.is_lost) = (None, false, true);
         (self.row, self.base) = (Row::Unknown, None);
+    }
+
+    /// The time of the next event in microseconds; `None` before both words of time.
+    pub(crate) fn time_us(&self) -> Option<i64> {
+        (self.high.is_some() && !self.is_bare && !self.is_lost).then_some(self.t_us)
     }
 
     /// Events without a time, a row or a base column so far.

@@ -59,6 +59,8 @@ pub enum Format {
     Aedat2,
     /// Prophesee EVT 2.0: words of 32 bits (`.evt2`, `.raw`).
     Evt2,
+    /// Prophesee EVT 2.1: words of 64 bits, each of up to 32 events of a row (`.evt21`, `.raw`).
+    Evt21,
     /// Prophesee EVT 3.0: words of 16 bits (`.evt3`, `.raw`).
     Evt3,
     /// Prophesee DAT, version 2: 8 bytes per event (`.dat`).
@@ -77,11 +79,12 @@ pub enum Format {
 
 impl Format {
     /// Every format, in the order of the documentation.
-    pub const ALL: [Self; 11] = [
+    pub const ALL: [Self; 12] = [
         Self::Aedat4,
         Self::Aedat3,
         Self::Aedat2,
         Self::Evt2,
+        Self::Evt21,
         Self::Evt3,
         Self::Dat,
         Self::Es,
@@ -103,6 +106,7 @@ impl Format {
             Self::Aedat3 => ["AEDAT3", "aedat3", "aedat"],
             Self::Aedat2 => ["AEDAT2", "aedat2", "aedat"],
             Self::Evt2 => ["EVT2", "evt2", "raw"],
+            Self::Evt21 => ["EVT2.1", "evt21", "raw"],
             Self::Evt3 => ["EVT3", "evt3", "raw"],
             Self::Dat => ["DAT", "dat", "dat"],
             Self::Es => ["ES", "es", "es"],
@@ -128,7 +132,7 @@ impl Format {
             "nmnist" => None,
             lower => Self::ALL.into_iter().find(|format| format.names()[1..].contains(&lower)),
         };
-        let expected = "aedat4, aedat, evt2, evt3, raw, dat, es, bin, csv, npy, h5 or hdf5";
+        let expected = "aedat4, aedat, evt2, evt21, evt3, raw, dat, es, bin, csv, npy, h5 or hdf5";
         found.ok_or_else(|| UnknownName::new("file extension", expected, extension))
     }
 
@@ -153,11 +157,11 @@ impl FromStr for Format {
     type Err = UnknownName;
 
     /// The format of this name, in upper or lower case: `aedat4`, `aedat3`, `aedat2`, `evt2`,
-    /// `evt3`, `dat`, `es`, `nmnist` or `n-mnist`, `csv`, `npy`, `hdf5`.
+    /// `evt21`, `evt3`, `dat`, `es`, `nmnist` or `n-mnist`, `csv`, `npy`, `hdf5`.
     fn from_str(name: &str) -> Result<Self, UnknownName> {
         let is_named =
             |format: &Self| format.names()[..2].iter().any(|known| name.eq_ignore_ascii_case(known));
-        let expected = "aedat4, aedat3, aedat2, evt2, evt3, dat, es, nmnist, csv, npy or hdf5";
+        let expected = "aedat4, aedat3, aedat2, evt2, evt21, evt3, dat, es, nmnist, csv, npy or hdf5";
         Self::ALL.into_iter().find(is_named).ok_or_else(|| UnknownName::new("format", expected, name))
     }
 }

@@ -74,6 +74,7 @@ mod npy;
 mod options;
 mod packed;
 mod prophesee;
+mod raw;
 mod recording;
 mod ros;
 mod seek;

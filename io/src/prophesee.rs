@@ -3,8 +3,8 @@
 //! Each line of the header starts with `%` and a space; a key, a space and a value follow. The
 //! header ends with a line `% end` or before the first line of another form, and the binary part
 //! follows at once. These keys are used: `evt 3.0` or `format EVT3` (possibly `format
-//! EVT3;height=720;width=1280`) names the encoding; `geometry 1280x720`, the two values in
-//! `format`, or `Width` and `Height` name the sensor; `Version` belongs to DAT. Source: the
+//! EVT3;height=720;width=1280`) names the encoding; `endianness` the order of the halves of EVT 2.1;
+//! `geometry 1280x720`, the two values in `format`, or `Width` and `Height` name the sensor; `Version` belongs to DAT. Source: the
 //! vendor's pages on the RAW and DAT file formats.
 
 use meissner_engine::Sensor;
@@ -19,7 +19,7 @@ use crate::seek::DISORDER_US;
 /// It wraps where its value falls by half of `range` or more; a smaller fall is a step back in
 /// time. After a wrap, a value that is less than `back` before the newest one, seen over the wrap,
 /// is a step back too: two falls with such a rise between them are one wrap.
-#[derive(Debug)]
+#[derive(Clone, Copy, Debug)]
 pub(crate) struct WrappingClock {
     range: i64,
     /// Longest step back over a wrap.
@@ -79,6 +79,8 @@ pub(crate) struct Header {
     encoding: Option<String>,
     /// Version of DAT.
     pub(crate) version: Option<String>,
+    /// `little` or `legacy`, with the first byte of its line.
+    endianness: Option<(String, usize)>,
     /// Width and height as text, each with the first byte of its line.
     sides: [Option<(String, usize)>; 2],
 }
@@ -126,11 +128,17 @@ impl Header {
         header
     }
 
+    /// Whether it ends with a line `% end`.
+    pub(crate) fn has_ended(&self) -> bool {
+        self.ended
+    }
+
     /// Takes the value of the line that starts at byte `line`.
     fn set(&mut self, key: &str, value: &str, line: usize) {
         let mut side = |index: usize, text: &str| self.sides[index] = Some((text.trim().to_owned(), line));
         match key.to_ascii_lowercase().as_str() {
             "evt" => self.encoding = Some(value.to_owned()),
+            "endianness" => self.endianness = Some((value.to_owned(), line)),
             "version" => self.version = Some(value.to_owned()),
             "width" => side(0, value),
             "height" => side(1, value),
@@ -141,10 +149,10 @@ impl Header {
             }
             "format" => {
                 let mut parts = value.split(';');
-                // Only exact names become versions: the words of `EVT21` differ from those of
-                // `EVT2`.
+                // Only exact names become versions.
                 let encoding = match parts.next().unwrap_or_default().trim() {
                     "EVT2" => "2.0",
+                    "EVT21" => "2.1",
                     "EVT3" => "3.0",
                     other => other,
                 };
@@ -153,6 +161,9 @@ impl Header {
                     match part.split_once('=') {
                         Some(("width", value)) => side(0, value),
                         Some(("height", value)) => side(1, value),
+                        Some(("endianness", value)) => {
+                            self.endianness = Some((value.trim().to_owned(), line));
+                        }
                         _ => {}
                     }
                 }
@@ -165,10 +176,25 @@ impl Header {
     pub(crate) fn encoding(&self) -> Option<Result<Format, &str>> {
         match (self.encoding.as_deref(), &self.version) {
             (Some("2.0" | "2"), _) => Some(Ok(Format::Evt2)),
+            (Some("2.1"), _) => Some(Ok(Format::Evt21)),
             (Some("3.0" | "3"), _) => Some(Ok(Format::Evt3)),
             (Some(other), _) => Some(Err(other)),
             (None, Some(_)) => Some(Ok(Format::Dat)),
             (None, None) => None,
+        }
+    }
+
+    /// Whether the upper half of each word of EVT 2.1 comes first; `None`: the header of `file` does
+    /// not say.
+    pub(crate) fn is_legacy(&self, file: Bytes<'_>) -> Result<Option<bool>, IoError> {
+        let Some((name, line)) = &self.endianness else { return Ok(None) };
+        match name.as_str() {
+            "legacy" => Ok(Some(true)),
+            "little" => Ok(Some(false)),
+            other => {
+                let actual = shown(other.as_bytes());
+                Err(file.malformed("order of bytes", *line, "little or legacy", actual))
+            }
         }
     }
 

@@ -22,6 +22,7 @@ use crate::csv::{CsvEvents, TextOptions};
 use crate::error::{IoError, Place};
 use crate::format::{self, Format};
 use crate::limits::LINE_BYTES;
+use crate::raw::RawEvents;
 
 /// Bytes of a record.
 pub const RECORD_BYTES: usize = 16;
@@ -87,6 +88,7 @@ enum Kind<R: BufRead> {
     Undecided(Option<R>, TextOptions),
     Text(CsvEvents<Whole<R>>),
     Datagrams(Datagrams<R>),
+    Raw(Box<RawEvents<R>>),
     Records {
         input: Whole<R>,
         /// Records that were read; `None` after the end or an error.
@@ -110,12 +112,30 @@ impl<R: BufRead> LiveEvents<R> {
         Self(Kind::Datagrams(Datagrams::new(input, options)))
     }
 
+    /// The events of `input`, the bytes of a Prophesee sensor in `format`: EVT2, EVT2.1 or EVT3, with a
+    /// header or without, from the start or joined in the middle, over a stream or in datagrams.
+    ///
+    /// An event comes when the words after it show that its own was in step. Bytes that were lost give
+    /// an [`IoError::Lost`], other odd words an [`IoError::Word`], and the next call goes on after it.
+    /// `sensor` is for streams whose header names none: it tells odd words sooner.
+    ///
+    /// # Errors
+    /// [`IoError::Unsupported`] for another format.
+    pub fn raw(input: R, format: Format, sensor: Option<Sensor>) -> Result<Self, IoError> {
+        if !matches!(format, Format::Evt2 | Format::Evt21 | Format::Evt3) {
+            let expected = "EVT2, EVT2.1 or EVT3 for a raw stream";
+            return Err(IoError::Unsupported { expected, actual: format.to_string() });
+        }
+        Ok(Self(Kind::Raw(Box::new(RawEvents::new(input, format, sensor)))))
+    }
+
     /// The name of the format, which is known after the first call of `next`.
     pub fn format(&self) -> &'static str {
         match &self.0 {
             Kind::Undecided(..) => UNDECIDED,
             Kind::Text(_) => Format::Csv.name(),
             Kind::Datagrams(datagrams) => datagrams.format,
+            Kind::Raw(raw) => raw.format().name(),
             Kind::Records { .. } => NAME,
         }
     }
@@ -125,6 +145,7 @@ impl<R: BufRead> LiveEvents<R> {
         match &self.0 {
             Kind::Text(text) => text.sensor(),
             Kind::Datagrams(datagrams) => datagrams.text.sensor(),
+            Kind::Raw(raw) => raw.sensor(),
             Kind::Undecided(..) | Kind::Records { .. } => None,
         }
     }
@@ -165,6 +186,7 @@ impl<R: BufRead> Iterator for LiveEvents<R> {
             Kind::Undecided(..) => None,
             Kind::Text(text) => text.next(),
             Kind::Datagrams(datagrams) => datagrams.next(),
+            Kind::Raw(raw) => raw.next(),
             Kind::Records { input, read } => {
                 let number = read.take()?;
                 let found = next_record(input, number).transpose()?;

@@ -6,7 +6,7 @@
 
 use std::path::Path;
 
-use meissner_io::{LeftOut, LeftOutKind, Recording, is_mostly_refused};
+use meissner_io::{LeftOut, LeftOutKind, ReadOptions, Recording, is_mostly_refused};
 use serde::Serialize;
 
 use crate::error::{Result, RunError};
@@ -51,7 +51,7 @@ pub(crate) fn warn(name: &str, recording: &Recording) {
             tracing::warn!("{name}: {problem}");
         }
         if left_out.count > left_out.first.len() as u64 {
-            tracing::warn!("{name}: more lines are refused; the summary says how many");
+            tracing::warn!("{name}: more are refused; the summary says how many");
         }
     }
 }
@@ -87,6 +87,12 @@ impl LineErrors {
         Self { of_anybody, ..Self::new(&streams::name(path), strict) }
     }
 
+    /// Counts for the stream `path`. In raw bytes of any quality, any number of words may be refused.
+    pub(crate) fn of_stream(path: &Path, options: &ReadOptions, strict: bool) -> Self {
+        let refusals = Self::of(path, strict);
+        Self { of_anybody: refusals.of_anybody || options.format.is_some(), ..refusals }
+    }
+
     pub(crate) fn name(&self) -> &str {
         &self.name
     }
@@ -118,7 +124,7 @@ impl LineErrors {
         let problem = match self.count {
             ..=LINES_TOLD => Some(problem),
             count if count == LINES_TOLD + 1 => {
-                Some("more lines are refused; the summary says how many".to_owned())
+                Some("more are refused; the summary says how many".to_owned())
             }
             _ => None,
         };

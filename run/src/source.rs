@@ -67,7 +67,8 @@ enum Events {
 pub fn read(path: &Path, options: &ReadOptions) -> Result<Recording> {
     if streams::is_live(path) {
         let (mut arriving, mut events) = (arriving(path, options)?, Vec::new());
-        let mut refusals = LineErrors::of(path, options.strict && !streams::is_of_datagrams(path));
+        let strict = options.strict && !streams::is_of_datagrams(path);
+        let mut refusals = LineErrors::of_stream(path, options, strict);
         while let Some(event) = next(&mut arriving, &mut refusals) {
             events.push(event?);
             // A device gives events without end.
@@ -80,7 +81,8 @@ pub fn read(path: &Path, options: &ReadOptions) -> Result<Recording> {
             }
         }
         let left_out = refusals.left_out();
-        return Ok(Recording { left_out, ..text(arriving.sensor(), events, options.range) });
+        let format = options.format.unwrap_or(Format::Csv);
+        return Ok(Recording { format, left_out, ..text(arriving.sensor(), events, options.range) });
     }
     InFile::open(path, options)?.read(options)
 }
@@ -139,13 +141,17 @@ pub(crate) fn embedded() -> Result<Recording> {
     meissner_io::decode(EMBEDDED).map_err(|error| RunError::recording(EMBEDDED_NAME, error))
 }
 
+/// The events that arrive on the stream `path`: a text or records, unless `options` name a format of
+/// raw bytes.
 fn arriving(path: &Path, options: &ReadOptions) -> Result<LiveEvents<interrupt::Input>> {
-    let input = streams::open(path)?;
-    Ok(if streams::is_of_datagrams(path) {
-        LiveEvents::of_datagrams(input, options.text)
-    } else {
-        LiveEvents::new(input, options.text)
-    })
+    let refused = |source| RunError::recording(&streams::name(path), source);
+    match options.format.filter(|&format| format != Format::Csv) {
+        Some(format) => LiveEvents::raw(streams::open(path)?, format, options.sensor).map_err(refused),
+        None if streams::is_of_datagrams(path) => {
+            Ok(LiveEvents::of_datagrams(streams::open(path)?, options.text))
+        }
+        None => Ok(LiveEvents::new(streams::open(path)?, options.text)),
+    }
 }
 
 impl Source {
@@ -169,7 +175,7 @@ impl Source {
                 Ok(Self::of(recording, LineErrors::new(EMBEDDED_NAME, strict)))
             }
             Some(path) if streams::is_live(path) => {
-                let mut refusals = LineErrors::of(path, strict);
+                let mut refusals = LineErrors::of_stream(path, options, strict);
                 let mut arriving = arriving(path, options)?;
                 let first =
                     if sensor_known { None } else { next(&mut arriving, &mut refusals).transpose()? };

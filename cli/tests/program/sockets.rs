@@ -307,3 +307,65 @@ fn a_socket_that_waits_for_the_name_of_the_sensor_says_so() {
         "{said}"
     );
 }
+
+/// The events as the raw bytes of EVT3, with a header or without.
+fn as_evt3(header: bool) -> Vec<u8> {
+    let mut bytes = Vec::new();
+    let sensor = Some(meissner_engine::Sensor::new(64, 64));
+    meissner_io::encode(meissner_io::Format::Evt3, sensor, &events(), &mut bytes).expect("they fit");
+    let end = bytes.windows(6).position(|window| window == b"% end\n").expect("a header") + 6;
+    bytes.split_off(if header { 0 } else { end })
+}
+
+#[test]
+fn raw_bytes_of_a_sensor_give_the_predictions_of_a_text_from_a_pipe_a_socket_and_datagrams() {
+    let with = |input: &str| [run(input), vec!["--format".to_owned(), "evt3".to_owned()]].concat();
+    for bytes in [as_evt3(true), as_evt3(false)] {
+        let arguments = with("-");
+        let arguments: Vec<&str> = arguments.iter().map(String::as_str).collect();
+        assert_eq!(values(&meissner_reading(&arguments, &bytes)), expected());
+
+        let server = TcpListener::bind("127.0.0.1:0").expect("a free port");
+        let child = started(&with(&format!("tcp://{}", server.local_addr().expect("it is bound"))));
+        let mut client = server.accept().expect("the program connects").0;
+        bytes.chunks(333).for_each(|piece| client.write_all(piece).expect("the program reads"));
+        drop(client);
+        assert_eq!(values(&child.wait_with_output().expect("it ends")), expected());
+
+        let address = free_address();
+        let child = started(&with(&format!("udp://{address}")));
+        let socket = UdpSocket::bind("127.0.0.1:0").expect("a free port");
+        socket.connect(&address).expect("an address");
+        let mut pieces = bytes.chunks(1_400);
+        let first = pieces.next().expect("there are events");
+        while socket.send(first).is_err() || {
+            thread::sleep(Duration::from_millis(20));
+            socket.take_error().expect("a socket").is_some()
+        } {}
+        for piece in pieces {
+            socket.send(piece).expect("the program reads");
+        }
+        socket.send(&[]).expect("the program reads");
+        assert_eq!(values(&child.wait_with_output().expect("it ends")), expected());
+    }
+}
+
+#[test]
+fn lost_bytes_of_a_raw_stream_are_counted_and_the_stream_goes_on() {
+    let mut bytes = as_evt3(false);
+    let whole = bytes.len();
+    for at in [2 * whole / 3, whole / 3] {
+        bytes.remove(at);
+    }
+    let arguments = run("-");
+    let arguments: Vec<&str> = arguments.iter().map(String::as_str).chain(["--format", "evt3"]).collect();
+    let output = meissner_reading(&arguments, &bytes);
+    let (predictions, summary) = lines(&output);
+    assert_eq!(summary["lines_refused"], 2, "{}", message(&output));
+    assert!(message(&output).contains("EVT3: bytes were lost before byte"), "{}", message(&output));
+    assert!(predictions.len() > 6, "{}", predictions.len());
+    let strict = meissner_reading(&[&arguments[..], &["--strict"]].concat(), &bytes);
+    assert_eq!(strict.status.code(), Some(1));
+    let refused = meissner_reading(&["run", "-", "--sensor", "64x64", "--format", "npy"], &bytes);
+    assert!(message(&refused).contains("expected EVT2, EVT2.1 or EVT3"), "{}", message(&refused));
+}

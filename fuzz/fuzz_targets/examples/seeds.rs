@@ -49,7 +49,7 @@ fn put(target: &str, name: &str, bytes: &[u8]) -> io::Result<()> {
 
 fn recordings() -> io::Result<()> {
     for (i, (format, bytes)) in codecs::samples().into_iter().enumerate() {
-        let target = format.to_string().to_lowercase().replace('-', "");
+        let target = format.to_string().to_lowercase().replace(['-', '.'], "");
         put(&target, &format!("sample{i}"), &bytes)?;
         put("any_recording", &format!("{target}{i}"), &bytes)?;
     }
@@ -72,6 +72,19 @@ fn recordings() -> io::Result<()> {
         "trigger",
         &codecs::evt2("% evt 2.0\n", &[0x8000_0001, 0xa040_0101, 0x1000_0801, 0xe000_0000]),
     )?;
+    let words = codecs::evt21_words(events);
+    put("evt21", "little", &codecs::evt21("% evt 2.1\n% endianness little\n", &words, false))?;
+    put("evt21", "told-by-time", &codecs::evt21("% evt 2.1\n% end\n", &words, true))?;
+    for (first, bytes) in [
+        (0, codecs::evt2("", &codecs::evt2_words(events))),
+        (1, codecs::evt21("% format EVT21;endianness=legacy\n% end\n", &words, true)),
+        (2, codecs::encoded(Format::Evt3, None, events)),
+    ] {
+        put("raw", &format!("whole-{first}"), &[&[first], &bytes[..]].concat())?;
+        // A byte is lost in the middle.
+        let (left, right) = bytes.split_at(bytes.len() / 2);
+        put("raw", &format!("lost-{first}"), &[&[first], left, &right[1..]].concat())?;
+    }
     // Row, column, vectors of 12 and of 8, a trigger and words of the vendor.
     let vectors = [0x8001, 0x6002, 0x0003, 0x3805, 0x4fff, 0x50ff, 0x2001, 0xa101, 0xe000, 0xf000];
     put("evt3", "vectors", &codecs::evt3("% evt 3.0\n% geometry 640x480\n% end\n", &vectors))?;

@@ -15,7 +15,7 @@ use c_interface::c_interface;
 use descriptions::description;
 use meissner_io::Format;
 use oracle::{graph, interleavings};
-use recordings::{any_recording, convert, csv, electrodes, image, recording};
+use recordings::{any_recording, convert, csv, electrodes, image, raw, recording};
 use snapshots::{frame_snapshot, snapshot};
 use weights::{pickle, weights};
 
@@ -42,15 +42,17 @@ pub struct Target {
 }
 
 /// All targets.
-pub const TARGETS: [Target; 26] = [
+pub const TARGETS: [Target; 28] = [
     Target { name: "aedat4", run: |bytes| recording(Format::Aedat4, bytes) },
     Target { name: "aedat3", run: |bytes| recording(Format::Aedat3, bytes) },
     Target { name: "aedat2", run: |bytes| recording(Format::Aedat2, bytes) },
     Target { name: "evt2", run: |bytes| recording(Format::Evt2, bytes) },
+    Target { name: "evt21", run: |bytes| recording(Format::Evt21, bytes) },
     Target { name: "evt3", run: |bytes| recording(Format::Evt3, bytes) },
     Target { name: "dat", run: |bytes| recording(Format::Dat, bytes) },
     Target { name: "es", run: |bytes| recording(Format::Es, bytes) },
     Target { name: "nmnist", run: |bytes| recording(Format::Nmnist, bytes) },
+    Target { name: "raw", run: raw },
     Target { name: "csv", run: csv },
     Target { name: "npy", run: |bytes| recording(Format::Npy, bytes) },
     Target { name: "hdf5", run: |bytes| recording(Format::Hdf5, bytes) },

@@ -6,8 +6,8 @@ use std::io::BufReader;
 use meissner_engine::{Event, Sensor};
 use meissner_io::limits::{EXPANSION, IMAGE_PIXELS, PACKET_BYTES};
 use meissner_io::{
-    CsvEvents, ElectrodeSettings, Electrodes, Format, Image, IoError, ReadOptions, Recording, StreamKind,
-    TextOptions, TimeUnit, decode, decode_image, decode_with, encode, encode_png,
+    CsvEvents, ElectrodeSettings, Electrodes, Format, Image, IoError, LiveEvents, ReadOptions, Recording,
+    StreamKind, TextOptions, TimeUnit, decode, decode_image, decode_with, encode, encode_png,
 };
 
 use crate::Verdict;
@@ -41,6 +41,29 @@ pub(crate) fn recording(format: Format, bytes: &[u8]) -> Verdict {
         }
         Err(error) => refused(&error),
     }
+}
+
+/// Raw bytes of a sensor, whose first byte chooses the format and the sensor: in pieces of any length
+/// they give the same, every event is on the sensor, and none comes from nothing.
+///
+/// # Panics
+/// If a promise is broken.
+pub(crate) fn raw(bytes: &[u8]) -> Verdict {
+    let Some((&choice, bytes)) = bytes.split_first() else { return Verdict::Refused };
+    let format = [Format::Evt2, Format::Evt21, Format::Evt3][usize::from(choice % 3)];
+    let sensor = (choice & 0x80 == 0).then_some(Sensor::new(640, 480));
+    let items = |capacity| -> Vec<Result<Event, String>> {
+        let input = BufReader::with_capacity(capacity, bytes);
+        let items = LiveEvents::raw(input, format, sensor).expect("a raw format");
+        items.map(|item| item.map_err(|error| error.to_string())).collect()
+    };
+    let found = items(1 << 16);
+    assert_eq!(items(1), found);
+    assert_eq!(items(1_400), found);
+    let events = found.iter().flatten().filter(|event| sensor.is_some_and(|s| !s.contains(event.x, event.y)));
+    assert_eq!(events.count(), 0, "events outside the sensor");
+    assert!(found.len() <= 32 * bytes.len(), "{} items of {} bytes", found.len(), bytes.len());
+    if found.iter().all(Result::is_ok) { Verdict::Accepted } else { Verdict::Refused }
 }
 
 /// CSV, whole and line by line: the buffer's size does not change the events, and a bad line costs

@@ -55,7 +55,7 @@ fn names_are_read_back() {
     let error = "hdf6".parse::<Format>().unwrap_err().to_string();
     assert_eq!(
         error,
-        "unknown format: expected aedat4, aedat3, aedat2, evt2, evt3, dat, es, nmnist, csv, npy or hdf5, found `hdf6`"
+        "unknown format: expected aedat4, aedat3, aedat2, evt2, evt21, evt3, dat, es, nmnist, csv, npy or hdf5, found `hdf6`"
     );
 }
 
@@ -91,7 +91,6 @@ const FOREIGN: &[(&[u8], &str, &str)] = &[
     (b"MATLAB 5.0 MAT-file, Platform", "MATLAB", "loadmat"),
     (b"\0\0\0\x18ftypmp42", "video", "ffmpeg"),
     (b"RIFF\x10\0\0\0AVI LIST", "video", "ffmpeg"),
-    (b"% format EVT21;height=320;width=320\n% end\n", "EVT 2.1", "metavision_file_to_csv"),
 ];
 
 /// A text of electrodes with a row.

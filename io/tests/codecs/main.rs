@@ -17,6 +17,7 @@ mod npy;
 mod packed;
 mod prophesee;
 mod ranges;
+mod raw;
 mod recordings;
 #[path = "../../../tests/shared_files.rs"]
 mod shared_files;

@@ -146,7 +146,7 @@ mod evt2 {
     //! EVT2: words of 32 bits.
 
     use meissner_engine::{Event, Sensor};
-    use meissner_io::{Format, IoError, Kind, Place, StreamKind, decode};
+    use meissner_io::{Format, IoError, Place, StreamKind, decode};
     use proptest::prelude::*;
 
     use crate::support::{evt2, evt2_words, sorted_events, strictly};
@@ -210,21 +210,86 @@ mod evt2 {
         assert_eq!(decode(&bytes).unwrap().sensor, Some(Sensor::new(640, 480)));
     }
 
-    #[test]
-    fn evt_2_1_is_named_in_the_refusal() {
-        for header in ["% evt 2.1\n", "% format EVT21;height=320;width=320\n"] {
-            let error = decode(&evt2(header, &[0x8000_0001])).unwrap_err();
-            assert!(
-                matches!(&error, IoError::OtherKind { found: Kind::Foreign(f), .. } if f.name.contains("2.1")),
-                "{error}"
-            );
-        }
-    }
-
     proptest! {
         #[test]
         fn every_event_comes_back(events in sorted_events((1 << 34) - 1, 2048)) {
             prop_assert_eq!(decode(&evt2(HEADER, &evt2_words(&events))).unwrap().events, events);
+        }
+    }
+}
+
+mod evt21 {
+    //! EVT2.1: words of 64 bits.
+
+    use meissner_engine::{Event, Sensor};
+    use meissner_io::{Format, IoError, LeftOutKind, Place, StreamKind, decode};
+    use proptest::prelude::*;
+
+    use crate::support::{evt21, evt21_words, sorted_events, strictly};
+
+    const LITTLE: &str = "% evt 2.1\n% endianness little\n% end\n";
+    const LEGACY: &str = "% format EVT21;height=720;width=1280;endianness=legacy\n% end\n";
+
+    #[test]
+    fn a_mask_is_an_event_for_each_bit_in_either_order_of_the_halves() {
+        // Columns 7, 8 and 38 of row 9, 5 us after the time word.
+        let words = [[0x8000_0003, 0], [0x1000_0000 | 5 << 22 | 7 << 11 | 9, 0x8000_0003]];
+        let expected = [7, 8, 38].map(|x| Event::new(3 * 64 + 5, x, 9, true));
+        for (header, legacy, sensor) in [(LITTLE, false, None), (LEGACY, true, Some(Sensor::new(1280, 720)))]
+        {
+            let recording = decode(&evt21(header, &words, legacy)).unwrap();
+            assert_eq!((recording.format, recording.sensor), (Format::Evt21, sensor));
+            assert_eq!(recording.events, expected, "{header}");
+        }
+    }
+
+    #[test]
+    fn bits_beyond_the_sensor_are_left_out_one_by_one() {
+        let words = [[0x8000_0000, 0], [1270 << 11 | 9, 0xffff_ffff]];
+        let recording = decode(&evt21(LEGACY, &words, true)).unwrap();
+        assert_eq!(recording.events.len(), 10);
+        assert_eq!(
+            (recording.left_out[0].kind, recording.left_out[0].count),
+            (LeftOutKind::OutsideSensor, 22)
+        );
+        let error = strictly(&evt21(LEGACY, &words, true)).unwrap_err();
+        let IoError::OutsideSensor { place, x: 1280, y: 9, .. } = error else { panic!("{error}") };
+        assert_eq!(place, Place::Byte(LEGACY.len() as u64 + 8));
+    }
+
+    #[test]
+    fn triggers_vendor_words_and_events_without_a_time_are_counted() {
+        let words = [[0, 7], [0xa000_0000, 0], [0xe000_0000, 1], [0xf000_0000, 2], [0x8000_0000, 0], [0, 1]];
+        let recording = decode(&evt21(LITTLE, &words, false)).unwrap();
+        let counts: Vec<_> = recording.other_streams.iter().map(|s| (s.kind, s.elements)).collect();
+        assert_eq!(counts, [(StreamKind::Triggers, 1), (StreamKind::Other, 2), (StreamKind::Unplaced, 3)]);
+        assert_eq!(recording.events.len(), 1);
+    }
+
+    #[test]
+    fn another_order_of_bytes_is_refused_by_its_name() {
+        let error = decode(b"% evt 2.1\n% endianness big\n% end\n").unwrap_err().to_string();
+        assert!(error.contains("order of bytes at byte 10: expected little or legacy"), "{error}");
+    }
+
+    proptest! {
+        #[test]
+        fn every_event_comes_back_in_both_orders(events in sorted_events((1 << 34) - 1, 2048), legacy: bool) {
+            let words = evt21_words(&events);
+            let header = if legacy { LEGACY.replace("height=720;width=1280;", "") } else { LITTLE.to_owned() };
+            prop_assert_eq!(decode(&evt21(&header, &words, legacy)).unwrap().events, events);
+        }
+
+        #[test]
+        fn the_time_words_tell_the_order_where_the_header_does_not(
+            gaps in prop::collection::vec((0i64..3_000, 0..2016u16, any::<u32>()), 50..200), legacy: bool,
+        ) {
+            let mut now = 1 << 30;
+            let events: Vec<Event> = gaps.iter().flat_map(|&(gap, x, bits)| {
+                now += gap;
+                (0..32).filter(move |bit| bits >> bit & 1 == 1).map(move |bit| Event::new(now, x + bit, 3, true))
+            }).collect();
+            prop_assert_eq!(decode(&evt21("% evt 2.1\n% end\n", &evt21_words(&events), legacy)).unwrap().events, events);
         }
     }
 }

@@ -13,7 +13,7 @@ use proptest::prelude::*;
 use crate::shared_files::shared;
 use crate::support::aedat::{self, DAVIS346, aedat2, davis_records};
 use crate::support::aedat4::{Compression, File, event_packet};
-use crate::support::{SENSOR, encoded, evt2, evt2_words, samples};
+use crate::support::{SENSOR, encoded, evt2, evt2_words, evt21, evt21_words, samples};
 
 fn part(bytes: &[u8], range: TimeRange) -> Recording {
     decode_with(bytes, ReadOptions::default().range(range)).unwrap()
@@ -59,6 +59,10 @@ fn files(events: &[Event], packet: usize) -> Vec<(Format, Vec<u8>)> {
         (Format::Npy, encoded(Format::Npy, None, events)),
         (Format::Csv, encoded(Format::Csv, Some(SENSOR), events)),
         (Format::Evt2, evt2("% evt 2.0\n% geometry 346x260\n% end\n", &evt2_words(events))),
+        (
+            Format::Evt21,
+            evt21("% format EVT21;height=260;width=346;endianness=legacy\n", &evt21_words(events), true),
+        ),
         (Format::Aedat2, aedat2(&DAVIS346, &records)),
         (Format::Aedat3, aedat::aedat3(events, packet)),
     ];

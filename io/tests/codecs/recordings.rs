@@ -124,7 +124,9 @@ fn whole(format: Format, bytes: &[u8], length: usize) -> Option<usize> {
         Format::Csv => bytes.iter().position(|&b| b == b'x').unwrap_or(0),
         Format::Npy => bytes.iter().position(|&b| b == b'\n').unwrap() + 1,
         Format::Dat => bytes.windows(2).position(|w| w == [0x0c, 8]).unwrap() + 2,
-        Format::Evt2 | Format::Evt3 => bytes.windows(5).position(|w| w == b"% end").unwrap() + 6,
+        Format::Evt2 | Format::Evt21 | Format::Evt3 => {
+            bytes.windows(5).position(|w| w == b"% end").unwrap() + 6
+        }
         Format::Aedat2 => bytes.windows(8).position(|w| w == b"Header\r\n").unwrap() + 8,
         Format::Aedat3 => bytes.windows(8).position(|w| w == b"HEADER\r\n").unwrap() + 8,
         Format::Es => 20,
@@ -145,6 +147,10 @@ fn whole(format: Format, bytes: &[u8], length: usize) -> Option<usize> {
         Format::Es => (content.len() + 3).saturating_sub(5) / 10,
         Format::Npy => content.len() / 13,
         Format::Evt2 => content.chunks_exact(4).filter(|w| w[3] >> 4 <= 1).count(),
+        Format::Evt21 => {
+            let words = content.chunks_exact(8).filter(|w| w[3] >> 4 <= 1);
+            words.flat_map(|w| &w[4..]).map(|byte| byte.count_ones() as usize).sum()
+        }
         Format::Csv => {
             let lines = bytes[..length].split_inclusive(|&b| b == b'\n').filter(|line| line.ends_with(b"\n"));
             lines.filter(|line| line[0].is_ascii_digit()).count()
@@ -226,6 +232,7 @@ fn a_strict_reader_refuses_a_damaged_recording_with_salvage_as_without() {
             Format::Nmnist => changed[100] = 255,
             Format::Npy => changed[bytes.len() - 1] = 9,
             Format::Dat => *changed.last_mut().unwrap() = 0x70,
+            Format::Evt21 => changed[bytes.len() - 5] = 0x70,
             Format::Evt2 | Format::Es => changed[bytes.len() - 1] = 0x70,
             Format::Evt3 => changed[bytes.len() - 1] = 0x90,
             // A row beyond the sensor.

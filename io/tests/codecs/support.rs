@@ -49,6 +49,42 @@ pub(crate) fn evt2_words(events: &[Event]) -> Vec<u32> {
     words
 }
 
+/// A file of EVT2.1 with this header and these words, each an upper half and a lower one.
+pub(crate) fn evt21(header: &str, words: &[[u32; 2]], legacy: bool) -> Vec<u8> {
+    let mut bytes = header.as_bytes().to_vec();
+    let halves =
+        words.iter().flat_map(|&[upper, lower]| if legacy { [upper, lower] } else { [lower, upper] });
+    bytes.extend(halves.flat_map(u32::to_le_bytes));
+    bytes
+}
+
+/// The words of `events`, which are in order: events of a time, row and polarity whose columns rise share a word.
+pub(crate) fn evt21_words(events: &[Event]) -> Vec<[u32; 2]> {
+    let (mut words, mut newest): (Vec<[u32; 2]>, Option<(Event, u16)>) = (Vec::new(), None);
+    let mut high = None;
+    for event in events {
+        if let (Some((first, last)), Some([_, mask])) = (newest, words.last_mut())
+            && (first.t_us, first.y, first.on) == (event.t_us, event.y, event.on)
+            && (last + 1..=first.x.saturating_add(31)).contains(&event.x)
+        {
+            *mask |= 1 << (event.x - first.x);
+            newest = Some((first, event.x));
+            continue;
+        }
+        for word in evt2_words(std::slice::from_ref(event)) {
+            let is_time = word >> 28 == 0x8;
+            if !is_time || high != Some(word) {
+                words.push([word, u32::from(!is_time)]);
+            }
+            if is_time {
+                high = Some(word);
+            }
+        }
+        newest = Some((*event, event.x));
+    }
+    words
+}
+
 /// A file of EVT3 with this header and these words.
 pub(crate) fn evt3(header: &str, words: &[u16]) -> Vec<u8> {
     let mut bytes = header.as_bytes().to_vec();
@@ -82,6 +118,8 @@ pub(crate) fn samples() -> Vec<(Format, Vec<u8>)> {
     samples.push((Format::Es, encoded(Format::Es, Some(SENSOR), &all)));
     samples.push((Format::Aedat2, aedat::aedat2(&aedat::DAVIS346, &aedat::davis_records(SENSOR, &all))));
     samples.push((Format::Aedat3, aedat::aedat3(&all, 15)));
+    let header = "% format EVT21;height=260;width=346;endianness=legacy\n% end\n";
+    samples.push((Format::Evt21, evt21(header, &evt21_words(&all), true)));
     samples
 }
 

@@ -1,0 +1,194 @@
+//! Raw bytes of sensors: cut anywhere, joined in the middle, with bytes that are lost.
+
+use std::io::{BufReader, Read};
+
+use meissner_engine::{Event, Sensor};
+use meissner_io::{Format, IoError, LiveEvents, decode};
+use proptest::prelude::*;
+
+use crate::support::{evt2, evt2_words, evt3, evt21, evt21_words};
+
+const SENSOR: Sensor = Sensor { width: 1280, height: 720 };
+
+/// Gives so many bytes at each read.
+struct Pieces<'a> {
+    bytes: &'a [u8],
+    lengths: Box<dyn Iterator<Item = usize> + 'a>,
+}
+
+impl Read for Pieces<'_> {
+    fn read(&mut self, to: &mut [u8]) -> std::io::Result<usize> {
+        let length = self.lengths.next().unwrap_or(1).min(self.bytes.len()).min(to.len());
+        let (now, later) = self.bytes.split_at(length);
+        to[..length].copy_from_slice(now);
+        self.bytes = later;
+        Ok(length)
+    }
+}
+
+/// What a raw stream gives: events, losses with what they left out, and other odd words.
+#[derive(Debug, Default, PartialEq)]
+struct Given {
+    events: Vec<Event>,
+    losses: Vec<u64>,
+    odd: usize,
+}
+
+fn given(bytes: &[u8], format: Format, lengths: &[usize]) -> Given {
+    let pieces = Pieces { bytes, lengths: Box::new(lengths.iter().copied().cycle()) };
+    let input = BufReader::with_capacity(1 << 16, pieces);
+    let mut given = Given::default();
+    for item in LiveEvents::raw(input, format, Some(SENSOR)).expect("a raw format") {
+        match item {
+            Ok(event) => given.events.push(event),
+            Err(IoError::Lost { events, .. }) => given.losses.push(events),
+            Err(IoError::Word { .. }) => given.odd += 1,
+            Err(error) => panic!("{error}"),
+        }
+    }
+    given
+}
+
+/// A scene: an edge of some rows that moves, and pixels anywhere, `count` events.
+fn scene(count: usize, seed: u64) -> Vec<Event> {
+    let mut state = seed | 1;
+    let mut random = move |most: u64| {
+        state ^= state << 13;
+        state ^= state >> 7;
+        state ^= state << 17;
+        state % most
+    };
+    let (mut t_us, mut events) = (1_000_000, Vec::with_capacity(count));
+    while events.len() < count {
+        t_us += random(40) as i64;
+        let (x, y, on) = (t_us as u64 / 500 % 1200, random(720), random(2) == 1);
+        let (x, y) = if random(4) == 0 { (random(1280), random(720)) } else { (x, 300 + y / 20) };
+        for i in 0..1 + random(6) {
+            if x + i < 1280 {
+                events.push(Event::new(t_us, (x + i) as u16, y as u16, on));
+            }
+        }
+    }
+    events
+}
+
+/// The words of EVT3 as a sensor sends them: both words of time every 16 us, vectors, and a row where it changes.
+fn sensor_words(events: &[Event]) -> Vec<u16> {
+    let (mut words, mut y) = (Vec::new(), None);
+    let mut now = events.first().map_or(0, |event| event.t_us);
+    let mut rest = events;
+    while let Some(&first) = rest.first() {
+        while now < first.t_us {
+            now = first.t_us.min((now / 16 + 1) * 16);
+            words.extend([0x8000 | (now >> 12) as u16 & 0xfff, 0x6000 | now as u16 & 0xfff]);
+        }
+        if words.is_empty() {
+            words.extend([0x8000 | (now >> 12) as u16 & 0xfff, 0x6000 | now as u16 & 0xfff]);
+        }
+        if y.replace(first.y) != Some(first.y) {
+            words.push(first.y);
+        }
+        let is_same = |event: &&Event| (event.t_us, event.y, event.on) == (first.t_us, first.y, first.on);
+        let run = rest.iter().zip(first.x..).take_while(|(e, x)| is_same(e) && e.x == *x).take(12).count();
+        if run > 1 {
+            words.extend([0x3000 | u16::from(first.on) << 11 | first.x, 0x4000 | ((1 << run) - 1)]);
+        } else {
+            words.push(0x2000 | u16::from(first.on) << 11 | first.x);
+        }
+        rest = &rest[run.max(1)..];
+    }
+    words
+}
+
+/// The scene as the bytes of each format, with a header or without.
+fn streams(events: &[Event], header: bool) -> Vec<(Format, Vec<u8>)> {
+    let with = |text: &'static str| if header { text } else { "" };
+    let legacy = with("% evt 2.1\n% endianness legacy\n% geometry 1280x720\n% end\n");
+    let little = with("% format EVT21;height=720;width=1280;endianness=little\n% end\n");
+    vec![
+        (Format::Evt3, evt3(with("% evt 3.0\n% geometry 1280x720\n% end\n"), &sensor_words(events))),
+        (Format::Evt2, evt2(with("% evt 2.0\n% geometry 1280x720\n% end\n"), &evt2_words(events))),
+        (Format::Evt21, evt21(legacy, &evt21_words(events), true)),
+        (Format::Evt21, evt21(little, &evt21_words(events), false)),
+    ]
+}
+
+/// Whether `part` is `all` with events left out.
+fn is_part(part: &[Event], all: &[Event]) -> bool {
+    let mut all = all.iter();
+    part.iter().all(|event| all.any(|other| other == event))
+}
+
+#[test]
+fn sensor_words_are_those_of_their_events() {
+    let events = scene(5_000, 3);
+    let bytes = evt3("% evt 3.0\n% end\n", &sensor_words(&events));
+    assert_eq!(decode(&bytes).expect("EVT3").events, events);
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(200))]
+
+    #[test]
+    fn a_stream_gives_the_events_of_the_file_however_it_is_cut(
+        seed: u64, count in 0usize..3_000, header: bool, lengths in prop::collection::vec(1usize..2_000, 1..20),
+    ) {
+        let events = scene(count, seed);
+        for (format, bytes) in streams(&events, header) {
+            let found = given(&bytes, format, &lengths);
+            prop_assert_eq!((found.losses.len(), found.odd), (0, 0), "{}", format);
+            prop_assert!(found.events == events, "{}: {} of {}", format, found.events.len(), events.len());
+        }
+    }
+
+    #[test]
+    fn a_stream_that_is_joined_in_the_middle_gives_the_events_from_there(seed: u64, share in 0.0f64..0.9) {
+        let events = scene(6_000, seed);
+        for (format, bytes) in streams(&events, false) {
+            // At the start of a word, as a driver gives it, and in EVT3 at any byte.
+            let step = if format == Format::Evt3 { 1 } else { 8 };
+            let at = (bytes.len() as f64 * share) as usize / step * step;
+            let found = given(&bytes[at..], format, &[1_400]);
+            prop_assert!(is_part(&found.events, &events), "{} from byte {}", format, at);
+            let least = (events.len() as f64 * (1.0 - share) * 0.8) as usize;
+            prop_assert!(found.events.len() >= least.saturating_sub(400), "{}: {}", format, found.events.len());
+        }
+    }
+
+    #[test]
+    fn every_lost_byte_is_counted_and_no_event_after_it_is_wrong(seed: u64) {
+        let events = scene(60_000, seed);
+        for (format, mut bytes) in streams(&events, false) {
+            // One byte in 10,000, anywhere within it but near its ends.
+            let lost: Vec<usize> = (0..bytes.len() / 10_000).map(|i| {
+                10_000 * i + 2_000 + (seed.rotate_left(i as u32) % 6_000) as usize
+            }).collect();
+            for &at in lost.iter().rev() {
+                bytes.remove(at);
+            }
+            let found = given(&bytes, format, &[1_400]);
+            prop_assert!(is_part(&found.events, &events), "{}: an event that is none", format);
+            prop_assert_eq!(found.losses.len(), lost.len(), "{}", format);
+            let told: u64 = found.losses.iter().sum();
+            let missing = events.len() - found.events.len();
+            prop_assert!(missing <= lost.len() * 600, "{}: {} missing, {} told", format, missing, told);
+        }
+    }
+}
+
+#[test]
+fn padding_and_single_odd_words_are_left_out_alone() {
+    let events = scene(400, 5);
+    let mut words = sensor_words(&events);
+    words.splice(200..200, [0x9999; 9]);
+    words.splice(500..500, [0xb123]);
+    let found = given(&evt3("", &words), Format::Evt3, &[64]);
+    assert_eq!((found.events, found.losses.len()), (events, 0));
+    assert!(found.odd >= 2, "{}", found.odd);
+}
+
+#[test]
+fn other_formats_are_no_raw_streams() {
+    let refused = LiveEvents::raw(&b""[..], Format::Csv, None).expect_err("a text");
+    assert!(refused.to_string().contains("expected EVT2, EVT2.1 or EVT3"), "{refused}");
+}
