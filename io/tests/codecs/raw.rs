@@ -63,7 +63,7 @@ fn scene(count: usize, seed: u64) -> Vec<Event> {
         t_us += random(40) as i64;
         let (x, y, on) = (t_us as u64 / 500 % 1200, random(720), random(2) == 1);
         let (x, y) = if random(4) == 0 { (random(1280), random(720)) } else { (x, 300 + y / 20) };
-        for i in 0..1 + random(6) {
+        for i in 0..=random(6) {
             if x + i < 1280 {
                 events.push(Event::new(t_us, (x + i) as u16, y as u16, on));
             }
