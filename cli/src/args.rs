@@ -179,8 +179,8 @@ impl PartArgs {
 pub(crate) struct Input {
     /// Recording, or - for standard input [default: a small built-in recording].
     ///
-    /// Events: AEDAT 2, 3.1 or 4, EVT2, EVT2.1, EVT3, DAT, Event Stream (.es), N-MNIST, CSV or npy, also
-    /// inside gzip, or alone in a zip archive. The built-in recording is a simulated press and
+    /// Events: AEDAT 2, 3.1 or 4, EVT2, EVT2.1, EVT3, DAT, Event Stream (.es), N-MNIST, CSV or npy,
+    /// also inside gzip, or alone in a zip archive. The built-in recording is a simulated press and
     /// release; `meissner run` without any option compares its true angles with the predicted ones.
     ///
     /// Live events: - for standard input, tcp://HOST:PORT, tcp-listen://HOST:PORT or

@@ -30,6 +30,7 @@ const HEADINGS: &[(&str, &[&str])] = &[
             "columns",
             "time-unit",
             "salvage",
+            "format",
             "chip",
             "stream",
             "replay",

@@ -17,11 +17,11 @@
 //! sensors before it send the upper half first (`endianness` is `legacy`). Where the header does
 //! not say which, the time words do.
 //!
-//! Source: the vendor's pages "EVT 2.0 Format" and "EVT 2.1 Format"; the key `endianness` is that of
-//! `OpenEB`. Invariants: words of other types and events outside the sensor are left out and
+//! Source: the vendor's pages "EVT 2.0 Format" and "EVT 2.1 Format"; the key `endianness` is that
+//! of `OpenEB`. Invariants: words of other types and events outside the sensor are left out and
 //! counted, unless the reader is strict; an event's time is the newest time word's plus its own six
-//! bits; the 34-bit time wraps where a time word falls by half its range or more, and a smaller fall
-//! is a step back.
+//! bits; the 34-bit time wraps where a time word falls by half its range or more, and a smaller
+//! fall is a step back.
 
 use meissner_engine::{Event, Sensor};
 
@@ -76,8 +76,8 @@ impl Words {
         }
     }
 
-    /// The order of the halves of `words` of EVT 2.1: that in which more time words lie close to the
-    /// one before.
+    /// The order of the halves of `words` of EVT 2.1: that in which more time words lie close to
+    /// the one before.
     pub(crate) fn found_in(words: &[u8]) -> Self {
         let near = |order: Self| {
             let heads = words.as_chunks::<8>().0.iter().take(TELLING).map(|word| order.split(word).0);

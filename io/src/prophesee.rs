@@ -3,9 +3,9 @@
 //! Each line of the header starts with `%` and a space; a key, a space and a value follow. The
 //! header ends with a line `% end` or before the first line of another form, and the binary part
 //! follows at once. These keys are used: `evt 3.0` or `format EVT3` (possibly `format
-//! EVT3;height=720;width=1280`) names the encoding; `endianness` the order of the halves of EVT 2.1;
-//! `geometry 1280x720`, the two values in `format`, or `Width` and `Height` name the sensor; `Version` belongs to DAT. Source: the
-//! vendor's pages on the RAW and DAT file formats.
+//! EVT3;height=720;width=1280`) names the encoding; `endianness` the order of the halves of EVT
+//! 2.1; `geometry 1280x720`, the two values in `format`, or `Width` and `Height` name the sensor;
+//! `Version` belongs to DAT. Source: the vendor's pages on the RAW and DAT file formats.
 
 use meissner_engine::Sensor;
 
@@ -184,8 +184,8 @@ impl Header {
         }
     }
 
-    /// Whether the upper half of each word of EVT 2.1 comes first; `None`: the header of `file` does
-    /// not say.
+    /// Whether the upper half of each word of EVT 2.1 comes first; `None`: the header of `file`
+    /// does not say.
     pub(crate) fn is_legacy(&self, file: Bytes<'_>) -> Result<Option<bool>, IoError> {
         let Some((name, line)) = &self.endianness else { return Ok(None) };
         match name.as_str() {

@@ -1,13 +1,13 @@
-//! Bytes of Prophesee's sensors as a driver gives them: EVT2, EVT2.1 and EVT3 from a pipe, a socket or
-//! in datagrams, with a text header or without, from the start or joined in the middle.
+//! Bytes of Prophesee's sensors as a driver gives them: EVT2, EVT2.1 and EVT3 from a pipe, a socket
+//! or in datagrams, with a text header or without, from the start or joined in the middle.
 //!
 //! Where a byte is lost, the words after it are out of step, and what they seem to say is no event.
 //! So an event is held until what follows shows that its word was in step: the time of the sensor,
 //! which is sent every 16 us, has advanced twice, or [`HELD`] words have come. A word of a reserved
-//! type, or of an event outside the sensor, is odd. Where two of them are near each other, the words
-//! of every other step are tried. If those of one are not odd, bytes were lost: between the last odd
-//! word of that step and the first odd word of the old one, nobody knows where, so the events of
-//! these words are left out. Otherwise the odd words are left out alone, as in a file.
+//! type, or of an event outside the sensor, is odd. Where two of them are near each other, the
+//! words of every other step are tried. If those of one are not odd, bytes were lost: between the
+//! last odd word of that step and the first odd word of the old one, nobody knows where, so the
+//! events of these words are left out. Otherwise the odd words are left out alone, as in a file.
 //!
 //! Lost words that leave the rest in step, such as a datagram, cannot be seen in these formats.
 
@@ -104,7 +104,8 @@ impl Decoder {
         }
     }
 
-    /// The newest time in microseconds; in EVT3 without the lower bits where only the upper are known.
+    /// The newest time in microseconds; in EVT3 without the lower bits where only the upper are
+    /// known.
     fn time_us(&self) -> Option<i64> {
         match self {
             Self::Evt2(decoder, _) => decoder.base_us(),
@@ -164,8 +165,8 @@ struct Loss {
 
 /// Events of raw bytes as they arrive.
 ///
-/// Bytes that were lost give an [`IoError::Lost`], another odd word an [`IoError::Word`], and the next
-/// call goes on after it.
+/// Bytes that were lost give an [`IoError::Lost`], another odd word an [`IoError::Word`], and the
+/// next call goes on after it.
 #[derive(Debug)]
 pub(crate) struct RawEvents<R> {
     input: R,
@@ -200,9 +201,9 @@ pub(crate) struct RawEvents<R> {
 }
 
 impl<R: BufRead> RawEvents<R> {
-    /// The events of `input` in `format`, which is EVT2, EVT2.1 or EVT3 unless a header says another
-    /// of these. Events outside `sensor`, or outside that of a header, are odd. Nothing is read
-    /// before the first call of `next`.
+    /// The events of `input` in `format`, which is EVT2, EVT2.1 or EVT3 unless a header says
+    /// another of these. Events outside `sensor`, or outside that of a header, are odd. Nothing is
+    /// read before the first call of `next`.
     pub(crate) fn new(input: R, format: Format, sensor: Option<Sensor>) -> Self {
         Self {
             input,
@@ -387,8 +388,8 @@ impl<R: BufRead> RawEvents<R> {
         Step { first, next, odd, times, clean }
     }
 
-    /// The step in which words are not odd soon after index `first`; `None`: in none but the present
-    /// one. The first odd word may hold the end of a right one.
+    /// The step in which words are not odd soon after index `first`; `None`: in none but the
+    /// present one. The first odd word may hold the end of a right one.
     fn step(&self, decoder: &Decoder, first: usize) -> Option<Step> {
         let stride = decoder.stride();
         let shifts = (1..3 * stride).filter(|shift| !shift.is_multiple_of(stride));
@@ -437,8 +438,8 @@ impl<R: BufRead> RawEvents<R> {
         self.ready.push_back(Err(IoError::Lost { format, place, events }));
     }
 
-    /// Reads and decodes more; at the end, what is held has nothing after it that could show that it is
-    /// wrong.
+    /// Reads and decodes more; at the end, what is held has nothing after it that could show that
+    /// it is wrong.
     fn advance(&mut self) -> Result<(), IoError> {
         self.read()?;
         let mut decoder = match self.decoder.take() {

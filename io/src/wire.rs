@@ -112,12 +112,13 @@ impl<R: BufRead> LiveEvents<R> {
         Self(Kind::Datagrams(Datagrams::new(input, options)))
     }
 
-    /// The events of `input`, the bytes of a Prophesee sensor in `format`: EVT2, EVT2.1 or EVT3, with a
-    /// header or without, from the start or joined in the middle, over a stream or in datagrams.
+    /// The events of `input`, the bytes of a Prophesee sensor in `format`: EVT2, EVT2.1 or EVT3,
+    /// with a header or without, from the start or joined in the middle, over a stream or in
+    /// datagrams.
     ///
-    /// An event comes when the words after it show that its own was in step. Bytes that were lost give
-    /// an [`IoError::Lost`], other odd words an [`IoError::Word`], and the next call goes on after it.
-    /// `sensor` is for streams whose header names none: it tells odd words sooner.
+    /// An event comes when the words after it show that its own was in step. Bytes that were lost
+    /// give an [`IoError::Lost`], other odd words an [`IoError::Word`], and the next call goes on
+    /// after it. `sensor` is for streams whose header names none: it tells odd words sooner.
     ///
     /// # Errors
     /// [`IoError::Unsupported`] for another format.

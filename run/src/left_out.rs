@@ -87,7 +87,8 @@ impl LineErrors {
         Self { of_anybody, ..Self::new(&streams::name(path), strict) }
     }
 
-    /// Counts for the stream `path`. In raw bytes of any quality, any number of words may be refused.
+    /// Counts for the stream `path`. In raw bytes of any quality, any number of words may be
+    /// refused.
     pub(crate) fn of_stream(path: &Path, options: &ReadOptions, strict: bool) -> Self {
         let refusals = Self::of(path, strict);
         Self { of_anybody: refusals.of_anybody || options.format.is_some(), ..refusals }

@@ -141,8 +141,8 @@ pub(crate) fn embedded() -> Result<Recording> {
     meissner_io::decode(EMBEDDED).map_err(|error| RunError::recording(EMBEDDED_NAME, error))
 }
 
-/// The events that arrive on the stream `path`: a text or records, unless `options` name a format of
-/// raw bytes.
+/// The events that arrive on the stream `path`: a text or records, unless `options` name a format
+/// of raw bytes.
 fn arriving(path: &Path, options: &ReadOptions) -> Result<LiveEvents<interrupt::Input>> {
     let refused = |source| RunError::recording(&streams::name(path), source);
     match options.format.filter(|&format| format != Format::Csv) {

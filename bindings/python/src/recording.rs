@@ -109,8 +109,8 @@ pub(crate) fn word<T: std::str::FromStr<Err = UnknownName>>(word: Option<&str>) 
     parsed.map_err(|error: UnknownName| Failure::input(error.to_string()))
 }
 
-/// Opens a recording of events: AEDAT 2.0, 3.1 and 4, EVT2, EVT2.1, EVT3, DAT, Event Stream, N-MNIST, text,
-/// NumPy, or HDF5 of DSEC and Prophesee; also inside gzip or zip.
+/// Opens a recording of events: AEDAT 2.0, 3.1 and 4, EVT2, EVT2.1, EVT3, DAT, Event Stream,
+/// N-MNIST, text, NumPy, or HDF5 of DSEC and Prophesee; also inside gzip or zip.
 ///
 /// - `format`: "aedat4", "aedat3", "aedat2", "evt2", "evt3", "dat", "es", "nmnist", "csv", "npy" or
 ///   "hdf5", instead of the one found from the content.

@@ -43,8 +43,8 @@ pub(crate) fn recording(format: Format, bytes: &[u8]) -> Verdict {
     }
 }
 
-/// Raw bytes of a sensor, whose first byte chooses the format and the sensor: in pieces of any length
-/// they give the same, every event is on the sensor, and none comes from nothing.
+/// Raw bytes of a sensor, whose first byte chooses the format and the sensor: in pieces of any
+/// length they give the same, every event is on the sensor, and none comes from nothing.
 ///
 /// # Panics
 /// If a promise is broken.

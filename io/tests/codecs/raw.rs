@@ -72,7 +72,8 @@ fn scene(count: usize, seed: u64) -> Vec<Event> {
     events
 }
 
-/// The words of EVT3 as a sensor sends them: both words of time every 16 us, vectors, and a row where it changes.
+/// The words of EVT3 as a sensor sends them: both words of time every 16 us, vectors, and a row
+/// where it changes.
 fn sensor_words(events: &[Event]) -> Vec<u16> {
     let (mut words, mut y) = (Vec::new(), None);
     let mut now = events.first().map_or(0, |event| event.t_us);

@@ -58,7 +58,8 @@ pub(crate) fn evt21(header: &str, words: &[[u32; 2]], legacy: bool) -> Vec<u8> {
     bytes
 }
 
-/// The words of `events`, which are in order: events of a time, row and polarity whose columns rise share a word.
+/// The words of `events`, which are in order: events of a time, row and polarity whose columns rise
+/// share a word.
 pub(crate) fn evt21_words(events: &[Event]) -> Vec<[u32; 2]> {
     let (mut words, mut newest): (Vec<[u32; 2]>, Option<(Event, u16)>) = (Vec::new(), None);
     let mut high = None;
