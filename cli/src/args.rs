@@ -128,7 +128,8 @@ pub(crate) struct ReadArgs {
     /// On a stream, evt2, evt21 or evt3 reads the raw bytes of a Prophesee sensor, as a driver or
     /// v4l2 gives them: with a header or without, from the start or joined in the middle. Bytes
     /// that were lost are noticed and counted ("lines_refused"), and the stream goes on; without a
-    /// header, --sensor is needed. Without this option, a stream is a text or records of 16 bytes.
+    /// header, --sensor is needed. A lost datagram cannot be noticed. Without this option, a stream
+    /// is a text or records of 16 bytes.
     #[arg(long, value_name = "NAME", help_heading = INPUT)]
     pub(crate) format: Option<Format>,
     /// Chip of a recording in AEDAT 2 that names none, such as DAVIS346.

@@ -62,6 +62,18 @@ pub(crate) enum Words {
 }
 
 impl Words {
+    /// How the header of `file` says that words of `format` follow one another; `None`: they must
+    /// show it.
+    pub(crate) fn of(header: &Header, file: Bytes<'_>, format: Format) -> Result<Option<Self>, IoError> {
+        let is_legacy = header.is_legacy(file)?;
+        Ok(match is_legacy {
+            _ if format != Format::Evt21 => Some(Self::Plain),
+            Some(true) => Some(Self::MaskLast),
+            Some(false) => Some(Self::MaskFirst),
+            None => None,
+        })
+    }
+
     /// Bytes of a word.
     pub(crate) fn stride(self) -> usize {
         if self == Self::Plain { 4 } else { 8 }
@@ -218,12 +230,9 @@ impl Records for Layout {
     fn open(file: Bytes<'_>, options: ReadOptions) -> Result<Self, IoError> {
         let header = Header::parse(file)?;
         let is_21 = file.format == Format::Evt21.name();
-        let (format, words) = match header.is_legacy(file)? {
-            _ if !is_21 => (Format::Evt2, Words::Plain),
-            Some(true) => (Format::Evt21, Words::MaskLast),
-            Some(false) => (Format::Evt21, Words::MaskFirst),
-            None => (Format::Evt21, Words::found_in(&file.data[header.end..])),
-        };
+        let format = if is_21 { Format::Evt21 } else { Format::Evt2 };
+        let said = Words::of(&header, file, format)?;
+        let words = said.unwrap_or_else(|| Words::found_in(&file.data[header.end..]));
         let (sensor, strict) = (header.sensor(file, SIDE)?, options.strict);
         Ok(Self { format, sensor, start: header.end, words, strict })
     }

@@ -237,6 +237,11 @@ impl<R: BufRead> RawEvents<R> {
         self.sensor
     }
 
+    /// The sensor, or the range of the coordinates.
+    fn bounds(&self) -> Sensor {
+        self.sensor.unwrap_or(Sensor::new(evt3::SIDE, evt3::SIDE))
+    }
+
     /// The place of the next word.
     fn at(&self) -> u64 {
         self.start + self.next as u64
@@ -268,10 +273,8 @@ impl<R: BufRead> RawEvents<R> {
             Some(Ok(format @ (Format::Evt2 | Format::Evt21 | Format::Evt3))) => format,
             _ => self.format,
         };
-        let words = match header.is_legacy(file)? {
-            _ if format != Format::Evt21 => Words::Plain,
-            Some(true) => Words::MaskLast,
-            Some(false) => Words::MaskFirst,
+        let words = match Words::of(&header, file, format)? {
+            Some(words) => words,
             None if rest.len() < TELLING && !self.ended => return Ok(None),
             None => Words::found_in(rest),
         };
@@ -292,8 +295,7 @@ impl<R: BufRead> RawEvents<R> {
 
     /// Decodes the bytes that are there, as far as it can be known that words are in step.
     fn decode(&mut self, decoder: &mut Decoder) -> Result<(), IoError> {
-        let stride = decoder.stride();
-        let bounds = self.sensor.unwrap_or(Sensor::new(evt3::SIDE, evt3::SIDE));
+        let (stride, bounds) = (decoder.stride(), self.bounds());
         while let Some(word) = self.bytes.get(self.next..self.next + stride) {
             let at = self.at();
             let kind = decoder.kind(word, bounds);
@@ -334,13 +336,12 @@ impl<R: BufRead> RawEvents<R> {
                 self.give(sure, decoder);
             }
         }
-        let before = self.at().saturating_sub((HELD * stride) as u64);
-        if self.odd.is_some_and(|odd| odd.at < before) {
+        let before = |at: u64| at.saturating_sub((HELD * stride) as u64);
+        if self.odd.is_some_and(|odd| odd.at < before(self.at())) {
             self.pass_over();
         }
-        if self.odd.is_none() {
-            self.give(before, decoder);
-        }
+        // An odd word is tried with those before it. Padding must not hold events without end.
+        self.give(before(self.odd.map_or(self.at(), |odd| odd.at)), decoder);
         // The words before an odd one are tried in other steps.
         let kept = self.next.saturating_sub(2 * HELD * stride) / stride * stride;
         if kept > 4 * HELD * stride {
@@ -377,7 +378,7 @@ impl<R: BufRead> RawEvents<R> {
     /// The words from index `first` + `shift` on, and those before them in the same step.
     fn tries(&self, decoder: &Decoder, first: usize, shift: usize) -> Step {
         let (stride, next) = (decoder.stride(), first + shift);
-        let bounds = self.sensor.unwrap_or(Sensor::new(evt3::SIDE, evt3::SIDE));
+        let bounds = self.bounds();
         let kind = |at: usize| self.bytes.get(at..at + stride).map(|word| decoder.kind(word, bounds));
         let kinds = (0..TRIED).map_while(|i| kind(next + i * stride));
         let (odd, times) = kinds.fold((0, 0), |(odd, times), kind| {

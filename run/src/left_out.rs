@@ -6,7 +6,7 @@
 
 use std::path::Path;
 
-use meissner_io::{LeftOut, LeftOutKind, ReadOptions, Recording, is_mostly_refused};
+use meissner_io::{LeftOut, LeftOutKind, Recording, is_mostly_refused};
 use serde::Serialize;
 
 use crate::error::{Result, RunError};
@@ -89,9 +89,9 @@ impl LineErrors {
 
     /// Counts for the stream `path`. In raw bytes of any quality, any number of words may be
     /// refused.
-    pub(crate) fn of_stream(path: &Path, options: &ReadOptions, strict: bool) -> Self {
+    pub(crate) fn of_stream(path: &Path, is_raw: bool, strict: bool) -> Self {
         let refusals = Self::of(path, strict);
-        Self { of_anybody: refusals.of_anybody || options.format.is_some(), ..refusals }
+        Self { of_anybody: refusals.of_anybody || is_raw, ..refusals }
     }
 
     pub(crate) fn name(&self) -> &str {

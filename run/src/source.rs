@@ -68,7 +68,7 @@ pub fn read(path: &Path, options: &ReadOptions) -> Result<Recording> {
     if streams::is_live(path) {
         let (mut arriving, mut events) = (arriving(path, options)?, Vec::new());
         let strict = options.strict && !streams::is_of_datagrams(path);
-        let mut refusals = LineErrors::of_stream(path, options, strict);
+        let mut refusals = LineErrors::of_stream(path, raw_format(options).is_some(), strict);
         while let Some(event) = next(&mut arriving, &mut refusals) {
             events.push(event?);
             // A device gives events without end.
@@ -141,11 +141,16 @@ pub(crate) fn embedded() -> Result<Recording> {
     meissner_io::decode(EMBEDDED).map_err(|error| RunError::recording(EMBEDDED_NAME, error))
 }
 
+/// The format of raw bytes on a stream; `None`: a text or records.
+fn raw_format(options: &ReadOptions) -> Option<Format> {
+    options.format.filter(|&format| format != Format::Csv)
+}
+
 /// The events that arrive on the stream `path`: a text or records, unless `options` name a format
 /// of raw bytes.
 fn arriving(path: &Path, options: &ReadOptions) -> Result<LiveEvents<interrupt::Input>> {
     let refused = |source| RunError::recording(&streams::name(path), source);
-    match options.format.filter(|&format| format != Format::Csv) {
+    match raw_format(options) {
         Some(format) => LiveEvents::raw(streams::open(path)?, format, options.sensor).map_err(refused),
         None if streams::is_of_datagrams(path) => {
             Ok(LiveEvents::of_datagrams(streams::open(path)?, options.text))
@@ -175,7 +180,7 @@ impl Source {
                 Ok(Self::of(recording, LineErrors::new(EMBEDDED_NAME, strict)))
             }
             Some(path) if streams::is_live(path) => {
-                let mut refusals = LineErrors::of_stream(path, options, strict);
+                let mut refusals = LineErrors::of_stream(path, raw_format(options).is_some(), strict);
                 let mut arriving = arriving(path, options)?;
                 let first =
                     if sensor_known { None } else { next(&mut arriving, &mut refusals).transpose()? };

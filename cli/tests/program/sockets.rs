@@ -368,4 +368,8 @@ fn lost_bytes_of_a_raw_stream_are_counted_and_the_stream_goes_on() {
     assert_eq!(strict.status.code(), Some(1));
     let refused = meissner_reading(&["run", "-", "--sensor", "64x64", "--format", "npy"], &bytes);
     assert!(message(&refused).contains("expected EVT2, EVT2.1 or EVT3"), "{}", message(&refused));
+    // A text that is named is still no text if most of its lines are none.
+    let lines = "no event\n".repeat(200);
+    let refused = meissner_reading(&["run", "-", "--sensor", "64x64", "--format", "csv"], &lines);
+    assert_eq!(refused.status.code(), Some(1), "{}", message(&refused));
 }

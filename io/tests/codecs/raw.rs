@@ -188,6 +188,20 @@ fn padding_and_single_odd_words_are_left_out_alone() {
     assert!(found.odd >= 2, "{}", found.odd);
 }
 
+/// Odd words that never end do not hold events without end, also where the time stands still.
+#[test]
+fn events_come_although_padding_never_ends() {
+    let mut words = vec![0x8001, 0x6002, 0x0003];
+    (0..4_000u16).for_each(|i| words.push(if i % 40 == 0 { 0x9999 } else { 0x2000 | (i % 640) }));
+    let bytes = evt3("", &words);
+    let read = std::cell::Cell::new(0);
+    let lengths = std::iter::repeat_with(|| read.replace(read.get() + 100)).map(|_| 100);
+    let pieces = Pieces { bytes: &bytes, lengths: Box::new(lengths) };
+    let items = LiveEvents::raw(BufReader::with_capacity(100, pieces), Format::Evt3, Some(SENSOR));
+    let first = items.expect("a raw format").find(Result::is_ok);
+    assert!(first.is_some() && read.get() < bytes.len() / 2, "{} of {} bytes", read.get(), bytes.len());
+}
+
 #[test]
 fn other_formats_are_no_raw_streams() {
     let refused = LiveEvents::raw(&b""[..], Format::Csv, None).expect_err("a text");
