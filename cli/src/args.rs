@@ -4,6 +4,7 @@
 
 use std::num::NonZeroU16;
 use std::path::PathBuf;
+use std::time::Duration;
 
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use clap::{Arg, ValueEnum, value_parser};
@@ -128,8 +129,8 @@ pub(crate) struct ReadArgs {
     /// On a stream, evt2, evt21 or evt3 reads the raw bytes of a Prophesee sensor, as a driver or
     /// v4l2 gives them: with a header or without, from the start or joined in the middle. Bytes
     /// that were lost are noticed and counted ("lines_refused"), and the stream goes on; without a
-    /// header, --sensor is needed. A lost datagram cannot be noticed. Without this option, a stream
-    /// is a text or records of 16 bytes.
+    /// header, --sensor is needed. A lost datagram cannot be noticed. aedat4 reads a file of AEDAT4
+    /// from its start. Without this option, a stream is a text or records of 16 bytes.
     #[arg(long, value_name = "NAME", help_heading = INPUT)]
     pub(crate) format: Option<Format>,
     /// Chip of a recording in AEDAT 2 that names none, such as DAVIS346.
@@ -142,6 +143,12 @@ pub(crate) struct ReadArgs {
     /// Which stream of events of AEDAT 3 or 4 is read, counted from 1 [default: 1].
     #[arg(long, value_name = "N", help_heading = INPUT)]
     pub(crate) stream: Option<NonZeroU16>,
+    /// How long to try to connect again after a cut [default: 5s for dv://].
+    ///
+    /// This is for a connection to a server, dv:// or tcp://. Each cut is told and counted ("lines_refused"), because what is sent until the connection is
+    /// there again is lost. After TIME, the stream has ended. 0s: a cut is its end.
+    #[arg(long, value_name = "TIME", value_parser = length, help_heading = INPUT)]
+    pub(crate) reconnect: Option<Duration>,
 }
 
 impl ReadArgs {
@@ -186,7 +193,8 @@ pub(crate) struct Input {
     ///
     /// Live events: - for standard input, tcp://HOST:PORT, tcp-listen://HOST:PORT or
     /// udp://HOST:PORT. CSV lines (t_us,x,y,p) or records of 16 bytes (`meissner send --help`) are
-    /// read as they arrive, with --format the raw bytes of a Prophesee sensor.
+    /// read as they arrive, with --format the raw bytes of a Prophesee sensor. dv://HOST:PORT, or
+    /// dv:///PATH for a local socket, is a stream of dv-processing (its NetworkWriter).
     ///
     /// Electrodes: CSV with a column for each of the 24 electrodes, also live. Pictures: a PNG,
     /// JPEG, PPM or PGM file, a folder of them, or a text file with one path per line.
@@ -327,7 +335,7 @@ impl ApproximationArgs {
 
 /// Options of [`ReadArgs`] that are for events alone.
 pub(crate) const READING: &[&str] =
-    &["--columns", "--time-unit", "--salvage", "--format", "--chip", "--stream"];
+    &["--columns", "--time-unit", "--salvage", "--format", "--chip", "--stream", "--reconnect"];
 /// Approximations that make a prediction depend on earlier predictions.
 pub(crate) const REUSES: &[&str] = &["--tolerance", "--stale-events", "--stale-time"];
 /// Approximations that keep events or predictions outside the engine.
@@ -373,6 +381,16 @@ pub(crate) fn number(text: &str) -> Result<f32, String> {
 pub(crate) fn speed(text: &str) -> Result<f64, String> {
     let speed = text.parse().ok().filter(|speed: &f64| (1e-6..=1e6).contains(speed));
     speed.ok_or_else(|| "expected a number from 0.000001 to 1000000, such as 0.5".to_owned())
+}
+
+/// Reads a length of time.
+pub(crate) fn length(text: &str) -> Result<Duration, String> {
+    length_us(text).map(|us| Duration::from_micros(us.unsigned_abs()))
+}
+
+/// Reads a length of time above 0.
+pub(crate) fn period(text: &str) -> Result<Duration, String> {
+    span_us(text).map(|us| Duration::from_micros(us.unsigned_abs()))
 }
 
 /// The number of threads.

@@ -34,13 +34,14 @@ pub(crate) struct ConvertArgs {
     part: PartArgs,
     /// Format to write [default: from the extension of OUT].
     ///
-    /// The extensions are .csv, .npy, .dat, .es, .evt3 and .raw (EVT3).
+    /// The extensions are .aedat4, .csv, .npy, .dat, .es, .evt3 and .raw (EVT3).
     #[arg(long, value_name = "FORMAT", value_parser = choice(FORMATS), help_heading = OUTPUT)]
     to: Option<Format>,
 }
 
 /// The names of the formats that can be written, with their help.
 const FORMATS: &[(&str, &str, Format)] = &[
+    ("aedat4", "AEDAT4 with LZ4, with a sensor", Format::Aedat4),
     ("csv", "Text, one event per line", Format::Csv),
     ("npy", "NumPy structured array", Format::Npy),
     ("dat", "Prophesee DAT, version 2", Format::Dat),

@@ -1,6 +1,7 @@
 //! Opens the source and loads the network that the arguments select.
 
 use std::path::Path;
+use std::time::Duration;
 
 use meissner_engine::EngineError;
 use meissner_io::{Format, Recording};
@@ -45,7 +46,8 @@ impl ReadArgs {
         }
         let source = Source::open(recording, &options, self.sensor.is_some(), self.strict)?;
         recording.map_or(Ok(()), |_| self.fits(&source.name, &source.format))?;
-        Ok(source)
+        let default = || recording.map_or(Duration::ZERO, streams::patience);
+        Ok(source.patient(self.reconnect.unwrap_or_else(default)))
     }
 
     /// Refuses `--salvage` for a stream.

@@ -33,6 +33,7 @@ mod pareto;
 mod play;
 mod prepare;
 mod progress;
+mod record;
 mod report;
 mod run;
 mod send;
@@ -84,6 +85,8 @@ enum Command {
     Info(info::InfoArgs),
     /// Write a recording in another format.
     Convert(convert::ConvertArgs),
+    /// Record live events into AEDAT4, one file or one for each press.
+    Record(record::RecordArgs),
     /// Send a recording at real speed to another program.
     Send(send::SendArgs),
     /// Evaluate networks on a labelled data set.
@@ -167,6 +170,7 @@ fn perform(command: &Command, given: &Given) -> Result<(), CliError> {
         Command::Draw(args) => networks::draw(args),
         Command::Info(args) => info::info(args),
         Command::Convert(args) => convert::convert(args),
+        Command::Record(args) => record::record(args),
         Command::Send(args) => send::send(args),
         Command::Eval(args) => eval::eval(args),
         Command::Prepare(args) => prepare::prepare(args),

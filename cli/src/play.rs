@@ -11,9 +11,9 @@ use meissner_live::{Overload, QueueOptions, cores};
 use meissner_run::play::{Play, PlayInput, PlayOptions};
 use meissner_run::provenance::{InputCard, ModelCard};
 use meissner_run::streams;
-use meissner_run::text::{length_us, span_us};
+use meissner_run::text::span_us;
 
-use crate::args::{INPUT, Input, JsonArgs, PREDICTIONS, QUEUE, REUSES, speed};
+use crate::args::{INPUT, Input, JsonArgs, PREDICTIONS, QUEUE, REUSES, length, period, speed};
 use crate::error::CliError;
 use crate::given::Given;
 use crate::report::{About, Report, TableKind};
@@ -264,14 +264,4 @@ impl FromStr for Policy {
                 .to_owned()
         })
     }
-}
-
-/// Reads a length of time.
-pub(crate) fn length(text: &str) -> Result<Duration, String> {
-    length_us(text).map(|us| Duration::from_micros(us.unsigned_abs()))
-}
-
-/// Reads a length of time above 0.
-pub(crate) fn period(text: &str) -> Result<Duration, String> {
-    span_us(text).map(|us| Duration::from_micros(us.unsigned_abs()))
 }

@@ -1,8 +1,11 @@
 //! `meissner send`: a recording at real speed to another program, over a socket or standard output.
 
+#![expect(clippy::doc_markdown, reason = "these comments are the help text, which would show the backticks")]
+
 use std::path::PathBuf;
 
 use meissner_run::send::{SendOptions, SendSummary, send as send_events};
+use meissner_run::streams;
 use meissner_run::text::grouped;
 
 use crate::args::{OUTPUT, PartArgs, QUEUE, ReadArgs, speed};
@@ -16,7 +19,9 @@ Examples:
   meissner run tcp://127.0.0.1:5000 --every 1ms
 
   meissner run udp://127.0.0.1:5000 --sensor 346x260 --every event
-  meissner send touch.aedat4 udp://127.0.0.1:5000 --records --speed 0.5";
+  meissner send touch.aedat4 udp://127.0.0.1:5000 --records --speed 0.5
+
+  meissner send touch.aedat4 dv-listen://127.0.0.1:7777";
 
 /// `meissner send`.
 #[derive(Debug, clap::Args)]
@@ -25,10 +30,12 @@ pub(crate) struct SendArgs {
     /// The recording, or - for text on standard input.
     #[arg(value_name = "INPUT")]
     input: PathBuf,
-    /// Receiver: tcp://HOST:PORT, tcp-listen://HOST:PORT, udp://HOST:PORT or -.
+    /// Receiver: tcp://HOST:PORT, tcp-listen://HOST:PORT, udp://HOST:PORT, dv-listen://HOST:PORT or -.
     ///
     /// tcp connects to a server, tcp-listen waits for the first client, and - is standard output. A
-    /// receiver over TCP that is slow makes the sender wait; over UDP, events are lost.
+    /// receiver over TCP that is slow makes the sender wait; over UDP, events are lost. dv-listen
+    /// sends packets of AEDAT4 as dv-processing's NetworkWriter does, and waits for a NetworkReader
+    /// there, or with dv-listen:///PATH on a local socket.
     #[arg(value_name = "STREAM")]
     to: PathBuf,
     #[command(flatten)]
@@ -50,6 +57,9 @@ pub(crate) struct SendArgs {
 /// Sends the recording.
 pub(crate) fn send(args: &SendArgs) -> Result<(), CliError> {
     let recording = args.read.read(&args.input, args.part.part())?;
+    if args.records && streams::is_of_packets(&args.to) {
+        return Err(CliError::usage("--records", "a stream of lines or records", &streams::name(&args.to)));
+    }
     let options = SendOptions { speed: args.speed, records: args.records };
     let sent = send_events(&recording.events, args.read.sensor.or(recording.sensor), &args.to, options)?;
     let SendSummary { events, bytes, lag_us, seconds } = sent;

@@ -323,7 +323,7 @@ fn images(args: &ImagesArgs) -> Result<String, CliError> {
     let with_causes = args.file.out.extension().is_some_and(|extension| extension == "safetensors");
     let format = Format::from_path(&args.file.out).ok().filter(|format| format.is_writable());
     if format.is_none() && !with_causes {
-        let expected = "a file that ends in .csv, .npy, .dat, .evt3, .raw or .safetensors";
+        let expected = "a file that ends in .aedat4, .csv, .npy, .dat, .es, .evt3, .raw or .safetensors";
         return Err(CliError::usage("--out", expected, &args.file.out.display().to_string()));
     }
     args.file.check()?;

@@ -20,6 +20,8 @@
 
 pub(crate) mod header;
 mod packet;
+pub(crate) mod stream;
+pub(crate) mod write;
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -40,6 +42,8 @@ use packet::{Inflater, Table, check_name, name_of};
 const PACKET_HEADER: usize = 8;
 /// First bytes of the packet table, which have its name.
 const TABLE_START: u64 = 12;
+/// What a packet's size is called in errors.
+const SIZE: &str = "size of a packet";
 /// Bytes of an event: time, x, y, polarity and three of padding.
 const STRIDE: usize = 16;
 
@@ -90,6 +94,7 @@ fn of_events(kinds: &[StreamKind]) -> impl Iterator<Item = usize> {
 }
 
 /// What is known of a file before its packets are read.
+#[derive(Clone, Debug)]
 pub(crate) struct Container {
     header: Header,
     /// The stream whose events are read: the first, or the chosen one, among those of events.
@@ -134,7 +139,7 @@ impl Container {
             let id = packets.i32("header of a packet", at)?;
             let size = packets.i32("header of a packet", at + 4)?;
             let Ok(size) = usize::try_from(size) else {
-                return Err(packets.malformed("size of a packet", at + 4, "0 and above", size));
+                return Err(packets.malformed(SIZE, at + 4, "0 and above", size));
             };
             let packet = packets.get("packet", at + PACKET_HEADER, size)?;
             let index = match index_of.get(&id) {

@@ -266,7 +266,7 @@ pub fn write(path: &Path, format: Format, sensor: Option<Sensor>, events: &[Even
 
 /// Writes `events` to `out`, with the sensor in the header (`.npy` has no place for it).
 ///
-/// CSV and npy hold every event. DAT holds times from 0 to 2^32 - 1 microseconds and coordinates
+/// CSV and npy hold every event. AEDAT4 needs a sensor and holds coordinates below 32768. DAT holds times from 0 to 2^32 - 1 microseconds and coordinates
 /// below 16384; EVT3 holds times from 0 to 2^40 - 1 and coordinates below 2048. Both hold steps
 /// back in time unless they look like a wrap of the clock. ES needs a sensor and holds ascending
 /// times from 0 to 2^33 - 1 (2.4 hours). `out` is written in small pieces: buffer it.
@@ -297,19 +297,14 @@ fn check(format: Format, sensor: Option<Sensor>, events: &[Event]) -> Result<(),
         Format::Csv | Format::Npy => Capacity::UNLIMITED,
         Format::Dat => dat::CAPACITY,
         Format::Evt3 => evt3::CAPACITY,
-        Format::Es if sensor.is_none() => {
-            let expected = "a sensor, which a file of ES must name";
+        Format::Aedat4 | Format::Es if sensor.is_none() => {
+            let expected = "a sensor, which a file of AEDAT4 or ES must name";
             return Err(IoError::Unsupported { expected, actual: "none".to_owned() });
         }
+        Format::Aedat4 => aedat4::write::CAPACITY,
         Format::Es => es::CAPACITY,
-        Format::Aedat4
-        | Format::Aedat3
-        | Format::Aedat2
-        | Format::Evt2
-        | Format::Evt21
-        | Format::Nmnist
-        | Format::Hdf5 => {
-            let expected = "CSV, npy, DAT, EVT3 or ES to be written";
+        Format::Aedat3 | Format::Aedat2 | Format::Evt2 | Format::Evt21 | Format::Nmnist | Format::Hdf5 => {
+            let expected = "AEDAT4, CSV, npy, DAT, EVT3 or ES to be written";
             return Err(IoError::Unsupported { expected, actual: format.to_string() });
         }
     };
@@ -323,6 +318,7 @@ fn put(format: Format, sensor: Option<Sensor>, events: &[Event], out: &mut impl 
         (Format::Npy, _) => npy::encode(events, out),
         (Format::Dat, _) => dat::encode(sensor, events, out),
         (Format::Evt3, _) => evt3::encode(sensor, events, out),
+        (Format::Aedat4, Some(sensor)) => aedat4::write::encode(sensor, events, out),
         (Format::Es, Some(sensor)) => es::encode(sensor, events, out),
         _ => unreachable!("refused by check"),
     }

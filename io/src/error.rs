@@ -78,6 +78,9 @@ pub enum IoError {
         /// Events that were read out of step, or have lost their time or place.
         events: u64,
     },
+    /// The connection of a stream was cut and made again.
+    #[error("the connection was cut: what was sent before it was there again is lost")]
+    Cut,
     /// Reading from or writing to a stream failed.
     #[error("{format}: cannot {action} at {place}")]
     Stream {
@@ -198,14 +201,15 @@ impl IoError {
         }
     }
 
-    /// Whether it is about one line of a text or a part of a datagram, after which reading goes on:
-    /// it is no event, or one outside the sensor.
+    /// Whether it is about one line of a text, a part of a datagram or the like, after which reading
+    /// goes on: it is no event, or one outside the sensor.
     pub fn is_about_a_line(&self) -> bool {
         matches!(
             self,
             Self::Datagram { .. }
                 | Self::Word { .. }
                 | Self::Lost { .. }
+                | Self::Cut
                 | Self::Malformed { place: Place::Line(_), .. }
                 | Self::OutsideSensor { place: Place::Line(_), .. }
         )

@@ -12,7 +12,7 @@
 //!
 //! | format | reads | writes | geometry | module |
 //! |---|---|---|---|---|
-//! | AEDAT4 (uncompressed, LZ4, Zstandard) | yes | | stream's `sizeX`, `sizeY` | `aedat4` |
+//! | AEDAT4 (uncompressed, LZ4, Zstandard) | yes | LZ4 | stream's `sizeX`, `sizeY` | `aedat4` |
 //! | AEDAT 3.1 (DVS Gesture), format RAW | yes | | the source's chip, if it is known | `aedat3` |
 //! | AEDAT 2.0 (jAER), DVS128 and DAVIS | yes | | the chip | `aedat2` |
 //! | Prophesee EVT2 | yes | | header, if it names one | `evt2` |
@@ -28,9 +28,10 @@
 //! [`ReadOptions::range`] a part is read by time ([`TimeRange`]); of AEDAT, EVT2, DAT, npy and HDF5
 //! the rest of the file is not read.
 //!
-//! [`EventPackets`] reads the messages of event cameras in ROS 2. The crate also reads images of
-//! frame-based sensors ([`read_image`], [`ImageSequence`], [`write_png`]), readings of electrodes
-//! from CSV ([`Electrodes`]), and labelled sets of recordings ([`datasets`]).
+//! [`LiveEvents`] reads events as they arrive: text, records, raw bytes of Prophesee's sensors and
+//! packets of iniVation's. [`EventPackets`] reads the messages of event cameras in ROS 2. The crate
+//! also reads images of frame-based sensors ([`read_image`], [`ImageSequence`], [`write_png`]),
+//! readings of electrodes from CSV ([`Electrodes`]), and labelled sets of recordings ([`datasets`]).
 //!
 //! ```
 //! use meissner_engine::{Event, Sensor};
@@ -85,6 +86,7 @@ mod wire;
 mod zip;
 
 pub use aedat2::Chip;
+pub use aedat4::write::Aedat4Writer;
 pub use codec::{
     HeldContent, blocks, decode, decode_with, encode, read, read_content, read_range, read_with, write,
 };

@@ -18,10 +18,12 @@ use std::io::{BufRead, Chain, Cursor, Read};
 
 use meissner_engine::{Event, Sensor};
 
+use crate::aedat4::stream::PacketEvents;
 use crate::csv::{CsvEvents, TextOptions};
 use crate::error::{IoError, Place};
 use crate::format::{self, Format};
 use crate::limits::LINE_BYTES;
+use crate::options::ReadOptions;
 use crate::raw::RawEvents;
 
 /// Bytes of a record.
@@ -89,6 +91,7 @@ enum Kind<R: BufRead> {
     Text(CsvEvents<Whole<R>>),
     Datagrams(Datagrams<R>),
     Raw(Box<RawEvents<R>>),
+    Packets(Box<PacketEvents<R>>),
     Records {
         input: Whole<R>,
         /// Records that were read; `None` after the end or an error.
@@ -112,22 +115,30 @@ impl<R: BufRead> LiveEvents<R> {
         Self(Kind::Datagrams(Datagrams::new(input, options)))
     }
 
-    /// The events of `input`, the bytes of a Prophesee sensor in `format`: EVT2, EVT2.1 or EVT3,
-    /// with a header or without, from the start or joined in the middle, over a stream or in
-    /// datagrams.
+    /// The events of `input`, raw bytes in `format`.
     ///
-    /// An event comes when the words after it show that its own was in step. Bytes that were lost
-    /// give an [`IoError::Lost`], other odd words an [`IoError::Word`], and the next call goes on
-    /// after it. `sensor` is for streams whose header names none: it tells odd words sooner.
+    /// EVT2, EVT2.1 and EVT3 are bytes of a Prophesee sensor, with a header or without, from the
+    /// start or joined in the middle, over a stream or in datagrams. An event comes when the words
+    /// after it show that its own was in step. Bytes that were lost give an [`IoError::Lost`], other
+    /// odd words an [`IoError::Word`], and the next call goes on after it. The sensor of `options`
+    /// is for streams whose header names none: it tells odd words sooner.
+    ///
+    /// AEDAT4 is a network stream of `dv-processing`, or a file from its start. Its stream of events
+    /// is that of `options`. A packet with odd events gives an [`IoError::Datagram`] and the others.
     ///
     /// # Errors
     /// [`IoError::Unsupported`] for another format.
-    pub fn raw(input: R, format: Format, sensor: Option<Sensor>) -> Result<Self, IoError> {
-        if !matches!(format, Format::Evt2 | Format::Evt21 | Format::Evt3) {
-            let expected = "EVT2, EVT2.1 or EVT3 for a raw stream";
-            return Err(IoError::Unsupported { expected, actual: format.to_string() });
-        }
-        Ok(Self(Kind::Raw(Box::new(RawEvents::new(input, format, sensor)))))
+    pub fn raw(input: R, format: Format, options: ReadOptions) -> Result<Self, IoError> {
+        Ok(Self(match format {
+            Format::Evt2 | Format::Evt21 | Format::Evt3 => {
+                Kind::Raw(Box::new(RawEvents::new(input, format, options.sensor)))
+            }
+            Format::Aedat4 => Kind::Packets(Box::new(PacketEvents::new(input, options))),
+            _ => {
+                let expected = "AEDAT4, EVT2, EVT2.1 or EVT3 for a raw stream";
+                return Err(IoError::Unsupported { expected, actual: format.to_string() });
+            }
+        }))
     }
 
     /// The name of the format, which is known after the first call of `next`.
@@ -137,16 +148,18 @@ impl<R: BufRead> LiveEvents<R> {
             Kind::Text(_) => Format::Csv.name(),
             Kind::Datagrams(datagrams) => datagrams.format,
             Kind::Raw(raw) => raw.format().name(),
+            Kind::Packets(_) => Format::Aedat4.name(),
             Kind::Records { .. } => NAME,
         }
     }
 
-    /// The sensor that a text names before its first event, once that was read.
+    /// The sensor that the stream names before its first event, once that was read.
     pub fn sensor(&self) -> Option<Sensor> {
         match &self.0 {
             Kind::Text(text) => text.sensor(),
             Kind::Datagrams(datagrams) => datagrams.text.sensor(),
             Kind::Raw(raw) => raw.sensor(),
+            Kind::Packets(packets) => packets.sensor(),
             Kind::Undecided(..) | Kind::Records { .. } => None,
         }
     }
@@ -188,6 +201,7 @@ impl<R: BufRead> Iterator for LiveEvents<R> {
             Kind::Text(text) => text.next(),
             Kind::Datagrams(datagrams) => datagrams.next(),
             Kind::Raw(raw) => raw.next(),
+            Kind::Packets(packets) => packets.next(),
             Kind::Records { input, read } => {
                 let number = read.take()?;
                 let found = next_record(input, number).transpose()?;

@@ -27,7 +27,7 @@ mod unix {
     use std::io::{self, BufReader, Read, stdin};
     use std::net::{TcpListener, TcpStream, UdpSocket};
     use std::os::fd::{AsFd, OwnedFd};
-    use std::os::unix::net::UnixStream;
+    use std::os::unix::net::{UnixListener, UnixStream};
     use std::sync::atomic::{AtomicBool, Ordering};
     use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError, TryLockError};
     use std::thread;
@@ -158,19 +158,47 @@ mod unix {
         BufReader::new(Awaited(file))
     }
 
-    /// What `stream` receives.
-    pub fn received(stream: TcpStream) -> Input {
-        awaited(File::from(OwnedFd::from(stream)))
+    /// A connection over TCP or a local socket.
+    pub type Socket = OwnedFd;
+
+    /// What `socket` receives.
+    pub fn received(socket: Socket) -> Input {
+        awaited(File::from(socket))
     }
 
-    /// The first connection over TCP that a client makes to `address`.
+    /// A connection to the server at `address`: `HOST:PORT`, or the path of a local socket, which
+    /// begins with `/`.
+    ///
+    /// # Errors
+    /// Nobody listens there.
+    pub fn connect(address: &str) -> io::Result<Socket> {
+        if address.starts_with('/') {
+            return Ok(UnixStream::connect(address)?.into());
+        }
+        without_delay(TcpStream::connect(address)?)
+    }
+
+    /// The first connection that a client makes to `address`, which is as for [`connect`].
     ///
     /// # Errors
     /// The address cannot be used, or a signal asks the program to end.
-    pub fn client(address: &str) -> io::Result<TcpStream> {
+    pub fn client(address: &str) -> io::Result<Socket> {
+        if address.starts_with('/') {
+            let listener = UnixListener::bind(address)?;
+            let accepted = wait(&listener).and_then(|()| listener.accept());
+            // Nobody else is accepted.
+            std::fs::remove_file(address)?;
+            return Ok(accepted?.0.into());
+        }
         let listener = TcpListener::bind(address)?;
         wait(&listener)?;
-        Ok(listener.accept()?.0)
+        without_delay(listener.accept()?.0)
+    }
+
+    /// A connection that sends small pieces at once.
+    fn without_delay(stream: TcpStream) -> io::Result<Socket> {
+        stream.set_nodelay(true)?;
+        Ok(stream.into())
     }
 
     /// The datagrams to `address` over UDP, one after the other; an empty one is the end.
@@ -265,12 +293,23 @@ mod other {
         BufReader::new(Box::new(file))
     }
 
-    pub fn received(stream: TcpStream) -> Input {
-        BufReader::new(Box::new(stream))
+    pub type Socket = TcpStream;
+
+    pub fn received(socket: Socket) -> Input {
+        BufReader::new(Box::new(socket))
     }
 
-    pub fn client(address: &str) -> io::Result<TcpStream> {
-        Ok(TcpListener::bind(address)?.accept()?.0)
+    pub fn connect(address: &str) -> io::Result<Socket> {
+        without_delay(TcpStream::connect(address)?)
+    }
+
+    pub fn client(address: &str) -> io::Result<Socket> {
+        without_delay(TcpListener::bind(address)?.accept()?.0)
+    }
+
+    fn without_delay(stream: TcpStream) -> io::Result<Socket> {
+        stream.set_nodelay(true)?;
+        Ok(stream)
     }
 
     pub fn datagrams(address: &str) -> io::Result<Input> {

@@ -41,6 +41,7 @@
 //! | [`live_frames`] | a frame network that takes events and predicts at any time |
 //! | [`run`] | a network over a whole input: predictions, summary, states |
 //! | [`play`] | recordings at real speed, each through a bounded queue |
+//! | [`record`](mod@record) | a live source into files, one for each press |
 //! | [`send`](mod@send) | a recording at real speed to another program |
 //! | [`bench`](mod@bench) | latencies, work, deadlines and comparisons |
 //! | [`latency`], [`memory`], [`work_counts`] | measurements |
@@ -51,6 +52,7 @@
 
 pub mod answer;
 pub mod approximations;
+mod arriving;
 pub mod bench;
 pub mod clock;
 pub mod error;
@@ -66,6 +68,7 @@ pub mod play;
 pub mod predictor;
 pub mod press;
 pub mod provenance;
+pub mod record;
 pub mod run;
 pub mod schedule;
 pub mod send;

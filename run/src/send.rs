@@ -1,14 +1,15 @@
 //! Sends a recording to another program, each event when it is due, as a sensor would.
 //!
-//! Enters: events, and the name of a stream ([`crate::streams`]). Leaves: lines of text, or records
-//! ([`meissner_io::LiveEvents`]). An event whose time steps back is sent with the one before.
+//! Enters: events, and the name of a stream ([`crate::streams`]). Leaves: lines of text, records, or
+//! packets of AEDAT4 ([`meissner_io::LiveEvents`]). An event whose time steps back is sent with the
+//! one before.
 
 use std::io::{self, Write};
 use std::path::Path;
 use std::time::{Duration, Instant};
 
 use meissner_engine::{Event, Sensor};
-use meissner_io::{RECORD_BYTES, record};
+use meissner_io::{Aedat4Writer, Format, RECORD_BYTES, record};
 use serde::Serialize;
 
 use crate::clock::Clock;
@@ -20,13 +21,17 @@ use crate::{interrupt, latency};
 const DATAGRAM: usize = 1400;
 /// Shortest wait: events are sent in small batches, as by a camera.
 const NAP: Duration = Duration::from_micros(100);
+/// The same of packets, each of which has a header of its own.
+const PACKET_NAP: Duration = Duration::from_millis(1);
+/// Events that are sent between two looks at signals.
+const BATCH: usize = 1 << 13;
 
 /// How events are sent.
 #[derive(Clone, Copy, Debug)]
 pub struct SendOptions {
     /// Seconds of stream time per second.
     pub speed: f64,
-    /// Whether as records, or as lines of text.
+    /// Whether as records, or as lines of text. A stream of packets has neither.
     pub records: bool,
 }
 
@@ -45,7 +50,7 @@ pub struct SendSummary {
 /// Sends `events` of `sensor` to the stream `to`. Ends early if the program is asked to end.
 ///
 /// # Errors
-/// The stream cannot be opened, or nobody reads from it any more.
+/// The stream cannot be opened, or nobody reads from it any more; packets need a sensor.
 pub fn send(
     events: &[Event],
     sensor: Option<Sensor>,
@@ -59,11 +64,21 @@ pub fn send(
             RunError::file("write", streams::name(to), source)
         }
     };
-    let mut out = Pieces::new(streams::receiver(to)?);
+    let mut out = if streams::is_of_packets(to) {
+        let name = streams::name(to);
+        let unknown = || RunError::NoGeometry { recording: name, format: Format::Aedat4.to_string() };
+        let sensor = sensor.ok_or_else(unknown)?;
+        // A receiver of packets takes bytes.
+        let Receiver::Bytes(out) = streams::receiver(to)? else { unreachable!("of packets") };
+        Sender::Packets(Aedat4Writer::stream(out, sensor).map_err(failed)?)
+    } else {
+        let mut pieces = Pieces::new(streams::receiver(to)?);
+        if let (Some(sensor), false) = (sensor, options.records) {
+            pieces.put(format_args!("# sensor {sensor}\n")).map_err(failed)?;
+        }
+        Sender::Pieces { pieces, records: options.records }
+    };
     interrupt::listen();
-    if let (Some(sensor), false) = (sensor, options.records) {
-        out.put(format_args!("# sensor {sensor}\n")).map_err(failed)?;
-    }
     let started = Instant::now();
     let clock = Clock::new(started, events.first().map_or(0, |event| event.t_us), options.speed);
     let (mut rest, mut lag, mut number) = (events, Duration::ZERO, 0);
@@ -74,26 +89,67 @@ pub fn send(
         let (sent, later) = rest.split_at(due);
         rest = later;
         // A receiver that was slow has many events due.
-        for &event in sent.iter().take_while(|_| !interrupt::requested()) {
-            number += 1;
-            let Event { t_us, x, y, on } = event;
-            let written = if options.records {
-                out.put_bytes(&record(event))
-            } else {
-                out.put(format_args!("{t_us},{x},{y},{}\n", u8::from(on)))
-            };
-            written.map_err(failed)?;
+        for some in sent.chunks(BATCH).take_while(|_| !interrupt::requested()) {
+            out.put(some).map_err(failed)?;
+            number += some.len() as u64;
         }
         out.flush().map_err(failed)?;
         if let Some(event) = sent.first() {
             lag = lag.max(now.saturating_duration_since(clock.at(event.t_us)));
         }
         let next = rest.first().map_or(now, |event| clock.at(event.t_us));
-        interrupt::sleep(next.saturating_duration_since(Instant::now()).max(NAP));
+        interrupt::sleep(next.saturating_duration_since(Instant::now()).max(out.nap()));
     }
     let bytes = out.end().map_err(failed)?;
     let (lag_us, seconds) = (latency::microseconds(lag), started.elapsed().as_secs_f64());
     Ok(SendSummary { events: number, bytes, lag_us, seconds })
+}
+
+/// What events are sent as.
+enum Sender {
+    /// Lines or records.
+    Pieces { pieces: Pieces, records: bool },
+    /// Packets of AEDAT4.
+    Packets(Aedat4Writer<Box<dyn Write>>),
+}
+
+impl Sender {
+    /// Shortest wait.
+    fn nap(&self) -> Duration {
+        match self {
+            Self::Pieces { .. } => NAP,
+            Self::Packets(_) => PACKET_NAP,
+        }
+    }
+
+    fn put(&mut self, events: &[Event]) -> io::Result<()> {
+        match self {
+            Self::Packets(packets) => packets.write(events),
+            Self::Pieces { pieces, records } => events.iter().try_for_each(|&event| {
+                let Event { t_us, x, y, on } = event;
+                if *records {
+                    pieces.put_bytes(&record(event))
+                } else {
+                    pieces.put(format_args!("{t_us},{x},{y},{}\n", u8::from(on)))
+                }
+            }),
+        }
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        match self {
+            Self::Packets(_) => Ok(()),
+            Self::Pieces { pieces, .. } => pieces.flush(),
+        }
+    }
+
+    /// Sends the rest and the end; the number of bytes in all.
+    fn end(self) -> io::Result<u64> {
+        match self {
+            Self::Packets(packets) => Ok(packets.length()),
+            Self::Pieces { pieces, .. } => pieces.end(),
+        }
+    }
 }
 
 /// Bytes on their way, in pieces that end where a line or a record does.

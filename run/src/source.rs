@@ -4,14 +4,15 @@
 //! held until the recording is decoded, and what of it can be salvaged is found from there.
 
 use std::path::Path;
+use std::time::Duration;
 
 use meissner_engine::{Event, EventCounters, Sensor};
 use meissner_io::limits::STREAM_BYTES;
 use meissner_io::{
-    Format, HeldContent, IoError, LeftOutKind, LiveEvents, Place, RECORD_BYTES, ReadOptions, Recording,
-    TimeRange,
+    Format, HeldContent, IoError, LeftOutKind, Place, RECORD_BYTES, ReadOptions, Recording, TimeRange,
 };
 
+use crate::arriving::{Arriving, raw_format};
 use crate::error::{Result, RunError, chain};
 use crate::left_out::LineErrors;
 use crate::losses::{Advice, InputLosses, Salvaged};
@@ -56,7 +57,7 @@ enum Events {
     Arriving {
         /// The first event, if the source had to wait for it.
         first: Option<Event>,
-        rest: Box<LiveEvents<interrupt::Input>>,
+        rest: Box<Arriving>,
     },
 }
 
@@ -66,9 +67,9 @@ enum Events {
 /// The recording cannot be read, or a line of a text is malformed.
 pub fn read(path: &Path, options: &ReadOptions) -> Result<Recording> {
     if streams::is_live(path) {
-        let (mut arriving, mut events) = (arriving(path, options)?, Vec::new());
+        let (mut arriving, mut events) = (Arriving::open(path, options)?, Vec::new());
         let strict = options.strict && !streams::is_of_datagrams(path);
-        let mut refusals = LineErrors::of_stream(path, raw_format(options).is_some(), strict);
+        let mut refusals = LineErrors::of_stream(path, raw_format(path, options).is_some(), strict);
         while let Some(event) = next(&mut arriving, &mut refusals) {
             events.push(event?);
             // A device gives events without end.
@@ -81,7 +82,7 @@ pub fn read(path: &Path, options: &ReadOptions) -> Result<Recording> {
             }
         }
         let left_out = refusals.left_out();
-        let format = options.format.unwrap_or(Format::Csv);
+        let format = raw_format(path, options).unwrap_or(Format::Csv);
         return Ok(Recording { format, left_out, ..text(arriving.sensor(), events, options.range) });
     }
     InFile::open(path, options)?.read(options)
@@ -141,24 +142,6 @@ pub(crate) fn embedded() -> Result<Recording> {
     meissner_io::decode(EMBEDDED).map_err(|error| RunError::recording(EMBEDDED_NAME, error))
 }
 
-/// The format of raw bytes on a stream; `None`: a text or records.
-fn raw_format(options: &ReadOptions) -> Option<Format> {
-    options.format.filter(|&format| format != Format::Csv)
-}
-
-/// The events that arrive on the stream `path`: a text or records, unless `options` name a format
-/// of raw bytes.
-fn arriving(path: &Path, options: &ReadOptions) -> Result<LiveEvents<interrupt::Input>> {
-    let refused = |source| RunError::recording(&streams::name(path), source);
-    match raw_format(options) {
-        Some(format) => LiveEvents::raw(streams::open(path)?, format, options.sensor).map_err(refused),
-        None if streams::is_of_datagrams(path) => {
-            Ok(LiveEvents::of_datagrams(streams::open(path)?, options.text))
-        }
-        None => Ok(LiveEvents::new(streams::open(path)?, options.text)),
-    }
-}
-
 impl Source {
     /// Opens `recording`, or the embedded recording for `None`. With `strict`, a line of a text
     /// that cannot be read is an error: here for a file, when it arrives for a stream.
@@ -180,8 +163,8 @@ impl Source {
                 Ok(Self::of(recording, LineErrors::new(EMBEDDED_NAME, strict)))
             }
             Some(path) if streams::is_live(path) => {
-                let mut refusals = LineErrors::of_stream(path, raw_format(options).is_some(), strict);
-                let mut arriving = arriving(path, options)?;
+                let mut refusals = LineErrors::of_stream(path, raw_format(path, options).is_some(), strict);
+                let mut arriving = Arriving::open(path, options)?;
                 let first =
                     if sensor_known { None } else { next(&mut arriving, &mut refusals).transpose()? };
                 let (format, sensor) = (arriving.format(), arriving.sensor());
@@ -251,6 +234,16 @@ impl Source {
         Self { advice, ..self }
     }
 
+    /// Tries for `patience` to connect again where the connection to a server is cut. Each cut is
+    /// one of the [lines that are refused](Self::lines_refused).
+    #[must_use]
+    pub fn patient(mut self, patience: Duration) -> Self {
+        if let Events::Arriving { rest, .. } = &mut self.events {
+            rest.patience = patience;
+        }
+        self
+    }
+
     /// Whether events are read as they arrive.
     pub fn is_live(&self) -> bool {
         matches!(self.events, Events::Arriving { .. })
@@ -267,7 +260,8 @@ impl Source {
         self.recorded
     }
 
-    /// The number of lines so far that could not be read.
+    /// The number of lines so far that could not be read, or of the like: odd words of raw bytes,
+    /// losses among them, cuts of a connection.
     pub fn lines_refused(&self) -> u64 {
         self.refusals.count() + self.lines_left_out
     }

@@ -8,6 +8,8 @@
 //! | `tcp://HOST:PORT` | a connection to a server |
 //! | `tcp-listen://HOST:PORT` | the first connection of a client |
 //! | `udp://HOST:PORT` | datagrams to this address |
+//! | `dv://HOST:PORT`, `dv-listen://HOST:PORT` | the same as `tcp`, packets of AEDAT4 as `dv-processing` sends them |
+//! | `dv:///PATH`, `dv-listen:///PATH` | the same over a local socket |
 //!
 //! A datagram has whole lines or records, and an empty one ends the stream. What is not whole is
 //! refused and counted.
@@ -16,8 +18,9 @@
 //! standard input or over TCP then waits; over UDP, datagrams are lost, and nobody can count them.
 
 use std::io::{self, BufRead, Read, Write};
-use std::net::{TcpStream, ToSocketAddrs, UdpSocket};
+use std::net::{ToSocketAddrs, UdpSocket};
 use std::path::Path;
+use std::time::Duration;
 
 use meissner_io::limits::LINE_BYTES;
 
@@ -38,6 +41,9 @@ pub(crate) enum Stream<'a> {
     Connect(&'a str),
     Listen(&'a str),
     Datagrams(&'a str),
+    /// A connection with packets of AEDAT4.
+    DvConnect(&'a str),
+    DvListen(&'a str),
 }
 
 pub(crate) fn stream(path: &Path) -> Option<Stream<'_>> {
@@ -49,6 +55,8 @@ pub(crate) fn stream(path: &Path) -> Option<Stream<'_>> {
         "tcp" => Some(Stream::Connect(address)),
         "tcp-listen" => Some(Stream::Listen(address)),
         "udp" => Some(Stream::Datagrams(address)),
+        "dv" => Some(Stream::DvConnect(address)),
+        "dv-listen" => Some(Stream::DvListen(address)),
         _ => None,
     }
 }
@@ -63,6 +71,22 @@ pub(crate) fn is_of_datagrams(path: &Path) -> bool {
     matches!(stream(path), Some(Stream::Datagrams(_)))
 }
 
+/// Whether `path` names a stream of AEDAT4 packets.
+pub fn is_of_packets(path: &Path) -> bool {
+    matches!(stream(path), Some(Stream::DvConnect(_) | Stream::DvListen(_)))
+}
+
+/// How long a connection to the server `path` that was cut is usually tried again: iniVation's
+/// programs are started anew while their clients go on.
+pub fn patience(path: &Path) -> Duration {
+    if is_of_packets(path) { Duration::from_secs(5) } else { Duration::ZERO }
+}
+
+/// Whether `path` names a server, to which a connection can be made again.
+pub(crate) fn is_of_server(path: &Path) -> bool {
+    matches!(stream(path), Some(Stream::Connect(_) | Stream::DvConnect(_)))
+}
+
 /// The name of the stream or file `path`, for messages.
 pub fn name(path: &Path) -> String {
     if is_stdin(path) { STDIN_NAME.to_owned() } else { path.display().to_string() }
@@ -72,8 +96,12 @@ pub fn name(path: &Path) -> String {
 pub(crate) fn open(path: &Path) -> Result<interrupt::Input> {
     let opened = match stream(path) {
         Some(Stream::Stdin) => interrupt::input(),
-        Some(Stream::Connect(address)) => TcpStream::connect(address).map(interrupt::received),
-        Some(Stream::Listen(address)) => interrupt::client(address).map(interrupt::received),
+        Some(Stream::Connect(address) | Stream::DvConnect(address)) => {
+            interrupt::connect(address).map(interrupt::received)
+        }
+        Some(Stream::Listen(address) | Stream::DvListen(address)) => {
+            interrupt::client(address).map(interrupt::received)
+        }
         Some(Stream::Datagrams(address)) => interrupt::datagrams(address),
         None => Err(io::ErrorKind::NotFound.into()),
     };
@@ -82,6 +110,10 @@ pub(crate) fn open(path: &Path) -> Result<interrupt::Input> {
 
 /// The lines of the stream `path`. A datagram ends a line; one that is too long is cut.
 pub(crate) fn lines(path: &Path) -> Result<Box<dyn BufRead>> {
+    if is_of_packets(path) {
+        let source = io::Error::other("expected a stream of text, found one of AEDAT4 packets");
+        return Err(RunError::file("read", name(path), source));
+    }
     let input = open(path)?;
     Ok(if is_of_datagrams(path) { Box::new(DatagramLines::new(input)) } else { Box::new(input) })
 }
@@ -145,11 +177,11 @@ pub(crate) fn receiver(path: &Path) -> Result<Receiver> {
     let opened = || -> io::Result<Receiver> {
         Ok(match stream(path) {
             Some(Stream::Stdin) => Receiver::Bytes(Box::new(interrupt::output(io::stdout()))),
-            Some(Stream::Connect(address)) => {
-                Receiver::Bytes(Box::new(interrupt::output(without_delay(TcpStream::connect(address)?)?)))
+            Some(Stream::Connect(address) | Stream::DvConnect(address)) => {
+                Receiver::Bytes(Box::new(interrupt::output(interrupt::connect(address)?)))
             }
-            Some(Stream::Listen(address)) => {
-                Receiver::Bytes(Box::new(interrupt::output(without_delay(interrupt::client(address)?)?)))
+            Some(Stream::Listen(address) | Stream::DvListen(address)) => {
+                Receiver::Bytes(Box::new(interrupt::output(interrupt::client(address)?)))
             }
             Some(Stream::Datagrams(address)) => {
                 let to = address.to_socket_addrs()?.next().ok_or(io::ErrorKind::NotFound)?;
@@ -160,16 +192,10 @@ pub(crate) fn receiver(path: &Path) -> Result<Receiver> {
                 Receiver::Datagrams(socket)
             }
             None => {
-                let expected = "-, tcp://HOST:PORT, tcp-listen://HOST:PORT or udp://HOST:PORT";
+                let expected = "-, or HOST:PORT after tcp://, tcp-listen://, udp://, dv:// or dv-listen://";
                 return Err(io::Error::other(format!("expected {expected}")));
             }
         })
     };
     opened().map_err(|source| RunError::file("open", name(path), source))
-}
-
-/// A connection that sends small pieces at once.
-fn without_delay(stream: TcpStream) -> io::Result<TcpStream> {
-    stream.set_nodelay(true)?;
-    Ok(stream)
 }

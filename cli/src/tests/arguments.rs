@@ -60,7 +60,8 @@ mod play {
     use std::time::Duration;
 
     use crate::args::speed;
-    use crate::play::{Policy, length, period};
+    use crate::args::{length, period};
+    use crate::play::Policy;
 
     #[test]
     fn policies_have_names_and_numbers() {

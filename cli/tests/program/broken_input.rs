@@ -214,7 +214,7 @@ fn convert_reads_and_writes_the_standard_streams() {
         assert_eq!(output.stdout, encoded(format), "{format}");
         assert!(message(&output).contains("standard output: 300 events"), "{}", message(&output));
     }
-    fails(&meissner_reading(&["convert", "-", "-"], &text), 2, &["--to csv|npy|dat|evt3|es"]);
+    fails(&meissner_reading(&["convert", "-", "-"], &text), 2, &["--to aedat4|csv|npy|dat|evt3|es"]);
 }
 
 /// A folder with a file of before.

@@ -109,8 +109,8 @@ fn a_description_file_needs_weights() {
 #[test]
 fn an_output_that_names_no_format_that_can_be_written_is_bad_usage() {
     let recording = default_recording();
-    for output in ["out", "out.txt", "out.aedat4", "out.bin"] {
-        fails(&meissner(&["convert", argument(&recording), output]), 2, &["--to csv|npy|dat|evt3"]);
+    for output in ["out", "out.txt", "out.aedat", "out.bin"] {
+        fails(&meissner(&["convert", argument(&recording), output]), 2, &["--to aedat4|csv|npy|dat|evt3"]);
     }
 }
 

@@ -5,6 +5,7 @@ mod bench;
 mod bench_frames;
 mod broken_input;
 mod data;
+mod dv;
 mod equality;
 mod eval;
 mod eval_digits;
@@ -25,6 +26,7 @@ mod play;
 mod prepare;
 mod prepare_graphs;
 mod provenance;
+mod record;
 mod resume;
 #[path = "../../../tests/shared_files.rs"]
 mod shared_files;

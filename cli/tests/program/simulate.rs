@@ -158,8 +158,8 @@ fn tracks_and_settings_that_do_not_fit_are_refused_by_name() {
     let out = folder.path().join("events.safetensors");
     fails(&simulate(&tracks, &out, &["--lux", "0"]), 1, &["lux is 0, expected a finite number above 0"]);
     fails(&simulate(&out, &out, &[]), 1, &["events.safetensors"]);
-    let other = meissner(&["simulate", "images", argument(folder.path()), "--out", "a.aedat4"]);
-    fails(&other, 2, &["--out: expected a file that ends in .csv", "found a.aedat4"]);
+    let other = meissner(&["simulate", "images", argument(folder.path()), "--out", "a.aedat"]);
+    fails(&other, 2, &["--out: expected a file that ends in .aedat4", "found a.aedat"]);
     let mut wrong = TensorFile::new([].into());
     wrong.i64("t_us", &[2], &[5, 5]);
     wrong.i64("start", &[2], &[0, 2]);

@@ -79,6 +79,9 @@ fn recordings() -> io::Result<()> {
         (0, codecs::evt2("", &codecs::evt2_words(events))),
         (1, codecs::evt21("% format EVT21;endianness=legacy\n% end\n", &words, true)),
         (2, codecs::encoded(Format::Evt3, None, events)),
+        (3, codecs::aedat4::sample(Compression::Lz4)),
+        // As a network stream begins.
+        (7, codecs::encoded(Format::Aedat4, Some(codecs::SENSOR), events).split_off(14)),
     ] {
         put("raw", &format!("whole-{first}"), &[&[first], &bytes[..]].concat())?;
         // A byte is lost in the middle.

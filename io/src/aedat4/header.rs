@@ -17,6 +17,7 @@ pub(crate) const MAGIC: &[u8] = b"#!AER-DAT4.0\r\n";
 const BEFORE_TABLE: &str = "the recording before its packet table";
 
 /// The content of a file's header.
+#[derive(Clone, Debug)]
 pub(super) struct Header {
     pub(super) compression: Compression,
     pub(super) streams: Vec<Stream>,
@@ -34,13 +35,28 @@ impl Header {
     /// Reads the magic number and the header at the start of `file`, which has `length` bytes; with
     /// `salvage`, the file may end before its packet table.
     pub(super) fn parse(file: Bytes<'_>, length: u64, salvage: bool) -> Result<Self, IoError> {
-        let (what, start) = ("header", MAGIC.len());
         file.magic(MAGIC)?;
-        let size = file.u32("size of the header", start)?;
-        if u64::from(size) > HEADER_BYTES {
-            return Err(file.too_large(what, start, HEADER_BYTES, size.into(), false));
+        Self::after_magic(file, MAGIC.len(), length, salvage)
+    }
+
+    /// The bytes of the header at `start` behind its size.
+    pub(super) fn size(file: Bytes<'_>, start: usize) -> Result<u64, IoError> {
+        let size = u64::from(file.u32("size of the header", start)?);
+        if size > HEADER_BYTES {
+            return Err(file.too_large("header", start, HEADER_BYTES, size, false));
         }
-        let packets = start + 4 + size as usize;
+        Ok(size)
+    }
+
+    /// Reads the header at `start`.
+    pub(super) fn after_magic(
+        file: Bytes<'_>,
+        start: usize,
+        length: u64,
+        salvage: bool,
+    ) -> Result<Self, IoError> {
+        let what = "header";
+        let packets = start + 4 + Self::size(file, start)? as usize;
         let data = file.get(what, start, packets - start)?;
         let content = Bytes { data, origin: file.place(start), ..file };
         match Table::root(content, what, *b"IOHE") {
@@ -102,6 +118,7 @@ impl Header {
 const NODES: u32 = 1 << 16;
 
 /// A stream that the header declares.
+#[derive(Clone, Debug)]
 pub(super) struct Stream {
     pub(super) id: i32,
     pub(super) sensor: Option<Sensor>,

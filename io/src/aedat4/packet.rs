@@ -17,7 +17,7 @@ use crate::error::{IoError, shown};
 use crate::limits::{PACKET_BYTES, most};
 
 /// Bytes of the size before a buffer.
-const PREFIX: usize = 4;
+pub(super) const PREFIX: usize = 4;
 
 /// A table of a buffer.
 #[derive(Clone, Copy)]

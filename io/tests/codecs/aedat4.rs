@@ -1,10 +1,10 @@
 //! AEDAT4: containers, streams, compressions.
 
-use std::io::Write;
+use std::io::{Cursor, Write};
 
-use lz4_flex::frame::{BlockSize, FrameEncoder, FrameInfo};
+use lz4_flex::frame::{BlockSize, FrameDecoder, FrameEncoder, FrameInfo};
 use meissner_engine::{Event, Sensor};
-use meissner_io::{IoError, Place, StreamKind, StreamSummary, decode};
+use meissner_io::{Aedat4Writer, IoError, Place, StreamKind, StreamSummary, decode};
 use proptest::prelude::*;
 
 use crate::support::aedat4::{Compression, File, event_packet, outputs, sample, stream, vector};
@@ -154,4 +154,69 @@ proptest! {
         }
         prop_assert_eq!(decode(&file.bytes()).unwrap().events, packets.concat());
     }
+}
+
+/// What a recorder writes of these batches of events, before and after it is finished.
+fn recorded(batches: &[&[Event]]) -> [Vec<u8>; 2] {
+    let mut file = Cursor::new(Vec::new());
+    let mut writer = Aedat4Writer::new(&mut file, SENSOR).unwrap();
+    for batch in batches {
+        writer.write(batch).unwrap();
+    }
+    let length = writer.length() as usize;
+    writer.finish().unwrap();
+    let finished = file.into_inner();
+    let mut open = finished[..length].to_vec();
+    open[46..54].fill(0xff);
+    [open, finished]
+}
+
+proptest! {
+    #[test]
+    fn what_a_recorder_writes_is_read_whole_whether_it_was_finished_or_not(
+        events in prop::collection::vec(any_event(any::<i64>(), 260), 0..100),
+        cuts in prop::collection::vec(0..100_usize, 0..4),
+    ) {
+        let mut cuts: Vec<_> = cuts.into_iter().map(|cut| cut.min(events.len())).collect();
+        cuts.extend([0, events.len()]);
+        cuts.sort_unstable();
+        let batches: Vec<_> = cuts.windows(2).map(|ends| &events[ends[0]..ends[1]]).collect();
+        for file in recorded(&batches) {
+            let recording = strictly(&file).unwrap();
+            prop_assert_eq!((recording.sensor, &recording.events), (Some(SENSOR), &events));
+        }
+    }
+}
+
+#[test]
+fn many_events_are_written_in_packets_of_at_most_8192_with_their_places_in_the_table() {
+    let many: Vec<_> = (0..20_000_i64).map(|i| Event::new(i * i % 977, 3, 4, i % 2 == 0)).collect();
+    let [_, file] = recorded(&[&many, &[], &many[..1]]);
+    assert_eq!(strictly(&file).unwrap().events, [&many[..], &many[..1]].concat());
+    let table = i64::from_le_bytes(file[46..54].try_into().unwrap()) as usize;
+    let mut unpacked = Vec::new();
+    std::io::Read::read_to_end(&mut FrameDecoder::new(&file[table..]), &mut unpacked).unwrap();
+    let word = |at: usize| i32::from_le_bytes(unpacked[at..at + 4].try_into().unwrap());
+    assert_eq!((word(0) as usize, &unpacked[8..12], word(40)), (unpacked.len() - 4, &b"FTAB"[..], 4));
+    let mut at = 14 + 4 + word_of(&file, 14) as usize;
+    for (entry, events) in [8192, 8192, 3616, 1].into_iter().enumerate() {
+        let offset = 44 + 4 * entry;
+        let table = offset + word(offset) as usize;
+        let vtable = table - word(table) as usize;
+        let field = |index: usize| {
+            let entry = vtable + 4 + 2 * index;
+            table + usize::from(u16::from_le_bytes(unpacked[entry..entry + 2].try_into().unwrap()))
+        };
+        let long = |index| i64::from_le_bytes(unpacked[field(index)..field(index) + 8].try_into().unwrap());
+        assert!([0, 2, 3, 4].iter().all(|&index| field(index) % 8 == 0), "entry {entry}");
+        assert_eq!((long(0) as usize, long(2)), (at + 8, events), "entry {entry}");
+        assert_eq!((word(field(1)), word(field(1) + 4)), (0, word_of(&file, at + 4)), "entry {entry}");
+        assert!(long(3) <= long(4) && (0..977).contains(&long(3)), "entry {entry}");
+        at += 8 + word_of(&file, at + 4) as usize;
+    }
+    assert_eq!(at, table);
+}
+
+fn word_of(bytes: &[u8], at: usize) -> i32 {
+    i32::from_le_bytes(bytes[at..at + 4].try_into().unwrap())
 }

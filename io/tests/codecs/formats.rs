@@ -197,7 +197,7 @@ fn refusal(format: Format, sensor: Option<Sensor>, events: &[Event]) -> (usize, 
 #[test]
 fn files_come_back_with_their_sensor() {
     let folder = tempfile::tempdir().unwrap();
-    for format in [Format::Csv, Format::Npy, Format::Dat, Format::Evt3, Format::Es] {
+    for format in Format::ALL.into_iter().filter(|format| format.is_writable()) {
         let path = folder.path().join("recording").with_extension(format.extension());
         write(&path, format, Some(SENSOR), &events()).unwrap();
         let recording = read(&path).unwrap();
@@ -238,7 +238,7 @@ fn steps_back_that_a_reader_would_take_for_a_wrap_are_refused() {
 #[test]
 fn events_beside_the_sensor_are_refused_by_every_encoder() {
     let bad = [Event::new(0, 3, 3, true), Event::new(0, 3, 4, true)];
-    for format in [Format::Csv, Format::Npy, Format::Dat, Format::Evt3, Format::Es] {
+    for format in Format::ALL.into_iter().filter(|format| format.is_writable()) {
         assert_eq!(refusal(format, Some(Sensor::new(4, 4)), &bad), (1, "y"));
     }
 }
@@ -246,6 +246,7 @@ fn events_beside_the_sensor_are_refused_by_every_encoder() {
 #[test]
 fn a_sensor_that_a_header_cannot_name_is_refused() {
     for (format, sensor) in [
+        (Format::Aedat4, Sensor::new(32_769, 10)),
         (Format::Evt3, Sensor::new(2049, 10)),
         (Format::Dat, Sensor::new(10, 20_000)),
         (Format::Csv, Sensor::new(0, 10)),
@@ -260,7 +261,7 @@ fn formats_that_are_only_read_are_refused() {
     for format in Format::ALL.into_iter().filter(|f| !f.is_writable()) {
         let error = encode(format, None, &[], &mut io::sink()).unwrap_err();
         let expected =
-            format!("unsupported: expected CSV, npy, DAT, EVT3 or ES to be written, found {format}");
+            format!("unsupported: expected AEDAT4, CSV, npy, DAT, EVT3 or ES to be written, found {format}");
         assert_eq!(error.to_string(), expected);
     }
 }

@@ -15,6 +15,7 @@ mod left_out;
 mod neutouch;
 mod npy;
 mod packed;
+mod packets;
 mod prophesee;
 mod ranges;
 mod raw;

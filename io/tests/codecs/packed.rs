@@ -278,7 +278,7 @@ fn a_writer_refuses_a_step_back_a_late_time_and_no_sensor() {
     assert!(refuse(Some(SENSOR), &[at(1 << 33)]).contains("expected t_us 0 to 8589934591"));
     assert_eq!(
         refuse(None, &[at(0)]),
-        "unsupported: expected a sensor, which a file of ES must name, found none"
+        "unsupported: expected a sensor, which a file of AEDAT4 or ES must name, found none"
     );
 }
 

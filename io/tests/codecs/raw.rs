@@ -3,7 +3,7 @@
 use std::io::{BufReader, Read};
 
 use meissner_engine::{Event, Sensor};
-use meissner_io::{Format, IoError, LiveEvents, decode};
+use meissner_io::{Format, IoError, LiveEvents, ReadOptions, decode};
 use proptest::prelude::*;
 
 use crate::support::{evt2, evt2_words, evt3, evt21, evt21_words};
@@ -38,7 +38,7 @@ fn given(bytes: &[u8], format: Format, lengths: &[usize]) -> Given {
     let pieces = Pieces { bytes, lengths: Box::new(lengths.iter().copied().cycle()) };
     let input = BufReader::with_capacity(1 << 16, pieces);
     let mut given = Given::default();
-    for item in LiveEvents::raw(input, format, Some(SENSOR)).expect("a raw format") {
+    for item in LiveEvents::raw(input, format, ReadOptions::default().sensor(SENSOR)).expect("a raw format") {
         match item {
             Ok(event) => given.events.push(event),
             Err(IoError::Lost { events, .. }) => given.losses.push(events),
@@ -197,13 +197,17 @@ fn events_come_although_padding_never_ends() {
     let read = std::cell::Cell::new(0);
     let lengths = std::iter::repeat_with(|| read.replace(read.get() + 100)).map(|_| 100);
     let pieces = Pieces { bytes: &bytes, lengths: Box::new(lengths) };
-    let items = LiveEvents::raw(BufReader::with_capacity(100, pieces), Format::Evt3, Some(SENSOR));
+    let items = LiveEvents::raw(
+        BufReader::with_capacity(100, pieces),
+        Format::Evt3,
+        ReadOptions::default().sensor(SENSOR),
+    );
     let first = items.expect("a raw format").find(Result::is_ok);
     assert!(first.is_some() && read.get() < bytes.len() / 2, "{} of {} bytes", read.get(), bytes.len());
 }
 
 #[test]
 fn other_formats_are_no_raw_streams() {
-    let refused = LiveEvents::raw(&b""[..], Format::Csv, None).expect_err("a text");
-    assert!(refused.to_string().contains("expected EVT2, EVT2.1 or EVT3"), "{refused}");
+    let refused = LiveEvents::raw(&b""[..], Format::Csv, ReadOptions::default()).expect_err("a text");
+    assert!(refused.to_string().contains("expected AEDAT4, EVT2, EVT2.1 or EVT3"), "{refused}");
 }
