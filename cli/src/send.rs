@@ -30,9 +30,9 @@ pub(crate) struct SendArgs {
     /// The recording, or - for text on standard input.
     #[arg(value_name = "INPUT")]
     input: PathBuf,
-    /// Receiver: tcp://HOST:PORT, tcp-listen://HOST:PORT, udp://HOST:PORT, dv-listen://HOST:PORT or -.
+    /// Receiver: tcp, tcp-listen, udp or dv-listen, with ://HOST:PORT; or -.
     ///
-    /// tcp connects to a server, tcp-listen waits for the first client, and - is standard output. A
+    /// tcp://HOST:PORT connects to a server, tcp-listen waits for the first client, and - is standard output. A
     /// receiver over TCP that is slow makes the sender wait; over UDP, events are lost. dv-listen
     /// sends packets of AEDAT4 as dv-processing's NetworkWriter does, and waits for a NetworkReader
     /// there, or with dv-listen:///PATH on a local socket.
