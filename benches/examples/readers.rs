@@ -17,7 +17,7 @@ mod codecs;
 
 use codecs::aedat::{DAVIS346, aedat2, aedat3, davis_records};
 use codecs::aedat4::{Compression, File, event_packet};
-use codecs::{SENSOR, encoded, evt2, evt2_words};
+use codecs::{SENSOR, encoded, evt2, evt2_words, evt21, evt21_words};
 
 /// Events of a file.
 const EVENTS: i64 = 1_000_000;
@@ -90,7 +90,16 @@ fn files(events: &[Event]) -> Vec<(&'static str, Vec<u8>)> {
         ("events.3.aedat", aedat3(events, 5_000)),
         ("events.2.aedat", aedat2(&DAVIS346, &davis_records(SENSOR, events))),
         ("events.evt2.raw", evt2(header, &evt2_words(events))),
+        (
+            "events.evt21.raw",
+            evt21(
+                "% evt 2.1\n% format EVT21;height=260;width=346;endianness=little\n% end\n",
+                &evt21_words(events),
+                false,
+            ),
+        ),
         ("events.evt3.raw", written(Format::Evt3)),
+        ("events.own.aedat4", written(Format::Aedat4)),
         ("events.dat", written(Format::Dat)),
         ("events.es", written(Format::Es)),
         ("events.csv", written(Format::Csv)),

@@ -1,4 +1,4 @@
-"""Reading of recordings, beside faery and expelliarmus, on the files that `--example readers` writes.
+"""Reading of recordings, beside other readers, on the files that `--example readers` writes.
 
     python3 benches/peers/readers.py [--python ENV/bin/python] [--folder FOLDER] [--json]
 
@@ -38,6 +38,23 @@ def with_expelliarmus(path):
     return [events[name].astype("int64") for name in "txyp"]
 
 
+def with_dv(path):
+    """The same, as iniVation's dv-processing reads them."""
+    import dv_processing as dv
+    import numpy as np
+
+    if not path.name.endswith(".aedat4"):
+        raise ImportError
+    reader, batches = dv.io.MonoCameraRecording(str(path)), []
+    while (batch := reader.getNextEventBatch()) is not None:
+        batches.append(batch.numpy())
+    events = np.concatenate(batches)
+    return [events[name].astype("int64") for name in ("timestamp", "x", "y", "polarity")]
+
+
+PEERS = {"faery": with_faery, "expelliarmus": with_expelliarmus, "dv-processing": with_dv}
+
+
 def expected():
     """The beginning and the end of the events that `--example readers` writes."""
     first = [0, 173 + 60, 130, 1]
@@ -70,8 +87,7 @@ def peers(folder):
     """Prints a line of JSON for each file."""
     for path in sorted(folder.iterdir()):
         row = {"file": path.name}
-        row["faery"] = measure(with_faery, path)
-        row["expelliarmus"] = measure(with_expelliarmus, path)
+        row |= {name: measure(read, path) for name, read in PEERS.items()}
         print(json.dumps(row), flush=True)
 
 
@@ -81,13 +97,13 @@ def environment():
     python = folder / "bin/python"
     if not python.exists():
         subprocess.run([sys.executable, "-m", "venv", folder], check=True)
-        subprocess.run([python, "-m", "pip", "install", "-q", "faery", "expelliarmus", "numpy"], check=True)
+        subprocess.run([python, "-m", "pip", "install", "-q", *PEERS, "numpy"], check=True)
     return python
 
 
 def main():
     arguments = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    arguments.add_argument("--python", help="interpreter of an environment with faery and expelliarmus")
+    arguments.add_argument("--python", help="interpreter of an environment with the other readers")
     arguments.add_argument("--folder", type=pathlib.Path, default=ROOT / "target/readers")
     arguments.add_argument("--json", action="store_true", help="print one JSON object for each file")
     arguments.add_argument("--peers", action="store_true", help=argparse.SUPPRESS)
@@ -102,14 +118,14 @@ def main():
     for row in map(json.loads, theirs.stdout.splitlines()):
         rows.get(row["file"], {}).update(row)
     if not asked.json:
-        print(f"{'M events/s':<20} {'meissner':>10} {'faery':>24} {'expelliarmus':>24}")
+        print(f"{'M events/s':<20} {'meissner':>10}" + "".join(f" {name:>24}" for name in PEERS))
     for row in rows.values():
         if asked.json:
             print(json.dumps(row))
             continue
         shown = [f"{rate / 1e6:.1f}" if isinstance(rate, (int, float)) else rate
-                 for rate in (row["events_per_s"], row["faery"], row["expelliarmus"])]
-        print(f"{row['file']:<20} {shown[0]:>10} {shown[1]:>24} {shown[2]:>24}")
+                 for rate in (row["events_per_s"], *(row[name] for name in PEERS))]
+        print(f"{row['file']:<20} {shown[0]:>10}" + "".join(f" {rate:>24}" for rate in shown[1:]))
     return None
 
 

@@ -6,7 +6,7 @@ use std::process::ExitCode;
 
 use meissner_engine::EngineError;
 use meissner_evaluate::{EvaluateError, RequestPart};
-use meissner_io::{IoError, Kind};
+use meissner_io::{Format, IoError, Kind};
 use meissner_models::ModelError;
 use meissner_models::systems::slip::DecisionError;
 use meissner_run::RunError;
@@ -253,7 +253,13 @@ fn hint_of_recording(recording: &str, source: &IoError) -> Option<String> {
         IoError::OtherKind { found: Kind::Events(format), expected }
             if recording == STDIN_NAME && *expected != "readings of electrodes" =>
         {
-            return Some(format!("{format} is read from a file: give its path instead of -"));
+            return Some(match format {
+                Format::Aedat4 | Format::Evt2 | Format::Evt21 | Format::Evt3 => {
+                    let name = format.to_string().to_lowercase().replace('.', "");
+                    format!("--format {name} reads it as it arrives")
+                }
+                _ => format!("{format} is read from a file: give its path instead of -"),
+            });
         }
         IoError::OtherKind { found, .. } => return readers(*found),
         _ => return None,

@@ -159,6 +159,8 @@ fn a_file_of_aedat4_is_read_from_a_pipe_as_it_arrives() {
     let bytes = std::fs::read(&path as &Path).expect("it was written");
     let run = ["run", "-", "--format", "aedat4", "--every", "5ms", "--json"];
     assert_eq!(values(&meissner_reading(&run, &bytes)), (expected(&events()), Value::from(0)));
+    let unnamed = meissner_reading(&["run", "-"], &bytes);
+    assert!(message(&unnamed).contains("--format aedat4 reads it"), "{}", message(&unnamed));
     let cut = meissner_reading(&run, &bytes[..bytes.len() / 2]);
     assert_eq!(cut.status.code(), Some(1), "{}", message(&cut));
     assert!(message(&cut).contains("cut short"), "{}", message(&cut));
