@@ -197,7 +197,8 @@ pub(crate) struct Input {
     /// dv:///PATH for a local socket, is a stream of dv-processing (its NetworkWriter).
     ///
     /// Electrodes: CSV with a column for each of the 24 electrodes, also live. Pictures: a PNG,
-    /// JPEG, PPM or PGM file, a folder of them, or a text file with one path per line.
+    /// JPEG, PPM or PGM file, a folder of them, a text file with one path per line, or raw video,
+    /// also live (--video).
     #[arg(value_name = "INPUT")]
     pub(crate) recording: Option<PathBuf>,
     /// Read at most N events of the recording.

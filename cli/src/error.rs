@@ -91,6 +91,7 @@ impl From<RunError> for CliError {
             RunError::Output(error) => return Self::Output(error),
             RunError::FramePeriod { .. } | RunError::ManyFrames { .. } => "--every",
             RunError::OverlayTaken { .. } => "--overlay",
+            RunError::Video { .. } => "--video",
             error => return Self::Run(Box::new(error)),
         };
         Self::OptionValue { option, source: Box::new(error) }

@@ -110,21 +110,24 @@ fn run_electrodes(args: &RunArgs, given: &Given, model: &FrameModel) -> Result<(
 
 /// Runs a network over pictures.
 fn run_pictures(args: &RunArgs, model: &FrameModel) -> Result<(), CliError> {
-    let expected = "a picture, a folder of pictures or a list of them";
+    let video = args.video();
+    let expected = "a picture, a folder of pictures, a list of them, or a raw video (--video)";
     let path = args.recording(expected)?;
-    if streams::is_live(path) {
+    if video.is_none() && streams::is_live(path) {
         return Err(args.no_input(expected, &streams::name(path)));
     }
     let frame_options = args.frame_options(false);
     let options = PictureOptions {
         limit: args.input.limit,
+        video,
         reference: args.frames.reference.clone(),
         overlay: args.frames.overlay.clone(),
         full_scale_n: args.frames.full_scale,
     };
     let run = PictureRun::open(model, frame_options, path, &options)?;
-    let pictures = format!("{} pictures", grouped(run.count()));
-    let input = InputCard::other(&path.display().to_string(), &pictures);
+    let pictures = run.count().map(|count| format!("{} pictures", grouped(count)));
+    let pictures = pictures.or(video.map(|video| video.to_string())).unwrap_or_default();
+    let input = InputCard::other(&streams::name(path), &pictures);
     let table = TableKind::Pictures(options.reference.is_some());
     // Each picture is shown as soon as it is measured, even if there are thousands.
     let about = args.about_frames(table, input, (model, frame_options), (true, None));

@@ -90,7 +90,7 @@ const HEADINGS: &[(&str, &[&str])] = &[
         ],
     ),
     (STATE, &["save-state", "save-every", "resume"]),
-    (FRAMES, &["no-skip", "convolution", "longest-silence", "overlay", "full-scale", "reference"]),
+    (FRAMES, &["no-skip", "convolution", "longest-silence", "video", "overlay", "full-scale", "reference"]),
     (ELECTRODES, &["sampling", "hold", "least-probability"]),
     (
         APPROXIMATIONS,

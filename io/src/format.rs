@@ -34,7 +34,7 @@ pub(crate) fn beginning(text: &str, most: usize) -> String {
 #[error("unknown {what}: expected {expected}, found `{actual}`")]
 #[non_exhaustive]
 pub struct UnknownName {
-    /// `format`, `file extension`, `order of columns` or `unit of time`.
+    /// `format`, `file extension`, `order of columns`, `unit of time` or `pixel format`.
     pub what: &'static str,
     /// The known names.
     pub expected: &'static str,

@@ -6,7 +6,8 @@
 //! | PPM and PGM, binary (`P6`, `P5`), 8 and 16 bits | yes | |
 //! | JPEG, baseline and progressive | yes | |
 //!
-//! The format is found from the content. Grey is repeated in the three channels; alpha is dropped,
+//! The format is found from the content; a raw video ([`RawVideo`]) has none, and its caller knows
+//! it. Grey is repeated in the three channels; alpha is dropped,
 //! not blended. A sample v of the range 0..=m becomes round(255 v / m). Gamma, colour profiles and
 //! the camera's orientation are ignored.
 //!
@@ -16,6 +17,7 @@
 mod jpeg;
 mod png;
 mod pnm;
+mod video;
 
 use std::fs::File;
 use std::io::Read;
@@ -29,6 +31,7 @@ use crate::format::{ImageFormat, Kind};
 use crate::limits::{IMAGE_BYTES, IMAGE_PIXELS};
 use crate::text::BYTE_ORDER_MARK;
 pub use png::{encode_png, write_png};
+pub use video::{PixelFormat, RawVideo, VideoFormat};
 
 /// Reads the image of the file at `path`.
 ///

@@ -30,8 +30,9 @@
 //!
 //! [`LiveEvents`] reads events as they arrive: text, records, raw bytes of Prophesee's sensors and
 //! packets of iniVation's. [`EventPackets`] reads the messages of event cameras in ROS 2. The crate
-//! also reads images of frame-based sensors ([`read_image`], [`ImageSequence`], [`write_png`]),
-//! readings of electrodes from CSV ([`Electrodes`]), and labelled sets of recordings ([`datasets`]).
+//! also reads images of frame-based sensors ([`read_image`], [`ImageSequence`], [`RawVideo`],
+//! [`write_png`]), readings of electrodes from CSV ([`Electrodes`]), and labelled sets of recordings
+//! ([`datasets`]).
 //!
 //! ```
 //! use meissner_engine::{Event, Sensor};
@@ -96,7 +97,9 @@ pub use electrodes::{ELECTRODES, ElectrodeSettings, ElectrodeWarnings, Electrode
 pub use error::{IoError, Place};
 pub use files::{check_replaceable, check_writable, read_file, read_whole, replace_file, write_file};
 pub use format::{EVENT_FIELDS, Foreign, Format, ImageFormat, Kind, UnknownName};
-pub use images::{Image, ImageSequence, decode_image, encode_png, read_image, write_png};
+pub use images::{
+    Image, ImageSequence, PixelFormat, RawVideo, VideoFormat, decode_image, encode_png, read_image, write_png,
+};
 pub use left_out::{LeftOut, LeftOutKind, is_mostly_refused};
 pub use options::ReadOptions;
 pub use recording::{Recording, Salvage, StreamKind, StreamSummary};

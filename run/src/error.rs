@@ -90,6 +90,9 @@ pub enum RunError {
         /// Width and height of the picture.
         found: (usize, usize),
     },
+    /// A video does not fit the network, or its input cannot hold one.
+    #[error("expected {expected}, found {found}")]
+    Video { expected: String, found: String },
     /// Two overlays would have the same path, or an overlay would replace a picture.
     #[error("{} would replace {other}; choose another folder or other names", path.display())]
     OverlayTaken { path: PathBuf, other: String },

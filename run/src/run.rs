@@ -7,7 +7,7 @@
 //! | readings of 24 electrodes | [`ElectrodeRun`] |
 //! | pictures of an optical tactile sensor | [`PictureRun`] |
 //!
-//! Inputs are taken as fast as they come. The timings cover making frames, pushes, clock advances
+//! Inputs are taken as fast as they come; of a camera, pictures may be late (see [`VideoOptions`]). The timings cover making frames, pushes, clock advances
 //! and predictions. They do not cover reading and the observer.
 //!
 //! The steps at the end of a stream depend on how it ends:
@@ -26,6 +26,7 @@ mod frames;
 mod pictures;
 mod prediction;
 mod summary;
+pub(crate) mod video;
 
 use std::io::Write;
 use std::path::PathBuf;
@@ -51,8 +52,9 @@ pub use prediction::{
 use summary::Ending;
 pub use summary::{
     ElectrodeCounts, Ended, EventCounts, EventSummary, FrameSummary, InputCounts, LayerPixels, Pixels,
-    Summary,
+    Summary, VideoCounts,
 };
+pub use video::VideoOptions;
 
 /// A network with its source of events, before the run.
 pub struct StreamRun<S> {

@@ -1,6 +1,7 @@
 //! Tests of modules that are one file each.
 
 mod input;
+mod video;
 
 mod answer {
     use crate::answer::{Classes, Values};

@@ -262,7 +262,8 @@ fn row_of(cells: impl Iterator<Item = String>) -> String {
 }
 
 fn picture(p: &PicturePrediction<'_>) -> String {
-    let name = Path::new(p.image).file_name().unwrap_or_default().to_string_lossy();
+    let name = p.image.map(|image| Path::new(image).file_name().unwrap_or_default().to_string_lossy());
+    let name = name.or(p.picture.map(|number| number.to_string().into())).unwrap_or_default();
     let baseline = p.baseline.map_or_else(String::new, |baseline| {
         format!("  {:>19.3}  {:>15}", baseline.area_mm2, place(baseline.centroid))
     });

@@ -7,7 +7,9 @@ use meissner_run::approximations::{ApproximationReport, FilteredEvents};
 use meissner_run::error::{RunError, chain};
 use meissner_run::latency::{Latencies, Quantiles};
 use meissner_run::play::PlaySummary;
-use meissner_run::run::{ElectrodeCounts, EventCounts, EventSummary, FrameSummary, InputCounts, Pixels};
+use meissner_run::run::{
+    ElectrodeCounts, EventCounts, EventSummary, FrameSummary, InputCounts, Pixels, VideoCounts,
+};
 use meissner_run::text::grouped;
 use meissner_run::work_counts::WorkCounts;
 
@@ -168,6 +170,7 @@ pub(super) fn frames(out: &mut impl Write, summary: &FrameSummary) -> io::Result
         InputCounts::Events(counts) => event_counts(out, counts)?,
         InputCounts::Electrodes(counts) => electrode_counts(out, counts)?,
         InputCounts::Pictures { pictures } => writeln!(out, "pictures     {}", grouped(*pictures))?,
+        InputCounts::Video(counts) => video_counts(out, counts)?,
         _ => {}
     }
     writeln!(out, "frames       {} pushed", grouped(summary.frames))?;
@@ -221,6 +224,13 @@ fn electrode_counts(out: &mut impl Write, counts: &ElectrodeCounts) -> io::Resul
     write_counts(out, "warning", &warnings)?;
     let Some(decisions) = counts.decisions else { return Ok(()) };
     writeln!(out, "decisions    {} made or changed", grouped(decisions))
+}
+
+fn video_counts(out: &mut impl Write, counts: &VideoCounts) -> io::Result<()> {
+    writeln!(out, "pictures     {}", grouped(counts.pictures))?;
+    let late = "late: they had waited for longer than a picture lasts, and a newer one was there";
+    write_counts(out, "dropped", &[(counts.pictures_late, late)])?;
+    write_counts(out, "left out", &[(counts.bytes_left_out, "bytes at the end, which are no whole picture")])
 }
 
 /// Writes those of `counts` that are not 0.

@@ -4,12 +4,13 @@ use std::path::{Path, PathBuf};
 
 use meissner_engine::frames::{Convolution, FrameOptions, Skip};
 use meissner_engine::representations::Sampling;
+use meissner_io::{PixelFormat, VideoFormat};
 use meissner_kernels::WinogradTile;
 use meissner_run::RunError;
 use meissner_run::model::FrameModel;
 use meissner_run::predictor::Mode;
 use meissner_run::provenance::{InputCard, ModelCard};
-use meissner_run::run::{RunOptions, SaveState};
+use meissner_run::run::{RunOptions, SaveState, VideoOptions};
 use meissner_run::text::span_us;
 
 use crate::args::{
@@ -34,7 +35,8 @@ Examples:
   camera | meissner run - --sensor 346x260 --network force-lstm --json
   meissner run slip.csv --network slip-regularised
   biotac | meissner run - --network slip-lstm --hold 5 --json
-  meissner run images/ --network canf --overlay maps";
+  meissner run images/ --network canf --overlay maps
+  camera | meissner run - --network canf --video 320x240@25";
 
 /// First bytes of a state. The engine refuses what begins otherwise: it is not read further.
 const STATE_MARK: &[u8] = b"MEISSNER";
@@ -104,9 +106,22 @@ pub(super) struct FrameArgs {
     /// frames of 10 ms. The summary counts the pushed and the skipped frames.
     #[arg(long, value_name = "N", help_heading = FRAMES)]
     pub(super) longest_silence: Option<u64>,
+    /// Read INPUT as raw video: pictures without headers, one after the other.
+    ///
+    /// INPUT is a file, a named pipe, -, tcp://HOST:PORT or tcp-listen://HOST:PORT. PIXELS are the
+    /// bytes of a pixel: rgb24 (the default), bgr24 as arrays of cv2, or gray8. The size must be
+    /// that of the network: `meissner inspect NETWORK` shows it, and ffmpeg scales with -s.
+    ///
+    /// Without FPS, every picture is predicted, and the writer waits. With FPS (25, 29.97 or
+    /// 30000/1001 pictures a second), a stream never waits: a picture that has waited for longer
+    /// than 1/FPS is dropped if a newer one is there, and counted. Of a file,
+    /// every picture is predicted. Bytes after the last whole picture are left out and counted;
+    /// with --strict they are an error.
+    #[arg(long, value_name = "WxH[@FPS][:PIXELS]", value_parser = video, help_heading = FRAMES)]
+    pub(super) video: Option<Video>,
     /// Draw forces, outline and centroid over each picture, into this folder.
     ///
-    /// The files are PNG and have the names of the pictures.
+    /// The files are PNG and have the names of the pictures, or their numbers in a video.
     #[arg(long, value_name = "DIR", help_heading = FRAMES)]
     pub(super) overlay: Option<PathBuf>,
     /// Force in N per pixel at the overlay's strongest colour.
@@ -154,6 +169,10 @@ pub(super) struct ElectrodeArgs {
     #[arg(long, value_name = "P", value_parser = probability, help_heading = ELECTRODES)]
     pub(super) least_probability: Option<f32>,
 }
+
+/// A raw video: its format, and the pictures in a second.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Video(VideoFormat, Option<f64>);
 
 /// The names of algorithms for 3 x 3 convolutions, with their help.
 const CONVOLUTIONS: &[(&str, &str, Convolution)] = &[
@@ -220,6 +239,12 @@ impl RunArgs {
             save: self.state.save_state.clone().map(save),
             longest_silence: self.frames.longest_silence,
         })
+    }
+
+    /// The options of a raw video, if the input is one.
+    pub(super) fn video(&self) -> Option<VideoOptions> {
+        let Video(format, rate) = self.frames.video?;
+        Some(VideoOptions { format, rate, strict: self.input.read.strict })
     }
 
     /// Adds the path of the state file to `error`.
@@ -346,14 +371,34 @@ pub(crate) const OPTIONS_OF_KINDS: &[(&[&str], &[NetworkKind])] = &[
     (&["--sensor", "--from", "--for", "--late", "--restart", "--every"], &[EventGraph, EventFrames]),
     (STATES, &[EventGraph, EventFrames]),
     (READING, &[EventGraph, EventFrames]),
-    (&["--strict"], &[EventGraph, EventFrames, Electrodes]),
+    (&["--strict"], &[EventGraph, EventFrames, Electrodes, Pictures]),
     (&["--span", "--capacity", "--mode", "--neighbours"], &[EventGraph]),
     (REMEMBERS, &[EventGraph]),
     (&["--no-skip", "--convolution"], &[EventFrames, Electrodes, Pictures]),
     (&["--longest-silence"], &[EventFrames]),
-    (&["--overlay", "--full-scale", "--reference"], &[Pictures]),
+    (&["--video", "--overlay", "--full-scale", "--reference"], &[Pictures]),
     (&["--sampling", "--hold", "--least-probability"], &[Electrodes]),
 ];
+
+/// Reads the format of a raw video: `320x240`, `320x240@25` or `320x240@30000/1001:bgr24`.
+pub(crate) fn video(text: &str) -> Result<Video, String> {
+    let (text, pixels) = text.split_once(':').map_or((text, None), |(text, pixels)| (text, Some(pixels)));
+    let pixels = pixels.map_or(Ok(PixelFormat::default()), str::parse).map_err(|error| error.to_string())?;
+    let (size, rate) = text.split_once('@').map_or((text, None), |(size, rate)| (size, Some(rate)));
+    let rate = rate.map(|rate| {
+        let (pictures, seconds) = rate.split_once('/').unwrap_or((rate, "1"));
+        let rate = pictures.parse::<f64>().ok().zip(seconds.parse::<f64>().ok());
+        let rate =
+            rate.map(|(pictures, seconds)| pictures / seconds).filter(|rate| (1e-3..=1e5).contains(rate));
+        rate.ok_or_else(|| "expected 0.001 to 100000 pictures a second, such as 25 or 30000/1001".to_owned())
+    });
+    let sides = size.split_once('x').and_then(|(width, height)| width.parse().ok().zip(height.parse().ok()));
+    let (width, height) = sides.ok_or_else(|| {
+        "expected columns x rows, such as 320x240, 320x240@25 or 320x240@25:bgr24".to_owned()
+    })?;
+    let format = VideoFormat::new(width, height, pixels).map_err(|error| error.to_string())?;
+    Ok(Video(format, rate.transpose()?))
+}
 
 /// Reads a number from 0 to 1.
 fn probability(text: &str) -> Result<f32, String> {

@@ -12,8 +12,8 @@ use crate::exit_status::fails;
 use crate::frames::OwnNetwork;
 use crate::support::{argument, lines, meissner, message, text, words};
 
-const WIDTH: usize = 8;
-const HEIGHT: usize = 6;
+pub(crate) const WIDTH: usize = 8;
+pub(crate) const HEIGHT: usize = 6;
 
 /// A PPM file of `width` columns, with a bright square that begins at `place`.
 fn picture(folder: &Path, name: &str, width: usize, place: usize) -> PathBuf {
@@ -228,7 +228,7 @@ fn a_file_that_is_no_picture_is_bad_input() {
 }
 
 /// A map of forces for pictures of 8 x 6 pixels.
-const FORCES: &str = r#"
+pub(crate) const FORCES: &str = r#"
 [network]
 name = "own"
 

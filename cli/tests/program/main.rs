@@ -17,6 +17,7 @@ mod files;
 mod frames;
 mod frames_electrodes;
 mod frames_pictures;
+mod frames_video;
 mod live;
 mod lost;
 mod output;

@@ -10,14 +10,14 @@ use serde_json::Value;
 use crate::support::{argument, command, lines, meissner_reading};
 
 /// The program at work.
-struct Running {
+pub(crate) struct Running {
     child: Child,
     input: ChildStdin,
     output: BufReader<ChildStdout>,
 }
 
 impl Running {
-    fn new(arguments: &[&str]) -> Self {
+    pub(crate) fn new(arguments: &[&str]) -> Self {
         let mut child = command(arguments)
             .stdin(Stdio::piped())
             .stdout(Stdio::piped())
@@ -29,24 +29,24 @@ impl Running {
         Self { child, input, output }
     }
 
-    fn send(&mut self, text: &str) {
-        self.input.write_all(text.as_bytes()).expect("the program reads");
+    pub(crate) fn send(&mut self, input: &(impl AsRef<[u8]> + ?Sized)) {
+        self.input.write_all(input.as_ref()).expect("the program reads");
     }
 
     /// The next line of JSON after the header.
-    fn line(&mut self) -> Value {
+    pub(crate) fn line(&mut self) -> Value {
         let mut line = String::new();
         self.output.read_line(&mut line).expect("it is text");
         let value: Value = serde_json::from_str(&line).unwrap_or_else(|error| panic!("{error}: {line}"));
         if value["header"].is_null() { value } else { self.line() }
     }
 
-    fn signal(&self, name: &str) {
+    pub(crate) fn signal(&self, name: &str) {
         signal(&self.child, name);
     }
 
     /// The summary that it ends with, with status 130, standard input still open.
-    fn end(mut self) -> Value {
+    pub(crate) fn end(mut self) -> Value {
         let mut text = String::new();
         self.output.read_to_string(&mut text).expect("it is text");
         let status = ended(&mut self.child);

@@ -120,7 +120,7 @@ fn datagrams_are_read_until_an_empty_one() {
 }
 
 /// A connection to a server that is about to start.
-fn connected(address: &str) -> TcpStream {
+pub(crate) fn connected(address: &str) -> TcpStream {
     loop {
         match TcpStream::connect(address) {
             Ok(client) => return client,
@@ -130,7 +130,7 @@ fn connected(address: &str) -> TcpStream {
 }
 
 /// An address that was free a moment ago.
-fn free_address() -> String {
+pub(crate) fn free_address() -> String {
     let found = TcpListener::bind("127.0.0.1:0").expect("a free port").local_addr();
     found.expect("it is bound").to_string()
 }

@@ -15,11 +15,12 @@ use meissner_models::systems::contact_area::{
 
 use crate::error::{Result, RunError};
 use crate::interrupt;
-use crate::latency::microseconds;
+use crate::latency::{Latency, microseconds};
 use crate::model::FrameModel;
 use crate::run::prediction::{Observer, PicturePrediction, Prediction};
 use crate::run::summary::FramePredictor;
 use crate::run::summary::{Ended, Ending, FrameSummary, InputCounts, Summary};
+use crate::run::video::{Video, VideoOptions, VideoPicture};
 
 /// A pixel is in contact if it differs from the reference by more than this, in levels.
 const DIFFERENCE: f32 = 10.0;
@@ -29,8 +30,10 @@ pub const BLUR_RADIUS: usize = 2;
 /// Options of a run over pictures.
 #[derive(Clone, Debug, Default)]
 pub struct PictureOptions {
-    /// Largest number of pictures to take.
+    /// Largest number of pictures to take; of a video, late ones count too.
     pub limit: Option<u64>,
+    /// Format of a raw video, if the input is one.
+    pub video: Option<VideoOptions>,
     /// Picture without contact, to compare with by plain differences.
     pub reference: Option<PathBuf>,
     /// Folder for overlays.
@@ -41,13 +44,35 @@ pub struct PictureOptions {
 
 /// A network over pictures with its pictures, before the run.
 pub struct PictureRun {
-    pictures: ImageSequence,
-    /// The first picture, read before anything is shown, so that a wrong size is found early.
-    first: Option<(PathBuf, Image)>,
-    count: u64,
+    source: Source,
     limit: usize,
     taken: u64,
     measure: Measure,
+}
+
+/// Where pictures come from.
+enum Source {
+    Files {
+        pictures: ImageSequence,
+        /// The first picture, read before anything is shown, so that a wrong size is found early.
+        first: Option<(PathBuf, Image)>,
+        count: u64,
+    },
+    Video {
+        video: Video,
+        period: Option<Duration>,
+    },
+}
+
+/// A picture, before it is measured.
+struct Taken {
+    /// The path of its file, or its number in a video, after which its overlay is named.
+    path: PathBuf,
+    image: Image,
+    /// Its number in a video.
+    number: Option<u64>,
+    /// When it arrived on a stream.
+    arrived: Option<Instant>,
 }
 
 /// The contacts of pictures, and what is made of them.
@@ -56,14 +81,18 @@ struct Measure {
     contacts: ContactPredictor,
     baseline: Option<DifferenceBaseline>,
     overlays: Option<Overlays>,
+    /// Time from the arrival of a picture to its contact.
+    arrival: Latency,
 }
 
 impl PictureRun {
-    /// A run of `model` over the picture, the folder of pictures or the list of pictures at `path`.
+    /// A run of `model` over the picture, the folder of pictures or the list of pictures at `path`,
+    /// or over the raw video in this file or on this stream.
     ///
     /// # Errors
     /// The model does not predict forces from pictures, the first picture or the reference cannot
-    /// be read or has a different size, or overlays would replace input files.
+    /// be read or has a different size, overlays would replace input files, or a video has a
+    /// different size, cannot be opened or comes in datagrams.
     pub fn open(
         model: &FrameModel,
         frame_options: FrameOptions,
@@ -71,43 +100,85 @@ impl PictureRun {
         options: &PictureOptions,
     ) -> Result<Self> {
         interrupt::listen();
-        let mut pictures = ImageSequence::open(path)?;
-        let count = pictures.len() as u64;
         let limit = usize::try_from(options.limit.unwrap_or(u64::MAX)).unwrap_or(usize::MAX);
-        let measure =
-            Measure::new(model, frame_options, options, &pictures.paths()[..pictures.len().min(limit)])?;
-        let first = if limit > 0 { pictures.next().transpose()? } else { None };
-        if let Some((path, image)) = &first {
-            measure.check(path, image)?;
-        }
-        Ok(Self { pictures, first, count, limit, taken: 0, measure })
+        let (source, measure) = if let Some(video) = options.video {
+            let measure = Measure::new(model, frame_options, options, &[])?;
+            measure.check_video(video)?;
+            let period = video.period();
+            (Source::Video { video: Video::open(path, video, limit)?, period }, measure)
+        } else {
+            let mut pictures = ImageSequence::open(path)?;
+            let count = pictures.len() as u64;
+            let paths = &pictures.paths()[..pictures.len().min(limit)];
+            let measure = Measure::new(model, frame_options, options, paths)?;
+            let first = if limit > 0 { pictures.next().transpose()? } else { None };
+            if let Some((path, image)) = &first {
+                measure.check(path, image)?;
+            }
+            (Source::Files { pictures, first, count }, measure)
+        };
+        Ok(Self { source, limit, taken: 0, measure })
     }
 
-    /// The number of pictures.
-    pub fn count(&self) -> u64 {
-        self.count
+    /// The number of pictures; `None` for a video.
+    pub fn count(&self) -> Option<u64> {
+        match self.source {
+            Source::Files { count, .. } => Some(count),
+            Source::Video { .. } => None,
+        }
     }
 
     /// Takes all pictures, or the pictures up to a [requested](interrupt::requested) end.
     pub fn run(mut self, observer: &mut dyn Observer) -> Ended {
         let ending = Ending(self.take_all(observer));
-        let counts = InputCounts::Pictures { pictures: self.taken };
-        let summary = FrameSummary::new(&self.measure.contacts.predictor, counts, Vec::new());
+        let Self { source, taken, measure, .. } = &mut self;
+        let predictor = &mut measure.contacts.predictor;
+        let counts = match source {
+            Source::Files { .. } => InputCounts::Pictures { pictures: *taken },
+            Source::Video { video, period } => {
+                let period_us =
+                    period.map_or(0, |period| u64::try_from(period.as_micros()).unwrap_or(u64::MAX));
+                predictor.passed.add(taken.saturating_mul(period_us));
+                InputCounts::Video(video.counts())
+            }
+        };
+        let mut summary = FrameSummary::new(predictor, counts, Vec::new());
+        let arrival = measure.arrival.quantiles().map(|quantiles| ("arrival", Some(quantiles)));
+        summary.latency_us.0.extend(arrival);
         Ended { summary: Summary::Frames(summary), result: ending.0 }
     }
 
     fn take_all(&mut self, observer: &mut dyn Observer) -> Result<()> {
-        let Self { pictures, first, limit, taken, measure, .. } = self;
-        for picture in first.take().map(Ok).into_iter().chain(pictures).take(*limit) {
-            if interrupt::requested() {
-                break;
-            }
-            let (path, image): (PathBuf, Image) = picture?;
-            measure.check(&path, &image)?;
-            measure.take(observer, *taken + 1, &path, &image)?;
+        let Self { source, limit, taken, measure } = self;
+        while *taken < *limit as u64 && !interrupt::requested() {
+            let Some(picture) = source.next() else { break };
+            measure.take(observer, *taken + 1, &picture?)?;
             *taken += 1;
         }
         Ok(())
+    }
+}
+
+impl Iterator for Source {
+    type Item = Result<Taken>;
+
+    fn next(&mut self) -> Option<Self::Item> {
+        match self {
+            Self::Files { pictures, first, .. } => {
+                let next = first.take().map(Ok).or_else(|| pictures.next())?;
+                let taken = next.map(|(path, image)| Taken { path, image, number: None, arrived: None });
+                Some(taken.map_err(RunError::from))
+            }
+            Self::Video { video, .. } => {
+                let picture = video.next()?;
+                Some(picture.map(|VideoPicture { image, number, arrived }| Taken {
+                    path: format!("{number:06}").into(),
+                    image,
+                    number: Some(number),
+                    arrived: (!video.is_recorded).then_some(arrived),
+                }))
+            }
+        }
     }
 }
 
@@ -120,7 +191,8 @@ impl Measure {
     ) -> Result<Self> {
         let contacts = ContactPredictor::new(model, frame_options)?;
         let (size, pixel) = (contacts.size(), contacts.pixel());
-        let mut measure = Self { network: model.name.clone(), contacts, baseline: None, overlays: None };
+        let (network, arrival) = (model.name.clone(), Latency::new());
+        let mut measure = Self { network, contacts, baseline: None, overlays: None, arrival };
         if let Some(path) = &options.reference {
             let reference = read_image(path)?;
             measure.check(path, &reference)?;
@@ -145,9 +217,24 @@ impl Measure {
         Err(RunError::PictureSize { path: path.to_owned(), network: self.network.clone(), expected, found })
     }
 
+    /// Refuses a video whose pictures differ in size from the network's input.
+    fn check_video(&self, video: VideoOptions) -> Result<()> {
+        let ImageSize { width, height } = self.contacts.size();
+        let found = video.format.size();
+        if found == (width, height) {
+            return Ok(());
+        }
+        let expected = format!("{width}x{height} pixels, as network {} reads them", self.network);
+        Err(RunError::Video { expected, found: format!("{}x{}", found.0, found.1) })
+    }
+
     /// Measures picture number `taken`, and shows the result.
-    fn take(&mut self, observer: &mut dyn Observer, taken: u64, path: &Path, image: &Image) -> Result<()> {
+    fn take(&mut self, observer: &mut dyn Observer, taken: u64, picture: &Taken) -> Result<()> {
+        let Taken { path, image, number, arrived } = picture;
+        self.check(path, image)?;
         let contact = self.contacts.measure(&image.data)?;
+        let since_arrival = arrived.map(|arrived| arrived.elapsed());
+        since_arrival.inspect(|&latency| self.arrival.record(latency));
         let update_us = microseconds(self.contacts.take_update());
         let baseline = self.baseline.as_mut().map(|baseline| baseline.measure(&image.data)).transpose()?;
         let picture = Picture {
@@ -158,12 +245,15 @@ impl Measure {
         };
         let overlays = self.overlays.as_mut();
         let overlay = overlays.map(|overlays| overlays.write(path, image, &picture)).transpose()?;
+        let name = number.is_none().then(|| path.display().to_string());
         let prediction = PicturePrediction {
-            image: &path.display().to_string(),
+            image: name.as_deref(),
+            picture: *number,
             contact,
             baseline,
             overlay: overlay.as_deref(),
             update_us,
+            since_arrival_us: since_arrival.map(microseconds),
             taken,
         };
         observer.prediction(&Prediction::Picture(prediction)).map_err(RunError::Output)

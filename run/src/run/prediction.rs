@@ -123,8 +123,12 @@ pub struct ElectrodePrediction<'a> {
 #[non_exhaustive]
 #[expect(missing_docs, reason = "the keys of the JSON report")]
 pub struct PicturePrediction<'a> {
-    /// Path of the picture.
-    pub image: &'a str,
+    /// Path of the picture, if it is a file.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub image: Option<&'a str>,
+    /// Number of the picture in a video, from 0; late pictures count.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub picture: Option<u64>,
     #[serde(flatten)]
     pub contact: ContactReport,
     /// The contact by plain differences to a reference picture, if there is one.
@@ -133,6 +137,9 @@ pub struct PicturePrediction<'a> {
     pub overlay: Option<&'a str>,
     /// Microseconds spent since the last prediction.
     pub update_us: f64,
+    /// Microseconds from the arrival of the picture's last byte on a stream to its prediction.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub since_arrival_us: Option<f64>,
     /// Pictures taken so far.
     #[serde(skip)]
     pub taken: u64,

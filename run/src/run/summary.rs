@@ -107,12 +107,13 @@ pub struct FrameSummary {
     pub warnings: Vec<LossWarning>,
     pub frames: u64,
     pub predictions: u64,
-    /// Times of making a frame, of pushes, of predictions, and of decisions over electrodes.
+    /// Times of making a frame, of pushes, of predictions, of decisions over electrodes, and from the
+    /// arrival of a video's picture to its prediction.
     pub latency_us: Latencies,
     /// Frames divided by the time for making them, pushing them and predicting.
     pub frames_per_s: Option<f64>,
     /// Stream time of the input divided by the same time: from 1 on the network keeps up with the
-    /// recording in the mean; `None` for pictures, which have no time.
+    /// recording in the mean; `None` for pictures, which have no time, unless a video has a rate.
     pub real_time: Option<f64>,
     /// Predictions with a value outside the range of the training, if the weights state it.
     pub outside_training: Option<u64>,
@@ -135,6 +136,20 @@ pub enum InputCounts {
         /// Pictures read.
         pictures: u64,
     },
+    /// Counts of the pictures of a video.
+    Video(VideoCounts),
+}
+
+/// Counts of the pictures of a raw video.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[non_exhaustive]
+pub struct VideoCounts {
+    /// Whole pictures, without those that waited at the end.
+    pub pictures: u64,
+    /// Those of them that were dropped: a newer one was there when they could have been taken.
+    pub pictures_late: u64,
+    /// Bytes after the last whole picture.
+    pub bytes_left_out: u64,
 }
 
 /// Counts of the events that frames are made of.
