@@ -268,6 +268,8 @@ fn a_video_is_read_over_tcp() {
 #[cfg(unix)]
 #[test]
 fn a_signal_ends_a_video_with_its_summary() {
+    use std::fs::OpenOptions;
+
     let network = of_differences();
     for (format, name) in [("8x6", "INT"), ("8x6@25", "INT"), ("8x6@25", "TERM")] {
         let arguments = run(&network, "-", format, &[]);
@@ -283,6 +285,16 @@ fn a_signal_ends_a_video_with_its_summary() {
         let summary = running.end();
         assert_eq!((&summary["pictures"], &summary["bytes_left_out"]), (&2.into(), &0.into()), "{name}");
     }
+    // A file may be a pipe, too: a camera.
+    let path = network.path("camera");
+    assert!(Command::new("mkfifo").arg(&path).status().expect("there is such a program").success());
+    let arguments = run(&network, argument(&path), "8x6@25", &[]);
+    let mut running = crate::signals::Running::new(&arguments.iter().map(String::as_str).collect::<Vec<_>>());
+    let mut camera = OpenOptions::new().write(true).open(&path).expect("the program reads");
+    camera.write_all(&picture(0)).expect("the program reads");
+    assert!(running.line()["since_arrival_us"].is_number());
+    running.signal("INT");
+    assert_eq!(running.end()["pictures"], 1);
 }
 
 /// The camera is not kept waiting by whoever reads the predictions, and nothing piles up.

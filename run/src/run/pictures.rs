@@ -99,14 +99,15 @@ impl PictureRun {
         path: &Path,
         options: &PictureOptions,
     ) -> Result<Self> {
-        interrupt::listen();
         let limit = usize::try_from(options.limit.unwrap_or(u64::MAX)).unwrap_or(usize::MAX);
         let (source, measure) = if let Some(video) = options.video {
             let measure = Measure::new(model, frame_options, options, &[])?;
             measure.check_video(video)?;
-            let period = video.period();
-            (Source::Video { video: Video::open(path, video, limit)?, period }, measure)
+            let source = Source::Video { video: Video::open(path, video, limit)?, period: video.period() };
+            interrupt::listen();
+            (source, measure)
         } else {
+            interrupt::listen();
             let mut pictures = ImageSequence::open(path)?;
             let count = pictures.len() as u64;
             let paths = &pictures.paths()[..pictures.len().min(limit)];
