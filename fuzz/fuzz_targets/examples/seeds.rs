@@ -186,7 +186,20 @@ fn pictures() -> io::Result<()> {
     put("jpeg", "partial-blocks", &images::jpeg(9, 3, &[[10, 128, 128], [20, 90, 200]]))?;
     put("png", "grey16", &images::png(1, 2, 16, 0, &[0, 1, 2, 1, 3, 4]))?;
     put("png", "alpha", &images::png(1, 1, 8, 6, &[0, 1, 2, 3, 4]))?;
-    put("pnm", "comment", b"P5# a\n2 # b\n1\n7\n\x01\x07")
+    put("pnm", "comment", b"P5# a\n2 # b\n1\n7\n\x01\x07")?;
+    // Width, height, shift of both and pixels stand before the pictures.
+    let pictures: Vec<u8> = (0..60).collect();
+    for (name, format, length) in [
+        ("rgb", [2, 3, 0, 0], 54),
+        ("bgr", [1, 1, 0, 1], 6),
+        ("grey", [2, 2, 1, 2], 48),
+        ("rest", [3, 2, 0, 0], 20),
+        ("none", [0, 3, 0, 0], 9),
+        ("huge", [255, 255, 55, 0], 9),
+    ] {
+        put("video", name, &[&format[..], &pictures[..length]].concat())?;
+    }
+    Ok(())
 }
 
 fn weights() -> io::Result<()> {

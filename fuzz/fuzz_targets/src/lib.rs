@@ -15,7 +15,7 @@ use c_interface::c_interface;
 use descriptions::description;
 use meissner_io::Format;
 use oracle::{graph, interleavings};
-use recordings::{any_recording, convert, csv, electrodes, image, raw, recording};
+use recordings::{any_recording, convert, csv, electrodes, image, raw, recording, video};
 use snapshots::{frame_snapshot, snapshot};
 use weights::{pickle, weights};
 
@@ -42,7 +42,7 @@ pub struct Target {
 }
 
 /// All targets.
-pub const TARGETS: [Target; 28] = [
+pub const TARGETS: [Target; 29] = [
     Target { name: "aedat4", run: |bytes| recording(Format::Aedat4, bytes) },
     Target { name: "aedat3", run: |bytes| recording(Format::Aedat3, bytes) },
     Target { name: "aedat2", run: |bytes| recording(Format::Aedat2, bytes) },
@@ -62,6 +62,7 @@ pub const TARGETS: [Target; 28] = [
     Target { name: "png", run: image },
     Target { name: "jpeg", run: image },
     Target { name: "pnm", run: image },
+    Target { name: "video", run: video },
     Target { name: "safetensors", run: weights },
     Target { name: "torch", run: weights },
     Target { name: "pickle", run: pickle },

@@ -6,8 +6,9 @@ use std::io::BufReader;
 use meissner_engine::{Event, Sensor};
 use meissner_io::limits::{EXPANSION, IMAGE_PIXELS, PACKET_BYTES};
 use meissner_io::{
-    CsvEvents, ElectrodeSettings, Electrodes, Format, Image, IoError, LiveEvents, ReadOptions, Recording,
-    StreamKind, TextOptions, TimeUnit, decode, decode_image, decode_with, encode, encode_png,
+    CsvEvents, ElectrodeSettings, Electrodes, Format, Image, IoError, LiveEvents, PixelFormat, RawVideo,
+    ReadOptions, Recording, StreamKind, TextOptions, TimeUnit, VideoFormat, decode, decode_image,
+    decode_with, encode, encode_png,
 };
 
 use crate::Verdict;
@@ -231,6 +232,36 @@ pub(crate) fn electrodes(bytes: &[u8]) -> Verdict {
     // Times may be infinite in seconds where they are finite in their unit.
     assert_eq!(format!("{:?}", (&delivered, refused, warnings)), format!("{:?}", read(5)));
     if refused == 0 { Verdict::Accepted } else { Verdict::Refused }
+}
+
+/// Raw video, whose first four bytes choose its size and pixels: its whole pictures and one error
+/// about a rest, in pieces of any length.
+///
+/// # Panics
+/// If a promise is broken.
+pub(crate) fn video(bytes: &[u8]) -> Verdict {
+    let &[width, height, shift, pixels, ref bytes @ ..] = bytes else { return Verdict::Refused };
+    let [width, height] = [width, height].map(|side| u64::from(side) << (shift % 56));
+    let pixels = [PixelFormat::Rgb24, PixelFormat::Bgr24, PixelFormat::Gray8][usize::from(pixels % 3)];
+    let format = match VideoFormat::new(width, height, pixels) {
+        Ok(format) => format,
+        Err(error) => {
+            assert!(error.to_string().contains("expected"), "{error}");
+            return Verdict::Refused;
+        }
+    };
+    assert!((1..=IMAGE_PIXELS).contains(&(width * height)));
+    let items = |capacity| -> Vec<Result<Image, String>> {
+        let items = RawVideo::new(BufReader::with_capacity(capacity, bytes), format);
+        items.map(|item| item.map_err(|error| error.to_string())).collect()
+    };
+    let found = items(1 << 16);
+    assert_eq!(items(1), found);
+    let (whole, rest) = (bytes.len() / format.bytes(), bytes.len() % format.bytes());
+    let images: Vec<_> = found.iter().map_while(|item| item.as_ref().ok()).collect();
+    assert!(images.len() == whole && found.len() == whole + usize::from(rest > 0 || whole == 0));
+    assert!(images.iter().all(|image| image.data.len() as u64 == width * height * Image::CHANNELS as u64));
+    if found.len() == whole { Verdict::Accepted } else { Verdict::Refused }
 }
 
 /// PNG, JPEG and PNM.
