@@ -7,9 +7,9 @@
 //! | JPEG, baseline and progressive | yes | |
 //!
 //! The format is found from the content; a raw video ([`RawVideo`]) has none, and its caller knows
-//! it. Grey is repeated in the three channels; alpha is dropped,
-//! not blended. A sample v of the range 0..=m becomes round(255 v / m). Gamma, colour profiles and
-//! the camera's orientation are ignored.
+//! it. Grey is repeated in the three channels; alpha is dropped, not blended. A sample v of the
+//! range 0..=m becomes round(255 v / m). Gamma, colour profiles and the camera's orientation are
+//! ignored.
 //!
 //! Invariant: a file that is cut short or corrupt gives an [`IoError`] with the place; an image of
 //! more than [`crate::limits::IMAGE_PIXELS`] is refused before it is allocated.

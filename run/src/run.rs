@@ -5,10 +5,11 @@
 //! | events, for a network over events | [`EventRun`] |
 //! | events, for a network over frames of events | [`FrameRun`] |
 //! | readings of 24 electrodes | [`ElectrodeRun`] |
-//! | pictures of an optical tactile sensor | [`PictureRun`] |
+//! | pictures of an optical tactile sensor, in files or as raw video | [`PictureRun`] |
 //!
-//! Inputs are taken as fast as they come; of a camera, pictures may be late (see [`VideoOptions`]). The timings cover making frames, pushes, clock advances
-//! and predictions. They do not cover reading and the observer.
+//! Inputs are taken as fast as they come; pictures of a camera may be late (see [`VideoOptions`]).
+//! The timings cover making frames, pushes, clock advances and predictions. They do not cover
+//! reading and the observer.
 //!
 //! The steps at the end of a stream depend on how it ends:
 //!

@@ -107,8 +107,8 @@ pub struct FrameSummary {
     pub warnings: Vec<LossWarning>,
     pub frames: u64,
     pub predictions: u64,
-    /// Times of making a frame, of pushes, of predictions, of decisions over electrodes, and from the
-    /// arrival of a video's picture to its prediction.
+    /// Times of making a frame, of pushes, of predictions, of decisions over electrodes, and from
+    /// the arrival of a video's picture to its prediction.
     pub latency_us: Latencies,
     /// Frames divided by the time for making them, pushing them and predicting.
     pub frames_per_s: Option<f64>,

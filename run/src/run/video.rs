@@ -5,7 +5,7 @@
 //! | input | rate | pictures |
 //! |---|---|---|
 //! | a regular file | any | all, read when they are asked for |
-//! | a stream, a pipe or a device | not given | all; the writer waits while they are not asked for |
+//! | a stream, a pipe or a device | not given | all; the writer waits until they are asked for |
 //! | | given | those that are not late; the writer never waits |
 //!
 //! With a rate, a thread takes each picture off the stream at once. A picture is *late* when it has
