@@ -232,6 +232,8 @@ fn a_video_that_does_not_fit_is_bad_usage() {
     }
     let datagrams = meissner(&run(&network, "udp://127.0.0.1:0", "8x6@25", &[]));
     fails(&datagrams, 2, &["--video", "TCP", "udp://127.0.0.1:0: a picture is longer than a datagram"]);
+    let packets = meissner(&run(&network, "dv://127.0.0.1:1", "8x6@25", &[]));
+    fails(&packets, 2, &["--video", "TCP", "dv://127.0.0.1:1: packets of AEDAT4"]);
     for other in ["force-lstm", "slip-lstm", "graphres"] {
         let output = meissner(&["run", "-", "--network", other, "--video", "8x6"]);
         fails(&output, 2, &["--video", other, "a network over pictures"]);

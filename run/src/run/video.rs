@@ -93,14 +93,17 @@ impl Video {
     /// Opens the file or stream at `path`, of which the first `limit` pictures are to be taken.
     ///
     /// # Errors
-    /// It cannot be opened, or is one of datagrams.
+    /// It cannot be opened, or is one of datagrams or packets.
     pub(super) fn open(path: &Path, options: VideoOptions, limit: usize) -> Result<Self> {
         let name = streams::name(path);
-        if streams::is_of_datagrams(path) {
-            return Err(RunError::Video {
-                expected: "a file, standard input or TCP".to_owned(),
-                found: format!("{name}: a picture is longer than a datagram"),
-            });
+        let problem = if streams::is_of_datagrams(path) {
+            Some("a picture is longer than a datagram")
+        } else {
+            streams::is_of_packets(path).then_some("packets of AEDAT4 are no raw video")
+        };
+        if let Some(problem) = problem {
+            let expected = "a file, standard input or TCP".to_owned();
+            return Err(RunError::Video { expected, found: format!("{name}: {problem}") });
         }
         let input = if streams::is_live(path) {
             streams::open(path)?
