@@ -1,6 +1,6 @@
 //! Sends a recording to another program, each event when it is due, as a sensor would.
 //!
-//! Enters: events, and the name of a stream ([`crate::streams`]). Leaves: lines of text, records, or
+//! Enters: events, and the name of a stream ([`crate::streams`]). Leaves: lines of text, records or
 //! packets of AEDAT4 ([`meissner_io::LiveEvents`]). An event whose time steps back is sent with the
 //! one before.
 

@@ -8,7 +8,7 @@
 //! | `tcp://HOST:PORT` | a connection to a server |
 //! | `tcp-listen://HOST:PORT` | the first connection of a client |
 //! | `udp://HOST:PORT` | datagrams to this address |
-//! | `dv://HOST:PORT`, `dv-listen://HOST:PORT` | the same as `tcp`, packets of AEDAT4 as `dv-processing` sends them |
+//! | `dv://HOST:PORT`, `dv-listen://HOST:PORT` | as `tcp`, with packets of `dv-processing` |
 //! | `dv:///PATH`, `dv-listen:///PATH` | the same over a local socket |
 //!
 //! A datagram has whole lines or records, and an empty one ends the stream. What is not whole is
