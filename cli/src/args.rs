@@ -140,7 +140,7 @@ pub(crate) struct ReadArgs {
     /// has this size.
     #[arg(long, value_name = "NAME", help_heading = INPUT)]
     pub(crate) chip: Option<Chip>,
-    /// Which stream of events of AEDAT 3 or 4 is read, counted from 1 [default: 1].
+    /// Which stream of events of AEDAT or MCAP is read, counted from 1 [default: 1].
     #[arg(long, value_name = "N", help_heading = INPUT)]
     pub(crate) stream: Option<NonZeroU16>,
     /// How long to try to connect again after a cut [default: 5s for dv://].
@@ -187,8 +187,8 @@ impl PartArgs {
 pub(crate) struct Input {
     /// Recording, or - for standard input [default: a small built-in recording].
     ///
-    /// Events: AEDAT 2, 3.1 or 4, EVT2, EVT2.1, EVT3, DAT, Event Stream (.es), N-MNIST, CSV or npy,
-    /// also inside gzip, or alone in a zip archive. The built-in recording is a simulated press and
+    /// Events: AEDAT 2, 3.1 or 4, EVT2, EVT2.1, EVT3, DAT, Event Stream (.es), N-MNIST, CSV, npy or
+    /// MCAP of ROS 2, also inside gzip, or alone in a zip archive. The built-in recording is a simulated press and
     /// release; `meissner run` without any option compares its true angles with the predicted ones.
     ///
     /// Live events: - for standard input, tcp://HOST:PORT, tcp-listen://HOST:PORT or
@@ -197,8 +197,8 @@ pub(crate) struct Input {
     /// dv:///PATH for a local socket, is a stream of dv-processing (its NetworkWriter).
     ///
     /// Electrodes: CSV with a column for each of the 24 electrodes, also live. Pictures: a PNG,
-    /// JPEG, PPM or PGM file, a folder of them, a text file with one path per line, or raw video,
-    /// also live (--video).
+    /// JPEG, PPM or PGM file, a folder of them, a text file with one path per line, MCAP, or raw
+    /// video, also live (--video).
     #[arg(value_name = "INPUT")]
     pub(crate) recording: Option<PathBuf>,
     /// Read at most N events of the recording.

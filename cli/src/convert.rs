@@ -34,7 +34,7 @@ pub(crate) struct ConvertArgs {
     part: PartArgs,
     /// Format to write [default: from the extension of OUT].
     ///
-    /// The extensions are .aedat4, .csv, .npy, .dat, .es, .evt3 and .raw (EVT3).
+    /// The extensions are .aedat4, .csv, .npy, .dat, .es, .mcap, .evt3 and .raw (EVT3).
     #[arg(long, value_name = "FORMAT", value_parser = choice(FORMATS), help_heading = OUTPUT)]
     to: Option<Format>,
 }
@@ -47,6 +47,7 @@ const FORMATS: &[(&str, &str, Format)] = &[
     ("dat", "Prophesee DAT, version 2", Format::Dat),
     ("evt3", "Prophesee EVT 3.0", Format::Evt3),
     ("es", "Event Stream 2, with a sensor", Format::Es),
+    ("mcap", "MCAP with packets of ROS 2, with a sensor", Format::Mcap),
 ];
 
 /// Reads and writes the recording, and reports the parts that the new format does not have.

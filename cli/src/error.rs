@@ -22,7 +22,7 @@ pub(crate) enum CliError {
     #[error(transparent)]
     Run(Box<RunError>),
     /// The requested format, given by name or by extension, cannot be written.
-    #[error("{0}; choose one with --to aedat4|csv|npy|dat|evt3|es")]
+    #[error("{0}; choose one with --to aedat4|csv|npy|dat|evt3|es|mcap")]
     NotWritable(String),
     /// An argument does not fit the input, the network or other arguments.
     #[error("{subject}: expected {expected}, found {found}")]

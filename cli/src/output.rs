@@ -3,6 +3,9 @@
 use std::io::{self, BufWriter, Stdout, Write, stdout};
 use std::path::{Path, PathBuf};
 
+use meissner_engine::Sensor;
+use meissner_run::mcap::McapLog;
+use meissner_run::provenance::ModelCard;
 use meissner_run::{RunError, interrupt};
 use serde::Serialize;
 
@@ -39,6 +42,42 @@ impl OutArgs {
     /// Writes the file, unless `content` is an error.
     pub(crate) fn write(&self, content: impl AsRef<[u8]>) -> Result<(), CliError> {
         write(&self.out, content)
+    }
+}
+
+/// The log of a run, for viewers.
+#[derive(Debug, clap::Args)]
+pub(crate) struct LogArgs {
+    /// Also write events and predictions to this file, for viewers (MCAP).
+    ///
+    /// Foxglove and Lichtblick open it: pictures of the events (/events/image), predictions that
+    /// can be plotted (/prediction), their times (/latency), and where it is known the truth
+    /// (/truth). /events has the events themselves as packets of ROS 2, which this program reads
+    /// too.
+    ///
+    /// The file is readable at any time, up to a second before. If it cannot be written any more,
+    /// the run goes on, and ends with an error.
+    #[arg(long, value_name = "FILE", help_heading = OUTPUT)]
+    pub(crate) mcap: Option<PathBuf>,
+    #[command(flatten)]
+    force: Force,
+}
+
+impl LogArgs {
+    /// Checks before the work that the file can be written.
+    pub(crate) fn check(&self) -> Result<(), CliError> {
+        self.mcap.as_deref().map_or(Ok(()), |path| check_result(path, self.force))
+    }
+
+    /// Begins the log of a network over inputs with these `sensors`, if that was asked for.
+    pub(crate) fn begin(
+        &self,
+        card: &ModelCard,
+        sensors: &[Sensor],
+        is_press: bool,
+    ) -> Result<Option<McapLog>, CliError> {
+        let log = self.mcap.as_deref().map(|path| McapLog::create(path, card, sensors, is_press));
+        Ok(log.transpose()?)
     }
 }
 

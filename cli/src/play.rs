@@ -8,6 +8,7 @@ use std::time::Duration;
 use meissner_engine::filters::{BackgroundActivity, Chain, Filter, RateLimit, Refractory};
 use meissner_engine::{EngineError, Sensor};
 use meissner_live::{Overload, QueueOptions, cores};
+use meissner_run::mcap;
 use meissner_run::play::{Play, PlayInput, PlayOptions};
 use meissner_run::provenance::{InputCard, ModelCard};
 use meissner_run::streams;
@@ -16,6 +17,7 @@ use meissner_run::text::span_us;
 use crate::args::{INPUT, Input, JsonArgs, PREDICTIONS, QUEUE, REUSES, length, period, speed};
 use crate::error::CliError;
 use crate::given::Given;
+use crate::output::LogArgs;
 use crate::report::{About, Report, TableKind};
 
 /// Plays the recordings as `args` say, and writes the reports to standard output.
@@ -30,6 +32,7 @@ pub(crate) fn play(args: &PlayArgs, given: &Given) -> Result<(), CliError> {
         InputCard::events(&source.name, &source.format, *sensor, source.recorded())
     });
     let cards = cards.collect();
+    let sensors: Vec<_> = inputs.iter().map(|input| input.sensor).collect();
     let policy = inputs[0].overload.name().replace('_', " ");
     let play = Play::new(&model, inputs, args.options())?;
     let about = About {
@@ -43,8 +46,10 @@ pub(crate) fn play(args: &PlayArgs, given: &Given) -> Result<(), CliError> {
         table: TableKind::Reports,
         total: play.reports(),
     };
+    let log = args.log.begin(&model.card, &sensors, args.input.recording.is_none() && sensors.len() == 1)?;
     let mut report = Report::begin(about)?;
-    let mut ended = play.run(&mut report)?;
+    let (ended, logged) = mcap::observe(log, &mut report, |observer| play.run(observer));
+    let mut ended = ended?;
     if let [Err(_)] = ended[..]
         && let Some(Err(error)) = ended.pop()
     {
@@ -56,12 +61,13 @@ pub(crate) fn play(args: &PlayArgs, given: &Given) -> Result<(), CliError> {
             return Err(CliError::NotEqual);
         }
     }
-    Ok(())
+    Ok(logged?)
 }
 
 /// Refuses cores that are not there, streams among several inputs, and approximations that
 /// `--verify` cannot check.
 fn check(args: &PlayArgs, given: &Given) -> Result<(), CliError> {
+    args.log.check()?;
     let there = cores();
     if let Some(core) = args.pin.iter().find(|core| !there.contains(core)) {
         return Err(CliError::usage("--pin", &format!("cores of {there:?}"), &core.to_string()));
@@ -182,6 +188,8 @@ pub(crate) struct PlayArgs {
     pub(crate) verify: bool,
     #[command(flatten)]
     pub(crate) format: JsonArgs,
+    #[command(flatten)]
+    pub(crate) log: LogArgs,
 }
 
 /// An overload policy, before the sensor is known.

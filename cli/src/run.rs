@@ -7,11 +7,12 @@ mod press;
 use meissner_engine::Sensor;
 use meissner_models::systems::slip::DecisionFilter;
 use meissner_run::interrupt;
+use meissner_run::mcap::{self, McapLog};
 use meissner_run::model::{FrameModel, describe_any};
 use meissner_run::predictor::Mode;
 use meissner_run::provenance::{InputCard, ModelCard};
 use meissner_run::run::{
-    ElectrodeOptions, ElectrodeRun, Ended, EventRun, FrameRun, PictureOptions, PictureRun,
+    ElectrodeOptions, ElectrodeRun, Ended, EventRun, FrameRun, Observer, PictureOptions, PictureRun,
 };
 use meissner_run::source::Source;
 use meissner_run::streams;
@@ -66,6 +67,7 @@ fn run_events(args: &RunArgs, given: &Given) -> Result<(), CliError> {
     let model = args.input.model()?;
     RunArgs::check_stride(given, &model.card)?;
     let (source, sensor, input) = open(args, &model.card)?;
+    let log = args.begin_log(&model.card, sensor)?;
     let run = EventRun::new(&model, source, sensor, args.options()?).map_err(|error| args.refused(error))?;
     let mode = match args.mode {
         Mode::Incremental if args.threads.are_two() => "incremental, two threads",
@@ -74,17 +76,19 @@ fn run_events(args: &RunArgs, given: &Given) -> Result<(), CliError> {
     };
     let stream = (run.source().is_live(), run.total());
     let about = args.about(TableKind::Events, input, (&model.card, mode.to_owned()), stream);
-    report(about, |report| run.run(report))
+    report(about, log, |report| run.run(report))
 }
 
 /// Runs a network over frames of events.
 fn run_frames(args: &RunArgs, model: &FrameModel) -> Result<(), CliError> {
     let (source, sensor, input) = open(args, &model.card)?;
     let options = args.frame_options(true);
+    let log = args.begin_log(&model.card, sensor)?;
     let run = FrameRun::new(model, options, source, sensor, args.options()?);
     let run = run.map_err(|error| args.refused(error))?;
     let stream = (run.source().is_live(), run.total());
-    report(args.about_frames(TableKind::Frames, input, (model, options), stream), |report| run.run(report))
+    let about = args.about_frames(TableKind::Frames, input, (model, options), stream);
+    report(about, log, |report| run.run(report))
 }
 
 /// Runs a network over electrodes.
@@ -105,7 +109,7 @@ fn run_electrodes(args: &RunArgs, given: &Given, model: &FrameModel) -> Result<(
     let input = InputCard::other(run.name(), "CSV of 24 electrodes, 100 readings a second");
     let stream = (run.is_live(), None);
     let about = args.about_frames(TableKind::Electrodes, input, (model, frame_options), stream);
-    report(about, |report| run.run(report))
+    report(about, None, |report| run.run(report))
 }
 
 /// Runs a network over pictures.
@@ -131,7 +135,7 @@ fn run_pictures(args: &RunArgs, model: &FrameModel) -> Result<(), CliError> {
     let table = TableKind::Pictures(options.reference.is_some());
     // Each picture is shown as soon as it is measured, even if there are thousands.
     let about = args.about_frames(table, input, (model, frame_options), (true, None));
-    report(about, |report| run.run(report))
+    report(about, None, |report| run.run(report))
 }
 
 /// Opens the events of the input.
@@ -143,9 +147,14 @@ fn open(args: &RunArgs, card: &ModelCard) -> Result<(Source, Sensor, InputCard),
     Ok((source, sensor, input))
 }
 
-/// Runs, and writes the predictions and the summary.
-fn report(about: About<'_>, run: impl FnOnce(&mut Report) -> Ended) -> Result<(), CliError> {
+/// Runs, and writes the predictions and the summary, the former to `log` too.
+fn report(
+    about: About<'_>,
+    log: Option<McapLog>,
+    run: impl FnOnce(&mut dyn Observer) -> Ended,
+) -> Result<(), CliError> {
     let mut report = Report::begin(about)?;
-    let ended = run(&mut report);
-    report.end(ended)
+    let (ended, logged) = mcap::observe(log, &mut report, run);
+    report.end(ended)?;
+    Ok(logged?)
 }

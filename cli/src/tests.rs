@@ -131,6 +131,7 @@ const HEADINGS: &[(&str, &[&str])] = &[
             "svg",
             "dot",
             "logits",
+            "mcap",
             "out",
             "to",
             "failure",

@@ -19,7 +19,7 @@
 //! after a block). Frames are not decompressed.
 
 pub(crate) mod header;
-mod packet;
+pub(crate) mod packet;
 pub(crate) mod stream;
 pub(crate) mod write;
 

@@ -20,7 +20,7 @@ use crate::recording::{Capacity, Recording, Salvage};
 use crate::seek::records::whole;
 use crate::seek::{self, TimeRange};
 use crate::text::text_start;
-use crate::{aedat2, aedat3, aedat4, dat, es, evt2, evt3, nmnist, npy};
+use crate::{aedat2, aedat3, aedat4, dat, es, evt2, evt3, mcap, nmnist, npy};
 
 /// Reads the recording in the file at `path`, in any format; the file name has no influence.
 ///
@@ -194,7 +194,7 @@ fn decode_bytes(content: Cow<'_, [u8]>, options: ReadOptions) -> Result<Recordin
             error => Err(error),
         })?,
     };
-    if !matches!(found, Format::Aedat4 | Format::Aedat3) && options.stream_number() > 1 {
+    if !matches!(found, Format::Aedat4 | Format::Aedat3 | Format::Mcap) && options.stream_number() > 1 {
         return Err(no_stream(options.stream_number(), 1));
     }
     match found {
@@ -208,6 +208,7 @@ fn decode_bytes(content: Cow<'_, [u8]>, options: ReadOptions) -> Result<Recordin
         Format::Nmnist => nmnist::decode(bytes, options),
         Format::Csv => csv::decode(bytes, options),
         Format::Npy => npy::decode(bytes, options),
+        Format::Mcap => mcap::decode(bytes, options),
         #[cfg(feature = "hdf5")]
         Format::Hdf5 => hdf5::decode(content.into_owned(), options),
         #[cfg(not(feature = "hdf5"))]
@@ -266,10 +267,11 @@ pub fn write(path: &Path, format: Format, sensor: Option<Sensor>, events: &[Even
 
 /// Writes `events` to `out`, with the sensor in the header (`.npy` has no place for it).
 ///
-/// CSV and npy hold every event. AEDAT4 needs a sensor and holds coordinates below 32768. DAT holds times from 0 to 2^32 - 1 microseconds and coordinates
-/// below 16384; EVT3 holds times from 0 to 2^40 - 1 and coordinates below 2048. Both hold steps
+/// CSV and npy hold every event. AEDAT4 needs a sensor and holds coordinates below 32768. DAT holds
+/// times from 0 to 2^32 - 1 microseconds and coordinates below 16384; EVT3 holds times from 0 to 2^40 - 1 and coordinates below 2048. Both hold steps
 /// back in time unless they look like a wrap of the clock. ES needs a sensor and holds ascending
-/// times from 0 to 2^33 - 1 (2.4 hours). `out` is written in small pieces: buffer it.
+/// times from 0 to 2^33 - 1 (2.4 hours). MCAP needs a sensor and holds times from 0 to 2^64 - 1
+/// nanoseconds and coordinates below 32768. `out` is written in small pieces: buffer it.
 ///
 /// # Errors
 /// Before anything is written: [`IoError::CannotHold`] names the first event that the format cannot
@@ -297,14 +299,15 @@ fn check(format: Format, sensor: Option<Sensor>, events: &[Event]) -> Result<(),
         Format::Csv | Format::Npy => Capacity::UNLIMITED,
         Format::Dat => dat::CAPACITY,
         Format::Evt3 => evt3::CAPACITY,
-        Format::Aedat4 | Format::Es if sensor.is_none() => {
-            let expected = "a sensor, which a file of AEDAT4 or ES must name";
+        Format::Aedat4 | Format::Es | Format::Mcap if sensor.is_none() => {
+            let expected = "a sensor, which a file of AEDAT4, ES or MCAP must name";
             return Err(IoError::Unsupported { expected, actual: "none".to_owned() });
         }
         Format::Aedat4 => aedat4::write::CAPACITY,
         Format::Es => es::CAPACITY,
+        Format::Mcap => mcap::write::CAPACITY,
         Format::Aedat3 | Format::Aedat2 | Format::Evt2 | Format::Evt21 | Format::Nmnist | Format::Hdf5 => {
-            let expected = "AEDAT4, CSV, npy, DAT, EVT3 or ES to be written";
+            let expected = "AEDAT4, CSV, npy, DAT, EVT3, ES or MCAP to be written";
             return Err(IoError::Unsupported { expected, actual: format.to_string() });
         }
     };
@@ -320,6 +323,7 @@ fn put(format: Format, sensor: Option<Sensor>, events: &[Event], out: &mut impl 
         (Format::Evt3, _) => evt3::encode(sensor, events, out),
         (Format::Aedat4, Some(sensor)) => aedat4::write::encode(sensor, events, out),
         (Format::Es, Some(sensor)) => es::encode(sensor, events, out),
+        (Format::Mcap, Some(sensor)) => mcap::write::encode(sensor, events, out),
         _ => unreachable!("refused by check"),
     }
 }

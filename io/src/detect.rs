@@ -26,6 +26,7 @@ const MARKS: &[(&[u8], Format)] = &[
     (aedat2::MAGIC, Format::Aedat2),
     (es::MAGIC, Format::Es),
     (npy::MAGIC, Format::Npy),
+    (b"\x89MCAP", Format::Mcap),
     #[cfg(feature = "hdf5")]
     (hdf5::MAGIC, Format::Hdf5),
 ];
@@ -106,7 +107,7 @@ pub(crate) fn format_of(bytes: &[u8]) -> Result<Format, IoError> {
         return Err(IoError::Unsupported { expected: "EVT 2.0, 2.1 or 3.0", actual });
     }
     let (length, start) = (bytes.len() as u64, shown(&bytes[..bytes.len().min(16)]));
-    let expected = "AEDAT 2 to 4, EVT2, EVT2.1, EVT3, DAT, ES, N-MNIST, CSV or npy";
+    let expected = "AEDAT 2 to 4, EVT2, EVT2.1, EVT3, DAT, ES, N-MNIST, CSV, npy or MCAP";
     Err(IoError::UnknownFormat { what: "format", expected, length, start })
 }
 
@@ -145,11 +146,6 @@ const FOREIGN: &[(&[u8], &str, &str)] = &[
         b"#ROSBAG",
         "a ROS bag",
         "write the events of its dvs_msgs topic as text, such as t x y p, with Python's rosbags or rosbag",
-    ),
-    (
-        b"\x89MCAP",
-        "MCAP",
-        "write the events of its topic as text, such as t x y p, with Python's mcap or rosbags",
     ),
     (
         b"SQLite format 3\0",

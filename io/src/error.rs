@@ -178,9 +178,7 @@ pub enum IoError {
         actual: String,
     },
     /// Pixels to be written do not have the image's size.
-    #[error(
-        "expected {expected} bytes of RGB for {width}x{height} pixels (each side at least 1), found {actual}"
-    )]
+    #[error("expected {expected} bytes for {width}x{height} pixels (each side at least 1), found {actual}")]
     Buffer { width: usize, height: usize, expected: u64, actual: u64 },
 }
 

@@ -38,7 +38,7 @@ use meissner_engine::{Event, Sensor};
 use crate::bytes::Bytes;
 use crate::error::IoError;
 use crate::format::Format;
-use crate::left_out::{LeftOutKind, PassedOver};
+use crate::left_out::{LeftOut, LeftOutKind, PassedOver};
 use crate::options::ReadOptions;
 use crate::prophesee::{Header, WrappingClock};
 use crate::recording::{Capacity, Recording, StreamKind, StreamSummary};
@@ -81,9 +81,7 @@ pub(crate) fn decode(bytes: &[u8], options: ReadOptions) -> Result<Recording, Io
     for (word, at) in words.iter().zip((header.end..).step_by(2)) {
         decoder.push(file, u16::from_le_bytes(*word), at)?;
     }
-    let Decoder { events, triggers, vendor, unplaced, passed, .. } = decoder;
-    let other_streams = StreamSummary::present([triggers, vendor, unplaced]);
-    let left_out = passed.end();
+    let (events, other_streams, left_out) = decoder.end();
     Ok(Recording { other_streams, left_out, salvaged, ..Recording::of_events(format, sensor, events) })
 }
 
@@ -159,6 +157,12 @@ impl Decoder {
     /// Events without a time, a row or a base column so far.
     pub(crate) fn unplaced_events(&self) -> u64 {
         self.unplaced.elements
+    }
+
+    /// The events, what else there was, and what was left out.
+    pub(crate) fn end(self) -> (Vec<Event>, Vec<StreamSummary>, Vec<LeftOut>) {
+        let Self { events, triggers, vendor, unplaced, passed, .. } = self;
+        (events, StreamSummary::present([triggers, vendor, unplaced]), passed.end())
     }
 
     /// Takes the word at byte `at` of `file`.

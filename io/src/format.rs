@@ -75,11 +75,13 @@ pub enum Format {
     Npy,
     /// HDF5 of DSEC and Prophesee (`.h5`, `.hdf5`); read where this crate has its feature `hdf5`.
     Hdf5,
+    /// The container of ROS 2 and Foxglove, with packets of events (`.mcap`).
+    Mcap,
 }
 
 impl Format {
     /// Every format, in the order of the documentation.
-    pub const ALL: [Self; 12] = [
+    pub const ALL: [Self; 13] = [
         Self::Aedat4,
         Self::Aedat3,
         Self::Aedat2,
@@ -92,6 +94,7 @@ impl Format {
         Self::Csv,
         Self::Npy,
         Self::Hdf5,
+        Self::Mcap,
     ];
 
     /// The name for people.
@@ -114,6 +117,7 @@ impl Format {
             Self::Csv => ["CSV", "csv", "csv"],
             Self::Npy => ["npy", "npy", "npy"],
             Self::Hdf5 => ["HDF5", "hdf5", "h5"],
+            Self::Mcap => ["MCAP", "mcap", "mcap"],
         }
     }
 
@@ -132,7 +136,7 @@ impl Format {
             "nmnist" => None,
             lower => Self::ALL.into_iter().find(|format| format.names()[1..].contains(&lower)),
         };
-        let expected = "aedat4, aedat, evt2, evt21, evt3, raw, dat, es, bin, csv, npy, h5 or hdf5";
+        let expected = "aedat4, aedat, evt2, evt21, evt3, raw, dat, es, bin, csv, npy, h5, hdf5 or mcap";
         found.ok_or_else(|| UnknownName::new("file extension", expected, extension))
     }
 
@@ -143,7 +147,10 @@ impl Format {
 
     /// Whether [`crate::encode`] can write it.
     pub fn is_writable(self) -> bool {
-        matches!(self, Self::Aedat4 | Self::Csv | Self::Npy | Self::Dat | Self::Evt3 | Self::Es)
+        matches!(
+            self,
+            Self::Aedat4 | Self::Csv | Self::Npy | Self::Dat | Self::Evt3 | Self::Es | Self::Mcap
+        )
     }
 }
 
@@ -157,11 +164,12 @@ impl FromStr for Format {
     type Err = UnknownName;
 
     /// The format of this name, in upper or lower case: `aedat4`, `aedat3`, `aedat2`, `evt2`,
-    /// `evt21`, `evt3`, `dat`, `es`, `nmnist` or `n-mnist`, `csv`, `npy`, `hdf5`.
+    /// `evt21`, `evt3`, `dat`, `es`, `nmnist` or `n-mnist`, `csv`, `npy`, `hdf5`,
+    /// `mcap`.
     fn from_str(name: &str) -> Result<Self, UnknownName> {
         let is_named =
             |format: &Self| format.names()[..2].iter().any(|known| name.eq_ignore_ascii_case(known));
-        let expected = "aedat4, aedat3, aedat2, evt2, evt21, evt3, dat, es, nmnist, csv, npy or hdf5";
+        let expected = "aedat4, aedat3, aedat2, evt2, evt21, evt3, dat, es, nmnist, csv, npy, hdf5 or mcap";
         Self::ALL.into_iter().find(is_named).ok_or_else(|| UnknownName::new("format", expected, name))
     }
 }

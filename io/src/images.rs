@@ -27,10 +27,11 @@ use std::vec;
 use crate::bytes::Bytes;
 use crate::error::{IoError, Place, shown};
 use crate::files::entries;
-use crate::format::{ImageFormat, Kind};
+use crate::format::{Format, ImageFormat, Kind};
 use crate::limits::{IMAGE_BYTES, IMAGE_PIXELS};
+use crate::mcap::images::McapImages;
 use crate::text::BYTE_ORDER_MARK;
-pub use png::{encode_png, write_png};
+pub use png::{encode_palette_png, encode_png, write_png};
 pub use video::{PixelFormat, RawVideo, VideoFormat};
 
 /// Reads the image of the file at `path`.
@@ -82,6 +83,8 @@ fn read_bounded(path: &Path) -> Result<Vec<u8>, IoError> {
 #[derive(Clone, Debug)]
 pub struct ImageSequence {
     paths: vec::IntoIter<PathBuf>,
+    /// The pictures of a file of MCAP, whose paths are made of their numbers.
+    within: Option<McapImages>,
     size: Option<(usize, usize)>,
 }
 
@@ -91,6 +94,9 @@ impl ImageSequence {
     /// - a folder: its files with the extension of an image format, in natural order (`img2` before
     ///   `img10`);
     /// - an image (by its content): this image;
+    /// - a file of MCAP: the pictures of its first topic that has any (`sensor_msgs/msg/Image` and
+    ///   `CompressedImage` in CDR, `foxglove.RawImage` and `CompressedImage` in JSON or protobuf),
+    ///   with the paths `FILE/000001.png` and so on, which lead to no files;
     /// - a text: a list of paths, one a line, relative to its folder. Blank lines, lines that start
     ///   with `#`, and spaces around a path are skipped.
     ///
@@ -115,6 +121,11 @@ impl ImageSequence {
             Some(Kind::Picture(_)) => {
                 content.and_then(|_| Self::new(vec![path.to_owned()], path, "this one"))
             }
+            Some(Kind::Events(Format::Mcap)) => {
+                let within = McapImages::open(path).map_err(IoError::content(path))?;
+                let paths = (1..=within.len()).map(|number| path.join(format!("{number:06}.png"))).collect();
+                Ok(Self { within: Some(within), ..Self::new(paths, path, "one in a topic")? })
+            }
             Some(found) => {
                 let expected = "a picture, a folder or a list of them";
                 Err(IoError::content(path)(IoError::OtherKind { expected, found }))
@@ -127,7 +138,7 @@ impl ImageSequence {
         if paths.is_empty() {
             return Err(IoError::unfit(path, format!("at least one image ({expected})"), "none"));
         }
-        Ok(Self { paths: paths.into_iter(), size: None })
+        Ok(Self { paths: paths.into_iter(), within: None, size: None })
     }
 
     /// The paths that were not read yet.
@@ -141,7 +152,11 @@ impl Iterator for ImageSequence {
 
     fn next(&mut self) -> Option<Self::Item> {
         let path = self.paths.next()?;
-        Some(read_image(&path).and_then(|image| {
+        let read = match self.within.as_mut().and_then(McapImages::next) {
+            Some(image) => image.map_err(IoError::content(&path)),
+            None => read_image(&path),
+        };
+        Some(read.and_then(|image| {
             let (expected, found) = (*self.size.get_or_insert(image.size()), image.size());
             if found == expected {
                 return Ok((path, image));
@@ -202,7 +217,7 @@ impl Image {
 }
 
 /// The number of pixels of the image in `file`; an error beyond [`IMAGE_PIXELS`].
-fn pixels(file: Bytes<'_>, width: u64, height: u64) -> Result<usize, IoError> {
+pub(crate) fn pixels(file: Bytes<'_>, width: u64, height: u64) -> Result<usize, IoError> {
     let (limit, actual) = (IMAGE_PIXELS, width.saturating_mul(height));
     if actual > limit {
         let (format, what, place, unit) = (file.format, "image", file.origin, "pixels");

@@ -4,8 +4,8 @@
 //! take it as an argument. A file that is truncated or corrupt gives an [`IoError`] with the place,
 //! the expected and the actual value. It never panics, and never uses more memory than [`limits`]
 //! allows. Odd words, events and lines, such as padding or an event outside the sensor, are left
-//! out and counted in [`Recording::left_out`]; [`ReadOptions::strict`] refuses them. Only AEDAT4
-//! and npy contain their length: any other file that is cut between events is a valid shorter
+//! out and counted in [`Recording::left_out`]; [`ReadOptions::strict`] refuses them. Only AEDAT4,
+//! MCAP and npy contain their length: any other file that is cut between events is a valid shorter
 //! recording. With [`ReadOptions::salvage`], a file that is cut short is read up to the cut, and
 //! [`Recording::salvaged`] describes the rest. Input of another kind ([`Kind`]) is refused by its
 //! name.
@@ -23,6 +23,7 @@
 //! | CSV, other text ([`TextOptions`]), a [stream](LiveEvents) | yes | yes | comment | `csv` |
 //! | `NumPy` structured `.npy` | yes | yes | none | `npy` |
 //! | HDF5 of DSEC and Prophesee (feature `hdf5`) | yes | | Prophesee: `geometry` | `hdf5` |
+//! | MCAP of ROS 2 and Foxglove | yes | yes, by message ([`McapWriter`]) | messages | `mcap` |
 //!
 //! A recording inside a gzip file, or alone of its kind in a zip archive, is unpacked first. With
 //! [`ReadOptions::range`] a part is read by time ([`TimeRange`]); of AEDAT, EVT2, DAT, npy and HDF5
@@ -71,6 +72,7 @@ mod hdf5;
 mod images;
 mod left_out;
 pub mod limits;
+mod mcap;
 mod nmnist;
 mod npy;
 mod options;
@@ -98,9 +100,10 @@ pub use error::{IoError, Place};
 pub use files::{check_replaceable, check_writable, read_file, read_whole, replace_file, write_file};
 pub use format::{EVENT_FIELDS, Foreign, Format, ImageFormat, Kind, UnknownName};
 pub use images::{
-    Image, ImageSequence, PixelFormat, RawVideo, VideoFormat, decode_image, encode_png, read_image, write_png,
+    Image, ImageSequence, PixelFormat, RawVideo, VideoFormat, decode_image, encode_palette_png, encode_png, read_image, write_png,
 };
 pub use left_out::{LeftOut, LeftOutKind, is_mostly_refused};
+pub use mcap::write::McapWriter;
 pub use options::ReadOptions;
 pub use recording::{Recording, Salvage, StreamKind, StreamSummary};
 pub use ros::EventPackets;

@@ -2,9 +2,10 @@
 //!
 //! A recording is held in memory as its bytes, unpacked from gzip or zip, and its events. Every
 //! format except AEDAT4 has a fixed largest number of events per byte (12 events in 2 bytes for
-//! EVT3's vectors), so the length of a file bounds its events. AEDAT4 is compressed: the bounds
-//! below limit one packet, the whole file and a decompressor's window. No other buffer is sized by
-//! a length field unless the file has as many bytes.
+//! EVT3's vectors), so the length of a file bounds its events. AEDAT4 and MCAP are compressed: the
+//! bounds below limit one packet or chunk, the whole file and a decompressor's window. MCAP has at
+//! most as many events as fit into a packet of AEDAT4, and 6 more for each byte of the file. No
+//! other buffer is sized by a length field unless the file has as many bytes.
 
 /// Longest recording that is read from a device or a pipe, which have no length, in bytes: 2 GiB.
 pub const STREAM_BYTES: u64 = 2 << 30;

@@ -31,7 +31,7 @@ pub struct ReadOptions {
     /// Whether a file that was cut short is read up to the cut.
     ///
     /// The complete words of EVT2 and EVT3, events of AEDAT2, DAT, ES, N-MNIST and npy, packets of
-    /// AEDAT3 and AEDAT4, and lines of CSV are kept;
+    /// AEDAT3 and AEDAT4, records and chunks of MCAP, and lines of CSV are kept;
     /// [`Recording::salvaged`](crate::Recording::salvaged) describes the rest. Headers must be
     /// complete; a file that is damaged elsewhere is not salvaged.
     pub salvage: bool,
@@ -44,7 +44,8 @@ pub struct ReadOptions {
     pub chip: Option<Chip>,
     /// The sensor of a recording that names none; with AEDAT2 it names the chip.
     pub sensor: Option<Sensor>,
-    /// Which stream of events of AEDAT3 and AEDAT4 is read, counted from 1; `None`: the first.
+    /// Which stream of events of AEDAT3 and AEDAT4, or topic of MCAP, is read, counted from 1 in
+    /// the order of the file; `None`: the first.
     pub stream: Option<NonZeroU16>,
     /// The range of times whose events are read; `None`: all events.
     ///

@@ -1,23 +1,46 @@
 //! Event packets of ROS 2 (`event_camera_msgs/msg/EventPacket`): the bytes of a message to events.
 //!
-//! A node passes on the fields of each message as they come; no part of ROS is needed here.
+//! A node passes on the fields of each message as they come; no part of ROS is needed here. A file
+//! of such messages is MCAP ([`Format::Mcap`](crate::Format::Mcap)).
 //!
 //! | `encoding` | `events` | time |
 //! |---|---|---|
 //! | `evt3` | words as in an EVT3 file after its header | in the words, not `time_base` |
 //! | `mono` | u64: polarity (1 bit), row (15), column (16), time | nanoseconds after `time_base` |
+//! | `libcaer` | u32: column (15 bits), row (15), polarity (1), one bit; i32: time | microseconds after `time_base` |
+//! | `libcaer_cmp` | words of 16 bits, as `word` lists them | microseconds after `time_base` |
 //!
-//! Source: the readme of `event_camera_msgs`. One decoder takes all messages of a camera, in order,
-//! since `evt3` has a state. Where some are lost, it resynchronises.
+//! Source: the readme of `event_camera_msgs`, and the types of `event_camera_codecs`. One decoder
+//! takes all messages of a camera, in order, since `evt3` has a state. Where some are lost, it
+//! resynchronises.
 
 use meissner_engine::{Event, Sensor};
 
-use crate::bytes::Bytes;
+use crate::bytes::{Bytes, array};
 use crate::error::IoError;
 use crate::evt3;
-use crate::left_out::{LeftOut, PassedOver};
+use crate::left_out::{LeftOut, LeftOutKind, PassedOver};
+use crate::recording::StreamSummary;
 
 const NAME: &str = "event packet";
+/// Words after which the number of events is compared with its bound.
+const WORDS: usize = 4096;
+
+/// Types of a word of `libcaer_cmp`: its four upper bits.
+mod word {
+    /// Upper 12 bits of the time after the packet's.
+    pub(super) const TIME_HIGH: u16 = 0;
+    /// Lower 12 bits.
+    pub(super) const TIME_LOW: u16 = 1;
+    /// Column of the next events.
+    pub(super) const COLUMN: u16 = 2;
+    /// An event: polarity and row.
+    pub(super) const EVENT: u16 = 3;
+    /// First row of the next vector, and its polarity.
+    pub(super) const BASE: u16 = 4;
+    /// Events of 8 rows in a column.
+    pub(super) const VECTOR: u16 = 5;
+}
 
 /// The decoder of one camera's packets.
 ///
@@ -35,7 +58,7 @@ pub struct EventPackets {
     sensor: Sensor,
     encoding: Encoding,
     events: Vec<Event>,
-    /// Of `mono`; the decoder of EVT 3.0 has its own.
+    /// Of every encoding but `evt3`, whose decoder has its own.
     passed: PassedOver,
 }
 
@@ -43,23 +66,102 @@ pub struct EventPackets {
 enum Encoding {
     Evt3(Box<evt3::Decoder>),
     Mono,
+    Libcaer,
+    Compressed(Compressed),
+}
+
+/// The state that words of `libcaer_cmp` change.
+#[derive(Debug, Default)]
+struct Compressed {
+    /// Upper and lower bits of the time after the packet's, in microseconds.
+    high: u64,
+    low: u64,
+    /// Column of the next events, and whether a word has told it.
+    column: u16,
+    is_placed: bool,
+    /// Row of the newest event, or first row of the newest vector.
+    row: u16,
+    /// First row of the next vector, and its polarity.
+    base: (u16, bool),
+}
+
+impl Compressed {
+    /// Takes a word; the events of the rows from `row` on, as bits, and their polarity.
+    fn take(
+        &mut self,
+        packet: Bytes<'_>,
+        word: u16,
+        at: usize,
+        passed: &mut PassedOver,
+    ) -> Result<Option<(u16, bool)>, IoError> {
+        let (value, coordinate, flag) = (word & 0xfff, word & 0x7ff, word & 0x800 != 0);
+        let bits = match word >> 12 {
+            word::TIME_HIGH => {
+                self.high = u64::from(value) << 12;
+                return Ok(None);
+            }
+            word::TIME_LOW => {
+                self.low = value.into();
+                return Ok(None);
+            }
+            word::COLUMN => {
+                (self.column, self.is_placed) = (coordinate, true);
+                return Ok(None);
+            }
+            word::BASE => {
+                self.base = (coordinate, flag);
+                return Ok(None);
+            }
+            word::EVENT => {
+                self.row = coordinate;
+                (1, flag)
+            }
+            word::VECTOR => {
+                let (first, on) = self.base;
+                // A base may lie beyond the sensor, so it must stop growing somewhere.
+                self.base.0 = (first + 8).min(1 << 14);
+                self.row = first;
+                (value & 0xff, on)
+            }
+            other => {
+                let found = format!("{other:#x}");
+                let error = packet.malformed("type of a word", at, "0x0 to 0x5", found);
+                passed.pass(LeftOutKind::OtherWords, 1, error)?;
+                return Ok(None);
+            }
+        };
+        if !self.is_placed {
+            let error = packet.malformed("event", at, "a word of its column before it", "none");
+            passed.pass(LeftOutKind::Malformed, bits.0.count_ones().into(), error)?;
+            return Ok(None);
+        }
+        Ok(Some(bits))
+    }
 }
 
 impl EventPackets {
     /// A decoder for the messages' fields `encoding`, and `width` and `height`.
     ///
     /// # Errors
-    /// [`IoError::Unsupported`] for an encoding other than `evt3` and `mono`.
+    /// [`IoError::Unsupported`] for another encoding than `evt3`, `mono`, `libcaer` and
+    /// `libcaer_cmp`.
     pub fn new(encoding: &str, sensor: Sensor) -> Result<Self, IoError> {
+        Self::of(encoding, sensor, false)
+    }
+
+    /// As [`Self::new`]; with `strict`, whatever would be left out is an error.
+    pub(crate) fn of(encoding: &str, sensor: Sensor, strict: bool) -> Result<Self, IoError> {
         let encoding = match encoding {
-            "evt3" => Encoding::Evt3(Box::new(evt3::Decoder::new(Some(sensor), false))),
+            "evt3" => Encoding::Evt3(Box::new(evt3::Decoder::new(Some(sensor), strict))),
             "mono" => Encoding::Mono,
+            "libcaer" => Encoding::Libcaer,
+            "libcaer_cmp" => Encoding::Compressed(Compressed::default()),
             other => {
-                let (expected, actual) = ("an event packet in evt3 or mono", format!("{other:?}"));
-                return Err(IoError::Unsupported { expected, actual });
+                let expected = "an event packet in evt3, mono, libcaer or libcaer_cmp";
+                return Err(IoError::Unsupported { expected, actual: format!("{other:?}") });
             }
         };
-        Ok(Self { sensor, encoding, events: Vec::new(), passed: PassedOver::default() })
+        Ok(Self { sensor, encoding, events: Vec::new(), passed: PassedOver::new(strict) })
     }
 
     /// The events of the next message, in microseconds, from `time_base` (ns) and `events`.
@@ -71,40 +173,129 @@ impl EventPackets {
     /// [`Self::left_out`].
     pub fn decode(&mut self, time_base: u64, bytes: &[u8]) -> Result<&[Event], IoError> {
         self.events.clear();
-        let packet = Bytes::file(NAME, bytes);
-        match &mut self.encoding {
+        self.append(Bytes::file(NAME, bytes), time_base, usize::MAX)?;
+        Ok(&self.events)
+    }
+
+    /// Adds the events of `packet` to those there are, up to about `most` in all.
+    ///
+    /// # Errors
+    /// Those of [`Self::decode`], and [`IoError::TooLarge`] beyond `most` events.
+    pub(crate) fn append(&mut self, packet: Bytes<'_>, time_base: u64, most: usize) -> Result<(), IoError> {
+        let Self { sensor, encoding, events, passed } = self;
+        let base_us = time_base / 1000;
+        match encoding {
             Encoding::Evt3(decoder) => {
                 let words = packet.records("the last word", 0, false)?.0;
-                decoder.events.clear();
-                for (&word, at) in words.iter().zip((0..).step_by(2)) {
-                    decoder.push(packet, u16::from_le_bytes(word), at)?;
-                }
-                std::mem::swap(&mut self.events, &mut decoder.events);
+                std::mem::swap(events, &mut decoder.events);
+                let mut read = || {
+                    for (block, start) in words.chunks(WORDS).zip((0..).step_by(2 * WORDS)) {
+                        for (&word, at) in block.iter().zip((start..).step_by(2)) {
+                            decoder.push(packet, u16::from_le_bytes(word), at)?;
+                        }
+                        check_room(packet, start, &decoder.events, most)?;
+                    }
+                    Ok(())
+                };
+                let result = read();
+                std::mem::swap(events, &mut decoder.events);
+                return result;
             }
             Encoding::Mono => {
                 let records = packet.records("the last event", 0, false)?.0;
-                self.events.reserve(records.len());
+                events.reserve(records.len());
                 for (&record, at) in records.iter().zip((0..).step_by(8)) {
                     let bits = u64::from_le_bytes(record);
                     let (x, y) = ((bits >> 32) as u16, (bits >> 48) as u16 & 0x7fff);
-                    if !packet.is_inside(Some(self.sensor), x, y, at, &mut self.passed)? {
-                        continue;
+                    if packet.is_inside(Some(*sensor), x, y, at, passed)? {
+                        let t_us = time_base.saturating_add(bits & 0xffff_ffff) / 1000;
+                        events.push(Event::new(t_us as i64, x, y, bits >> 63 == 1));
                     }
-                    let t_us = time_base.saturating_add(bits & 0xffff_ffff) / 1000;
-                    self.events.push(Event::new(t_us as i64, x, y, bits >> 63 == 1));
                 }
             }
+            Encoding::Libcaer => {
+                let records: &[[u8; 8]] = packet.records("the last event", 0, false)?.0;
+                events.reserve(records.len());
+                // The clock has 31 bits, and may wrap within a packet.
+                let (mut high, mut newest) = (base_us, 0);
+                for (record, at) in records.iter().zip((0..).step_by(8)) {
+                    let data = u32::from_le_bytes(array(record));
+                    let low = u32::from_le_bytes(array(&record[4..])) & 0x7fff_ffff;
+                    if low < newest {
+                        high = high.saturating_add(1 << 31);
+                    }
+                    newest = low;
+                    let (x, y) = ((data >> 17) as u16, (data >> 2) as u16 & 0x7fff);
+                    if packet.is_inside(Some(*sensor), x, y, at, passed)? {
+                        let t_us = high.saturating_add(low.into()) as i64;
+                        events.push(Event::new(t_us, x, y, data & 2 != 0));
+                    }
+                }
+            }
+            Encoding::Compressed(state) => {
+                let words = packet.records("the last word", 0, false)?.0;
+                for (block, start) in words.chunks(WORDS).zip((0..).step_by(2 * WORDS)) {
+                    for (&word, at) in block.iter().zip((start..).step_by(2)) {
+                        let Some((bits, on)) = state.take(packet, u16::from_le_bytes(word), at, passed)?
+                        else {
+                            continue;
+                        };
+                        let t_us = base_us.saturating_add(state.high | state.low) as i64;
+                        for y in (0..8).filter(|row| bits >> row & 1 == 1).map(|row| state.row + row) {
+                            if packet.is_inside(Some(*sensor), state.column, y, at, passed)? {
+                                events.push(Event::new(t_us, state.column, y, on));
+                            }
+                        }
+                    }
+                    check_room(packet, start, events, most)?;
+                }
+                (state.high, state.low) = (0, 0);
+            }
         }
-        Ok(&self.events)
+        check_room(packet, 0, events, most)
+    }
+
+    /// Adds an event that was decoded elsewhere, at byte `at` of `packet`, up to `most` in all.
+    pub(crate) fn push(
+        &mut self,
+        packet: Bytes<'_>,
+        event: Event,
+        at: usize,
+        most: usize,
+    ) -> Result<(), IoError> {
+        if packet.is_inside(Some(self.sensor), event.x, event.y, at, &mut self.passed)? {
+            self.events.push(event);
+        }
+        check_room(packet, at, &self.events, most)
+    }
+
+    /// Forgets the events, and says how many there were.
+    pub(crate) fn clear(&mut self) -> usize {
+        let count = self.events.len();
+        self.events.clear();
+        count
+    }
+
+    /// The events, what else there was, and what was left out.
+    pub(crate) fn into_parts(self) -> (Vec<Event>, Vec<StreamSummary>, Vec<LeftOut>) {
+        match self.encoding {
+            Encoding::Evt3(decoder) => {
+                let (_, others, left_out) = decoder.end();
+                (self.events, others, left_out)
+            }
+            _ => (self.events, Vec::new(), self.passed.end()),
+        }
     }
 
     /// Messages before the next one were lost. Words of EVT 3.0 hold for those that follow, so that
     /// events are left out until the sensor has sent time, row and base column again: none gets the
     /// row or the time of another. A sensor sends its time every 16 us at the latest. A loss of
-    /// more than 8 s can hide a wrap of its clock.
+    /// more than 8 s can hide a wrap of its clock. In `libcaer_cmp` a column is waited for.
     pub fn resync(&mut self) {
-        if let Encoding::Evt3(decoder) = &mut self.encoding {
-            decoder.resync();
+        match &mut self.encoding {
+            Encoding::Evt3(decoder) => decoder.resync(),
+            Encoding::Compressed(state) => state.is_placed = false,
+            Encoding::Mono | Encoding::Libcaer => {}
         }
     }
 
@@ -113,7 +304,7 @@ impl EventPackets {
     pub fn unplaced(&self) -> u64 {
         match &self.encoding {
             Encoding::Evt3(decoder) => decoder.unplaced_events(),
-            Encoding::Mono => 0,
+            _ => 0,
         }
     }
 
@@ -127,7 +318,17 @@ impl EventPackets {
     pub fn left_out(&self) -> &[LeftOut] {
         match &self.encoding {
             Encoding::Evt3(decoder) => decoder.passed.so_far(),
-            Encoding::Mono => self.passed.so_far(),
+            _ => self.passed.so_far(),
         }
     }
+}
+
+/// Refuses more than `most` events.
+fn check_room(packet: Bytes<'_>, at: usize, events: &[Event], most: usize) -> Result<(), IoError> {
+    if events.len() <= most {
+        return Ok(());
+    }
+    let (format, what, place, unit) = (packet.format, "events so far", packet.place(at), "events");
+    let (limit, actual) = (most as u64, events.len() as u64);
+    Err(IoError::TooLarge { format, what, place, unit, limit, actual, at_least: true })
 }

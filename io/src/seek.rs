@@ -120,7 +120,7 @@ impl<R: Read + Seek> Input<R> {
     }
 
     /// The `length` bytes at `at`, which the file must have.
-    fn read(&mut self, at: u64, length: u64) -> Result<Vec<u8>, IoError> {
+    pub(crate) fn read(&mut self, at: u64, length: u64) -> Result<Vec<u8>, IoError> {
         // The length is checked before it is allocated.
         let length = length.min(self.length.saturating_sub(at));
         let mut bytes = vec![0; length as usize];

@@ -42,6 +42,7 @@
 //! | [`run`] | a network over a whole input: predictions, summary, states |
 //! | [`play`] | recordings at real speed, each through a bounded queue |
 //! | [`record`](mod@record) | a live source into files, one for each press |
+//! | [`mcap`] | a log of events and predictions for viewers |
 //! | [`send`](mod@send) | a recording at real speed to another program |
 //! | [`bench`](mod@bench) | latencies, work, deadlines and comparisons |
 //! | [`latency`], [`memory`], [`work_counts`] | measurements |
@@ -62,6 +63,7 @@ pub mod latency;
 pub mod left_out;
 pub mod live_frames;
 pub mod losses;
+pub mod mcap;
 pub mod memory;
 pub mod model;
 pub mod play;

@@ -10,6 +10,7 @@ mod summary;
 
 use std::panic;
 use std::sync::Arc;
+use std::sync::mpsc::{self, Receiver, Sender};
 use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
 
@@ -232,8 +233,12 @@ impl Play {
             .collect();
         let (queues, mut fleet) = Fleet::spawn(predictors.into_iter().enumerate().map(queue))?;
         let start = started.unwrap_or_else(Instant::now);
+        let (taps, taken): (Vec<_>, Vec<_>) = tracks.iter().map(|_| mpsc::channel()).unzip();
+        let takes_events = observer.takes_events();
         let offering =
-            tracks.into_iter().zip(queues).map(|(track, queue)| track.offer(queue, start, &options));
+            tracks.into_iter().zip(queues).zip(taps).map(|((track, queue), tap)| {
+                track.offer(queue, start, &options, takes_events.then_some(tap))
+            });
         let offering = offering.collect::<Result<Vec<_>, _>>()?;
 
         let tally = |due: &Due| Tally::new(due.reports.unwrap_or(0), training.clone());
@@ -256,6 +261,7 @@ impl Play {
                 break;
             }
             let late = Instant::now().saturating_duration_since(clock.at(at_us));
+            show(&taken, observer);
             let asked: Vec<_> =
                 (0..dues.len()).filter(|&input| failed[input].is_none() && dues[input].has(number)).collect();
             fleet.predict(options.deadline, asked.iter().copied(), |input, timely| match timely {
@@ -293,18 +299,26 @@ impl Play {
                 None => end(live, offering, tally, *due),
             }
         };
-        Ok(inputs.map(end).collect())
+        let ended = inputs.map(end).collect();
+        show(&taken, observer);
+        Ok(ended)
     }
 }
 
 impl Track {
     /// Starts the thread that offers the events to `queue`.
-    fn offer(self, queue: Input, start: Instant, options: &PlayOptions) -> Result<Offering> {
+    fn offer(
+        self,
+        queue: Input,
+        start: Instant,
+        options: &PlayOptions,
+        tap: Option<Sender<Vec<Event>>>,
+    ) -> Result<Offering> {
         let Self { mut input, events, due } = self;
         let chain = options.approximations.chain(input.sensor)?;
         let clock = Clock::new(start, due.first_us, options.speed);
         let reader =
-            Reader { clock, input: queue, chain, packet: options.packet, lag: Duration::ZERO, taken: 0 };
+            Reader { clock, input: queue, chain, packet: options.packet, lag: Duration::ZERO, taken: 0, tap };
         let (limit, repeat) = (limit(options), options.repeat);
         // It ends with the queue's other side, on a stream at the next event after that.
         Ok(thread::spawn(move || {
@@ -316,6 +330,13 @@ impl Track {
             };
             Ok((reader, input))
         }))
+    }
+}
+
+/// Shows the events that were taken since the last call.
+fn show(taken: &[Receiver<Vec<Event>>], observer: &mut dyn Observer) {
+    for (input, taken) in taken.iter().enumerate() {
+        taken.try_iter().flatten().for_each(|event| observer.event(input, event));
     }
 }
 

@@ -27,24 +27,31 @@ impl Press {
     /// Never: a test reads it.
     pub fn embedded() -> Result<Self> {
         let rows = truth();
-        let touched = rows.iter().position(|row| row[1] > 0.0).unwrap_or(0);
-        let deepest = rows.iter().map(|row| row[1]).fold(0.0, f64::max);
-        let end = rows.iter().position(|row| row[1] >= deepest).unwrap_or(0);
+        let touched = rows.iter().position(|(_, [depth, ..])| *depth > 0.0).unwrap_or(0);
+        let deepest = rows.iter().map(|(_, [depth, ..])| *depth).fold(0.0, f64::max);
+        let end = rows.iter().position(|(_, [depth, ..])| *depth >= deepest).unwrap_or(0);
         Ok(Self {
             first_us: embedded()?.events.first().map_or(0, |event| event.t_us),
-            contact_us: rows[touched.saturating_sub(1)][0] as i64,
-            end_us: rows[end][0] as i64,
-            angles: [rows[end][2], rows[end][3]],
+            contact_us: rows[touched.saturating_sub(1)].0,
+            end_us: rows[end].0,
+            angles: [rows[end].1[1], rows[end].1[2]],
         })
     }
 }
 
-/// Time in microseconds, depth in mm, roll and pitch in radians.
-pub(crate) fn truth() -> Vec<[f64; 4]> {
-    let number = |text: &str| text.parse().expect("the file has numbers");
+/// What is true at a time in microseconds.
+pub(crate) type Truth = (i64, [f64; 3]);
+
+/// The names of what is true, with their units.
+pub(crate) const TRUTH_NAMES: [&str; 3] = ["depth_mm", "roll_rad", "pitch_rad"];
+
+/// What is true, in order of time.
+pub(crate) fn truth() -> Vec<Truth> {
     let row = |line: &str| {
-        let mut values = line.split(',').map(number);
-        std::array::from_fn(|_| values.next().expect("a line has four values"))
+        let mut values = line.split(',').map(|text| text.parse().expect("the file has numbers"));
+        let mut next = || values.next().expect("a line has four values");
+        let t_us: f64 = next();
+        (t_us as i64, std::array::from_fn(|_| next()))
     };
     TRUTH.lines().skip(1).map(row).collect()
 }

@@ -121,7 +121,10 @@ impl<S: Steps> StreamRun<S> {
         let mut result = Ok(());
         while result.is_ok() && self.steps.taken() < self.limit && !interrupt::requested() {
             let Some(event) = self.source.next() else { break };
-            result = event.and_then(|event| self.take(event, observer));
+            result = event.and_then(|event| {
+                observer.event(0, event);
+                self.take(event, observer)
+            });
             let Self { source, sensor, steps, .. } = &self;
             observer.progress(steps.taken());
             watch.look(steps.taken(), Instant::now, &source.name, || steps.losses(source, *sensor));

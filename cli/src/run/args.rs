@@ -2,11 +2,13 @@
 
 use std::path::{Path, PathBuf};
 
+use meissner_engine::Sensor;
 use meissner_engine::frames::{Convolution, FrameOptions, Skip};
 use meissner_engine::representations::Sampling;
 use meissner_io::{PixelFormat, VideoFormat};
 use meissner_kernels::WinogradTile;
 use meissner_run::RunError;
+use meissner_run::mcap::McapLog;
 use meissner_run::model::FrameModel;
 use meissner_run::predictor::Mode;
 use meissner_run::provenance::{InputCard, ModelCard};
@@ -20,6 +22,7 @@ use crate::args::{
 use crate::error::CliError;
 use crate::given::Given;
 use crate::kind::NetworkKind::{self, Electrodes, EventFrames, EventGraph, Pictures};
+use crate::output::LogArgs;
 use crate::report::{About, TableKind};
 
 /// Examples, at the end of the long help.
@@ -32,6 +35,7 @@ Examples:
   meissner run tuesday.csv --resume touch.state --save-state touch.state
   meissner run touch.aedat4 --network event-frame-cnn --every 5ms --json
   meissner run press.aedat4 --network force-convlstm --threads 2
+  meissner run touch.aedat4 --mcap touch.mcap
   camera | meissner run - --sensor 346x260 --network force-lstm --json
   meissner run slip.csv --network slip-regularised
   biotac | meissner run - --network slip-lstm --hold 5 --json
@@ -78,6 +82,8 @@ pub(crate) struct RunArgs {
     /// it, and what is true.
     #[arg(long, value_name = "FILE", help_heading = OUTPUT)]
     pub(super) svg: Option<PathBuf>,
+    #[command(flatten)]
+    pub(super) log: LogArgs,
     #[command(flatten)]
     pub(super) state: StateArgs,
     #[command(flatten)]
@@ -309,6 +315,11 @@ impl RunArgs {
         About { frames: Some(model), ..about }
     }
 
+    /// Begins the log, if there is one.
+    pub(super) fn begin_log(&self, card: &ModelCard, sensor: Sensor) -> Result<Option<McapLog>, CliError> {
+        self.log.begin(card, &[sensor], self.input.recording.is_none())
+    }
+
     /// The path of the input, which must be `expected`.
     pub(super) fn recording(&self, expected: &str) -> Result<&Path, CliError> {
         self.input.recording.as_deref().ok_or_else(|| self.no_input(expected, "no INPUT"))
@@ -329,6 +340,7 @@ impl RunArgs {
             }
         }
         // Hours later it would be too late.
+        self.log.check()?;
         let state = self.state.save_state.as_deref();
         Ok(state.map_or(Ok(()), meissner_io::check_replaceable).map_err(RunError::File)?)
     }
@@ -371,6 +383,7 @@ pub(crate) const OPTIONS_OF_KINDS: &[(&[&str], &[NetworkKind])] = &[
     (&["--sensor", "--from", "--for", "--late", "--restart", "--every"], &[EventGraph, EventFrames]),
     (STATES, &[EventGraph, EventFrames]),
     (READING, &[EventGraph, EventFrames]),
+    (&["--mcap"], &[EventGraph, EventFrames]),
     (&["--strict"], &[EventGraph, EventFrames, Electrodes, Pictures]),
     (&["--span", "--capacity", "--mode", "--neighbours"], &[EventGraph]),
     (REMEMBERS, &[EventGraph]),

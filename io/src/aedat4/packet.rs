@@ -102,7 +102,7 @@ pub(super) fn check_name(bytes: Bytes<'_>, what: &'static str, name: [u8; 4]) ->
 
 /// How the packets of a file are compressed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Compression {
+pub(crate) enum Compression {
     None,
     Lz4,
     Zstd,
@@ -112,8 +112,8 @@ pub(super) enum Compression {
 ///
 /// Invariant: a packet has at most [`PACKET_BYTES`], and all together
 /// [`EXPANSION`](crate::limits::EXPANSION) times the length of the file more.
-pub(super) struct Inflater<'a> {
-    compression: Compression,
+pub(crate) struct Inflater<'a> {
+    pub(crate) compression: Compression,
     file: Bytes<'a>,
     buffer: Vec<u8>,
     zstd: Zstd,
@@ -123,7 +123,7 @@ pub(super) struct Inflater<'a> {
 
 impl<'f> Inflater<'f> {
     /// For the packets of `file`.
-    pub(super) fn new(compression: Compression, file: Bytes<'f>) -> Self {
+    pub(crate) fn new(compression: Compression, file: Bytes<'f>) -> Self {
         let mut zstd = Zstd::new();
         zstd.set_max_window_size(PACKET_BYTES);
         let budget = most(file.len() as u64);
@@ -131,7 +131,7 @@ impl<'f> Inflater<'f> {
     }
 
     /// The content of `packet`, whose header is at byte `at` of the file.
-    pub(super) fn inflate<'a>(&'a mut self, packet: &'a [u8], at: usize) -> Result<&'a [u8], IoError> {
+    pub(crate) fn inflate<'a>(&'a mut self, packet: &'a [u8], at: usize) -> Result<&'a [u8], IoError> {
         let limit = PACKET_BYTES.min(self.budget);
         let actual = self.prefix(packet, at, limit + 1)?.len() as u64;
         if actual > limit {

@@ -6,7 +6,7 @@
 use std::io::{Cursor, Write};
 use std::path::Path;
 
-use png::{BitDepth, ColorType, Decoder, Encoder, Transformations};
+use png::{BitDepth, ColorType, Compression, Decoder, Encoder, Transformations};
 
 use super::{Image, pixels, sample, to_8_bits};
 use crate::bytes::{Bytes, array};
@@ -116,6 +116,40 @@ pub fn encode_png(width: usize, height: usize, rgb: &[u8]) -> Result<Vec<u8>, Io
     encoder.set_depth(BitDepth::Eight);
     let mut writer = encoder.write_header().expect("sides of at least 1");
     writer.write_image_data(rgb).expect("as many bytes as the image has");
+    writer.finish().expect("an image that is complete");
+    Ok(bytes)
+}
+
+/// Encodes `pixels`, a byte each, as a PNG of two bits a pixel: 0 to 3 are the colours of `palette`,
+/// and what is larger is the last. O(pixels).
+///
+/// # Errors
+/// [`IoError::Buffer`] where there are not `height` x `width` pixels, or a side is not 1..2^31.
+///
+/// # Panics
+/// Never, as [`encode_png`].
+pub fn encode_palette_png(
+    width: usize,
+    height: usize,
+    palette: [[u8; 3]; 4],
+    pixels: &[u8],
+) -> Result<Vec<u8>, IoError> {
+    let side = |length: usize| u32::try_from(length).ok().filter(|&l| l > 0 && l <= MAX_SIDE);
+    let expected = (width as u64).saturating_mul(height as u64);
+    let actual = pixels.len() as u64;
+    let (Some(columns), Some(rows), true) = (side(width), side(height), expected == actual) else {
+        return Err(IoError::Buffer { width, height, expected, actual });
+    };
+    let packed = |four: &[u8]| (0..4).fold(0, |byte, i| byte << 2 | four.get(i).map_or(0, |&p| p.min(3)));
+    let packed: Vec<u8> = pixels.chunks(width).flat_map(|row| row.chunks(4).map(packed)).collect();
+    let mut bytes = Vec::new();
+    let mut encoder = Encoder::new(&mut bytes, columns, rows);
+    encoder.set_color(ColorType::Indexed);
+    encoder.set_depth(BitDepth::Two);
+    encoder.set_palette(palette.concat());
+    encoder.set_compression(Compression::Fast);
+    let mut writer = encoder.write_header().expect("sides of at least 1");
+    writer.write_image_data(&packed).expect("as many bytes as the image has");
     writer.finish().expect("an image that is complete");
     Ok(bytes)
 }

@@ -23,7 +23,9 @@ fn a_file_cut_at_any_length_gives_an_error_or_whole_events_from_its_start() {
 
 #[test]
 fn a_file_that_says_its_length_gives_an_error_or_everything_wherever_it_is_cut() {
-    for (format, bytes) in samples().into_iter().filter(|(f, _)| matches!(f, Format::Aedat4 | Format::Npy)) {
+    for (format, bytes) in
+        samples().into_iter().filter(|(f, _)| matches!(f, Format::Aedat4 | Format::Npy | Format::Mcap))
+    {
         let whole = decode(&bytes).unwrap();
         for length in 0..bytes.len() {
             match decode_with(&bytes[..length], format) {

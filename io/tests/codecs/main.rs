@@ -12,6 +12,7 @@ mod formats;
 mod hdf5;
 mod hostile;
 mod left_out;
+mod mcap;
 mod neutouch;
 mod npy;
 mod packed;

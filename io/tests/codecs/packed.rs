@@ -88,7 +88,7 @@ fn an_archive_without_one_recording_is_refused_with_their_number() {
     let error = decode(&zip([("a", b""), ("b", b"")])).unwrap_err().to_string();
     assert!(error.contains("found 0 among 2 files"), "{error}");
     // An only file is refused by its own reader.
-    let error = decode(&zip([("a", b"\x89MCAP0\r\n")])).unwrap_err();
+    let error = decode(&zip([("a", b"#ROSBAG V2.0\n")])).unwrap_err();
     assert!(matches!(error, IoError::OtherKind { .. }), "{error}");
     let error = decode(&gzip(&gzip(&bytes))).unwrap_err();
     assert!(matches!(error, IoError::OtherKind { .. }), "{error}");
@@ -278,7 +278,7 @@ fn a_writer_refuses_a_step_back_a_late_time_and_no_sensor() {
     assert!(refuse(Some(SENSOR), &[at(1 << 33)]).contains("expected t_us 0 to 8589934591"));
     assert_eq!(
         refuse(None, &[at(0)]),
-        "unsupported: expected a sensor, which a file of AEDAT4 or ES must name, found none"
+        "unsupported: expected a sensor, which a file of AEDAT4, ES or MCAP must name, found none"
     );
 }
 

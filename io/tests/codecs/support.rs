@@ -121,6 +121,13 @@ pub(crate) fn samples() -> Vec<(Format, Vec<u8>)> {
     samples.push((Format::Aedat3, aedat::aedat3(&all, 15)));
     let header = "% format EVT21;height=260;width=346;endianness=legacy\n% end\n";
     samples.push((Format::Evt21, evt21(header, &evt21_words(&all), true)));
+    samples.push((Format::Mcap, encoded(Format::Mcap, Some(SENSOR), &all)));
+    let (packet, name) = (mcap::mono_packet(SENSOR, 0, &all), "event_camera_msgs/msg/EventPacket");
+    let declared = [mcap::schema(1, name), mcap::channel(1, 1, "/events", "cdr")].concat();
+    samples.push((
+        Format::Mcap,
+        mcap::file(&[mcap::chunk("", &[declared, mcap::message(1, 5, &packet)].concat())]),
+    ));
     samples
 }
 
@@ -151,6 +158,9 @@ pub(crate) fn sorted_events(most: i64, side: u16) -> impl Strategy<Value = Vec<E
         events
     })
 }
+
+#[path = "mcap_writer.rs"]
+pub(crate) mod mcap;
 
 pub(crate) mod aedat {
     //! Writers of AEDAT 2.0 and 3.1 for the tests.

@@ -4,6 +4,7 @@
 //! a recording whose time steps back is due together with the event before it. Only the events of a
 //! stream advance the clock: nobody knows how late the next one will be.
 
+use std::sync::mpsc::Sender;
 use std::thread;
 use std::time::{Duration, Instant};
 
@@ -40,6 +41,8 @@ pub(super) struct Reader {
     pub(super) lag: Duration,
     /// Events that were due, including events that filters dropped.
     pub(super) taken: u64,
+    /// Where these events are shown, if anybody wants to see them.
+    pub(super) tap: Option<Sender<Vec<Event>>>,
 }
 
 impl Reader {
@@ -103,6 +106,10 @@ impl Reader {
     /// Counts `events`, which are offered at `now`.
     fn take(&mut self, events: &[Event], now: Instant) {
         self.taken += events.len() as u64;
+        if let Some(tap) = &self.tap {
+            // Nobody sees them after the last report.
+            let _ = tap.send(events.to_vec());
+        }
         if let Some(event) = events.first() {
             self.lag = self.lag.max(now.saturating_duration_since(self.clock.at(event.t_us)));
         }

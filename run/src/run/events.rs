@@ -224,6 +224,7 @@ impl EventSteps {
             nodes: prediction.nodes,
             rows: prediction.rows,
             update_us: microseconds(std::mem::take(&mut self.update)),
+            at_us: now_us,
             elapsed_us: now_us.zip(self.epoch_us).map(|(now, epoch)| i128::from(now) - i128::from(epoch)),
             taken: self.taken,
         };

@@ -2,6 +2,7 @@
 
 use std::io;
 
+use meissner_engine::Event;
 use meissner_models::systems::contact_area::{ContactReport, DifferenceReport};
 use serde::Serialize;
 
@@ -18,6 +19,14 @@ pub trait Observer {
 
     /// Reports the number of events taken so far.
     fn progress(&mut self, _taken: u64) {}
+
+    /// Takes an event of the input of this number, before what becomes due with it.
+    fn event(&mut self, _input: usize, _event: Event) {}
+
+    /// Whether it does anything with events: gathering those of a play has its price.
+    fn takes_events(&self) -> bool {
+        false
+    }
 }
 
 /// A prediction, serialised in the form of the program's JSON lines.
@@ -57,6 +66,9 @@ pub struct EventPrediction<'a> {
     pub rows: &'a [u64],
     /// Microseconds spent in pushes and predictions since the last prediction.
     pub update_us: f64,
+    /// Time of the prediction: when it was due, or that of the newest event.
+    #[serde(skip)]
+    pub at_us: Option<i64>,
     /// Stream time since the first event in microseconds; `None` before it.
     #[serde(skip)]
     pub elapsed_us: Option<i128>,
