@@ -20,6 +20,7 @@ mod frames_pictures;
 mod frames_video;
 mod live;
 mod lost;
+mod mcap;
 mod output;
 mod pareto;
 mod pareto_tasks;

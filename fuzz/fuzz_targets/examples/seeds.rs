@@ -61,6 +61,7 @@ fn recordings() -> io::Result<()> {
         file.table = None;
         put("aedat4", &format!("not-closed-{compression:?}").to_lowercase(), &file.bytes())?;
     }
+    bags(events)?;
     put("evt2", "bare", &codecs::evt2("", &codecs::evt2_words(events)))?;
     put(
         "evt2",
@@ -144,6 +145,50 @@ fn recordings() -> io::Result<()> {
         put("convert", name, &[&start[..], &steps].concat())?;
     }
     put("convert", "in-order", &[&[0, 0][..], &[9, 0, 3, 0, 4, 0, 1].repeat(5)].concat())
+}
+
+/// MCAP of every encoding of events, and of every form of a picture.
+fn bags(events: &[meissner_engine::Event]) -> io::Result<()> {
+    use codecs::mcap::{Cdr, channel, chunk, file, message, packet, schema};
+    let bag = |name: &str, encoding: &str, data: &[u8]| {
+        let declared = [schema(1, name), channel(1, 1, "/a", encoding)].concat();
+        file(&[chunk("", &[declared, message(1, 9, data)].concat())])
+    };
+    let sensor = codecs::SENSOR;
+    let words = |words: &[u16]| codecs::evt3("", words);
+    for (encoding, content) in [
+        ("evt3", words(&[0x8001, 0x6002, 0x0003, 0x2805, 0x3004, 0x4003])),
+        ("libcaer_cmp", words(&[0x0003, 0x1004, 0x2007, 0x3809, 0x4010, 0x5005])),
+        ("libcaer", vec![3, 0, 10, 0, 5, 0, 0, 0]),
+        ("mono", vec![1; 16]),
+    ] {
+        let packets = [7, 9].map(|seq| packet(sensor, seq, 1_000, encoding, &content));
+        let name = "event_camera_msgs/msg/EventPacket";
+        let declared = [schema(1, name), channel(1, 1, "/a", "cdr"), channel(2, 1, "/b", "cdr")].concat();
+        let messages = [message(1, 9, &packets[0]), message(1, 9, &packets[1]), message(2, 9, &packets[1])];
+        put("mcap", encoding, &file(&[chunk("lz4", &[declared, messages.concat()].concat())]))?;
+    }
+    let mut array = Cdr::new(true);
+    array.header();
+    array.u32(260).u32(346).u32(events.len() as u32);
+    for event in events {
+        array.u16(event.x).u16(event.y).u32(1).u32(event.t_us as u32).u8(event.on.into());
+    }
+    put("mcap", "array", &bag("dvs_msgs/msg/EventArray", "cdr", &array.bytes))?;
+    let mut pixels = Cdr::new(false);
+    pixels.header();
+    pixels.u32(1).u32(2).text("rgb8").u8(0).u32(7).sequence(&[5; 7]);
+    put("mcap", "image", &bag("sensor_msgs/msg/Image", "cdr", &pixels.bytes))?;
+    let png = meissner_io::encode_png(1, 1, &[7; 3]).map_err(io::Error::other)?;
+    let mut picture = Cdr::new(false);
+    picture.header();
+    picture.text("png").sequence(&png);
+    put("mcap", "compressed", &bag("sensor_msgs/msg/CompressedImage", "cdr", &picture.bytes))?;
+    let json = br#"{"width":2,"height":1,"encoding":"mono8","step":2,"data":"BQU="}"#;
+    put("mcap", "json", &bag("foxglove.RawImage", "json", json))?;
+    let protobuf =
+        [&[0x15, 2, 0, 0, 0, 0x1d, 1, 0, 0, 0, 0x22, 5][..], b"mono8", &[0x2d, 2, 0, 0, 0, 0x32, 2, 5, 5]];
+    put("mcap", "protobuf", &bag("foxglove.RawImage", "protobuf", &protobuf.concat()))
 }
 
 /// An archive with one stored entry.

@@ -15,7 +15,7 @@ use c_interface::c_interface;
 use descriptions::description;
 use meissner_io::Format;
 use oracle::{graph, interleavings};
-use recordings::{any_recording, convert, csv, electrodes, image, raw, recording, video};
+use recordings::{any_recording, convert, csv, electrodes, image, mcap, raw, recording, video};
 use snapshots::{frame_snapshot, snapshot};
 use weights::{pickle, weights};
 
@@ -42,7 +42,7 @@ pub struct Target {
 }
 
 /// All targets.
-pub const TARGETS: [Target; 29] = [
+pub const TARGETS: [Target; 30] = [
     Target { name: "aedat4", run: |bytes| recording(Format::Aedat4, bytes) },
     Target { name: "aedat3", run: |bytes| recording(Format::Aedat3, bytes) },
     Target { name: "aedat2", run: |bytes| recording(Format::Aedat2, bytes) },
@@ -56,6 +56,7 @@ pub const TARGETS: [Target; 29] = [
     Target { name: "csv", run: csv },
     Target { name: "npy", run: |bytes| recording(Format::Npy, bytes) },
     Target { name: "hdf5", run: |bytes| recording(Format::Hdf5, bytes) },
+    Target { name: "mcap", run: mcap },
     Target { name: "any_recording", run: any_recording },
     Target { name: "convert", run: convert },
     Target { name: "electrodes", run: electrodes },

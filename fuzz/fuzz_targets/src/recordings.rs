@@ -1,12 +1,12 @@
 //! Bytes as recordings of events or electrodes, or as images: a typed error, or what keeps its
 //! promises and comes back the same when it is written and read again.
 
-use std::io::BufReader;
+use std::io::{BufReader, Write};
 
 use meissner_engine::{Event, Sensor};
 use meissner_io::limits::{EXPANSION, IMAGE_PIXELS, PACKET_BYTES};
 use meissner_io::{
-    CsvEvents, ElectrodeSettings, Electrodes, Format, Image, IoError, LiveEvents, PixelFormat, RawVideo,
+    CsvEvents, ElectrodeSettings, Electrodes, Format, Image, ImageSequence, IoError, LiveEvents, PixelFormat, RawVideo,
     ReadOptions, Recording, StreamKind, TextOptions, TimeUnit, VideoFormat, decode, decode_image,
     decode_with, encode, encode_png,
 };
@@ -42,6 +42,30 @@ pub(crate) fn recording(format: Format, bytes: &[u8]) -> Verdict {
         }
         Err(error) => refused(&error),
     }
+}
+
+/// MCAP: its events, and its pictures, which are read from a file.
+///
+/// # Panics
+/// If a promise is broken.
+pub(crate) fn mcap(bytes: &[u8]) -> Verdict {
+    let verdict = recording(Format::Mcap, bytes);
+    // Where nothing could declare a topic of pictures, there is none.
+    if !bytes.windows(5).any(|window| window == b"Image") && !bytes.windows(3).any(|window| window == b"lz4")
+    {
+        return verdict;
+    }
+    let mut file = tempfile::NamedTempFile::new().expect("there is a place for temporary files");
+    file.write_all(bytes).expect("it can be written");
+    let Ok(pictures) = ImageSequence::open(file.path()) else { return verdict };
+    for picture in pictures.take(16) {
+        match picture {
+            Ok((_, image)) => assert_eq!(image.data.len(), image.width * image.height * Image::CHANNELS),
+            Err(IoError::Content { source, .. }) => drop(refused(&source)),
+            Err(error) => assert!(matches!(error, IoError::Unfit { .. }), "{error}"),
+        }
+    }
+    verdict
 }
 
 /// Raw bytes of a stream, whose first byte chooses the format and the sensor: in pieces of any
@@ -173,6 +197,8 @@ fn keeps_its_promises(bytes: &[u8], recording: &Recording) {
     let most = match format {
         Format::Aedat4 => (PACKET_BYTES + length * EXPANSION) / 16,
         Format::Hdf5 => (PACKET_BYTES + length * EXPANSION) / 9,
+        // And a block of words more, before it is seen.
+        Format::Mcap => PACKET_BYTES / 16 + length * 6 + (12 << 12),
         _ => length * 6,
     };
     assert!(events.len() as u64 <= most, "{} events of {length} bytes", events.len());
