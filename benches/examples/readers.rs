@@ -17,6 +17,7 @@ mod codecs;
 
 use codecs::aedat::{DAVIS346, aedat2, aedat3, davis_records};
 use codecs::aedat4::{Compression, File, event_packet};
+use codecs::mcap::{channel, file, message, mono_packet, packed_chunk, schema};
 use codecs::{SENSOR, encoded, evt2, evt2_words, evt21, evt21_words};
 
 /// Events of a file.
@@ -104,5 +105,19 @@ fn files(events: &[Event]) -> Vec<(&'static str, Vec<u8>)> {
         ("events.es", written(Format::Es)),
         ("events.csv", written(Format::Csv)),
         ("events.npy", written(Format::Npy)),
+        ("events.lz4.mcap", written(Format::Mcap)),
+        ("events.zstd.mcap", bag(events)),
     ]
+}
+
+/// A bag with packets of 5,000 events in chunks of Zstandard.
+fn bag(events: &[Event]) -> Vec<u8> {
+    let declared = [schema(1, "event_camera_msgs/msg/EventPacket"), channel(1, 1, "/events", "cdr")];
+    let chunks = events.chunks(5_000).zip(0..).map(|(events, seq)| {
+        let packet = mono_packet(SENSOR, seq, events);
+        let records =
+            [if seq == 0 { declared.concat() } else { Vec::new() }, message(1, 0, &packet)].concat();
+        packed_chunk("zstd", &records, &Compression::Zstd.pack(&records))
+    });
+    file(&chunks.collect::<Vec<_>>())
 }

@@ -52,7 +52,29 @@ def with_dv(path):
     return [events[name].astype("int64") for name in ("timestamp", "x", "y", "polarity")]
 
 
-PEERS = {"faery": with_faery, "expelliarmus": with_expelliarmus, "dv-processing": with_dv}
+def with_mcap(path):
+    """The same, from packets in `mono` that the Python package mcap reads; NumPy takes their fields apart."""
+    import numpy as np
+    from mcap.reader import make_reader
+
+    if path.suffix != ".mcap":
+        raise ImportError
+    parts, bases = [], []
+    with open(path, "rb") as file:
+        for _, _, message in make_reader(file).iter_messages(topics=["/events"], log_time_order=False):
+            # After the first four bytes, the name of the frame is the only field of another length before the events.
+            at = 16 + (int.from_bytes(message.data[12:16], "little") + 3) // 4 * 4
+            at += 8 + -(at + 8 - 4) % 8 + 8
+            bases.append(int.from_bytes(message.data[at:at + 8], "little"))
+            # The encoding "mono" with its length and zero, the byte order, and the number of events.
+            parts.append(np.frombuffer(message.data, dtype="<u8", offset=at + 8 + 16))
+    bits = np.concatenate(parts)
+    base = np.repeat(np.array(bases, dtype="u8"), [len(part) for part in parts])
+    t = (base + (bits & 0xFFFFFFFF)) // 1000
+    return [t.astype("int64"), (bits >> 32 & 0xFFFF).astype("int64"), (bits >> 48 & 0x7FFF).astype("int64"), (bits >> 63).astype("int64")]
+
+
+PEERS = {"faery": with_faery, "expelliarmus": with_expelliarmus, "dv-processing": with_dv, "mcap": with_mcap}
 
 
 def expected():

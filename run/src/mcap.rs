@@ -17,7 +17,10 @@
 use std::fs::{File, OpenOptions};
 use std::io::{self, BufWriter};
 use std::path::{Path, PathBuf};
-use std::time::{Duration, Instant};
+use std::sync::mpsc::{self, RecvTimeoutError};
+use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::thread;
+use std::time::Duration;
 
 use base64::Engine;
 use base64::prelude::BASE64_STANDARD;
@@ -39,7 +42,7 @@ const PICTURE_US: i64 = 33_333;
 const COLOURS: [[u8; 3]; 4] = [[0, 0, 0], [255, 64, 64], [64, 128, 255], [255, 255, 255]];
 /// Events that wait until they are written together.
 const PACKET: usize = 4096;
-/// Longest time until what there is can be read.
+/// Time after which what there is can be read, also in a silence.
 const FLUSH: Duration = Duration::from_millis(500);
 /// Predictions after which the quantiles of latencies are found again.
 const QUANTILES: u64 = 64;
@@ -53,7 +56,6 @@ pub struct McapLog {
     inputs: Vec<Input>,
     outputs: Vec<Output>,
     classes: Vec<String>,
-    flushed: Instant,
 }
 
 /// What is logged of an input.
@@ -92,9 +94,26 @@ pub fn observe<T>(
     run: impl FnOnce(&mut dyn Observer) -> T,
 ) -> (T, Result<()>) {
     let Some(log) = log else { return (run(observer), Ok(())) };
-    let mut logged = Logged { log, observer };
-    let result = run(&mut logged);
-    (result, logged.log.finish())
+    let log = Mutex::new(log);
+    let (ended, end) = mpsc::channel::<()>();
+    let shared = &log;
+    let result = thread::scope(|scope| {
+        // In a silence of a stream, nothing else would write what came before it.
+        scope.spawn(move || {
+            while end.recv_timeout(FLUSH) == Err(RecvTimeoutError::Timeout) {
+                held(shared).flush();
+            }
+        });
+        // It is dropped, and the thread above ends, even if the run panics.
+        let _ended = ended;
+        run(&mut Logged { log: shared, observer })
+    });
+    (result, log.into_inner().unwrap_or_else(PoisonError::into_inner).finish())
+}
+
+/// The log: a panic while it was held leaves it as it is.
+fn held(log: &Mutex<McapLog>) -> MutexGuard<'_, McapLog> {
+    log.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 impl McapLog {
@@ -163,7 +182,6 @@ impl McapLog {
             inputs,
             outputs: card.outputs.clone(),
             classes: card.classes.clone().unwrap_or_default(),
-            flushed: Instant::now(),
         })
     }
 
@@ -194,15 +212,12 @@ impl McapLog {
         }
     }
 
-    /// Makes what there is readable, if that is due.
-    fn tick(&mut self) {
-        if self.flushed.elapsed() >= FLUSH {
-            self.flushed = Instant::now();
-            self.write(|inputs, writer| {
-                inputs.iter_mut().try_for_each(|input| input.packet(writer))?;
-                writer.flush()
-            });
-        }
+    /// Makes what there is readable.
+    fn flush(&mut self) {
+        self.write(|inputs, writer| {
+            inputs.iter_mut().try_for_each(|input| input.packet(writer))?;
+            writer.flush()
+        });
     }
 
     fn event(&mut self, input: usize, event: Event) {
@@ -215,7 +230,6 @@ impl McapLog {
                 log.packet(writer)?;
                 if is_next { log.next_picture(writer, number) } else { Ok(()) }
             });
-            self.tick();
         }
         let log = &mut self.inputs[input];
         log.waiting.push(event);
@@ -246,7 +260,6 @@ impl McapLog {
             writer.message(log.prediction, at_us, &message)?;
             log.spend(writer, at_us, &spent)
         });
-        self.tick();
     }
 
     /// The message of a prediction.
@@ -339,7 +352,7 @@ impl Input {
 
 /// Logs what an observer sees.
 struct Logged<'a> {
-    log: McapLog,
+    log: &'a Mutex<McapLog>,
     observer: &'a mut dyn Observer,
 }
 
@@ -347,7 +360,7 @@ impl Observer for Logged<'_> {
     fn prediction(&mut self, prediction: &Prediction<'_>) -> io::Result<()> {
         // A log that fails takes no prediction away.
         let shown = self.observer.prediction(prediction);
-        self.log.prediction(prediction);
+        held(self.log).prediction(prediction);
         shown
     }
 
@@ -356,7 +369,7 @@ impl Observer for Logged<'_> {
     }
 
     fn event(&mut self, input: usize, event: Event) {
-        self.log.event(input, event);
+        held(self.log).event(input, event);
     }
 
     fn takes_events(&self) -> bool {

@@ -110,10 +110,10 @@ pub(crate) fn word<T: std::str::FromStr<Err = UnknownName>>(word: Option<&str>) 
 }
 
 /// Opens a recording of events: AEDAT 2.0, 3.1 and 4, EVT2, EVT2.1, EVT3, DAT, Event Stream,
-/// N-MNIST, text, NumPy, or HDF5 of DSEC and Prophesee; also inside gzip or zip.
+/// N-MNIST, MCAP, text, NumPy, or HDF5 of DSEC and Prophesee; also inside gzip or zip.
 ///
-/// - `format`: "aedat4", "aedat3", "aedat2", "evt2", "evt3", "dat", "es", "nmnist", "csv", "npy" or
-///   "hdf5", instead of the one found from the content.
+/// - `format`: "aedat4", "aedat3", "aedat2", "evt2", "evt3", "dat", "es", "nmnist", "csv", "npy",
+///   "hdf5" or "mcap", instead of the one found from the content.
 /// - `columns`, `time_unit`: the columns of a text, such as "txyp"; "s", "ms", "us" or "ns".
 /// - `salvage`: read a file that was cut short up to the cut.
 /// - `strict`: refuse what is left out otherwise (`Recording.left_out`): lines of a text that are

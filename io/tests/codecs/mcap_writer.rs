@@ -118,11 +118,13 @@ pub(crate) fn packet(sensor: Sensor, seq: u64, base: u64, encoding: &str, events
     cdr.bytes
 }
 
-/// The same of `events` in `mono`, at times below 4 s.
+/// The same of `events` in `mono`, which begin with the earliest and last at most 4 s.
 pub(crate) fn mono_packet(sensor: Sensor, seq: u64, events: &[Event]) -> Vec<u8> {
+    let first = events.first().map_or(0, |e| e.t_us);
     let bits = |e: &Event| {
         let (x, y) = (u64::from(e.x), u64::from(e.y));
-        (u64::from(e.on) << 63) | (y << 48) | (x << 32) | (e.t_us as u64 * 1000)
+        (u64::from(e.on) << 63) | (y << 48) | (x << 32) | ((e.t_us - first) as u64 * 1000)
     };
-    packet(sensor, seq, 0, "mono", &events.iter().flat_map(|e| bits(e).to_le_bytes()).collect::<Vec<_>>())
+    let bytes: Vec<u8> = events.iter().flat_map(|e| bits(e).to_le_bytes()).collect();
+    packet(sensor, seq, first as u64 * 1000, "mono", &bytes)
 }
