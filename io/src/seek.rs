@@ -94,7 +94,7 @@ impl TimeRange {
 pub(crate) struct Input<R> {
     inner: BufReader<R>,
     at: u64,
-    length: u64,
+    pub(crate) length: u64,
     /// Name of the format, for messages.
     pub(crate) format: &'static str,
 }

@@ -123,11 +123,17 @@ fn records(at: u64, data: &[u8]) -> Bytes<'_> {
     Bytes { format: Format::Mcap.name(), data, origin: Place::Packet { packet: at, byte: 0 } }
 }
 
-/// Opcode and length of the record at byte `at`.
+/// Opcode and length of the record at byte `at`, which the file has.
 fn header(input: &mut Input<File>, at: u64) -> Result<(u8, u64), IoError> {
     let header = input.read(at, RECORD_HEADER as u64)?;
     let header = part(at, &header).get("record before the end of the data", 0, RECORD_HEADER)?.to_vec();
-    Ok((header[0], u64::from_le_bytes(array(&header[1..]))))
+    let length = u64::from_le_bytes(array(&header[1..]));
+    let (place, actual) = (at + RECORD_HEADER as u64, input.length - at - RECORD_HEADER as u64);
+    if length > actual {
+        let (format, what, place, at_least) = (input.format, "record", Place::Byte(place), false);
+        return Err(IoError::Truncated { format, what, place, expected: length, actual, at_least });
+    }
+    Ok((header[0], length))
 }
 
 /// The records of the chunk at byte `at`, or the other record there.
