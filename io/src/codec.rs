@@ -268,10 +268,11 @@ pub fn write(path: &Path, format: Format, sensor: Option<Sensor>, events: &[Even
 /// Writes `events` to `out`, with the sensor in the header (`.npy` has no place for it).
 ///
 /// CSV and npy hold every event. AEDAT4 needs a sensor and holds coordinates below 32768. DAT holds
-/// times from 0 to 2^32 - 1 microseconds and coordinates below 16384; EVT3 holds times from 0 to 2^40 - 1 and coordinates below 2048. Both hold steps
-/// back in time unless they look like a wrap of the clock. ES needs a sensor and holds ascending
-/// times from 0 to 2^33 - 1 (2.4 hours). MCAP needs a sensor and holds times from 0 to 2^64 - 1
-/// nanoseconds and coordinates below 32768. `out` is written in small pieces: buffer it.
+/// times from 0 to 2^32 - 1 microseconds and coordinates below 16384; EVT3 holds times from 0 to
+/// 2^40 - 1 and coordinates below 2048. Both hold steps back in time unless they look like a wrap
+/// of the clock. ES needs a sensor and holds ascending times from 0 to 2^33 - 1 (2.4 hours). MCAP
+/// needs a sensor and holds times from 0 to 2^64 - 1 nanoseconds and coordinates below 32768. `out`
+/// is written in small pieces: buffer it.
 ///
 /// # Errors
 /// Before anything is written: [`IoError::CannotHold`] names the first event that the format cannot

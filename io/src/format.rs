@@ -147,10 +147,7 @@ impl Format {
 
     /// Whether [`crate::encode`] can write it.
     pub fn is_writable(self) -> bool {
-        matches!(
-            self,
-            Self::Aedat4 | Self::Csv | Self::Npy | Self::Dat | Self::Evt3 | Self::Es | Self::Mcap
-        )
+        matches!(self, Self::Aedat4 | Self::Csv | Self::Npy | Self::Dat | Self::Evt3 | Self::Es | Self::Mcap)
     }
 }
 

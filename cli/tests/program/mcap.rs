@@ -1,8 +1,9 @@
-//! MCAP in and out: a log that a viewer opens and that is read again, whatever happens to it.
+//! MCAP in and out: a log that is read again, whatever happens to it. `tests/peers/test_mcap.py` has
+//! other readers and writers.
 
 use std::io::{BufRead, BufReader, Write};
-use std::path::{Path, PathBuf};
-use std::process::{Command, Stdio};
+use std::path::PathBuf;
+use std::process::Stdio;
 use std::time::{Duration, Instant};
 
 use meissner_engine::{Event, Sensor};
@@ -20,20 +21,6 @@ fn logged(arguments: &[&str]) -> (TempDir, PathBuf, Vec<Value>) {
     let all = [arguments, &["--mcap", argument(&path), "--json"]].concat();
     let (predictions, _) = lines(&meissner(&all));
     (folder, path, predictions)
-}
-
-/// What the Python packages that `MEISSNER_PEERS` has say; `None` where they are not there.
-///
-/// It names a Python with `pip install mcap mcap-ros2-support`.
-fn peer(arguments: &[&str]) -> Option<Vec<u8>> {
-    let Ok(python) = std::env::var("MEISSNER_PEERS") else {
-        eprintln!("skipped: MEISSNER_PEERS names no Python with mcap and mcap-ros2-support");
-        return None;
-    };
-    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/program/mcap_peer.py");
-    let output = Command::new(python).arg(script).args(arguments).output().expect("it starts");
-    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-    Some(output.stdout)
 }
 
 #[test]
@@ -81,48 +68,6 @@ fn a_play_logs_every_event_that_it_takes() {
     let second = second.expect("it can be read");
     assert_eq!(second.events, all[..900]);
     assert!(second.other_streams.iter().any(|topic| topic.name == "/input0/prediction"));
-}
-
-#[test]
-fn the_python_package_reads_the_same_events_predictions_and_truth() {
-    let (_folder, log, predictions) = logged(&["run", "--limit", "9000"]);
-    let Some(found) = peer(&["read", argument(&log)]) else { return };
-    let found: Value = serde_json::from_slice(&found).expect("JSON");
-    let events = read(&log).expect("it can be read").events;
-    let expected: Vec<_> = events.iter().map(|e| [e.t_us, e.x.into(), e.y.into(), e.on.into()]).collect();
-    assert_eq!(found["events"], serde_json::json!(expected));
-    assert_eq!(found["sensor"], serde_json::json!([346, 260]));
-    let values = |key: &str| -> Vec<Option<f64>> {
-        let each = found["prediction"].as_array().expect("predictions").iter();
-        each.map(|prediction| prediction[key].as_f64()).collect()
-    };
-    for (place, key) in ["roll_rad", "pitch_rad"].into_iter().enumerate() {
-        let expected: Vec<_> = predictions.iter().map(|line| line["value"][place].as_f64()).collect();
-        assert_eq!(values(key), expected, "{key}");
-    }
-    let first = &found["truth"][0];
-    assert_eq!(crate::support::keys(first), "depth_mm pitch_rad roll_rad t_us");
-    assert!(found["latency"][0]["update_us"].as_f64() > Some(0.0));
-    assert_eq!(found["topics"]["/events/image"], "foxglove.CompressedImage");
-    assert!(found["pictures"].as_array().expect("pictures").iter().all(|start| start == "PNG"));
-}
-
-#[test]
-fn a_file_of_the_python_package_is_read() {
-    let folder = tempfile::tempdir().expect("there is a place for temporary files");
-    let [csv, bag] = ["a.csv", "a.mcap"].map(|name| folder.path().join(name));
-    let recording = default_recording();
-    assert!(meissner(&["convert", argument(&recording), argument(&csv), "--for", "50ms"]).status.success());
-    if peer(&["write", argument(&bag), argument(&csv)]).is_none() {
-        return;
-    }
-    let found = read(&bag).expect("it can be read");
-    let expected = read(&csv).expect("it can be read");
-    assert_eq!((found.sensor, found.events), (expected.sensor, expected.events));
-    let [network, weights] = picture_network(folder.path());
-    let (network, weights) = (argument(&network), argument(&weights));
-    let output = meissner(&["run", argument(&bag), "--network", network, "--weights", weights, "--json"]);
-    assert_eq!(lines(&output).0.len(), 3);
 }
 
 #[test]

@@ -259,8 +259,9 @@ fn a_sensor_that_a_header_cannot_name_is_refused() {
 fn formats_that_are_only_read_are_refused() {
     for format in Format::ALL.into_iter().filter(|f| !f.is_writable()) {
         let error = encode(format, None, &[], &mut io::sink()).unwrap_err();
-        let expected =
-            format!("unsupported: expected AEDAT4, CSV, npy, DAT, EVT3, ES or MCAP to be written, found {format}");
+        let expected = format!(
+            "unsupported: expected AEDAT4, CSV, npy, DAT, EVT3, ES or MCAP to be written, found {format}"
+        );
         assert_eq!(error.to_string(), expected);
     }
 }
