@@ -188,8 +188,9 @@ pub(crate) struct Input {
     /// Recording, or - for standard input [default: a small built-in recording].
     ///
     /// Events: AEDAT 2, 3.1 or 4, EVT2, EVT2.1, EVT3, DAT, Event Stream (.es), N-MNIST, CSV, npy or
-    /// MCAP of ROS 2, also inside gzip, or alone in a zip archive. The built-in recording is a simulated press and
-    /// release; `meissner run` without any option compares its true angles with the predicted ones.
+    /// MCAP of ROS 2, also inside gzip, or alone in a zip archive. The built-in recording is a
+    /// simulated press and release; `meissner run` without any option compares its true angles with
+    /// the predicted ones.
     ///
     /// Live events: - for standard input, tcp://HOST:PORT, tcp-listen://HOST:PORT or
     /// udp://HOST:PORT. CSV lines (t_us,x,y,p) or records of 16 bytes (`meissner send --help`) are

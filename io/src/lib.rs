@@ -69,6 +69,7 @@ mod files;
 mod format;
 #[cfg(feature = "hdf5")]
 mod hdf5;
+mod image_sequence;
 mod images;
 mod left_out;
 pub mod limits;
@@ -99,8 +100,10 @@ pub use electrodes::{ELECTRODES, ElectrodeSettings, ElectrodeWarnings, Electrode
 pub use error::{IoError, Place};
 pub use files::{check_replaceable, check_writable, read_file, read_whole, replace_file, write_file};
 pub use format::{EVENT_FIELDS, Foreign, Format, ImageFormat, Kind, UnknownName};
+pub use image_sequence::ImageSequence;
 pub use images::{
-    Image, ImageSequence, PixelFormat, RawVideo, VideoFormat, decode_image, encode_palette_png, encode_png, read_image, write_png,
+    Image, PixelFormat, RawVideo, VideoFormat, decode_image, encode_palette_png, encode_png, read_image,
+    write_png,
 };
 pub use left_out::{LeftOut, LeftOutKind, is_mostly_refused};
 pub use mcap::write::McapWriter;

@@ -7,8 +7,8 @@
 //! |---|---|---|
 //! | `evt3` | words as in an EVT3 file after its header | in the words, not `time_base` |
 //! | `mono` | u64: polarity (1 bit), row (15), column (16), time | nanoseconds after `time_base` |
-//! | `libcaer` | u32: column (15 bits), row (15), polarity (1), one bit; i32: time | microseconds after `time_base` |
-//! | `libcaer_cmp` | words of 16 bits, as `word` lists them | microseconds after `time_base` |
+//! | `libcaer` | u32: column (15 bits), row (15), polarity, one bit; time | us after `time_base` |
+//! | `libcaer_cmp` | words of 16 bits, as `word` lists them | us after `time_base` |
 //!
 //! Source: the readme of `event_camera_msgs`, and the types of `event_camera_codecs`. One decoder
 //! takes all messages of a camera, in order, since `evt3` has a state. Where some are lost, it

@@ -7,7 +7,7 @@
 //! |---|---|---|
 //! | `/events` | `event_camera_msgs/msg/EventPacket` | the events, exactly |
 //! | `/events/image` | `foxglove.CompressedImage` | 30 pictures a second: rises red, falls blue |
-//! | `/prediction` | `meissner.Prediction` | a number for each output, such as `roll_rad`; the class |
+//! | `/prediction` | `meissner.Prediction` | a number for each output (`roll_rad`); the class |
 //! | `/latency` | `meissner.Latency` | time spent, and its quantiles so far, in microseconds |
 //! | `/truth` | `meissner.Truth` | where the truth is known: its numbers, named as the outputs |
 //!

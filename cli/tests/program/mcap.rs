@@ -1,5 +1,5 @@
-//! MCAP in and out: a log that is read again, whatever happens to it. `tests/peers/test_mcap.py` has
-//! other readers and writers.
+//! MCAP in and out: a log that is read again, whatever happens to it. Other readers and writers are
+//! in `tests/peers/test_mcap.py`.
 
 use std::io::{BufRead, BufReader, Write};
 use std::path::PathBuf;
