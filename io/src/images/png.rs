@@ -120,8 +120,8 @@ pub fn encode_png(width: usize, height: usize, rgb: &[u8]) -> Result<Vec<u8>, Io
     Ok(bytes)
 }
 
-/// Encodes `pixels`, a byte each, as a PNG of two bits a pixel: 0 to 3 are colours of `palette`, and
-/// what is larger is the last. O(pixels).
+/// Encodes `pixels`, a byte each, as a PNG of two bits a pixel: 0 to 3 are colours of `palette`,
+/// and what is larger is the last. O(pixels).
 ///
 /// # Errors
 /// [`IoError::Buffer`] where there are not `height` x `width` pixels, or a side is not 1..2^31.
