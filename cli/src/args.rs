@@ -145,8 +145,9 @@ pub(crate) struct ReadArgs {
     pub(crate) stream: Option<NonZeroU16>,
     /// How long to try to connect again after a cut [default: 5s for dv://].
     ///
-    /// This is for a connection to a server, dv:// or tcp://. Each cut is told and counted ("lines_refused"), because what is sent until the connection is
-    /// there again is lost. After TIME, the stream has ended. 0s: a cut is its end.
+    /// This is for a connection to a server, dv:// or tcp://. Each cut is told and counted
+    /// ("lines_refused"), because what is sent until the connection is there again is lost. After
+    /// TIME, the stream has ended. 0s: a cut is its end.
     #[arg(long, value_name = "TIME", value_parser = length, help_heading = INPUT)]
     pub(crate) reconnect: Option<Duration>,
 }

@@ -32,10 +32,10 @@ pub(crate) struct SendArgs {
     input: PathBuf,
     /// Receiver: tcp, tcp-listen, udp or dv-listen, with ://HOST:PORT; or -.
     ///
-    /// tcp://HOST:PORT connects to a server, tcp-listen waits for the first client, and - is standard output. A
-    /// receiver over TCP that is slow makes the sender wait; over UDP, events are lost. dv-listen
-    /// sends packets of AEDAT4 as dv-processing's NetworkWriter does, and waits for a NetworkReader
-    /// there, or with dv-listen:///PATH on a local socket.
+    /// tcp://HOST:PORT connects to a server, tcp-listen waits for the first client, and - is
+    /// standard output. A receiver over TCP that is slow makes the sender wait; over UDP, events
+    /// are lost. dv-listen sends packets of AEDAT4 as dv-processing's NetworkWriter does, and waits
+    /// for a NetworkReader there, or with dv-listen:///PATH on a local socket.
     #[arg(value_name = "STREAM")]
     to: PathBuf,
     #[command(flatten)]

@@ -199,8 +199,8 @@ impl IoError {
         }
     }
 
-    /// Whether it is about one line of a text, a part of a datagram or the like, after which reading
-    /// goes on: it is no event, or one outside the sensor.
+    /// Whether it is about one line of a text, a part of a datagram or the like, after which
+    /// reading goes on: it is no event, or one outside the sensor.
     pub fn is_about_a_line(&self) -> bool {
         matches!(
             self,

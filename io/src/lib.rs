@@ -32,8 +32,8 @@
 //! [`LiveEvents`] reads events as they arrive: text, records, raw bytes of Prophesee's sensors and
 //! packets of iniVation's. [`EventPackets`] reads the messages of event cameras in ROS 2. The crate
 //! also reads images of frame-based sensors ([`read_image`], [`ImageSequence`], [`RawVideo`],
-//! [`write_png`]), readings of electrodes from CSV ([`Electrodes`]), and labelled sets of recordings
-//! ([`datasets`]).
+//! [`write_png`]), readings of electrodes from CSV ([`Electrodes`]), and labelled sets of
+//! recordings ([`datasets`]).
 //!
 //! ```
 //! use meissner_engine::{Event, Sensor};

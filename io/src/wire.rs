@@ -119,12 +119,13 @@ impl<R: BufRead> LiveEvents<R> {
     ///
     /// EVT2, EVT2.1 and EVT3 are bytes of a Prophesee sensor, with a header or without, from the
     /// start or joined in the middle, over a stream or in datagrams. An event comes when the words
-    /// after it show that its own was in step. Bytes that were lost give an [`IoError::Lost`], other
-    /// odd words an [`IoError::Word`], and the next call goes on after it. The sensor of `options`
-    /// is for streams whose header names none: it tells odd words sooner.
+    /// after it show that its own was in step. Bytes that were lost give an [`IoError::Lost`],
+    /// other odd words an [`IoError::Word`], and the next call goes on after it. The sensor of
+    /// `options` is for streams whose header names none: it tells odd words sooner.
     ///
-    /// AEDAT4 is a network stream of `dv-processing`, or a file from its start. Its stream of events
-    /// is that of `options`. A packet with odd events gives an [`IoError::Datagram`] and the others.
+    /// AEDAT4 is a network stream of `dv-processing`, or a file from its start. Its stream of
+    /// events is that of `options`. A packet with odd events gives an [`IoError::Datagram`] and the
+    /// others.
     ///
     /// # Errors
     /// [`IoError::Unsupported`] for another format.

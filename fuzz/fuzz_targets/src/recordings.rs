@@ -6,8 +6,8 @@ use std::io::{BufReader, Write};
 use meissner_engine::{Event, Sensor};
 use meissner_io::limits::{EXPANSION, IMAGE_PIXELS, PACKET_BYTES};
 use meissner_io::{
-    CsvEvents, ElectrodeSettings, Electrodes, Format, Image, ImageSequence, IoError, LiveEvents, PixelFormat, RawVideo,
-    ReadOptions, Recording, StreamKind, TextOptions, TimeUnit, VideoFormat, decode, decode_image,
+    CsvEvents, ElectrodeSettings, Electrodes, Format, Image, ImageSequence, IoError, LiveEvents, PixelFormat,
+    RawVideo, ReadOptions, Recording, StreamKind, TextOptions, TimeUnit, VideoFormat, decode, decode_image,
     decode_with, encode, encode_png,
 };
 
