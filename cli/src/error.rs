@@ -80,6 +80,9 @@ pub(crate) enum CliError {
     /// Results break promises; the output names each.
     #[error("promises that are broken: expected none, found {0}")]
     Broken(usize),
+    /// Presses are odd, and none may be; the notes name each kind.
+    #[error("--strict: expected nothing odd about the presses, found {0} kinds of oddities")]
+    Odd(usize),
     /// Standard output cannot be written.
     #[error("standard output")]
     Output(#[from] io::Error),
@@ -123,6 +126,8 @@ impl From<EvaluateError> for CliError {
                     RequestPart::Rate => "--rate",
                     RequestPart::Slower => "--slower",
                     RequestPart::Lost => "--drop",
+                    RequestPart::Labels => "--labels",
+                    RequestPart::Offset => "--offset",
                     _ => "DATA",
                 };
                 usage(option, &expected, &found)

@@ -1,5 +1,7 @@
 //! `meissner prepare`: inputs of networks with labels, in a file for training.
 
+mod presses;
+
 use std::io::{Write, stdout};
 use std::path::PathBuf;
 
@@ -47,6 +49,11 @@ enum InputArgs {
     ///
     /// Equal data give equal bytes.
     Touch(TouchArgs),
+    /// Recordings of presses and labels of your own: checked, joined, written.
+    ///
+    /// The output says how many presses and labels there are, and the notes on standard error say
+    /// what is odd about them. Equal data give equal bytes.
+    Presses(presses::PressesArgs),
 }
 
 /// At the end of the long help.
@@ -200,7 +207,14 @@ struct LabelledArgs {
 
 /// Writes the file that `args` select.
 pub(crate) fn prepare(args: &PrepareArgs) -> Result<(), CliError> {
-    let file = args.file();
+    let file = match &args.input {
+        InputArgs::Graphs(args) => &args.file,
+        InputArgs::Slip(args) => &args.file,
+        InputArgs::Digits(DigitsArgs { labelled, .. }) | InputArgs::Touch(TouchArgs { labelled, .. }) => {
+            &labelled.file
+        }
+        InputArgs::Presses(args) => return presses::prepare(args),
+    };
     file.check()?;
     let progress = Progress::busy(|| "preparing".to_owned());
     let (notes, prepared) = match &args.input {
@@ -222,6 +236,7 @@ pub(crate) fn prepare(args: &PrepareArgs) -> Result<(), CliError> {
                 NeutouchSet::Containers => TouchContainers::read(data)?,
             })?
         }
+        InputArgs::Presses(args) => return presses::prepare(args),
     };
     file.write(prepared.file.into_bytes())?;
     progress.finish();
@@ -229,19 +244,6 @@ pub(crate) fn prepare(args: &PrepareArgs) -> Result<(), CliError> {
     let mut standard = stdout().lock();
     writeln!(standard, "{}: {}", file.out.display(), prepared.contents)?;
     Ok(standard.flush()?)
-}
-
-impl PrepareArgs {
-    /// The file to write.
-    fn file(&self) -> &OutArgs {
-        match &self.input {
-            InputArgs::Graphs(args) => &args.file,
-            InputArgs::Slip(args) => &args.file,
-            InputArgs::Digits(DigitsArgs { labelled, .. }) | InputArgs::Touch(TouchArgs { labelled, .. }) => {
-                &labelled.file
-            }
-        }
-    }
 }
 
 impl LabelledArgs {

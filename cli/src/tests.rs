@@ -43,6 +43,9 @@ const HEADINGS: &[(&str, &[&str])] = &[
             "slower",
             "stale",
             "drop",
+            "labels",
+            "offset",
+            "max-gap",
         ],
     ),
     (
@@ -155,6 +158,7 @@ const ELSEWHERE: &[(&str, &str, &str)] = &[
     ("record", "activity-filter", OUTPUT),
     ("prepare digits", "folds", OUTPUT),
     ("prepare touch", "folds", OUTPUT),
+    ("prepare presses", "folds", OUTPUT),
     ("simulate markers", "refractory", CAMERA),
     ("simulate images", "refractory", CAMERA),
 ];

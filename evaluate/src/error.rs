@@ -95,6 +95,8 @@ pub enum RequestPart {
     Rate,
     Slower,
     Lost,
+    Labels,
+    Offset,
 }
 
 impl EvaluateError {

@@ -14,6 +14,7 @@
 //! | [`slip`] | direction of slip: data set, windows, accuracy on seen and unseen objects |
 //! | [`streams`] | streams of events with labels along time, such as presses |
 //! | [`filters`] | what filters of events keep of a simulated signal and its noise |
+//! | [`presses`] | recordings with labels as people keep them: joined, and what is odd about them |
 //! | [`prepare`] | inputs of networks with labels, for training |
 //! | [`pareto`] | run time against error, with each approximation |
 //!
@@ -49,6 +50,7 @@ pub mod judge;
 pub mod metrics;
 pub mod pareto;
 pub mod prepare;
+pub mod presses;
 pub mod regression;
 pub mod slip;
 pub mod streams;

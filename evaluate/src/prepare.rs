@@ -5,6 +5,7 @@
 pub(crate) mod dome;
 mod filmed;
 mod gel;
+mod presses;
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -28,6 +29,7 @@ use crate::streams::Streams;
 pub use dome::{DOME_KINDS, dome_presses};
 pub use filmed::{film_images, film_markers, grasps, with_causes};
 pub use gel::{GelPlan, Shapes, gel_presses};
+pub use presses::labelled_presses;
 
 /// Tensors for training.
 pub struct Prepared {

@@ -215,14 +215,14 @@ impl Truth {
     ///
     /// # Panics
     /// Where a stream has no time.
-    pub(crate) fn of_streams<const N: usize>(names: [&str; N], streams: &[Vec<(i64, [f32; N])>]) -> Self {
+    pub(crate) fn of_streams(names: &[&str], streams: &[Vec<(i64, impl AsRef<[f32]>)>]) -> Self {
         assert!(streams.iter().all(|stream| !stream.is_empty()), "a time for each stream");
         let mut start = vec![0];
         start.extend(streams.iter().scan(0, |end, stream| {
             *end += stream.len();
             Some(*end)
         }));
-        let values = |i: usize| streams.iter().flatten().map(|(_, values)| values[i]).collect();
+        let values = |i: usize| streams.iter().flatten().map(|(_, values)| values.as_ref()[i]).collect();
         Self {
             start,
             t_us: streams.iter().flatten().map(|(t_us, _)| *t_us).collect(),

@@ -6,9 +6,11 @@
 
 mod gelsight;
 mod neutouch;
+mod presses;
 
 pub use gelsight::{Ball, BallPictures};
 pub use neutouch::NeutouchSet;
+pub use presses::PressFile;
 
 use std::ffi::OsStr;
 use std::fmt;

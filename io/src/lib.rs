@@ -32,8 +32,8 @@
 //! [`LiveEvents`] reads events as they arrive: text, records, raw bytes of Prophesee's sensors and
 //! packets of iniVation's. [`EventPackets`] reads the messages of event cameras in ROS 2. The crate
 //! also reads images of frame-based sensors ([`read_image`], [`ImageSequence`], [`RawVideo`],
-//! [`write_png`]), readings of electrodes from CSV ([`Electrodes`]), and labelled sets of
-//! recordings ([`datasets`]).
+//! [`write_png`]), readings of electrodes from CSV ([`Electrodes`]), tables of labels
+//! ([`LabelTable`]), and labelled sets of recordings ([`datasets`]).
 //!
 //! ```
 //! use meissner_engine::{Event, Sensor};
@@ -71,6 +71,7 @@ mod format;
 mod hdf5;
 mod image_sequence;
 mod images;
+mod labels;
 mod left_out;
 pub mod limits;
 mod mcap;
@@ -105,6 +106,7 @@ pub use images::{
     Image, PixelFormat, RawVideo, VideoFormat, decode_image, encode_palette_png, encode_png, read_image,
     write_png,
 };
+pub use labels::{LabelClock, LabelColumn, LabelTable, LabelValues};
 pub use left_out::{LeftOut, LeftOutKind, is_mostly_refused};
 pub use mcap::write::McapWriter;
 pub use options::ReadOptions;

@@ -14,6 +14,7 @@ use meissner_models::{
 use crate::approximations::Approximations;
 use crate::error::{Result, RunError};
 use crate::provenance::ModelCard;
+use crate::text::most_similar;
 
 /// The name of a network over events, and options that change it.
 #[derive(Clone, Debug, Default)]
@@ -306,13 +307,7 @@ fn window(network: &Network) -> (i64, usize) {
     (network.parts().span_us, network.parts().capacity)
 }
 
-/// Minimum similarity of a shipped name to an unknown one, from 0 to 1, at which it is suggested.
-const SIMILAR: f64 = 0.7;
-
 /// The shipped network with the name most similar to `name`, if one is similar enough.
 pub(crate) fn nearest(name: &str) -> Option<&'static str> {
-    let similarity = |known: &&str| strsim::jaro_winkler(name, known);
-    AnyDescription::shipped_names()
-        .max_by(|a, b| similarity(a).total_cmp(&similarity(b)))
-        .filter(|known| similarity(known) > SIMILAR)
+    most_similar(name, AnyDescription::shipped_names())
 }

@@ -30,6 +30,16 @@ pub fn display_us(us: i64) -> String {
     whole.map_or_else(String::new, |(unit, scale)| format!("{}{unit}", us / scale))
 }
 
+/// Reads a time of either sign, of at most 2^63 - 1 microseconds: the offset of a clock.
+///
+/// # Errors
+/// The text is not such a time. The message names the expected forms.
+pub fn signed_us(text: &str) -> Result<i64, String> {
+    let (sign, size) = text.strip_prefix('-').map_or((1, text), |size| (-1, size));
+    let us = microseconds(size.strip_prefix('+').filter(|_| sign > 0).unwrap_or(size));
+    us.map(|us| sign * us).ok_or_else(|| format!("expected {TIME_FORMS}, or with a minus"))
+}
+
 fn within(text: &str, least: i64) -> Result<i64, String> {
     let us = microseconds(text).ok_or_else(|| format!("expected {TIME_FORMS}"))?;
     let most = Network::MAX_SPAN_US;
@@ -66,4 +76,14 @@ pub fn sensor(text: &str) -> Result<Sensor, String> {
         Some(Sensor::new(side(width)?, side(height)?))
     };
     parse().ok_or_else(|| "expected columns x rows, each 1 to 65535, such as 346x260".to_owned())
+}
+
+/// Minimum similarity of a known name to an unknown one, from 0 to 1, at which it is suggested.
+const SIMILAR: f64 = 0.7;
+
+/// The name among `known` that is most similar to `name`, if one is similar enough.
+pub fn most_similar<'a>(name: &str, known: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
+    let similarity = |known: &&str| strsim::jaro_winkler(name, known);
+    let nearest = known.into_iter().max_by(|a, b| similarity(a).total_cmp(&similarity(b)));
+    nearest.filter(|known| similarity(known) > SIMILAR)
 }

@@ -172,5 +172,5 @@ pub fn grasps(recordings: usize, seed: u64, pool: &ThreadPool) -> Result<Prepare
         (0..recordings).into_par_iter().map_init(|| solver.clone(), film).collect::<Result<_, _>>()
     })?;
     let (streams, labels): (Vec<_>, Vec<_>) = filmed.into_iter().unzip();
-    Ok(prepared(SENSOR, &streams, Some(Truth::of_streams(LABELS, &labels))))
+    Ok(prepared(SENSOR, &streams, Some(Truth::of_streams(&LABELS, &labels))))
 }

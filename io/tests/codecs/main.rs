@@ -11,6 +11,7 @@ mod formats;
 #[cfg(feature = "hdf5")]
 mod hdf5;
 mod hostile;
+mod labels;
 mod left_out;
 mod mcap;
 mod neutouch;

@@ -1,0 +1,302 @@
+//! Whether two clocks agree: the rate of events against the speed of motion.
+//!
+//! Enters: event counts along time and the motion of a robot, both on the host's clock as far as it
+//! is known. Leaves: the shift that makes them agree best, and how it grows along the session.
+//! Both signals are the square roots of their values in bins, less their mean. The correlation at
+//! a shift is the sum of their products over the root of the product of their energies, so that a
+//! shift under which little overlaps has little correlation.
+//!
+//! Complexity: O(bins with events * shifts) a pass. A first pass has bins of at least 10 ms and at
+//! most 2^14 of them, a second one around its peak has bins of 2 ms. Memory: O(bins), 2^21 at most.
+
+/// Bins of the passes.
+const COARSE_US: i64 = 10_000;
+const FINE_US: i64 = 2_000;
+const MAX_COARSE: i64 = 1 << 14;
+const MAX_FINE: i64 = 1 << 21;
+/// A peak this close to the best is a peak of its slope.
+const APART_US: i64 = 300_000;
+/// Of peaks with this share of the best correlation, the one with the least shift is chosen:
+/// presses that repeat evenly fit one period later nearly as well.
+const AS_GOOD: f64 = 0.95;
+/// Parts of a session, each of at least so many bins with events, whose shifts show the drift.
+const MAX_PARTS: usize = 8;
+const MIN_PARTS: usize = 3;
+const MIN_PART_BINS: usize = 100;
+/// Least correlation of a part that counts.
+const PART: f64 = 0.3;
+/// Times beyond it are no times of a session.
+const MAX_US: i64 = 1 << 60;
+
+/// A motion from one pose to the next: begin, end, and its size in any unit.
+pub(super) type Step = (i64, i64, f64);
+
+/// Which shifts are tried.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Shifts {
+    /// From minus to plus this many microseconds.
+    Within(i64),
+    /// All under which anything overlaps.
+    All,
+}
+
+/// How the clocks agree best.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ClockFit {
+    /// The time of the events less that of the motion, in microseconds.
+    pub shift_us: i64,
+    /// Shifts that are nearer to it than this fit about as well.
+    pub width_us: i64,
+    /// The correlation at this shift, -1 to 1.
+    pub correlation: f64,
+    /// The best correlation at another peak.
+    pub next: f64,
+    /// The growth of the shift, where the session has parts enough.
+    pub drift: Option<Drift>,
+}
+
+/// The growth of an offset along a session.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Drift {
+    /// Microseconds of growth a second: the sensor's clock is faster by so many parts in a million.
+    pub ppm: f64,
+    /// Its standard error.
+    pub error_ppm: f64,
+    /// What it amounts to over the session, in microseconds.
+    pub whole_us: f64,
+}
+
+impl ClockFit {
+    /// Whether motion explains the events, and no other shift does so too.
+    pub fn is_sure(&self) -> bool {
+        self.correlation >= 0.3 && self.correlation >= 1.2 * self.next
+    }
+}
+
+impl Drift {
+    /// The line through `(time, offset)` in microseconds by least squares; `None` for less than
+    /// three points or no time between them. O(points).
+    pub(super) fn of(points: &[(i64, i64)]) -> Option<Self> {
+        let count = points.len() as f64;
+        let &(t0, o0) = points.first().filter(|_| points.len() >= MIN_PARTS)?;
+        let shifted = points.iter().map(|&(t, o)| {
+            ((i128::from(t) - i128::from(t0)) as f64, (i128::from(o) - i128::from(o0)) as f64)
+        });
+        let shifted: Vec<(f64, f64)> = shifted.collect();
+        let mean_t = shifted.iter().map(|p| p.0).sum::<f64>() / count;
+        let mean_o = shifted.iter().map(|p| p.1).sum::<f64>() / count;
+        let square: f64 = shifted.iter().map(|p| (p.0 - mean_t).powi(2)).sum();
+        if square <= 0.0 {
+            return None;
+        }
+        let slope = shifted.iter().map(|p| (p.0 - mean_t) * (p.1 - mean_o)).sum::<f64>() / square;
+        let rest: f64 = shifted.iter().map(|p| (p.1 - mean_o - slope * (p.0 - mean_t)).powi(2)).sum();
+        let error = (rest / (count - 2.0) / square).sqrt();
+        let first = shifted.iter().map(|p| p.0).fold(f64::MAX, f64::min);
+        let last = shifted.iter().map(|p| p.0).fold(f64::MIN, f64::max);
+        Some(Self { ppm: slope * 1e6, error_ppm: error * 1e6, whole_us: slope * (last - first) })
+    }
+
+    /// Whether it is more than chance, and amounts to more than `least_us` over the session.
+    pub(super) fn matters(&self, least_us: f64) -> bool {
+        self.ppm.abs() > 3.0 * self.error_ppm && self.whole_us.abs() > least_us
+    }
+}
+
+/// The motion between poses at `times_us`, which ascend: the sum over the columns of the change
+/// over the column's mean change. A column with a `period`, such as 360 degrees, wraps. Poses that
+/// are further apart than `max_gap_us` say nothing about the motion between them. O(poses * columns).
+pub(super) fn motion(times_us: &[i64], columns: &[(Vec<f64>, Option<f64>)], max_gap_us: i64) -> Vec<Step> {
+    let change = |values: &[f64], period: Option<f64>, i: usize| {
+        let change = (values[i + 1] - values[i]).abs();
+        let change = period.map_or(change, |period| (change % period).min(period - change % period));
+        if change.is_finite() { change } else { 0.0 }
+    };
+    let pairs = times_us.len().saturating_sub(1);
+    let mut sizes = vec![0.0; pairs];
+    for (values, period) in columns {
+        let changes: Vec<f64> = (0..pairs).map(|i| change(values, *period, i)).collect();
+        let sum: f64 = changes.iter().sum();
+        if sum > 0.0 && sum.is_finite() {
+            let mean = sum / pairs as f64;
+            sizes.iter_mut().zip(&changes).for_each(|(size, change)| *size += change / mean);
+        }
+    }
+    let steps = sizes.into_iter().enumerate().map(|(i, size)| (times_us[i], times_us[i + 1], size));
+    steps
+        .filter(|&(from, to, _)| to > from && to.checked_sub(from).is_some_and(|gap| gap <= max_gap_us))
+        .collect()
+}
+
+/// The shift under which `rates`, ascending times with counts of events, fit `steps` best. `None`:
+/// there is too little of either, or they do not vary.
+pub(super) fn fit(rates: &[(i64, f64)], steps: &[Step], shifts: Shifts) -> Option<ClockFit> {
+    let (first, last) = (rates.first()?.0.min(steps.first()?.0), rates.last()?.0.max(steps.last()?.1));
+    if first < -MAX_US || last > MAX_US {
+        return None;
+    }
+    let longest = (rates.last()?.0 - rates.first()?.0).max(steps.last()?.1 - steps.first()?.0);
+    let bin_us = COARSE_US.max(longest / MAX_COARSE + 1);
+    let (events, speed) = (Events::new(rates, bin_us)?, Speed::new(steps, bin_us)?);
+    let range = match shifts {
+        Shifts::Within(us) => -us / bin_us..=us / bin_us,
+        Shifts::All => events.first() - speed.last()..=events.last() - speed.origin,
+    };
+    let found: Vec<(i64, f64)> = range.map(|lag| (lag, events.correlation(&speed, lag))).collect();
+    let at = |i: usize| found.get(i).map_or(f64::MIN, |found| found.1);
+    let peaks = (0..found.len()).filter(|&i| at(i) >= at(i.wrapping_sub(1)) && at(i) >= at(i + 1));
+    let peaks: Vec<usize> = peaks.collect();
+    let best = peaks.iter().map(|&i| at(i)).fold(f64::MIN, f64::max);
+    if best <= 0.0 {
+        return None;
+    }
+    let good = peaks.iter().copied().filter(|&i| at(i) >= AS_GOOD * best);
+    let chosen = match shifts {
+        Shifts::Within(_) => good.min_by_key(|&i| found[i].0.abs())?,
+        Shifts::All => good.max_by(|&a, &b| at(a).total_cmp(&at(b)))?,
+    };
+    let apart = APART_US / bin_us + 1;
+    let others = peaks.iter().filter(|&&i| (found[i].0 - found[chosen].0).abs() > apart);
+    let next = others.map(|&i| at(i)).fold(0.0, f64::max);
+    let as_good = |i: &usize| at(*i) >= AS_GOOD * at(chosen);
+    let wide =
+        (chosen..found.len()).take_while(as_good).count() + (0..chosen).rev().take_while(as_good).count();
+
+    let fine_us = FINE_US.max(longest / MAX_FINE + 1);
+    let (events, speed) = (Events::new(rates, fine_us)?, Speed::new(steps, fine_us)?);
+    let (shift_us, _) = events.peak(&speed, found[chosen].0 * bin_us, 2 * bin_us)?;
+    let drift = Drift::of(&parts(&events, &speed, shift_us)).filter(|drift| drift.ppm.is_finite());
+    let width_us = wide as i64 * bin_us / 2;
+    Some(ClockFit { shift_us, width_us, correlation: at(chosen), next, drift })
+}
+
+/// The shift of each part of the session, with its middle.
+fn parts(events: &Events, speed: &Speed, shift_us: i64) -> Vec<(i64, i64)> {
+    let parts = (events.bins.len() / MIN_PART_BINS).min(MAX_PARTS);
+    let size = events.bins.len().checked_div(parts).unwrap_or(0).max(1);
+    let shift = |part: &[(i64, f64)]| {
+        let part = Events::of_bins(part.to_vec(), events.bin_us)?;
+        let (shift, correlation) = part.peak(speed, shift_us, APART_US)?;
+        let middle = i64::midpoint(part.first(), part.last()) * events.bin_us;
+        (correlation >= PART).then_some((middle, shift))
+    };
+    events.bins.chunks(size).filter(|part| part.len() == size).filter_map(shift).collect()
+}
+
+/// The root of the number of events in each bin that has any.
+struct Events {
+    bin_us: i64,
+    /// Index of the bin, counted from time 0, ascending.
+    bins: Vec<(i64, f64)>,
+    mean: f64,
+    energy: f64,
+}
+
+impl Events {
+    fn new(rates: &[(i64, f64)], bin_us: i64) -> Option<Self> {
+        let mut bins: Vec<(i64, f64)> = Vec::new();
+        for &(t_us, count) in rates {
+            let bin = t_us.div_euclid(bin_us);
+            match bins.last_mut() {
+                Some((last, sum)) if *last == bin => *sum += count,
+                _ => bins.push((bin, count)),
+            }
+        }
+        bins.iter_mut().for_each(|(_, count)| *count = count.sqrt());
+        Self::of_bins(bins, bin_us)
+    }
+
+    fn of_bins(bins: Vec<(i64, f64)>, bin_us: i64) -> Option<Self> {
+        let count = (bins.last()?.0 - bins.first()?.0 + 1) as f64;
+        let mean = bins.iter().map(|bin| bin.1).sum::<f64>() / count;
+        let energy = bins.iter().map(|bin| bin.1 * bin.1).sum::<f64>() - count * mean * mean;
+        (energy > 0.0).then_some(Self { bin_us, bins, mean, energy })
+    }
+
+    fn first(&self) -> i64 {
+        self.bins.first().map_or(0, |bin| bin.0)
+    }
+
+    fn last(&self) -> i64 {
+        self.bins.last().map_or(0, |bin| bin.0)
+    }
+
+    /// Where the events are `lag` bins later than the motion. O(bins with events).
+    fn correlation(&self, speed: &Speed, lag: i64) -> f64 {
+        let range = self.first() - lag..=self.last() - lag;
+        let energy = (self.energy * speed.squares).sqrt();
+        let product: f64 = self.bins.iter().map(|&(bin, value)| value * speed.at(bin - lag)).sum();
+        (product - self.mean * speed.sum(range)) / energy
+    }
+
+    /// The shift within `radius_us` of `around_us` with the highest correlation, and its share of
+    /// what is possible for the motion that these events overlap with.
+    fn peak(&self, speed: &Speed, around_us: i64, radius_us: i64) -> Option<(i64, f64)> {
+        let (middle, radius) = (around_us / self.bin_us, radius_us / self.bin_us);
+        let lags = middle - radius..=middle + radius;
+        let found: Vec<(i64, f64)> = lags.map(|lag| (lag, self.correlation(speed, lag))).collect();
+        let best = (0..found.len()).max_by(|&a, &b| found[a].1.total_cmp(&found[b].1))?;
+        let (lag, top) = found[best];
+        // The top of the parabola through the best and its neighbours.
+        let beside = best.checked_sub(1).and_then(|i| found.get(i)).zip(found.get(best + 1));
+        let part = beside.map_or(0.0, |(before, after)| {
+            let curve = before.1 - 2.0 * top + after.1;
+            if curve < 0.0 { 0.5 * (before.1 - after.1) / curve } else { 0.0 }
+        });
+        let here: f64 = (self.first()..=self.last()).map(|bin| speed.at(bin - lag).powi(2)).sum();
+        let share = if here > 0.0 { top * (speed.squares / here).sqrt() } else { 0.0 };
+        Some((((lag as f64 + part) * self.bin_us as f64).round() as i64, share))
+    }
+}
+
+/// The root of the speed in each bin, less its mean.
+struct Speed {
+    /// Index of the first bin, counted from time 0.
+    origin: i64,
+    values: Vec<f64>,
+    /// Sums of the values before each.
+    sums: Vec<f64>,
+    squares: f64,
+}
+
+impl Speed {
+    fn new(steps: &[Step], bin_us: i64) -> Option<Self> {
+        let origin = steps.first()?.0.div_euclid(bin_us);
+        let count = steps.last()?.1.div_euclid(bin_us) - origin + 1;
+        let mut values = vec![0.0; usize::try_from(count).ok()?];
+        for &(from, to, size) in steps {
+            let (length, mut at) = ((to - from) as f64, from);
+            while at < to {
+                let bin = at.div_euclid(bin_us);
+                let end = to.min((bin + 1) * bin_us);
+                values[(bin - origin) as usize] += size * (end - at) as f64 / length;
+                at = end;
+            }
+        }
+        values.iter_mut().for_each(|value: &mut f64| *value = value.sqrt());
+        let mean = values.iter().sum::<f64>() / values.len() as f64;
+        values.iter_mut().for_each(|value| *value -= mean);
+        let squares: f64 = values.iter().map(|value| value * value).sum();
+        let mut sums = vec![0.0];
+        sums.extend(values.iter().scan(0.0, |sum, value| {
+            *sum += value;
+            Some(*sum)
+        }));
+        (squares > 0.0).then_some(Self { origin, values, sums, squares })
+    }
+
+    fn last(&self) -> i64 {
+        self.origin + self.values.len() as i64 - 1
+    }
+
+    fn at(&self, bin: i64) -> f64 {
+        let index = usize::try_from(bin - self.origin).ok();
+        index.and_then(|index| self.values.get(index)).copied().unwrap_or(0.0)
+    }
+
+    /// The sum of the values in a range of bins.
+    fn sum(&self, range: std::ops::RangeInclusive<i64>) -> f64 {
+        let clamp = |bin: i64| (bin - self.origin).clamp(0, self.values.len() as i64) as usize;
+        self.sums[clamp(range.end() + 1)] - self.sums[clamp(*range.start())]
+    }
+}
