@@ -1,5 +1,7 @@
 //! `meissner prepare presses`: recordings and labels that people made themselves.
 
+#![expect(clippy::doc_markdown, reason = "these comments are the help text, which would show the backticks")]
+
 use std::io::{self, Write};
 use std::path::PathBuf;
 

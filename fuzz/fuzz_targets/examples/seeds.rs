@@ -26,6 +26,7 @@ use torch::{Deviation, Pickle, View, archive, state_dict};
 fn main() -> io::Result<()> {
     recordings()?;
     electrodes()?;
+    labels()?;
     pictures()?;
     weights()?;
     descriptions()?;
@@ -217,6 +218,18 @@ fn electrodes() -> io::Result<()> {
         "bad-rows",
         format!("# a\r\n{}\r\n{wrong}\r\n1,2\r\n{row}\r\n", reversed.join(",")).as_bytes(),
     )
+}
+
+fn labels() -> io::Result<()> {
+    for (name, text) in [
+        ("instants", "recording,t_us,roll_deg,force_n\na,0,1.5,2\n\"b, c\",10,nan,-3e1\n"),
+        ("presses", "# by hand\nfile;class;x [mm]\na;2;1,5\nb;10;\n;;\n"),
+        ("poses", "\u{feff}host_ns\tz_um\tstate\r\n1717171717171717499\t1\t\"o\"\"n\"\r\n5\t2\toff\r\n"),
+        ("bad", "recording,t_us,x\na,soon,1\n"),
+    ] {
+        put("labels", name, text.as_bytes())?;
+    }
+    Ok(())
 }
 
 fn pictures() -> io::Result<()> {

@@ -15,7 +15,7 @@ use c_interface::c_interface;
 use descriptions::description;
 use meissner_io::Format;
 use oracle::{graph, interleavings};
-use recordings::{any_recording, convert, csv, electrodes, image, mcap, raw, recording, video};
+use recordings::{any_recording, convert, csv, electrodes, image, labels, mcap, raw, recording, video};
 use snapshots::{frame_snapshot, snapshot};
 use weights::{pickle, weights};
 
@@ -42,7 +42,7 @@ pub struct Target {
 }
 
 /// All targets.
-pub const TARGETS: [Target; 30] = [
+pub const TARGETS: [Target; 31] = [
     Target { name: "aedat4", run: |bytes| recording(Format::Aedat4, bytes) },
     Target { name: "aedat3", run: |bytes| recording(Format::Aedat3, bytes) },
     Target { name: "aedat2", run: |bytes| recording(Format::Aedat2, bytes) },
@@ -60,6 +60,7 @@ pub const TARGETS: [Target; 30] = [
     Target { name: "any_recording", run: any_recording },
     Target { name: "convert", run: convert },
     Target { name: "electrodes", run: electrodes },
+    Target { name: "labels", run: labels },
     Target { name: "png", run: image },
     Target { name: "jpeg", run: image },
     Target { name: "pnm", run: image },

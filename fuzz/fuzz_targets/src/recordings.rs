@@ -6,9 +6,9 @@ use std::io::{BufReader, Write};
 use meissner_engine::{Event, Sensor};
 use meissner_io::limits::{EXPANSION, IMAGE_PIXELS, PACKET_BYTES};
 use meissner_io::{
-    CsvEvents, ElectrodeSettings, Electrodes, Format, Image, ImageSequence, IoError, LiveEvents, PixelFormat,
-    RawVideo, ReadOptions, Recording, StreamKind, TextOptions, TimeUnit, VideoFormat, decode, decode_image,
-    decode_with, encode, encode_png,
+    CsvEvents, ElectrodeSettings, Electrodes, Format, Image, ImageSequence, IoError, LabelTable, LiveEvents,
+    PixelFormat, RawVideo, ReadOptions, Recording, StreamKind, TextOptions, TimeUnit, VideoFormat, decode,
+    decode_image, decode_with, encode, encode_png,
 };
 
 use crate::Verdict;
@@ -288,6 +288,34 @@ pub(crate) fn video(bytes: &[u8]) -> Verdict {
     assert!(images.len() == whole && found.len() == whole + usize::from(rest > 0 || whole == 0));
     assert!(images.iter().all(|image| image.data.len() as u64 == width * height * Image::CHANNELS as u64));
     if found.len() == whole { Verdict::Accepted } else { Verdict::Refused }
+}
+
+/// Tables of labels: rows in the order of their lines, with a value or none for every label, and
+/// classes that have a name. An added comment and another line end change nothing.
+///
+/// # Panics
+/// If a promise is broken.
+pub(crate) fn labels(bytes: &[u8]) -> Verdict {
+    let table = match LabelTable::parse(bytes) {
+        Ok(table) => table,
+        Err(error) => return refused(&error),
+    };
+    let rows = table.rows();
+    assert!(rows > 0 && rows < bytes.len() && !table.labels.is_empty());
+    assert!(table.lines.is_sorted_by(|a, b| a < b), "lines {:?}", table.lines);
+    assert_eq!(table.times_us.len(), rows);
+    assert!(table.recordings.as_ref().is_none_or(|recordings| recordings.len() == rows));
+    for label in &table.labels {
+        let classes = label.classes().len();
+        for value in (0..rows).filter_map(|row| label.value(row)) {
+            assert!(value.is_finite() && (classes == 0 || value < classes as f64), "{}: {value}", label.name);
+        }
+        assert!(label.refused.iter().all(|(row, _)| label.value(*row).is_none()));
+    }
+    let commented = [bytes, b"\n# the end\r\n"].concat();
+    // NaN, which stands for a missing value, is not equal to itself.
+    assert_eq!(format!("{:?}", LabelTable::parse(&commented)), format!("{:?}", Ok::<_, IoError>(table)));
+    Verdict::Accepted
 }
 
 /// PNG, JPEG and PNM.
