@@ -256,18 +256,17 @@ fn clock(join: &Join<'_>, all: bool, odd: &mut Odd) -> Option<ClockFit> {
         return None;
     }
     let times: Vec<i64> = order.iter().map(|pose| pose.0).collect();
-    let numbers = table.labels.iter().filter(|label| label.classes().is_empty());
-    let columns: Vec<(Vec<f64>, Option<f64>)> = numbers
-        .map(|label| {
-            let period = match label.unit.as_deref() {
-                Some("deg") => Some(360.0),
-                Some("rad") => Some(std::f64::consts::TAU),
-                _ => None,
-            };
-            (order.iter().map(|pose| label.value(pose.1).unwrap_or(f64::NAN)).collect(), period)
-        })
-        .collect();
-    let steps = motion(&times, &columns, *max_gap_us);
+    let numbers: Vec<&LabelColumn> = table.labels.iter().filter(|label| label.classes().is_empty()).collect();
+    let moved = |label: &&LabelColumn| {
+        let period = match label.unit.as_deref() {
+            Some("deg") => Some(360.0),
+            Some("rad") => Some(std::f64::consts::TAU),
+            _ => None,
+        };
+        let values: Vec<f64> = order.iter().map(|pose| label.value(pose.1).unwrap_or(f64::NAN)).collect();
+        motion(&times, &values, period, *max_gap_us)
+    };
+    let motions: Vec<_> = numbers.iter().map(moved).collect();
     let mut rates: Vec<(i64, f64)> = Vec::new();
     for (press, recording) in recordings.iter().enumerate() {
         let Some(offset) = offsets.of(press) else { continue };
@@ -275,9 +274,9 @@ fn clock(join: &Join<'_>, all: bool, odd: &mut Odd) -> Option<ClockFit> {
         rates.extend(recording.rate.iter().map(on_host));
     }
     rates.sort_by_key(|rate| rate.0);
-    let found = fit(&rates, &steps, if all { Shifts::All } else { Shifts::Within(SEARCH_US) })?;
+    let (moved, found) = fit(&rates, &motions, if all { Shifts::All } else { Shifts::Within(SEARCH_US) })?;
     let ClockFit { shift_us, width_us, correlation, next, drift } = found;
-    if all || correlation < 0.3 {
+    if all || !found.fits() {
         return Some(found);
     }
     if shift_us.abs() > SHIFT_US.max(width_us) {
@@ -286,8 +285,9 @@ fn clock(join: &Join<'_>, all: bool, odd: &mut Odd) -> Option<ClockFit> {
             if found.is_sure() { "" } else { "; presses look alike, so that another offset may be right" };
         odd.add(OddityKind::Offset, || {
             format!(
-                "motion fits the events better with --offset {offset}us, {:.1} ms more than was used \
+                "the motion of {} fits the events better with --offset {offset}us, {:.1} ms more than was used \
                  (correlation {correlation:.2}, next peak {next:.2}){sure}",
+                numbers[moved].name,
                 shift_us as f64 / 1e3
             )
         });

@@ -115,17 +115,21 @@ pub(crate) fn prepare(args: &PressesArgs) -> Result<(), CliError> {
     let presses = Presses::read(&args.folder, &options)?;
     progress.finish();
     presses.odd.iter().for_each(|odd| tell(format_args!("note: {odd}")));
-    let mut out = out(false);
-    describe(&presses, &mut out)?;
-    out.flush()?;
     if args.read.strict && !presses.odd.is_empty() {
         return Err(CliError::Odd(presses.odd.len()));
     }
-    let Some(path) = &args.out else { return Ok(()) };
-    let (notes, prepared) = labelled_presses(&presses, args.folds as usize)?;
-    write(path, prepared.file.into_bytes())?;
-    notes.iter().for_each(|note| tell(format_args!("note: {note}")));
-    writeln!(out, "\n{}: {}", path.display(), prepared.contents)?;
+    let mut written = None;
+    if let Some(path) = &args.out {
+        let (notes, prepared) = labelled_presses(&presses, args.folds as usize)?;
+        write(path, prepared.file.into_bytes())?;
+        notes.iter().for_each(|note| tell(format_args!("note: {note}")));
+        written = Some(format!("{}: {}", path.display(), prepared.contents));
+    }
+    let mut out = out(false);
+    describe(&presses, &mut out)?;
+    if let Some(written) = written {
+        writeln!(out, "\n{written}")?;
+    }
     Ok(out.flush()?)
 }
 

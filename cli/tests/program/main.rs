@@ -27,6 +27,7 @@ mod pareto_tasks;
 mod play;
 mod prepare;
 mod prepare_graphs;
+mod prepare_presses;
 mod provenance;
 mod record;
 mod resume;

@@ -23,8 +23,12 @@ const AS_GOOD: f64 = 0.95;
 const MAX_PARTS: usize = 8;
 const MIN_PARTS: usize = 3;
 const MIN_PART_BINS: usize = 100;
+/// Least correlation of a session whose motion explains its events.
+const FITS: f64 = 0.4;
 /// Least correlation of a part that counts.
 const PART: f64 = 0.3;
+/// Poses this close are averaged before they are compared: sensors of force are noisy.
+const SMOOTH_US: i64 = 25_000;
 /// Times beyond it are no times of a session.
 const MAX_US: i64 = 1 << 60;
 
@@ -67,9 +71,14 @@ pub struct Drift {
 }
 
 impl ClockFit {
+    /// Whether motion explains the events.
+    pub fn fits(&self) -> bool {
+        self.correlation >= FITS
+    }
+
     /// Whether motion explains the events, and no other shift does so too.
     pub fn is_sure(&self) -> bool {
-        self.correlation >= 0.3 && self.correlation >= 1.2 * self.next
+        self.fits() && self.correlation >= 1.2 * self.next
     }
 }
 
@@ -103,71 +112,109 @@ impl Drift {
     }
 }
 
-/// The motion between poses at `times_us`, which ascend: the sum over the columns of the change
-/// over the column's mean change. A column with a `period`, such as 360 degrees, wraps. Poses that
-/// are further apart than `max_gap_us` say nothing about the motion between them. O(poses * columns).
-pub(super) fn motion(times_us: &[i64], columns: &[(Vec<f64>, Option<f64>)], max_gap_us: i64) -> Vec<Step> {
-    let change = |values: &[f64], period: Option<f64>, i: usize| {
-        let change = (values[i + 1] - values[i]).abs();
-        let change = period.map_or(change, |period| (change % period).min(period - change % period));
-        if change.is_finite() { change } else { 0.0 }
-    };
-    let pairs = times_us.len().saturating_sub(1);
-    let mut sizes = vec![0.0; pairs];
-    for (values, period) in columns {
-        let changes: Vec<f64> = (0..pairs).map(|i| change(values, *period, i)).collect();
-        let sum: f64 = changes.iter().sum();
-        if sum > 0.0 && sum.is_finite() {
-            let mean = sum / pairs as f64;
-            sizes.iter_mut().zip(&changes).for_each(|(size, change)| *size += change / mean);
+/// The motion of a label between poses at `times_us`, which ascend. O(poses log poses).
+///
+/// It is the mean of the poses up to 25 ms after it less that of those before it, without their
+/// noise: twice the motion that a fifth of the poses stays below. An angle wraps at its `period`. A
+/// missing value is that of the pose before. Poses that are further apart than `max_gap_us` say
+/// nothing about the motion between them.
+pub(super) fn motion(times_us: &[i64], values: &[f64], period: Option<f64>, max_gap_us: i64) -> Vec<Step> {
+    let mut sums = vec![0.0];
+    let (mut last, mut turned, mut sum) = (values.iter().copied().find(|value| !value.is_nan()), 0.0, 0.0);
+    for &value in values {
+        let before = last.unwrap_or(0.0);
+        let value = if value.is_nan() { before } else { value };
+        if let Some(period) = period {
+            turned -= ((value - before) / period).round() * period;
+        }
+        last = Some(value);
+        sum += value + turned;
+        sums.push(sum);
+    }
+    let mean = |range: std::ops::Range<usize>| (sums[range.end] - sums[range.start]) / range.len() as f64;
+    let (mut first, mut end) = (0, 0);
+    let mut steps = Vec::new();
+    for (i, pair) in times_us.windows(2).enumerate() {
+        let (from, to) = (pair[0], pair[1]);
+        while times_us[first] < from.saturating_sub(SMOOTH_US) {
+            first += 1;
+        }
+        while times_us.get(end).is_some_and(|&time| time <= to.saturating_add(SMOOTH_US)) {
+            end += 1;
+        }
+        let size = (mean(i + 1..end) - mean(first..i + 1)).abs();
+        if to > from && to.checked_sub(from).is_some_and(|gap| gap <= max_gap_us) && size.is_finite() {
+            steps.push((from, to, size));
         }
     }
-    let steps = sizes.into_iter().enumerate().map(|(i, size)| (times_us[i], times_us[i + 1], size));
+    let mut sizes: Vec<f64> = steps.iter().map(|step| step.2).collect();
+    sizes.sort_by(f64::total_cmp);
+    let noise = 2.0 * sizes.get(sizes.len() / 5).copied().unwrap_or(0.0);
+    steps.iter_mut().for_each(|step| step.2 = (step.2 - noise).max(0.0));
     steps
-        .filter(|&(from, to, _)| to > from && to.checked_sub(from).is_some_and(|gap| gap <= max_gap_us))
-        .collect()
 }
 
-/// The shift under which `rates`, ascending times with counts of events, fit `steps` best. `None`:
-/// there is too little of either, or they do not vary.
-pub(super) fn fit(rates: &[(i64, f64)], steps: &[Step], shifts: Shifts) -> Option<ClockFit> {
-    let (first, last) = (rates.first()?.0.min(steps.first()?.0), rates.last()?.0.max(steps.last()?.1));
-    if first < -MAX_US || last > MAX_US {
-        return None;
-    }
-    let longest = (rates.last()?.0 - rates.first()?.0).max(steps.last()?.1 - steps.first()?.0);
-    let bin_us = COARSE_US.max(longest / MAX_COARSE + 1);
-    let (events, speed) = (Events::new(rates, bin_us)?, Speed::new(steps, bin_us)?);
-    let range = match shifts {
-        Shifts::Within(us) => -us / bin_us..=us / bin_us,
-        Shifts::All => events.first() - speed.last()..=events.last() - speed.origin,
-    };
-    let found: Vec<(i64, f64)> = range.map(|lag| (lag, events.correlation(&speed, lag))).collect();
-    let at = |i: usize| found.get(i).map_or(f64::MIN, |found| found.1);
-    let peaks = (0..found.len()).filter(|&i| at(i) >= at(i.wrapping_sub(1)) && at(i) >= at(i + 1));
-    let peaks: Vec<usize> = peaks.collect();
-    let best = peaks.iter().map(|&i| at(i)).fold(f64::MIN, f64::max);
-    if best <= 0.0 {
-        return None;
-    }
-    let good = peaks.iter().copied().filter(|&i| at(i) >= AS_GOOD * best);
-    let chosen = match shifts {
-        Shifts::Within(_) => good.min_by_key(|&i| found[i].0.abs())?,
-        Shifts::All => good.max_by(|&a, &b| at(a).total_cmp(&at(b)))?,
-    };
-    let apart = APART_US / bin_us + 1;
-    let others = peaks.iter().filter(|&&i| (found[i].0 - found[chosen].0).abs() > apart);
-    let next = others.map(|&i| at(i)).fold(0.0, f64::max);
-    let as_good = |i: &usize| at(*i) >= AS_GOOD * at(chosen);
-    let wide =
-        (chosen..found.len()).take_while(as_good).count() + (0..chosen).rev().take_while(as_good).count();
-
-    let fine_us = FINE_US.max(longest / MAX_FINE + 1);
-    let (events, speed) = (Events::new(rates, fine_us)?, Speed::new(steps, fine_us)?);
-    let (shift_us, _) = events.peak(&speed, found[chosen].0 * bin_us, 2 * bin_us)?;
+/// Which of the `motions` fits `rates`, ascending times with counts of events, best, and how.
+/// `None`: there is too little of either, or they do not vary.
+pub(super) fn fit(rates: &[(i64, f64)], motions: &[Vec<Step>], shifts: Shifts) -> Option<(usize, ClockFit)> {
+    let coarse =
+        motions.iter().enumerate().filter_map(|(i, steps)| Some((i, Coarse::of(rates, steps, shifts)?)));
+    let (i, coarse) = coarse.max_by(|(_, a), (_, b)| a.correlation.total_cmp(&b.correlation))?;
+    let Coarse { shift_us, bin_us, longest_us, wide, correlation, next } = coarse;
+    let fine_us = FINE_US.max(longest_us / MAX_FINE + 1);
+    let (events, speed) = (Events::new(rates, fine_us)?, Speed::new(&motions[i], fine_us)?);
+    let (shift_us, _) = events.peak(&speed, shift_us, 2 * bin_us)?;
     let drift = Drift::of(&parts(&events, &speed, shift_us)).filter(|drift| drift.ppm.is_finite());
-    let width_us = wide as i64 * bin_us / 2;
-    Some(ClockFit { shift_us, width_us, correlation: at(chosen), next, drift })
+    Some((i, ClockFit { shift_us, width_us: wide as i64 * bin_us / 2, correlation, next, drift }))
+}
+
+/// The best shift in whole bins.
+struct Coarse {
+    shift_us: i64,
+    bin_us: i64,
+    /// The longer of the two signals.
+    longest_us: i64,
+    /// Bins around the peak that fit about as well.
+    wide: usize,
+    correlation: f64,
+    next: f64,
+}
+
+impl Coarse {
+    fn of(rates: &[(i64, f64)], steps: &[Step], shifts: Shifts) -> Option<Self> {
+        let (first, last) = (rates.first()?.0.min(steps.first()?.0), rates.last()?.0.max(steps.last()?.1));
+        if first < -MAX_US || last > MAX_US {
+            return None;
+        }
+        let longest_us = (rates.last()?.0 - rates.first()?.0).max(steps.last()?.1 - steps.first()?.0);
+        let bin_us = COARSE_US.max(longest_us / MAX_COARSE + 1);
+        let (events, speed) = (Events::new(rates, bin_us)?, Speed::new(steps, bin_us)?);
+        let range = match shifts {
+            Shifts::Within(us) => -us / bin_us..=us / bin_us,
+            Shifts::All => events.first() - speed.last()..=events.last() - speed.origin,
+        };
+        let found: Vec<(i64, f64)> = range.map(|lag| (lag, events.correlation(&speed, lag))).collect();
+        let at = |i: usize| found.get(i).map_or(f64::MIN, |found| found.1);
+        let peaks = (0..found.len()).filter(|&i| at(i) >= at(i.wrapping_sub(1)) && at(i) >= at(i + 1));
+        let peaks: Vec<usize> = peaks.collect();
+        let best = peaks.iter().map(|&i| at(i)).fold(f64::MIN, f64::max);
+        if best <= 0.0 {
+            return None;
+        }
+        let good = peaks.iter().copied().filter(|&i| at(i) >= AS_GOOD * best);
+        let chosen = match shifts {
+            Shifts::Within(_) => good.min_by_key(|&i| found[i].0.abs())?,
+            Shifts::All => good.max_by(|&a, &b| at(a).total_cmp(&at(b)))?,
+        };
+        let apart = APART_US / bin_us + 1;
+        let others = peaks.iter().filter(|&&i| (found[i].0 - found[chosen].0).abs() > apart);
+        let next = others.map(|&i| at(i)).fold(0.0, f64::max);
+        let as_good = |i: &usize| at(*i) >= AS_GOOD * at(chosen);
+        let wide =
+            (chosen..found.len()).take_while(as_good).count() + (0..chosen).rev().take_while(as_good).count();
+        let (shift_us, correlation) = (found[chosen].0 * bin_us, at(chosen));
+        Some(Self { shift_us, bin_us, longest_us, wide, correlation, next })
+    }
 }
 
 /// The shift of each part of the session, with its middle.

@@ -20,6 +20,10 @@ use crate::error::{EvaluateError, RequestPart, Result};
 /// Bins of the rate of events.
 const RATE_US: i64 = 1_000;
 
+/// Extensions of what stands beside recordings and is none: notes, settings, pictures, results.
+const QUIET: [&str; 13] =
+    ["txt", "md", "json", "toml", "yaml", "yml", "pdf", "png", "jpg", "jpeg", "svg", "py", "safetensors"];
+
 /// A recording, which is a press.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PressRecording {
@@ -104,7 +108,11 @@ pub(super) fn scan(
     read: ReadOptions,
     odd: &mut Odd,
 ) -> Result<(Vec<PressRecording>, Vec<String>)> {
-    for path in &files.passed_over {
+    let is_quiet = |path: &&PathBuf| {
+        let extension = path.extension().and_then(|extension| extension.to_str()).unwrap_or_default();
+        path.is_file() && QUIET.iter().any(|quiet| extension.eq_ignore_ascii_case(quiet))
+    };
+    for path in files.passed_over.iter().filter(|path| !is_quiet(path)) {
         odd.add(OddityKind::PassedOver, || path.display().to_string());
     }
     let (mut recordings, mut unreadable) = (Vec::new(), Vec::new());

@@ -190,10 +190,10 @@ fn what_cannot_be_joined_is_a_named_error() {
     assert!(message.contains("labels.csv") && message.contains("line 2"), "{message}");
 
     let empty = Folder::new();
-    empty.file("labels.csv", "recording,x\na,1\n").file("notes.txt", "nothing");
+    empty.file("labels.csv", "recording,x\na,1\n").file("notes.txt", "nothing").file("a.bag", "#ROSBAG V2.0");
     let message = empty.refusal(&options);
     assert!(message.contains("recordings of events in"), "{message}");
-    assert!(message.contains("notes.txt"), "{message}");
+    assert!(message.contains("a.bag") && !message.contains("notes.txt"), "{message}");
 }
 
 #[test]
