@@ -90,7 +90,7 @@ impl Join<'_> {
                         _ => (OddityKind::UnknownRecording, self.names.similar(name)),
                     };
                     let near = || near.map_or_else(String::new, |near| format!(" (similar: {near})"));
-                    odd.add(kind, || format!("line {line}: {name:?}{}", near()));
+                    odd.add(kind, || format!("line {line}: {}{}", quoted(name), near()));
                     continue;
                 }
             };
@@ -256,7 +256,7 @@ impl Join<'_> {
                 odd.add(OddityKind::Constant, || match &label.values {
                     LabelValues::Numbers(_) => format!("{}, which is {first}", label.name),
                     LabelValues::Classes { names, .. } => {
-                        format!("{}, which is {:?}", label.name, names[first as usize])
+                        format!("{}, which is {}", label.name, quoted(&names[first as usize]))
                     }
                 });
             }
@@ -270,5 +270,14 @@ pub(super) fn mixed(a: f64, b: f64, share: f64, is_class: bool) -> f64 {
         true if share < 0.5 => a,
         true => b,
         false => a + share * (b - a),
+    }
+}
+
+/// The start of a name from a table, in quotes.
+fn quoted(name: &str) -> String {
+    const MAX: usize = 40;
+    match name.char_indices().nth(MAX) {
+        Some((end, _)) => format!("{:?}..", &name[..end]),
+        None => format!("{name:?}"),
     }
 }

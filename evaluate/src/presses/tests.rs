@@ -1,6 +1,7 @@
 //! Presses with labels as people keep them: what is joined, and each oddity.
 
 mod clocks;
+mod hostile;
 mod joined;
 mod oddities;
 
