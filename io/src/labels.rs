@@ -24,7 +24,8 @@
 //! order mark are accepted.
 //!
 //! A label is of classes where it is called `class` or `.._class`, or where most of its values are
-//! no numbers. Empty fields, `nan`, `null`, `none`, `na`, `n/a` and infinities are missing values.
+//! no numbers. Empty fields and `nan` are missing values; among numbers, so are infinities and the
+//! words `null`, `none`, `na` and `n/a`, which may be names of classes.
 
 mod fields;
 mod header;
@@ -192,6 +193,8 @@ struct Values {
     texts: Vec<u32>,
     names: Vec<String>,
     known: HashMap<String, u32>,
+    /// Rows with a word that is a missing value among numbers.
+    words: Vec<usize>,
     /// Whether every value is kept as a text.
     is_class: bool,
 }
@@ -279,7 +282,12 @@ impl Values {
             let parsed = parsed.and_then(|text| text.parse::<f64>().ok()).filter(|value| value.is_finite());
             match parsed.filter(|_| !self.is_class) {
                 Some(value) => number = value,
-                None => text = self.text(String::from_utf8_lossy(field).into_owned()),
+                None => {
+                    text = self.text(String::from_utf8_lossy(field).into_owned());
+                    if is_word(field) {
+                        self.words.push(self.texts.len());
+                    }
+                }
             }
         }
         self.numbers.push(number);
@@ -298,10 +306,12 @@ impl Values {
     }
 
     fn column(mut self, name: String, unit: Option<String>) -> LabelColumn {
-        let texts = self.texts.iter().filter(|&&text| text > 0).count();
+        let texts = self.texts.iter().filter(|&&text| text > 0).count() - self.words.len();
         let numbers = self.numbers.iter().filter(|value| !value.is_nan()).count();
-        if !self.is_class && texts <= numbers {
-            let odd = self.texts.iter().enumerate().filter(|(_, text)| **text > 0);
+        let only_words = numbers == 0 && !self.words.is_empty();
+        if !self.is_class && texts <= numbers && !only_words {
+            let is_word = |row: usize| self.words.binary_search(&row).is_ok();
+            let odd = self.texts.iter().enumerate().filter(|(row, text)| **text > 0 && !is_word(*row));
             let start = |text: u32| self.names[text as usize - 1].chars().take(40).collect();
             let refused = odd.map(|(row, &text)| (row, start(text))).collect();
             return LabelColumn { name, unit, values: LabelValues::Numbers(self.numbers), refused };
@@ -323,6 +333,11 @@ impl Values {
 
 /// Whether a field says that there is no value.
 fn is_missing(field: &[u8]) -> bool {
-    const WORDS: [&[u8]; 9] = [b"nan", b"null", b"none", b"na", b"n/a", b"inf", b"+inf", b"-inf", b"-nan"];
-    field.is_empty() || WORDS.iter().any(|word| field.eq_ignore_ascii_case(word))
+    field.is_empty() || field.eq_ignore_ascii_case(b"nan") || field.eq_ignore_ascii_case(b"-nan")
+}
+
+/// Whether a field says among numbers that there is no value.
+fn is_word(field: &[u8]) -> bool {
+    const WORDS: [&[u8]; 8] = [b"null", b"none", b"na", b"n/a", b"inf", b"+inf", b"-inf", b"infinity"];
+    WORDS.iter().any(|word| field.eq_ignore_ascii_case(word))
 }

@@ -156,16 +156,33 @@ pub(super) fn motion(times_us: &[i64], values: &[f64], period: Option<f64>, max_
 
 /// Which of the `motions` fits `rates`, ascending times with counts of events, best, and how.
 /// `None`: there is too little of either, or they do not vary.
+///
+/// The rate of events follows no label exactly: of a soft dome, it leads the force and lags behind
+/// the depth. The shift is the mean over the labels that fit about as well as the best one.
 pub(super) fn fit(rates: &[(i64, f64)], motions: &[Vec<Step>], shifts: Shifts) -> Option<(usize, ClockFit)> {
-    let coarse =
+    let all =
         motions.iter().enumerate().filter_map(|(i, steps)| Some((i, Coarse::of(rates, steps, shifts)?)));
-    let (i, coarse) = coarse.max_by(|(_, a), (_, b)| a.correlation.total_cmp(&b.correlation))?;
-    let Coarse { shift_us, bin_us, longest_us, wide, correlation, next } = coarse;
-    let fine_us = FINE_US.max(longest_us / MAX_FINE + 1);
-    let (events, speed) = (Events::new(rates, fine_us)?, Speed::new(&motions[i], fine_us)?);
-    let (shift_us, _) = events.peak(&speed, shift_us, 2 * bin_us)?;
-    let drift = Drift::of(&parts(&events, &speed, shift_us)).filter(|drift| drift.ppm.is_finite());
-    Some((i, ClockFit { shift_us, width_us: wide as i64 * bin_us / 2, correlation, next, drift }))
+    let all: Vec<(usize, Coarse)> = all.collect();
+    let (chosen, best) = all.iter().max_by(|(_, a), (_, b)| a.correlation.total_cmp(&b.correlation))?;
+    let fine_us = FINE_US.max(best.longest_us / MAX_FINE + 1);
+    let events = Events::new(rates, fine_us)?;
+    let exact = |(i, coarse): &(usize, Coarse)| {
+        let speed = Speed::new(&motions[*i], fine_us)?;
+        Some((events.peak(&speed, coarse.shift_us, 2 * coarse.bin_us)?.0, speed))
+    };
+    let is_good = |(_, coarse): &&(usize, Coarse)| {
+        coarse.correlation >= AS_GOOD * best.correlation
+            && coarse.shift_us.abs_diff(best.shift_us) <= APART_US as u64 / 2
+    };
+    let good: Vec<i64> =
+        all.iter().filter(is_good).filter_map(exact).map(|(shift_us, _)| shift_us - best.shift_us).collect();
+    let shift_us = best.shift_us + good.iter().sum::<i64>() / good.len().max(1) as i64;
+    let spread_us = good.iter().max()? - good.iter().min()?;
+    let (own_us, speed) = all.iter().find(|(i, _)| i == chosen).and_then(exact)?;
+    let drift = Drift::of(&parts(&events, &speed, own_us)).filter(|drift| drift.ppm.is_finite());
+    let Coarse { bin_us, wide, correlation, next, .. } = *best;
+    let width_us = (wide as i64 * bin_us / 2).max(spread_us);
+    Some((*chosen, ClockFit { shift_us, width_us, correlation, next, drift }))
 }
 
 /// The best shift in whole bins.

@@ -112,14 +112,15 @@ impl Join<'_> {
             };
             // A recording without an offset is told once, by its name.
             let Some(added) = added else { continue };
-            let t_us = t_us.saturating_add(added);
-            if !self.is_near(recording, t_us) {
+            let on_sensor = t_us.checked_add(added).filter(|&t_us| self.is_near(recording, t_us));
+            let Some(t_us) = on_sensor else {
                 odd.add(OddityKind::Outside, || {
                     let PressRecording { name, first_us, last_us, .. } = recording;
+                    let t_us = t_us.saturating_add(added);
                     format!("line {line}: {t_us} us, and {name} lasts from {first_us} to {last_us} us")
                 });
                 continue;
-            }
+            };
             if relative {
                 odd.add(OddityKind::RelativeTimes, || format!("line {line}"));
             }
@@ -163,8 +164,11 @@ impl Join<'_> {
         let mut rows = Vec::new();
         for (press, recording) in self.recordings.iter().enumerate() {
             let Some(offset) = self.offsets.of(press).filter(|_| recording.events > 0) else { continue };
-            let ends = [recording.first_us, recording.last_us];
-            let [first, last] = ends.map(|end| end.saturating_sub(offset));
+            // No pose has a time that is none of the host's.
+            let on_host = |t_us: i64| t_us.checked_sub(offset);
+            let Some((first, last)) = on_host(recording.first_us).zip(on_host(recording.last_us)) else {
+                continue;
+            };
             let during = times.partition_point(|&t| t < first)..times.partition_point(|&t| t <= last);
             let mut add = |t_us: i64, values, line| {
                 rows.push((Row { press, t_us: t_us.saturating_add(offset), whole: false, values }, line));

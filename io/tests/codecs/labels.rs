@@ -121,6 +121,15 @@ fn missing_values_and_texts_among_numbers_are_told_apart() {
 }
 
 #[test]
+fn words_for_nothing_are_missing_among_numbers_and_classes_among_texts() {
+    let table = table("file,x,slip,only\na,1,none,none\nb,none,left,\nc,N/A,left,none\n");
+    assert_eq!(numbers(&table, "x"), [Some(1.0), None, None]);
+    assert!(table.labels[0].refused.is_empty(), "{table:?}");
+    assert_eq!(table.labels[1].classes(), ["left", "none"]);
+    assert_eq!(table.labels[2].classes(), ["none"]);
+}
+
+#[test]
 fn errors_name_line_and_column() {
     for (text, parts) in [
         ("", vec!["header", "line 1", "the end"]),

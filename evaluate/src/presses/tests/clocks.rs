@@ -5,9 +5,10 @@ use std::fmt::Write;
 use meissner_engine::Event;
 use meissner_kernels::random::Random;
 
-use super::{Folder, kinds, odd};
+use super::{Folder, SENSOR, kinds, odd};
 use crate::presses::clock::{Shifts, fit, motion};
 use crate::presses::{ClockFit, OddityKind, Options};
+use meissner_simulator::{Camera, CameraSettings, MarkerScene, MarkerTracks};
 
 /// A session of presses at random times: begin and duration of each, in microseconds of the host.
 fn session(presses: usize, seed: u64) -> Vec<(i64, i64)> {
@@ -169,4 +170,37 @@ fn times_at_the_ends_of_the_clock_give_nothing_instead_of_an_overflow() {
         fit(&[(-far, 1.0), (far, 2.0)], &[vec![(0, 10, 1.0), (10, 20, 2.0)]], Shifts::All)
             .is_none_or(|(_, fit)| fit.correlation <= 1.0)
     );
+}
+
+/// The markers of a soft sensor move with the depth, before a camera with noise and latency.
+#[test]
+fn the_offset_of_filmed_presses_is_right_within_5_ms() {
+    let (offset_us, folder, session) = (-2_500_000, Folder::new(), session(10, 8));
+    let mut text = "host_us,force_n\n".to_owned();
+    for (t_us, depth) in poses(&session) {
+        writeln!(text, "{t_us},{:.3}", 5.0 * depth.powf(1.5)).expect("a text takes everything");
+    }
+    folder.file("labels.csv", &text);
+    for (i, press) in session.into_iter().enumerate() {
+        let times: Vec<i64> = (-5..=45).map(|step| press.0 + press.1 * step / 40).collect();
+        let at = |t_us: &i64| {
+            let share = (t_us - press.0) as f64 / press.1 as f64;
+            let moved = 5.0 * depth(share.clamp(0.0, 1.0)) as f32;
+            [[6.0, 6.0], [20.0, 8.0], [12.0, 16.0], [24.0, 18.0]]
+                .map(|[x, y]: [f32; 2]| [x + moved, y + 0.3 * moved])
+        };
+        let tracks =
+            MarkerTracks::new(times.clone(), 4, times.iter().flat_map(at).collect()).expect("tracks");
+        let mut camera = Camera::new(SENSOR, CameraSettings::tactile(), i as u64).expect("a camera");
+        let mut filmed = Vec::new();
+        tracks.film(&MarkerScene::default(), &mut camera, &mut filmed).expect("a film");
+        let events: Vec<Event> = filmed
+            .iter()
+            .map(|filmed| Event { t_us: filmed.event.t_us + offset_us, ..filmed.event })
+            .collect();
+        folder.events(&format!("press{i}.npy"), &events);
+    }
+    let (fit, kinds) = found(&folder, offset_us + 40_000);
+    assert!((fit.shift_us + 40_000).abs() < 5_000 && fit.is_sure(), "{fit:?}");
+    assert!(kinds.contains(&OddityKind::Offset), "{kinds:?}");
 }
