@@ -280,13 +280,12 @@ impl Values {
             let written = separator.number(field);
             let parsed = str::from_utf8(&written).ok();
             let parsed = parsed.and_then(|text| text.parse::<f64>().ok()).filter(|value| value.is_finite());
-            match parsed.filter(|_| !self.is_class) {
-                Some(value) => number = value,
-                None => {
-                    text = self.text(String::from_utf8_lossy(field).into_owned());
-                    if is_word(field) {
-                        self.words.push(self.texts.len());
-                    }
+            if let Some(value) = parsed.filter(|_| !self.is_class) {
+                number = value;
+            } else {
+                text = self.text(String::from_utf8_lossy(field).into_owned());
+                if is_word(field) {
+                    self.words.push(self.texts.len());
                 }
             }
         }

@@ -109,7 +109,8 @@ fn oddities_are_notes_and_with_strict_an_error() {
 #[test]
 fn a_log_of_poses_joins_with_an_offset_of_either_sign() {
     let folder = folder(LABELS);
-    let poses: String = (0..200).map(|i| format!("{},{}\n", 500.0 + f64::from(i) * 0.02, i % 9)).collect();
+    let poses = (0..200).map(|i| format!("{},{}\n", 500.0 + f64::from(i) * 0.02, i % 9));
+    let poses = poses.collect::<Vec<_>>().concat();
     let poses = put(folder.path(), "robot.csv", &format!("host_s,z_mm\n{poses}"));
     let folder = argument(folder.path());
     let joined = ["prepare", "presses", folder, "--labels", argument(&poses), "--offset", "-500s"];

@@ -1,5 +1,7 @@
 //! What labels and presses become together.
 
+use std::fmt::Write;
+
 use meissner_io::ReadOptions;
 use meissner_models::Weights;
 use safetensors::SafeTensors;
@@ -66,7 +68,7 @@ fn names_are_those_of_files_or_places_with_or_without_extension() {
 fn poses_join_where_they_are_during_a_press_and_at_its_ends_between_their_neighbours() {
     let folder = Folder::three();
     // A pose every 40 ms, off the presses by 20 ms.
-    let poses: String = (0..60).map(|i| format!("{},{}\n", i * 40_000 - 20_000, i * 40)).collect();
+    let poses = (0..60).map(|i| format!("{},{}\n", i * 40_000 - 20_000, i * 40)).collect::<Vec<_>>().concat();
     folder.file("labels.csv", &format!("t_us,z_mm\n{poses}"));
     let presses = folder.read();
     assert_eq!(presses.offset.source, OffsetSource::SensorClock);
@@ -109,7 +111,7 @@ fn clocks_that_restart_with_each_recording_have_offsets_of_their_own() {
     let mut list = "recording,first_us,last_us,events,host_us\n".to_owned();
     for i in 0..3 {
         folder.press(&format!("press{i}.es"), [5, 100_005], 200, i);
-        list += &format!("press{i}.es,5,100005,200,{}\n", host + i * 1_000_000);
+        writeln!(list, "press{i}.es,5,100005,200,{}", host + i * 1_000_000).expect("a text takes everything");
     }
     let pose = |i: i64| format!("{},{}\n", host + i * 50_000, i);
     folder.file("labels.csv", &format!("host_us,z\n{}", (0..60).map(pose).collect::<String>()));
