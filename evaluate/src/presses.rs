@@ -65,8 +65,8 @@ const MIN_POSES: usize = 20;
 pub struct Options {
     /// The table of labels; `None`: [`LABELS`] in the folder.
     pub labels: Option<PathBuf>,
-    /// What is added to times of the labels to get the sensor's, in microseconds. Where each
-    /// recording has an offset of its own, it is added to all of them.
+    /// What is added to times of the labels to get the sensor's, in microseconds. Where clocks
+    /// restart and each recording has an offset of its own, it is added to all of them.
     pub offset_us: Option<i64>,
     /// Nothing is interpolated between labels that are further apart, in microseconds.
     pub max_gap_us: i64,
@@ -283,9 +283,10 @@ fn clock(join: &Join<'_>, all: bool, odd: &mut Odd) -> Option<ClockFit> {
         let offset = offsets.offset.us.saturating_add(shift_us);
         let sure =
             if found.is_sure() { "" } else { "; presses look alike, so that another offset may be right" };
+        let with = if offsets.is_given { format!("with --offset {offset}us, ") } else { String::new() };
         odd.add(OddityKind::Offset, || {
             format!(
-                "the motion of {} fits the events better with --offset {offset}us, {:.1} ms more than was used \
+                "the motion of {} fits the events better {with}{:.1} ms more than was used \
                  (correlation {correlation:.2}, next peak {next:.2}){sure}",
                 numbers[moved].name,
                 shift_us as f64 / 1e3

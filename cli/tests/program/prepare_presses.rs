@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use tempfile::TempDir;
 
 use crate::exit_status::fails;
-use crate::support::{argument, meissner, message, text, words};
+use crate::support::{argument, meissner, meissner_reading, message, text, words};
 
 /// A folder of four recordings of CSV, and a table.
 fn folder(labels: &str) -> TempDir {
@@ -139,4 +139,40 @@ fn what_is_no_table_or_no_folder_is_a_named_error() {
     assert!(message(&folds).contains("error: folds: expected 2 to 2"), "{}", message(&folds));
     assert_eq!((folds.status.code(), text(&folds)), (Some(2), String::new()));
     assert!(!out.exists());
+}
+
+/// From a stream to labelled presses, as docs/own-sensor.md says it.
+#[test]
+fn what_record_split_from_a_stream_joins_with_labels_of_the_host_by_its_list() {
+    let folder = tempfile::tempdir().expect("there is a place for temporary files");
+    let presses = folder.path().join("mine");
+    // Three presses of 100 ms, a second from each other.
+    let mut events = String::new();
+    for i in 0..300 {
+        let (x, y) = (i % 64, i / 64);
+        writeln!(events, "{},{x},{y},1", 7_000_000 + i / 100 * 1_000_000 + i % 100 * 1_000).expect("a text");
+    }
+    let out = argument(&presses);
+    let record = ["record", "-", "--sensor", "64x64", "--out", out, "--split-on-silence", "300ms"];
+    let recorded = meissner_reading(&record, &events);
+    assert!(recorded.status.success(), "{}", message(&recorded));
+    let list = fs::read_to_string(presses.join("recordings.csv")).expect("the list is there");
+    let host =
+        |line: &str| line.rsplit(',').next().and_then(|host| host.parse::<i64>().ok()).expect("a time");
+    let host = host(list.lines().nth(1).expect("a row"));
+    // All arrived at once, so that only the first one has the right time.
+    let mut labels = "host_us,force_n\n".to_owned();
+    for i in -10..300 {
+        writeln!(labels, "{},{}", host + i * 10_000, i * i % 7).expect("a text");
+    }
+    put(&presses, "labels.csv", &labels);
+    let offset = format!("{}us", 7_000_000 - host);
+    for arguments in [&["prepare", "presses", out][..], &["prepare", "presses", out, "--offset", &offset]] {
+        let output = meissner(arguments);
+        assert!(output.status.success(), "{}", message(&output));
+        assert!(words(&output).contains("recordings 3, 64x64"), "{}", text(&output));
+    }
+    let output = meissner(&["prepare", "presses", out, "--offset", &offset]);
+    assert!(words(&output).contains("presses 3 with labels events 300"), "{}", text(&output));
+    assert!(words(&output).contains("force N 33 7 "), "{}", text(&output));
 }

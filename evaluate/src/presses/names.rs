@@ -2,12 +2,11 @@
 
 use std::collections::BTreeMap;
 
+/// The list that `record` writes beside recordings.
+pub(super) use meissner_run::record::TABLE as RECORDINGS;
 use meissner_run::text::most_similar;
 
 use super::scan::PressRecording;
-
-/// The list that `record` writes beside recordings.
-pub(super) const RECORDINGS: &str = "recordings.csv";
 
 /// Names of recordings: the place in the folder and the name of the file, each also without its
 /// extension.

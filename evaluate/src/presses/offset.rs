@@ -41,7 +41,8 @@ pub enum OffsetSource {
         /// The largest of these differences less the least one.
         spread_us: u64,
     },
-    /// `first_us - host_us` of each recording, whose clocks restart.
+    /// `first_us - host_us` of each recording: their clocks restart, or these differences spread
+    /// over more than a second.
     Each,
 }
 
@@ -49,6 +50,8 @@ pub enum OffsetSource {
 pub(super) struct Offsets {
     pub(super) offset: Offset,
     each: Vec<Option<i64>>,
+    /// Whether a caller who gives another offset changes all of them by the difference.
+    pub(super) is_given: bool,
 }
 
 impl Offsets {
@@ -86,15 +89,14 @@ impl Offsets {
         let known = each.iter().flatten().count();
         let overlaps = overlaps(recordings);
         let restart = overlaps.len() * 2 > recordings.len().saturating_sub(1) && !overlaps.is_empty();
+        let is_added = restart && known > 0;
         let offset = match given {
-            _ if known > 0 && (restart || spread_us > MAX_SPREAD_US) => {
+            _ if is_added || (known > 0 && given.is_none() && spread_us > MAX_SPREAD_US) => {
                 for (recording, _) in recordings.iter().zip(&each).filter(|(_, offset)| offset.is_none()) {
                     odd.add(OddityKind::NoHostTime, || recording.name.clone());
                 }
-                return Ok(Self {
-                    offset: Offset { us: given.unwrap_or(0), source: OffsetSource::Each },
-                    each,
-                });
+                let offset = Offset { us: given.unwrap_or(0), source: OffsetSource::Each };
+                return Ok(Self { offset, each, is_given: is_added });
             }
             Some(us) => Offset { us, source: OffsetSource::Given },
             None if known > 0 => {
@@ -118,7 +120,7 @@ impl Offsets {
                 format!("{after}, which begins during {before}")
             });
         }
-        Ok(Self { offset, each })
+        Ok(Self { offset, each, is_given: true })
     }
 }
 
