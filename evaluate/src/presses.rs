@@ -7,10 +7,11 @@
 //!
 //! | a label of | at a time of a press |
 //! |---|---|
-//! | a row without a time | a class holds for the whole press, a number at its end, the last event |
+//! | a row without a time | a class holds for the whole press, a number at its last event |
 //! | a row with a time | holds at this time |
-//! | between two rows | numbers on the line between them, the class of the nearer one; nothing where they are further apart than [`Options::max_gap_us`] |
+//! | between two rows | numbers on the line between them, the class of the nearer one |
 //!
+//! Nothing holds between rows that are further apart than [`Options::max_gap_us`].
 //! A press may be silent at its ends: a label up to [`Options::max_gap_us`] outside of it counts.
 //! Times of the host's clock become the sensor's by an offset ([`Options::offset_us`]). Without
 //! one, it is the median of `first_us - host_us` in `recordings.csv`, which `meissner record`

@@ -10,13 +10,14 @@
 //! | column | meaning |
 //! |---|---|
 //! | `recording`, `file`, `filename` | the recording that the row is about |
-//! | `t_us`, also `ts`, `time`, `timestamp`, with `_s`, `_ms`, `_us` or `_ns` | a time of the sensor's clock |
-//! | `host_us`, also `host_t`, `host_time`, with the same units | a time of the host's clock |
+//! | `t_us`, also `ts`, `time`, `timestamp` | a time of the sensor's clock |
+//! | `host_us`, also `host_t`, `host_time` | a time of the host's clock |
 //! | no name | skipped, such as the index that pandas writes |
-//! | any other | a label; a known unit at its end (`roll_deg`) or in brackets (`force [N]`) is its unit |
+//! | any other | a label, with its unit at the end (`roll_deg`) or in brackets (`force [N]`) |
 //!
-//! Of a time of either clock, that of the sensor counts in rows that name a recording, and that of
-//! the host in others. Times are rounded to microseconds without floats, halves away from zero.
+//! A time has the unit `_s`, `_ms`, `_us` or `_ns`. Of a time of either clock, that of the sensor
+//! counts in rows that name a recording, and that of the host in others. Times are rounded to
+//! microseconds without floats, halves away from zero.
 //!
 //! Commas, semicolons or tabs separate fields, whichever the header has; with semicolons and tabs,
 //! numbers may have a decimal comma. Quotes around a field, doubled quotes in it, comments (`#`,

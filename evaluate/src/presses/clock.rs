@@ -158,7 +158,8 @@ pub(super) fn motion(times_us: &[i64], values: &[f64], period: Option<f64>, max_
 /// `None`: there is too little of either, or they do not vary.
 ///
 /// The rate of events follows no label exactly: of a soft dome, it leads the force and lags behind
-/// the depth. The shift is the mean over the labels that fit about as well as the best one.
+/// the depth. The shift is the mean over the labels that fit about as well as the best one, at
+/// about its shift.
 pub(super) fn fit(rates: &[(i64, f64)], motions: &[Vec<Step>], shifts: Shifts) -> Option<(usize, ClockFit)> {
     let all =
         motions.iter().enumerate().filter_map(|(i, steps)| Some((i, Coarse::of(rates, steps, shifts)?)));
@@ -172,7 +173,7 @@ pub(super) fn fit(rates: &[(i64, f64)], motions: &[Vec<Step>], shifts: Shifts) -
     };
     let is_good = |(_, coarse): &&(usize, Coarse)| {
         coarse.correlation >= AS_GOOD * best.correlation
-            && coarse.shift_us.abs_diff(best.shift_us) <= APART_US as u64 / 2
+            && (coarse.shift_us - best.shift_us).abs() <= best.wide as i64 * best.bin_us
     };
     let good: Vec<i64> =
         all.iter().filter(is_good).filter_map(exact).map(|(shift_us, _)| shift_us - best.shift_us).collect();
