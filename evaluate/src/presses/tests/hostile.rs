@@ -53,6 +53,17 @@ fn table() -> impl Strategy<Value = String> {
     })
 }
 
+/// The time of the host of an event at the end of the clock does not exist: it was taken to be the
+/// first one that does.
+#[test]
+fn a_pose_at_the_end_of_the_clock_joins_no_press_beyond_it() {
+    let tables = Folder::new();
+    tables.file("labels.csv", "t_us,x_deg,class\n-9223372036854775808,0,0\n");
+    let labels = Some(tables.path().join("labels.csv"));
+    let message = folder().refusal(&Options { labels, offset_us: Some(100_001), ..Options::default() });
+    assert!(message.contains("an offset that puts poses into recordings"), "{message}");
+}
+
 proptest! {
     #[test]
     fn any_table_joins_in_order_or_is_refused(text in table(), offset in prop::option::of(time())) {
