@@ -347,12 +347,13 @@ fn an_error_of_a_library_does_not_repeat_its_source() {
     }
 }
 
-const PAGE: &str = include_str!("../../docs/what-you-can-rely-on.md");
+const PAGES: [&str; 2] =
+    [include_str!("../../docs/what-you-can-rely-on.md"), include_str!("../../docs/bad-input.md")];
 
 /// What stands between backticks and ends as the path of a Rust file, with a test or without.
 fn references() -> Vec<(&'static str, Option<&'static str>)> {
     let of_rust = |path: &str| Path::new(path).extension().is_some_and(|extension| extension == "rs");
-    let code = PAGE.split('`').skip(1).step_by(2);
+    let code = PAGES.iter().flat_map(|page| page.split('`').skip(1).step_by(2));
     let reference = |text: &'static str| match text.split_once("::") {
         Some((path, test)) => (path, Some(test)),
         None => (text, None),
@@ -377,7 +378,8 @@ fn every_promise_names_tests_that_are_there() {
 
 #[test]
 fn every_row_of_promises_names_what_holds_it() {
-    for row in PAGE.lines().filter(|line| line.starts_with("| ") && !line.starts_with("| promise")) {
+    let lines = PAGES.iter().flat_map(|page| page.lines());
+    for row in lines.filter(|line| line.starts_with("| ") && !line.starts_with("| promise")) {
         assert!(row.contains(".rs"), "{row}");
     }
 }
