@@ -120,8 +120,8 @@ fn a_log_is_not_replaced_unless_asked_and_is_for_events() {
     fails(&output, 1, &["no/such/folder/a.mcap"]);
 }
 
-#[test]
 #[cfg(target_os = "linux")]
+#[test]
 fn a_full_disk_takes_no_prediction_away_and_is_told() {
     let (whole, _) = lines(&meissner(&["run", "--limit", "9000", "--json"]));
     let output = meissner(&["run", "--limit", "9000", "--json", "--mcap", "/dev/full"]);
