@@ -1,8 +1,9 @@
 //! Records events into files of AEDAT4 as they arrive: one file, or one for each press.
 //!
-//! Enters: a source, and a file or a folder. Leaves: files that grow by a packet every [`PERIOD`],
-//! so that a program that is killed leaves all but the newest events, and in a folder a row for
-//! each file in [`TABLE`]. A source does not wait for the disk unless [`MAX_WAITING`] events do.
+//! Enters: a source, and a file or a folder. Leaves: files that grow by a packet every tenth of a
+//! second, so that a program that is killed leaves all but the newest events, and in a folder a row
+//! for each file in [`TABLE`]. A source does not wait for the disk unless two million events wait
+//! for it.
 
 use std::fs::{self, File, OpenOptions};
 use std::io::{self, Seek, SeekFrom, Write};
