@@ -276,12 +276,13 @@ impl<R: BufRead> RawEvents<R> {
         let words = match Words::of(&header, file, format)? {
             Some(words) => words,
             None if rest.len() < TELLING && !self.ended => return Ok(None),
-            None => Words::found_in(rest),
+            // How much more is there depends on the pieces.
+            None => Words::found_in(&rest[..rest.len().min(TELLING)]),
         };
         let named = header.sensor(file, evt3::SIDE)?;
         let sensor = self.sensor.or(named);
         let decoder = Decoder::new(format, sensor, words);
-        if rest.len() < (TRIED + 1) * decoder.stride() && !self.ended {
+        if rest.len() < (TRIED + 3) * decoder.stride() && !self.ended {
             return Ok(None);
         }
         let start = header.end;
@@ -296,6 +297,7 @@ impl<R: BufRead> RawEvents<R> {
     /// Decodes the bytes that are there, as far as it can be known that words are in step.
     fn decode(&mut self, decoder: &mut Decoder) -> Result<(), IoError> {
         let (stride, bounds) = (decoder.stride(), self.bounds());
+        let before = |at: u64| at.saturating_sub((HELD * stride) as u64);
         while let Some(word) = self.bytes.get(self.next..self.next + stride) {
             let at = self.at();
             let kind = decoder.kind(word, bounds);
@@ -335,13 +337,16 @@ impl<R: BufRead> RawEvents<R> {
                 self.sure = sure;
                 self.give(sure, decoder);
             }
+            // After each word, so that how bytes come in pieces changes nothing.
+            if self.odd.is_some_and(|odd| odd.at < before(self.at())) {
+                self.pass_over();
+            }
+            // An odd word is tried with those before it. Padding must not hold events without end.
+            let old = before(self.odd.map_or(self.at(), |odd| odd.at));
+            if self.held.front().is_some_and(|&(at, _)| at < old) {
+                self.give(old, decoder);
+            }
         }
-        let before = |at: u64| at.saturating_sub((HELD * stride) as u64);
-        if self.odd.is_some_and(|odd| odd.at < before(self.at())) {
-            self.pass_over();
-        }
-        // An odd word is tried with those before it. Padding must not hold events without end.
-        self.give(before(self.odd.map_or(self.at(), |odd| odd.at)), decoder);
         // The words before an odd one are tried in other steps.
         let kept = self.next.saturating_sub(2 * HELD * stride) / stride * stride;
         if kept > 4 * HELD * stride {

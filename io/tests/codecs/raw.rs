@@ -177,6 +177,30 @@ proptest! {
     }
 }
 
+proptest! {
+    #[test]
+    fn of_any_bytes_pieces_change_nothing_not_even_an_order(
+        runs in prop::collection::vec((any::<u8>(), prop::collection::vec(any::<u8>(), 0..40), 1..40_usize), 1..60),
+    ) {
+        // Noise, and runs of a word that repeats or of a text.
+        let bytes: Vec<u8> = runs.into_iter().flat_map(|(kind, noise, count)| match kind % 3 {
+            0 => noise,
+            1 => noise.iter().copied().take(2).collect::<Vec<_>>().repeat(8 * count),
+            _ => noise.iter().map(|byte| byte & 0x3f | 0x20).collect::<Vec<_>>().repeat(count),
+        }).collect();
+        for format in [Format::Evt2, Format::Evt21, Format::Evt3] {
+            let items = |capacity| -> Vec<Result<Event, String>> {
+                let input = BufReader::with_capacity(capacity, &bytes[..]);
+                let items = LiveEvents::raw(input, format, ReadOptions::default().sensor(SENSOR));
+                items.expect("a raw format").map(|item| item.map_err(|error| error.to_string())).collect()
+            };
+            let whole = items(1 << 16);
+            prop_assert_eq!(&items(1), &whole, "{}", format);
+            prop_assert_eq!(&items(1_400), &whole, "{}", format);
+        }
+    }
+}
+
 #[test]
 fn padding_and_single_odd_words_are_left_out_alone() {
     let events = scene(400, 5);
