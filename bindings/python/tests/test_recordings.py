@@ -93,7 +93,7 @@ def test_faults_have_their_type_and_text(tmp_path, events):
         len(meissner.open(tmp_path / "noise.raw"))
     with pytest.raises(meissner.InputError, match="format: expected aedat4"):
         meissner.open(tmp_path / "noise.raw", format="mp4")
-    with pytest.raises(meissner.RecordingError, match="expected AEDAT4, CSV, npy, DAT, EVT3 or ES"):
+    with pytest.raises(meissner.RecordingError, match="expected AEDAT4, CSV, npy, DAT, EVT3, ES or MCAP"):
         meissner.write(tmp_path / "events.evt2", events)
     with pytest.raises(meissner.InputError, match="file extension"):
         meissner.write(tmp_path / "events.txt", events)
