@@ -34,7 +34,7 @@ const HELD: usize = 256;
 const ADVANCE_US: i64 = 128;
 /// Bytes of a text header at most.
 const HEADER_BYTES: usize = 1 << 16;
-/// Bytes from which the order of the halves of EVT2.1 is found where no header says it.
+/// Bytes that tell the order of the halves of EVT2.1 where no header says it.
 const TELLING: usize = 1 << 12;
 
 /// What a word is without those before it.
@@ -170,9 +170,10 @@ struct Loss {
 #[derive(Debug)]
 pub(crate) struct RawEvents<R> {
     input: R,
-    format: Format,
+    /// Known after the first call of `next` where a header says it.
+    pub(crate) format: Format,
     /// The sensor that is asked for, or that the header names.
-    sensor: Option<Sensor>,
+    pub(crate) sensor: Option<Sensor>,
     /// `None` before the first word.
     decoder: Option<Decoder>,
     /// The newest bytes, the place of the first, and the index of the next word.
@@ -227,16 +228,6 @@ impl<R: BufRead> RawEvents<R> {
         }
     }
 
-    /// The format, known after the first call of `next` where a header says it.
-    pub(crate) fn format(&self) -> Format {
-        self.format
-    }
-
-    /// The sensor.
-    pub(crate) fn sensor(&self) -> Option<Sensor> {
-        self.sensor
-    }
-
     /// The sensor, or the range of the coordinates.
     fn bounds(&self) -> Sensor {
         self.sensor.unwrap_or(Sensor::new(evt3::SIDE, evt3::SIDE))
@@ -276,7 +267,6 @@ impl<R: BufRead> RawEvents<R> {
         let words = match Words::of(&header, file, format)? {
             Some(words) => words,
             None if rest.len() < TELLING && !self.ended => return Ok(None),
-            // How much more is there depends on the pieces.
             None => Words::found_in(&rest[..rest.len().min(TELLING)]),
         };
         let named = header.sensor(file, evt3::SIDE)?;
@@ -302,8 +292,8 @@ impl<R: BufRead> RawEvents<R> {
             let at = self.at();
             let kind = decoder.kind(word, bounds);
             if kind == Kind::Odd {
-                let odd =
-                    Odd { at, word: word.iter().rev().fold(0, |all, &byte| all << 8 | u64::from(byte)) };
+                let word = word.iter().rev().fold(0, |all, &byte| all << 8 | u64::from(byte));
+                let odd = Odd { at, word };
                 let before = self.odd.filter(|before| at - before.at <= (NEAR * stride) as u64);
                 // A word that is repeated is padding.
                 if let Some(before) = before.filter(|before| before.word != odd.word && at >= self.tried) {
@@ -320,8 +310,11 @@ impl<R: BufRead> RawEvents<R> {
                 self.pass_over();
                 self.odd = Some(odd);
             }
-            let file = Bytes::file(self.format.name(), &[]);
-            decoder.push(file, &self.bytes[self.next..self.next + stride], at)?;
+            decoder.push(
+                Bytes::file(self.format.name(), &[]),
+                &self.bytes[self.next..self.next + stride],
+                at,
+            )?;
             self.held.extend(decoder.events().drain(..).map(|event| (at, event)));
             self.next += stride;
             if kind == Kind::Time {

@@ -148,7 +148,7 @@ impl<R: BufRead> LiveEvents<R> {
             Kind::Undecided(..) => UNDECIDED,
             Kind::Text(_) => Format::Csv.name(),
             Kind::Datagrams(datagrams) => datagrams.format,
-            Kind::Raw(raw) => raw.format().name(),
+            Kind::Raw(raw) => raw.format.name(),
             Kind::Packets(_) => Format::Aedat4.name(),
             Kind::Records { .. } => NAME,
         }
@@ -159,7 +159,7 @@ impl<R: BufRead> LiveEvents<R> {
         match &self.0 {
             Kind::Text(text) => text.sensor(),
             Kind::Datagrams(datagrams) => datagrams.text.sensor(),
-            Kind::Raw(raw) => raw.sensor(),
+            Kind::Raw(raw) => raw.sensor,
             Kind::Packets(packets) => packets.sensor(),
             Kind::Undecided(..) | Kind::Records { .. } => None,
         }
