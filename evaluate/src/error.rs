@@ -139,6 +139,9 @@ pub enum StreamsError {
     /// The metadata have no size of the sensor.
     #[error("metadata sensor: expected JSON [width, height] of 1 to 65535 pixels, found {0}")]
     Sensor(String),
+    /// The metadata have units in another form.
+    #[error("metadata units: expected JSON {{NAME: unit}}, found {0}")]
+    Units(String),
     /// A bound of a stream or an event is impossible.
     #[error("{list} {index}: expected {expected}, found {found}")]
     Value { list: String, index: usize, expected: String, found: String },

@@ -24,6 +24,8 @@ pub struct Streams {
     start: Vec<usize>,
     /// Labels along time; `None` where the file has none.
     pub(crate) truth: Option<Truth>,
+    /// The unit of each label that has one.
+    pub(crate) units: BTreeMap<String, String>,
 }
 
 /// Labels of a stream along time.
@@ -63,8 +65,10 @@ impl Streams {
     pub(crate) fn from_bytes(bytes: &[u8]) -> Result<Self, StreamsError> {
         let (_, header) = SafeTensors::read_metadata(bytes)?;
         let file = SafeTensors::deserialize(bytes)?;
-        let sensor = header.metadata().as_ref().and_then(|metadata| metadata.get("sensor"));
-        let sensor = sensor.map_or("nothing", String::as_str);
+        let metadata = |key| header.metadata().as_ref()?.get(key).map(String::as_str);
+        let units = metadata("units").unwrap_or("{}");
+        let units = serde_json::from_str(units).map_err(|_| StreamsError::Units(units.to_owned()))?;
+        let sensor = metadata("sensor").unwrap_or("nothing");
         let [width, height] = match serde_json::from_str::<[u16; 2]>(sensor) {
             Ok([width, height]) if width > 0 && height > 0 => [width, height],
             _ => return Err(StreamsError::Sensor(sensor.to_owned())),
@@ -84,7 +88,7 @@ impl Streams {
         let start = integers(&file, "start", None)?;
         let start = bounds(&start, events.len())?;
         let truth = Truth::of_events(&file, start.len().saturating_sub(1))?;
-        let streams = Self { sensor, events, start, truth };
+        let streams = Self { sensor, events, start, truth, units };
         streams.check_times()?;
         Ok(streams)
     }

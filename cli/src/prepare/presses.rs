@@ -43,8 +43,7 @@ Tensors of --out, for P presses:
   start           I64 (P + 1): press i has the events from start[i] to below
                   start[i + 1]
   truth.t_us      I64 (T), truth.start I64 (P + 1): the labelled instants
-  truth.NAME      F32 (T): each label of numbers, for `eval angle`; degrees
-                  are written as radians
+  truth.NAME      F32 (T): each label of numbers, for `eval angle`
   label           I64 (P): index into classes; of further labels of classes
                   label.NAME and classes.NAME
   fold            I64 (P): part of a cross-validation; split is 0 for all

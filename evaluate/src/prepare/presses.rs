@@ -24,7 +24,7 @@ type Instants = Vec<(i64, Vec<f32>)>;
 /// The labelled presses with their events, in `folds` folds; also what was left out, for people.
 /// `meissner prepare presses --help` lists the tensors. Memory for all events.
 ///
-/// Angles in degrees become radians, which networks predict. Left out are copies of other
+/// Labels keep their units, which are written beside them. Left out are copies of other
 /// recordings, presses without a class, and instants that lack a number.
 ///
 /// # Errors
@@ -41,16 +41,13 @@ pub fn labelled_presses(presses: &Presses, folds_count: usize) -> Result<(Vec<St
             return Err(EvaluateError::request(RequestPart::Labels, "labels of other names", found));
         }
     }
-    let factors: Vec<f64> = numbers.iter().map(|&label| to_written(&presses.labels[label]).0).collect();
     let (mut chosen, mut met, mut notes) =
         (Vec::<Chosen>::new(), BTreeSet::new(), BTreeMap::<&str, u64>::new());
     for press in presses.labelled() {
         let recording = &presses.recordings[press];
         let mut rows = Instants::new();
         for row in presses.rows_of(press) {
-            let values =
-                numbers.iter().zip(&factors).map(|(&label, factor)| (row.values[label] * factor) as f32);
-            let values: Vec<f32> = values.collect();
+            let values: Vec<f32> = numbers.iter().map(|&label| row.values[label] as f32).collect();
             if values.iter().all(|value| value.is_finite()) {
                 rows.push((row.t_us, values));
             } else {
@@ -112,14 +109,6 @@ fn of_label(name: &str, i: usize, label: &Label) -> String {
     if i == 0 { name.to_owned() } else { format!("{name}.{}", label.name) }
 }
 
-/// What a number is multiplied by, and its unit then.
-fn to_written(label: &Label) -> (f64, Option<&str>) {
-    match label.unit.as_deref() {
-        Some("deg") => (std::f64::consts::PI / 180.0, Some("rad")),
-        unit => (1.0, unit),
-    }
-}
-
 /// The sensor of all recordings with labels.
 fn sensor(presses: &Presses) -> Result<Sensor> {
     let mut found: Option<Sensor> = None;
@@ -148,7 +137,7 @@ fn described(
         chosen.iter().map(|(press, ..)| presses.recordings[*press].name.as_str()).collect();
     let unit = |&label: &usize| {
         let label = &presses.labels[label];
-        Some((label.name.clone(), json!(to_written(label).1?)))
+        Some((label.name.clone(), json!(label.unit.as_deref()?)))
     };
     let units: serde_json::Map<String, Value> = numbers.iter().filter_map(unit).collect();
     let mut described = metadata([

@@ -75,16 +75,37 @@ impl Presses {
         self.truth.names().map(str::to_owned).collect()
     }
 
-    /// `Ok` where there is a label for each output of `network`.
+    /// `Ok` where there is a label for each output of `network`, in a unit that can be compared.
     pub(crate) fn check(&self, network: &str, quantities: &[Quantity]) -> Result<()> {
         match quantities.iter().find(|quantity| !self.truth.names().any(|name| name == quantity.name)) {
-            None => Ok(()),
+            None => quantities.iter().try_for_each(|quantity| match self.in_unit_of(quantity) {
+                Some(_) => Ok(()),
+                None => {
+                    let expected =
+                        format!("labels {} in {}, as {network} predicts", quantity.name, quantity.unit);
+                    Err(EvaluateError::request(
+                        RequestPart::Labels,
+                        expected,
+                        &self.streams.units[&quantity.name],
+                    ))
+                }
+            }),
             Some(Quantity { name, .. }) => {
                 let expected =
                     format!("networks that predict labels of the file: {}", self.labels().join(", "));
                 let found = format!("{network}, which predicts {name}");
                 Err(EvaluateError::request(RequestPart::Networks, expected, found))
             }
+        }
+    }
+
+    /// What a label is multiplied by to be in the unit of `quantity`; `None` if that is another
+    /// kind of unit. A label without a unit has the one of the network's output.
+    fn in_unit_of(&self, quantity: &Quantity) -> Option<f64> {
+        match self.streams.units.get(&quantity.name).map(String::as_str) {
+            None => Some(quantity.scale),
+            Some("rad") if quantity.is_angle() => Some(1_f64.to_degrees()),
+            Some(unit) => (unit == quantity.unit).then_some(1.0),
         }
     }
 
@@ -126,7 +147,8 @@ impl Presses {
         let start = self.truth.span_us(press)[0];
         let truth_at = |t_us: i64| -> Vec<f64> {
             let value = |quantity: &Quantity| {
-                self.truth.at(&quantity.name, press, t_us).unwrap_or(f64::NAN) * quantity.scale
+                let label = self.truth.at(&quantity.name, press, t_us);
+                label.zip(self.in_unit_of(quantity)).map_or(f64::NAN, |(label, factor)| label * factor)
             };
             quantities.iter().map(value).collect()
         };

@@ -6,6 +6,7 @@ use meissner_run::predictor::Mode;
 use rayon::ThreadPoolBuilder;
 
 use super::{Options, Report, evaluate};
+use crate::error::{EvaluateError, Result, StreamsError};
 use crate::trainings::{Evaluation, Request};
 use crate::workers::Workers;
 
@@ -23,8 +24,12 @@ fn streams() -> [Vec<Event>; 2] {
     [stream(1, 70), stream(2, 100)]
 }
 
-fn file(labels: &[&str]) -> Vec<u8> {
-    let mut file = TensorFile::new([("sensor".to_owned(), "[346, 260]".to_owned())].into());
+/// Labels with `units` have angles in degrees if these name degrees.
+fn file(labels: &[&str], units: Option<&str>) -> Vec<u8> {
+    let metadata =
+        [Some(("sensor", "[346, 260]")), units.map(|units| ("units", units))].into_iter().flatten();
+    let metadata = metadata.map(|(key, value)| (key.to_owned(), value.to_owned())).collect();
+    let mut file = TensorFile::new(metadata);
     let events = streams().concat();
     let mut add = |name, value: fn(&Event) -> i64| {
         file.i64(name, &[events.len()], &events.iter().map(value).collect::<Vec<_>>());
@@ -40,7 +45,9 @@ fn file(labels: &[&str]) -> Vec<u8> {
         let values = if name == "depth" {
             [0.0, 0.0, 5.0, 0.0, 0.0, 9.0]
         } else {
-            [0.1, 0.1, 0.1, -0.05, -0.05, -0.05]
+            let in_unit =
+                if units.is_some_and(|units| units.contains("deg")) { 1_f32.to_degrees() } else { 1.0 };
+            [0.1, 0.1, 0.1, -0.05, -0.05, -0.05].map(|angle| angle * in_unit)
         };
         file.f32(&format!("truth.{name}"), &[6], &values);
     }
@@ -51,17 +58,25 @@ fn workers(threads: usize) -> Workers {
     ThreadPoolBuilder::new().num_threads(threads).build().expect("threads").into()
 }
 
-fn judged(path: &Path, network: &str, (mode, threads): (Mode, usize)) -> Evaluation<Report> {
+fn judged(path: &Path, network: &str, how: (Mode, usize)) -> Evaluation<Report> {
+    try_judged(path, network, how).expect("it is judged")
+}
+
+fn try_judged(path: &Path, network: &str, (mode, threads): (Mode, usize)) -> Result<Evaluation<Report>> {
     let networks = [network.to_owned()];
     let request = Request { networks: &networks, ..Request::default() };
     let options = Options { request, stride: Some(1), every_us: 10_000, mode, embeds: false };
-    evaluate(path, &options, &workers(threads), |_, _| {}).expect("it is judged")
+    evaluate(path, &options, &workers(threads), |_, _| {})
 }
 
 fn written(labels: &[&str]) -> tempfile::TempPath {
+    written_in(labels, None)
+}
+
+fn written_in(labels: &[&str], units: Option<&str>) -> tempfile::TempPath {
     let file_of =
         tempfile::NamedTempFile::new().expect("there is a place for temporary files").into_temp_path();
-    std::fs::write(&file_of, file(labels)).expect("it can be written");
+    std::fs::write(&file_of, file(labels, units)).expect("it can be written");
     file_of
 }
 
@@ -98,6 +113,29 @@ fn errors_at_the_end_are_those_of_the_engine_in_degrees() {
     assert!((angles - errors.iter().sum::<f64>() / 2.0).abs() < 1e-9);
     // Each press has predictions at 0, at contact, every 10 ms, and at the end.
     assert_eq!((judged.mean.work.events, judged.mean.work.predictions), (70 + 100, 5 + 7));
+}
+
+#[test]
+fn labels_are_compared_in_their_units() {
+    let judged = |units| {
+        let path = written_in(&["roll", "pitch", "depth"], units);
+        try_judged(&path, "tactigraph-past", (Mode::Incremental, 1))
+    };
+    let errors = |units| {
+        let report = judged(units).expect("it is judged").report;
+        let judged = report.networks[0].result.figures.as_ref().expect("there are presses");
+        judged.mean.outputs.iter().map(|output| output.mean_absolute.mean).collect::<Vec<_>>()
+    };
+    let expected = errors(None);
+    for units in [r#"{"roll": "rad", "pitch": "rad", "depth": "mm"}"#, r#"{"roll": "deg", "pitch": "deg"}"#] {
+        for (error, expected) in errors(Some(units)).into_iter().zip(&expected) {
+            assert!((error - expected).abs() < 1e-5, "{units}: {error} instead of {expected}");
+        }
+    }
+    let refused = judged(Some(r#"{"roll": "mm"}"#)).err().expect("a length is no angle").to_string();
+    assert!(refused.contains("labels roll in deg, as tactigraph-past predicts, found mm"), "{refused}");
+    let refused = judged(Some("[1]")).err().expect("no units");
+    assert!(matches!(refused, EvaluateError::Streams { source: StreamsError::Units(_), .. }), "{refused}");
 }
 
 #[test]

@@ -155,14 +155,13 @@ fn the_file_for_training_is_read_by_what_reads_labels_along_time() {
     assert_eq!(streams.parts().iter().map(|part| part.len()).collect::<Vec<_>>(), [200; 3]);
     let labels = streams.labels(0).expect("there are labels");
     assert_eq!(labels.t_us, [50_000, 100_000]);
-    let pi = std::f32::consts::PI;
-    assert_eq!(labels.values, [("roll", &[pi, pi / 2.0][..]), ("x", &[1.0, 2.0][..])]);
+    assert_eq!(labels.values, [("roll", &[180.0, 90.0][..]), ("x", &[1.0, 2.0][..])]);
     assert_eq!(streams.labels(1).expect("there are labels").t_us, [1_050_000]);
 
     let metadata = Weights::from_bytes(&bytes).expect("a valid file").metadata().clone();
     assert_eq!(metadata["classes"], r#"["a","b"]"#);
     assert_eq!(metadata["classes.side"], r#"["l","r"]"#);
-    assert_eq!(metadata["units"], r#"{"roll":"rad","x":"mm"}"#);
+    assert_eq!(metadata["units"], r#"{"roll":"deg","x":"mm"}"#);
     assert_eq!(metadata["recordings"], r#"["press0.es","press1.es","press2.es"]"#);
     let file = SafeTensors::deserialize(&bytes).expect("a valid file");
     let integers = |name: &str| {
