@@ -78,17 +78,13 @@ impl Presses {
     /// `Ok` where there is a label for each output of `network`, in a unit that can be compared.
     pub(crate) fn check(&self, network: &str, quantities: &[Quantity]) -> Result<()> {
         match quantities.iter().find(|quantity| !self.truth.names().any(|name| name == quantity.name)) {
-            None => quantities.iter().try_for_each(|quantity| match self.in_unit_of(quantity) {
-                Some(_) => Ok(()),
-                None => {
-                    let expected =
-                        format!("labels {} in {}, as {network} predicts", quantity.name, quantity.unit);
-                    Err(EvaluateError::request(
-                        RequestPart::Labels,
-                        expected,
-                        &self.streams.units[&quantity.name],
-                    ))
+            None => quantities.iter().try_for_each(|quantity| {
+                if self.in_unit_of(quantity).is_some() {
+                    return Ok(());
                 }
+                let Quantity { name, unit, .. } = quantity;
+                let expected = format!("labels {name} in {unit}, as {network} predicts");
+                Err(EvaluateError::request(RequestPart::Labels, expected, &self.streams.units[name]))
             }),
             Some(Quantity { name, .. }) => {
                 let expected =
