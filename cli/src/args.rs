@@ -386,6 +386,12 @@ pub(crate) fn speed(text: &str) -> Result<f64, String> {
     speed.ok_or_else(|| "expected a number from 0.000001 to 1000000, such as 0.5".to_owned())
 }
 
+/// Reads a part of a whole.
+pub(crate) fn part(text: &str) -> Result<f64, String> {
+    let part = text.parse().ok().filter(|part: &f64| (0.0..=1.0).contains(part));
+    part.ok_or_else(|| "expected a number from 0 to 1, such as 0.3".to_owned())
+}
+
 /// Reads a length of time.
 pub(crate) fn length(text: &str) -> Result<Duration, String> {
     length_us(text).map(|us| Duration::from_micros(us.unsigned_abs()))

@@ -9,12 +9,12 @@ use clap::Subcommand;
 use meissner_evaluate::events::Digits;
 use meissner_evaluate::events::{EventData, EventTask};
 use meissner_evaluate::events::{TouchContainers, TouchObjects};
-use meissner_evaluate::prepare::{Prepared, graphs, labelled_events, slip_windows};
+use meissner_evaluate::prepare::{Ages, Prepared, graphs, labelled_events, slip_windows, training_windows};
 use meissner_evaluate::slip::SlipData;
 use meissner_io::datasets::NeutouchSet;
-use meissner_run::model::{describe, describe_frames};
+use meissner_run::model::{self, describe, describe_frames};
 
-use crate::args::{NETWORK, OUTPUT, Threads};
+use crate::args::{INPUT, NETWORK, OUTPUT, Threads, part};
 use crate::error::CliError;
 use crate::output::OutArgs;
 use crate::progress::Progress;
@@ -54,6 +54,11 @@ enum InputArgs {
     /// The output says how many presses and labels there are, and the notes on standard error say
     /// what is odd about them. Equal data give equal bytes.
     Presses(presses::PressesArgs),
+    /// Weights that say what the windows of their training were like.
+    ///
+    /// With them, every prediction says how unlike its window is to those of EVENTS. The
+    /// predicted values stay as they are. Equal data and seeds give equal bytes.
+    Windows(WindowsArgs),
 }
 
 /// At the end of the long help.
@@ -139,6 +144,44 @@ Writes, for the N rows of a level, one stream after the other, and for their M i
   LEVEL is level0 for events, level1 for the first pooling and so on. At level 0 of a `frozen` graph, rows that have left the window are listed if other rows read them; their cell is -1.";
 
 /// At the end of the long help.
+const WINDOWS: &str = "\
+Examples:
+  meissner prepare windows train.safetensors --network own.toml \
+    --weights own.safetensors --out known.safetensors
+  meissner run a.aedat4 --network own.toml --weights known.safetensors
+
+A stream with labels counts from contact, where the label depth leaves 0, or else its first label, to its last label; one without labels from its first event to its last. The windows of a network that was trained on every N-th event (stride) have every N-th event.";
+
+/// `meissner prepare windows`.
+#[derive(Debug, clap::Args)]
+#[command(after_long_help = WINDOWS)]
+struct WindowsArgs {
+    /// Files with the streams of the training (safetensors), as `eval angle` reads them.
+    #[arg(value_name = "EVENTS", required = true)]
+    events: Vec<PathBuf>,
+    /// A shipped network over events, or a description file (.toml).
+    #[arg(long, value_name = "NETWORK", help_heading = NETWORK)]
+    network: String,
+    /// Weights [default: those shipped with the network].
+    #[arg(long, value_name = "FILE", help_heading = NETWORK)]
+    weights: Option<PathBuf>,
+    /// Random times of each stream at which its window counts, beside the end.
+    #[arg(long, value_name = "N", default_value_t = 6, help_heading = INPUT)]
+    ages: u32,
+    /// The earliest of these times, as a part of the stream.
+    ///
+    /// Take that of the training: a network that was not trained to predict at the begin of a press
+    /// says then that it does not know.
+    #[arg(long, value_name = "PART", default_value_t = 0.3, value_parser = part, help_heading = INPUT)]
+    youngest: f64,
+    /// Seed of these times.
+    #[arg(long, value_name = "N", default_value_t = 0, help_heading = INPUT)]
+    seed: u64,
+    #[command(flatten)]
+    file: OutArgs,
+}
+
+/// At the end of the long help.
 const DIGITS: &str = "\
 Examples:
   meissner prepare digits nmnist/ --out digits.safetensors
@@ -213,6 +256,7 @@ pub(crate) fn prepare(args: &PrepareArgs) -> Result<(), CliError> {
         InputArgs::Digits(DigitsArgs { labelled, .. }) | InputArgs::Touch(TouchArgs { labelled, .. }) => {
             &labelled.file
         }
+        InputArgs::Windows(args) => &args.file,
         InputArgs::Presses(args) => return presses::prepare(args),
     };
     file.check()?;
@@ -236,6 +280,7 @@ pub(crate) fn prepare(args: &PrepareArgs) -> Result<(), CliError> {
                 NeutouchSet::Containers => TouchContainers::read(data)?,
             })?
         }
+        InputArgs::Windows(args) => (Vec::new(), args.prepared()?),
         InputArgs::Presses(args) => return presses::prepare(args),
     };
     file.write(prepared.file.into_bytes())?;
@@ -244,6 +289,16 @@ pub(crate) fn prepare(args: &PrepareArgs) -> Result<(), CliError> {
     let mut standard = stdout().lock();
     writeln!(standard, "{}: {}", file.out.display(), prepared.contents)?;
     Ok(standard.flush()?)
+}
+
+impl WindowsArgs {
+    fn prepared(&self) -> Result<Prepared, CliError> {
+        let Self { events, network, weights, ages, youngest, seed, .. } = self;
+        let (description, shipped) = describe(network)?;
+        let (weights, label) = model::weights(network, shipped, weights.as_deref())?;
+        let ages = Ages { count: *ages as usize, youngest: *youngest, seed: *seed };
+        Ok(training_windows(events, &description, (&weights, &label), ages)?)
+    }
 }
 
 impl LabelledArgs {

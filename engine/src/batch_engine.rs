@@ -19,6 +19,7 @@ use crate::counters::{Counters, EventCounters, LayerCounters, Outcome};
 use crate::engine::Prediction;
 use crate::network::Network;
 use crate::restart::{ClockWatch, Decision, RestartPolicy};
+use crate::unlikeness::WindowStatistics;
 use crate::{EngineError, Event, Sensor};
 
 /// Computes every prediction from scratch; otherwise behaves as an exact [`Engine`](crate::Engine),
@@ -209,7 +210,22 @@ impl BatchEngine {
         self.counters.predictions.read += 1;
         self.counters.predictions.cells_recomputed += trace.readout.rows() as u64;
         self.values = trace.prediction;
-        Ok(Prediction { values: &self.values, t_us: self.newest_us, nodes: self.nodes, rows: &self.rows })
+        let unlike = self.unlikeness();
+        let (values, t_us, nodes, rows) = (&self.values, self.newest_us, self.nodes, &self.rows);
+        Ok(Prediction { values, t_us, nodes, rows, unlike })
+    }
+
+    /// As [`Engine::unlikeness`](crate::Engine::unlikeness), from all events of the window.
+    pub fn unlikeness(&self) -> Option<f32> {
+        let windows = self.network().training_windows()?;
+        let span_us = self.network().parts().span_us;
+        Some(windows.unlikeness(self.window_statistics().features(self.batch.sensor(), span_us)))
+    }
+
+    /// Sums over the events of the window as it is now. O(window).
+    pub fn window_statistics(&self) -> WindowStatistics {
+        let window = &self.events[self.events.len() - self.nodes..];
+        WindowStatistics::of(window, self.batch.sensor(), self.now_us().unwrap_or(0))
     }
 
     /// Computes the activations of all layers, as [`Self::predict`] does, and returns them.

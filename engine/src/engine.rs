@@ -18,6 +18,9 @@ use crate::options::Options;
 use crate::restart::{ClockWatch, Decision};
 use crate::snapshot::SnapshotOf;
 use crate::step::StageState;
+#[cfg(doc)]
+use crate::unlikeness::TrainingWindows;
+use crate::unlikeness::WindowStatistics;
 use crate::{EngineError, Event, Sensor};
 
 /// A prediction, and what it cost.
@@ -31,6 +34,9 @@ pub struct Prediction<'a> {
     pub nodes: usize,
     /// Rows computed per layer since the previous prediction, in the order of [`Network::layers`].
     pub rows: &'a [u64],
+    /// How unlike the window is to those of the training: above 1, fewer than 1 of 1,000 windows of
+    /// the training were ([`TrainingWindows::unlikeness`]). `None` where the network does not know.
+    pub unlike: Option<f32>,
 }
 
 /// The state of an [`Engine`] at one moment; see [`Engine::snapshot`].
@@ -250,9 +256,24 @@ impl Engine {
         self.reported = true;
         self.step.compute_changes(self.admission.now(), &mut self.log);
         self.count_rows();
-        let (t_us, nodes) = (self.newest_us, self.step.window.len());
+        let (t_us, nodes, unlike) = (self.newest_us, self.step.window.len(), self.unlikeness());
         let values = self.step.prediction()?;
-        Ok(Prediction { values, t_us, nodes, rows: &self.rows })
+        Ok(Prediction { values, t_us, nodes, rows: &self.rows, unlike })
+    }
+
+    /// As [`Prediction::unlike`], of the window as it is now. Computes no row.
+    pub fn unlikeness(&self) -> Option<f32> {
+        let windows = self.network.training_windows()?;
+        let span_us = self.network.parts().span_us;
+        Some(windows.unlikeness(self.window_statistics().features(self.sensor, span_us)))
+    }
+
+    /// Sums over the events of the window as it is now. O(1) for a network that knows what the
+    /// [windows of its training](Network::training_windows) were like, else O(window).
+    pub fn window_statistics(&self) -> WindowStatistics {
+        self.step.statistics(self.admission.now()).unwrap_or_else(|| {
+            WindowStatistics::of(&self.events(), self.sensor, self.admission.now_us().unwrap_or(0))
+        })
     }
 
     /// Starts a new record of computed rows if a prediction was read.

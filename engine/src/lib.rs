@@ -129,6 +129,7 @@ mod snapshot;
 mod stale;
 mod step;
 mod sums;
+mod unlikeness;
 mod window;
 
 pub use admission::{Admission, LatePolicy};
@@ -148,6 +149,7 @@ pub use predictor::Predictor;
 pub use restart::{CONFIRMING, ClockWatch, Decision, Held, MAX_SILENCE_US, RestartPolicy};
 pub use snapshot::{SnapshotOf, snapshot_note};
 pub use stale::{StaleReadout, Staleness};
+pub use unlikeness::{Features, TrainingWindows, WindowStatistics};
 
 #[cfg(test)]
 mod tests {

@@ -12,6 +12,7 @@ use std::sync::OnceLock;
 use crate::EngineError;
 use crate::error::in_range;
 use crate::fingerprint::{Fingerprint, activation_code};
+use crate::unlikeness::TrainingWindows;
 
 pub use parts::{
     Aggregation, Block, Candidates, DenseLayer, Fraction, GraphRule, Level, Lifetime, NetworkParts,
@@ -26,6 +27,7 @@ pub(crate) const SUM_PARTS: i64 = 8;
 pub struct Network {
     parts: NetworkParts,
     channels: Vec<Vec<usize>>,
+    training_windows: Option<TrainingWindows>,
     fingerprint: OnceLock<u64>,
 }
 
@@ -46,7 +48,19 @@ impl Network {
     /// for a layer whose input does not exist or has other channels.
     pub fn new(parts: NetworkParts) -> Result<Self, EngineError> {
         let channels = check::channels(&parts)?;
-        Ok(Self { parts, channels, fingerprint: OnceLock::new() })
+        Ok(Self { parts, channels, training_windows: None, fingerprint: OnceLock::new() })
+    }
+
+    /// The same network with what the windows of its training were like. Predictions then say how
+    /// unlike their window is; their values stay as they are.
+    #[must_use]
+    pub fn with_training_windows(self, windows: impl Into<Option<TrainingWindows>>) -> Self {
+        Self { training_windows: windows.into(), ..self }
+    }
+
+    /// What the windows of its training were like, if that is known.
+    pub fn training_windows(&self) -> Option<&TrainingWindows> {
+        self.training_windows.as_ref()
     }
 
     /// The parts of the network.
@@ -157,9 +171,9 @@ impl Network {
     }
 
     fn changed(self, change: impl FnOnce(&mut NetworkParts)) -> Result<Self, EngineError> {
-        let mut parts = self.parts;
+        let Self { mut parts, training_windows, .. } = self;
         change(&mut parts);
-        Self::new(parts)
+        Ok(Self::new(parts)?.with_training_windows(training_windows))
     }
 }
 

@@ -61,6 +61,7 @@ struct Computed {
     now_us: Option<i64>,
     t_us: Option<i64>,
     nodes: usize,
+    unlike: Option<f32>,
 }
 
 impl StaleReadout {
@@ -143,8 +144,8 @@ impl StaleReadout {
         self.computed = None;
     }
 
-    /// The last prediction if younger than every bound, else a new one. `nodes` and `t_us` are
-    /// those of its computation; `rows` counts its rows, 0 if reused.
+    /// The last prediction if younger than every bound, else a new one. `nodes`, `t_us`
+    /// and `unlike` are those of its computation; `rows` counts its rows, 0 if reused.
     ///
     /// # Errors
     /// As [`Engine::predict`]; the next call computes again.
@@ -157,8 +158,8 @@ impl StaleReadout {
             }
             None => self.compute()?,
         };
-        let Computed { t_us, nodes, .. } = computed;
-        Ok(Prediction { values: &self.values, t_us, nodes, rows: &self.rows })
+        let Computed { t_us, nodes, unlike, .. } = computed;
+        Ok(Prediction { values: &self.values, t_us, nodes, rows: &self.rows, unlike })
     }
 
     fn stands(&self, computed: &Computed) -> bool {
@@ -173,12 +174,12 @@ impl StaleReadout {
     fn compute(&mut self) -> Result<Computed, EngineError> {
         self.computed = None;
         let now_us = self.engine.now_us();
-        let Prediction { values, t_us, nodes, rows } = self.engine.predict()?;
+        let Prediction { values, t_us, nodes, rows, unlike } = self.engine.predict()?;
         self.values.clear();
         self.values.extend_from_slice(values);
         self.rows.clear();
         self.rows.extend_from_slice(rows);
         self.accepted = 0;
-        Ok(*self.computed.insert(Computed { now_us, t_us, nodes }))
+        Ok(*self.computed.insert(Computed { now_us, t_us, nodes, unlike }))
     }
 }

@@ -20,6 +20,7 @@ use crate::options::Options;
 use crate::pooled::{Below, PooledGraph, Shape};
 use crate::readout::{LastLevel, ReadoutState};
 use crate::rows::{Delta, PART};
+use crate::unlikeness::{WindowStatistics, WindowSums};
 use crate::window::Window;
 use crate::{EngineError, Sensor};
 
@@ -30,6 +31,8 @@ pub(crate) struct StageState {
     isa: Isa,
     poison: bool,
     pub(crate) window: Window,
+    /// Of a network that knows what its training was like.
+    sums: Option<WindowSums>,
     input: Input,
     pub(crate) graph: EventGraph,
     pub(crate) pooled: Vec<PooledGraph>,
@@ -109,6 +112,7 @@ impl StageState {
         Self {
             readout: ReadoutState::new(&network, sensor, rows, options.isa, memory),
             window: Window::new(parts.capacity, memory),
+            sums: network.training_windows().map(|_| WindowSums::new(sensor, memory)),
             input: Input::new(parts.place, sensor, memory),
             arrivals: Arrivals::new(parts.graph.is_frozen(), memory),
             graph,
@@ -130,9 +134,14 @@ impl StageState {
         self.poison = own.poison;
         self.stopwatch = own.stopwatch.clone();
         self.readout.set_isa(own.isa);
+        // A network that does not know its training has the same fingerprint.
+        self.sums = own.sums.as_ref().map(|own| own.of(&self.window));
     }
 
     pub(crate) fn clear(&mut self) {
+        if let Some(sums) = &mut self.sums {
+            self.window.slots().for_each(|slot| sums.leave(self.window.node(slot)));
+        }
         self.graph.clear(&self.window);
         for (pooled, activations) in self.pooled.iter_mut().zip(&mut self.activations[1..]) {
             pooled.clear(activations.input_mut().0);
@@ -184,6 +193,9 @@ impl StageState {
     /// Runs the structural stages of the event level and sets its input.
     fn connect(&mut self, node: Node, known: usize) -> u32 {
         let slot = self.window.push(node);
+        if let Some(sums) = &mut self.sums {
+            sums.enter(node);
+        }
         self.delta.clear();
         self.delta.entered.push(slot);
         self.graph.insert(&self.window, slot, known, self.isa, &mut self.delta);
@@ -211,6 +223,9 @@ impl StageState {
         self.graph.hide(&self.window, leaving);
         for place in 0..leaving {
             let slot = self.window.slot_of(place);
+            if let Some(sums) = &mut self.sums {
+                sums.leave(self.window.node(slot));
+            }
             self.graph.disconnect(&self.window, leaving, slot, &mut self.delta);
             // In parts: edges must be removed before either of their nodes.
             if self.delta.removed.len() >= PART {
@@ -302,6 +317,11 @@ impl StageState {
             Some(error) => Err(error),
             None => Ok(&self.readout.prediction),
         }
+    }
+
+    /// Those of the window at `now`, if they are kept.
+    pub(crate) fn statistics(&self, now: i64) -> Option<WindowStatistics> {
+        self.sums.as_ref().map(|sums| sums.at(now))
     }
 
     pub(crate) fn readout(&self) -> &Matrix {

@@ -6,6 +6,7 @@ pub(crate) mod dome;
 mod filmed;
 mod gel;
 mod presses;
+mod windows;
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -30,6 +31,7 @@ pub use dome::{DOME_KINDS, dome_presses};
 pub use filmed::{film_images, film_markers, grasps, with_causes};
 pub use gel::{GelPlan, Shapes, gel_presses};
 pub use presses::labelled_presses;
+pub use windows::{Ages, training_windows};
 
 /// Tensors for training.
 pub struct Prepared {

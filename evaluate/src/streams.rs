@@ -126,6 +126,16 @@ impl Streams {
         self.start.windows(2).map(|bounds| &self.events[bounds[0]..bounds[1]]).collect()
     }
 
+    /// Contact and end of a stream with labels, see [`Truth::contact_us`]; else the times of its
+    /// first and last event, or 0.
+    pub(crate) fn span_us(&self, stream: usize) -> [i64; 2] {
+        if let Some(truth) = &self.truth {
+            return [truth.contact_us(stream), truth.span_us(stream)[1]];
+        }
+        let events = self.parts()[stream];
+        [events.first(), events.last()].map(|event| event.map_or(0, |event| event.t_us))
+    }
+
     pub(crate) fn ends(&self) -> impl Iterator<Item = usize> {
         self.start.iter().skip(1).copied()
     }
@@ -139,6 +149,8 @@ fn of_number((i, &cause): (usize, &i64)) -> Result<Cause, StreamsError> {
         .ok_or_else(|| value("cause", i, format!("0 to {}", Cause::ALL.len() - 1), cause.to_string()))
 }
 
+/// The label whose rise is contact.
+const DEPTH: &str = "depth";
 /// Beginning of the names of labels in a file of events.
 const PREFIX: &str = "truth.";
 const START: &str = "truth.start";
@@ -257,6 +269,11 @@ impl Truth {
     pub(crate) fn span_us(&self, stream: usize) -> [i64; 2] {
         let times = self.times(stream);
         [self.t_us[times.start], self.t_us[times.end - 1]]
+    }
+
+    /// When the depth of `stream` leaves 0, or else its first time.
+    pub(crate) fn contact_us(&self, stream: usize) -> i64 {
+        self.rises_us(DEPTH, stream).unwrap_or(self.span_us(stream)[0])
     }
 
     /// When the label `name` of `stream` leaves 0, if it ever rises.

@@ -37,6 +37,9 @@ pub struct TimedAnswer<'a> {
     pub t_us: Option<i64>,
     /// Events in the window; for a frame engine, frames since the last reset.
     pub nodes: usize,
+    /// How unlike its window is to those of the training, as
+    /// [`meissner_engine::Prediction::unlike`].
+    pub unlike: Option<f32>,
     /// Whether every event that had entered the queue before the call is in it, except dropped
     /// ones: none waits ([`Self::behind_events`]), the engine lost none ([`Self::lost_events`]).
     pub fresh: bool,
@@ -192,6 +195,7 @@ impl<P: Predictor<Input: Item>> Live<P> {
         Ok(TimedAnswer {
             t_us: answer.t_us,
             nodes: answer.nodes,
+            unlike: answer.unlike,
             fresh,
             own,
             behind_events,

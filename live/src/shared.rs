@@ -41,6 +41,7 @@ pub(crate) struct Answer {
     pub(crate) values: Vec<f32>,
     pub(crate) t_us: Option<i64>,
     pub(crate) nodes: usize,
+    pub(crate) unlike: Option<f32>,
     /// Position of the last event that it covers.
     pub(crate) covered: u64,
     /// Time of the last event that it covers.
@@ -73,6 +74,7 @@ impl Answer {
             values,
             t_us: None,
             nodes: 0,
+            unlike: None,
             covered: 0,
             covered_us: None,
             losses,
@@ -80,12 +82,13 @@ impl Answer {
         }
     }
 
-    /// Copies values, time and size of `prediction`.
+    /// Copies what `prediction` says.
     pub(crate) fn copy(&mut self, prediction: Prediction<'_>) {
         self.values.clear();
         self.values.extend_from_slice(prediction.values);
         self.t_us = prediction.t_us;
         self.nodes = prediction.nodes;
+        self.unlike = prediction.unlike;
     }
 }
 

@@ -189,7 +189,8 @@ impl Description {
     pub fn network_ignoring_preparation(&self, weights: &Weights) -> Result<Network, ModelError> {
         let mut tensors = Tensors::new(&self.name, &self.needed(), weights)?;
         let parts = self.parts(&mut tensors)?;
-        Ok(Network::new(tensors.finish(parts)?)?)
+        let network = Network::new(tensors.finish(parts)?)?;
+        Ok(network.with_training_windows(weights.training_windows()?))
     }
 
     /// `None` where a tensor does not fit.

@@ -38,7 +38,7 @@ pub use draw::{Drawable, draw, drawn_file};
 pub use error::{ModelError, TensorProblem, TensorProblemKind, in_part};
 pub use inspect::{Summary, grouped};
 pub use shipped::DEFAULT_NETWORK;
-pub use weights::{Card, FormatError, Tensor, TensorFile, Weights};
+pub use weights::{Card, FormatError, Tensor, TensorFile, Weights, windows_text};
 
 #[cfg(test)]
 mod tests;

@@ -262,8 +262,9 @@ mod tensors {
 }
 
 mod card {
-    use meissner_engine::Sensor;
+    use meissner_engine::{Sensor, TrainingWindows};
 
+    use crate::weights::windows_text;
     use crate::{ModelError, Weights};
 
     fn saying(remarks: &[(&str, &str)]) -> Weights {
@@ -282,6 +283,11 @@ mod card {
         let card = card.card().unwrap();
         assert_eq!((card.trained, card.stride, card.sensor), (Some(true), 2, Some(Sensor::new(34, 34))));
         assert_eq!(card.ranges, Some(vec![[-1.0, 0.5]]));
+        let windows =
+            TrainingWindows::from_parts(&[0.3; 9], (1..=9).map(|i| vec![0.1; i]).collect()).unwrap();
+        let read = saying(&[("windows", &windows_text(&windows))]).card().unwrap().windows.unwrap();
+        let unlike = |windows: &TrainingWindows| windows.unlikeness([Some(0.7); 9]);
+        assert!((unlike(&read) / unlike(&windows) - 1.0).abs() < 1e-5);
         let of = |remarks: &[(&str, &str)]| saying(remarks).card().unwrap().trained;
         assert_eq!(of(&[("generator", "meissner_models::draw")]), Some(false));
         assert_eq!(of(&[("recipe", "none"), ("trained", "false")]), Some(false));
@@ -300,6 +306,7 @@ mod card {
             ("trained", "yes"),
             ("ranges", "[1, 2]"),
             ("ranges", "[[2, 1]]"),
+            ("windows", "[[1], [[2]]]"),
         ] {
             let error = saying(&[(key, found)]).card().unwrap_err();
             assert!(matches!(&error, ModelError::Metadata { key: named, .. } if *named == key), "{error}");

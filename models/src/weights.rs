@@ -14,7 +14,7 @@ use std::path::Path;
 
 use crate::ModelError;
 
-pub use card::Card;
+pub use card::{Card, windows_text};
 pub use error::FormatError;
 pub use safetensors::{Tensor, TensorFile};
 
@@ -102,12 +102,17 @@ impl Weights {
 
     /// The floating-point tensors as safetensors with `metadata`; equal weights give equal bytes.
     pub fn to_safetensors(&self, metadata: &BTreeMap<String, String>) -> Vec<u8> {
-        let mut file = TensorFile::new(metadata.clone());
+        self.to_file(metadata.clone()).into_bytes()
+    }
+
+    /// The floating-point tensors and `metadata`, to which other tensors can be added.
+    pub fn to_file(&self, metadata: BTreeMap<String, String>) -> TensorFile {
+        let mut file = TensorFile::new(metadata);
         for (name, tensor) in &self.tensors {
             if let Some(values) = tensor.values() {
                 file.f32(name, tensor.shape(), values);
             }
         }
-        file.into_bytes()
+        file
     }
 }

@@ -197,7 +197,7 @@ impl Predictor for LiveFrames {
         }
         let prediction = engine.predict()?;
         let nodes = usize::try_from(prediction.frames).unwrap_or(usize::MAX);
-        Ok(Prediction { values: prediction.values, t_us: *newest_us, nodes, rows: &[] })
+        Ok(Prediction { values: prediction.values, t_us: *newest_us, nodes, rows: &[], unlike: None })
     }
 
     /// Forgets all events; counts of dropped events go on.

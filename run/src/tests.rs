@@ -435,7 +435,7 @@ mod training {
     fn values_beyond_a_tenth_of_the_range_and_no_numbers_are_marked_and_counted() {
         let mut training = Training::new(&outputs(Some(vec![[-0.15708, 0.15708], [2.0, 5.0]])));
         let mut marks = |values: [f32; 2]| {
-            training.update(&values);
+            training.update(&values, None);
             training.newest().join(" ")
         };
         assert_eq!(marks([0.18, 1.71]), "");
@@ -449,9 +449,20 @@ mod training {
     }
 
     #[test]
+    fn windows_unlike_those_of_the_training_are_counted() {
+        let mut training = Training::new(&outputs(None));
+        assert_eq!((training.unlike(), training.unlike_warning()), (None, None));
+        [0.4, 1.0, 1.01, 12.34].into_iter().for_each(|unlike| training.update(&[0.0, 0.0], Some(unlike)));
+        assert_eq!(training.unlike(), Some(2));
+        let expected = "2 of 4 predictions are of windows unlike those of the training (up to 12.3 times the distance \
+                        that 1 of 1,000 of these exceeds): they mean little";
+        assert_eq!(training.unlike_warning().as_deref(), Some(expected));
+    }
+
+    #[test]
     fn without_ranges_nothing_is_marked() {
         let mut training = Training::new(&outputs(None));
-        training.update(&[9.0, f32::NAN]);
+        training.update(&[9.0, f32::NAN], None);
         assert_eq!((training.newest().len(), training.outside(), training.warning()), (0, None, None));
     }
 

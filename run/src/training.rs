@@ -1,7 +1,7 @@
-//! The outputs of a network, their units for people, and the ranges that they had in the training.
+//! The outputs of a network, their units for people, and what predictions share with the training.
 //!
-//! Enters: the values of predictions. Leaves: the outputs outside the range of the training, of
-//! which a network has seen nothing, and a warning with their number.
+//! Enters: predictions. Leaves: the outputs outside the range of the training, of which a network
+//! has seen nothing; how many windows were unlike those of the training; and warnings of both.
 
 use std::f64::consts::PI;
 
@@ -24,7 +24,8 @@ pub struct Output {
     pub range: Option<[f64; 2]>,
 }
 
-/// Marks the predictions of a run that are outside the range of the training, and counts them.
+/// Marks the predictions of a run whose values or windows are outside of the training, and counts
+/// them.
 #[derive(Clone, Debug, Default)]
 pub struct Training {
     outputs: Vec<Output>,
@@ -33,6 +34,11 @@ pub struct Training {
     /// Predictions with at least one value outside, and all.
     outside: u64,
     all: u64,
+    /// Predictions that tell how unlike their window is, those of them that are unlike the training,
+    /// and the largest unlikeness.
+    told: u64,
+    unlike: u64,
+    most_unlike: f32,
     /// Which outputs were outside at least once.
     ever: Vec<bool>,
 }
@@ -87,10 +93,15 @@ impl Training {
         Self { outputs: outputs.to_vec(), ever: vec![false; outputs.len()], ..Self::default() }
     }
 
-    /// Takes the values of a new prediction.
-    pub fn update(&mut self, values: &[f32]) {
+    /// Takes the values of a new prediction, and how unlike its window is.
+    pub fn update(&mut self, values: &[f32], unlike: Option<f32>) {
         self.newest.clear();
         self.all += 1;
+        if let Some(unlike) = unlike {
+            self.told += 1;
+            self.unlike += u64::from(unlike > 1.0);
+            self.most_unlike = self.most_unlike.max(unlike);
+        }
         if values.len() != self.outputs.len() {
             return;
         }
@@ -113,11 +124,28 @@ impl Training {
         self.outputs.iter().any(|output| output.range.is_some()).then_some(self.outside)
     }
 
-    /// Logs how many predictions of the input `name` are outside, if any.
+    /// Predictions of windows unlike those of the training; `None` if the weights do not say what
+    /// these were like.
+    pub fn unlike(&self) -> Option<u64> {
+        (self.told > 0).then_some(self.unlike)
+    }
+
+    /// Logs how many predictions of the input `name` are outside or of unlike windows, if any.
     pub fn warn(&self, name: &str) {
-        if let Some(warning) = self.warning() {
+        for warning in self.unlike_warning().into_iter().chain(self.warning()) {
             tracing::warn!("{name}: {warning}");
         }
+    }
+
+    pub(crate) fn unlike_warning(&self) -> Option<String> {
+        (self.unlike > 0).then(|| {
+            let (unlike, told) = (grouped(self.unlike), grouped(self.told));
+            let most = self.most_unlike;
+            format!(
+                "{unlike} of {told} predictions are of windows unlike those of the training (up to {most:.1} times the \
+                 distance that 1 of 1,000 of these exceeds): they mean little"
+            )
+        })
     }
 
     pub(crate) fn warning(&self) -> Option<String> {

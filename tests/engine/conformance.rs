@@ -14,7 +14,7 @@ use meissner_engine::{
     Options, Outcome, Prediction, Predictor, Reach, Search, Sensor, StaleReadout, Staleness,
 };
 use meissner_kernels::WinogradTile;
-use meissner_live::{Input, Item, Live, LiveError, QueueOptions};
+use meissner_live::{Input, Item, Live, LiveError, QueueOptions, TimedAnswer};
 use meissner_models::{Description, draw};
 use meissner_run::live_frames::LiveFrames;
 use meissner_run::model::FrameModel;
@@ -205,7 +205,8 @@ impl<P: Predictor<Input: Item>> Predictor for Behind<P> {
     fn predict(&mut self) -> Result<Prediction<'_>, EngineError> {
         match self.live.predict(Duration::MAX) {
             Ok(answer) => {
-                Ok(Prediction { values: answer.values, t_us: answer.t_us, nodes: answer.nodes, rows: &[] })
+                let TimedAnswer { values, t_us, nodes, unlike, .. } = answer;
+                Ok(Prediction { values, t_us, nodes, rows: &[], unlike })
             }
             Err(LiveError::Engine(error)) => Err(error),
             Err(other) => panic!("{other}"),

@@ -27,3 +27,4 @@ mod stream;
 mod stress;
 mod tolerance;
 mod trained;
+mod unlikeness;

@@ -127,9 +127,19 @@ impl<E: IncrementalEvents> CheckedEngine<E> {
                 return Ok(());
             }
         };
+        self.compare_windows()?;
         self.compare_neighbourhoods(&trace)?;
         self.compare_rows(&trace)?;
         Difference::of_predictions(&Ok(prediction), &Ok(trace.prediction)).map(drop)
+    }
+
+    fn compare_windows(&self) -> Result<(), Difference> {
+        let Some(found) = self.engine.window_statistics() else { return Ok(()) };
+        let expected = self.batch.window_statistics();
+        if found == expected {
+            return Ok(());
+        }
+        Err(Difference::Window { found: Box::new(found), expected: Box::new(expected) })
     }
 
     fn compare_neighbourhoods(&self, trace: &Trace) -> Result<(), Difference> {

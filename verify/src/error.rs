@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use meissner_engine::{EngineError, Event, Outcome};
+use meissner_engine::{EngineError, Event, Outcome, WindowStatistics};
 use meissner_kernels::Neighbour;
 use meissner_reference::ReferenceError;
 use meissner_run::RunError;
@@ -110,6 +110,9 @@ pub enum Difference {
     /// A value of the prediction.
     #[error("prediction, value {index}: found {}, expected {}", Bits(*.found), Bits(*.expected))]
     Prediction { index: usize, found: f32, expected: f32 },
+    /// What the window is like.
+    #[error("window: found {found:?}, expected {expected:?}")]
+    Window { found: Box<WindowStatistics>, expected: Box<WindowStatistics> },
     /// One side refuses to predict, or both for different reasons.
     #[error("found {found}, expected {expected}")]
     Refusal { found: String, expected: String },

@@ -1,7 +1,7 @@
 //! The methods of an engine under test, and of such an engine beside its full recomputation.
 
 use meissner_engine::frames::{FrameEngine, FrameSnapshot};
-use meissner_engine::{Engine, EngineError, Event, Predictor, Snapshot};
+use meissner_engine::{Engine, EngineError, Event, Predictor, Snapshot, WindowStatistics};
 use meissner_kernels::Neighbour;
 
 use crate::error::Difference;
@@ -60,6 +60,10 @@ pub trait IncrementalEvents: Incremental<Input = Event> {
     fn neighbourhood(&self, index: usize) -> Vec<Neighbour>;
     /// Rows of a feature of a level as of the last prediction, as [`Engine::feature`].
     fn rows(&self, level: usize, feature: usize) -> Vec<Vec<f32>>;
+    /// Sums over the window, as [`Engine::window_statistics`]; `None` for an engine without them.
+    fn window_statistics(&self) -> Option<WindowStatistics> {
+        None
+    }
 }
 
 /// The values of the engine's prediction.
@@ -117,6 +121,10 @@ impl IncrementalEvents for Engine {
 
     fn rows(&self, level: usize, feature: usize) -> Vec<Vec<f32>> {
         self.feature(level, feature)
+    }
+
+    fn window_statistics(&self) -> Option<WindowStatistics> {
+        Some(self.window_statistics())
     }
 }
 

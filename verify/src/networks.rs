@@ -5,7 +5,7 @@ use std::sync::Arc;
 use meissner_engine::frames::{Convolution, FrameNetwork, FrameNetworkParts};
 use meissner_engine::{
     Aggregation, Block, DenseLayer, Fraction, GraphConvolution, GraphRule, Level, Network, NetworkParts,
-    Normalisation, Pooling, Position, Readout,
+    Normalisation, Pooling, Position, Readout, TrainingWindows,
 };
 use meissner_kernels::{Activation, Dense, PointNetConv, PointNetParts, SplineConv, SplineParts};
 
@@ -213,7 +213,9 @@ impl NetworkShape {
             dense,
             head,
         };
-        (Network::new(parts).expect("the parts fit"), head_parts)
+        // Any: it changes no value.
+        let windows = TrainingWindows::from_parts(&[0.5; 9], (1..=9).map(|i| vec![1.0; i]).collect());
+        (Network::new(parts).expect("the parts fit").with_training_windows(windows), head_parts)
     }
 }
 

@@ -131,9 +131,12 @@ pub struct meissner_prediction {
     pub nodes: u64,
     /// Rows that were computed since the prediction before, over all layers.
     pub rows: u64,
+    /// How unlike the window is to those of the training: above 1, fewer than 1 of 1,000 windows of
+    /// the training were. NaN where the weights do not say what these were like.
+    pub unlike: f32,
 }
 
-// SAFETY: `repr(C)` with integers alone, the first of which is the size.
+// SAFETY: `repr(C)` with numbers alone, the first of which is the size.
 unsafe impl Versioned for meissner_prediction {}
 
 /// Counts of events since the engine was made. `pushed` is the sum of `accepted` and of the four
@@ -378,6 +381,7 @@ pub unsafe extern "C" fn meissner_engine_predict(
                 has_time: found.t_us.is_some().into(),
                 nodes: found.nodes as u64,
                 rows: found.rows.iter().sum(),
+                unlike: found.unlike.unwrap_or(f32::NAN),
             };
             values.copy(found.values)?;
             prediction.into_iter().for_each(|prediction| prediction.write(of));

@@ -125,7 +125,14 @@ pub unsafe extern "C" fn meissner_frames_predict(
         FRAMES.with(frames, |frames| {
             values.fits(frames.engine.network().output().values())?;
             let found = frames.computing()?.predict()?;
-            let of = meissner_prediction { size: 0, t_us: 0, has_time: 0, nodes: found.frames, rows: 0 };
+            let of = meissner_prediction {
+                size: 0,
+                t_us: 0,
+                has_time: 0,
+                nodes: found.frames,
+                rows: 0,
+                unlike: f32::NAN,
+            };
             values.copy(found.values)?;
             prediction.into_iter().for_each(|prediction| prediction.write(of));
             Ok(())

@@ -92,9 +92,11 @@ pub struct meissner_timely {
     pub dropped_events: u64,
     /// Restarts of the sensor's clock since the prediction before, each of which reset the engine.
     pub restarts: u64,
+    /// How unlike the window is to those of the training, as in `meissner_prediction`.
+    pub unlike: f32,
 }
 
-// SAFETY: `repr(C)` with integers alone, the first of which is the size.
+// SAFETY: `repr(C)` with numbers alone, the first of which is the size.
 unsafe impl Versioned for meissner_timely {}
 
 /// Counts of pushed events. `offered` is the sum of `delivered`, `waiting` and the dropped ones.
@@ -260,6 +262,7 @@ pub unsafe extern "C" fn meissner_live_predict(
                 lost_events: found.lost_events,
                 dropped_events: found.dropped_events,
                 restarts: found.restarts,
+                unlike: found.unlike.unwrap_or(f32::NAN),
             };
             values.copy(found.values)?;
             timely.into_iter().for_each(|timely| timely.write(of));

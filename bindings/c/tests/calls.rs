@@ -198,7 +198,8 @@ impl Predictor for Spoken {
             unsafe { meissner_engine_predict(self.handle.0, self.values.as_mut_ptr(), OUTPUTS, &raw mut of) };
         assert_eq!(status, OK);
         let t_us = (of.has_time != 0).then_some(of.t_us);
-        Ok(Prediction { values: &self.values, t_us, nodes: of.nodes as usize, rows: &[] })
+        let unlike = Some(of.unlike).filter(|unlike| !unlike.is_nan());
+        Ok(Prediction { values: &self.values, t_us, nodes: of.nodes as usize, rows: &[], unlike })
     }
 
     fn reset(&mut self) {

@@ -208,7 +208,7 @@ impl FrameEngine {
         let (values, frames) =
             this.compute(py, |engine, _| engine.predict().map(|p| (p.values.to_vec(), p.frames)))??;
         let [_, shape] = this.shapes();
-        Prediction::new(py, &values, Some(&shape), (None, frames), &[], &this.outputs)
+        Prediction::new(py, &values, Some(&shape), (None, frames, None), &[], &this.outputs)
     }
 
     /// Writes the prediction to `out`, a writable contiguous array of float32 with as many values.

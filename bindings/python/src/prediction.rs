@@ -56,6 +56,10 @@ pub(crate) struct Prediction {
     #[pyo3(get)]
     nodes: u64,
     rows: Vec<u64>,
+    /// How unlike the window is to those of the training: above 1, fewer than 1 of 1,000 windows of
+    /// the training were. None where the weights do not say what these were like.
+    #[pyo3(get)]
+    unlike: Option<f32>,
 }
 
 impl Prediction {
@@ -64,7 +68,7 @@ impl Prediction {
         py: Python<'_>,
         values: &[f32],
         shape: Option<&[usize]>,
-        (t_us, nodes): (Option<i64>, u64),
+        (t_us, nodes, unlike): (Option<i64>, u64, Option<f32>),
         rows: &[u64],
         outputs: &Arc<Outputs>,
     ) -> Outcome<Self> {
@@ -74,7 +78,7 @@ impl Prediction {
             None => values,
         };
         let outputs = Arc::clone(outputs);
-        Ok(Self { values: values.unbind(), outputs, t_us, nodes, rows: rows.to_vec() })
+        Ok(Self { values: values.unbind(), outputs, t_us, nodes, rows: rows.to_vec(), unlike })
     }
 }
 
@@ -95,7 +99,9 @@ impl Prediction {
             format!("{} of shape {}", self.outputs.names.join(", "), values.getattr("shape")?.str()?)
         };
         let t = self.t_us.map(|t| format!(", t {t} us")).unwrap_or_default();
-        Ok(format!("{body}{t}, {} nodes", self.nodes))
+        let unlike = self.unlike.filter(|unlike| *unlike > 1.0);
+        let unlike = unlike.map(|unlike| format!(", unlike the training ({unlike:.1})")).unwrap_or_default();
+        Ok(format!("{body}{t}, {} nodes{unlike}", self.nodes))
     }
 }
 
@@ -106,10 +112,11 @@ pub(crate) fn computed(
     shape: Option<&[usize]>,
     outputs: &Arc<Outputs>,
 ) -> Outcome<Prediction> {
-    let found =
-        py.detach(|| predictor.predict().map(|p| (p.values.to_vec(), p.t_us, p.nodes, p.rows.to_vec())));
-    let (values, t_us, nodes, rows) = found?;
-    Prediction::new(py, &values, shape, (t_us, nodes as u64), &rows, outputs)
+    let found = py.detach(|| {
+        predictor.predict().map(|p| (p.values.to_vec(), (p.t_us, p.nodes as u64, p.unlike), p.rows.to_vec()))
+    });
+    let (values, of, rows) = found?;
+    Prediction::new(py, &values, shape, of, &rows, outputs)
 }
 
 #[pymethods]
@@ -272,8 +279,7 @@ pub(crate) struct Timely {
 /// What a live engine answered.
 pub(crate) struct Taken {
     values: Vec<f32>,
-    t_us: Option<i64>,
-    nodes: usize,
+    of: (Option<i64>, u64, Option<f32>),
     timely: Timely,
 }
 
@@ -290,7 +296,8 @@ impl Taken {
             age_us: found.age.as_secs_f64() * 1e6,
             waited_us: found.waited.as_secs_f64() * 1e6,
         };
-        Self { values: found.values.to_vec(), t_us: found.t_us, nodes: found.nodes, timely }
+        let of = (found.t_us, found.nodes as u64, found.unlike);
+        Self { values: found.values.to_vec(), of, timely }
     }
 }
 
@@ -301,8 +308,7 @@ pub(crate) fn timely(
     shape: Option<&[usize]>,
     outputs: &Arc<Outputs>,
 ) -> Outcome<Py<Timely>> {
-    let of = (taken.t_us, taken.nodes as u64);
-    let prediction = Prediction::new(py, &taken.values, shape, of, &[], outputs)?;
+    let prediction = Prediction::new(py, &taken.values, shape, taken.of, &[], outputs)?;
     Ok(Py::new(py, PyClassInitializer::from(prediction).add_subclass(taken.timely))?)
 }
 

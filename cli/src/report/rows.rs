@@ -18,7 +18,9 @@ const MAX_COLUMNS: usize = 2;
 const MAX_ELECTRODE_COLUMNS: usize = 3;
 /// Width of a column of values.
 const WIDTH: usize = 11;
-/// The mark before a value outside the range of the training.
+/// The heading of how unlike a window is to those of the training.
+const UNLIKE: &str = "unlike";
+/// The mark before a value outside the range of the training, and of a window unlike these.
 pub(super) const OUTSIDE: &str = "*";
 
 /// The table of a kind of input.
@@ -69,6 +71,7 @@ enum Figures {
     Events {
         time_ms: Option<f64>,
         nodes: u64,
+        unlike: Option<f32>,
         rows: u64,
         update_us: f64,
     },
@@ -80,6 +83,7 @@ enum Figures {
     Report {
         input: usize,
         times_ms: [f64; 3],
+        unlike: Option<f32>,
         state: &'static str,
         waited_us: f64,
     },
@@ -118,7 +122,11 @@ impl Columns {
         match self.kind {
             TableKind::Events => {
                 let (time, update) = ("time (ms)", "update (us)");
-                format!("{done:>5}  {time:>11}{}  {:>8}  {:>9}  {update:>11}", values(), "nodes", "rows")
+                let values = values();
+                format!(
+                    "{done:>5}  {time:>11}{values}  {UNLIKE:>6}  {:>8}  {:>9}  {update:>11}",
+                    "nodes", "rows"
+                )
             }
             TableKind::Frames => {
                 let (time, update) = ("time (ms)", "update (us)");
@@ -143,7 +151,10 @@ impl Columns {
             TableKind::Reports => {
                 let (state, behind, age, waited) = ("state", "behind ms", "age ms", "waited us");
                 let (values, input) = (values(), if self.several { " in " } else { "" });
-                format!("{input}{:>9}{values}  {state:>6}  {behind:>9}  {age:>7}  {waited:>9}", "time (ms)")
+                format!(
+                    "{input}{:>9}{values}  {UNLIKE:>6}  {state:>6}  {behind:>9}  {age:>7}  {waited:>9}",
+                    "time (ms)"
+                )
             }
         }
     }
@@ -154,7 +165,8 @@ impl Columns {
             Prediction::Events(p) => {
                 let time_ms = p.elapsed_us.map(|us| us as f64 / 1e3);
                 let (nodes, rows) = (p.nodes as u64, p.rows.iter().sum());
-                let figures = Figures::Events { time_ms, nodes, rows, update_us: p.update_us };
+                let figures =
+                    Figures::Events { time_ms, nodes, unlike: p.unlike, rows, update_us: p.update_us };
                 Row { taken: p.taken, values: self.values(p.value.0, p.answer.as_ref()), figures }
             }
             Prediction::Frames(p) => {
@@ -164,8 +176,8 @@ impl Columns {
             }
             Prediction::Report(p) => {
                 let times_ms = [p.elapsed_us as f64, p.behind_us as f64, p.age_us].map(|us| us / 1e3);
-                let (input, state, waited_us) = (p.input, p.state.name(), p.waited_us);
-                let figures = Figures::Report { input, times_ms, state, waited_us };
+                let (input, unlike, state, waited_us) = (p.input, p.unlike, p.state.name(), p.waited_us);
+                let figures = Figures::Report { input, times_ms, unlike, state, waited_us };
                 Row { taken: p.number, values: self.values(p.value.0, p.answer.as_ref()), figures }
             }
             Prediction::Electrodes(p) => Row::of_text(p.line, self.electrodes(p)),
@@ -187,18 +199,23 @@ impl Columns {
         };
         match &row.figures {
             Figures::Text(text) => text.clone(),
-            &Figures::Events { time_ms, nodes, rows, update_us } => {
+            &Figures::Events { time_ms, nodes, unlike, rows, update_us } => {
                 let time = cell(time_ms, |ms| format!("{ms:.3}"));
-                let (done, nodes, rows) = (done(), grouped(nodes), grouped(rows));
-                format!("{done:>5}  {time:>11}{values}  {nodes:>8}  {rows:>9}  {update_us:>11.1}")
+                let (done, nodes, rows, unlike) = (done(), grouped(nodes), grouped(rows), marked(unlike));
+                format!(
+                    "{done:>5}  {time:>11}{values}  {unlike:>6}  {nodes:>8}  {rows:>9}  {update_us:>11.1}"
+                )
             }
             &Figures::Frames { time_ms, events, update_us } => {
                 let (done, events) = (done(), grouped(events));
                 format!("{done:>5}  {time_ms:>13.3}{values}  {events:>8}  {update_us:>11.1}")
             }
-            &Figures::Report { input, times_ms: [time, behind, age], state, waited_us } => {
+            &Figures::Report { input, times_ms: [time, behind, age], unlike, state, waited_us } => {
                 let input = if self.several { format!("{input:>3} ") } else { String::new() };
-                format!("{input}{time:>9.3}{values}  {state:>6}  {behind:>9.3}  {age:>7.3}  {waited_us:>9.1}")
+                let unlike = marked(unlike);
+                format!(
+                    "{input}{time:>9.3}{values}  {unlike:>6}  {state:>6}  {behind:>9.3}  {age:>7.3}  {waited_us:>9.1}"
+                )
             }
         }
     }
@@ -248,6 +265,15 @@ impl Columns {
         let some = some && matches!(self.kind, TableKind::Events | TableKind::Reports);
         some.then(|| format!("({MAX_COLUMNS} of {all} outputs shown; --json has all of them)"))
     }
+}
+
+/// How unlike a window is to those of the training, marked if it is.
+fn marked(unlike: Option<f32>) -> String {
+    cell(unlike, |unlike| {
+        let mark = if unlike > 1.0 { OUTSIDE } else { "" };
+        let digits = usize::from(unlike < 99.95);
+        format!("{mark}{unlike:.digits$}")
+    })
 }
 
 /// A count in at most five characters, up to 10^13.

@@ -40,6 +40,7 @@ pub(super) fn events(out: &mut impl Write, summary: &EventSummary) -> io::Result
     )?;
     writeln!(out, "predictions  {}", grouped(summary.predictions))?;
     outside_training(out, summary.outside_training)?;
+    unlike_training(out, summary.unlike_training)?;
     if let Some(approximations) = &summary.approximations {
         self::approximations(out, approximations)?;
     }
@@ -100,6 +101,16 @@ fn outside_training(out: &mut impl Write, predictions: Option<u64>) -> io::Resul
         out,
         "outside      {} predictions have a value outside the range of the training ({OUTSIDE} in the table)",
         grouped(count)
+    )
+}
+
+/// Writes the number of predictions of windows unlike those of the training, if there were any.
+fn unlike_training(out: &mut impl Write, predictions: Option<u64>) -> io::Result<()> {
+    let Some(count @ 1..) = predictions else { return Ok(()) };
+    let count = grouped(count);
+    writeln!(
+        out,
+        "unlike       {count} predictions are of windows unlike those of the training ({OUTSIDE} in the table)"
     )
 }
 
@@ -268,6 +279,7 @@ pub(super) fn plays(out: &mut impl Write, ended: &[Result<PlaySummary, RunError>
                 refused(out, summary.lines_refused)?;
                 play_dropped(out, summary, &format!("from input {input} "))?;
                 outside_training(out, summary.outside_training)?;
+                unlike_training(out, summary.unlike_training)?;
                 restarts(out, summary.restarts)?;
                 if summary.verified.is_some_and(|verified| !verified.equal) {
                     writeln!(out, "verified     input {input} DIFFERS from the batch")?;
@@ -329,6 +341,7 @@ pub(super) fn play(out: &mut impl Write, summary: &PlaySummary) -> io::Result<()
     let [made, due, fresh, behind, old] = counts.map(grouped);
     writeln!(out, "reports      {made} of {due} made: {fresh} fresh, {behind} behind, {old} old")?;
     outside_training(out, summary.outside_training)?;
+    unlike_training(out, summary.unlike_training)?;
     writeln!(
         out,
         "deadline     passed by {} of them, by {:.1} us at most; asked for {:.1} us late at most",

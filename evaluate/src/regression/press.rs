@@ -13,7 +13,6 @@ use crate::streams::{Streams, Truth};
 use crate::trainings::Training;
 use crate::trials::{Cases, Trial};
 
-const DEPTH: &str = "depth";
 const MILLISECOND_US: i64 = 1_000;
 /// An angle that stays within this many degrees of the truth has settled.
 const SETTLED_DEG: f64 = 1.0;
@@ -115,8 +114,7 @@ impl Presses {
 
     /// Contact and end of `press`.
     fn span_us(&self, press: usize) -> [i64; 2] {
-        let [start, end] = self.truth.span_us(press);
-        [self.truth.rises_us(DEPTH, press).unwrap_or(start), end]
+        [self.truth.contact_us(press), self.truth.span_us(press)[1]]
     }
 
     /// Multiples of `every_us` since contact, from 0 to the end of the longest press.

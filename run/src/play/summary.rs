@@ -37,6 +37,8 @@ pub struct PlaySummary {
     pub reports: ReportCounts,
     /// Reports with a value outside the range of the training, if the weights state it.
     pub outside_training: Option<u64>,
+    /// Reports of windows unlike those of the training, if the weights say what these were like.
+    pub unlike_training: Option<u64>,
     /// Times of reports: since the request, since the start of the prediction, stream time that is
     /// not covered; and of events, from the offer to the report that covers them.
     pub latency_us: Latencies,
@@ -145,7 +147,7 @@ impl Tally {
     pub(super) fn count(&mut self, timely: &TimedAnswer<'_>, deadline: Duration, late: Duration) {
         let reports = &mut self.reports;
         reports.made += 1;
-        self.training.update(timely.values);
+        self.training.update(timely.values, timely.unlike);
         match state(timely) {
             ReportState::Fresh => reports.fresh += 1,
             ReportState::Behind => reports.behind += 1,

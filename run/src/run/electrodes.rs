@@ -232,7 +232,7 @@ impl Windows {
         let decision = class.and_then(|(class, probability)| filter.push(class, probability));
         self.decisions += u64::from(decision.is_some_and(|decision| decision.held == 1));
         self.predictor.decision.record(start.elapsed());
-        self.predictor.training.update(&self.values);
+        self.predictor.training.update(&self.values, None);
         let update_us = microseconds(self.predictor.take_update());
         let answer = self.classes.answer();
         let prediction = ElectrodePrediction {

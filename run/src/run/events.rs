@@ -145,6 +145,7 @@ impl Steps for EventSteps {
             events_per_s: (events > 0 && seconds > 0.0).then(|| events as f64 / seconds),
             real_time: self.passed.times_real_time(spent),
             outside_training: self.training.outside(),
+            unlike_training: self.training.unlike(),
             skips: WorkCounts::new(&counters, &self.layers),
             warnings,
             approximations: self.predictor.report(&self.approximations),
@@ -215,12 +216,13 @@ impl EventSteps {
         tracing::trace!(prediction.t_us, prediction.nodes, rows = ?prediction.rows, ?spent, "predicted");
         let now_us = due_us.or(prediction.t_us);
         self.classes.update(prediction.values);
-        self.training.update(prediction.values);
+        self.training.update(prediction.values, prediction.unlike);
         let shown = EventPrediction {
             t_us: prediction.t_us,
             value: Values(prediction.values),
             answer: self.classes.answer(),
             outside_training: self.training.newest(),
+            unlike: prediction.unlike,
             nodes: prediction.nodes,
             rows: prediction.rows,
             update_us: microseconds(std::mem::take(&mut self.update)),

@@ -279,7 +279,7 @@ impl Frames {
             return Ok(());
         }
         self.classes.update(&self.values);
-        self.predictor.training.update(&self.values);
+        self.predictor.training.update(&self.values, None);
         let epoch_us = self.epoch_us.unwrap_or(t_us);
         let prediction = FramePrediction {
             t_us,

@@ -60,6 +60,9 @@ pub struct EventPrediction<'a> {
     /// Names of the values outside the range of the training.
     #[serde(skip_serializing_if = "<[String]>::is_empty")]
     pub outside_training: &'a [String],
+    /// How unlike the window is to those of the training: above 1, fewer than 1 of 1,000 of these
+    /// were. `None` if the weights do not say what they were like.
+    pub unlike: Option<f32>,
     /// Events in the window.
     pub nodes: usize,
     /// Rows computed for each layer since the last prediction.
@@ -175,6 +178,8 @@ pub struct ReportPrediction<'a> {
     /// Names of the values outside the range of the training.
     #[serde(skip_serializing_if = "<[String]>::is_empty")]
     pub outside_training: &'a [String],
+    /// How unlike the window is to those of the training, as in [`EventPrediction::unlike`].
+    pub unlike: Option<f32>,
     /// Events in the window.
     pub nodes: usize,
     /// How current the prediction of the report is.
