@@ -28,7 +28,7 @@ pub use meissner_kernels::{
 };
 #[doc(inline)]
 pub use meissner_models::{
-    AnyDescription, Card, Description, DescriptionError, FrameDescription, ModelError, Weights, draw,
+    AnyDescription, Card, Description, DescriptionError, FrameDescription, ModelError, NameMap, Weights, draw,
 };
 
 #[cfg(feature = "io")]

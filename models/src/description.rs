@@ -169,13 +169,15 @@ impl Description {
 }
 
 impl Description {
-    /// The network with `weights`, whose names may all carry one further prefix such as "module.".
+    /// The network with `weights`. Their names may differ as the habits of `PyTorch` make them:
+    /// `docs/weights-from-pytorch.md` lists which.
     ///
     /// # Errors
     /// [`ModelError::Weights`] with every tensor that is missing, of another shape or type, or not
-    /// computable; [`ModelError::Ambiguous`] for several prefixes; [`ModelError::Preparation`] for
-    /// weights trained on other graphs ([`Self::preparation`]); [`ModelError::Engine`] only if the
-    /// engine's bounds are narrower than the description's.
+    /// computable; [`ModelError::Ambiguous`] and [`ModelError::Doubled`] for names that fit more
+    /// than one way; [`ModelError::Map`] for names of a map that the network does not read;
+    /// [`ModelError::Preparation`] for weights trained on other graphs ([`Self::preparation`]);
+    /// [`ModelError::Engine`] only if the engine's bounds are narrower than the description's.
     pub fn network(&self, weights: &Weights) -> Result<Network, ModelError> {
         self.check_preparation(weights)?;
         self.network_ignoring_preparation(weights)

@@ -4,6 +4,7 @@ use std::borrow::Cow;
 use std::fs::File;
 use std::io::Read;
 use std::path::{Path, PathBuf};
+use std::{fmt, iter};
 
 use thiserror::Error;
 
@@ -36,6 +37,20 @@ pub enum ModelError {
         prefixes.join(", ")
     )]
     Ambiguous { network: String, prefixes: Vec<String> },
+    /// Two tensors of weights could be one of a network.
+    #[error(
+        "weights for network {network:?}: tensor {tensor:?}: expected one in the file, found {}",
+        found.iter().map(|name| format!("{name:?}")).collect::<Vec<_>>().join(", ")
+    )]
+    Doubled { network: String, tensor: String, found: Vec<String> },
+    /// A map of names cannot be read, or does not fit the weights or the network.
+    #[error("map of names, {place}: expected {expected}, found {found}")]
+    Map {
+        /// The line, with its file.
+        place: String,
+        expected: String,
+        found: String,
+    },
     /// Weights were trained on graphs or frames of another preparation than the description's.
     #[error(
         "weights do not fit network {network:?}: expected metadata \"preparation\" {expected}, as its description says, \
@@ -59,8 +74,21 @@ pub enum ModelError {
     Engine(#[from] meissner_engine::EngineError),
 }
 
+/// Missing tensors that a message names.
+const MAX_MISSING: usize = 8;
+
+/// The problems, one a line; of missing tensors the first few, and how many more there are.
 fn lines(problems: &[TensorProblem]) -> String {
-    problems.iter().map(ToString::to_string).collect::<Vec<_>>().join("\n")
+    let mut missing = 0;
+    let shown = problems.iter().filter(|problem| {
+        missing += usize::from(problem.is_missing());
+        !problem.is_missing() || missing <= MAX_MISSING
+    });
+    let mut lines: Vec<String> = shown.map(ToString::to_string).collect();
+    if missing > MAX_MISSING {
+        lines.push(format!("and {} tensors more that are missing", missing - MAX_MISSING));
+    }
+    lines.join("\n")
 }
 
 /// Longest line of a message, in bytes.
@@ -103,12 +131,70 @@ fn line_in_part(line: &str) -> Cow<'_, str> {
 
 /// A tensor that does not fit.
 #[derive(Clone, Debug, PartialEq, Error)]
-#[error("tensor {tensor:?}: {kind}")]
+#[error(
+    "tensor {tensor:?}{}: {kind}",
+    in_file.as_ref().map_or_else(String::new, |name| format!(" (in the file {name:?})"))
+)]
 pub struct TensorProblem {
-    /// Its name.
+    /// Its name in the network.
     pub tensor: String,
+    /// Its name in the file, where that is another.
+    pub in_file: Option<String>,
     /// The part that does not fit.
     pub kind: TensorProblemKind,
+}
+
+impl TensorProblem {
+    /// Whether the weights have no such tensor.
+    pub fn is_missing(&self) -> bool {
+        matches!(self.kind, TensorProblemKind::Missing { .. })
+    }
+}
+
+/// Tensors of a file that no layer reads and that look like a missing one.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Lookalikes {
+    /// Names of the first few.
+    pub names: Vec<String>,
+    /// How many there are.
+    pub count: usize,
+}
+
+impl Lookalikes {
+    /// Names that are kept.
+    const MAX: usize = 4;
+
+    pub(crate) fn of<'a>(names: impl Iterator<Item = &'a str>) -> Self {
+        let mut all = Self::default();
+        for name in names {
+            if all.count < Self::MAX {
+                all.names.push(name.to_owned());
+            }
+            all.count += 1;
+        }
+        all
+    }
+}
+
+impl fmt::Display for Lookalikes {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        for (name, separator) in self.names.iter().zip(iter::once("").chain(iter::repeat(", "))) {
+            write!(f, "{separator}{name:?}")?;
+        }
+        match self.count - self.names.len() {
+            0 => Ok(()),
+            more => write!(f, " and {more} more"),
+        }
+    }
+}
+
+/// What a missing tensor could be, after the message.
+fn could_be(same: &Lookalikes, transposed: &Lookalikes) -> String {
+    let named = [("of this shape", same), ("of this shape transposed", transposed)];
+    let named = named.into_iter().filter(|(_, lookalikes)| lookalikes.count > 0);
+    let named: Vec<String> =
+        named.map(|(which, lookalikes)| format!("; left over {which}: {lookalikes}")).collect();
+    named.concat()
 }
 
 /// Why a tensor does not fit.
@@ -117,8 +203,14 @@ pub struct TensorProblem {
 #[expect(missing_docs, reason = "the messages explain the fields")]
 pub enum TensorProblemKind {
     /// It is missing.
-    #[error("expected shape {expected:?}, found no such tensor")]
-    Missing { expected: Vec<usize> },
+    #[error("expected shape {expected:?}, found no such tensor{}", could_be(same, transposed))]
+    Missing {
+        expected: Vec<usize>,
+        /// Tensors of its shape that no layer reads.
+        same: Lookalikes,
+        /// Those of the same sizes in another order.
+        transposed: Lookalikes,
+    },
     /// It has another shape.
     #[error("expected shape {expected:?}, found {found:?}")]
     Shape { expected: Vec<usize>, found: Vec<usize> },

@@ -3,8 +3,8 @@
 //! - [`Description`]: a TOML file, checked into an acyclic graph of layers ([`description`])
 //! - [`FrameDescription`]: the same over frames ([`description::frames`]); [`AnyDescription`]:
 //!   either
-//! - [`Weights`]: tensors from safetensors and `PyTorch` state dicts; [`Card`]: their metadata;
-//!   [`TensorFile`]: arrays to be written
+//! - [`Weights`]: tensors from safetensors and `PyTorch` state dicts; [`NameMap`]: other
+//!   names for them; [`Card`]: their metadata; [`TensorFile`]: arrays to be written
 //! - [`inspect`]: a description as a table, as data, as DOT, as SVG
 //! - `shipped`: the networks that come with the crate, by name
 //! - [`draw()`]: weights from a seed
@@ -35,10 +35,10 @@ pub use description::{
     ProblemKind,
 };
 pub use draw::{Drawable, draw, drawn_file};
-pub use error::{ModelError, TensorProblem, TensorProblemKind, in_part};
+pub use error::{Lookalikes, ModelError, TensorProblem, TensorProblemKind, in_part};
 pub use inspect::{Summary, grouped};
 pub use shipped::DEFAULT_NETWORK;
-pub use weights::{Card, FormatError, Tensor, TensorFile, Weights, windows_text};
+pub use weights::{Card, FormatError, NameMap, Tensor, TensorFile, Weights, windows_text};
 
 #[cfg(test)]
 mod tests;

@@ -399,3 +399,33 @@ mod safetensors {
         TensorFile::default().f32("a", &[2, 2], &[0.0; 3]);
     }
 }
+
+mod names {
+    use crate::weights::names::{ELEMENTS, SIBLINGS};
+    use crate::weights::state_dict::KEYS;
+
+    const PAGE: &str = include_str!("../../docs/weights-from-pytorch.md");
+
+    /// Whether a line of the page has all `words`.
+    fn has_line(words: &[&str]) -> bool {
+        PAGE.lines().any(|line| words.iter().all(|word| line.contains(word)))
+    }
+
+    #[test]
+    fn the_page_on_weights_has_every_habit_in_order_with_who_writes_it() {
+        let mut after = 0;
+        for (element, instead, who) in ELEMENTS {
+            let instead = if instead.is_empty() { "| - |".to_owned() } else { format!("`{instead}`") };
+            assert!(has_line(&[&format!("| `{element}`"), &instead, who]), "{element}");
+            let place = PAGE.find(&format!("   | `{element}`")).expect("a row");
+            assert!(place > after, "{element} stands before the one above it");
+            after = place;
+        }
+        for (conv, norm, who) in SIBLINGS {
+            assert!(has_line(&[&format!("| `{conv}"), &format!("`{norm}"), who]), "{conv}");
+        }
+        for (key, who) in KEYS {
+            assert!(has_line(&[&format!("| `{key}` |"), who]), "{key}");
+        }
+    }
+}

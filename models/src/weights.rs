@@ -5,17 +5,20 @@
 
 pub(crate) mod card;
 mod error;
+mod map;
+pub(crate) mod names;
 mod pickle;
 pub(crate) mod safetensors;
-mod state_dict;
+pub(crate) mod state_dict;
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
 use crate::ModelError;
 
 pub use card::{Card, windows_text};
 pub use error::FormatError;
+pub use map::NameMap;
 pub use safetensors::{Tensor, TensorFile};
 
 const MAX_FILE: u64 = 1 << 31;
@@ -40,12 +43,14 @@ const MAX_FILE: u64 = 1 << 31;
 pub struct Weights {
     tensors: BTreeMap<String, Tensor>,
     metadata: BTreeMap<String, String>,
+    /// Names that a map gave: they are the network's.
+    mapped: BTreeSet<String>,
 }
 
 impl Weights {
     /// Weights of `tensors`.
     pub fn new(tensors: impl IntoIterator<Item = (String, Tensor)>) -> Self {
-        Self { tensors: tensors.into_iter().collect(), metadata: BTreeMap::new() }
+        Self { tensors: tensors.into_iter().collect(), metadata: BTreeMap::new(), mapped: BTreeSet::new() }
     }
 
     #[cfg(test)]
@@ -65,10 +70,11 @@ impl Weights {
     ///
     /// F32, F64, F16 and BF16 become f32, rounded to nearest. A state dict is what `torch.save`
     /// writes by default (a zip of stored entries, pickle protocol 2): itself, or a checkpoint with
-    /// one under `state_dict`, `model_state_dict` or `model`.
+    /// one under `state_dict`, `model_state_dict`, `model`, `net` or `module`.
     ///
     /// # Errors
-    /// [`FormatError`] for bytes in neither format, damaged, or that would execute something.
+    /// [`FormatError`] for bytes in neither format, damaged, or that would execute something, such
+    /// as a whole module.
     pub fn from_bytes(bytes: &[u8]) -> Result<Self, FormatError> {
         if bytes.starts_with(state_dict::MAGIC) {
             return Ok(Self::new(state_dict::read(bytes)?));
@@ -77,7 +83,7 @@ impl Weights {
             return Err(FormatError::Legacy);
         }
         let (tensors, metadata) = safetensors::read(bytes)?;
-        Ok(Self { tensors, metadata })
+        Ok(Self { metadata, ..Self::new(tensors) })
     }
 
     /// Tensor `name`.

@@ -19,7 +19,7 @@ from safetensors.torch import load_file, save_file
 # Of a tensor with fewer values, half precision saves nothing worth having; batch norm's are among them.
 LEAST_HALVED = 256
 # Where a checkpoint keeps its state dict, as the program looks for it.
-STATE_DICTS = ("state_dict", "model_state_dict", "model")
+STATE_DICTS = ("state_dict", "model_state_dict", "model", "net", "module")
 # What modules keep beside weights: batch norm's count of batches, the settings of torch_geometric's SplineConv.
 BOOKKEEPING = ("num_batches_tracked", "kernel_size", "is_open_spline")
 

@@ -130,7 +130,7 @@ macro_rules! common {
             /// Names in `weights` that the network does not read, in order.
             ///
             /// # Errors
-            /// [`ModelError::Ambiguous`] where several prefixes make the names fit.
+            /// As making the network, where names fit more than one way or a map does not fit.
             pub fn unused_tensors(&self, weights: &Weights) -> Result<Vec<String>, ModelError> {
                 unused(self.name(), &self.needed(), weights)
             }

@@ -122,12 +122,14 @@ impl FrameDescription {
 }
 
 impl FrameDescription {
-    /// The network with `weights`, whose names may all carry one further prefix such as "module.".
+    /// The network with `weights`. Their names may differ as the habits of `PyTorch` make them:
+    /// `docs/weights-from-pytorch.md` lists which.
     ///
     /// # Errors
     /// [`ModelError::Weights`] with every tensor that is missing, of another shape or type, or not
-    /// computable; [`ModelError::Ambiguous`] for several prefixes; [`ModelError::Preparation`] for
-    /// weights trained on other frames ([`Self::preparation`]).
+    /// computable; [`ModelError::Ambiguous`] and [`ModelError::Doubled`] for names that fit more
+    /// than one way; [`ModelError::Map`] for names of a map that the network does not read;
+    /// [`ModelError::Preparation`] for weights trained on other frames ([`Self::preparation`]).
     pub fn network_parts(&self, weights: &Weights) -> Result<FrameNetworkParts, ModelError> {
         self.check_preparation(weights)?;
         self.network_parts_regardless(weights)

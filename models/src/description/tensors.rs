@@ -7,10 +7,11 @@
 //! scale = gamma / sqrt(var + 1e-5),   shift = beta - mean scale
 //! ```
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 
 use super::problem::{ProblemKind, Problems};
-use crate::error::{TensorProblem, TensorProblemKind};
+use crate::error::{Lookalikes, TensorProblem, TensorProblemKind};
+use crate::weights::names::Names;
 use crate::{ModelError, Weights};
 
 /// The term that batch norm adds to a variance.
@@ -128,64 +129,83 @@ pub(super) fn report_shared<'l>(
 
 /// Names in `weights` that `network` does not read, in order.
 pub(super) fn unused(network: &str, needed: &[Needed], weights: &Weights) -> Result<Vec<String>, ModelError> {
-    let prefix = prefix(network, needed, weights)?;
-    let used: BTreeSet<String> = needed.iter().map(|tensor| format!("{prefix}{}", tensor.name)).collect();
-    Ok(weights.names().filter(|&name| !used.contains(name)).map(str::to_owned).collect())
+    let names = names(network, needed, weights)?;
+    let used = names.used();
+    Ok(weights.names().filter(|name| !used.contains(name)).map(str::to_owned).collect())
 }
 
-/// The prefix of all names: none if all are there without, else the one with all, else the one with
-/// most.
-fn prefix(network: &str, needed: &[Needed], weights: &Weights) -> Result<String, ModelError> {
-    let mut prefixes = BTreeSet::from([String::new()]);
-    for name in weights.names() {
-        let prefix = |needed: &Needed| name.strip_suffix(&*needed.name).filter(|p| p.ends_with('.'));
-        prefixes.extend(needed.iter().filter_map(prefix).map(str::to_owned));
-    }
-    let there = |prefix: &str, tensor: &Needed| weights.get(&format!("{prefix}{}", tensor.name)).is_some();
-    let held = |prefix: &str| needed.iter().filter(|tensor| there(prefix, tensor)).count();
-    if held("") == needed.len() {
-        return Ok(String::new());
-    }
-    let whole: Vec<String> = prefixes.iter().filter(|p| held(p) == needed.len()).cloned().collect();
-    match &whole[..] {
-        // Of equal ones the shortest: readers of a message expect names without a prefix.
-        [] => Ok(prefixes.into_iter().max_by_key(|p| (held(p), usize::MAX - p.len())).unwrap_or_default()),
-        [prefix] => Ok(prefix.clone()),
-        _ => Err(ModelError::Ambiguous { network: network.to_owned(), prefixes: whole }),
-    }
+fn names(network: &str, needed: &[Needed], weights: &Weights) -> Result<Names, ModelError> {
+    let needed: Vec<&str> = needed.iter().map(|tensor| &*tensor.name).collect();
+    Names::find(network, &needed, weights)
 }
 
 /// Finds tensors of the expected shape, and notes tensors that do not fit.
 pub(crate) struct Tensors<'a> {
     network: &'a str,
     weights: &'a Weights,
-    prefix: String,
+    names: Names,
     problems: Vec<TensorProblem>,
 }
 
 impl<'a> Tensors<'a> {
     /// The tensors of `network`, which needs `needed`.
     pub(crate) fn new(network: &'a str, needed: &[Needed], weights: &'a Weights) -> Result<Self, ModelError> {
-        let prefix = prefix(network, needed, weights)?;
-        Ok(Self { network, weights, prefix, problems: Vec::new() })
+        let names = names(network, needed, weights)?;
+        Ok(Self { network, weights, names, problems: Vec::new() })
     }
 
     /// `parts`, unless a tensor did not fit.
-    pub(super) fn finish<T>(self, parts: Option<T>) -> Result<T, ModelError> {
-        parts
-            .filter(|_| self.problems.is_empty())
-            .ok_or_else(|| ModelError::Weights { network: self.network.to_owned(), problems: self.problems })
+    pub(super) fn finish<T>(mut self, parts: Option<T>) -> Result<T, ModelError> {
+        if let Some(parts) = parts.filter(|_| self.problems.is_empty()) {
+            return Ok(parts);
+        }
+        self.find_lookalikes();
+        Err(ModelError::Weights { network: self.network.to_owned(), problems: self.problems })
     }
 
-    fn refuse(&mut self, tensor: String, kind: TensorProblemKind) {
-        self.problems.push(TensorProblem { tensor, kind });
+    /// Names what each missing tensor could be: floats that no layer reads.
+    fn find_lookalikes(&mut self) {
+        let used = self.names.used();
+        let mut left: BTreeMap<Vec<usize>, Vec<(&str, &[usize])>> = BTreeMap::new();
+        for (name, tensor) in
+            self.weights.iter().filter(|(name, tensor)| tensor.values().is_some() && !used.contains(name))
+        {
+            left.entry(sorted(tensor.shape())).or_default().push((name, tensor.shape()));
+        }
+        // By shape: many missing tensors may have that of many others.
+        let mut found: BTreeMap<Vec<usize>, [Lookalikes; 2]> = BTreeMap::new();
+        for problem in &mut self.problems {
+            let TensorProblemKind::Missing { expected, same, transposed } = &mut problem.kind else {
+                continue;
+            };
+            let expected: &[usize] = expected;
+            let of_shape = found.entry(expected.to_vec()).or_insert_with(|| {
+                let alike = left.get(&sorted(expected)).map_or(&[][..], Vec::as_slice);
+                [true, false].map(|equal| {
+                    // Old versions of torch_geometric store the weight of the root transposed.
+                    let fits = |name: &str, shape: &[usize]| {
+                        shape == expected && name.rsplit('.').next() != Some("root")
+                    };
+                    let alike = alike.iter().filter(|(name, shape)| fits(name, shape) == equal);
+                    Lookalikes::of(alike.map(|(name, _)| *name))
+                })
+            });
+            [*same, *transposed] = of_shape.clone();
+        }
+    }
+
+    /// Notes that the tensor `name` does not fit.
+    fn refuse(&mut self, name: &str, kind: TensorProblemKind) {
+        let in_file = self.names.held(name).filter(|held| *held != name).map(str::to_owned);
+        self.problems.push(TensorProblem { tensor: name.to_owned(), in_file, kind });
     }
 
     /// The values of the tensor `name`, whose shape must be `expected`.
     fn get(&mut self, name: &str, expected: &[usize]) -> Option<&'a [f32]> {
-        let name = format!("{}{name}", self.prefix);
-        let Some(tensor) = self.weights.get(&name) else {
-            self.refuse(name, TensorProblemKind::Missing { expected: expected.to_vec() });
+        let weights = self.weights;
+        let Some(tensor) = self.names.held(name).and_then(|held| weights.get(held)) else {
+            let (same, transposed) = (Lookalikes::default(), Lookalikes::default());
+            self.refuse(name, TensorProblemKind::Missing { expected: expected.to_vec(), same, transposed });
             return None;
         };
         if tensor.shape() != expected {
@@ -216,8 +236,7 @@ impl<'a> Tensors<'a> {
         let parts = [part("weight"), part("bias"), part("running_mean"), part("running_var")];
         let [gamma, beta, mean, variance] = parts;
         if let Some((index, &value)) = variance.and_then(|v| v.iter().enumerate().find(|(_, v)| **v < 0.0)) {
-            let name = format!("{}{prefix}.running_var", self.prefix);
-            self.refuse(name, TensorProblemKind::Variance { index, value });
+            self.refuse(&format!("{prefix}.running_var"), TensorProblemKind::Variance { index, value });
             return None;
         }
         let (gamma, beta, mean, variance) = (gamma?, beta?, mean?, variance?);
@@ -240,10 +259,16 @@ impl<'a> Tensors<'a> {
         if rounded.is_finite() {
             return Some(rounded);
         }
-        let name = format!("{}{name}", self.prefix);
         self.refuse(name, TensorProblemKind::Folded { what, index, value });
         None
     }
+}
+
+/// The sizes of `shape` in ascending order, which those of a transposed tensor share.
+fn sorted(shape: &[usize]) -> Vec<usize> {
+    let mut sizes = shape.to_vec();
+    sizes.sort_unstable();
+    sizes
 }
 
 /// The values of a layer's tensors, in the order of their use.

@@ -26,11 +26,25 @@ pub enum FormatError {
         expected: &'static str,
         found: String,
     },
-    /// The archive holds no state dict.
+    /// The archive holds a whole module, or another object of a class. Nothing of it is executed.
     #[error(
-        "expected a state dict, or a checkpoint with one as \"state_dict\", \"model_state_dict\" or \"model\"; found {found}"
+        "pickle, byte {at}: expected a state dict, found an object of class \"{class}\", as {} writes it: \
+         save the state dict alone, torch.save({}.state_dict(), \"weights.pth\"); nothing was executed",
+        if is_script(class) { "torch.jit.save(model)" } else { "torch.save(model)" },
+        if is_script(class) { "torch.jit.load(FILE)" } else { "model" }
     )]
-    NoStateDict { found: &'static str },
+    Object {
+        /// Offset in `data.pkl`.
+        at: usize,
+        /// Its module and name.
+        class: String,
+    },
+    /// The archive holds no state dict, or several.
+    #[error(
+        "expected a state dict, or a checkpoint with one as \"state_dict\", \"model_state_dict\", \"model\", \"net\" \
+         or \"module\"; found {found}"
+    )]
+    NoStateDict { found: String },
     /// A tensor does not fit the bytes that it refers to.
     #[error("tensor {tensor:?}: {what}: expected {expected}, found {found}")]
     Tensor { tensor: String, what: &'static str, expected: String, found: String },
@@ -49,6 +63,11 @@ impl FormatError {
     ) -> Self {
         Self::Tensor { tensor: quoted(tensor), what, expected: expected.into(), found: found.into() }
     }
+}
+
+/// Whether a class is of a module that `torch.jit` compiled.
+fn is_script(class: &str) -> bool {
+    class.starts_with("__torch__")
 }
 
 /// The start of a name, without control characters, for messages.

@@ -7,7 +7,7 @@
 
 use safetensors::Dtype;
 
-use super::error::FormatError;
+use super::error::{FormatError, quoted};
 
 /// A value. Containers are indices into an arena; what no state dict needs is its kind alone.
 #[derive(Clone, Copy, Debug)]
@@ -289,10 +289,28 @@ impl<'a> Unpickler<'a> {
         let (module, name) = (self.line()?, self.line()?);
         let Some((_, _, global)) = GLOBALS.iter().find(|(m, n, _)| (*m, *n) == (module, name)) else {
             let found = format!("{module}.{name}").chars().take(120).collect::<String>();
-            return self.refuse("OrderedDict, a tensor, a parameter or a storage", format!("{found:?}"));
+            if self.makes_instance() {
+                return Err(FormatError::Object { at: self.opcode, class: quoted(&found) });
+            }
+            return self.refuse(
+                "OrderedDict, a tensor, a parameter or a storage, as torch.save(model.state_dict(), FILE) writes them",
+                format!("{found:?}"),
+            );
         };
         self.stack.push(Value::Global(*global));
         Ok(())
+    }
+
+    /// Whether an instance of the class before is made next: no arguments, then NEWOBJ, perhaps
+    /// after the memo of the class.
+    fn makes_instance(&self) -> bool {
+        let rest = &self.bytes[self.at..];
+        let memo = match rest.first() {
+            Some(b'q') => 2,
+            Some(b'r') => 5,
+            _ => 0,
+        };
+        rest.get(memo..).is_some_and(|rest| rest.starts_with(b")\x81"))
     }
 
     /// BINPERSID: ("storage", type, key, location, number of values).

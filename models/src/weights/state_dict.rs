@@ -3,7 +3,7 @@
 //! Enters: an archive. Leaves: tensors by name. Invariant, checked before memory is allocated: a
 //! tensor has no more values than its storage, and all take at most eight times the archive.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use rawzip::{CompressionMethod, ZipFileHeaderRecord, ZipLocator, ZipSliceArchive};
 
@@ -12,8 +12,14 @@ use crate::weights::pickle;
 use crate::weights::pickle::{Pickle, Scalar, Value, View};
 use crate::weights::safetensors::{Tensor, float};
 
-/// Keys under which checkpoints hold their state dict.
-const NESTED: [&str; 3] = ["state_dict", "model_state_dict", "model"];
+/// Keys under which checkpoints hold their state dict, and by whom.
+pub(crate) const KEYS: [(&str, &str); 5] = [
+    ("state_dict", "PyTorch Lightning, examples of PyTorch"),
+    ("model_state_dict", "PyTorch's tutorial on checkpoints"),
+    ("model", "references of torchvision"),
+    ("net", "pytorch-cifar"),
+    ("module", "DeepSpeed"),
+];
 
 /// Longest `data.pkl`: some 30,000 tensors. A byte of it may become a value of 72 bytes.
 const MAX_PICKLE: usize = 1 << 22;
@@ -55,26 +61,45 @@ pub(super) fn read(bytes: &[u8]) -> Result<BTreeMap<String, Tensor>, FormatError
     Ok(tensors)
 }
 
-/// Names and tensors of the dict in `pickle`: its root, or the first nested dict with tensors.
-fn state_dict<'p, 'a>(pickle: &'p Pickle<'a>) -> Result<Vec<(&'a str, &'p View<'a>)>, FormatError> {
-    let Value::Dict(root) = pickle.root else {
-        return Err(FormatError::NoStateDict { found: pickle.root.kind() });
-    };
-    let nested = NESTED.iter().filter_map(|name| {
-        pickle.dicts[root].iter().find_map(|(key, value)| match (key, value) {
-            (Value::Str(key), Value::Dict(dict)) if key == name => Some(*dict),
-            _ => None,
-        })
-    });
-    let tensors = |dict: usize| -> Vec<(&'a str, &'p View<'a>)> {
+/// Names and tensors, as a pickle has them.
+type Views<'p, 'a> = Vec<(&'a str, &'p View<'a>)>;
+
+/// Names and tensors of the only nested dict with tensors under one of [`KEYS`], else of the root:
+/// a checkpoint may hold a tensor of its own beside, such as the last loss.
+fn state_dict<'p, 'a>(pickle: &'p Pickle<'a>) -> Result<Views<'p, 'a>, FormatError> {
+    let none = |found: &str| FormatError::NoStateDict { found: found.to_owned() };
+    let Value::Dict(root) = pickle.root else { return Err(none(pickle.root.kind())) };
+    let tensors = |dict: usize| -> Views<'p, 'a> {
         let tensor = |&(key, value): &(Value<'a>, Value<'a>)| match (key, value) {
             (Value::Str(name), Value::Tensor(tensor)) => Some((name, &pickle.tensors[tensor])),
             _ => None,
         };
         pickle.dicts[dict].iter().filter_map(tensor).collect()
     };
-    let found = std::iter::once(root).chain(nested).map(tensors).find(|tensors| !tensors.is_empty());
-    found.ok_or(FormatError::NoStateDict { found: "a dict without tensors" })
+    // Each dict is read once: a pickle can name one very often.
+    let mut read = BTreeSet::from([root]);
+    let mut nested = |is_known: bool| -> Vec<(&'a str, Views<'p, 'a>)> {
+        let dict = |&(key, value): &(Value<'a>, Value<'a>)| match (key, value) {
+            (Value::Str(key), Value::Dict(dict)) => Some((key, dict)),
+            _ => None,
+        };
+        let dicts = pickle.dicts[root].iter().filter_map(dict);
+        let dicts = dicts.filter(|(key, _)| KEYS.iter().any(|(known, _)| known == key) == is_known);
+        let dicts = dicts.filter(|(_, dict)| read.insert(*dict));
+        dicts.map(|(key, dict)| (key, tensors(dict))).filter(|(_, tensors)| !tensors.is_empty()).collect()
+    };
+    let (known, others, of_root) = (nested(true), nested(false), tensors(root));
+    let keys = |dicts: &[(&str, Views<'p, 'a>)]| {
+        let keys: Vec<String> = dicts.iter().take(8).map(|(key, _)| format!("\"{}\"", quoted(key))).collect();
+        keys.join(", ")
+    };
+    match &known[..] {
+        [(_, tensors)] => Ok(tensors.clone()),
+        [_, _, ..] => Err(none(&format!("several, as {}: save the one that is meant", keys(&known)))),
+        [] if !of_root.is_empty() => Ok(of_root),
+        [] if others.is_empty() => Err(none("a dict without tensors")),
+        [] => Err(none(&format!("others, as {}: save the one that is meant", keys(&others)))),
+    }
 }
 
 struct Storages<'a> {

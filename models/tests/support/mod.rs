@@ -6,7 +6,7 @@ pub(crate) mod network_text;
 mod shared_files;
 pub(crate) mod torch;
 
-use meissner_models::{DescriptionError, Problem};
+use meissner_models::{DescriptionError, Problem, Weights};
 
 pub(crate) use shared_files::shared;
 
@@ -157,4 +157,35 @@ unit = "logit"
 pub(crate) fn changed_frames(old: &str, new: &str) -> String {
     assert!(SMALL_FRAMES.contains(old), "{old:?} must be in the description");
     SMALL_FRAMES.replacen(old, new, 1)
+}
+
+pub(crate) fn bytes_of(values: &[f32]) -> Vec<u8> {
+    values.iter().flat_map(|v| v.to_le_bytes()).collect()
+}
+
+/// `weights` as `torch.save` would write them.
+pub(crate) fn to_pth(weights: &Weights) -> Vec<u8> {
+    let sizes: Vec<(Vec<i64>, Vec<i64>)> = weights
+        .iter()
+        .map(|(_, tensor)| {
+            let shape: Vec<i64> = tensor.shape().iter().map(|&d| d as i64).collect();
+            let mut strides = vec![1; shape.len()];
+            for i in (1..shape.len()).rev() {
+                strides[i - 1] = strides[i] * shape[i];
+            }
+            (shape, strides)
+        })
+        .collect();
+    let data: Vec<Vec<u8>> = weights.iter().map(|(_, t)| bytes_of(t.values().expect("floats"))).collect();
+    let keys: Vec<String> = (0..data.len()).map(|i| i.to_string()).collect();
+    let view = |i: usize| {
+        let (shape, strides) = &sizes[i];
+        let values = data[i].len() as i64 / 4;
+        torch::View { storage: "FloatStorage", key: &keys[i], values, offset: 0, shape, strides }
+    };
+    let views: Vec<(&str, torch::View<'_>)> =
+        weights.names().enumerate().map(|(i, name)| (name, view(i))).collect();
+    let storages: Vec<(&str, &[u8])> =
+        keys.iter().zip(&data).map(|(key, data)| (key.as_str(), data.as_slice())).collect();
+    torch::file(&torch::state_dict(&views), &storages)
 }
