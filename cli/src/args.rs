@@ -3,7 +3,7 @@
 #![expect(clippy::doc_markdown, reason = "these comments are the help text, which would show the backticks")]
 
 use std::num::NonZeroU16;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
@@ -13,6 +13,7 @@ use meissner_engine::{LatePolicy, Network, RestartPolicy, Sensor};
 use meissner_io::{Chip, ColumnOrder, Format, ReadOptions, TextOptions, TimeUnit};
 use meissner_run::approximations::Approximations;
 use meissner_run::bench::Part;
+use meissner_run::model::WeightsFile;
 use meissner_run::predictor::Mode;
 use meissner_run::text::{length_us, span_us};
 use meissner_simulator::gel::GelSensor;
@@ -239,6 +240,26 @@ pub(crate) struct Input {
     pub(crate) approximations: ApproximationArgs,
 }
 
+/// What makes the names in a file of weights those of the network.
+#[derive(Debug, clap::Args)]
+pub(crate) struct MapArgs {
+    /// Names in --weights that stand for others in the network.
+    ///
+    /// OLD=NEW says what the network calls the tensor OLD of the file; FILE has a line OLD = NEW
+    /// for each. With dots at the ends, all names that start with OLD are meant: encoder.=blocks.
+    /// It may be given several times. Names that differ by a habit of PyTorch need no map
+    /// (docs/weights-from-pytorch.md).
+    #[arg(long = "map", value_name = "OLD=NEW|FILE", requires = "weights", help_heading = NETWORK)]
+    lines: Vec<String>,
+}
+
+impl MapArgs {
+    /// The weights at `path`, with these names.
+    pub(crate) fn of<'a>(&'a self, path: Option<&'a Path>) -> Option<WeightsFile<'a>> {
+        path.map(|path| WeightsFile { path, map: &self.lines })
+    }
+}
+
 /// The weights of a network.
 #[derive(Debug, clap::Args)]
 pub(crate) struct NetworkWeights {
@@ -247,7 +268,9 @@ pub(crate) struct NetworkWeights {
     /// The file is safetensors, or a state dict that PyTorch saved. `verify` draws weights for a
     /// description file from --seed.
     #[arg(id = "weights", long = "weights", value_name = "FILE", help_heading = NETWORK)]
-    pub(crate) file: Option<PathBuf>,
+    path: Option<PathBuf>,
+    #[command(flatten)]
+    map: MapArgs,
     /// Run weights that were trained on another preparation of the input.
     ///
     /// The preparation is the graph with its scales, span and cells, or the way in which frames are
@@ -255,6 +278,13 @@ pub(crate) struct NetworkWeights {
     /// ones that the weights were trained for, and every output says so.
     #[arg(long, help_heading = NETWORK)]
     pub(crate) ignore_preparation: bool,
+}
+
+impl NetworkWeights {
+    /// The file, if there is one.
+    pub(crate) fn file(&self) -> Option<WeightsFile<'_>> {
+        self.map.of(self.path.as_deref())
+    }
 }
 
 /// Approximations, which make results cheaper and less exact.

@@ -10,13 +10,12 @@ use meissner_plot::{Distribution, LatencyCurve, Panel, page};
 use meissner_run::RunError;
 use meissner_run::bench::{self, BenchInput, BenchOptions, EventBench, EventFrameModel, EventReport};
 use meissner_run::latency::Latency;
-use meissner_run::model::describe_any;
+use meissner_run::model::{WeightsFile, describe_any};
 use meissner_run::provenance::ModelCard;
 use meissner_run::text::{TIME_FORMS, grouped, span_us};
 
 use crate::args::{
-    Every, Input, JsonArgs, MEASUREMENT, NETWORK, NetworkWeights, OUTPUT, PREDICTIONS, REMEMBERS, Threads,
-    of_one_engine,
+    Every, Input, JsonArgs, MEASUREMENT, NETWORK, OUTPUT, PREDICTIONS, REMEMBERS, Threads, of_one_engine,
 };
 use crate::error::CliError;
 use crate::given::Given;
@@ -70,8 +69,8 @@ fn bench_frames(args: &BenchArgs, given: &Given) -> Result<(), CliError> {
         let found = format!("the frame network {}", args.input.network());
         return Err(CliError::usage(option, "a network over events with it", &found));
     }
-    let NetworkWeights { file, ignore_preparation } = &args.input.weights;
-    let model = EventFrameModel::named(args.input.network(), file.as_deref(), *ignore_preparation)?;
+    let weights = &args.input.weights;
+    let model = EventFrameModel::named(args.input.network(), weights.file(), weights.ignore_preparation)?;
     let report = bench::bench_frames(&model, &input(args, &model.model.card)?, &args.options())?;
     output::print(args.format.json, &report, |out| frame_table::write(out, &report))
 }
@@ -79,7 +78,7 @@ fn bench_frames(args: &BenchArgs, given: &Given) -> Result<(), CliError> {
 /// Compares the network over events with the frame network called `name`.
 fn compare(args: &BenchArgs, name: &str) -> Result<(), CliError> {
     let model = args.input.model()?;
-    let weights = args.compare_weights.as_deref();
+    let weights = args.compare_weights.as_deref().map(WeightsFile::from);
     let against = EventFrameModel::named(name, weights, args.input.weights.ignore_preparation);
     let against = against.map_err(with_its_option)?;
     let report = bench::compare(&model, &against, &input(args, &model.card)?, &args.options())?;

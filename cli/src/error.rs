@@ -7,8 +7,8 @@ use std::process::ExitCode;
 use meissner_engine::EngineError;
 use meissner_evaluate::{EvaluateError, RequestPart};
 use meissner_io::{Format, IoError, Kind};
-use meissner_models::ModelError;
 use meissner_models::systems::slip::DecisionError;
+use meissner_models::{ModelError, TensorProblem};
 use meissner_run::RunError;
 use meissner_run::streams::STDIN_NAME;
 use meissner_verify::VerifyError;
@@ -224,15 +224,23 @@ fn hint(error: &RunError) -> Option<String> {
             return Some(format!("with --salvage it is read as far as it is whole: {salvaged}"));
         }
         RunError::Recording { recording, source, .. } => return hint_of_recording(recording, source),
-        RunError::Weights { source, .. } => {
-            let ModelError::Preparation { published, .. } = **source else { return None };
-            let instead =
-                published.map_or_else(String::new, |name| format!("--network {name} --mode batch, or "));
-            return Some(format!(
-                "use {instead}weights of this network; --ignore-preparation gives predictions that the weights were not \
-                 trained for"
-            ));
-        }
+        RunError::Weights { source, .. } => match &**source {
+            ModelError::Preparation { published, .. } => {
+                let instead =
+                    published.map_or_else(String::new, |name| format!("--network {name} --mode batch, or "));
+                return Some(format!(
+                    "use {instead}weights of this network; --ignore-preparation gives predictions that the weights were \
+                     not trained for"
+                ));
+            }
+            ModelError::Weights { problems, .. } if problems.iter().any(TensorProblem::is_missing) => {
+                "--map OLD=NEW says what the network calls a tensor of the file, --map FILE has such lines"
+            }
+            ModelError::Ambiguous { .. } | ModelError::Doubled { .. } => {
+                "--map OLD=NEW, or OLD.=NEW. for all names that start so, says which is meant"
+            }
+            _ => return None,
+        },
         _ => return None,
     };
     Some(text.to_owned())

@@ -83,9 +83,11 @@ impl Input {
 
     /// The network with its weights.
     pub(crate) fn model(&self) -> Result<Model, CliError> {
+        let file = self.weights.file();
         let options = ModelOptions {
             network: self.network().to_owned(),
-            weights: self.weights.file.clone(),
+            weights: file.map(|file| file.path.to_owned()),
+            map: file.map_or_else(Vec::new, |file| file.map.to_vec()),
             ignore_preparation: self.weights.ignore_preparation,
             span_us: self.span_us,
             capacity: self.capacity.map(|capacity| capacity as usize),

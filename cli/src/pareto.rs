@@ -38,7 +38,7 @@ pub(crate) fn pareto(args: &ParetoArgs) -> Result<(), CliError> {
             let source = args.read.open(Some(&args.recording), Part::default())?;
             let asked = AngleOptions {
                 networks: &args.networks,
-                weights: args.weights.file.as_deref(),
+                weights: args.weights.file(),
                 ignore_preparation: args.weights.ignore_preparation,
                 sensor: args.read.sensor,
                 from_us: args.from_us.unwrap_or(0),

@@ -48,7 +48,7 @@ pub(crate) fn run(args: &RunArgs, given: &Given) -> Result<(), CliError> {
     }
     let input = &args.input;
     let (weights, convolution) = (&input.weights, args.frames.convolution());
-    let file = weights.file.as_deref();
+    let file = weights.file();
     let model = FrameModel::named(input.network(), file, convolution, weights.ignore_preparation)?;
     let model = match args.electrodes.sampling {
         Some(sampling) => model.with_sampling(sampling),

@@ -1,14 +1,15 @@
 //! Arguments of `eval` and `pareto` for data sets, networks and trainings.
 #![expect(clippy::doc_markdown, reason = "these comments are the help text, which would show the backticks")]
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use clap::Arg;
 use meissner_evaluate::trainings::Request;
 use meissner_io::datasets::NeutouchSet;
 use meissner_models::DEFAULT_NETWORK;
+use meissner_run::model::WeightsFile;
 
-use crate::args::{NETWORK, choice};
+use crate::args::{MapArgs, NETWORK, choice};
 
 /// Digits with networks over events.
 #[derive(Debug, clap::Args)]
@@ -79,6 +80,8 @@ pub(crate) struct TrainedNetworks {
     /// weights must be trained on the split train.
     #[arg(long, value_name = "FILE", conflicts_with = "trainings", help_heading = NETWORK)]
     weights: Option<PathBuf>,
+    #[command(flatten)]
+    map: MapArgs,
 }
 
 /// Networks over events, with weights, trainings or the folds of a cross-validation.
@@ -148,14 +151,14 @@ pub(crate) struct AreaTask {
 }
 
 impl Networks {
-    fn request<'a>(&'a self, weights: Option<&'a Path>) -> Request<'a> {
+    fn request<'a>(&'a self, weights: Option<WeightsFile<'a>>) -> Request<'a> {
         Request { networks: &self.networks, weights, trainings: self.trainings.as_deref() }
     }
 }
 
 impl TrainedNetworks {
     pub(crate) fn request(&self) -> Request<'_> {
-        self.networks.request(self.weights.as_deref())
+        self.networks.request(self.map.of(self.weights.as_deref()))
     }
 }
 

@@ -53,6 +53,7 @@ const HEADINGS: &[(&str, &[&str])] = &[
         &[
             "network",
             "weights",
+            "map",
             "span",
             "capacity",
             "compare",

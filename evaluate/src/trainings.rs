@@ -10,7 +10,7 @@ use std::time::Duration;
 
 use meissner_models::{AnyDescription, TensorFile, Weights};
 use meissner_run::RunError;
-use meissner_run::model::{labelled, weights};
+use meissner_run::model::{WeightsFile, labelled, weights};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 
@@ -72,7 +72,7 @@ pub struct Request<'a> {
     /// Names of shipped networks or description files; none for every shipped network of the task.
     pub networks: &'a [String],
     /// Weights of the only network.
-    pub weights: Option<&'a Path>,
+    pub weights: Option<WeightsFile<'a>>,
     /// Folder of trainings, each a safetensors file with metadata.
     pub trainings: Option<&'a Path>,
 }
@@ -231,14 +231,14 @@ impl<D> EvaluatedNetwork<D> {
 }
 
 impl Training {
-    /// The weights in the file at `path`, or those `shipped` with `network`, as a whole training.
-    fn whole(network: &str, shipped: bool, path: Option<&Path>) -> Result<Self> {
-        let (weights, label) = weights(network, shipped, path).map_err(|error| match error {
+    /// The weights in `file`, or those `shipped` with `network`, as a whole training.
+    fn whole(network: &str, shipped: bool, file: Option<WeightsFile<'_>>) -> Result<Self> {
+        let (weights, label) = weights(network, shipped, file).map_err(|error| match error {
             RunError::NoWeights(network) => EvaluateError::NeedsTrainings(network),
             error => error.into(),
         })?;
         let metadata = Metadata(weights.metadata());
-        let path = path.map(Path::to_owned).unwrap_or_default();
+        let path = file.map(|file| file.path.to_owned()).unwrap_or_default();
         if metadata.0.contains_key("held_out") {
             return Err(EvaluateError::WeightsOfFold(path));
         }

@@ -8,7 +8,8 @@ use meissner_engine::representations::Sampling;
 use meissner_engine::{EngineError, Network};
 use meissner_io::{Format, Kind};
 use meissner_models::{
-    AnyDescription, Description, FrameDescription, FrameKind, FrameLayer, FrameSource, Weights,
+    AnyDescription, Description, FrameDescription, FrameKind, FrameLayer, FrameSource, ModelError, NameMap,
+    Weights,
 };
 
 use crate::approximations::Approximations;
@@ -23,6 +24,8 @@ pub struct ModelOptions {
     pub network: String,
     /// File with weights; `None` selects the weights shipped with the network.
     pub weights: Option<PathBuf>,
+    /// What makes the names in that file those of the network ([`WeightsFile::map`]).
+    pub map: Vec<String>,
     /// Whether weights that were trained on another preparation of the input are accepted.
     pub ignore_preparation: bool,
     /// Length of the window in microseconds, instead of the description's.
@@ -31,6 +34,33 @@ pub struct ModelOptions {
     pub capacity: Option<usize>,
     /// Approximations. The number of neighbours is applied to the network itself.
     pub approximations: Approximations,
+}
+
+/// A file of weights.
+#[derive(Clone, Copy, Debug)]
+pub struct WeightsFile<'a> {
+    /// safetensors, or a state dict of `PyTorch`.
+    pub path: &'a Path,
+    /// What makes its names those of the network: lines `OLD=NEW`, and files of such lines
+    /// ([`NameMap`]). A text is a file if there is one of this name, or if it has no `=`.
+    pub map: &'a [String],
+}
+
+impl<'a> From<&'a Path> for WeightsFile<'a> {
+    fn from(path: &'a Path) -> Self {
+        Self { path, map: &[] }
+    }
+}
+
+impl WeightsFile<'_> {
+    fn load(self) -> Result<Weights, ModelError> {
+        let mut map = NameMap::default();
+        for text in self.map {
+            let is_line = text.contains('=') && !Path::new(text).is_file();
+            map = map.and(if is_line { NameMap::entry(text)? } else { NameMap::load(text)? })?;
+        }
+        Weights::load(self.path)?.renamed(&map)
+    }
 }
 
 impl ModelOptions {
@@ -124,19 +154,19 @@ pub fn describe_any(network: &str) -> Result<(AnyDescription, bool)> {
     }
 }
 
-/// The weights in the file at `path`, or the shipped weights of `network`, and their source.
+/// The weights in `file`, or the shipped weights of `network`, and their source.
 ///
 /// # Errors
 /// There are no weights, or they cannot be read.
-pub fn weights(network: &str, shipped: bool, path: Option<&Path>) -> Result<(Weights, String)> {
-    let Some(path) = path else {
+pub fn weights(network: &str, shipped: bool, file: Option<WeightsFile<'_>>) -> Result<(Weights, String)> {
+    let Some(file) = file else {
         return match Weights::shipped(network).filter(|_| shipped) {
             Some(weights) => Ok((weights, "shipped with the network".to_owned())),
             None => Err(RunError::NoWeights(network.to_owned())),
         };
     };
-    let label = path.display().to_string();
-    match Weights::load(path) {
+    let label = file.path.display().to_string();
+    match file.load() {
         Ok(weights) => Ok((weights, label)),
         Err(source) => Err(RunError::weights(label, source)),
     }
@@ -162,7 +192,8 @@ impl Model {
     /// # Errors
     /// The network is unknown, its weights do not fit, or it cannot be adapted.
     pub fn load(options: &ModelOptions) -> Result<Self> {
-        let model = Self::named(&options.network, options.weights.as_deref(), options.ignore_preparation)?;
+        let file = options.weights.as_deref().map(|path| WeightsFile { path, map: &options.map });
+        let model = Self::named(&options.network, file, options.ignore_preparation)?;
         let network = options.adapt(model.network)?;
         let mut card = model.card.running(network.fingerprint(), Some(window(&network)));
         if options.approximations.stride.is_some() {
@@ -171,14 +202,14 @@ impl Model {
         Ok(Self { network, card, ..model })
     }
 
-    /// The network called `name`, unchanged, with the weights in the file at `path` or its shipped
+    /// The network called `name`, unchanged, with the weights in `file` or its shipped
     /// weights. Weights of another preparation are refused unless the difference is to be ignored.
     ///
     /// # Errors
     /// The network is unknown, or the weights do not fit.
-    pub fn named(name: &str, path: Option<&Path>, ignore_preparation: bool) -> Result<Self> {
+    pub fn named(name: &str, file: Option<WeightsFile<'_>>, ignore_preparation: bool) -> Result<Self> {
         let (description, shipped) = describe(name)?;
-        let (weights, label) = weights(name, shipped, path)?;
+        let (weights, label) = weights(name, shipped, file)?;
         Self::of(&description, (&weights, label), ignore_preparation)
     }
 
@@ -224,18 +255,18 @@ pub struct FrameModel {
 }
 
 impl FrameModel {
-    /// The frame network `name` with the weights at `path` or shipped, as [`Model::named`].
+    /// The frame network `name` with the weights in `file` or shipped, as [`Model::named`].
     ///
     /// # Errors
     /// The network is unknown, or the weights do not fit.
     pub fn named(
         name: &str,
-        path: Option<&Path>,
+        file: Option<WeightsFile<'_>>,
         convolution: Convolution,
         ignore_preparation: bool,
     ) -> Result<Self> {
         let (description, shipped) = describe_frames(name)?;
-        let (weights, label) = weights(name, shipped, path)?;
+        let (weights, label) = weights(name, shipped, file)?;
         let model = Self::of(&description, (&weights, label), convolution, ignore_preparation)?;
         Ok(Self { name: name.to_owned(), ..model })
     }

@@ -13,6 +13,7 @@ use meissner_evaluate::events::{TouchContainers, TouchObjects};
 use meissner_evaluate::pareto::{self, AngleOptions, Progress, State, Study};
 use meissner_evaluate::trainings::{Evaluation, Request};
 use meissner_evaluate::{EvaluateError, ProgressHandle, TaskName, Workers, area, force, regression, slip};
+use meissner_run::model::WeightsFile;
 use meissner_run::predictor::Mode;
 use meissner_run::source::Source;
 use pyo3::prelude::*;
@@ -43,8 +44,11 @@ pub(crate) struct Asked {
 
 impl Asked {
     fn request(&self) -> Request<'_> {
-        let (weights, trainings) = (self.weights.as_deref(), self.trainings.as_deref());
-        Request { networks: &self.networks, weights, trainings }
+        Request { networks: &self.networks, weights: self.weights(), trainings: self.trainings.as_deref() }
+    }
+
+    fn weights(&self) -> Option<WeightsFile<'_>> {
+        self.weights.as_deref().map(WeightsFile::from)
     }
 
     fn mode(&self) -> Outcome<Mode> {
@@ -189,7 +193,7 @@ pub(crate) fn measure(
                 let source = Source::open(Some(&data), &read, sensor.is_some(), false)?;
                 let asked = AngleOptions {
                     networks: &asked.networks,
-                    weights: asked.weights.as_deref(),
+                    weights: asked.weights(),
                     ignore_preparation: false,
                     sensor: sensor.as_ref().map(|pixels| pixels.0),
                     from_us,

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::fs;
 use std::path::PathBuf;
 
-use meissner::models::{self, TensorFile};
+use meissner::models::{self, NameMap, TensorFile};
 use numpy::{PyArrayDyn, PyArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict, PyIterator, PyMapping, PyString};
@@ -182,6 +182,14 @@ impl Weights {
     /// Names of tensors that `network` does not read.
     fn unused(&self, network: &Bound<'_, PyAny>) -> Outcome<Vec<String>> {
         Ok(Description::of(network)?.any.unused_tensors(&self.weights)?)
+    }
+
+    /// These weights under other names: a mapping from a name of the file to that of the network,
+    /// or from the start of names to another, both with a dot at the end ("" leaves it out).
+    /// Raises `WeightsError` for a name that is not there, or two tensors of one name.
+    fn renamed(&self, names: BTreeMap<String, String>) -> Outcome<Self> {
+        let map = names.iter().try_fold(NameMap::default(), |map, (old, new)| map.with(old, new))?;
+        Ok(Self { weights: self.weights.clone().renamed(&map)? })
     }
 
     /// Names, in order.

@@ -136,6 +136,18 @@ def test_weights_that_do_not_fit_name_every_tensor():
         meissner.Weights(3)
 
 
+def test_weights_under_other_names_are_taken_by_habits_or_renamed():
+    weights = meissner.Weights.draw(SMALL, 3)
+    compiled = {"model._orig_mod." + name.replace(".norm.", ".norm.module."): array for name, array in weights.items()}
+    meissner.Engine(SMALL, SENSOR, compiled)
+    others = meissner.Weights({name.replace("out.", "head."): array for name, array in weights.items()})
+    with pytest.raises(meissner.WeightsError, match='left over of this shape: "head.weight"'):
+        meissner.Engine(SMALL, SENSOR, others)
+    meissner.Engine(SMALL, SENSOR, others.renamed({"head.": "out."}))
+    with pytest.raises(meissner.WeightsError, match="map of names.*expected a tensor of the file"):
+        weights.renamed({"none": "out.weight"})
+
+
 def test_a_state_dict_of_torch_is_taken_as_it_is():
     torch = pytest.importorskip("torch")
     weights = meissner.Weights.draw(SMALL, 3)

@@ -37,7 +37,7 @@ struct Document {
 /// Runs the loop, and writes the results.
 pub(super) fn soak(args: &VerifyArgs) -> Result<(), CliError> {
     let weights = &args.weights;
-    let model = Model::named(args.network(), weights.file.as_deref(), weights.ignore_preparation)?;
+    let model = Model::named(args.network(), weights.file(), weights.ignore_preparation)?;
     let (recordings, sensor) = recordings(args, model.card.network.stride)?;
     output::check_all_writable([&args.report.out])?;
     let document = run(args, &model, recordings, sensor)?;

@@ -122,12 +122,12 @@ impl Verified {
 /// Verifies, and writes the results.
 pub(super) fn streams(args: &VerifyArgs, given: &Given) -> Result<(), CliError> {
     let (description, shipped) = describe_any(args.network())?;
-    let weights = if args.weights.file.is_none() && !shipped {
+    let weights = if args.weights.file().is_none() && !shipped {
         let drawn =
             Weights::from_bytes(&drawn_file(&description, args.seed)).expect("a file that was just written");
         (drawn, format!("drawn from seed {}", args.seed))
     } else {
-        weights(args.network(), shipped, args.weights.file.as_deref())?
+        weights(args.network(), shipped, args.weights.file())?
     };
     output::check_all_writable([&args.report.out])?;
     if args.streams.replay.is_none() {

@@ -21,6 +21,7 @@ mod frames_video;
 mod live;
 mod lost;
 mod mcap;
+mod names;
 mod output;
 mod pareto;
 mod pareto_tasks;

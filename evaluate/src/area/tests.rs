@@ -34,7 +34,7 @@ fn folder() -> (tempfile::TempDir, Vec<String>, PathBuf, PathBuf) {
 }
 
 fn judged(networks: &[String], weights: &Path, data: &[PathBuf], threads: usize) -> (Report, Vec<u8>) {
-    let request = Request { networks, weights: Some(weights), trainings: None };
+    let request = Request { networks, weights: Some(weights.into()), trainings: None };
     let options = Options { request, data, frames: FrameOptions::new() };
     let evaluation = evaluate(&options, &workers(threads), |_, _| ()).unwrap();
     (evaluation.report, evaluation.logits.into_bytes())

@@ -9,7 +9,7 @@ fn report(goal: Goal, seconds: f64, variations: &[Variation]) -> Result<Report, 
     // The forces are wrong, the middle is about right.
     let folder = tempfile::tempdir().unwrap();
     let (networks, weights) = red(folder.path(), [0.02, 0.004]);
-    let request = Request { networks: &networks, weights: Some(&weights), trainings: None };
+    let request = Request { networks: &networks, weights: Some((&*weights).into()), trainings: None };
     let sensor = GelSensor::second();
     run(&Plan { request, goal, sensor, seconds, rate_hz: 25.0, seed: 4, variations })
 }

@@ -18,7 +18,7 @@ use std::time::{Duration, Instant};
 use meissner_engine::{self as engine, Counters, EngineError, Event, Network, Outcome, Sensor};
 use meissner_models::{DEFAULT_NETWORK, Description};
 use meissner_run::approximations::Approximations;
-use meissner_run::model::{Model, describe, labelled, weights};
+use meissner_run::model::{Model, WeightsFile, describe, labelled, weights};
 use meissner_run::predictor::{EventPredictor, Mode};
 use meissner_run::source::Source;
 
@@ -45,7 +45,7 @@ pub struct AngleOptions<'a> {
     /// Names of shipped networks or description files; none for [`DEFAULT_NETWORK`].
     pub networks: &'a [String],
     /// Weights of the only network.
-    pub weights: Option<&'a Path>,
+    pub weights: Option<WeightsFile<'a>>,
     /// Accepts weights that were trained on another preparation of the input.
     pub ignore_preparation: bool,
     /// Size of the sensor, instead of the recording's.

@@ -11,7 +11,7 @@ use meissner_engine::{
 use meissner_models::AnyDescription;
 use meissner_run::RunError;
 use meissner_run::live_frames::LiveFrames;
-use meissner_run::model::{FrameModel, Model, describe_any};
+use meissner_run::model::{FrameModel, Model, WeightsFile, describe_any};
 
 /// A network with its weights, which all of its engines share.
 #[derive(Clone)]
@@ -29,6 +29,7 @@ impl AnyNetwork {
     /// # Errors
     /// The network is unknown, or the weights do not fit.
     pub fn named(name: &str, weights: Option<&Path>) -> Result<Self, RunError> {
+        let weights = weights.map(WeightsFile::from);
         Ok(match describe_any(name)?.0 {
             AnyDescription::Events(_) => Self::Events(Model::named(name, weights, false)?.network.into()),
             AnyDescription::Frames(_) => {

@@ -4,7 +4,6 @@
 //! of a frame is the time to enter its events, to make it, to push it, and to predict.
 
 use std::ops::Range;
-use std::path::Path;
 use std::time::{Duration, Instant};
 
 use meissner_engine::frames::{Convolution, FrameEngine, FrameLayerCounters, FrameOptions, FrameShape, Skip};
@@ -17,7 +16,7 @@ use serde::Serialize;
 use crate::error::{Result, RunError};
 use crate::frame_feed::{EmptyFrameLimit, FeedOptions, FeedOutput, FrameFeed};
 use crate::latency::{CallLatencies, Latency};
-use crate::model::{FrameModel, LayerCost};
+use crate::model::{FrameModel, LayerCost, WeightsFile};
 use crate::schedule::{Every, Last, Schedule, times_before};
 use crate::text::display_us;
 
@@ -49,8 +48,8 @@ impl EventFrameModel {
     ///
     /// # Errors
     /// The network is unknown, its frames are not made of events, or the weights do not fit.
-    pub fn named(name: &str, path: Option<&Path>, ignore_preparation: bool) -> Result<Self> {
-        let model = FrameModel::named(name, path, Convolution::Direct, ignore_preparation)?;
+    pub fn named(name: &str, file: Option<WeightsFile<'_>>, ignore_preparation: bool) -> Result<Self> {
+        let model = FrameModel::named(name, file, Convolution::Direct, ignore_preparation)?;
         let of_other = || frames_of_other(name, model.source);
         let (place, windows_us) = match model.source {
             FrameSource::EventCounts { place, period_us, .. }

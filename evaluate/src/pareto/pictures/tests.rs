@@ -88,7 +88,7 @@ impl Folder {
     }
 
     fn request(&self) -> Request<'_> {
-        Request { networks: &self.networks, weights: Some(&self.weights), trainings: None }
+        Request { networks: &self.networks, weights: Some((&*self.weights).into()), trainings: None }
     }
 
     fn measured(&self, files: &[PathBuf], only: &[&str], threads: usize) -> Report {
