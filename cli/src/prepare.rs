@@ -12,7 +12,7 @@ use meissner_evaluate::events::{TouchContainers, TouchObjects};
 use meissner_evaluate::prepare::{Ages, Prepared, graphs, labelled_events, slip_windows, training_windows};
 use meissner_evaluate::slip::SlipData;
 use meissner_io::datasets::NeutouchSet;
-use meissner_run::model::{self, describe, describe_frames};
+use meissner_run::model::{self, WeightsFile, describe, describe_frames};
 
 use crate::args::{INPUT, NETWORK, OUTPUT, Threads, part};
 use crate::error::CliError;
@@ -295,7 +295,7 @@ impl WindowsArgs {
     fn prepared(&self) -> Result<Prepared, CliError> {
         let Self { events, network, weights, ages, youngest, seed, .. } = self;
         let (description, shipped) = describe(network)?;
-        let (weights, label) = model::weights(network, shipped, weights.as_deref())?;
+        let (weights, label) = model::weights(network, shipped, weights.as_deref().map(WeightsFile::from))?;
         let ages = Ages { count: *ages as usize, youngest: *youngest, seed: *seed };
         Ok(training_windows(events, &description, (&weights, &label), ages)?)
     }

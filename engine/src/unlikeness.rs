@@ -1,10 +1,10 @@
 //! How unlike a window is to those of a training.
 //!
-//! Input: the events of a window. Output: [`WindowStatistics`], and by a [`TrainingWindows`] how unlike
-//! they are to those of the training: the Mahalanobis distance of nine features (Lee et al. 2018,
-//! "A simple unified framework for detecting out-of-distribution samples", eq. 2, of one class).
-//! Sums are integers, so that no order of arrival reaches a bit. Features take only square roots,
-//! which every machine rounds alike. No output of a network depends on any of this.
+//! Input: the events of a window. Output: [`WindowStatistics`], and by a [`TrainingWindows`] how
+//! unlike they are to those of the training: the Mahalanobis distance of nine features (Lee et al.
+//! 2018, "A simple unified framework for detecting out-of-distribution samples", eq. 2, of one
+//! class). Sums are integers, so that no order of arrival reaches a bit. Features take only square
+//! roots, which every machine rounds alike. No output of a network depends on any of this.
 //!
 //! Invariant: the sums of an engine equal [`WindowStatistics::of`] the events in its window.
 
@@ -151,7 +151,8 @@ impl TrainingWindows {
     }
 
     /// Mean features of the training's windows, and the rows of the factor of their covariance: row
-    /// i has i + 1 values. Scaled so that 1 of 1,000 windows of the training has a distance above 1.
+    /// i has i + 1 values. Scaled so that 1 of 1,000 windows of the training has a distance above
+    /// 1.
     pub fn parts(&self) -> (&[f64], &[Vec<f64>]) {
         (&self.mean, &self.factor)
     }

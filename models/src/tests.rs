@@ -285,7 +285,11 @@ mod card {
         assert_eq!(card.ranges, Some(vec![[-1.0, 0.5]]));
         let windows =
             TrainingWindows::from_parts(&[0.3; 9], (1..=9).map(|i| vec![0.1; i]).collect()).unwrap();
-        let read = saying(&[("windows", &windows_text(&windows))]).card().unwrap().windows.unwrap();
+        let read = saying(&[("training_windows", &windows_text(&windows))])
+            .card()
+            .unwrap()
+            .training_windows
+            .unwrap();
         let unlike = |windows: &TrainingWindows| windows.unlikeness([Some(0.7); 9]);
         assert!((unlike(&read) / unlike(&windows) - 1.0).abs() < 1e-5);
         let of = |remarks: &[(&str, &str)]| saying(remarks).card().unwrap().trained;
@@ -306,7 +310,7 @@ mod card {
             ("trained", "yes"),
             ("ranges", "[1, 2]"),
             ("ranges", "[[2, 1]]"),
-            ("windows", "[[1], [[2]]]"),
+            ("training_windows", "[[1], [[2]]]"),
         ] {
             let error = saying(&[(key, found)]).card().unwrap_err();
             assert!(matches!(&error, ModelError::Metadata { key: named, .. } if *named == key), "{error}");

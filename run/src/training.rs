@@ -34,8 +34,8 @@ pub struct Training {
     /// Predictions with at least one value outside, and all.
     outside: u64,
     all: u64,
-    /// Predictions that tell how unlike their window is, those of them that are unlike the training,
-    /// and the largest unlikeness.
+    /// Predictions that tell how unlike their window is, those of them that are unlike the
+    /// training, and the largest unlikeness.
     told: u64,
     unlike: u64,
     most_unlike: f32,

@@ -15,7 +15,8 @@ fn network() -> Network {
     description.expect("shipped").network(&weights.expect("shipped")).expect("they fit")
 }
 
-/// `count` events within a span, of which the part `on` is on, at places that lie around the middle.
+/// `count` events within a span, of which the part `on` is on, at places that lie around the
+/// middle.
 fn window(count: usize, on: f64, seed: u64) -> Vec<Event> {
     let mut random = Random::new(seed);
     let mut times: Vec<i64> = (0..count).map(|_| (random.uniform() * SPAN_US as f64) as i64).collect();

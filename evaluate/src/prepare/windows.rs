@@ -83,7 +83,7 @@ pub fn training_windows(
         EvaluateError::request(RequestPart::Data, "streams of at least 20 windows with events", found)
     })?;
     let mut metadata = weights.metadata().clone();
-    metadata.insert("windows".to_owned(), windows_text(&described));
+    metadata.insert("training_windows".to_owned(), windows_text(&described));
     let contents = format!("{label}, and what {} windows were like", grouped(windows.len() as u64));
     Ok(Prepared { file: weights.to_file(metadata), contents })
 }

@@ -10,7 +10,7 @@
 //! | `stride` | the network was trained on every `stride`-th event; default: 1 |
 //! | `sensor` | `[columns, rows]` of the recordings of the training |
 //! | `ranges` | `[low, high]` of each output's training labels: `[[-0.15, 0.15], [0, 2]]` |
-//! | `windows` | the [parts](TrainingWindows::parts) of [`TrainingWindows`]: `[mean, factor]` |
+//! | `training_windows` | the [parts](TrainingWindows::parts) of [`TrainingWindows`]: `[mean, factor]` |
 
 use std::hash::Hasher;
 
@@ -49,7 +49,7 @@ pub struct Card {
     /// Lowest and highest label of the training, for each output in its unit.
     pub ranges: Option<Vec<[f64; 2]>>,
     /// What the windows of their training were like.
-    pub windows: Option<TrainingWindows>,
+    pub training_windows: Option<TrainingWindows>,
     /// Whether they are the published contact-angle checkpoint's, which has no metadata.
     pub published: bool,
 }
@@ -58,7 +58,8 @@ impl Weights {
     /// The card; the published contact-angle checkpoint is recognised by its values.
     ///
     /// # Errors
-    /// [`ModelError::Metadata`] for an invalid `stride`, `sensor`, `ranges`, `windows` or `trained`.
+    /// [`ModelError::Metadata`] for an invalid `stride`, `sensor`, `ranges`, `training_windows` or
+    /// `trained`.
     pub fn card(&self) -> Result<Card, ModelError> {
         let published = self.is_published();
         let about = self.metadata().get("about").cloned();
@@ -71,14 +72,14 @@ impl Weights {
             ranges: self
                 .remark("ranges", "a list with [low, high] of each output, low below high", ranges)?
                 .or_else(|| published.then(|| vec![[-PUBLISHED_TILT, PUBLISHED_TILT]; 2])),
-            windows: self.training_windows()?,
+            training_windows: self.training_windows()?,
             published,
         })
     }
 
     /// What the windows of their training were like, from the metadata.
     pub(crate) fn training_windows(&self) -> Result<Option<TrainingWindows>, ModelError> {
-        self.remark("windows", "[mean, factor] of nine features of the training's windows", windows)
+        self.remark("training_windows", "[mean, factor] of nine features of the training's windows", windows)
     }
 
     pub(crate) fn is_published(&self) -> bool {
@@ -135,7 +136,7 @@ fn windows(text: &str) -> Option<TrainingWindows> {
     TrainingWindows::from_parts(&mean, factor)
 }
 
-/// `windows` as the value of the key of this name, in f32: about 500 bytes.
+/// `windows` as the value of the key `training_windows`, in f32: about 500 bytes.
 pub fn windows_text(windows: &TrainingWindows) -> String {
     let (mean, factor) = windows.parts();
     let rounded = |row: &[f64]| row.iter().map(|&value| value as f32).collect::<Vec<_>>();

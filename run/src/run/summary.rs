@@ -87,7 +87,8 @@ pub struct EventSummary {
     pub real_time: Option<f64>,
     /// Predictions with a value outside the range of the training, if the weights state it.
     pub outside_training: Option<u64>,
-    /// Predictions of windows unlike those of the training, if the weights say what these were like.
+    /// Predictions of windows unlike those of the training, if the weights say what these were
+    /// like.
     pub unlike_training: Option<u64>,
     pub skips: WorkCounts,
     pub warnings: Vec<LossWarning>,
