@@ -155,8 +155,10 @@ A stream with labels counts from contact, where the label depth leaves 0, or els
 /// `meissner prepare windows`.
 #[derive(Debug, clap::Args)]
 #[command(after_long_help = WINDOWS)]
+#[command(override_usage = "meissner prepare windows [OPTIONS] <EVENTS>...\n       \
+                            --network <NETWORK> --out <FILE>")]
 struct WindowsArgs {
-    /// Files with the streams of the training (safetensors), as `eval angle` reads them.
+    /// Streams of the training (safetensors), as `prepare graphs` reads them.
     #[arg(value_name = "EVENTS", required = true)]
     events: Vec<PathBuf>,
     /// A shipped network over events, or a description file (.toml).

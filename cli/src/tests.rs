@@ -46,6 +46,8 @@ const HEADINGS: &[(&str, &[&str])] = &[
             "labels",
             "offset",
             "max-gap",
+            "ages",
+            "youngest",
         ],
     ),
     (
@@ -160,6 +162,7 @@ const ELSEWHERE: &[(&str, &str, &str)] = &[
     ("prepare digits", "folds", OUTPUT),
     ("prepare touch", "folds", OUTPUT),
     ("prepare presses", "folds", OUTPUT),
+    ("prepare windows", "seed", INPUT),
     ("simulate markers", "refractory", CAMERA),
     ("simulate images", "refractory", CAMERA),
 ];

@@ -322,7 +322,17 @@ mod card {
 mod tensor {
     use safetensors::Dtype;
 
-    use crate::weights::safetensors::{f16_to_f32, float};
+    use crate::weights::safetensors::{f16_to_f32, f32_to_f16, float};
+
+    #[test]
+    fn every_finite_half_and_no_other_value_is_written_as_one() {
+        for bits in (0..=u16::MAX).filter(|bits| bits >> 10 & 0x1f != 0x1f) {
+            assert_eq!(f32_to_f16(f16_to_f32(bits)), Some(bits));
+        }
+        for value in [0.1, 65_504.1, 65_536.0, 1e-8, 3e-8, f32::MIN_POSITIVE, f32::INFINITY, f32::NAN] {
+            assert_eq!(f32_to_f16(value), None, "{value}");
+        }
+    }
 
     #[test]
     fn every_half_is_the_value_its_definition_gives() {

@@ -108,15 +108,21 @@ impl Weights {
 
     /// The floating-point tensors as safetensors with `metadata`; equal weights give equal bytes.
     pub fn to_safetensors(&self, metadata: &BTreeMap<String, String>) -> Vec<u8> {
-        self.to_file(metadata.clone()).into_bytes()
+        let mut file = TensorFile::new(metadata.clone());
+        for (name, tensor) in &self.tensors {
+            if let Some(values) = tensor.values() {
+                file.f32(name, tensor.shape(), values);
+            }
+        }
+        file.into_bytes()
     }
 
-    /// The floating-point tensors and `metadata`, to which other tensors can be added.
+    /// The floating-point tensors in the smallest type that has their values, with `metadata`.
     pub fn to_file(&self, metadata: BTreeMap<String, String>) -> TensorFile {
         let mut file = TensorFile::new(metadata);
         for (name, tensor) in &self.tensors {
             if let Some(values) = tensor.values() {
-                file.f32(name, tensor.shape(), values);
+                file.floats(name, tensor.shape(), values);
             }
         }
         file

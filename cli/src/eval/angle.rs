@@ -4,7 +4,7 @@ use std::io::{self, Write};
 
 use meissner_evaluate::NetworkReport;
 use meissner_evaluate::metrics::MeanStd;
-use meissner_evaluate::regression::{Errors, Options, OutputErrors, PressFigures, Report, evaluate};
+use meissner_evaluate::regression::{Doubts, Errors, Options, OutputErrors, PressFigures, Report, evaluate};
 use meissner_plot::{Panel, Plane, Series, Style, page};
 use meissner_run::text::grouped;
 
@@ -26,6 +26,7 @@ How it judges:
   The engine is reset before each press. Contact is where the label depth leaves 0 (without this label, the first time of the truth), the end is the last time of the truth. Predictions are read every TIME (--every) before and after contact, and at the end. Labels are linear between their times.
   std is that of the absolute errors over the presses. After the end of a press its last error stands, so that each press counts at each time.
   newest: at every millisecond from contact to the end, the error of the newest prediction that a reader has, latency included, against the truth at that millisecond. Latencies are those of this machine: one thread pushes and predicts, and begins when a prediction is due or when it has finished the one before.
+  unlike the training: the part of the windows after contact, at the ends, and of bad predictions, whose statistics are farther from those of the training than 999 of 1,000 of its own. A bad prediction has an error of more than three times the mean at the end.
   settled: the share of a press from which on all angles stay within 1 degree; the median of all presses.
   A frame network over a sliding window of signed frames is judged on the same windows.
   --svg draws errors against time, predicted against true values, and for networks over events what is read out of each press in two dimensions (t-SNE), in colours of the true values.
@@ -87,6 +88,7 @@ fn table(out: &mut dyn Write, report: &Report) -> io::Result<()> {
         };
         rows(&one.figures).map(row).collect()
     })?;
+    doubts(out, &means)?;
     work(out, "press", means.iter().map(|&(name, errors)| (name, &errors.work)))?;
     against_time(out, report, &means)
 }
@@ -114,6 +116,24 @@ fn ends(out: &mut dyn Write, judged: &[(&str, &Errors<MeanStd>)]) -> io::Result<
         let (name, unit) = (format!("{name}, {}", output.name), output.unit.clone());
         [name, unit, mean, std, cell(output.newest, figure), settled]
     });
+    Table::section(out, &headings, rows)
+}
+
+/// What windows unlike those of the training say, of networks that know them.
+fn doubts(out: &mut dyn Write, judged: &[(&str, &Errors<MeanStd>)]) -> io::Result<()> {
+    let part = |part: u64, all: u64| {
+        cell((all > 0).then(|| 100.0 * part as f64 / all as f64), |share| format!("{share:.1}"))
+    };
+    let row = |&(name, errors): &(&str, &Errors<MeanStd>)| {
+        let Doubts { predictions, unlike, bad, bad_unlike, ends, ends_unlike } = errors.doubts?;
+        let name = name.to_owned();
+        Some([name, part(unlike, predictions), part(ends_unlike, ends), part(bad_unlike, bad)])
+    };
+    let rows: Vec<[String; 4]> = judged.iter().filter_map(row).collect();
+    if rows.is_empty() {
+        return Ok(());
+    }
+    let headings = columns("windows unlike the training | after contact (%) | at the end (%) | bad (%)");
     Table::section(out, &headings, rows)
 }
 

@@ -124,7 +124,7 @@ impl Columns {
                 let (time, update) = ("time (ms)", "update (us)");
                 let values = values();
                 format!(
-                    "{done:>5}  {time:>11}{values}  {UNLIKE:>6}  {:>8}  {:>9}  {update:>11}",
+                    "{done:>5}  {time:>9}{values}  {UNLIKE:>6}  {:>6}  {:>7}  {update:>11}",
                     "nodes", "rows"
                 )
             }
@@ -202,9 +202,7 @@ impl Columns {
             &Figures::Events { time_ms, nodes, unlike, rows, update_us } => {
                 let time = cell(time_ms, |ms| format!("{ms:.3}"));
                 let (done, nodes, rows, unlike) = (done(), grouped(nodes), grouped(rows), marked(unlike));
-                format!(
-                    "{done:>5}  {time:>11}{values}  {unlike:>6}  {nodes:>8}  {rows:>9}  {update_us:>11.1}"
-                )
+                format!("{done:>5}  {time:>9}{values}  {unlike:>6}  {nodes:>6}  {rows:>7}  {update_us:>11.1}")
             }
             &Figures::Frames { time_ms, events, update_us } => {
                 let (done, events) = (done(), grouped(events));

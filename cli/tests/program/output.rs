@@ -10,7 +10,7 @@ use crate::support::{argument, command as command_of, keys, lines, meissner, mes
 fn a_json_line_has_the_documented_keys_and_no_others() {
     let (predictions, summary) = lines(&meissner(&["run", "--every", "50000us", "--json"]));
     for line in &predictions {
-        assert_eq!(keys(line), "nodes rows t_us update_us value");
+        assert_eq!(keys(line), "nodes rows t_us unlike update_us value");
         assert!(line["update_us"].as_f64() > Some(0.0));
         assert_eq!(line["value"].as_array().map(Vec::len), Some(2));
         assert_eq!(line["rows"].as_array().map(Vec::len), Some(3), "a count for each layer");

@@ -128,7 +128,7 @@ fn people_see_states_and_a_table() {
         assert!(text.contains(word), "{word}: {text}");
     }
     let report = text.lines().find(|line| line.starts_with("   10.000")).expect("a report at 10 ms");
-    assert_eq!(report.split_whitespace().count(), 7, "a report fits one line: {report}");
+    assert_eq!(report.split_whitespace().count(), 8, "a report fits one line: {report}");
 }
 
 #[test]

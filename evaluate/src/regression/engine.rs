@@ -191,12 +191,15 @@ impl PressEngine {
         }
     }
 
-    pub(crate) fn predict(&mut self, t_us: i64, values: &mut Vec<f32>) -> Result<(), EngineError> {
+    /// Writes the prediction at `t_us` to `values`; returns how unlike its window is.
+    pub(crate) fn predict(&mut self, t_us: i64, values: &mut Vec<f32>) -> Result<Option<f32>, EngineError> {
         values.clear();
         match self {
             Self::Graph { predictor, .. } => {
                 predictor.advance(t_us);
-                values.extend_from_slice(predictor.predict()?.values);
+                let prediction = predictor.predict()?;
+                values.extend_from_slice(prediction.values);
+                Ok(prediction.unlike)
             }
             Self::Frames(press) => {
                 let FramePress { feed, frames, .. } = &mut **press;
@@ -205,9 +208,9 @@ impl PressEngine {
                     feed.finish(|frame| frames.take(frame))?;
                 }
                 values.extend_from_slice(frames.engine.predict()?.values);
+                Ok(None)
             }
         }
-        Ok(())
     }
 
     /// The readout of the last prediction; `None` for frame networks and from scratch.

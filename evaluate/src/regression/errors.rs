@@ -19,6 +19,8 @@ pub struct Errors<T = f64> {
     pub angles: Option<OutputErrors<T>>,
     /// Median share of the press from which on all angles stay within 1 degree, if half do.
     pub settled_share: Option<f64>,
+    /// Windows unlike those of the training, where the weights say what these were like.
+    pub doubts: Option<Doubts>,
     /// Events and work of all trainings together.
     pub work: Work,
     /// Share of each press from which on its angles stay within 1 degree.
@@ -40,6 +42,49 @@ pub struct OutputErrors<T = f64> {
     pub newest: Option<T>,
     /// Mean absolute error at each time since contact; the last one stands after the end.
     pub mean_absolute_at: Vec<T>,
+}
+
+/// Predictions of all trainings since contact, and what their windows say about them.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+#[expect(missing_docs, reason = "the keys of the JSON report")]
+pub struct Doubts {
+    pub predictions: u64,
+    /// Those of windows unlike the training's.
+    pub unlike: u64,
+    /// Those with an output whose error is more than three times its mean at the end of a press.
+    pub bad: u64,
+    /// Those that are both.
+    pub bad_unlike: u64,
+    /// Presses, and those that end with an unlike window.
+    pub ends: u64,
+    pub ends_unlike: u64,
+}
+
+impl Doubts {
+    /// Those of `outcomes`, whose outputs have these mean errors at the end.
+    fn of(outcomes: &[Outcome], mean: &[f64]) -> Option<Self> {
+        let mut doubts = Self::default();
+        for outcome in outcomes {
+            for (errors, unlike) in outcome.errors_at.iter().zip(&outcome.unlike_at) {
+                let unlike = u64::from((*unlike)? > 1.0);
+                let bad = u64::from(errors.iter().zip(mean).any(|(error, mean)| *error > 3.0 * mean));
+                let both = unlike * bad;
+                doubts.add(&Self { predictions: 1, unlike, bad, bad_unlike: both, ends: 0, ends_unlike: 0 });
+            }
+            doubts.ends += 1;
+            doubts.ends_unlike += u64::from(outcome.unlike_at.last().copied().flatten()? > 1.0);
+        }
+        Some(doubts)
+    }
+
+    fn add(&mut self, other: &Self) {
+        self.predictions += other.predictions;
+        self.unlike += other.unlike;
+        self.bad += other.bad;
+        self.bad_unlike += other.bad_unlike;
+        self.ends += other.ends;
+        self.ends_unlike += other.ends_unlike;
+    }
 }
 
 /// Events and work of presses.
@@ -71,8 +116,10 @@ impl Errors {
         let settled: Vec<Option<f64>> = outcomes.iter().map(|outcome| outcome.settled).collect();
         let mut work = Work::default();
         outcomes.iter().for_each(|outcome| work.add_press(&outcome.effort));
+        let mean: Vec<f64> = outputs.iter().map(|output| output.mean_absolute).collect();
         Some(Self {
             presses: outcomes.len() as u64,
+            doubts: Doubts::of(outcomes, &mean),
             outputs,
             angles: together,
             settled_share: lower_median(settled.clone()),
@@ -133,7 +180,12 @@ impl Figures for Errors {
         let settled: Vec<Option<f64>> = each.iter().flat_map(|one| one.settled.iter().copied()).collect();
         let mut work = Work::default();
         each.iter().for_each(|one| work.add(&one.work));
+        let doubts = each.iter().try_fold(Doubts::default(), |mut sum, one| {
+            sum.add(one.doubts.as_ref()?);
+            Some(sum)
+        });
         Some(Errors {
+            doubts,
             presses: first.presses,
             outputs: (0..first.outputs.len()).map(output).collect::<Option<_>>()?,
             angles: OutputErrors::mean(&angles),

@@ -30,6 +30,8 @@ pub(super) struct Outcome {
     pub(super) truth: Vec<f64>,
     /// Absolute errors of each output at every time since contact, and at the end.
     pub(super) errors_at: Vec<Vec<f64>>,
+    /// How unlike the window was at these times.
+    pub(super) unlike_at: Vec<Option<f32>>,
     /// The mean of each output's absolute error of the newest prediction that a reader has, over
     /// the milliseconds since contact; `None` where no prediction came in time.
     pub(super) newest: Option<Vec<f64>>,
@@ -165,6 +167,7 @@ impl Presses {
             },
         )?;
         let since_contact = found.iter().filter(|found| found.t_us >= contact);
+        let unlike_at = since_contact.clone().map(|found| found.unlike).collect();
         let errors_at: Vec<Vec<f64>> =
             since_contact.map(|found| found.errors(&truth_at(found.t_us))).collect();
         Ok(Outcome {
@@ -176,6 +179,7 @@ impl Presses {
             }),
             values,
             errors_at,
+            unlike_at,
             readout: if embeds { engine.readout() } else { None },
             effort,
         })
@@ -201,12 +205,12 @@ pub(crate) fn drive(
             effort.events += 1;
         }
         effort.push_ns += clock.elapsed().as_nanos() as u64;
-        engine.predict(t_us, &mut values)?;
+        let unlike = engine.predict(t_us, &mut values)?;
         let spent = clock.elapsed().as_nanos();
         effort.update_ns.push(spent as u64);
         // The worker starts when the prediction is due, or when it has finished the one before.
         free_us = free_us.max(t_us as f64) + spent as f64 / 1e3;
-        found.push(TimedPrediction { t_us, available_us: free_us, values: shown(&values) });
+        found.push(TimedPrediction { t_us, available_us: free_us, values: shown(&values), unlike });
     }
     effort.count = engine.count().since(before);
     Ok((found, effort))
@@ -217,6 +221,7 @@ pub(crate) struct TimedPrediction {
     /// When a reader has it.
     pub(crate) available_us: f64,
     pub(crate) values: Vec<f64>,
+    pub(crate) unlike: Option<f32>,
 }
 
 impl TimedPrediction {

@@ -208,8 +208,12 @@ mod press {
 
     #[test]
     fn a_reader_has_a_prediction_only_after_its_latency() {
-        let found =
-            |t_us: i64, available_us: f64, value| TimedPrediction { t_us, available_us, values: vec![value] };
+        let found = |t_us: i64, available_us: f64, value| TimedPrediction {
+            t_us,
+            available_us,
+            values: vec![value],
+            unlike: None,
+        };
         let predictions = [found(0, 900.0, 5.0), found(1_000, 3_500.0, 1.0)];
         // At 0 there is none; at 1, 2 and 3 ms the first, at 4 ms the second.
         let errors = newest(&predictions, 0, 4_000, |held, _| held.errors(&[0.0])).expect("one came in time");

@@ -115,6 +115,15 @@ impl TensorFile {
         self.add(name, Dtype::F32, shape, values.iter().copied().map(f32::to_le_bytes));
     }
 
+    /// Adds an array of F16 if it has all `values` exactly, or else of F32, with the panics of
+    /// [`Self::f32`].
+    pub fn floats(&mut self, name: &str, shape: &[usize], values: &[f32]) {
+        match values.iter().copied().map(f32_to_f16).collect::<Option<Vec<u16>>>() {
+            Some(halves) => self.add(name, Dtype::F16, shape, halves.into_iter().map(u16::to_le_bytes)),
+            None => self.f32(name, shape, values),
+        }
+    }
+
     /// Adds an array of I32, row-major, with the panics of [`Self::f32`].
     pub fn i32(&mut self, name: &str, shape: &[usize], values: &[i32]) {
         self.add(name, Dtype::I32, shape, values.iter().copied().map(i32::to_le_bytes));
@@ -238,9 +247,23 @@ pub(crate) fn float(dtype: Dtype, bytes: &[u8], index: usize) -> Option<f32> {
     })
 }
 
+/// The smallest binary16 above 0, 2^-24.
+const UNIT: f32 = 1.0 / 16_777_216.0;
+
+/// The bits of the finite binary16 that has the value of `value` exactly, if there is one.
+pub(crate) fn f32_to_f16(value: f32) -> Option<u16> {
+    let bits = value.to_bits();
+    let magnitude = match (bits >> 23 & 0xff) as i32 - 127 + 15 {
+        ..=0 => (value.abs() / UNIT) as u32,
+        31.. => return None,
+        exponent => (exponent as u32) << 10 | bits >> 13 & 0x3ff,
+    };
+    let half = (bits >> 16 & 0x8000 | magnitude) as u16;
+    (f16_to_f32(half).to_bits() == bits).then_some(half)
+}
+
 /// IEEE 754 binary16 as f32, exactly.
 pub(crate) fn f16_to_f32(bits: u16) -> f32 {
-    const UNIT: f32 = 1.0 / 16_777_216.0;
     let sign = u32::from(bits & 0x8000) << 16;
     let exponent = u32::from(bits >> 10 & 0x1f);
     let mantissa = u32::from(bits & 0x3ff);
