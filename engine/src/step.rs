@@ -135,7 +135,9 @@ impl StageState {
         self.stopwatch = own.stopwatch.clone();
         self.readout.set_isa(own.isa);
         // A network that does not know its training has the same fingerprint.
-        self.sums = own.sums.as_ref().map(|own| own.of(&self.window));
+        if self.sums.is_some() != own.sums.is_some() {
+            self.sums = own.sums.as_ref().map(|own| own.of(&self.window));
+        }
     }
 
     pub(crate) fn clear(&mut self) {

@@ -165,6 +165,9 @@ typedef struct meissner_prediction {
   uint64_t nodes;
   // Rows that were computed since the prediction before, over all layers.
   uint64_t rows;
+  // How unlike the window is to those of the training: above 1, fewer than 1 of 1,000 windows of
+  // the training were. NaN where the weights do not say what these were like.
+  float unlike;
 } meissner_prediction;
 
 // Counts of events since the engine was made. `pushed` is the sum of `accepted` and of the four
@@ -274,6 +277,8 @@ typedef struct meissner_timely {
   uint64_t dropped_events;
   // Restarts of the sensor's clock since the prediction before, each of which reset the engine.
   uint64_t restarts;
+  // How unlike the window is to those of the training, as in `meissner_prediction`.
+  float unlike;
 } meissner_timely;
 
 // Counts of pushed events. `offered` is the sum of `delivered`, `waiting` and the dropped ones.

@@ -70,6 +70,7 @@ static void same_from_every_way_in(meissner_network *network) {
     OK(meissner_engine_predict(all[i], values[i], 2, &prediction));
     ASSERT(prediction.has_time == 1 && prediction.nodes > 1000 && prediction.size == sizeof prediction);
     ASSERT(memcmp(values[i], values[0], sizeof values[0]) == 0 && isfinite(values[i][0]));
+    ASSERT(prediction.unlike > 1.0f); // random events are no press
   }
 
   meissner_counters counters = {.size = sizeof counters};
@@ -135,6 +136,7 @@ static void frames(void) {
   meissner_prediction prediction = {.size = sizeof prediction};
   OK(meissner_frames_predict(engine, found, info.outputs, &prediction));
   OK(meissner_frames_predict(other, found + info.outputs, info.outputs, NULL));
+  ASSERT(isnan(prediction.unlike)); // frames have no windows of events
   ASSERT(prediction.nodes == 1 && memcmp(found, found + info.outputs, info.outputs * sizeof *found) == 0);
   ASSERT(meissner_frames_push(engine, frame, values - 1) == MEISSNER_INVALID_ARGUMENT);
   frame[0] = NAN;

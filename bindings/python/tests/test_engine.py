@@ -99,6 +99,14 @@ def test_more_events_than_the_window_holds_evict_the_oldest_in_engine_and_batch(
     assert engine.counters["events"]["evicted"] > 300
 
 
+def test_a_prediction_says_how_unlike_its_window_is_to_those_of_the_training(events):
+    engine = meissner.Engine("tactigraph-past", SENSOR)
+    engine.push(events)
+    prediction = engine.predict()
+    assert prediction.unlike > 1  # random events are no press
+    assert "unlike the training" in repr(prediction)
+
+
 def test_a_prediction_has_names_units_time_and_cost(engine, events):
     before = engine.predict()
     assert before.t_us is None
@@ -109,6 +117,7 @@ def test_a_prediction_has_names_units_time_and_cost(engine, events):
     assert prediction.values.shape == (2,)
     assert (prediction.names, prediction.units) == (("a", "b"), ("rad", "rad"))
     assert prediction.t_us == events["t"][-1]
+    assert prediction.unlike is None
     assert prediction.nodes == len(engine)
     assert list(prediction.rows) == ["block1", "pool1", "block2"]
     assert prediction.rows["block1"] >= len(engine)

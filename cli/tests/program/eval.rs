@@ -28,6 +28,47 @@ fn tracks(labels: &[&str]) -> Vec<u8> {
 }
 
 #[test]
+fn weights_are_told_what_the_windows_of_their_training_were_like() {
+    let (folder, tracks) = file("tracks.safetensors", tracks(&["roll", "pitch", "depth"]));
+    let [events, known] = ["events.safetensors", "known.safetensors"].map(|name| folder.path().join(name));
+    let simulate =
+        ["simulate", "markers", argument(&tracks), "--sensor", "346x260", "--out", argument(&events)];
+    assert!(meissner(&simulate).status.success());
+    let prepare = ["prepare", "windows", argument(&events), "--network", "tactigraph-past", "--out"];
+    let few = meissner(&[&prepare[..], &[argument(&known), "--ages", "3"]].concat());
+    fails(&few, 2, &["expected streams of at least 20 windows with events, found 8"]);
+    let output = meissner(&[&prepare[..], &[argument(&known), "--ages", "20", "--youngest", "0.5"]].concat());
+    assert!(output.status.success(), "{}", message(&output));
+    assert!(text(&output).contains("what 42 windows were like"), "{}", text(&output));
+    let doubts = |weights: &[&str]| {
+        let json = folder.path().join("report.json");
+        let eval =
+            ["eval", "angle", argument(&events), "--network", "tactigraph-past", "--out", argument(&json)];
+        let output = meissner(&[&eval[..], weights].concat());
+        assert!(output.status.success(), "{}", message(&output));
+        assert!(text(&output).contains("windows unlike the training"), "{}", text(&output));
+        written(&json)["networks"][0]["figures"]["doubts"].clone()
+    };
+    let [own, shipped] = [&["--weights", argument(&known)][..], &[]].map(doubts);
+    assert_eq!((&own["ends"], &own["ends_unlike"]), (&2.into(), &0.into()), "{own}");
+    assert_eq!((&shipped["ends"], &shipped["ends_unlike"]), (&2.into(), &2.into()), "{shipped}");
+
+    // The values stay; the shipped weights know a dome, and three markers are none.
+    let line = |weights: &[&str]| {
+        let run = ["run", "--limit", "500", "--every", "end", "--json"];
+        let output = meissner(&[&run[..], weights].concat());
+        let lines: Vec<serde_json::Value> =
+            text(&output).lines().map(|line| serde_json::from_str(line).expect("a line of JSON")).collect();
+        (lines[1].clone(), lines[2].clone())
+    };
+    let ((of_own, summary), (of_shipped, _)) = (line(&["--weights", argument(&known)]), line(&[]));
+    assert_eq!(of_own["value"], of_shipped["value"]);
+    assert!(of_own["unlike"].as_f64().is_some_and(|unlike| unlike > 1.0), "{of_own}");
+    assert_ne!(of_own["unlike"], of_shipped["unlike"]);
+    assert_eq!(summary["summary"]["unlike_training"], 1, "{summary}");
+}
+
+#[test]
 fn presses_are_simulated_and_judged_with_errors_over_time_as_text_json_and_picture() {
     let (folder, tracks) = file("tracks.safetensors", tracks(&["roll", "pitch", "depth"]));
     let [events, svg, json] =
