@@ -65,6 +65,15 @@ mod shipped {
             assert_eq!(ranges.map(|ranges| ranges.len()), quantities.then_some(outputs.len()), "{name}");
         }
     }
+
+    #[test]
+    fn the_weights_of_every_network_over_events_state_the_windows_of_the_training() {
+        for name in AnyDescription::shipped_names() {
+            let over_events = matches!(AnyDescription::shipped(name), Some(AnyDescription::Events(_)));
+            let windows = Card::shipped(name).expect("a card").training_windows;
+            assert_eq!(windows.is_some(), over_events, "{name}");
+        }
+    }
 }
 
 mod preparation {
