@@ -10,7 +10,7 @@
 //! | `stride` | the network was trained on every `stride`-th event; default: 1 |
 //! | `sensor` | `[columns, rows]` of the recordings of the training |
 //! | `ranges` | `[low, high]` of each output's training labels: `[[-0.15, 0.15], [0, 2]]` |
-//! | `training_windows` | the [parts](TrainingWindows::parts) of [`TrainingWindows`]: `[mean, factor]` |
+//! | `training_windows` | `[mean, factor]`, the [parts](TrainingWindows::parts) of these windows |
 
 use std::hash::Hasher;
 
