@@ -22,7 +22,7 @@ fn window(count: usize, on: f64, seed: u64) -> Vec<Event> {
     let mut times: Vec<i64> = (0..count).map(|_| (random.uniform() * SPAN_US as f64) as i64).collect();
     times.sort_unstable();
     let place = |random: &mut Random, size: u16| {
-        ((random.uniform() + random.uniform()) / 2.0 * f64::from(size)) as u16
+        (f64::midpoint(random.uniform(), random.uniform()) * f64::from(size)) as u16
     };
     let event = |t_us| {
         let (x, y) = (place(&mut random, SENSOR.width), place(&mut random, SENSOR.height));

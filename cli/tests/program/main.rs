@@ -32,9 +32,10 @@ mod prepare_presses;
 mod provenance;
 mod record;
 mod resume;
+#[cfg(unix)]
+mod sensor_pages;
 #[path = "../../../tests/shared_files.rs"]
 mod shared_files;
-#[cfg(unix)]
 mod signals;
 mod simulate;
 mod sockets;
