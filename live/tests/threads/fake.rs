@@ -88,7 +88,7 @@ impl Predictor for Fake {
             return Err(EngineError::NotANumber { layer: "fake".to_owned(), rows: 1 });
         }
         let t_us = self.times().last().copied();
-        Ok(Prediction { values: &self.values, t_us, nodes: self.taken, rows: &[] })
+        Ok(Prediction { values: &self.values, t_us, nodes: self.taken, rows: &[], unlike: None })
     }
 
     fn reset(&mut self) {
