@@ -1,9 +1,13 @@
 //! How unlike a window is to those of a training.
 
 use std::sync::Arc;
+use std::time::Duration;
 
-use meissner_engine::{BatchEngine, Engine, Event, Network, Sensor, TrainingWindows, WindowStatistics};
+use meissner_engine::{
+    BatchEngine, Engine, Event, Network, Sensor, StaleReadout, Staleness, TrainingWindows, WindowStatistics,
+};
 use meissner_kernels::random::Random;
+use meissner_live::{Live, QueueOptions};
 use meissner_models::{Description, Weights};
 
 const SENSOR: Sensor = Sensor { width: 346, height: 260 };
@@ -96,6 +100,23 @@ fn predictions_say_it_and_keep_their_bits() {
         assert!(found.unlike.is_some_and(|unlike| unlike > 0.0));
     }
     assert_eq!(unknown.window_statistics(), known.window_statistics());
+}
+
+#[test]
+fn a_live_engine_and_a_stale_readout_say_what_their_engine_says() {
+    let engine = || Engine::new(network().with_training_windows(trained()), SENSOR).expect("a sensor");
+    let (mut alone, events) = (engine(), window(500, 0.5, 5));
+    alone.push_slice(&events);
+    let expected = alone.predict().expect("it predicts").unlike;
+    assert!(expected.is_some());
+    let (mut input, mut live) = Live::spawn(engine(), QueueOptions::new()).expect("in range");
+    input.push_slice(&events).expect("the worker lives");
+    assert_eq!(live.predict(Duration::MAX).expect("it predicts").unlike, expected);
+    let mut stale = StaleReadout::new(engine(), Staleness::new().with_events(1_000)).expect("in range");
+    stale.push_slice(&events);
+    assert_eq!(stale.predict().expect("it predicts").unlike, expected);
+    stale.push(Event::new(SPAN_US, 1, 1, true));
+    assert_eq!(stale.predict().expect("it is reused").unlike, expected, "of the prediction that is reused");
 }
 
 #[test]
