@@ -135,6 +135,8 @@ Writes, for the N rows of a level, one stream after the other, and for their M i
                   in neighbourhood order
   LEVEL.source    I32 (M): the row that is read, an index into N
   LEVEL.attribute F32 (M, 3): edge attributes along x, y and t, 0 to 1
+  LEVEL.offset    F32 (M, 3): offsets along x, y and t in units of the level's
+                  scale; for levels with PointNet blocks
   LEVEL.cell      I32 (N of the level below): the row that pools each row, an
                   index into N; for levels from 1 on
   LEVEL.index     I32 (N, 3): the row's cell along x, y and t; for levels from 1

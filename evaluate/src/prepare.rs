@@ -164,24 +164,34 @@ struct Level {
     edges: Vec<i32>,
     source: Vec<i32>,
     attribute: Vec<f32>,
+    /// Of levels whose blocks read offsets.
+    offset: Vec<f32>,
     /// For each row of the level below, the row that pools it.
     cell: Vec<i32>,
     index: Vec<i32>,
 }
 
-/// The graphs of the streams in `events`, each from a reset to its last event, as a network of
-/// `description` builds them. `meissner prepare graphs --help` lists the tensors.
+/// The graphs of the streams in the file `events`, by the threads of `pool`: see [`graphs_of`].
 ///
 /// # Errors
 /// The file cannot be read, or its streams do not fit.
 pub fn graphs(events: &Path, description: &Description, pool: &ThreadPool) -> Result<Prepared> {
+    let streams = Streams::read(events)?;
+    pool.install(|| graphs_of(&streams, description))
+}
+
+/// The graphs of `streams`, each from a reset to its last event, as a network of `description`
+/// builds them. `meissner prepare graphs --help` lists the tensors.
+///
+/// # Errors
+/// The streams do not fit.
+pub fn graphs_of(streams: &Streams, description: &Description) -> Result<Prepared> {
     // The graph does not depend on the weights.
     let network = description.network(&draw(description, 0)).map_err(weights_error("drawn weights"))?;
-    let streams = Streams::read(events)?;
     let batch = Batch::new(network, streams.sensor)?.with_search(Search::Grid);
     let parts = streams.parts();
     let graph = |&events: &&[Event]| batch.graph(Stream::new(events));
-    let graphs: Vec<Graph> = pool.install(|| parts.par_iter().map(graph).collect::<Result<_, _>>())?;
+    let graphs: Vec<Graph> = parts.par_iter().map(graph).collect::<Result<_, _>>()?;
 
     let mut levels: Vec<Level> = (0..batch.network().levels()).map(|_| Level::default()).collect();
     let (mut event, mut readout) = (Vec::new(), Vec::new());
@@ -217,6 +227,7 @@ impl Level {
             self.edges.push(self.source.len() as i32);
             self.source.extend(edges.row(row).iter().map(|edge| first + edge.row as i32));
             self.attribute.extend(edges.row(row).iter().flat_map(|edge| edge.u));
+            self.offset.extend(edges.offsets(row).as_flattened());
         }
         first
     }
@@ -239,6 +250,9 @@ impl Level {
         file.i32(&name("edges"), &[self.edges.len()], &self.edges);
         file.i32(&name("source"), &[self.source.len()], &self.source);
         file.f32(&name("attribute"), &[self.source.len(), 3], &self.attribute);
+        if !self.offset.is_empty() {
+            file.f32(&name("offset"), &[self.source.len(), 3], &self.offset);
+        }
         if level > 0 {
             file.i32(&name("cell"), &[self.cell.len()], &self.cell);
             file.i32(&name("index"), &[rows, 3], &self.index);

@@ -62,7 +62,11 @@ impl Streams {
         parse(&bytes).map_err(|source| EvaluateError::Streams { path: path.to_owned(), source })
     }
 
-    pub(crate) fn from_bytes(bytes: &[u8]) -> Result<Self, StreamsError> {
+    /// The streams in the bytes of such a file.
+    ///
+    /// # Errors
+    /// They do not fit.
+    pub fn from_bytes(bytes: &[u8]) -> Result<Self, StreamsError> {
         let (_, header) = SafeTensors::read_metadata(bytes)?;
         let file = SafeTensors::deserialize(bytes)?;
         let metadata = |key| header.metadata().as_ref()?.get(key).map(String::as_str);

@@ -1,9 +1,15 @@
 //! Graphs and activations as arrays, in the layout of `PyTorch` Geometric.
 
 use meissner::{Event, LevelTrace, Network};
+use meissner_evaluate::prepare::graphs_of;
+use meissner_evaluate::streams::Streams;
 use numpy::{IntoPyArray, PyArray1, PyArrayMethods};
 use pyo3::prelude::*;
-use pyo3::types::{PyDict, PyTuple};
+use pyo3::types::{PyBytes, PyDict, PyTuple};
+
+use crate::description::Description;
+use crate::error::{Failure, Outcome};
+use crate::threads::on_own_threads;
 
 /// A graph of events, or of the cells of a pooling, in the layout of PyTorch Geometric.
 #[pyclass(module = "meissner", name = "Graph", frozen)]
@@ -184,4 +190,22 @@ pub(crate) fn activations<'py>(
 /// The events that a stream of a batch has: those of the window are the last ones.
 pub(crate) fn last(events: &[Event], nodes: usize) -> &[Event] {
     &events[events.len() - nodes..]
+}
+
+/// The graphs of `streams`, as `meissner prepare graphs` makes them: the bytes of a safetensors
+/// file, from those of another.
+#[pyfunction]
+pub(crate) fn _graphs<'py>(
+    py: Python<'py>,
+    network: &Bound<'py, PyAny>,
+    streams: &[u8],
+) -> Outcome<Bound<'py, PyBytes>> {
+    let description = Description::of(network)?;
+    let over_events = description.events()?;
+    let made = py.detach(|| {
+        let streams = Streams::from_bytes(streams).map_err(|error| Failure::input(error.to_string()))?;
+        let prepared = on_own_threads(|| graphs_of(&streams, over_events))??;
+        Ok::<_, Failure>(prepared.file.into_bytes())
+    })?;
+    Ok(PyBytes::new(py, &made))
 }

@@ -53,7 +53,7 @@ mod _meissner {
         evaluate::{judge, measure},
         filters::Filters,
         frames::FrameEngine,
-        graph::Graph,
+        graph::{_graphs, Graph},
         live::Live,
         metrics::{_confusion, _iou, _mean_std, _pareto_front, _scores, _wilson_95},
         prediction::{Prediction, Timely},

@@ -35,6 +35,14 @@ impl Edges {
         &self.list[self.span(row)]
     }
 
+    /// Offset of each in-edge of `row`, in neighbourhood order; empty if no block reads offsets.
+    ///
+    /// # Panics
+    /// If there is no such row.
+    pub fn offsets(&self, row: usize) -> &[[f32; 3]] {
+        self.offsets.get(self.span(row)).unwrap_or_default()
+    }
+
     fn span(&self, row: usize) -> Range<usize> {
         self.start[row]..self.start.get(row + 1).copied().unwrap_or(self.list.len())
     }
@@ -44,9 +52,7 @@ impl Edges {
     /// # Panics
     /// If there is no such row.
     pub fn read<'a>(&'a self, row: usize, own: &'a [Lanes], skip: Option<&'a [Lanes]>) -> GraphRow<'a> {
-        let span = self.span(row);
-        let offsets = self.offsets.get(span.clone()).unwrap_or_default();
-        GraphRow { neighbours: &self.list[span], offsets, own, skip, ..GraphRow::default() }
+        GraphRow { neighbours: self.row(row), offsets: self.offsets(row), own, skip, ..GraphRow::default() }
     }
 }
 
