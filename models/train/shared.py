@@ -1,79 +1,59 @@
-"""What the trainings share: means of weights over epochs, files for tests, and the comparison with the engine."""
+"""What the recipes share: the program, recordings as it prepares them, and what weights say about themselves."""
 
-import argparse
 import json
+import subprocess
+import tempfile
+from dataclasses import dataclass
 from pathlib import Path
 
-import torch
-from torch import nn
-
-# Largest difference of a logit, relative to the largest magnitude of its row (at least 1).
-MAX_DIFFERENCE = 1e-4
+import numpy as np
+from meissner import Description
+from safetensors import safe_open
 
 
-class WeightMean:
-    """The mean of the weights of a network after several epochs."""
-
-    def __init__(self):
-        self.values, self.count = None, 0
-
-    def add(self, network):
-        """Includes the present weights."""
-        now = [parameter.detach().clone() for parameter in network.parameters()]
-        self.count += 1
-        if self.values is None:
-            self.values = now
-        else:
-            self.values = [old + (new - old) / self.count for old, new in zip(self.values, now)]
-
-    @torch.no_grad()
-    def copy_to(self, network):
-        """Sets the weights of `network` to the mean."""
-        for parameter, value in zip(network.parameters(), self.values):
-            parameter.copy_(value)
+def meissner(*words, program="target/release/meissner"):
+    """Runs the program."""
+    subprocess.run([str(word) for word in (program, *words)], check=True)
 
 
-@torch.no_grad()
-def gather_statistics(network, run):
-    """Running means and variances of batch norm over what `run()` runs, without dropout; leaves `network` in evaluation."""
-    network.eval()
-    norms = [module for module in network.modules() if isinstance(module, (nn.BatchNorm1d, nn.BatchNorm2d))]
-    for norm in norms:
-        norm.reset_running_stats()
-        norm.momentum = None  # the plain mean over batches
-        norm.train()
-    if norms:
-        run()
-    network.eval()
+def prepared(*words):
+    """The tensors and the metadata of what `meissner prepare` writes."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "prepared.safetensors"
+        meissner("prepare", *words, "--out", path)
+        with safe_open(path, "np") as file:
+            return {name: file.get_tensor(name) for name in file.keys()}, file.metadata()
 
 
-def congruence(state):
-    """Numbers below 2^31 of a linear congruence, without an end."""
-    while True:
-        state = (1103515245 * state + 12345) % 2**31
-        yield state
+@dataclass
+class Recordings:
+    """All recordings of a labelled data set of events."""
 
+    events: list  # of each recording (events, 4): t in microseconds, x, y, on
+    label: np.ndarray  # (recordings,)
+    in_train: np.ndarray  # (recordings,), whether the data set's own split trains on it
+    fold: np.ndarray  # (recordings,)
+    names: list
+    sensor: list  # [width, height]
 
-def write(path, found):
-    """Writes the JSON of `found` as a file for a test."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(json.dumps(found) + "\n")
+    @classmethod
+    def read(cls, data, folds, *task):
+        found, said = prepared(*task, data, "--folds", folds)
+        columns = np.stack([found[name] for name in ("t_us", "x", "y", "on")], axis=1)
+        events = np.split(columns, found["start"][1:-1])
+        return cls(events, found["label"], found["split"] == 0, found["fold"], json.loads(said["recordings"]), json.loads(said["sensor"]))
 
+    def seen(self, fold):
+        """The recordings that a training sees: those of the split, or all but a fold."""
+        return np.flatnonzero(self.in_train if fold is None else self.fold != fold)
 
-def agree(name, engine, torch_logits, rows, classes):
-    """Whether both give the same, and a line that says so. `rows` and `classes` are the words for them."""
-    scale = torch_logits.abs().amax(1, keepdim=True).clamp(min=1)
-    difference = ((engine - torch_logits).abs() / scale).max().item()
-    differ = int((engine.argmax(1) != torch_logits.argmax(1)).sum())
-    print(f"{name}: {len(engine)} {rows}, {differ} {classes} differ, largest difference {difference:.1e}")
-    return differ == 0 and difference <= MAX_DIFFERENCE
-
-
-def parser(about, task, **positionals):
-    """A command line: the paths `positionals` with their help, the folder of the weights of `task`, and the program."""
-    made = argparse.ArgumentParser(description=about, formatter_class=argparse.RawDescriptionHelpFormatter)
-    for name, text in positionals.items():
-        made.add_argument(name, type=Path, help=text)
-    made.add_argument("--weights", type=Path, default=Path(f"models/weights/{task}"), help="default: %(default)s")
-    made.add_argument("--meissner", default="target/release/meissner", help="default: %(default)s")
-    return made
+    def remarks(self, fold, folds, seed, network, of):
+        """What weights say about the recordings that they were trained on. Without the lifetime of edges: no event leaves a window during
+        a recording, so that both give the same graph."""
+        preparation = json.loads(Description(network).summary()["preparation"])
+        preparation.pop("lifetime", None)
+        said = {"recordings": len(self.seen(fold)), "sensor": self.sensor, "preparation": preparation, "seed": seed}
+        if fold is None:
+            return said | {"trained_on": "train", "about": f"trained on the training {of}, seed {seed}"}
+        held_out = [self.names[i] for i in np.flatnonzero(self.fold == fold)]
+        return said | {"fold": fold, "held_out": held_out, "about": f"trained on all {of} but fold {fold} of {folds}, seed {seed}"}

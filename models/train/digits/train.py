@@ -1,104 +1,108 @@
-"""Trains the classifiers of digits from the recordings of N-MNIST and a seed.
+"""Trains the classifiers of digits from the recordings of N-MNIST and a seed, in the parts that the shipped weights had.
 
     python models/train/digits/train.py ../shared/data/nmnist
     python models/train/digits/train.py ../shared/data/nmnist --folds
 
-Writes NETWORK.SEED.safetensors, trained on the data set's own training recordings, and with --folds
-NETWORK.SEED.K.safetensors for cross-validation over all recordings. What is there already is not trained again. Then
-`meissner eval digits DATA --trainings FOLDER` says what they are worth.
+Writes NETWORK.SEED.safetensors, trained on the data set's own training recordings, and with --folds NETWORK.SEED.K.safetensors for
+cross-validation over all recordings. What is there already is not trained again. Then `meissner eval digits DATA --trainings FOLDER` says
+what they are worth. Every recording is another one in every epoch: turned, sheared, stretched, moved, thinned, cut short.
 """
 
 import argparse
-import datetime
-import json
-import tempfile
-import time
+import math
+import sys
 from functools import partial
 from pathlib import Path
 
 import numpy as np
-import torch
-from export import load, save
-from fit import fit
-from graphs import Graphs, preparation
-from network import Digits
-from recordings import prepare
+import torch.nn.functional as F
 
-# digits-frozen runs with the weights of digits-past.
-NETWORKS = ("models/networks/digits-all.toml", "models/networks/digits-past.toml")
-FOLDS = 5
+# What all trainings share lies beside their folders.
+sys.path.append(str(Path(__file__).resolve().parents[1]))
+import shared
+from meissner import Weights
+from meissner.torch import Film, Module, Presses, fit, save
+
+# Of a part: epochs, rate, and the share of the recordings that end early, at so many ms or later. digits-frozen runs with the weights of
+# digits-past.
+FIRST, SECOND = (80, 0.003, 0.1, 100), (24, 0.0015, 0.5, 20)
+PARTS = {"digits-all": [FIRST, SECOND], "digits-past": [FIRST, SECOND, (40, 0.0015, 0.2, 20), (60, 0.0015, 0.2, 20)]}
+FOLDS, BATCH, SMOOTHING, DROPOUT = 5, 32, 0.05, 0.3
+# Epochs in which the rate rises, the share of all at which it has fallen, and to what share of it.
+RISE, FALLEN, LEAST = 4, 0.4, 0.33
 # Of the events of a recording every second one is what the networks are meant for (README.md has accuracies at others).
 STRIDE = 2
+TURN, SHEAR = 0.2, 0.2  # radians
+STRETCH = 0.12  # of the logarithm, for each axis
+SHIFT = 2.0  # pixels
+MAX_STRIDE = 6  # thinning, uniform in the logarithm
+
+
+def augment(events, random, side, share, shortest_ms):
+    """Another recording like `events` (events, 4). A `share` ends early. Pixels stay integers: what comes out a sensor could have sent."""
+    # Every nth event from a random one on for whole n, or each with a chance: the network is to see any density.
+    stride = np.exp(random.uniform(0, np.log(MAX_STRIDE)))
+    if random.random() < 0.5:
+        events = events[random.integers(round(stride)) :: round(stride)]
+    else:
+        events = events[random.random(len(events)) < 1 / stride]
+    if random.random() < share:
+        end = events[0, 0] + random.uniform(1000 * shortest_ms, events[-1, 0] - events[0, 0])
+        events = events[events[:, 0] <= end]
+    turn, shear = random.uniform(-TURN, TURN), random.uniform(-SHEAR, SHEAR)
+    stretch = np.exp(random.uniform(-STRETCH, STRETCH, 2))
+    rotation = np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]])
+    matrix, centre = rotation @ np.array([[stretch[0], shear], [0, stretch[1]]]), (side - 1) / 2
+    pixels = np.rint((events[:, 1:3] - centre) @ matrix.T + centre + random.uniform(-SHIFT, SHIFT, 2)).astype(np.int64)
+    return np.concatenate([events[:, :1], pixels, events[:, 3:]], axis=1)[((pixels >= 0) & (pixels < side)).all(axis=1)]
+
+
+def schedule(epochs, done):
+    """The rate rises, falls and then stays: at a constant rate the weights of an epoch are a sample of where the loss is low."""
+    epoch = done * epochs
+    if epoch < RISE:
+        return 0.1 + 0.9 * epoch / RISE
+    fallen = min(1.0, (epoch - RISE) / max(FALLEN * epochs - RISE, 1))
+    return LEAST + (1 - LEAST) * (1 + math.cos(math.pi * fallen)) / 2
+
+
+def loss(module, given, target):
+    return F.cross_entropy(module(given), target, label_smoothing=SMOOTHING)
 
 
 def main():
-    args = arguments()
-    torch.set_num_threads(args.threads)
-    args.out.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory() as folder:
-        recordings = prepare(args.meissner, args.data, FOLDS, folder)
-        for seed in args.seed:
-            for fold in args.fold if args.folds else [None]:
-                for network in args.network:
-                    name = Path(network).stem
-                    suffix = "" if fold is None else f".{fold}"
-                    path = args.out / f"{name}.{seed}{suffix}.safetensors"
-                    if not path.exists():
-                        graphs = partial(Graphs, args.meissner, network, recordings.sensor, folder=folder)
-                        said = preparation(args.meissner, network)
-                        train(args, path, recordings, fold, seed, graphs, said)
-
-
-def train(args, path, recordings, fold, seed, graphs, said):
-    """One training, and what it says about itself."""
-    print(path.stem, flush=True)
-    started = time.time()
-    torch.manual_seed(seed)
-    random = np.random.default_rng(seed)
-    seen = np.flatnonzero(recordings.in_train if fold is None else recordings.fold != fold)
-    network = Digits()
-    if args.start:
-        network.load_state_dict(load(args.start / path.name).state_dict())
-    loss = fit(network, recordings, seen, args, random, graphs)
-    remarks = {
-        "network": path.name.split(".")[0],
-        "seed": seed,
-        "date": datetime.date.today().isoformat(),
-        "recipe": f"{'weights of an earlier training, ' if args.start else ''}{args.epochs} epochs, batch 32, AdamW {args.rate} "
-        f"falling to a third, decay 0.001, label smoothing 0.05, a share of {args.cut[0]} cut off at random ages from "
-        f"{args.cut[1]:.0f} ms on, mean of the weights of the second half",
-        "recordings": len(seen),
-        "stride": STRIDE,
-        "sensor": recordings.sensor,
-        "preparation": said,
-        "loss": f"{loss:.4f}",
-    }
-    if fold is None:
-        remarks |= {"trained_on": "train", "about": f"trained on the training recordings of N-MNIST, seed {seed}"}
-    else:
-        held_out = [recordings.names[i] for i in np.flatnonzero(recordings.fold == fold)]
-        about = f"trained on all recordings of N-MNIST but fold {fold} of {FOLDS}, seed {seed}"
-        remarks |= {"fold": fold, "held_out": json.dumps(held_out), "about": about}
-    save(network, path, remarks)
-    print(f"  {time.time() - started:.0f} s", flush=True)
-
-
-def arguments():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("data", type=Path, help="folder with train/DIGIT/*.bin and test/DIGIT/*.bin")
-    parser.add_argument("--network", nargs="+", default=list(NETWORKS), help="names or descriptions; default: all")
-    parser.add_argument("--seed", nargs="+", type=int, default=[0], help="default: 0")
+    parser.add_argument("--network", nargs="+", choices=PARTS, default=list(PARTS), help="default: all")
+    parser.add_argument("--seed", type=int, default=0, help="default: 0")
     parser.add_argument("--folds", action="store_true", help=f"cross-validate instead, in {FOLDS} folds")
-    parser.add_argument("--fold", nargs="+", type=int, default=range(FOLDS), help="of these the folds; default: all")
-    parser.add_argument("--epochs", type=int, default=80, help="default: 80")
-    parser.add_argument("--rate", type=float, default=0.003, help="default: 0.003")
-    parser.add_argument("--cut", nargs=2, type=float, default=(0.5, 20), metavar=("SHARE", "MS"),
-                        help="share of the recordings that end early, and the least age in ms; default: 0.5 20")
-    parser.add_argument("--start", type=Path, help="folder of weights to start from, of the same names; default: drawn")
     parser.add_argument("--out", type=Path, default=Path("models/weights/digits"), help="default: %(default)s")
-    parser.add_argument("--meissner", default="target/release/meissner", help="default: %(default)s")
-    parser.add_argument("--threads", type=int, default=1, help="default: 1")
-    return parser.parse_args()
+    parser.add_argument("--quick", type=int, help="recordings of an epoch, of two epochs a part: whether it works, not how well")
+    args = parser.parse_args()
+    recordings = shared.Recordings.read(args.data, FOLDS, "digits")
+    for fold in range(FOLDS) if args.folds else [None]:
+        seen = recordings.seen(fold)
+        film = Film.of_classes(recordings.sensor, [recordings.events[i] for i in seen], recordings.label[seen])
+        for network, parts in PARTS.items():
+            path = args.out / f"{network}.{args.seed}{'' if fold is None else f'.{fold}'}.safetensors"
+            if network not in args.network or path.exists():
+                continue
+            module = Module.from_description(network, seed=args.seed, dropout={"hidden": DROPOUT, "out": DROPOUT})
+            for number, (epochs, rate, *cut) in enumerate(parts):
+                part = path if number + 1 == len(parts) else path.with_suffix(f".part{number}")
+                if not part.exists():
+                    changed = partial(augment, side=recordings.sensor[0], share=cut[0], shortest_ms=cut[1])
+                    presses = Presses(film, batch=BATCH, augment=changed, limit=args.quick)
+                    epochs = min(epochs, 2) if args.quick else epochs
+                    rates = {"rate": rate, "schedule": partial(schedule, epochs), "clip": None}
+                    settings = rates | {"epochs": epochs, "keep": "mean", "seed": args.seed, "checkpoint": part.with_suffix(".state")}
+                    history = fit(module, presses, loss=loss, **settings)
+                    recipe = {"parts": parts[: number + 1], "batch": BATCH, "smoothing": SMOOTHING, "dropout": DROPOUT}
+                    said = {"recipe": recipe, "stride": STRIDE, "loss": f"{history.losses[-1]:.4f}"}
+                    said |= recordings.remarks(fold, FOLDS, args.seed, network, "recordings of N-MNIST")
+                    save(module, part, said, half=True)
+                    part.with_suffix(".state").unlink()
+                module.load(Weights(part))
 
 
 if __name__ == "__main__":

@@ -6,51 +6,34 @@ Writes train.safetensors (900 recordings) and valid.safetensors (100), which are
 seed). All are as `meissner simulate grasp` writes them.
 """
 
-import argparse
-import subprocess
+import sys
 from pathlib import Path
 
 from safetensors import safe_open
 from safetensors.numpy import save_file
 
-ALL, TRAIN, TEST = 1000, 900, 92
+# What all trainings share lies beside their folders.
+sys.path.append(str(Path(__file__).resolve().parents[1]))
+from shared import meissner
+
+PARTS = {"train": range(900), "valid": range(900, 1000)}
 
 
-def main():
-    args = arguments()
-    args.folder.mkdir(parents=True, exist_ok=True)
-    whole, test = args.folder / "all.safetensors", args.folder / "test.safetensors"
-    if not whole.exists():
-        simulate(args, ALL, 1, whole)
-    if not test.exists():
-        simulate(args, TEST, 2, test)
-    for part, chosen in {"train": range(TRAIN), "valid": range(TRAIN, ALL)}.items():
-        write(whole, chosen, args.folder / f"{part}.safetensors")
-
-
-def simulate(args, recordings, seed, out):
-    command = [args.meissner, "simulate", "grasp", "--recordings", recordings, "--seed", seed, "--out", out]
-    subprocess.run([str(word) for word in command], check=True)
-
-
-def write(whole, chosen, out):
-    """Writes the recordings `chosen`, a range, of the file `whole`."""
-    with safe_open(whole, "np") as file:
-        metadata, tensors = file.metadata(), {}
-        for prefix in ("", "truth."):
-            start = file.get_tensor(f"{prefix}start")[chosen.start : chosen.stop + 1]
-            own = [name for name in file.keys() if name.startswith("truth.") == bool(prefix) and name != f"{prefix}start"]
-            tensors |= {name: file.get_slice(name)[start[0] : start[-1]] for name in own}
-            tensors[f"{prefix}start"] = start - start[0]
-    save_file(tensors, out, metadata)
-
-
-def arguments():
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("folder", type=Path)
-    parser.add_argument("--meissner", default="target/release/meissner", help="default: %(default)s")
-    return parser.parse_args()
+def main(folder):
+    folder.mkdir(parents=True, exist_ok=True)
+    for name, recordings, seed in ("all", 1000, 1), ("test", 92, 2):
+        if not (folder / f"{name}.safetensors").exists():
+            meissner("simulate", "grasp", "--recordings", recordings, "--seed", seed, "--out", folder / f"{name}.safetensors")
+    for part, chosen in PARTS.items():
+        with safe_open(folder / "all.safetensors", "np") as file:
+            metadata, tensors = file.metadata(), {}
+            for prefix in ("", "truth."):
+                start = file.get_tensor(f"{prefix}start")[chosen.start : chosen.stop + 1]
+                own = [name for name in file.keys() if name.startswith("truth.") == bool(prefix) and name != f"{prefix}start"]
+                tensors |= {name: file.get_slice(name)[start[0] : start[-1]] for name in own}
+                tensors[f"{prefix}start"] = start - start[0]
+        save_file(tensors, folder / f"{part}.safetensors", metadata)
 
 
 if __name__ == "__main__":
-    main()
+    main(Path(sys.argv[1]))

@@ -1,205 +1,180 @@
-"""Trains the frame networks for contact force on simulated grasps, from a seed.
+"""Trains the networks for contact force on simulated grasps, from a seed.
 
     python models/train/force/data.py /tmp/force
-    python models/train/force/train.py /tmp/force --network force-tdnn force-lstm force-cnnlstm force-convlstm
+    python models/train/force/train.py /tmp/force --network force-graph force-tdnn force-lstm force-cnnlstm force-convlstm
 
 FOLDER has train.safetensors and valid.safetensors. Writes NETWORK.SEED.safetensors; what is there already is not trained again, and a
-training that was cut off goes on with its next stage. Then `meissner eval force` says what it is worth.
+training that was cut off goes on. Then `meissner eval force` says what it is worth.
 
     python models/train/force/train.py /tmp/force --network force-tdnn --folds 92 --share 0.1 --out /tmp/folds
 
 learns from the 92 recordings of test.safetensors instead of train.safetensors, and leaves one of them out each time: NETWORK.SEED.K.safetensors.
 """
 
-import argparse
-import copy
-import datetime
-import json
 import math
 import sys
-import time
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import torch
 import torch.nn.functional as F
-from networks import NETWORKS, PLACES, SIDE
-from recordings import read
-from safetensors.torch import load_file
+from torch import nn
 
 # What all trainings share lies beside their folders.
 sys.path.append(str(Path(__file__).resolve().parents[1]))
-import export_weights
+import stages
+from meissner.torch import Film, Module, fit, save
 
-# What counts are divided by: `maximum` of the descriptions.
-MAXIMUM = 8.0
-ABOUT = "trained on grasps of simulated bolts, whose camera is simulated too"
-# Of each network: stages of (every so many pixels, recordings, rate, recordings of a step). A stage begins where the one before ended.
-# Every 0 pixels: kernels stay as they are, and what follows them learns.
+SIDE, PLACES, FRAMES, PERIOD_US = 115, 23, 41, 10_000
+MAXIMUM = 8.0  # what counts are divided by: `maximum` of the descriptions
+# A forget gate that begins almost open keeps what came before (Jozefowicz et al. 2015, section 3.2).
+FORGET = 2.0
+# Sums of thousands of counts are learned in units of a hundred.
+GAIN = {"force-tdnn": {"fc1": 0.01}}
+# The layer whose values are computed once: what is in front of it does not learn.
+FIRST = {"force-tdnn": "total", "force-lstm": "pool", "force-cnnlstm": "flat"}
+# Of each frame network: stages of (every so many pixels, recordings, rate, recordings of a step, validations).
 RECIPES = {
-    "force-tdnn": [(1, 180_000, 0.003, 16)],
-    "force-lstm": [(1, 45_000, 0.002, 16)],
-    "force-cnnlstm": [(0, 45_000, 0.002, 16)],
-    "force-convlstm": [(5, 5_400, 0.01, 8), (5, 21_600, 0.01, 8), (1, 64, 0.002, 1)],
+    "force-tdnn": [(1, 180_000, 0.003, 16, 10)],
+    "force-lstm": [(1, 45_000, 0.002, 16, 10)],
+    "force-cnnlstm": [(1, 45_000, 0.002, 16, 10)],
+    "force-convlstm": [(5, 5_400, 0.01, 8, 10), (5, 21_600, 0.01, 8, 10), (1, 64, 0.002, 1, 2), (1, 256, 0.002, 1, 2)],
+}
+GRAPH = {"mirrors": {"columns": [], "rows": []}, "passes": 4, "batch": 8, "strides": [3, 3], "times": 8, "youngest": 0.0}
+GRAPH = {"films": ["."], "unit": 1.0, "stride": 3, "presses": GRAPH}
+STAGES = {"first": GRAPH | {"fit": {"epochs": 3}}, "second": GRAPH | {"fit": {"epochs": 14, "rate": 0.002}, "start": ["first"]}}
+REMARKS = {
+    "about": "trained on grasps of simulated bolts, whose camera is simulated too",
+    "licence": "data and weights are this project's own",
+    "ranges": "[[0,3.12]]",
 }
 
 
-def main():
-    args = arguments()
-    torch.set_num_threads(1)
-    args.out.mkdir(parents=True, exist_ok=True)
-    train, valid = (read(args.data / f"{part}.safetensors") for part in ("test" if args.folds else "train", "valid"))
-    for name in args.network:
-        own, check = reduced(name, train), reduced(name, valid)
-        for fold in range(args.folds or 1):
-            held_out = list(range(fold, len(own), args.folds)) if args.folds else []
-            path = args.out / f"{name}.{args.seed}{f'.{fold}' if args.folds else ''}.safetensors"
-            if not path.exists():
-                seen = own.part(np.setdiff1d(np.arange(len(own)), held_out)) if held_out else own
-                fit(name, seen, check, held_out, path, args)
+class Grasps:
+    """Frames of event counts, or what a layer of `module` makes of them, with the force at the end of each frame."""
+
+    def __init__(self, path, module, first, chosen):
+        film = Film(path)
+        ends, size, read = np.arange(1, FRAMES + 1) * PERIOD_US, FRAMES * 2 * SIDE * SIDE, []
+        presses = np.arange(len(film))[chosen]
+        for press in presses:
+            t_us, x, y, on = film.events[press].T.astype(np.int64)
+            value = ((2 * (t_us // PERIOD_US) + on) * SIDE + y) * SIDE + x
+            counts = torch.from_numpy(np.bincount(value, minlength=size).astype(np.uint8).reshape(FRAMES, 2, SIDE, SIDE))
+            with torch.no_grad():
+                read.append(counts if first == "frame" else module.values(counts[None] / MAXIMUM, first)[0])
+        self.values, self.first = torch.stack(read), first
+        self.force = torch.from_numpy(np.stack([film.at(["force"], press, ends)[:, 0] for press in presses]).astype(np.float32))
+
+    def of(self, chosen, every, random=None):
+        """Frames of some recordings, of every so many pixels from a random one on, mirrored at random."""
+        frames = self.values[chosen]
+        if frames.dim() == 5:
+            row, column = (0, 0) if random is None or every == 1 else random.integers(every, size=2)
+            frames = frames[..., row::every, column::every]
+            axes = [axis for axis in (3, 4) if random is not None and random.random() < 0.5]
+            frames = torch.flip(frames, axes) if axes else frames
+        return {self.first: frames.float() / (MAXIMUM if self.first == "frame" else 1.0)}
+
+    def stage(self, *settings):
+        """What `fit` learns from: every so many pixels, recordings of an epoch, recordings of a step."""
+        self.settings = settings
+        return self
+
+    def epoch(self, _, random):
+        every, recordings, batch = self.settings
+        order = np.concatenate([random.permutation(len(self.force)) for _ in range(-(-recordings // len(self.force)))])
+        for first in range(0, recordings - batch + 1, batch):
+            chosen = np.sort(order[first : first + batch])
+            yield first / recordings, self.of(chosen, every, random), self.force[chosen]
+
+    @torch.no_grad()
+    def error(self, module, every, most):
+        """Mean squared error over all frames of at most `most` recordings."""
+        parts = [slice(first, min(first + 4, most)) for first in range(0, min(len(self.force), most), 4)]
+        return float(torch.cat([(force(module, self.of(part, every)) - self.force[part]).square().flatten() for part in parts]).mean())
 
 
-def fit(name, train, valid, held_out, path, args):
-    """Trains a network and writes its weights, with the recordings that it has not seen."""
-    print(path.stem, flush=True)
-    torch.manual_seed(args.seed)
-    random = np.random.default_rng(args.seed)
-    network = NETWORKS[name]()
-    stages = [(every, max(int(count * args.share), batch), rate, batch) for every, count, rate, batch in RECIPES[name]]
-    if args.start:
-        network.load_exported({key: tensor.float() for key, tensor in load_file(args.start).items()})
-        network.learn_on()
-        stages = stages[-1:]
-    first, state_path = 0, path.with_suffix(".state")
-    if state_path.exists():
-        state = torch.load(state_path, weights_only=False)
-        network.load_state_dict(state["network"])
-        random.bit_generator.state, first = state["random"], state["stages"]
-    for number, stage in list(enumerate(stages))[first:]:
-        if stage[0] == 0:
-            run(AfterKernels(network), name, *(featured(network, each) for each in (train, valid)), stage, random)
-        else:
-            run(network, name, train, valid, stage, random)
-        torch.save({"network": network.state_dict(), "random": random.bit_generator.state, "stages": number + 1}, state_path)
-    error = validated(network, name, valid, 1, args.quick)
-    remarks = {
-        "network": name,
-        "seed": args.seed,
-        "trained": "true",
-        "date": datetime.date.today().isoformat(),
-        "about": ABOUT,
-        "recipe": (f"from {args.start.name}: " if args.start else "") + "; ".join(f"{count} recordings of every {every} pixels, batch {batch}, AdamW {rate}" for every, count, rate, batch in stages),
-        "recordings": len(train),
-        "trained_on": "test, without those held out" if held_out else "train",
-        "source": f"simulate grasp --seed {2 if held_out else 1}",
-        "sensor": json.dumps([SIDE, SIDE]),
-        "ranges": json.dumps([[0, 3.12]]),
-        "maximum": MAXIMUM,
-        "valid_mse": f"{error:.4f}",
-        "licence": "data and weights are this project's own",
-    }
-    if held_out:
-        remarks |= {"held_out": json.dumps([str(recording) for recording in held_out])}
-    export_weights.save(network.exported(), path, remarks, half=name != "force-tdnn")
-    state_path.unlink()
-    print(f"{path}: validation {error:.4f} N^2", flush=True)
+def force(module, given):
+    return module(given)[..., 0]
 
 
-def run(network, name, train, valid, stage, random):
-    """One stage: mirrored recordings in random order, AdamW on the squared error of every frame, on a cosine."""
-    every, count, rate, batch = stage
-    optimiser = torch.optim.AdamW(network.parameters(), rate, weight_decay=0.001)
-    steps, total, started = max(count // batch, 1), 0.0, time.time()
-    order = np.concatenate([random.permutation(len(train)) for _ in range(-(-steps * batch // len(train)))])
-    best = (math.inf, None)
-    # Pictures of all pixels take long to validate.
-    check = max(steps // (2 if name in ("force-convlstm", "force-cnnlstm") and every in (1, 2) else 10), 1)
-    for step in range(steps):
-        done = step / steps
-        for group in optimiser.param_groups:
-            group["lr"] = rate * min(1.0, 20 * done + 0.05) * (0.02 + 0.98 * (1 + math.cos(math.pi * done)) / 2)
-        chosen = np.sort(order[step * batch : (step + 1) * batch])
-        frames = inputs(name, train.counts[chosen], every, random)
-        loss = F.mse_loss(network(frames), torch.from_numpy(train.force[chosen]))
-        optimiser.zero_grad()
-        loss.backward()
-        torch.nn.utils.clip_grad_norm_(network.parameters(), 1.0)
-        optimiser.step()
-        total += loss.item()
-        if (step + 1) % check == 0:
-            error = validated(network, name, valid, every, 12 if every in (1, 2) and name == "force-convlstm" else 100)
-            print(f"  {step + 1}/{steps}  loss {total / check:.4f}  valid {error:.4f}  {time.time() - started:.0f} s", flush=True)
-            best, total = min(best, (error, copy.deepcopy(network.state_dict())), key=lambda item: item[0]), 0.0
-    network.load_state_dict(best[1])
+def loss(module, given, target):
+    return F.mse_loss(force(module, given), target)
 
 
-@torch.no_grad()
-def validated(network, name, valid, every, most):
-    """Mean squared error over all frames of at most `most` recordings for validation."""
-    squares = []
-    for first in range(0, min(len(valid), most), 4):
-        chosen = slice(first, min(first + 4, most))
-        found = network(inputs(name, valid.counts[chosen], every, None))
-        squares.append(((found.numpy() - valid.force[chosen]) ** 2).ravel())
-    return float(np.concatenate(squares).mean())
+class Coarse(nn.Module):
+    """`force-convlstm`, whose dense layer reads all 39,675 values of the last cell: its weights are a coarse picture, linear between 23 x 23
+    places, since 900 recordings cannot teach each of them alone. They fit pictures of other sizes too."""
 
-
-class AfterKernels(torch.nn.Module):
-    """A network over what its kernels make of frames."""
-
-    def __init__(self, network):
+    def __init__(self, module):
         super().__init__()
-        self.network = network
+        self.module, self.map = module, nn.Parameter(torch.randn(1, 3, PLACES, PLACES) * 0.05)
 
-    def forward(self, features):
-        return self.network.over(features)
+    def forward(self, given):
+        cells = self.module.values(given, "cell4")
+        return cells.flatten(2) @ self.grown(*cells.shape[3:]).mT + self.module["fc.bias"]
+
+    def grown(self, height, width):
+        """A mean over pixels times the number of places."""
+        grown = F.interpolate(self.map, (height, width), mode="bilinear", align_corners=False)
+        return grown.flatten(1) * (PLACES * PLACES / (height * width))
 
 
 @torch.no_grad()
-def featured(network, recordings):
-    """The recordings with what the kernels make of their frames instead of the counts."""
-    frames = (torch.from_numpy(counts[None].astype(np.float32) / MAXIMUM) for counts in recordings.counts)
-    return replace(recordings, counts=np.concatenate([network.features(frame).numpy() for frame in frames]))
+def begun(network, seed):
+    """The network with what is drawn in another way: open forget gates, and kernels that blur."""
+    module = Module.from_description(network, seed=seed, gain=GAIN.get(network))
+    for name in module.description.tensors:
+        if "bias_ih" in name or "gates.bias" in name:
+            module[name][len(module[name]) // 4 : len(module[name]) // 2] = FORGET
+        elif name.startswith("convs") and name.endswith("weight"):
+            # A positive blur, mostly of one channel: no rectifier is closed, and polarities stay apart.
+            module[name].uniform_(0.0, 0.1)
+            for channel in range(2):
+                module[name][channel, channel].uniform_(0.2, 0.4)
+        elif name.startswith("convs"):
+            module[name].zero_()
+    return module
 
 
-def reduced(name, recordings):
-    """The recordings with what the network reads of their counts, where that is less: totals, or means of 5 x 5 pixels."""
-    counts = recordings.counts
-    if name == "force-tdnn":
-        counts = np.stack([each.sum((2, 3), dtype=np.float32) for each in counts])
-    elif name == "force-lstm":
-        blocks = [each.reshape(*each.shape[:2], PLACES, 5, PLACES, 5).mean((3, 5), dtype=np.float32) for each in counts]
-        counts = np.stack(blocks)
-    return replace(recordings, counts=counts)
+def schedule(done):
+    return min(1.0, 20 * done + 0.05) * (0.02 + 0.98 * (1 + math.cos(math.pi * done)) / 2)
 
 
-def inputs(name, counts, every, random):
-    """Frames of `counts` (recordings, frames, 2, rows, columns): of every so many pixels from a random one on, mirrored at random."""
-    if name == "force-tdnn":
-        return torch.from_numpy(counts / np.float32(MAXIMUM))
-    if every == 0:
-        return torch.from_numpy(counts)
-    row, column = (0, 0) if random is None or every == 1 else random.integers(every, size=2)
-    counts = counts[..., row::every, column::every]
-    if random is not None:
-        for axis in (3, 4):
-            if random.random() < 0.5:
-                counts = np.flip(counts, axis)
-    return torch.from_numpy(counts.astype(np.float32) / MAXIMUM)
+def train(network, args, fold, path):
+    module, first = begun(network, args.seed), FIRST.get(network, "frame")
+    trained = Coarse(module) if network == "force-convlstm" else module
+    held_out = [] if fold is None else list(range(fold, 92, args.folds))
+    seen = np.setdiff1d(np.arange(92), held_out) if held_out else slice(args.quick)
+    train = Grasps(args.data / ("test.safetensors" if held_out else "train.safetensors"), module, first, seen)
+    valid = Grasps(args.data / "valid.safetensors", module, first, slice(args.quick))
+    for number, (every, recordings, rate, batch, checks) in enumerate(RECIPES[network]):
+        recordings = max(int(recordings * args.share) // checks, batch)
+        most = 12 if first == "frame" and every == 1 else 100
+        settings = {"epochs": checks, "rate": rate, "schedule": schedule, "loss": loss, "keep": "best", "check": 1}
+        settings |= {"seed": args.seed + number, "learn": None if first == "frame" else ["lstm", "fc"]}
+        settings |= {"valid": lambda each: valid.error(each, every, most), "checkpoint": path.with_suffix(f".state{number}")}
+        fit(trained, train.stage(every, recordings, batch), **settings)
+    if network == "force-convlstm":
+        module.load({"fc.weight": trained.grown(SIDE, SIDE), "fc.bias": module["fc.bias"]}, ["fc"])
+    said = {"seed": args.seed, "recipe": RECIPES[network], "recordings": len(train.force), "sensor": [SIDE, SIDE], "maximum": str(MAXIMUM)}
+    said |= {"trained_on": "test, without those held out" if held_out else "train", "source": f"simulate grasp --seed {2 if held_out else 1}"}
+    said |= REMARKS | {"valid_mse": f"{valid.error(trained, 1, 100):.4f}"}
+    held_out = {"held_out": [str(each) for each in held_out]} if held_out else {}
+    save(module, path, said | held_out, half=network != "force-tdnn")
 
 
-def arguments():
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("data", type=Path, metavar="FOLDER")
-    parser.add_argument("--network", nargs="+", choices=NETWORKS, default=list(reversed(NETWORKS)), help="default: all")
-    parser.add_argument("--seed", type=int, default=0, help="default: 0")
-    parser.add_argument("--start", type=Path, help="weights to start from, with the last stage alone; default: drawn from the seed")
-    parser.add_argument("--share", type=float, default=1.0, help="of each recipe's recordings; default: 1")
-    parser.add_argument("--folds", type=int, default=0, help="parts of the test that are left out in turn; default: none")
-    parser.add_argument("--quick", type=int, default=100, help="recordings of the last validation; default: 100")
-    parser.add_argument("--out", type=Path, default=Path("models/weights/force"), help="default: %(default)s")
-    return parser.parse_args()
+def main():
+    args = stages.arguments(__doc__, ["force-graph", *RECIPES], "force", folds=0, share=1.0)
+    for network in args.network:
+        if network == "force-graph":
+            stages.run(network, STAGES, args, REMARKS)
+        for fold in (range(args.folds) if args.folds else [None]) if network in RECIPES else []:
+            path = args.out / f"{network}.{args.seed}{'' if fold is None else f'.{fold}'}.safetensors"
+            if not path.exists():
+                print(path.stem, flush=True)
+                train(network, args, fold, path)
 
 
 if __name__ == "__main__":

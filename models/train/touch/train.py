@@ -1,155 +1,216 @@
-"""Trains the classifiers of touch from the recordings of NeuTouch and a seed.
+"""Makes the classifiers of touch from the recordings of NeuTouch and a seed.
 
     python models/train/touch/train.py ../shared/data/neutouch
     python models/train/touch/train.py ../shared/data/neutouch --folds --out runs
 
-Writes NETWORK.SEED.safetensors, trained on the data set's own training recordings, and with --folds
-NETWORK.SEED.K.safetensors for cross-validation over all recordings. What is there already is not trained again. Then
-`meissner eval touch SET DATA --trainings FOLDER --folds 5` says what they are worth.
+Writes NETWORK.SEED.safetensors, of the data set's own training recordings, and with --folds NETWORK.SEED.K.safetensors for cross-validation
+over all recordings. What is there already is not made again. Then `meissner eval touch SET DATA --trainings FOLDER --folds 5` says what
+they are worth.
+
+All but the last two layers follow from what they are to measure; these are linear classifiers, one for each age of the contact. A
+discriminant assumes that recordings differ from the mean of their class in the same way in every class (Fisher 1936, "The use of multiple
+measurements in taxonomic problems"); a share of the covariance is replaced by a multiple of the identity (Friedman 1989, "Regularized
+discriminant analysis"). A classifier by margins looks at the recordings that are hard to tell apart alone (Crammer and Singer 2001, "On the
+algorithmic implementation of multiclass kernel-based vector machines", here with squares of what a margin is too small by).
 """
 
 import argparse
-import datetime
-import json
 import sys
-import tempfile
-import time
-from functools import partial
 from pathlib import Path
 
 import numpy as np
 import torch
+import torch.nn.functional as F
 
-TRAIN = Path(__file__).resolve().parents[1]
-# What all trainings share lies beside their folders; these two modules are those of the digits.
-sys.path += [str(TRAIN), str(TRAIN / "digits")]
-import export_weights
-from augment import augment
-from fit import classify, encode, lay_out
-from graphs import Graphs, preparation
-from network import Touch
-from recordings import prepare
+# What all trainings share lies beside their folders.
+sys.path.append(str(Path(__file__).resolve().parents[1]))
+import shared
+from meissner.torch import Module, save
 
-FOLDS = 5
-PART = 60  # recordings whose graphs are held at a time
-CELL_US = 40_000
+FOLDS, COPIES, PART = 5, 2, 60  # copies that are other recordings, and recordings whose graphs are held at a time
+BIN_US, CELL_US, LONGEST_US = 20_000, 40_000, 5_000_000
+LATER, NOISE, LOST = 12, 3, 0.1  # bins by which a recording can begin later, most spikes that nothing caused, largest share that is lost
 WHOLE = 8  # times that a whole recording counts, against one of the same age that ends early
-LONGEST_US = 5_000_000
-RECIPES = {
-    # All objects are held for 5 s: from the last age on, every recording is whole.
-    "objects": {
-        "lags": 1.0,
-        "spikes": 0.3,
-        "curve": "1 - exp(-x)",
-        "code": 40,
-        "ages": (25, 60, 94, 122),
-        "ended": 0,
-        "shrinkage": 0.1,
-        "margin": 34_560,
-    },
-    "containers": {
-        "lags": 0.25,
-        "spikes": 1.0,
-        "curve": "sqrt(x)",
-        "code": 40,
-        "ages": (25, 60, 94),
-        "ended": 1,
-        "shrinkage": 0.05,
-        "margin": None,
-    },
-}
+LAGS, CHANNELS, TIMES, WINDOWS = 5, 12, 126, 12  # slots of the past; channels and cells in time of the readout; sums over times
+KNOTS = (0.0, 0.05, 0.3, 1.0, 3.0)  # where a bent sum changes its slope
+SHIFT, CLOSED, LARGEST = 32.0, 128.0, 16.0  # logits are above -SHIFT; a classifier for another age is closed; the largest logit
+LEAST_SPREAD, STEPS = 0.05, 100  # of a value, as a share of the largest; of the fit of margins
+# All objects are held for 5 s: from the last age on, every recording is whole.
+OBJECTS = {"lags": 1.0, "spikes": 0.3, "curve": "1 - exp(-x)", "ages": (25, 60, 94, 122), "ended": 0, "shrinkage": 0.1, "margin": 34_560}
+CONTAINERS = {"lags": 0.25, "spikes": 1.0, "curve": "sqrt(x)", "ages": (25, 60, 94), "ended": 1, "shrinkage": 0.05, "margin": None}
+RECIPES = {"objects": OBJECTS, "containers": CONTAINERS}
 CURVES = {"1 - exp(-x)": lambda x: 1 - torch.exp(-x), "sqrt(x)": torch.sqrt}
 
 
-def main():
-    args = arguments()
-    torch.set_num_threads(args.threads)
-    args.out.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory() as folder:
-        for task in args.set:
-            recordings = prepare(args.meissner, args.data, FOLDS, folder, ("touch", task))
-            network = f"models/networks/touch-{task}.toml"
-            graphs = partial(Graphs, args.meissner, network, recordings.sensor, folder=folder)
-            said = preparation(args.meissner, network)
-            for seed in args.seed:
-                for fold in args.fold if args.folds else [None]:
-                    suffix = "" if fold is None else f".{fold}"
-                    path = args.out / f"touch-{task}.{seed}{suffix}.safetensors"
-                    if not path.exists():
-                        train(task, seed, fold, recordings, args.copies, graphs, said, path)
+def augment(events, random, ages):
+    """Another recording like `events` (events, 4), whose end lies between two ages in microseconds. Times stay multiples of a bin."""
+    places = np.unique(events[:, 1:3], axis=0)
+    events = events[random.random(len(events)) >= random.uniform(0, LOST)]
+    events = events[events[:, 0] >= events[0, 0] + BIN_US * random.integers(LATER + 1)]
+    first = events[0, 0]
+    events = events[events[:, 0] <= first + random.uniform(*ages)]
+    count = random.integers(NOISE + 1)
+    times = BIN_US * random.integers(first // BIN_US, events[-1, 0] // BIN_US + 1, count)
+    noise = np.column_stack([times, places[random.integers(len(places), size=count)], random.integers(2, size=count)])
+    events = np.concatenate([events, noise])
+    return events[np.argsort(events[:, 0], kind="stable")]
 
 
-def train(task, seed, fold, recordings, copies, graphs, said, path):
-    """One training, and what it says about itself."""
-    print(path.stem, flush=True)
-    started = time.time()
-    seen = np.flatnonzero(recordings.in_train if fold is None else recordings.fold != fold)
-    network = Touch(recordings.label.max() + 1, RECIPES[task]["code"], RECIPES[task]["ages"])
-    fit(network, RECIPES[task], recordings, seen, copies, np.random.default_rng(seed), graphs)
-    remarks = {
-        "network": f"touch-{task}",
-        "seed": seed,
-        "date": datetime.date.today().isoformat(),
-        "recipe": f"linear classifiers, {json.dumps(RECIPES[task])}, {copies} augmented copies",
-        "recordings": len(seen),
-        "licence": "the data state none",
-        "sensor": recordings.sensor,
-        "preparation": said,
-    }
-    of = f"recordings of NeuTouch ({task}; the data state no licence)"
-    if fold is None:
-        remarks |= {"trained_on": "train", "about": f"trained on the training {of}, seed {seed}"}
-    else:
-        held_out = [recordings.names[i] for i in np.flatnonzero(recordings.fold == fold)]
-        about = f"trained on all {of} but fold {fold} of {FOLDS}, seed {seed}"
-        remarks |= {"fold": fold, "held_out": json.dumps(held_out), "about": about}
-    export_weights.save(network.tensors, path, remarks)
-    print(f"  {time.time() - started:.0f} s", flush=True)
+def lay_out(module, recipe):
+    """Fills in every layer up to the sums and their bending, and the gates of the classifiers."""
+    for name in module.description.tensors:
+        module[name].zero_()
+    # Rising spikes are (1, 0), falling ones (0, 1).
+    module["sides.conv.lin.weight"][:, 0] = torch.tensor([0.5, -0.5])
+    module["sides.conv.bias"].fill_(0.5)
+    for sign in range(2):
+        for lag in range(LAGS):
+            module["lags.conv.weight"][lag, sign, sign * LAGS + lag] = 1
+        module["lags.conv.lin.weight"][2 * LAGS + sign, sign] = 1
+    centres = torch.linspace(0, TIMES - 1, WINDOWS)
+    hats = (1 - (torch.arange(TIMES) - centres[:, None]).abs() / (centres[1] - centres[0])).clamp(min=0)
+    weight = torch.tensor([recipe["lags"]] * 2 * LAGS + [recipe["spikes"]] * 2)
+    # A cell lasts two bins.
+    sums = 2 * hats[:, None, :, None] * torch.diag(weight)[None, :, None, :]
+    module["sums.weight"].copy_(sums.reshape(module["sums.weight"].shape))
+    count = WINDOWS * CHANNELS
+    for i, knot in enumerate(KNOTS):
+        module["steps.weight"][i * count : (i + 1) * count, :, 0, 0] = torch.eye(count)
+        module["steps.bias"][i * count : (i + 1) * count] = -knot
+    # Whether there is a spike as old as each of the ages: min(number, 1) = relu(number) - relu(number - 1).
+    for i, age in enumerate(recipe["ages"]):
+        old = torch.zeros(TIMES, CHANNELS)
+        old[age:, 2 * LAGS :] = 1
+        module["old.weight"][i, :, 0, 0] = old.flatten()
+        module["past.weight"][2 * i : 2 * i + 2, i] = 1
+        module["past.bias"][2 * i + 1] = -1
+        module["age.weight"][i, 2 * i : 2 * i + 2] = torch.tensor([1.0, -1.0])
 
 
-def fit(network, recipe, recordings, seen, copies, random, graphs):
-    """Fits `network` in place to the recordings `seen`; `graphs` builds the graphs of streams."""
-    lay_out(network, recipe["lags"], recipe["spikes"])
-    whole = [recordings.events[i] for i in seen]
-    encode(network, CURVES[recipe["curve"]], (network.image(*part) for part in parts(whole, graphs)))
-    label = torch.from_numpy(recordings.label[seen])
-    bounds = [5 * CELL_US, *(CELL_US * age for age in network.ages), LONGEST_US]
-    for group, ages in enumerate(zip(bounds, bounds[1:])):
-        # The oldest contacts are whole, most of them: that is when an answer counts most.
-        last = group == len(network.ages)
-        streams = [augment(events, random, ages) for _ in range(recipe["ended"] if last else copies) for events in whole]
-        share = torch.ones(len(streams))
-        if last:
-            streams += whole
-            share = torch.cat([share, torch.full((len(whole),), float(WHOLE))])
-        found, labels = features(network, streams, graphs), label.repeat(len(streams) // len(whole))
-        classify(network, group, found, labels, share, recipe["shrinkage"], recipe["margin"] if last else None)
-
-
-def features(network, streams, graphs):
-    """What the classifiers read of `streams`."""
-    return torch.cat([network.features(*part) for part in parts(streams, graphs)])
-
-
-def parts(streams, graphs):
-    """The graphs of `streams`, some streams at a time, and how many these are."""
+def values(module, sensor, streams, layer):
+    """Values of a layer for streams, some at a time."""
     for first in range(0, len(streams), PART):
         part = streams[first : first + PART]
-        yield graphs(part), len(part)
+        yield module.values(module.graphs(sensor, part).batch(range(len(part))), layer)
 
 
-def arguments():
+def encode(module, curve, bent):
+    """The code of a cell: the principal components of its bent sums over the cells with a spike."""
+    ends = torch.tensor([*KNOTS, 8.0])
+    slope = curve(ends).diff() / ends.diff()
+    slopes, square = torch.cat([slope[:1], slope.diff()]), 0.0
+    for sums in bent:
+        cells = torch.einsum("k,bkcp->bpc", slopes, sums.flatten(2).unflatten(1, (len(KNOTS), -1))).flatten(0, 1).double()
+        square += cells.T @ cells
+    axes = torch.linalg.eigh(square).eigenvectors[:, -len(module["code.weight"]) :].T.float()
+    module["code.weight"].copy_((slopes[None, :, None] * axes[:, None, :]).reshape(module["code.weight"].shape))
+
+
+def classify(module, group, ages, features, label, share, recipe, margin):
+    """Fits the classifier of age `group` to `features` (recordings, values) of the classes `label`, each with its `share`: a linear
+    discriminant, or, where `margin` says how far margins are fitted, the sum of it and of a classifier by margins."""
+    classes, found = len(module["out.bias"]), features[:, :-ages].double()
+    share = share.double() / share.sum()
+    mean = share @ found
+    parts = [discriminant(found - mean, label, share, classes, recipe["shrinkage"])]
+    if margin is not None:
+        parts.append(margins(found - mean, label, share, classes, margin))
+        # Each counts as much as the other.
+        sizes = [((found - mean) @ weight.T + bias).std() for weight, bias in parts]
+        parts = [[sum(part / size for part, size in zip(both, sizes)) for both in zip(*parts)]]
+    weight, bias = parts[0][0], parts[0][1] - parts[0][0] @ mean
+    scale, rows = LARGEST / (found @ weight.T + bias).abs().max(), slice(group * classes, (group + 1) * classes)
+    experts, biases = module["experts.weight"], module["experts.bias"]
+    experts[rows, :-ages] = (scale * weight).float()
+    biases[rows] = (scale * bias).float() + SHIFT - (CLOSED if group else 0)
+    if group > 0:  # open from its age on
+        experts[rows, group - 1 - ages] = CLOSED
+    if group < ages:  # until the next
+        experts[rows, group - ages] = -CLOSED
+    module["out.weight"][:, rows] = torch.eye(classes)
+    module["out.bias"].fill_(-SHIFT)
+
+
+def discriminant(values, label, share, classes, shrinkage):
+    """Weights and biases of the linear discriminants of `values`, whose mean is 0."""
+    # In the span of the recordings, whose dimension is smaller than that of the values.
+    scaled = share.sqrt()[:, None] * values
+    power, rotation = torch.linalg.eigh(scaled @ scaled.T)
+    kept = power > 1e-6 * power.max()
+    basis = scaled.T @ (rotation[:, kept] / power[kept].sqrt())
+    inside = values @ basis
+    of = [label == i for i in range(classes)]
+    means = torch.stack([share[i] @ inside[i] / share[i].sum() for i in of])
+    spread = inside - means[label]
+    covariance = (share[:, None] * spread).T @ spread
+    identity = torch.eye(len(covariance), dtype=torch.float64)
+    covariance = (1 - shrinkage) * covariance + shrinkage * covariance.trace() / len(covariance) * identity
+    inner = torch.linalg.solve(covariance, means.T)
+    return (basis @ inner).T, -0.5 * (means.T * inner).sum(0)
+
+
+@torch.enable_grad()
+def margins(values, label, share, classes, margin):
+    """Weights and biases that leave margins between the right class and all others. A value that varies more counts for less than
+    its size, by the root of its spread."""
+    spread = (share @ values.square()).sqrt()
+    factor = (spread + LEAST_SPREAD * spread.max()).rsqrt()
+    factor = factor / (share @ (values * factor).square().sum(1)).sqrt()
+    # In the span of the recordings.
+    basis = torch.linalg.qr((values * factor).T)[0]
+    inside = (values * factor) @ basis
+    weight = torch.zeros(classes, basis.shape[1], dtype=torch.float64, requires_grad=True)
+    bias = torch.zeros(classes, dtype=torch.float64, requires_grad=True)
+    own = F.one_hot(label, classes).bool()
+    optimiser = torch.optim.LBFGS([weight, bias], max_iter=STEPS, line_search_fn="strong_wolfe")
+
+    def loss():
+        optimiser.zero_grad()
+        logits = inside @ weight.T + bias
+        short = F.relu(1 + logits - logits[own][:, None]).square().masked_fill(own, 0)
+        found = share @ short.sum(1) + weight.square().sum() / margin
+        found.backward()
+        return found
+
+    optimiser.step(loss)
+    return (weight.detach() @ basis.T) * factor, bias.detach()
+
+
+@torch.no_grad()
+def fitted(network, recipe, recordings, seen, random):
+    """The network for the recordings `seen`."""
+    module, whole, ages = Module(network), [recordings.events[i] for i in seen], recipe["ages"]
+    lay_out(module, recipe)
+    encode(module, CURVES[recipe["curve"]], values(module, recordings.sensor, whole, "steps"))
+    label, bounds = torch.from_numpy(recordings.label[seen]), [5 * CELL_US, *(CELL_US * age for age in ages), LONGEST_US]
+    for group, between in enumerate(zip(bounds, bounds[1:])):
+        # The oldest contacts are whole, most of them: that is when an answer counts most.
+        last = group == len(ages)
+        streams = [augment(events, random, between) for _ in range(recipe["ended"] if last else COPIES) for events in whole]
+        share = torch.cat([torch.ones(len(streams)), torch.full((len(whole) * last,), float(WHOLE))])
+        streams += whole * last
+        found, labels = torch.cat(list(values(module, recordings.sensor, streams, "aged"))), label.repeat(len(streams) // len(whole))
+        classify(module, group, len(ages), found, labels, share, recipe, recipe["margin"] if last else None)
+    return module
+
+
+def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("data", type=Path, help="folder with Ev-Objects.zip and Ev-Containers.zip")
     parser.add_argument("--set", nargs="+", choices=RECIPES, default=list(RECIPES), help="default: both")
-    parser.add_argument("--seed", nargs="+", type=int, default=[0], help="default: 0")
+    parser.add_argument("--seed", type=int, default=0, help="default: 0")
     parser.add_argument("--folds", action="store_true", help=f"cross-validate instead, in {FOLDS} folds")
-    parser.add_argument("--fold", nargs="+", type=int, default=range(FOLDS), help="of these the folds; default: all")
-    parser.add_argument("--copies", type=int, default=2, help="augmented copies of a recording; default: 2")
     parser.add_argument("--out", type=Path, default=Path("models/weights/touch"), help="default: %(default)s")
-    parser.add_argument("--meissner", default="target/release/meissner", help="default: %(default)s")
-    parser.add_argument("--threads", type=int, default=1, help="default: 1")
-    return parser.parse_args()
+    args = parser.parse_args()
+    torch.set_num_threads(1)
+    for task in args.set:
+        recordings, network = shared.Recordings.read(args.data, FOLDS, "touch", task), f"touch-{task}"
+        for fold in range(FOLDS) if args.folds else [None]:
+            path = args.out / f"{network}.{args.seed}{'' if fold is None else f'.{fold}'}.safetensors"
+            if not path.exists():
+                module = fitted(network, RECIPES[task], recordings, recordings.seen(fold), np.random.default_rng(args.seed))
+                said = recordings.remarks(fold, FOLDS, args.seed, network, f"recordings of NeuTouch ({task}; the data state no licence)")
+                save(module, path, said | {"recipe": RECIPES[task], "licence": "the data state none"}, half=True)
 
 
 if __name__ == "__main__":

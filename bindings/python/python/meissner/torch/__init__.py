@@ -10,7 +10,7 @@
 The equations and the names of tensors are those of docs/weights-from-pytorch.md. models/train/ has the recipes of the shipped weights.
 """
 
-from ._fit import History, constant, cosine, fit, loss_of
+from ._fit import History, constant, cosine, fit, gather_statistics, loss_of
 from ._graphs import Batch, Graphs, Level, SlidingFrames, moved
 from ._module import Module
 from ._presses import Film, Presses, Readouts, errors
@@ -30,6 +30,7 @@ __all__ = [
     "cosine",
     "errors",
     "fit",
+    "gather_statistics",
     "loss_of",
     "moved",
     "save",

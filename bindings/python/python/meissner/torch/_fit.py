@@ -78,11 +78,12 @@ def fit(
     first, kept, count = 0, None, 0
     if checkpoint and Path(checkpoint).exists():
         state = torch.load(checkpoint, map_location=device, weights_only=True)
+        said = json.loads(state["said"])
         _restore(module, state["tensors"])
-        steps.load_state_dict(state["optimiser"])
-        random.bit_generator.state, first, kept, count = json.loads(state["random"]), state["epochs"], state["kept"], state["count"]
+        steps.load_state_dict({"state": state["moments"], "param_groups": said["groups"]})
+        random.bit_generator.state, first, kept, count = said["random"], said["epochs"], state["kept"], said["count"]
         torch.set_rng_state(state["torch"].cpu())
-        history = History(state["losses"], dict(state["valid"]), state["best"])
+        history = History(said["losses"], {int(epoch): error for epoch, error in said["valid"].items()}, said["best"])
     for epoch in range(first, epochs):
         if patience and history.valid and len([e for e in history.valid if e > history.best]) >= patience:
             break
@@ -118,9 +119,10 @@ def fit(
             kept = now if kept is None else [old + (new - old) / count if new.is_floating_point() else new for old, new in zip(kept, now)]
         log(line)
         if checkpoint:
-            state = {"tensors": _tensors(module), "optimiser": steps.state_dict(), "random": json.dumps(random.bit_generator.state)}
-            state |= {"torch": torch.get_rng_state(), "epochs": epoch + 1, "kept": kept, "count": count}
-            state |= {"losses": history.losses, "valid": list(history.valid.items()), "best": history.best}
+            said = {"groups": steps.state_dict()["param_groups"], "random": random.bit_generator.state, "epochs": epoch + 1, "count": count}
+            said |= {"losses": history.losses, "valid": history.valid, "best": history.best}
+            state = {"tensors": _tensors(module), "kept": kept, "moments": steps.state_dict()["state"], "torch": torch.get_rng_state()}
+            state["said"] = json.dumps(said)
             part = Path(f"{checkpoint}.part")
             part.parent.mkdir(parents=True, exist_ok=True)
             torch.save(state, part)
@@ -128,20 +130,20 @@ def fit(
     if kept is not None:
         _restore(module, kept)
     if keep == "mean":
-        gather_statistics(module, presses, random, device)
+        gather_statistics(module, presses, random, device, loss)
     module.eval()
     return history
 
 
 @torch.no_grad()
-def gather_statistics(module, presses, random, device="cpu"):
-    """Means and variances of batch norm over an epoch: the plain means over its batches, without dropout."""
+def gather_statistics(module, presses, random, device="cpu", loss=loss_of):
+    """Means and variances of batch norm over an epoch, as `loss` runs the module: the plain means over its batches, without dropout."""
     dropout, module.dropout, module.batches = module.dropout, {}, 0
     if any(name.endswith("running_mean") for name, _ in module.named_buffers()):
         module.train()
-        for _, given, _ in presses.epoch(module, random):
+        for _, given, target in presses.epoch(module, random):
             module.batches += 1
-            module(_to(given, device))
+            loss(module, _to(given, device), target.to(device))
     module.dropout, module.batches = dropout, None
     module.eval()
 

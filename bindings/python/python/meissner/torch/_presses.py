@@ -38,7 +38,7 @@ class Film:
     def of_classes(cls, sensor, events, classes):
         """Recordings with the index of a class each."""
         film = cls.__new__(cls)
-        film.path, film.sensor, film.classes = None, sensor, np.asarray(classes)
+        film.path, film.sensor, film.classes = None, tuple(sensor), np.asarray(classes)
         film.events = [columns_of(each).astype(np.int32) for each in events]
         film.end_us = [each[-1:, 0].max(initial=0) for each in film.events]
         return film
