@@ -1,5 +1,6 @@
-"""What the recipes share: the program, recordings as it prepares them, and what weights say about themselves."""
+"""What the recipes share: their command lines, the program, recordings as it prepares them, and what weights say about themselves."""
 
+import argparse
 import json
 import subprocess
 import tempfile
@@ -7,8 +8,32 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+import torch
 from meissner import Description
 from safetensors import safe_open
+
+
+def arguments(about, networks, task, data, **more):
+    """The command line of a recipe, with options of its own and their defaults."""
+    parser = argparse.ArgumentParser(description=about, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("data", type=Path, help=data)
+    parser.add_argument("--network", nargs="+", choices=networks, default=list(networks), help="default: all")
+    parser.add_argument("--out", type=Path, default=Path(f"models/weights/{task}"), help="default: %(default)s")
+    parser.add_argument("--quick", type=int, help="presses of an epoch, of two epochs: whether it works, not how well")
+    for name, default in {"seed": 0, **more}.items():
+        is_flag, settings = default is False, {"type": type(default), "help": "default: %(default)s"}
+        parser.add_argument(f"--{name}", default=default, **({"action": "store_true"} if is_flag else settings))
+    torch.set_num_threads(1)
+    return parser.parse_args()
+
+
+def missing(args, network, seed, folds):
+    """The weights of a network that are not there yet: what is left out, and their path."""
+    for fold in folds or [None]:
+        path = args.out / f"{network}.{seed}{'' if fold is None else f'.{fold}'}.safetensors"
+        if not path.exists():
+            print(path.stem, flush=True)
+            yield fold, path
 
 
 def meissner(*words, program="target/release/meissner"):
@@ -23,6 +48,11 @@ def prepared(*words):
         meissner("prepare", *words, "--out", path)
         with safe_open(path, "np") as file:
             return {name: file.get_tensor(name) for name in file.keys()}, file.metadata()
+
+
+def some(chosen, quick):
+    """All that are chosen, or about `quick` of them."""
+    return chosen[:: max(len(chosen) // quick, 1)] if quick else chosen
 
 
 @dataclass

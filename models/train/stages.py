@@ -7,10 +7,6 @@ what the first dense layer reads; `cells`, the share of a readout's cells that a
 their median difference on the presses for validation is 0; `unit` and `seed`.
 """
 
-import argparse
-import json
-from pathlib import Path
-
 import numpy as np
 import torch
 from meissner import Weights
@@ -99,19 +95,3 @@ def files(data, patterns, part):
     """The files PART.safetensors in the folders of `data` that fit some patterns, in the order of these."""
     found = [path / f"{part}.safetensors" for pattern in patterns for path in ([data] if pattern == "." else sorted(data.glob(pattern)))]
     return list(dict.fromkeys(path for path in found if path.exists()))
-
-
-def arguments(about, networks, task, **more):
-    """The command line of such a recipe, with options of its own and their defaults."""
-    parser = argparse.ArgumentParser(description=about, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("data", type=Path, help="folder of folders of films")
-    parser.add_argument("--network", nargs="+", choices=networks, default=list(networks), help="default: all")
-    parser.add_argument("--work", type=Path, default=Path("/tmp/stages"), help="folder of the stages; default: %(default)s")
-    parser.add_argument("--out", type=Path, default=Path(f"models/weights/{task}"), help="default: %(default)s")
-    parser.add_argument("--seed", type=int, default=0, help="default: 0")
-    parser.add_argument("--device", default="cpu", help="device of PyTorch; default: %(default)s")
-    parser.add_argument("--quick", type=int, help="presses of an epoch, of two epochs a stage: whether it works, not how well")
-    for name, default in more.items():
-        parser.add_argument(f"--{name}", type=type(default), default=default, help="default: %(default)s")
-    torch.set_num_threads(1)
-    return parser.parse_args()

@@ -45,7 +45,8 @@ PRESSES = {
 def streams_for(network, sensor):
     """A stream that ends within a window, one that is longer, a short and a silent one."""
     span = meissner.Description(network).span_us
-    streams = [make_events(count, seed, sensor, every_us=int(share * span / count)) for seed, (count, share) in enumerate([(300, 0.8), (400, 1.7), (20, 0.1)])]
+    plans = enumerate([(300, 0.8), (400, 1.7), (20, 0.1)])
+    streams = [make_events(count, seed, sensor, every_us=int(share * span / count)) for seed, (count, share) in plans]
     return [*streams, streams[0][:0]]
 
 
@@ -169,6 +170,8 @@ def test_a_training_is_repeated_and_goes_on_where_it_was_cut_off(film, tmp_path)
     resumed, same, lines = trained(film, 6, **settings)
     assert same == history and len(lines) == 3
     assert all(torch.equal(a, b) for a, b in zip(module.state_dict().values(), resumed.state_dict().values()))
+    with pytest.raises(meissner.InputError, match="another module"):
+        fit(Module.from_description(OWN), valid, epochs=6, checkpoint=tmp_path / "a.state")
 
 
 def test_the_best_or_the_mean_of_the_weights_stays_and_a_training_ends_early(film):
@@ -215,7 +218,11 @@ def test_frames_of_presses(film):
     network = {
         "network": {"name": "signed"},
         "input": {"kind": "image", "channels": 1, "height": 48, "width": 64, "frames": "signed", "span_us": 50_000},
-        "layer": [{"name": "mean", "kind": "average_pool", "size": 8}, {"name": "flat", "kind": "flatten"}, {"name": "out", "kind": "dense", "outputs": 2}],
+        "layer": [
+            {"name": "mean", "kind": "average_pool", "size": 8},
+            {"name": "flat", "kind": "flatten"},
+            {"name": "out", "kind": "dense", "outputs": 2},
+        ],
         "output": PRESSES["output"],
     }
     module, presses = Module.from_description(network), Presses(film, batch=8)

@@ -19,11 +19,15 @@ are as `meissner simulate markers` writes them: events, and roll, pitch, depth a
 
 import argparse
 import json
-import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
 from safetensors.numpy import load_file, save_file
+
+# What all trainings share lies beside their folders.
+sys.path.append(str(Path(__file__).resolve().parents[1]))
+from shared import meissner
 
 SENSOR = 346, 260
 TILTS, DIRECTIONS, EACH = 10, 20, 16
@@ -39,21 +43,24 @@ PAUSES, FILMED, HOLDS = (150_000, 300_000), 150_000, (1, 40_000)
 
 
 def main():
-    args = arguments()
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("folder", type=Path)
+    parser.add_argument("--cameras", type=int, default=1, help="cameras of each kind that film the presses for training")
+    args = parser.parse_args()
     args.folder.mkdir(parents=True, exist_ok=True)
     tracks = args.folder / "tracks.safetensors"
     if not tracks.exists():
-        meissner(args, "simulate", "dome", "--each", EACH, "--seed", 1, "--out", tracks)
+        meissner("simulate", "dome", "--each", EACH, "--seed", 1, "--out", tracks)
     for camera in range(args.cameras):
         for part in PARTS if camera == 0 else ["train"]:
-            film_part(args, load_file(tracks), part, camera)
+            film_part(args.folder, load_file(tracks), part, camera)
     for lamp in LAMPS:
         moved = args.folder / lamp / "jitter.safetensors"
         if not moved.exists():
             save(jittered(load_file(args.folder / lamp / "test.safetensors")), moved)
 
 
-def film_part(args, tracks, part, camera):
+def film_part(data, tracks, part, camera):
     """Films the presses of a part by the cameras of each kind with the number `camera`, which counts from 0."""
     number, presses = list(PARTS).index(part), chosen(tracks, part)
     seen = {"": presses}
@@ -64,10 +71,10 @@ def film_part(args, tracks, part, camera):
             folder = f"{name}{kind}-{camera + 1}" if camera else f"{name}{kind}"
             # Only the first cameras have the same seed with the lamp on and off.
             seed = 100_000 * (number + first + 20 * camera) + 10_000 * camera * lamp
-            film(args, shown, name, args.folder / folder / f"{part}.safetensors", seed)
+            film(shown, name, data / folder / f"{part}.safetensors", seed)
 
 
-def film(args, tracks, lamp, out, seed):
+def film(tracks, lamp, out, seed):
     """Writes what a camera sees of `tracks` from their time 0 on, unless `out` exists."""
     if out.exists():
         return
@@ -77,7 +84,7 @@ def film(args, tracks, lamp, out, seed):
     begin = tracks["t_us"][tracks["start"][:-1]]
     save(tracks | {"t_us": tracks["t_us"] - np.repeat(begin, np.diff(tracks["start"]))}, own)
     sensor, lux = "{}x{}".format(*SENSOR), LAMPS[lamp]
-    meissner(args, "simulate", "markers", own, "--sensor", sensor, "--lux", lux, *CAMERA, "--seed", seed, "--out", filmed)
+    meissner("simulate", "markers", own, "--sensor", sensor, "--lux", lux, *CAMERA, "--seed", seed, "--out", filmed)
     own.unlink()
     if begin.any():
         tensors = load_file(filmed)
@@ -140,18 +147,6 @@ def chosen(tracks, part):
 
 def save(tensors, path):
     save_file(tensors, path, {"sensor": json.dumps(SENSOR)})
-
-
-def meissner(args, *words):
-    subprocess.run([str(word) for word in (args.meissner, *words)], check=True)
-
-
-def arguments():
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("folder", type=Path)
-    parser.add_argument("--cameras", type=int, default=1, help="cameras of each kind that film the presses for training")
-    parser.add_argument("--meissner", default="target/release/meissner", help="default: %(default)s")
-    return parser.parse_args()
 
 
 if __name__ == "__main__":

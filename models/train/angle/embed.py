@@ -8,12 +8,11 @@ its depth is nearest to 10 mm, the middle of the plan's. The dome is then held f
 
 import argparse
 import json
-import subprocess
 import tempfile
 from pathlib import Path
 
 import numpy as np
-from dome import CAMERA, LAMPS, SENSOR
+from dome import CAMERA, LAMPS, SENSOR, meissner
 from safetensors.numpy import load_file, save_file
 
 HOLD_US = 60_000
@@ -22,19 +21,23 @@ SEED = 400_000
 
 
 def main():
-    args = arguments()
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("tracks", type=Path)
+    parser.add_argument("press", type=int)
+    parser.add_argument("out", type=Path, help="without extension")
+    args = parser.parse_args()
     tracks = pressed_and_lifted(load_file(args.tracks), args.press)
     with tempfile.TemporaryDirectory() as folder:
         own, filmed, text = (Path(folder) / name for name in ("tracks.safetensors", "events.safetensors", "press.csv"))
         save_file(tracks | {"start": np.array([0, len(tracks["t_us"])])}, own, {"sensor": json.dumps(SENSOR)})
         size = "{}x{}".format(*SENSOR)
         seed = SEED + args.press
-        meissner(args, "simulate", "markers", own, "--sensor", size, "--lux", LAMPS["on"], *CAMERA, "--seed", seed, "--out", filmed)
+        meissner("simulate", "markers", own, "--sensor", size, "--lux", LAMPS["on"], *CAMERA, "--seed", seed, "--out", filmed)
         events = load_file(filmed)
         with text.open("w") as file:
             file.write(f"# sensor {size}\n")
             np.savetxt(file, np.stack([events[name] for name in ("t_us", "x", "y", "on")], 1), fmt="%d", delimiter=",")
-        meissner(args, "convert", text, args.out.with_suffix(".evt3"), "--force")
+        meissner("convert", text, args.out.with_suffix(".evt3"), "--force")
     columns = np.stack([tracks[name] for name in ("t_us", "depth", "roll", "pitch")], 1)
     header = "t_us,depth_mm,roll_rad,pitch_rad"
     np.savetxt(args.out.with_suffix(".csv"), columns, "%d,%.6f,%.7f,%.7f", header=header, comments="")
@@ -48,19 +51,6 @@ def pressed_and_lifted(tracks, press):
     t_us = tracks.pop("t_us")
     back = 2 * t_us[-1] + HOLD_US - t_us[::-1]
     return {name: np.concatenate([tensor, tensor[::-1]]) for name, tensor in tracks.items()} | {"t_us": np.concatenate([t_us, back])}
-
-
-def meissner(args, *words):
-    subprocess.run([str(word) for word in (args.meissner, *words)], check=True)
-
-
-def arguments():
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("tracks", type=Path)
-    parser.add_argument("press", type=int)
-    parser.add_argument("out", type=Path, help="without extension")
-    parser.add_argument("--meissner", default="target/release/meissner", help="default: %(default)s")
-    return parser.parse_args()
 
 
 if __name__ == "__main__":

@@ -11,6 +11,7 @@ from pathlib import Path
 
 # What all trainings share lies beside their folders.
 sys.path.append(str(Path(__file__).resolve().parents[1]))
+import shared
 import stages
 
 LAMPS, ALL = ["on", "off"], ["on", "off", "off-used", "on-used"]
@@ -78,6 +79,6 @@ REMARKS = {
 
 
 if __name__ == "__main__":
-    args = stages.arguments(__doc__, STAGES, "angle")
+    args = shared.arguments(__doc__, STAGES, "angle", "folder of folders of films", work=Path("/tmp/stages"), device="cpu")
     for network in args.network:
         stages.run(network, STAGES[network], args, REMARKS)

@@ -8,7 +8,6 @@ cross-validation over all recordings. What is there already is not trained again
 what they are worth. Every recording is another one in every epoch: turned, sheared, stretched, moved, thinned, cut short.
 """
 
-import argparse
 import math
 import sys
 from functools import partial
@@ -71,22 +70,12 @@ def loss(module, given, target):
 
 
 def main():
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("data", type=Path, help="folder with train/DIGIT/*.bin and test/DIGIT/*.bin")
-    parser.add_argument("--network", nargs="+", choices=PARTS, default=list(PARTS), help="default: all")
-    parser.add_argument("--seed", type=int, default=0, help="default: 0")
-    parser.add_argument("--folds", action="store_true", help=f"cross-validate instead, in {FOLDS} folds")
-    parser.add_argument("--out", type=Path, default=Path("models/weights/digits"), help="default: %(default)s")
-    parser.add_argument("--quick", type=int, help="recordings of an epoch, of two epochs a part: whether it works, not how well")
-    args = parser.parse_args()
+    args = shared.arguments(__doc__, PARTS, "digits", "folder with train/DIGIT/*.bin and test/DIGIT/*.bin", folds=False)
     recordings = shared.Recordings.read(args.data, FOLDS, "digits")
-    for fold in range(FOLDS) if args.folds else [None]:
-        seen = recordings.seen(fold)
-        film = Film.of_classes(recordings.sensor, [recordings.events[i] for i in seen], recordings.label[seen])
-        for network, parts in PARTS.items():
-            path = args.out / f"{network}.{args.seed}{'' if fold is None else f'.{fold}'}.safetensors"
-            if network not in args.network or path.exists():
-                continue
+    for network in args.network:
+        for fold, path in shared.missing(args, network, args.seed, args.folds and range(FOLDS)):
+            seen, parts = recordings.seen(fold), PARTS[network]
+            film = Film.of_classes(recordings.sensor, [recordings.events[i] for i in seen], recordings.label[seen])
             module = Module.from_description(network, seed=args.seed, dropout={"hidden": DROPOUT, "out": DROPOUT})
             for number, (epochs, rate, *cut) in enumerate(parts):
                 part = path if number + 1 == len(parts) else path.with_suffix(f".part{number}")

@@ -4,11 +4,8 @@
     python models/train/force/train.py /tmp/force --network force-graph force-tdnn force-lstm force-cnnlstm force-convlstm
 
 FOLDER has train.safetensors and valid.safetensors. Writes NETWORK.SEED.safetensors; what is there already is not trained again, and a
-training that was cut off goes on. Then `meissner eval force` says what it is worth.
-
-    python models/train/force/train.py /tmp/force --network force-tdnn --folds 92 --share 0.1 --out /tmp/folds
-
-learns from the 92 recordings of test.safetensors instead of train.safetensors, and leaves one of them out each time: NETWORK.SEED.K.safetensors.
+training that was cut off goes on. Then `meissner eval force` says what it is worth. `--folds 92 --share 0.1` learns from the 92 recordings of
+test.safetensors instead, with a tenth of the steps, and leaves one of them out each time: NETWORK.SEED.K.safetensors.
 """
 
 import math
@@ -18,19 +15,18 @@ from pathlib import Path
 import numpy as np
 import torch
 import torch.nn.functional as F
+from grasps import MAXIMUM, SIDE, Grasps
 from torch import nn
 
 # What all trainings share lies beside their folders.
 sys.path.append(str(Path(__file__).resolve().parents[1]))
+import shared
 import stages
-from meissner.torch import Film, Module, fit, save
+from meissner.torch import Module, fit, save
 
-SIDE, PLACES, FRAMES, PERIOD_US = 115, 23, 41, 10_000
-MAXIMUM = 8.0  # what counts are divided by: `maximum` of the descriptions
-# A forget gate that begins almost open keeps what came before (Jozefowicz et al. 2015, section 3.2).
-FORGET = 2.0
-# Sums of thousands of counts are learned in units of a hundred.
-GAIN = {"force-tdnn": {"fc1": 0.01}}
+PLACES = 23
+FORGET = 2.0  # a forget gate that begins almost open keeps what came before (Jozefowicz et al. 2015, section 3.2)
+GAIN = {"force-tdnn": {"fc1": 0.01}}  # sums of thousands of counts are learned in units of a hundred
 # The layer whose values are computed once: what is in front of it does not learn.
 FIRST = {"force-tdnn": "total", "force-lstm": "pool", "force-cnnlstm": "flat"}
 # Of each frame network: stages of (every so many pixels, recordings, rate, recordings of a step, validations).
@@ -50,57 +46,9 @@ REMARKS = {
 }
 
 
-class Grasps:
-    """Frames of event counts, or what a layer of `module` makes of them, with the force at the end of each frame."""
-
-    def __init__(self, path, module, first, chosen):
-        film = Film(path)
-        ends, size, read = np.arange(1, FRAMES + 1) * PERIOD_US, FRAMES * 2 * SIDE * SIDE, []
-        presses = np.arange(len(film))[chosen]
-        for press in presses:
-            t_us, x, y, on = film.events[press].T.astype(np.int64)
-            value = ((2 * (t_us // PERIOD_US) + on) * SIDE + y) * SIDE + x
-            counts = torch.from_numpy(np.bincount(value, minlength=size).astype(np.uint8).reshape(FRAMES, 2, SIDE, SIDE))
-            with torch.no_grad():
-                read.append(counts if first == "frame" else module.values(counts[None] / MAXIMUM, first)[0])
-        self.values, self.first = torch.stack(read), first
-        self.force = torch.from_numpy(np.stack([film.at(["force"], press, ends)[:, 0] for press in presses]).astype(np.float32))
-
-    def of(self, chosen, every, random=None):
-        """Frames of some recordings, of every so many pixels from a random one on, mirrored at random."""
-        frames = self.values[chosen]
-        if frames.dim() == 5:
-            row, column = (0, 0) if random is None or every == 1 else random.integers(every, size=2)
-            frames = frames[..., row::every, column::every]
-            axes = [axis for axis in (3, 4) if random is not None and random.random() < 0.5]
-            frames = torch.flip(frames, axes) if axes else frames
-        return {self.first: frames.float() / (MAXIMUM if self.first == "frame" else 1.0)}
-
-    def stage(self, *settings):
-        """What `fit` learns from: every so many pixels, recordings of an epoch, recordings of a step."""
-        self.settings = settings
-        return self
-
-    def epoch(self, _, random):
-        every, recordings, batch = self.settings
-        order = np.concatenate([random.permutation(len(self.force)) for _ in range(-(-recordings // len(self.force)))])
-        for first in range(0, recordings - batch + 1, batch):
-            chosen = np.sort(order[first : first + batch])
-            yield first / recordings, self.of(chosen, every, random), self.force[chosen]
-
-    @torch.no_grad()
-    def error(self, module, every, most):
-        """Mean squared error over all frames of at most `most` recordings."""
-        parts = [slice(first, min(first + 4, most)) for first in range(0, min(len(self.force), most), 4)]
-        return float(torch.cat([(force(module, self.of(part, every)) - self.force[part]).square().flatten() for part in parts]).mean())
-
-
-def force(module, given):
-    return module(given)[..., 0]
-
-
 def loss(module, given, target):
-    return F.mse_loss(force(module, given), target)
+    """Squared error of the force at the end of each frame."""
+    return F.mse_loss(module(given)[..., 0], target)
 
 
 class Coarse(nn.Module):
@@ -143,6 +91,7 @@ def schedule(done):
 
 
 def train(network, args, fold, path):
+    torch.manual_seed(args.seed)
     module, first = begun(network, args.seed), FIRST.get(network, "frame")
     trained = Coarse(module) if network == "force-convlstm" else module
     held_out = [] if fold is None else list(range(fold, 92, args.folds))
@@ -155,7 +104,8 @@ def train(network, args, fold, path):
         settings = {"epochs": checks, "rate": rate, "schedule": schedule, "loss": loss, "keep": "best", "check": 1}
         settings |= {"seed": args.seed + number, "learn": None if first == "frame" else ["lstm", "fc"]}
         settings |= {"valid": lambda each: valid.error(each, every, most), "checkpoint": path.with_suffix(f".state{number}")}
-        fit(trained, train.stage(every, recordings, batch), **settings)
+        train.settings = every, recordings, batch
+        fit(trained, train, **settings)
     if network == "force-convlstm":
         module.load({"fc.weight": trained.grown(SIDE, SIDE), "fc.bias": module["fc.bias"]}, ["fc"])
     said = {"seed": args.seed, "recipe": RECIPES[network], "recordings": len(train.force), "sensor": [SIDE, SIDE], "maximum": str(MAXIMUM)}
@@ -166,15 +116,14 @@ def train(network, args, fold, path):
 
 
 def main():
-    args = stages.arguments(__doc__, ["force-graph", *RECIPES], "force", folds=0, share=1.0)
+    more = {"work": Path("/tmp/stages"), "device": "cpu", "folds": 0, "share": 1.0}
+    args = shared.arguments(__doc__, ["force-graph", *RECIPES], "force", "folder of data.py", **more)
     for network in args.network:
         if network == "force-graph":
             stages.run(network, STAGES, args, REMARKS)
-        for fold in (range(args.folds) if args.folds else [None]) if network in RECIPES else []:
-            path = args.out / f"{network}.{args.seed}{'' if fold is None else f'.{fold}'}.safetensors"
-            if not path.exists():
-                print(path.stem, flush=True)
-                train(network, args, fold, path)
+            continue
+        for fold, path in shared.missing(args, network, args.seed, range(args.folds)):
+            train(network, args, fold, path)
 
 
 if __name__ == "__main__":

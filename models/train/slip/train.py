@@ -2,8 +2,9 @@
 
     python models/train/slip/train.py ../shared/data/biotac_dos
 
-Writes a file of weights a training: NETWORK.SEED.safetensors on all Basic objects, and with --folds NETWORK.SEED.SCHEME.K.safetensors for
-cross-validation. What is there already is not trained again. Then `meissner eval slip DATA --trainings FOLDER` says what they are worth.
+Writes a file of weights a training: NETWORK.SEED.safetensors on all Basic objects, and with `--folds recordings,windows`
+NETWORK.SEED.SCHEME.K.safetensors for cross-validation. What is there already is not trained again. Then `meissner eval slip DATA
+--trainings FOLDER` says what they are worth.
 
 The slip paper's three networks have the paper's settings. `slip-best` was chosen by cross-validation grouped by recording: a committee of
 small networks as one. Three members read the shape of a reading (scaled by its own range) through an LSTM; three read the sensor's counts,
@@ -11,7 +12,6 @@ all five readings at once, through dense layers. Each has a loss of its own; the
 beside each other in wide layers whose weights between members are zero: they start so, and no gradient reaches them.
 """
 
-import argparse
 import json
 import math
 import sys
@@ -49,6 +49,7 @@ class Windows:
         self.frames, self.label = (torch.from_numpy(found[name]) for name in ("frames", "label"))
         self.recording, self.object = found["recording"], np.array(objects)[found["object"]]
         self.names = json.loads(said["recordings"])
+        self.seen, self.batch = [], 1
         self.basic = np.flatnonzero([sets[name] == "Basic" for name in self.object])
 
     def fold(self, scheme):
@@ -66,20 +67,13 @@ class Windows:
 
     def part(self, scheme, fold):
         """The windows that a training sees, and what its weights say about the others."""
-        if scheme is None:
-            return self.basic, {}
-        held = self.fold(scheme) == fold
+        held = self.fold(scheme) == int(fold)
         out, said = self.basic[held], {"scheme": scheme, "fold": fold}
         if scheme == "recordings":
             return self.basic[~held], said | {"held_out": [self.names[i] for i in np.unique(self.recording[out])]}
         # A recording's windows follow each other: its first one is where its number first stands.
         places = [[self.names[self.recording[i]], int(i - np.argmax(self.recording == self.recording[i]))] for i in out]
         return self.basic[~held], said | {"held_out_windows": places}
-
-    def of(self, seen, batch):
-        """The same, for `fit`."""
-        self.seen, self.batch = seen, batch
-        return self
 
     def epoch(self, _, random):
         order = random.permutation(self.seen)
@@ -131,33 +125,23 @@ def train(network, seed, windows, seen, said, path, quick):
     settings = {"rate": recipe["rate"], "schedule": constant, "clip": None, "optimiser": torch.optim.Adam, "keep": "mean", "seed": seed}
     # The gradient of the penalty l2 * w^2 is 2 l2 w.
     settings |= {"epochs": 2 if quick else recipe["epochs"], "decay": 2 * recipe["l2"], "precision": torch.bfloat16 if tiles else None}
-    history = fit(
-        module, windows.of(seen, recipe["batch"]), loss=lambda *given: loss(*given, recipe["smoothing"]), checkpoint=path.with_suffix(".state"), **settings
-    )
+    settings |= {"loss": lambda *given: loss(*given, recipe["smoothing"]), "checkpoint": path.with_suffix(".state")}
+    windows.seen, windows.batch = seen, recipe["batch"]
+    history = fit(module, windows, **settings)
     said = {"seed": seed, "recipe": recipe, "trained_on": "Basic", "windows": len(seen), "loss": f"{history.losses[-1]:.4f}"} | said
     save(module, path, said | {"about": f"trained on the Basic objects of biotac_dos, seed {seed}"}, half=True)
 
 
 def main():
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("data", type=Path, help="folder of CLASS/OBJECTn.csv")
-    parser.add_argument("--network", nargs="+", choices=RECIPES, default=list(RECIPES), help="default: all")
-    parser.add_argument("--seed", nargs="+", type=int, default=[0, 1, 2, 3, 4], help="default: 0 1 2 3 4")
-    parser.add_argument("--folds", nargs="+", choices=("recordings", "windows"), help="cross-validate instead, in these ways")
-    parser.add_argument("--out", type=Path, default=Path("models/weights/slip"), help="default: %(default)s")
-    parser.add_argument("--quick", type=int, help="windows of an epoch, of two: whether it works, not how well")
-    args = parser.parse_args()
-    torch.set_num_threads(1)
-    parts = [(scheme, fold) for scheme in args.folds or [] for fold in range(FOLDS)] or [(None, None)]
+    more = {"seeds": 5, "folds": ""}
+    args = shared.arguments(__doc__, RECIPES, "slip", "folder of CLASS/OBJECTn.csv", **more)
+    parts = [f"{scheme}.{fold}" for scheme in args.folds.split(",") if scheme for fold in range(FOLDS)]
     for network in args.network:
         windows = Windows(args.data, network)
-        for seed in args.seed:
-            for scheme, fold in parts:
-                path = args.out / f"{network}.{seed}{'' if scheme is None else f'.{scheme}.{fold}'}.safetensors"
-                if not path.exists():
-                    print(path.stem, flush=True)
-                    seen, said = windows.part(scheme, fold)
-                    train(network, seed, windows, seen[:: max(len(seen) // args.quick, 1)] if args.quick else seen, said, path, args.quick)
+        for seed in range(args.seed, args.seed + args.seeds):
+            for part, path in shared.missing(args, network, seed, parts):
+                seen, said = windows.part(*part.rsplit(".", 1)) if part else (windows.basic, {})
+                train(network, seed, windows, shared.some(seen, args.quick), said, path, args.quick)
 
 
 if __name__ == "__main__":

@@ -28,13 +28,17 @@ the move of training images drawn at random, each on its own, and is off the fie
 """
 
 import argparse
-import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
 import pins
 import shear
 from safetensors.numpy import save_file
+
+# What all trainings share lies beside their folders.
+sys.path.append(str(Path(__file__).resolve().parents[1]))
+from shared import meissner
 
 # The rest differs, so that a press begins anywhere within a cell in time.
 REST_US, HOLD_US = (10_000, 60_000), 20_000
@@ -109,8 +113,7 @@ def film(args, number, part, seed, tracks):
     out.parent.mkdir(parents=True, exist_ok=True)
     save_file(tracks, path)
     sensor = ["--sensor", f"{pins.SIDE}x{pins.SIDE}", "--seed", seed]
-    command = [args.meissner, "simulate", "markers", path, *sensor, "--out", out, *SCENE]
-    subprocess.run([str(word) for word in command], check=True)
+    meissner("simulate", "markers", path, *sensor, "--out", out, *SCENE)
 
 
 def main():
@@ -190,7 +193,6 @@ def arguments():
     parser.add_argument("--films", type=int, default=2, help="times that the training presses are filmed; default: 2")
     parser.add_argument("--drawn", type=int, default=0, help="films of presses at drawn poses; default: 0")
     parser.add_argument("--seed", type=int, default=0, help="default: 0")
-    parser.add_argument("--meissner", default="target/release/meissner", help="default: %(default)s")
     return parser.parse_args()
 
 

@@ -19,6 +19,7 @@ from safetensors.numpy import load_file
 
 # What all trainings share lies beside their folders.
 sys.path.append(str(Path(__file__).resolve().parents[1]))
+import shared
 import stages
 from meissner.torch import cosine
 
@@ -141,7 +142,7 @@ def warm_up(module, readouts):
 
 
 if __name__ == "__main__":
-    args = stages.arguments(__doc__, STAGES, "angle")
+    args = shared.arguments(__doc__, STAGES, "angle", "folder of folders of films", work=Path("/tmp/stages"), device="cpu")
     for network in args.network:
         told = {"told": Modes, "loss": loss, "warm_up": warm_up} if network == "tactip-shear" else {}
         stages.run(network, STAGES[network], args, SHEAR if told else REMARKS, **told)

@@ -17,6 +17,7 @@ what this event affects, and its predictions have the bits of a full recomputati
 | labelled data sets | `meissner.datasets` |
 | figures of networks on them | `evaluate`, `pareto`, `meissner.metrics` |
 | a model of PyTorch Geometric | `meissner.export` |
+| to train a network in PyTorch | `meissner.torch` |
 
 Times are microseconds. Events are NumPy arrays with the fields t, x, y, p (`EVENT_DTYPE`), or with those of other libraries.
 """

@@ -54,9 +54,9 @@ def fit(
     """Trains all layers of `module` in place, or the parameters whose names begin with one of `learn`. Returns a `History`.
 
     `presses` is a `Presses`, `Readouts`, or any object whose `epoch(module, random)` yields (share of the epoch that is done, what
-    `loss(module, given, target)` reads, target). `valid` is a `Presses` or `Readouts`, or a dict of some, whose mean error in units of the outputs
-    (or share of wrong classes) is measured, or a function of the module that returns an error, or an error and a text; every `check` epochs and at the end.
-    `keep` says which weights stay: those of the "last" epoch, of the "best" validation, or the "mean" over the second half of all epochs,
+    `loss(module, given, target)` reads, target). `valid` is a `Presses` or `Readouts`, or a dict of some, whose mean error in units of the
+    outputs (or share of wrong classes) is measured, or a function of the module that returns an error, or an error and a text; every `check`
+    epochs and at the end. `keep` says which weights stay: those of the "last" epoch, of the "best" validation, or the "mean" over the second half of all epochs,
     for which the statistics of batch norm are gathered anew. After `patience` validations without a better one, the training ends.
     `schedule` is a factor of the rate for the share of the training that is done, `clip` the largest norm of a gradient (None: any).
     `device` is that of PyTorch, by default the module's; `precision` a type for autocast. `checkpoint` is a file that is written after each
@@ -79,10 +79,14 @@ def fit(
     if checkpoint and Path(checkpoint).exists():
         state = torch.load(checkpoint, map_location=device, weights_only=True)
         said = json.loads(state["said"])
+        if [tensor.shape for tensor in state["tensors"]] != [tensor.shape for tensor in _tensors(module)] or said["seed"] != seed:
+            raise InputError(f"checkpoint {checkpoint}: expected one of this training, found one of another module or seed")
         _restore(module, state["tensors"])
         steps.load_state_dict({"state": state["moments"], "param_groups": said["groups"]})
         random.bit_generator.state, first, kept, count = said["random"], said["epochs"], state["kept"], said["count"]
         torch.set_rng_state(state["torch"].cpu())
+        if state["cuda"] is not None and device.type == "cuda":
+            torch.cuda.set_rng_state(state["cuda"].cpu(), device)
         history = History(said["losses"], {int(epoch): error for epoch, error in said["valid"].items()}, said["best"])
     for epoch in range(first, epochs):
         if patience and history.valid and len([e for e in history.valid if e > history.best]) >= patience:
@@ -94,13 +98,13 @@ def fit(
                 group["lr"] = rate * schedule((epoch + done) / epochs)
             with _autocast(device, precision):
                 found = loss(module, _to(given, device), target.to(device))
+            if not math.isfinite(found.item()):
+                raise InputError(f"epoch {epoch + 1}: expected a finite loss, found {found.item()}: a lower rate may help")
             steps.zero_grad()
             found.backward()
             if clip:
                 torch.nn.utils.clip_grad_norm_(learnt, clip)
             steps.step()
-            if not math.isfinite(found.item()):
-                raise InputError(f"epoch {epoch + 1}: expected a finite loss, found {found.item()}: a lower rate may help")
             total, seen = total + found.item() * len(target), seen + len(target)
         if not seen:
             raise InputError("presses: expected some, found none")
@@ -120,9 +124,9 @@ def fit(
         log(line)
         if checkpoint:
             said = {"groups": steps.state_dict()["param_groups"], "random": random.bit_generator.state, "epochs": epoch + 1, "count": count}
-            said |= {"losses": history.losses, "valid": history.valid, "best": history.best}
+            said |= {"losses": history.losses, "valid": history.valid, "best": history.best, "seed": seed}
             state = {"tensors": _tensors(module), "kept": kept, "moments": steps.state_dict()["state"], "torch": torch.get_rng_state()}
-            state["said"] = json.dumps(said)
+            state |= {"said": json.dumps(said), "cuda": torch.cuda.get_rng_state(device) if device.type == "cuda" else None}
             part = Path(f"{checkpoint}.part")
             part.parent.mkdir(parents=True, exist_ok=True)
             torch.save(state, part)

@@ -63,7 +63,9 @@ class Presses:
     says (`Module.reads_any_time`), at one of them. A graph serves `passes` times, `limit` presses make an epoch. `augment(events, random)`
     makes another stream of one; `told(film, press, t_us)` appends values (times, any) to the targets."""
 
-    def __init__(self, *films, mirrors=(), shift=2, strides=(1, 1), times=1, youngest=0.1, batch=16, passes=1, limit=None, augment=None, told=None):
+    def __init__(
+        self, *films, mirrors=(), shift=2, strides=(1, 1), times=1, youngest=0.1, batch=16, passes=1, limit=None, augment=None, told=None
+    ):
         self.films = [film if isinstance(film, Film) else Film(film) for film in films]
         self.sensor = self.films[0].sensor
         if len({(film.sensor, len(film)) for film in self.films}) != 1:
