@@ -30,7 +30,7 @@ sys.path.append(str(Path(__file__).resolve().parents[1]))
 from shared import meissner
 
 SENSOR = 346, 260
-TILTS, DIRECTIONS, EACH = 10, 20, 16
+DIRECTIONS, EACH = 20, 16  # presses of each of 10 tilts and 20 directions
 PARTS = {"train": range(10), "valid": range(10, 12), "test": range(12, 16), "unseen": range(12, 16)}
 # 72, 108, 252 and 288 degrees: mirror images of each other, so that mirrored presses do not show them either.
 UNSEEN = 4, 6, 14, 16

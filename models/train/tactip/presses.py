@@ -39,13 +39,8 @@ from safetensors.numpy import save_file
 # What all trainings share lies beside their folders.
 sys.path.append(str(Path(__file__).resolve().parents[1]))
 from shared import meissner
+from tracks import shears, taps
 
-# The rest differs, so that a press begins anywhere within a cell in time.
-REST_US, HOLD_US = (10_000, 60_000), 20_000
-DURATION_US = 100_000, 200_000
-# Of a press before a move, and of the move: both together fit into the 300 ms that the networks look back.
-PART_US = 60_000, 130_000
-STEPS = 12  # of the motion; markers move along straight lines between them
 VALID = 500
 # No film of the training has the number of one of these.
 VALID_CAMERA, TEST_CAMERA = 8, 9
@@ -53,57 +48,6 @@ VALID_CAMERA, TEST_CAMERA = 8, 9
 # markers has (docs/simulated-touch.md).
 SCENE = ["--radius", "1.5", "--marker", "0.5", "--ground", "0.2", "--threshold-on", "0.3", "--threshold-off", "0.3"]
 SCENE += ["--threshold-spread", "0.02", "--leak-hz", "0.061"]
-
-
-def risen(shares):
-    """Depth at shares of the duration, as shares of its end."""
-    return shares * shares * (3 - 2 * shares)
-
-
-def taps(field, pose, seen, random):
-    """The tracks of presses without a move."""
-    times = knots(random, len(pose), DURATION_US)
-    # Whatever the field misses of a real image grows with the depth. A pin that was not seen ends where the field says.
-    residual = np.nan_to_num(seen - field(pose))
-    states = []
-    for rise in risen(np.linspace(0, 1, STEPS + 1)):
-        at = pose * (rise, 1, 1)
-        states.append((at, field(at) + rise * residual))
-    return tracks(times, states)
-
-
-def shears(field, pose, move, residual, random):
-    """The tracks of presses that are followed by a move, at whose end the pins are off the field by `residual`."""
-    times = knots(random, len(pose), PART_US, PART_US)
-    other = random.permutation(residual)
-    pressed = pose - np.column_stack([np.zeros(len(pose)), move[:, 2:4]])
-    states = []
-    for rise in risen(np.linspace(0, 1, STEPS + 1)):
-        at = pressed * (rise, 1, 1)
-        states.append((at, field(at, 0 * move) + rise * other))
-    for done in risen(np.linspace(0, 1, STEPS + 1)[1:]):
-        at = pressed + done * (pose - pressed)
-        states.append((at, field(at, done * move) + (1 - done) * other + done * residual))
-    return tracks(times, states)
-
-
-def knots(random, presses, *durations):
-    """Times (press, knot) of the states of presses whose parts take random durations, after a rest and before a hold."""
-    rest, *durations = (random.integers(*limits, presses, endpoint=True) for limits in (REST_US, *durations))
-    times = [np.zeros_like(rest), rest]
-    for duration in durations:
-        times += [times[-1] + np.rint(share * duration).astype(np.int64) for share in np.linspace(0, 1, STEPS + 1)[1:]]
-    return np.column_stack([*times, times[-1] + HOLD_US])
-
-
-def tracks(times, states):
-    """The tracks of presses as `meissner simulate markers` reads them, with the labels along time. A state has poses (press, 3) and
-    positions (press, pin, 2); the first rests, the last is held."""
-    poses, positions = ([np.float32(value) for value in values] for values in zip(states[0], *states, states[-1]))
-    depth, tilt_x, tilt_y = np.stack(poses, 1).reshape(-1, 3).T.copy()
-    start = np.arange(len(times) + 1) * times.shape[1]
-    flat = np.stack(positions, 1).reshape(-1, *positions[0].shape[1:])
-    return {"t_us": times.ravel(), "start": start, "position": flat, "depth": depth, "tilt_x": tilt_x, "tilt_y": tilt_y}
 
 
 def film(args, number, part, seed, tracks):

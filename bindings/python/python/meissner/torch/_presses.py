@@ -9,12 +9,14 @@ from pathlib import Path
 
 import numpy as np
 import torch
+from safetensors import safe_open
 
 from .. import InputError, datasets
 from ._graphs import columns_of, moved
 
 # Labels change their sign in a mirror: that along columns turns pitch, that along rows turns roll.
 MIRRORED = {"columns": ("pitch", "tilt_x"), "rows": ("roll", "tilt_y")}
+ANGLES = {("deg", "rad"): np.pi / 180, ("rad", "deg"): 180 / np.pi}
 # Presses whose graphs are built together.
 CHUNK = 320
 
@@ -28,6 +30,8 @@ class Film:
         self.sensor, self.classes = dataset.sensor, None
         self.events = [columns_of(sample.events).astype(np.int32) for sample in samples]
         self.times = [sample.more["t_us"] for sample in samples]
+        with safe_open(path, "np") as file:
+            self.units = json.loads((file.metadata() or {}).get("units", "{}"))
         self.labels = {name: [sample.more[name] for sample in samples] for name in samples[0].more if name != "t_us"}
         # Where there is a depth, contact is when it begins to rise.
         depths = self.labels.get("depth", [np.ones(2)] * len(self))
@@ -46,12 +50,18 @@ class Film:
     def __len__(self):
         return len(self.events)
 
-    def at(self, names, press, t_us):
-        """Labels (times, names) of a press at some times; they are linear between those that are known."""
+    def at(self, names, press, t_us, units=()):
+        """Labels (times, names) of a press at some times, angles in `units`; they are linear between those that are known."""
         missing = [name for name in names if name not in self.labels]
         if missing:
             raise InputError(f"{self.path}: expected labels {', '.join(names)}, found {', '.join(self.labels)}")
-        return np.stack([np.interp(t_us, self.times[press], self.labels[name][press]) for name in names], 1)
+        found = np.stack([np.interp(t_us, self.times[press], self.labels[name][press]) for name in names], 1)
+        for column, name, wanted in zip(found.T, names, units):
+            has = self.units.get(name, wanted)
+            if has != wanted and (has, wanted) not in ANGLES:
+                raise InputError(f"{self.path}: expected label {name} in {wanted}, found {has}")
+            column *= ANGLES.get((has, wanted), 1.0)
+        return found
 
 
 class Presses:
@@ -137,7 +147,7 @@ class Presses:
             return graphs.batch(part), torch.tensor([film.classes[press] for film, press in zip(films, presses)])
         targets = []
         for film, press, at, own in zip(films, presses, times, moves):
-            label = film.at(module.said["outputs"], press, at) * self.turned(module, (move or own)[0])
+            label = film.at(module.said["outputs"], press, at, module.said["units"]) * self.turned(module, (move or own)[0])
             targets.append(label if self.told is None else np.concatenate([label, self.told(film, press, at)], 1))
         # Where graphs are read at their ends, the times are those of the last events.
         read = (np.stack(times), *move) if move else ()
@@ -178,7 +188,7 @@ def errors(module, presses, shares=(1.0,)):
             if film.classes is not None:
                 found.append((values.argmax(1) != film.classes[first:][part.start : part.stop])[:, None, None].astype(np.float64))
                 continue
-            truth = [film.at(module.said["outputs"], chosen[i], times[i]) for i in part]
+            truth = [film.at(module.said["outputs"], chosen[i], times[i], module.said["units"]) for i in part]
             found.append(values.reshape(len(part), len(shares), -1) - np.stack(truth))
     return np.concatenate(found)
 
@@ -239,7 +249,7 @@ class Readouts:
                 found = np.lib.format.open_memmap(kept.with_suffix(".npy"), "w+", np.float16, shape)
             found[first : chosen.stop] = values.flatten(1, 2).numpy()
             for i, at in zip(chosen, times):
-                label = film.at(module.said["outputs"], i, at)
+                label = film.at(module.said["outputs"], i, at, module.said["units"])
                 own = [label * turns.turned(module, image) for image in images]
                 told = [] if self.told is None else [np.tile(self.told(film, i, at), (len(images), 1))]
                 targets.append(np.concatenate([np.concatenate(own), *told], 1).astype(np.float32))
