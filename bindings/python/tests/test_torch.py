@@ -1,5 +1,10 @@
 """`meissner.torch` against the engine, and what a training promises. Needs torch and safetensors; `.ci/python` says where it runs."""
 
+import importlib.util
+import inspect
+import sys
+from pathlib import Path
+
 import numpy as np
 import pytest
 from conftest import SENSOR, make_events
@@ -81,6 +86,15 @@ def test_shipped_networks_over_frames_give_the_values_of_the_engine(name):
         near(module(given[None] if module.remembers else given).numpy().reshape(steps, -1), np.stack(expected).reshape(steps, -1))
         if module.remembers:
             near(module(given[None], last=True).numpy()[0], expected[-1])
+
+
+def test_of_the_last_step_alone_is_computed_what_no_memory_reads():
+    module, rows = Module.from_description("slip-best").train(), {}
+    layer = module._layer
+    module._layer = lambda said, read, *more: rows.setdefault(said["name"], len(read[0])) and layer(said, read, *more)
+    module(torch.rand(3, 5, 48), last=True)
+    # Batch norm sees what it sees in a prediction.
+    assert rows.pop("lstm") == rows.pop("readings") == 15 and set(rows.values()) == {3}
 
 
 @pytest.mark.parametrize("lifetime", ["frozen", "window"])
@@ -264,9 +278,8 @@ def test_tensors_that_do_not_fit_are_refused_by_name_and_nothing_is_written(tmp_
     ]:
         with pytest.raises(meissner.WeightsError, match=message):
             save(state | changed, path, network=PRESSES)
-    missing = {name: tensor for name, tensor in state.items() if name != "out.weight"} | {"head.weight": state["out.weight"]}
-    with pytest.raises(meissner.WeightsError, match=r'out\.weight.*"head\.weight"'):
-        save(missing, path, network=PRESSES)
+    with pytest.raises(meissner.WeightsError, match=r"out\.weight.*\[2, 8\], found no such tensor"):
+        save({name: tensor for name, tensor in state.items() if name != "out.weight"}, path, network=PRESSES)
     with pytest.raises(meissner.WeightsError, match="half precision.*hidden.weight"):
         save(state | {"hidden.weight": torch.full((8, 144), 1e5)}, path, network=PRESSES, half=True)
     with pytest.raises(meissner.WeightsError, match="stride"):
@@ -275,3 +288,22 @@ def test_tensors_that_do_not_fit_are_refused_by_name_and_nothing_is_written(tmp_
     other = {f"net.{name}".replace("out", "last"): tensor for name, tensor in state.items()} | {"spare": torch.zeros(3)}
     assert save(other, path, network=PRESSES, names={"net.": "", "net.last.": "out."}) == ["spare"]
     assert set(meissner.Weights(path)) == set(state)
+
+
+@pytest.mark.parametrize("task", ["angle", "digits", "force", "slip", "tactip", "touch"])
+def test_recipes_train_shipped_networks_with_settings_that_exist(task, monkeypatch):
+    folder = Path(__file__).parents[3] / "models" / "train"
+    monkeypatch.setattr(sys, "path", [str(folder), str(folder / task), *sys.path])
+    spec = importlib.util.spec_from_file_location(f"recipe_{task}", folder / task / "train.py")
+    recipe = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(recipe)
+    plans = {task: getattr(recipe, "STAGES", {})} if task == "force" else getattr(recipe, "STAGES", {})
+    networks = [*getattr(recipe, "RECIPES", {}), *getattr(recipe, "PARTS", {}), *(plans if task != "force" else ["force-graph"])]
+    assert networks and set(networks) <= set(meissner.networks())
+    for stages in plans.values():
+        for place, (name, stage) in enumerate(stages.items()):
+            assert set(stage) <= {*recipe.stages.DEFAULT, "films", "valid", "unit", "readouts"}, name
+            assert {start for start in stage.get("start", []) if start[0] != "/"} <= set(list(stages)[:place]), name
+            assert set(stage.get("presses", {})) <= set(inspect.signature(Presses).parameters), name
+            assert set(stage.get("readouts", {})) <= set(inspect.signature(Readouts).parameters), name
+            assert set(stage["fit"]) <= set(inspect.signature(fit).parameters), name

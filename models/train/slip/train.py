@@ -120,8 +120,8 @@ def train(network, seed, windows, seen, said, path, quick):
         low, high = module.said["source"]["scaling"][1]
         module.gain = {"counts1": (high - low) / SPREAD, "out": 1 / (2 * MEMBERS)}
         committee(module)
-    # bfloat16 with f32 sums where the processor has tiles for it: half of the time.
-    tiles = getattr(torch.cpu, "_is_amx_tile_supported", bool)()
+    # bfloat16 with f32 sums where the processor has tiles for it: half of the time. Counts of a committee need more bits.
+    tiles = network != "slip-best" and getattr(torch.cpu, "_is_amx_tile_supported", bool)()
     settings = {"rate": recipe["rate"], "schedule": constant, "clip": None, "optimiser": torch.optim.Adam, "keep": "mean", "seed": seed}
     # The gradient of the penalty l2 * w^2 is 2 l2 w.
     settings |= {"epochs": 2 if quick else recipe["epochs"], "decay": 2 * recipe["l2"], "precision": torch.bfloat16 if tiles else None}

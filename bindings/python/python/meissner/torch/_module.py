@@ -185,15 +185,18 @@ class Module(nn.Module):
             for name, value in done.items():
                 if value.dim() == ranks[name] + 2:
                     steps, done[name] = tuple(value.shape[:2]), value.flatten(0, 1)
-        for name in self._needed(done, wanted):
+        order, before = self._needed(done, wanted), set()
+        # Of the last step alone is computed what no layer with a memory reads.
+        for name in reversed(order if last and steps else []):
+            if name in before or self.layers[name]["kind"] in _layers.MEMORY:
+                before |= {name, *_reads(self.layers[name])}
+        for name in sorted(order, key=lambda name: name not in before):
+            if last and steps and name not in before:
+                done, steps = {key: value.unflatten(0, steps)[:, -1] for key, value in done.items()}, None
             layer = self.layers[name]
             done[name] = self._layer(layer, [done[read] for read in _reads(layer)], batch, steps)
-            if last and name == self.remembers and steps:
-                done, steps = {key: value.unflatten(0, steps)[:, -1] for key, value in done.items()}, None
-        found = done[wanted]
-        if last and steps:
-            return found.unflatten(0, steps)[:, -1]
-        return found.unflatten(0, steps) if steps else found
+        found = done[wanted].unflatten(0, steps) if steps else done[wanted]
+        return found[:, -1] if last and steps else found
 
     def _needed(self, done, wanted):
         """The layers that `wanted` depends on, without those that are done."""
