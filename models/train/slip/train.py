@@ -15,6 +15,7 @@ beside each other in wide layers whose weights between members are zero: they st
 import json
 import math
 import sys
+from copy import copy
 from pathlib import Path
 
 import numpy as np
@@ -45,11 +46,10 @@ class Windows:
 
     def __init__(self, data, network):
         found, said = shared.prepared("slip", data, "--network", network)
-        objects, sets = json.loads(said["objects"]), json.loads(said["sets"])
+        objects, sets, self.names = (json.loads(said[name]) for name in ("objects", "sets", "recordings"))
         self.frames, self.label = (torch.from_numpy(found[name]) for name in ("frames", "label"))
         self.recording, self.object = found["recording"], np.array(objects)[found["object"]]
-        self.names = json.loads(said["recordings"])
-        self.seen, self.batch = [], 1
+        self.seen, self.batch, self.shuffles = [], 1, True
         self.basic = np.flatnonzero([sets[name] == "Basic" for name in self.object])
 
     def fold(self, scheme):
@@ -76,7 +76,7 @@ class Windows:
         return self.basic[~held], said | {"held_out_windows": places}
 
     def epoch(self, _, random):
-        order = random.permutation(self.seen)
+        order = random.permutation(self.seen) if self.shuffles else self.seen
         for first in range(0, len(order), self.batch):
             chosen = order[first : first + self.batch]
             yield first / len(order), self.frames[chosen], self.label[chosen]
@@ -127,14 +127,16 @@ def train(network, seed, windows, seen, said, path, quick):
     settings |= {"epochs": 2 if quick else recipe["epochs"], "decay": 2 * recipe["l2"], "precision": torch.bfloat16 if tiles else None}
     settings |= {"loss": lambda *given: loss(*given, recipe["smoothing"]), "checkpoint": path.with_suffix(".state")}
     windows.seen, windows.batch = seen, recipe["batch"]
-    history = fit(module, windows, **settings)
+    # Statistics over the windows in their order: those of a batch are alike, and vary less than all do (README.md).
+    in_order = copy(windows)
+    in_order.batch, in_order.shuffles = 256, False
+    history = fit(module, windows, statistics=in_order, **settings)
     said = {"seed": seed, "recipe": recipe, "trained_on": "Basic", "windows": len(seen), "loss": f"{history.losses[-1]:.4f}"} | said
     save(module, path, said | {"about": f"trained on the Basic objects of biotac_dos, seed {seed}"}, half=True)
 
 
 def main():
-    more = {"seeds": 5, "folds": ""}
-    args = shared.arguments(__doc__, RECIPES, "slip", "folder of CLASS/OBJECTn.csv", **more)
+    args = shared.arguments(__doc__, RECIPES, "slip", "folder of CLASS/OBJECTn.csv", seeds=5, folds="")
     parts = [f"{scheme}.{fold}" for scheme in args.folds.split(",") if scheme for fold in range(FOLDS)]
     for network in args.network:
         windows = Windows(args.data, network)

@@ -49,7 +49,8 @@ def loss_of(module, given, target):
 
 def fit(
     module, presses, *, epochs, rate=0.003, decay=0.001, optimiser=torch.optim.AdamW, schedule=cosine, clip=1.0, loss=loss_of,
-    valid=None, check=5, keep="last", patience=None, learn=None, seed=0, device=None, precision=None, checkpoint=None, log=print,
+    valid=None, check=5, keep="last", statistics=None, patience=None, learn=None, seed=0, device=None, precision=None, checkpoint=None,
+    log=print,
 ):  # fmt: skip
     """Trains all layers of `module` in place, or the parameters whose names begin with one of `learn`. Returns a `History`.
 
@@ -57,7 +58,7 @@ def fit(
     `loss(module, given, target)` reads, target). `valid` is a `Presses` or `Readouts`, or a dict of some, whose mean error in units of the
     outputs (or share of wrong classes) is measured, or a function of the module that returns an error, or an error and a text; every `check`
     epochs and at the end. `keep` says which weights stay: those of the "last" epoch, of the "best" validation, or the "mean" over the second half of all epochs,
-    for which the statistics of batch norm are gathered anew. After `patience` validations without a better one, the training ends.
+    for which the statistics of batch norm are gathered anew from `statistics`, by default `presses`. After `patience` validations without a better one, the training ends.
     `schedule` is a factor of the rate for the share of the training that is done, `clip` the largest norm of a gradient (None: any).
     `device` is that of PyTorch, by default the module's; `precision` a type for autocast. `checkpoint` is a file that is written after each
     epoch: a training that was cut off goes on from it as if nothing had happened, and it has to be the same training.
@@ -134,7 +135,7 @@ def fit(
     if kept is not None:
         _restore(module, kept)
     if keep == "mean":
-        gather_statistics(module, presses, random, device, loss)
+        gather_statistics(module, statistics or presses, random, device, loss)
     module.eval()
     return history
 
