@@ -1,7 +1,9 @@
 """`meissner.torch` against the engine, and what a training promises. Needs torch and safetensors; `.ci/python` says where it runs."""
 
+import copy
 import importlib.util
 import inspect
+import pickle
 import sys
 from pathlib import Path
 
@@ -119,6 +121,14 @@ def test_a_network_trained_in_other_units_has_the_engines_tensors():
         again = Module.from_description(PRESSES, meissner.Weights(module), unit=[1.0, 5.0]).eval()
         near(again(given).numpy()[0], engine.predict().values)
     assert torch.allclose(module.state_dict()["out.bias"], module["out.bias"] * torch.tensor([2.0, 0.1]))
+    # Copies and modules around it have the engine's tensors too.
+    other = copy.deepcopy(module)
+    other.gain["hidden"] = 1.0
+    around = torch.nn.Sequential(other)
+    around.load_state_dict({f"0.{name}": tensor for name, tensor in module.state_dict().items()})
+    with torch.no_grad():
+        near(pickle.loads(pickle.dumps(around))[0](given).numpy()[0], engine.predict().values)
+    assert all(torch.allclose(tensor, around.state_dict()[f"0.{name}"]) for name, tensor in module.state_dict().items())
     with pytest.raises(meissner.WeightsError, match=r"hidden\.weight: expected shape"):
         module.load({"hidden.weight": torch.zeros(2, 2)}, ["hidden"])
 

@@ -44,8 +44,6 @@ class Module(nn.Module):
         self.levels_read = {layer["level"] for layer in blocks}
         memory = [i for i, layer in enumerate(self.layers.values()) if layer["kind"] in _layers.MEMORY]
         self.remembers = list(self.layers)[memory[-1]] if memory else None
-        self._register_state_dict_hook(lambda module, state, prefix, _: module._scale(state, prefix, 1))
-        self._register_load_state_dict_pre_hook(lambda state, prefix, *_: self._scale(state, prefix, -1))
 
     @classmethod
     def from_description(cls, network, weights=None, *, seed=0, unit=1.0, gain=None, dropout=None):
@@ -107,6 +105,13 @@ class Module(nn.Module):
         """The names of all layers up to one, in the order of evaluation: `up_to("grid")` are the layers of events."""
         names = list(self.layers)
         return names[: names.index(name) + 1]
+
+    def state_dict(self, *args, prefix="", **settings):
+        """The engine's tensors by their names."""
+        return self._scale(super().state_dict(*args, prefix=prefix, **settings), prefix, 1)
+
+    def _load_from_state_dict(self, state_dict, prefix, *others):
+        super()._load_from_state_dict(self._scale(state_dict, prefix, -1), prefix, *others)
 
     def _scale(self, state, prefix, power):
         """Multiplies the tensors of a state dict by what the engine's are larger by, or divides them."""
