@@ -134,12 +134,9 @@ def jittered(tensors):
 def chosen(tracks, part):
     """The tracks of the presses of a part."""
     start = tracks.pop("start")
-    presses = []
-    for press in range(len(start) - 1):
-        kind, sample = divmod(press, EACH)
-        unseen = kind % DIRECTIONS in UNSEEN
-        if sample in PARTS[part] and (part == "test" or unseen == (part == "unseen")):
-            presses.append(press)
+    unseen = [press // EACH % DIRECTIONS in UNSEEN for press in range(len(start) - 1)]
+    presses = [press for press in range(len(start) - 1) if press % EACH in PARTS[part]]
+    presses = [press for press in presses if part == "test" or unseen[press] == (part == "unseen")]
     times = np.concatenate([np.arange(*start[[press, press + 1]]) for press in presses])
     bounds = np.cumsum([0] + [start[press + 1] - start[press] for press in presses])
     return {name: np.ascontiguousarray(tensor[times]) for name, tensor in tracks.items()} | {"start": bounds}
