@@ -8,7 +8,7 @@
 //!
 //! Invariant: the sums of an engine equal [`WindowStatistics::of`] the events in its window.
 
-use std::collections::HashMap;
+use std::collections::BTreeMap;
 
 use crate::memory::Memory;
 use crate::metric::Node;
@@ -57,9 +57,9 @@ pub struct WindowStatistics {
 }
 
 impl WindowStatistics {
-    /// Those of `events` of `sensor` at the time `now_us`, which no event is later than. O(events).
+    /// Those of `events` of `sensor` at the time `now_us`, which no event is later than. O(events log events).
     pub fn of(events: &[Event], sensor: Sensor, now_us: i64) -> Self {
-        let mut counts: HashMap<u32, u64> = HashMap::new();
+        let mut counts: BTreeMap<u32, u64> = BTreeMap::new();
         let mut statistics = Self::default();
         let places = Places::of(sensor);
         for event in events {
