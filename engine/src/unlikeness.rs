@@ -57,7 +57,8 @@ pub struct WindowStatistics {
 }
 
 impl WindowStatistics {
-    /// Those of `events` of `sensor` at the time `now_us`, which no event is later than. O(events log events).
+    /// Those of `events` of `sensor` at the time `now_us`, which no event is later than. O(events
+    /// log events).
     pub fn of(events: &[Event], sensor: Sensor, now_us: i64) -> Self {
         let mut counts: BTreeMap<u32, u64> = BTreeMap::new();
         let mut statistics = Self::default();
