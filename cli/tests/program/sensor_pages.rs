@@ -1,0 +1,100 @@
+//! The commands of the pages about sensors, with files instead of a camera, a robot and a driver.
+
+use std::fmt::Write;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use std::{env, fs};
+
+use meissner_engine::{Event, Sensor};
+use meissner_io::Format;
+use tempfile::TempDir;
+
+use crate::data::slip;
+use crate::support::picture_network;
+
+/// The commands in the blocks of shell code of a page, in order.
+fn commands(page: &str) -> Vec<String> {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/sensors").join(page);
+    let text = fs::read_to_string(path).expect("a page");
+    let blocks = text.split("```sh\n").skip(1).filter_map(|rest| rest.split_once("```"));
+    let lines = blocks.flat_map(|(block, _)| block.lines());
+    lines.filter(|line| !line.is_empty()).map(str::to_owned).collect()
+}
+
+/// Runs the commands of `page` in `folder`, each with `instead`: what a reader has, and a file of
+/// the folder or an option that takes its place. `before` is called with each command.
+fn run(page: &str, folder: &Path, instead: &[(&str, &str)], before: impl Fn(&str)) {
+    let program = PathBuf::from(env!("CARGO_BIN_EXE_meissner"));
+    let own = program.parent().expect("a folder");
+    let path = env::var_os("PATH").unwrap_or_default();
+    let paths = env::join_paths([own.to_owned()].into_iter().chain(env::split_paths(&path))).expect("paths");
+    let commands = commands(page);
+    assert!(commands.len() >= 3, "{page}: {commands:?}");
+    for command in commands {
+        before(&command);
+        let changed = instead.iter().fold(command.clone(), |text, (of, by)| text.replace(of, by));
+        let output = Command::new("sh")
+            .args(["-e", "-c", &changed])
+            .current_dir(folder)
+            .env("PATH", &paths)
+            .output()
+            .expect("a shell");
+        let said = String::from_utf8_lossy(&output.stderr);
+        assert!(output.status.success() && !said.contains("error"), "{page}: {command} ({changed}): {said}");
+    }
+}
+
+/// Twelve presses with a pause of half a second between them: a block of pixels that moves to a
+/// place that is the label.
+fn presses(sensor: Sensor, folder: &Path) -> Vec<f64> {
+    let (mut events, mut labels) = (Vec::new(), Vec::new());
+    for press in 0..12_i64 {
+        let to = f64::from(sensor.width) * (0.3 + 0.05 * press as f64);
+        labels.push(to / 10.0);
+        events.extend((0..300_i64).map(|k| {
+            let x = (to * k as f64 / 300.0) as u16 + (k % 2) as u16;
+            let y = (i64::from(sensor.height) / 2 + (k / 2) % 3) as u16;
+            Event::new(press * 700_000 + k * 300, x.min(sensor.width - 1), y, (k * press) % 5 != 0)
+        }));
+    }
+    meissner_io::write(&folder.join("camera.es"), Format::Es, Some(sensor), &events).expect("it is written");
+    labels
+}
+
+#[test]
+fn a_dome_gets_from_the_box_to_a_controller() {
+    let folder = TempDir::new().expect("a place");
+    let labels = presses(Sensor::new(120, 90), folder.path());
+    let mut table = "recording,x_mm\n".to_owned();
+    for (press, label) in labels.iter().enumerate() {
+        writeln!(table, "press-{:04}.aedat4,{label}", press + 1).expect("text");
+    }
+    run("dome.md", folder.path(), &[("dv://127.0.0.1:7777", "camera.es")], |command| {
+        if command.starts_with("meissner prepare presses") {
+            fs::write(folder.path().join("presses/labels.csv"), &table).expect("it is written");
+        }
+    });
+    let card = fs::read_to_string(folder.path().join("fitted/mine.md")).expect("a card");
+    assert!(card.contains("12 presses"), "{card}");
+}
+
+#[test]
+fn a_camera_before_a_gel_gets_to_pictures_of_force() {
+    let folder = TempDir::new().expect("a place");
+    let [network, weights] = picture_network(folder.path());
+    let pictures: Vec<u8> = (0..3 * 3 * 32 * 24_u32).map(|i| (i * 7 % 251) as u8).collect();
+    fs::write(folder.path().join("camera.rgb"), pictures).expect("it is written");
+    let small = format!("--network {} --weights {} --video 32x24", network.display(), weights.display());
+    let camera = "ffmpeg -v error -f v4l2 -i /dev/video0 -s 320x240 -f rawvideo -pix_fmt rgb24 -";
+    let instead = [(camera, "cat camera.rgb"), ("--network canf --video 320x240", &small)];
+    run("gel.md", folder.path(), &instead, |_| ());
+    let lines = fs::read_to_string(folder.path().join("touch.json")).expect("predictions");
+    assert_eq!(lines.lines().count(), 5, "header, three pictures, summary: {lines}");
+}
+
+#[test]
+fn electrodes_get_to_the_direction_of_slip() {
+    let folder = TempDir::new().expect("a place");
+    fs::write(folder.path().join("readings.csv"), slip::csv(&slip::readings(1, 0))).expect("a file");
+    run("electrodes.md", folder.path(), &[("driver", "cat readings.csv")], |_| ());
+}
