@@ -128,6 +128,7 @@ impl From<EvaluateError> for CliError {
                     RequestPart::Lost => "--drop",
                     RequestPart::Labels => "--labels",
                     RequestPart::Offset => "--offset",
+                    RequestPart::Outputs => "--outputs",
                     _ => "DATA",
                 };
                 usage(option, &expected, &found)

@@ -22,6 +22,7 @@ mod bench;
 mod convert;
 mod error;
 mod eval;
+mod fit;
 mod given;
 mod info;
 mod input;
@@ -91,6 +92,8 @@ enum Command {
     Send(send::SendArgs),
     /// Evaluate networks on a labelled data set.
     Eval(eval::EvalArgs),
+    /// Fit a network to presses of your own sensor.
+    Fit(fit::FitArgs),
     /// Measure run time against error, exactly and with approximations.
     Pareto(pareto::ParetoArgs),
     /// Write the inputs of a network with labels, for training.
@@ -153,6 +156,7 @@ fn takes_long(command: &Command) -> bool {
             | Command::Play(_)
             | Command::Bench(_)
             | Command::Eval(_)
+            | Command::Fit(_)
             | Command::Prepare(_)
             | Command::Pareto(_)
             | Command::Simulate(_)
@@ -174,6 +178,7 @@ fn perform(command: &Command, given: &Given) -> Result<(), CliError> {
         Command::Send(args) => send::send(args),
         Command::Eval(args) => eval::eval(args),
         Command::Prepare(args) => prepare::prepare(args),
+        Command::Fit(args) => fit::fit(args),
         Command::Pareto(args) => pareto::pareto(args),
         Command::Simulate(args) => simulate::simulate(args),
         Command::Verify(args) => verify::verify(args, given),

@@ -1,6 +1,6 @@
 //! `meissner prepare`: inputs of networks with labels, in a file for training.
 
-mod presses;
+pub(crate) mod presses;
 
 use std::io::{Write, stdout};
 use std::path::PathBuf;

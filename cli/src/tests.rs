@@ -63,6 +63,8 @@ const HEADINGS: &[(&str, &[&str])] = &[
             "ignore-preparation",
             "trainings",
             "folds",
+            "outputs",
+            "ages",
         ],
     ),
     (PREDICTIONS, &["ahead", "mode", "every", "report-every", "deadline", "verify"]),
@@ -146,6 +148,7 @@ const HEADINGS: &[(&str, &[&str])] = &[
             "force",
             "records",
             "split-on-silence",
+            "name",
         ],
     ),
 ];

@@ -97,6 +97,7 @@ pub enum RequestPart {
     Lost,
     Labels,
     Offset,
+    Outputs,
 }
 
 impl EvaluateError {

@@ -15,6 +15,7 @@
 //! | [`streams`] | streams of events with labels along time, such as presses |
 //! | [`filters`] | what filters of events keep of a simulated signal and its noise |
 //! | [`presses`] | recordings with labels as people keep them: joined, and what is odd about them |
+//! | [`fit`] | the head of a network, fitted to presses of another sensor |
 //! | [`prepare`] | inputs of networks with labels, for training |
 //! | [`pareto`] | run time against error, with each approximation |
 //!
@@ -45,6 +46,7 @@ pub mod closed_loop;
 pub mod error;
 pub mod events;
 pub mod filters;
+pub mod fit;
 pub mod force;
 pub mod judge;
 pub mod metrics;

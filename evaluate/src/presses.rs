@@ -30,7 +30,7 @@ mod summary;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
-use meissner_engine::Event;
+use meissner_engine::{Event, Sensor};
 use meissner_io::datasets::Dataset;
 use meissner_io::{LabelClock, LabelColumn, LabelTable, ReadOptions};
 use meissner_run::RunError;
@@ -211,6 +211,27 @@ impl Presses {
         }
         let share = t_us.abs_diff(before.t_us) as f64 / gap as f64;
         Some(mixed(value(before)?, value(next)?, share, is_class))
+    }
+
+    /// The sensor of all recordings with labels.
+    ///
+    /// # Errors
+    /// A recording names no sensor, they have different ones, or none has a label.
+    pub fn sensor(&self) -> Result<Sensor> {
+        let mut found: Option<Sensor> = None;
+        for press in self.labelled() {
+            let recording = &self.recordings[press];
+            let Some(sensor) = recording.sensor else {
+                let (format, recording) = (recording.format.to_string(), recording.name.clone());
+                return Err(RunError::NoGeometry { recording, format }.into());
+            };
+            if let Some(other) = found.filter(|other| *other != sensor) {
+                let found = format!("{other} and {sensor}");
+                return Err(EvaluateError::request(RequestPart::Data, "recordings of one sensor", found));
+            }
+            found = Some(sensor);
+        }
+        found.ok_or_else(|| EvaluateError::request(RequestPart::Data, "labelled presses", "none"))
     }
 
     /// Reads the events of a press: those on the sensor, in order of time. Events that are earlier

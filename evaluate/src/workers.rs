@@ -73,6 +73,11 @@ impl Workers {
         self.watch.0.total.store(items as u64, Ordering::Relaxed);
     }
 
+    /// The result of `work` with these threads.
+    pub(crate) fn install<T: Send>(&self, work: impl FnOnce() -> T + Send) -> T {
+        self.pool.install(work)
+    }
+
     /// The results of `work` for `items` in their order, each thread with clones of `engine`.
     ///
     /// The number of threads cannot reach a result if `work` resets its engine.

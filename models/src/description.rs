@@ -14,6 +14,7 @@ mod layer;
 pub(crate) mod preparation;
 mod problem;
 mod references;
+mod refit;
 mod shapes;
 mod table;
 pub(crate) mod tensors;
@@ -37,6 +38,7 @@ pub use convolution::ConvolutionKind;
 pub use layer::{Cell, Cost, CostUnit, FieldStart, FieldStep, Layer, LayerKind, ReceptiveField};
 pub use preparation::Agreement;
 pub use problem::{DescriptionError, Problem, ProblemKind};
+pub use refit::Outputs;
 pub(crate) use tensors::{Needed, Role};
 
 use document::{EVENT_NETWORK, FRAME_NETWORK, INPUT};

@@ -92,6 +92,11 @@ impl Description {
         description(&EVENTS, name, Self::parse)
     }
 
+    /// The text of that description.
+    pub fn shipped_text(name: &str) -> Option<&'static str> {
+        EVENTS.iter().find(|shipped| shipped.name == name).map(|shipped| shipped.description)
+    }
+
     /// Names that [`Self::shipped`] knows.
     pub fn shipped_names() -> &'static [&'static str] {
         &EVENT_NAMES

@@ -6,7 +6,7 @@ use meissner_engine::{
     Aggregation, Candidates, Lifetime, Network, NetworkParts, Normalisation, Position, Reach,
 };
 use meissner_models::description::frames::FrameKind;
-use meissner_models::description::{CostUnit, FieldStart};
+use meissner_models::description::{CostUnit, FieldStart, Outputs};
 use meissner_models::{ConvolutionKind, Description, Layer, LayerKind, Weights, draw};
 use support::{SMALL, changed};
 
@@ -328,4 +328,54 @@ fn the_place_in_a_cell_adds_two_inputs_and_belongs_to_the_preparation() {
     let drawn = |place| Network::new(NetworkParts { place, ..network.parts().clone() });
     assert!(drawn(network.parts().place).is_ok() && drawn(None).is_err(), "the block reads three channels");
     assert_ne!(without.preparation(), description.preparation());
+}
+
+/// The layers of events of `description`, without the lines at which they stand.
+fn of_events(description: &Description) -> Vec<Layer> {
+    let kept = description.layers().iter().filter(|layer| !matches!(layer.kind, LayerKind::Dense { .. }));
+    let at_no_line = |layer: &Layer| {
+        let mut layer = layer.clone();
+        layer.line = 0;
+        layer
+    };
+    kept.map(at_no_line).collect()
+}
+
+#[test]
+fn every_shipped_network_keeps_its_layers_of_events_with_a_dense_head() {
+    let outputs =
+        Outputs::Quantities(vec![("x".to_owned(), "mm".to_owned()), ("y".to_owned(), "N".to_owned())]);
+    for name in Description::shipped_names() {
+        let (description, _) = shipped(name);
+        let text = Description::shipped_text(name).expect("a shipped description");
+        let text = Description::with_dense_head(text, "mine", &outputs).expect("a consistent description");
+        let own = Description::parse(&text).expect("it was checked");
+        assert_eq!(of_events(&own), of_events(&description), "{text}");
+        assert_eq!((own.name(), own.preparation()), ("mine", description.preparation()));
+        assert_eq!(
+            (own.graph(), own.place(), own.head().len()),
+            (description.graph(), description.place(), 0)
+        );
+        assert_eq!(own.outputs().1, ["mm", "N"]);
+        let last = own.layers().last().expect("a layer");
+        assert_eq!((last.kind.word(), &*last.name, last.outputs), ("dense", "fitted", 2));
+        // Once more, to other outputs.
+        let classes = Outputs::Classes(vec!["a".to_owned(), "b".to_owned(), "c".to_owned()]);
+        let text = Description::with_dense_head(&text, "again", &classes).expect("a consistent description");
+        let again = Description::parse(&text).expect("it was checked");
+        assert_eq!(of_events(&again), of_events(&description), "{text}");
+        assert_eq!(again.classes().map(<[String]>::len), Some(3));
+    }
+}
+
+#[test]
+fn a_dense_head_gets_a_name_that_no_layer_of_events_has() {
+    let text = SMALL.replace("conv1", "fitted");
+    let outputs = Outputs::Quantities(vec![("x".to_owned(), "mm".to_owned())]);
+    let text = Description::with_dense_head(&text, "mine", &outputs).expect("a consistent description");
+    let description = Description::parse(&text).expect("it was checked");
+    assert_eq!(description.layers().last().map(|layer| layer.name.as_str()), Some("fitted_"), "{text}");
+    for (name, wrong) in [("", &outputs), ("mine", &Outputs::Classes(vec!["one".to_owned()]))] {
+        Description::with_dense_head(&text, name, wrong).expect_err("it is inconsistent");
+    }
 }

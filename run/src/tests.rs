@@ -350,8 +350,16 @@ mod schedule {
 }
 
 mod text {
-    use crate::text::{display_us, grouped, length_us, sensor, span_us};
+    use crate::text::{date, date_now, display_us, grouped, length_us, sensor, span_us};
     use meissner_engine::Sensor;
+
+    #[test]
+    fn days_have_dates() {
+        let dates = [(0, "1970-01-01"), (-1, "1969-12-31"), (11_016, "2000-02-29"), (11_017, "2000-03-01")];
+        dates.iter().for_each(|&(days, text)| assert_eq!(date(days), text));
+        assert_eq!([20_784, 47_540, 47_541].map(date), ["2026-11-27", "2100-02-28", "2100-03-01"]);
+        assert!(date_now().as_str() > "2026-11");
+    }
 
     #[test]
     fn a_sensor_has_two_sides_of_at_least_a_pixel() {

@@ -1,5 +1,7 @@
 //! Numbers, sizes of sensors and lengths of time as text, in messages and on a command line.
 
+use std::time::{SystemTime, UNIX_EPOCH};
+
 use meissner_engine::{Network, Sensor};
 pub use meissner_models::grouped;
 
@@ -38,6 +40,25 @@ pub fn signed_us(text: &str) -> Result<i64, String> {
     let (sign, size) = text.strip_prefix('-').map_or((1, text), |size| (-1, size));
     let us = microseconds(size.strip_prefix('+').filter(|_| sign > 0).unwrap_or(size));
     us.map(|us| sign * us).ok_or_else(|| format!("expected {TIME_FORMS}, or with a minus"))
+}
+
+/// The day at Greenwich, as 2026-11-27, by the system's clock.
+pub fn date_now() -> String {
+    let since = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
+    date((since.as_secs() / 86_400) as i64)
+}
+
+/// The day so many days after 1970-01-01, in the Gregorian calendar. Of 400 years, each of which
+/// begins in March, the lengths of months follow one line (Hinnant 2021, "chrono-compatible
+/// low-level date algorithms").
+pub(crate) fn date(days: i64) -> String {
+    let (era, day) = ((days + 719_468).div_euclid(146_097), (days + 719_468).rem_euclid(146_097));
+    let year = (day - day / 1_460 + day / 36_524 - day / 146_096) / 365;
+    let of_year = day - (365 * year + year / 4 - year / 100);
+    let month = (5 * of_year + 2) / 153;
+    let of_month = of_year - (153 * month + 2) / 5 + 1;
+    let (month, next) = if month < 10 { (month + 3, 0) } else { (month - 9, 1) };
+    format!("{:04}-{month:02}-{of_month:02}", year + 400 * era + next)
 }
 
 fn within(text: &str, least: i64) -> Result<i64, String> {

@@ -5,6 +5,7 @@
 use std::io::{self, Write};
 use std::path::PathBuf;
 
+use clap::Arg;
 use meissner_evaluate::prepare::labelled_presses;
 use meissner_evaluate::presses::{
     ClockFit, DEFAULT_MAX_GAP_US, LabelSummary, Offset, OffsetSource, Options, Presses,
@@ -55,15 +56,9 @@ Examples:
   meissner prepare presses mine/ --out mine.safetensors
   meissner eval angle mine.safetensors --network tactigraph-past";
 
-/// `meissner prepare presses`.
+/// Presses of a folder, and their labels.
 #[derive(Debug, clap::Args)]
-#[command(after_long_help = LABELS)]
-#[command(mut_arg("strict", |arg| {
-    let help = "Refuse presses about which anything is odd";
-    let more = "Without this option, oddities are notes. With it, they are an error, after all of them have been told.";
-    arg.help(help).long_help(format!("{help}.\n\n{more}"))
-}))]
-pub(crate) struct PressesArgs {
+pub(crate) struct PressInput {
     /// Folder of recordings, each of one press, also in folders in it.
     #[arg(value_name = "FOLDER")]
     folder: PathBuf,
@@ -85,6 +80,42 @@ pub(crate) struct PressesArgs {
     max_gap: i64,
     #[command(flatten)]
     read: ReadArgs,
+}
+
+impl PressInput {
+    /// Reads the presses and says what is odd about them, which is an error with `--strict`.
+    pub(crate) fn read(&self) -> Result<Presses, CliError> {
+        let progress = Progress::busy(|| "reading recordings".to_owned());
+        let options = Options {
+            labels: self.labels.clone(),
+            offset_us: self.offset,
+            max_gap_us: self.max_gap,
+            read: self.read.options(),
+        };
+        let presses = Presses::read(&self.folder, &options)?;
+        progress.finish();
+        presses.odd.iter().for_each(|odd| tell(format_args!("note: {odd}")));
+        if self.read.strict && !presses.odd.is_empty() {
+            return Err(CliError::Odd(presses.odd.len()));
+        }
+        Ok(presses)
+    }
+}
+
+/// `--strict` for presses.
+pub(crate) fn strict(arg: Arg) -> Arg {
+    let help = "Refuse presses about which anything is odd";
+    let more = "Without this option, oddities are notes. With it, they are an error, after all of them have been told.";
+    arg.help(help).long_help(format!("{help}.\n\n{more}"))
+}
+
+/// `meissner prepare presses`.
+#[derive(Debug, clap::Args)]
+#[command(after_long_help = LABELS)]
+#[command(mut_arg("strict", strict))]
+pub(crate) struct PressesArgs {
+    #[command(flatten)]
+    input: PressInput,
     /// File to write (safetensors); without it, presses are only checked.
     #[arg(long, value_name = "FILE", help_heading = OUTPUT)]
     out: Option<PathBuf>,
@@ -104,19 +135,7 @@ pub(crate) fn prepare(args: &PressesArgs) -> Result<(), CliError> {
     if let Some(path) = &args.out {
         check_result(path, args.force)?;
     }
-    let progress = Progress::busy(|| "reading recordings".to_owned());
-    let options = Options {
-        labels: args.labels.clone(),
-        offset_us: args.offset,
-        max_gap_us: args.max_gap,
-        read: args.read.options(),
-    };
-    let presses = Presses::read(&args.folder, &options)?;
-    progress.finish();
-    presses.odd.iter().for_each(|odd| tell(format_args!("note: {odd}")));
-    if args.read.strict && !presses.odd.is_empty() {
-        return Err(CliError::Odd(presses.odd.len()));
-    }
+    let presses = args.input.read()?;
     let mut written = None;
     if let Some(path) = &args.out {
         let (notes, prepared) = labelled_presses(&presses, args.folds as usize)?;

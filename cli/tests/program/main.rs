@@ -14,6 +14,7 @@ mod eval_slip;
 mod eval_slip_trainings;
 mod exit_status;
 mod files;
+mod fit;
 mod frames;
 mod frames_electrodes;
 mod frames_pictures;

@@ -7,7 +7,6 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use meissner_engine::{Event, Sensor};
 use meissner_models::TensorFile;
-use meissner_run::RunError;
 use meissner_run::text::grouped;
 use serde_json::{Value, json};
 
@@ -31,7 +30,7 @@ type Instants = Vec<(i64, Vec<f32>)>;
 /// The recordings have no sensor, or different ones, a label has a name of the format, there
 /// cannot be so many folds, or a recording cannot be read any more.
 pub fn labelled_presses(presses: &Presses, folds_count: usize) -> Result<(Vec<String>, Prepared)> {
-    let sensor = sensor(presses)?;
+    let sensor = presses.sensor()?;
     let (classes, numbers): (Vec<usize>, Vec<usize>) =
         (0..presses.labels.len()).partition(|&label| presses.labels[label].is_class());
     for &label in &numbers {
@@ -107,24 +106,6 @@ pub fn labelled_presses(presses: &Presses, folds_count: usize) -> Result<(Vec<St
 /// `name` for the first label of classes, and with the label's name behind it for the others.
 fn of_label(name: &str, i: usize, label: &Label) -> String {
     if i == 0 { name.to_owned() } else { format!("{name}.{}", label.name) }
-}
-
-/// The sensor of all recordings with labels.
-fn sensor(presses: &Presses) -> Result<Sensor> {
-    let mut found: Option<Sensor> = None;
-    for press in presses.labelled() {
-        let recording = &presses.recordings[press];
-        let Some(sensor) = recording.sensor else {
-            let (format, recording) = (recording.format.to_string(), recording.name.clone());
-            return Err(RunError::NoGeometry { recording, format }.into());
-        };
-        if let Some(other) = found.filter(|other| *other != sensor) {
-            let found = format!("{other} and {sensor}");
-            return Err(EvaluateError::request(RequestPart::Data, "recordings of one sensor", found));
-        }
-        found = Some(sensor);
-    }
-    found.ok_or_else(|| EvaluateError::request(RequestPart::Data, "labelled presses", "none"))
 }
 
 fn described(

@@ -1,0 +1,277 @@
+//! What a fit says: figures of each output, and how the sensor differs from the training's.
+
+use meissner_engine::Sensor;
+use meissner_run::provenance::{Header, InputCard};
+use serde::Serialize;
+
+use super::figures::{Errors, OutputFigures};
+use super::readouts::Readouts;
+use super::request::{Base, Options};
+use super::samples::{Instant, Samples, Target};
+use super::validation::{HeldOut, class};
+use crate::error::Result;
+use crate::metrics::Confusion;
+use crate::presses::Presses;
+
+/// Figures of a fit, with the keys of the JSON report.
+#[derive(Debug, Serialize)]
+#[expect(missing_docs, reason = "the keys of the JSON report")]
+pub struct Report {
+    pub header: Header,
+    pub data: DataReport,
+    pub base: BaseReport,
+    pub sensor: SensorReport,
+    /// Of random instants, of presses of the learning curve, and of intervals.
+    pub seed: u64,
+    /// Parts of the presses, each of which was held out once.
+    pub folds: usize,
+    /// Each output, or all classes together.
+    pub outputs: Vec<OutputFigures>,
+    /// Names of the classes, if they are predicted.
+    pub classes: Option<Vec<String>>,
+    /// Ends of presses that were held out: rows are true classes, columns predicted ones.
+    pub confusion: Option<Confusion>,
+    /// True and predicted values at the ends of presses that were held out, for each output.
+    #[serde(skip)]
+    pub scatter: Vec<Vec<(f64, f64)>>,
+}
+
+/// The presses.
+#[derive(Debug, Serialize)]
+#[expect(missing_docs, reason = "the keys of the JSON report")]
+pub struct DataReport {
+    pub folder: String,
+    /// The table of labels.
+    pub labels: String,
+    pub presses: usize,
+    pub events: u64,
+    /// Readouts: the end and random ages of each press.
+    pub instants: usize,
+    /// Remarks about what was left out, for people.
+    pub notes: Vec<String>,
+}
+
+/// The network whose layers of events stay.
+#[derive(Debug, Serialize)]
+#[expect(missing_docs, reason = "the keys of the JSON report")]
+pub struct BaseReport {
+    pub name: String,
+    pub weights: String,
+    /// Values that it reads out.
+    pub readout: usize,
+    /// It takes one of so many events.
+    pub stride: usize,
+}
+
+/// The sensor, and the one of the training of the layers of events.
+#[derive(Debug, Serialize)]
+#[expect(missing_docs, reason = "the keys of the JSON report")]
+pub struct SensorReport {
+    pub size: [u16; 2],
+    /// Of the training, where the weights state it.
+    pub trained_size: Option<[u16; 2]>,
+    /// The middle of the presses' events a second.
+    pub events_per_s: Option<f64>,
+    /// The part of the events that are on.
+    pub on_share: f64,
+    /// What differs, for people.
+    pub notes: Vec<String>,
+}
+
+/// What a report is made of.
+pub(super) struct Inputs<'a> {
+    pub(super) presses: &'a Presses,
+    pub(super) samples: &'a Samples,
+    pub(super) target: &'a Target,
+    pub(super) readouts: &'a Readouts,
+    pub(super) base: &'a Base,
+    pub(super) sensor: Sensor,
+    pub(super) options: &'a Options,
+    pub(super) fold: &'a [usize],
+    /// The place of each press in the order of a learning curve.
+    pub(super) order: &'a [usize],
+    pub(super) held_out: &'a HeldOut,
+    /// Of every so many presses one was taken.
+    pub(super) fewer: &'a [(usize, HeldOut)],
+}
+
+/// The parts of a value that is compared: the truth of an instant, and what is predicted there.
+type Error<'a> = &'a dyn Fn(usize, &[f64]) -> f64;
+
+impl Inputs<'_> {
+    pub(super) fn report(&self) -> Result<Report> {
+        let Self { presses, samples, target, base, sensor, options, .. } = *self;
+        let instants = &samples.instants;
+        let folder = presses.folder.display().to_string();
+        let [events, on] = self.readouts.events;
+        let (outputs, scatter): (Vec<_>, Vec<_>) = match target {
+            Target::Quantities(each) => (0..each.len()).map(|output| self.quantity(output)).unzip(),
+            Target::Classes { names, .. } => (vec![self.classes(names)], Vec::new()),
+        };
+        let confusion = match target {
+            Target::Quantities(_) => None,
+            Target::Classes { names, .. } => {
+                let mut confusion = Confusion::new(names.len());
+                for (row, _) in self.ends() {
+                    let predicted = class(self.held_out.predicted.row(row).iter().copied());
+                    confusion.add(instants[row].truth[0] as usize, predicted);
+                }
+                Some(confusion)
+            }
+        };
+        Ok(Report {
+            header: Header::of_many("fit", InputCard::events(&folder, &"folder", sensor, Some(events))),
+            data: DataReport {
+                folder,
+                labels: presses.table.display().to_string(),
+                presses: samples.presses.len(),
+                events,
+                instants: instants.len(),
+                notes: samples.notes.clone(),
+            },
+            base: BaseReport {
+                name: base.name.clone(),
+                weights: base.label.clone(),
+                readout: self.readouts.columns,
+                stride: base.stride,
+            },
+            sensor: self.sensor(events, on)?,
+            seed: options.seed,
+            folds: options.folds,
+            outputs,
+            classes: if let Target::Classes { names, .. } = target { Some(names.clone()) } else { None },
+            confusion,
+            scatter,
+        })
+    }
+
+    fn sensor(&self, events: u64, on: u64) -> Result<SensorReport> {
+        let label = &self.base.label;
+        let card = self.base.weights.card();
+        let card = card.map_err(|source| meissner_run::RunError::weights(label.clone(), source))?;
+        let size = |sensor: Sensor| [sensor.width, sensor.height];
+        let mut notes = Vec::new();
+        if let Some(trained) = card.sensor.filter(|trained| *trained != self.sensor) {
+            notes.push(format!(
+                "the layers of events were trained on {trained}, and the presses are of {}: neighbourhoods of pixels are another \
+                 part of the sensor",
+                self.sensor
+            ));
+        }
+        let on_share = if events > 0 { on as f64 / events as f64 } else { 0.0 };
+        if !(0.1..=0.9).contains(&on_share) {
+            notes.push(format!("{:.0} % of the events are on: one polarity nearly alone", 100.0 * on_share));
+        }
+        Ok(SensorReport {
+            size: size(self.sensor),
+            trained_size: card.sensor.map(size),
+            events_per_s: self.presses.summary().median_rate,
+            on_share,
+            notes,
+        })
+    }
+
+    /// The rows of the ends, by press.
+    fn ends(&self) -> impl Iterator<Item = (usize, &Instant)> {
+        self.samples.instants.iter().enumerate().filter(|(_, instant)| instant.is_end)
+    }
+
+    /// The ends of presses of other folds than that of `press`.
+    fn others(&self, press: usize) -> impl Iterator<Item = &Instant> {
+        let fold = self.fold[press];
+        self.samples.ends().filter(move |end| self.fold[end.press] != fold)
+    }
+
+    /// Errors of an output, with `of` for a row and all values predicted there.
+    fn errors(&self, of: Error<'_>, constant: Vec<f64>, before: Option<Vec<f64>>) -> Errors {
+        let at = |held_out: &HeldOut, row: usize| of(row, &held_out.predicted.row(row).to_vec());
+        let ends = |held_out: &HeldOut| self.ends().map(|(row, _)| at(held_out, row)).collect::<Vec<_>>();
+        // Presses are fitted to without one fold.
+        let share = |presses: usize| presses * (self.options.folds - 1) / self.options.folds;
+        let fewer = self.fewer.iter().map(|(part, held_out)| {
+            let taken = self.order.iter().filter(|order| order.is_multiple_of(*part)).count();
+            (share(taken), ends(held_out))
+        });
+        let instants = self.samples.instants.iter().enumerate();
+        Errors {
+            own: ends(self.held_out),
+            constant,
+            before,
+            fewer: fewer.collect(),
+            presses: share(self.samples.presses.len()),
+            at: instants.map(|(row, instant)| (instant.age_us, at(self.held_out, row))).collect(),
+        }
+    }
+
+    fn quantity(&self, output: usize) -> (OutputFigures, Vec<(f64, f64)>) {
+        let Target::Quantities(each) = self.target else { unreachable!("a quantity is of quantities") };
+        let quantity = &each[output];
+        let (unit, scale) = (&quantity.shown.0, quantity.shown.1);
+        let truth = |row: usize| self.samples.instants[row].truth[output];
+        let of = |row: usize, values: &[f64]| (values[output] - truth(row)).abs() * scale;
+        let sums: Vec<(f64, f64)> = (0..self.options.folds)
+            .map(|fold| {
+                let others = self.samples.ends().filter(|end| self.fold[end.press] != fold);
+                others.fold((0.0, 0.0), |(sum, count), end| (sum + end.truth[output], count + 1.0))
+            })
+            .collect();
+        let mean = |press: usize| sums[self.fold[press]].0 / sums[self.fold[press]].1;
+        let constant = self.ends().map(|(row, end)| (mean(end.press) - truth(row)).abs() * scale).collect();
+        let before = self.before(&quantity.name, &quantity.unit).map(|(place, factor)| {
+            let value = |row: usize| f64::from(self.readouts.predicted[row][place]) * factor;
+            self.ends().map(|(row, _)| (value(row) - truth(row)).abs() * scale).collect()
+        });
+        let strength = self.held_out.strengths[output];
+        let errors = self.errors(&of, constant, before);
+        let figures = OutputFigures::new((&quantity.name, unit), strength, &errors, self.options.seed);
+        let predicted = |row: usize| self.held_out.predicted[[row, output]];
+        let scatter = self.ends().map(|(row, _)| (truth(row) * scale, predicted(row) * scale)).collect();
+        (figures, scatter)
+    }
+
+    /// The output of the base with this name, and what its values are multiplied by for this unit.
+    fn before(&self, name: &str, unit: &str) -> Option<(usize, f64)> {
+        let (names, units) = self.base.description.outputs();
+        let place = names.iter().position(|other| other == name)?;
+        match (units[place].as_str(), unit) {
+            (own, unit) if own == unit => Some((place, 1.0)),
+            ("rad", "deg") => Some((place, 180.0 / std::f64::consts::PI)),
+            ("deg", "rad") => Some((place, std::f64::consts::PI / 180.0)),
+            _ => None,
+        }
+    }
+
+    fn classes(&self, names: &[String]) -> OutputFigures {
+        let wrong = |row: usize, found: usize| {
+            f64::from(u8::from(found != self.samples.instants[row].truth[0] as usize))
+        };
+        let of = |row: usize, logits: &[f64]| wrong(row, class(logits.iter().copied()));
+        let frequent: Vec<usize> = self
+            .samples
+            .ends()
+            .map(|end| {
+                let mut counts = vec![0_usize; names.len()];
+                self.others(end.press).for_each(|other| counts[other.truth[0] as usize] += 1);
+                (0..names.len()).rev().max_by_key(|&class| counts[class]).unwrap_or(0)
+            })
+            .collect();
+        let constant = self.ends().map(|(row, end)| wrong(row, frequent[end.press])).collect();
+        let known = self.base.description.outputs().0;
+        let places: Option<Vec<usize>> =
+            names.iter().map(|name| known.iter().position(|other| other == name)).collect();
+        let before = places.map(|places| {
+            let logits = |row: usize| places.iter().map(move |&i| f64::from(self.readouts.predicted[row][i]));
+            self.ends().map(|(row, _)| wrong(row, class(logits(row)))).collect()
+        });
+        let errors = self.errors(&of, constant, before);
+        let name = &self.presses.labels[self.label()].name;
+        OutputFigures::new((name, "share"), self.held_out.strengths[0], &errors, self.options.seed)
+    }
+
+    fn label(&self) -> usize {
+        match self.target {
+            Target::Quantities(each) => each[0].label,
+            Target::Classes { label, .. } => *label,
+        }
+    }
+}

@@ -1,0 +1,127 @@
+//! What is found, and that an engine predicts it.
+
+use std::sync::Arc;
+
+use meissner_engine::{BatchEngine, Engine, Search};
+use meissner_models::{Description, Weights};
+
+use super::{Folder, Options, PRESS_US, SENSOR, places};
+use crate::fit::Fitted;
+use crate::presses::{Options as ReadOptions, Presses};
+
+fn engine(fitted: &Fitted) -> Engine {
+    let description = Description::parse(&fitted.description).expect("a description");
+    let weights = Weights::from_bytes(&fitted.weights).expect("weights");
+    Engine::new(description.network(&weights).expect("they fit"), SENSOR).expect("an engine")
+}
+
+#[test]
+fn a_place_is_found_and_a_number_that_no_event_knows_is_not() {
+    let folder = places(30);
+    let report = folder.fit(&folder.options(), 2).expect("it can be fitted").report;
+    let names: Vec<(&str, &str)> =
+        report.outputs.iter().map(|of| (of.name.as_str(), of.unit.as_str())).collect();
+    assert_eq!(names, [("x", "mm"), ("tilt", "deg"), ("unknown", "1")]);
+    let [x, tilt, unknown] = &report.outputs[..] else { panic!("three outputs") };
+    for found in [x, tilt] {
+        assert!(found.in_events && found.error.mean < 0.5 * found.constant.mean, "{found:?}");
+        assert!(found.error.interval[0] < found.error.mean && found.error.mean < found.error.interval[1]);
+        assert!(found.before.is_none(), "the network predicts roll");
+    }
+    assert!(!unknown.in_events && unknown.advice.contains("not in the events"), "{unknown:?}");
+    let presses: Vec<usize> = x.curve.iter().map(|point| point.presses).collect();
+    assert_eq!(presses, [5, 10, 20]);
+    assert!(x.curve[0].error.mean > x.error.mean, "{:?}", x.curve);
+    let at_ages: usize = x.ages.iter().map(|age| age.instants).sum();
+    assert_eq!((at_ages, report.data.instants), (150, 150));
+    assert_eq!((report.sensor.size, report.sensor.trained_size), ([48, 36], None));
+}
+
+#[test]
+fn an_engine_and_a_batch_predict_what_was_fitted_bit_for_bit() {
+    let folder = places(12);
+    let fitted = folder.fit(&folder.options(), 1).expect("it can be fitted");
+    let presses = Presses::read(folder.path(), &ReadOptions::default()).expect("presses");
+    let mut engine = engine(&fitted);
+    let mut batch = BatchEngine::new(Arc::clone(engine.network()), SENSOR).expect("a batch");
+    batch = batch.with_search(Search::Grid);
+    let weights = Weights::from_bytes(&fitted.weights).expect("weights");
+    let tensor = |name| weights.get(name).and_then(|tensor| tensor.values()).expect("a tensor of the head");
+    let (weight, bias) = (tensor("fitted.weight"), tensor("fitted.bias"));
+    let mut errors = 0.0;
+    for press in 0..12 {
+        let events = presses.events(press).expect("it can be read again");
+        engine.reset();
+        engine.push_slice(&events);
+        engine.advance(PRESS_US);
+        let predicted = engine.predict().expect("numbers").values.to_vec();
+        batch.reset();
+        batch.push_slice(&events);
+        batch.advance(PRESS_US);
+        assert_eq!(batch.predict().expect("numbers").values, predicted);
+        let readout = engine.readout().concat();
+        for (i, &value) in predicted.iter().enumerate() {
+            let row = &weight[i * readout.len()..(i + 1) * readout.len()];
+            let products = row.iter().zip(&readout).map(|(w, x)| f64::from(*w) * f64::from(*x));
+            let by_hand = f64::from(bias[i]) + products.sum::<f64>();
+            assert!((by_hand - f64::from(value)).abs() < 1e-4, "{by_hand} {value}");
+        }
+        let truth = presses.rows_of(press).last().expect("labels").values[0];
+        errors += (f64::from(predicted[0]) - truth).abs() / 12.0;
+    }
+    // Presses that it was fitted to are predicted better than those that were held out.
+    assert!(errors < fitted.report.outputs[0].error.mean, "{errors}: {:?}", fitted.report.outputs[0]);
+}
+
+#[test]
+fn the_number_of_threads_changes_no_bit_and_the_seed_some() {
+    let folder = places(12);
+    let [one, two] = [1, 2].map(|threads| folder.fit(&folder.options(), threads).expect("it can be fitted"));
+    assert_eq!(one.weights, two.weights);
+    let json = |fitted: &Fitted| serde_json::to_string(&fitted.report).expect("JSON");
+    assert_eq!(json(&one), json(&two));
+    let other = folder.fit(&Options { seed: 1, ..folder.options() }, 2).expect("it can be fitted");
+    assert_ne!(one.weights, other.weights);
+}
+
+#[test]
+fn classes_of_whole_presses_are_found() {
+    let folder = Folder::new(30, "recording,side,roll_deg", |press, [x, _], _| {
+        format!("press{press},{},{press}", if x < 24.0 { "left" } else { "right" })
+    });
+    let options = Options { labels: Some(vec!["side".to_owned()]), ..folder.options() };
+    let fitted = folder.fit(&options, 2).expect("it can be fitted");
+    let report = &fitted.report;
+    assert_eq!(report.classes.as_deref().map(|names| names.join(" ")).as_deref(), Some("left right"));
+    let [sides] = &report.outputs[..] else { panic!("one figure") };
+    assert!(sides.in_events && sides.error.mean < 0.2, "{sides:?}");
+    let confusion = report.confusion.as_ref().expect("classes have one");
+    assert_eq!(confusion.total(), 30);
+    assert_eq!((30 - confusion.hits()) as f64 / 30.0, sides.error.mean);
+    let network = engine(&fitted);
+    assert_eq!(network.network().outputs(), 2);
+    let description = Description::parse(&fitted.description).expect("a description");
+    assert_eq!(description.classes().map(<[String]>::len), Some(2));
+}
+
+#[test]
+fn a_fitted_network_can_be_fitted_again_and_is_compared_with_itself() {
+    let folder = places(12);
+    let first = folder.fit(&folder.options(), 2).expect("it can be fitted");
+    let place = tempfile::tempdir().expect("there is a place for temporary files");
+    let [description, weights] = ["mine.toml", "mine.safetensors"].map(|name| place.path().join(name));
+    std::fs::write(&description, &first.description).expect("it can be written");
+    std::fs::write(&weights, &first.weights).expect("it can be written");
+    let network = description.display().to_string();
+    let again = Options { weights: Some(weights), network, ..folder.options() };
+    let second = folder.fit(&again, 2).expect("it can be fitted");
+    assert_eq!(first.description, second.description);
+    // The layers of events, the presses and the seed are the same.
+    let head = |fitted: &Fitted| {
+        let weights = Weights::from_bytes(&fitted.weights).expect("weights");
+        weights.get("fitted.weight").cloned()
+    };
+    assert_eq!(head(&first), head(&second));
+    let before = second.report.outputs[0].before.expect("it predicts x already");
+    assert!(before.mean < second.report.outputs[0].constant.mean, "{before:?}");
+}

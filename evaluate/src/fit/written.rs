@@ -1,0 +1,109 @@
+//! A fitted head as files: weights with their card.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use meissner_engine::Sensor;
+use meissner_models::{Description, ModelError, Tensor, TensorFile, Weights};
+use meissner_run::RunError;
+use serde_json::json;
+
+use super::design::Linear;
+use super::figures::OutputFigures;
+use super::request::{Base, Options};
+use super::samples::{Samples, Target};
+use crate::error::Result;
+
+/// The file of weights of `description`: the layers of events as in `base`, and `head`.
+///
+/// # Errors
+/// The weights of the base lack a tensor, or a value of the head is beyond f32.
+pub(super) fn weights(
+    description: &Description,
+    base: &Base,
+    head: &Linear,
+    card: &BTreeMap<String, String>,
+) -> Result<Vec<u8>> {
+    let mut file = TensorFile::new(card.clone());
+    let rounded =
+        |values: &mut dyn Iterator<Item = &f64>| values.map(|&value| value as f32).collect::<Vec<_>>();
+    let (weight, bias) = (rounded(&mut head.weight.iter()), rounded(&mut head.bias.iter()));
+    let of_head = |part: &str| description.layers().last().map(|layer| format!("{}.{part}", layer.name));
+    for (name, shape) in description.tensors() {
+        if of_head("weight").as_ref() == Some(&name) {
+            file.f32(&name, &shape, &weight);
+        } else if of_head("bias").as_ref() == Some(&name) {
+            file.f32(&name, &shape, &bias);
+        } else if let Some(tensor) = found(&base.weights, &name) {
+            file.f32(&name, &shape, tensor.values().unwrap_or_default());
+        }
+    }
+    let bytes = file.into_bytes();
+    let read = Weights::from_bytes(&bytes).map_err(ModelError::from);
+    let checked = read.and_then(|weights| description.network(&weights));
+    checked.map_err(|source| RunError::weights(description.name().to_owned(), source))?;
+    Ok(bytes)
+}
+
+/// The tensor `name`; names in the weights may all have one further prefix.
+fn found<'a>(weights: &'a Weights, name: &str) -> Option<&'a Tensor> {
+    let with_prefix = |(other, _): &(&str, &Tensor)| {
+        other.strip_suffix(name).is_some_and(|prefix| prefix.is_empty() || prefix.ends_with('.'))
+    };
+    weights.get(name).or_else(|| weights.iter().find(with_prefix).map(|(_, tensor)| tensor))
+}
+
+/// The metadata that a run depends on, and where the weights come from.
+pub(super) fn card(
+    (description, base): (&Description, &Base),
+    folder: &Path,
+    sensor: Sensor,
+    (target, samples, figures): (&Target, &Samples, &[OutputFigures]),
+    options: &Options,
+) -> BTreeMap<String, String> {
+    let folder =
+        folder.file_name().map_or_else(|| "presses".to_owned(), |name| name.to_string_lossy().into_owned());
+    let presses = samples.presses.len();
+    let strengths: Vec<f64> = figures.iter().map(|figure| figure.strength).collect();
+    let method = match target {
+        Target::Quantities(_) => "ridge regression",
+        Target::Classes { .. } => "a shrunken linear discriminant",
+    };
+    let valid: serde_json::Map<String, serde_json::Value> = figures
+        .iter()
+        .map(|of| {
+            let [low, high] = of.error.interval;
+            (of.name.clone(), json!({"unit": of.unit, "error": of.error.mean, "interval": [low, high]}))
+        })
+        .collect();
+    let mut card = BTreeMap::from([
+        ("network", description.name().to_owned()),
+        ("about", format!("layers of {}, head fitted to {presses} presses of {folder}", base.name)),
+        ("trained_on", folder),
+        ("presses", presses.to_string()),
+        ("seed", options.seed.to_string()),
+        ("stride", base.stride.to_string()),
+        ("sensor", json!([sensor.width, sensor.height]).to_string()),
+        ("preparation", description.preparation()),
+        ("valid", serde_json::Value::Object(valid).to_string()),
+        (
+            "recipe",
+            format!(
+                "layers of {} ({}); {method} of readouts at the end and at {} random ages of each press, relative strengths \
+                 {strengths:?} chosen by {} folds of presses",
+                base.name, base.label, options.ages, options.folds
+            ),
+        ),
+    ]);
+    if let Target::Quantities(each) = target {
+        let range = |i: usize| {
+            let values = samples.instants.iter().map(|instant| instant.truth[i]);
+            values.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], x| [low.min(x), high.max(x)])
+        };
+        let ranges: Vec<[f64; 2]> = (0..each.len()).map(range).collect();
+        card.insert("ranges", json!(ranges).to_string());
+    }
+    let licence = base.weights.metadata().get("licence").cloned();
+    card.extend(licence.map(|licence| ("licence", licence)));
+    card.into_iter().map(|(key, value)| (key.to_owned(), value)).collect()
+}
