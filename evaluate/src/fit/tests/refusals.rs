@@ -70,7 +70,7 @@ fn networks_without_layers_of_events_are_refused() {
     refused(&folder, &of("graphres-published"), &["graphres-published"]);
     let place = tempfile::tempdir().expect("there is a place for temporary files");
     let path = place.path().join("counts.toml");
-    let text = "[network]\nname = \"counts\"\nplace = [\"1/8\", \"1/8\"]\n[graph]\nkind = \"knn\"\nk = 1\nscale = 0.1\n\
+    let text = "[network]\nname = \"counts\"\nplace = [\"1/8\", \"1/8\"]\n[graph]\nkind = \"knn\"\nk = 1\ncandidates = \"past\"\nlifetime = \"frozen\"\nscale = 0.1\n\
                 [[layer]]\nname = \"grid\"\nkind = \"readout\"\ngrid = [4, 4]\n[[layer]]\nname = \"out\"\nkind = \"dense\"\n\
                 outputs = 1\n[output]\nnames = [\"x\"]\nunit = \"mm\"\n";
     std::fs::write(&path, text).expect("it can be written");
