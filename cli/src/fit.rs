@@ -9,7 +9,7 @@ use meissner_evaluate::{ProgressHandle, Workers};
 use meissner_plot::{Panel, Plane, Series, Style, page};
 use meissner_run::RunError;
 use meissner_run::model::describe;
-use meissner_run::text::{date_now, grouped};
+use meissner_run::text::{date_now, grouped, span_us};
 use serde::Serialize;
 
 use crate::args::{JsonArgs, MEASUREMENT, NETWORK, OUTPUT, Threads};
@@ -23,8 +23,8 @@ use crate::text::{Table, cell, columns};
 /// At the end of the long help.
 const METHOD: &str = "\
 How it fits:
-  The layers of events of NETWORK stay as they are. One dense layer behind the readout replaces its dense layers or its head. It is fitted to readouts that the engine itself computes: at the end of each press (its last labelled instant) and at random ages from a tenth of the press on, for labels along time and for classes. `meissner prepare presses --help` says how labels may look.
-  Numbers: ridge regression. Classes: a linear discriminant with shrunken covariance. The strength is the best one on presses that are held out: every press is held out by one fold, and never by sample. Errors that are shown are of presses that were held out, with a strength that other folds chose.
+  The layers of events of NETWORK stay as they are. Where its readout sums, it also sums the number of events and their polarities. Dense layers behind the readout replace those of NETWORK or its head. They are fitted to readouts that the engine itself computes: at the end of each press (its last labelled instant) and at random ages from a tenth of the press on, for labels along time and for classes. `meissner prepare presses --help` says how labels may look.
+  Numbers: ridge regression. Classes: a discriminant with shrunken covariance. Both read the readout and products of its main modes. `--hidden` adds perceptrons for what these leave. The strength, and whether products help, is what is best on presses that are held out: every press is held out by one fold, and never by sample. Errors that are shown are of presses that were held out, with a strength that other folds chose.
   Degrees become radians, unless NETWORK has an output of the same name in degrees.
 
 What it says, with intervals in which the figure lies in 95 % of resamples of the presses:
@@ -62,6 +62,23 @@ pub(crate) struct FitArgs {
     /// numbers; if there are none, the first label of classes.
     #[arg(long, value_name = "NAME", value_delimiter = ',', help_heading = NETWORK)]
     outputs: Option<Vec<String>>,
+    /// Another length of the window, such as 2s [default: that of NETWORK].
+    ///
+    /// Layers of events that were trained on another length may see less of a press.
+    #[arg(long, value_name = "TIME", value_parser = span_us, help_heading = NETWORK)]
+    span: Option<i64>,
+    /// Other columns and rows of the readout, such as 32x32 [default: those of NETWORK].
+    ///
+    /// Smaller cells show smaller motions; they need more presses, and more time a prediction.
+    #[arg(long, value_name = "COLUMNSxROWS", value_parser = grid, help_heading = NETWORK)]
+    grid: Option<[u32; 2]>,
+    /// Units of a perceptron beside the ridge, or instead of the discriminant; 0 for none.
+    ///
+    /// There is one for each fold, trained by AdamW and stopped where it is best on another fold; the
+    /// network has their mean. They are left out where they predict held-out presses no better.
+    #[arg(long, value_name = "N", default_value_t = 0,
+          value_parser = clap::value_parser!(u16).range(..=1024), help_heading = NETWORK)]
+    hidden: u16,
     /// Number of parts of the presses, each of which is held out once.
     #[arg(long, value_name = "N", default_value_t = DEFAULT_FOLDS as u16,
           value_parser = clap::value_parser!(u16).range(2..=100), help_heading = NETWORK)]
@@ -95,6 +112,15 @@ struct Written<'a> {
     files: Vec<String>,
 }
 
+/// Columns and rows.
+fn grid(text: &str) -> Result<[u32; 2], String> {
+    let sides = text.split_once('x').and_then(|(columns, rows)| {
+        let [columns, rows] = [columns, rows].map(|side| side.parse().ok().filter(|side| *side > 0));
+        Some([columns?, rows?])
+    });
+    sides.ok_or_else(|| "expected columns and rows, such as 32x32".to_owned())
+}
+
 /// Fits a network and writes it.
 pub(crate) fn fit(args: &FitArgs) -> Result<(), CliError> {
     let of_folder = || args.out.file_name().map(|name| name.to_string_lossy().into_owned());
@@ -113,6 +139,9 @@ pub(crate) fn fit(args: &FitArgs) -> Result<(), CliError> {
     let options = Options {
         weights: args.weights.clone(),
         labels: args.outputs.clone(),
+        span_us: args.span,
+        grid: args.grid,
+        hidden: usize::from(args.hidden),
         folds: usize::from(args.folds),
         ages: usize::from(args.ages),
         seed: args.seed,
@@ -129,7 +158,7 @@ pub(crate) fn fit(args: &FitArgs) -> Result<(), CliError> {
     let report = &fitted.report;
     let [description, weights, card, picture] = &paths;
     let about = format!(
-        "# {name}: the layers of events of {}, and a dense layer that `meissner fit` has fitted.\n",
+        "# {name}: the layers of events of {}, and dense layers that `meissner fit` has fitted.\n",
         report.base.name
     );
     write(description, about + &fitted.description)?;
@@ -178,12 +207,13 @@ fn text(out: &mut dyn Write, report: &Report) -> io::Result<()> {
     for note in data.notes.iter().chain(&sensor.notes) {
         writeln!(out, "note       {note}")?;
     }
-    let headings = columns("end of a press | unit | error | 95 % | constant | before | strength");
+    let headings = columns("end of a press | unit | error | 95 % | constant | before | strength | products");
     let rows = report.outputs.iter().map(|of| {
         let before = cell(of.before, |before| short(before.mean));
         let [error, constant] = [of.error, of.constant].map(|figure| short(figure.mean));
         let (name, unit) = (of.name.clone(), of.unit.clone());
-        [name, unit, error, interval(of.error), constant, before, of.strength.to_string()]
+        let [strength, products] = [of.strength, of.products].map(|value| value.to_string());
+        [name, unit, error, interval(of.error), constant, before, strength, products]
     });
     Table::section(out, &headings, rows)?;
     let points = report.outputs.iter().flat_map(|of| of.curve.iter().map(move |point| (of, point)));

@@ -11,18 +11,24 @@
 //! | `request` | the network whose layers stay, and options |
 //! | `samples` | what is fitted, at which instants of which presses |
 //! | `readouts` | what an engine reads out there |
-//! | `cholesky`, `design` | linear systems of readouts |
+//! | `cholesky` | linear systems |
+//! | `basis`, `modes` | coordinates of readouts, and products of the main ones |
 //! | `heads` | ridge regression, and a shrunken discriminant for classes |
+//! | `perceptron` | a perceptron for what these leave |
+//! | `dense` | heads as dense layers |
 //! | `validation` | presses that are held out, and strengths |
 //! | `figures`, `report` | errors and what they say |
 //! | `written` | weights with their card |
 //!
 //! Everything follows from the input and the seed; the number of threads changes no bit.
 
+mod basis;
 mod cholesky;
-mod design;
+mod dense;
 mod figures;
 mod heads;
+mod modes;
+mod perceptron;
 mod readouts;
 mod report;
 mod request;
@@ -34,17 +40,18 @@ use std::sync::Arc;
 
 use meissner_engine::{Engine, Options as EngineOptions};
 use meissner_kernels::random::Random;
-use meissner_models::{Description, ModelError};
-use meissner_run::RunError;
+use meissner_models::Description;
 use meissner_run::model::Model;
 
 use crate::error::{EvaluateError, RequestPart, Result};
 use crate::events::folds;
 use crate::presses::Presses;
 use crate::workers::Workers;
-use design::Design;
+use basis::{Basis, Design};
+use dense::Dense;
 pub use figures::{AgeFigure, CurvePoint, Figure, OutputFigures};
-use heads::STRENGTHS;
+use heads::Choice;
+use modes::Features;
 use readouts::Readouts;
 pub use report::{BaseReport, DataReport, Report, SensorReport};
 use request::Base;
@@ -66,18 +73,17 @@ pub struct Fitted {
     pub report: Report,
 }
 
-/// Fits a head to `presses`. O(presses rows^2) for the systems of up to as many rows as instants or
-/// values of a readout; memory for all readouts in f32, and two such systems in f64.
+/// Fits a head to `presses`. O(rows columns) for each of up to 1,536 rows, for as many rows as
+/// instants and as many columns as values of a readout; memory for all readouts in f32.
 ///
 /// # Errors
 /// Before any work: the network is unknown or not over events, or its weights do not fit; there are
 /// too few presses, a label has one value, a class is too rare. Later: a recording cannot be read
 /// any more, or the network computes NaN.
 pub fn fit(presses: &Presses, options: &Options, workers: &Workers) -> Result<Fitted> {
-    let (base, text) = Base::load(options)?;
+    let base = Base::load(options)?;
     let sensor = presses.sensor()?;
-    let known = base.description.outputs();
-    let target = Target::choose(presses, options, known)?;
+    let target = Target::choose(presses, options, base.description.outputs())?;
     let samples = Samples::of(presses, &target, options)?;
     // Ends are by press, one of each.
     let class = |end: &Instant| match target {
@@ -86,50 +92,77 @@ pub fn fit(presses: &Presses, options: &Options, workers: &Workers) -> Result<Fi
     };
     let classes: Vec<usize> = samples.ends().map(class).collect();
     let fold = folds(&classes, options.folds)?;
-    let inconsistent = |error| RunError::description(options.name.clone(), ModelError::Description(error));
-    let text = Description::with_dense_head(&text, &options.name, &target.outputs()).map_err(inconsistent)?;
-    let description = Description::parse(&text).map_err(inconsistent)?;
-    let model = Model::of(&base.description, (&base.weights, base.label.clone()), false)?;
-    let network = Arc::new(model.network);
-    let engine = Engine::with_options(Arc::clone(&network), sensor, EngineOptions::default())?;
-
-    let readouts = Readouts::of((presses, &samples), &engine, base.stride, workers)?;
+    let outputs = target.outputs();
+    let probe = base.refitted(options, &outputs, &[])?;
+    let engine = |network| Engine::with_options(network, sensor, EngineOptions::default());
+    let silent = probe.weights(&base.weights, &[silence(&probe.description)]);
+    let network = probe.description.network(&silent).map_err(|source| base.unfit(source))?;
     let channels = network.readout_channels();
-    let validation = Validation {
-        design: Design { values: &readouts.values, columns: readouts.columns, channels },
-        target: &target,
-        instants: &samples.instants,
-        fold: &fold,
-        folds: options.folds,
-        watch: &workers.watch,
+    let readouts = Readouts::of((presses, &samples), &engine(Arc::new(network))?, base.stride, workers)?;
+    let before = if target.is_predicted_by(base.description.outputs()) {
+        let model = Model::of(&base.description, (&base.weights, base.label.clone()), false)?;
+        Some(readouts::predictions(
+            (presses, &samples),
+            &engine(Arc::new(model.network))?,
+            base.stride,
+            workers,
+        )?)
+    } else {
+        None
     };
+
     let order = order(&classes, options.seed);
+    let design =
+        Design { values: &readouts.values, columns: readouts.columns, channels, counts: probe.counts };
     let (held_out, fewer, head) = workers.install(|| -> Result<_> {
-        let held_out = validation.held_out(|_| true, &STRENGTHS)?;
-        let near = near(&held_out);
+        let dependent = || {
+            let found = "readouts that rounding makes dependent on each other".to_owned();
+            EvaluateError::request(RequestPart::Data, "readouts of which a head can be fitted", found)
+        };
+        let (basis, coordinates) = Basis::new(design, options.seed).ok_or_else(dependent)?;
+        let features = Features::new(coordinates, options.hidden > 0, options.seed);
+        let validation = Validation {
+            features: &features,
+            target: &target,
+            instants: &samples.instants,
+            fold: &fold,
+            folds: options.folds,
+            watch: &workers.watch,
+        };
+        let learn = |held_out: HeldOut, taken: &(dyn Fn(usize) -> bool + Sync)| {
+            if options.hidden == 0 {
+                return Ok(held_out);
+            }
+            validation.with_perceptrons(held_out, taken, (options.hidden, options.seed))
+        };
+        let held_out = learn(validation.held_out(|_| true, &Choice::all())?, &|_| true)?;
+        let near = Choice::near(&held_out.choices);
         let mut fewer: Vec<(usize, HeldOut)> = Vec::new();
         for part in [4, 2] {
             let taken = order.iter().filter(|order| order.is_multiple_of(part)).count();
             if taken >= MIN_CURVE.max(options.folds) {
-                fewer.push((part, validation.held_out(|press| order[press].is_multiple_of(part), &near)?));
+                let taken = |press: usize| order[press].is_multiple_of(part);
+                fewer.push((part, learn(validation.held_out(taken, &near)?, &taken)?));
             }
         }
-        let head = validation.whole(&held_out.strengths);
+        let mut head = validation.whole(&held_out.choices).ok_or_else(dependent)?;
+        let mut choices = held_out.choices.clone();
+        if matches!(target, Target::Classes { .. }) && !held_out.perceptrons.is_empty() {
+            // The perceptrons predict classes alone.
+            head.weight.fill(0.0);
+            head.bias.fill(0.0);
+            choices.iter_mut().for_each(|choice| choice.products = 0.0);
+        }
+        let head = Dense::new((&head, &choices), &held_out.perceptrons, &features, &basis);
         Ok((held_out, fewer, head))
     })?;
-    let Some(head) = head else {
-        let found = "readouts that rounding makes dependent on each other".to_owned();
-        return Err(EvaluateError::request(
-            RequestPart::Data,
-            "readouts of which a head can be fitted",
-            found,
-        ));
-    };
+    let fitted = base.refitted(options, &outputs, &head.hidden())?;
     let report = report::Inputs {
         presses,
         samples: &samples,
         target: &target,
         readouts: &readouts,
+        before: before.as_deref(),
         base: &base,
         sensor,
         options,
@@ -140,9 +173,17 @@ pub fn fit(presses: &Presses, options: &Options, workers: &Workers) -> Result<Fi
     };
     let report = report.report()?;
     let of = (&target, &samples, &report.outputs[..]);
-    let card = written::card((&description, &base), &presses.folder, sensor, of, options);
-    let weights = written::weights(&description, &base, &head, &card)?;
-    Ok(Fitted { description: text, weights, report })
+    let card = written::card((&fitted.description, &base), &presses.folder, sensor, of, options);
+    let weights = written::weights(&fitted, &base, &head, &card)?;
+    Ok(Fitted { description: fitted.text, weights, report })
+}
+
+/// A dense layer of zeros behind the readout of `description`, its only one.
+fn silence(description: &Description) -> (Vec<f32>, Vec<f32>) {
+    let last = description.layers().last();
+    last.map_or_else(Default::default, |last| {
+        (vec![0.0; last.inputs * last.outputs], vec![0.0; last.outputs])
+    })
 }
 
 /// A place of each press in an order that `seed` draws, in which classes follow each other: of
@@ -155,13 +196,6 @@ fn order(classes: &[usize], seed: u64) -> Vec<usize> {
     let mut order = vec![0; classes.len()];
     drawn.into_iter().enumerate().for_each(|(place, (.., press))| order[press] = place);
     order
-}
-
-/// The strengths that were chosen, and the next weaker and stronger ones.
-fn near(held_out: &HeldOut) -> Vec<f64> {
-    let chosen = |i: usize| held_out.strengths.contains(&STRENGTHS[i]);
-    let is_near = |&i: &usize| (i.saturating_sub(1)..(i + 2).min(STRENGTHS.len())).any(chosen);
-    (0..STRENGTHS.len()).filter(is_near).map(|i| STRENGTHS[i]).collect()
 }
 
 #[cfg(test)]

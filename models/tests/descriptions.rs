@@ -3,10 +3,12 @@
 use super::support;
 
 use meissner_engine::{
-    Aggregation, Candidates, Lifetime, Network, NetworkParts, Normalisation, Position, Reach,
+    Aggregation, Candidates, Engine, Event, Lifetime, Network, NetworkParts, Normalisation, Position, Reach,
+    Sensor,
 };
+use meissner_kernels::Activation;
 use meissner_models::description::frames::FrameKind;
-use meissner_models::description::{CostUnit, FieldStart, Outputs};
+use meissner_models::description::{CostUnit, FieldStart, Outputs, Refit};
 use meissner_models::{ConvolutionKind, Description, Layer, LayerKind, Weights, draw};
 use support::{SMALL, changed};
 
@@ -341,16 +343,20 @@ fn of_events(description: &Description) -> Vec<Layer> {
     kept.map(at_no_line).collect()
 }
 
+fn refit(outputs: &Outputs, counts: bool) -> Refit<'_> {
+    Refit { name: "mine", span_us: None, grid: None, counts, hidden: &[], outputs }
+}
+
 #[test]
-fn every_shipped_network_keeps_its_layers_of_events_with_a_dense_head() {
+fn every_shipped_network_keeps_its_layers_of_events_with_dense_layers() {
     let outputs =
         Outputs::Quantities(vec![("x".to_owned(), "mm".to_owned()), ("y".to_owned(), "N".to_owned())]);
     for name in Description::shipped_names() {
         let (description, _) = shipped(name);
         let text = Description::shipped_text(name).expect("a shipped description");
-        let text = Description::with_dense_head(text, "mine", &outputs).expect("a consistent description");
-        let own = Description::parse(&text).expect("it was checked");
-        assert_eq!(of_events(&own), of_events(&description), "{text}");
+        let found = Description::refitted(text, &refit(&outputs, false)).expect("a consistent description");
+        let own = &found.description;
+        assert_eq!(of_events(own), of_events(&description), "{}", found.text);
         assert_eq!((own.name(), own.preparation()), ("mine", description.preparation()));
         assert_eq!(
             (own.graph(), own.place(), own.head().len()),
@@ -359,23 +365,90 @@ fn every_shipped_network_keeps_its_layers_of_events_with_a_dense_head() {
         assert_eq!(own.outputs().1, ["mm", "N"]);
         let last = own.layers().last().expect("a layer");
         assert_eq!((last.kind.word(), &*last.name, last.outputs), ("dense", "fitted", 2));
-        // Once more, to other outputs.
+        // Once more, to other outputs, with another layer between.
         let classes = Outputs::Classes(vec!["a".to_owned(), "b".to_owned(), "c".to_owned()]);
-        let text = Description::with_dense_head(&text, "again", &classes).expect("a consistent description");
-        let again = Description::parse(&text).expect("it was checked");
-        assert_eq!(of_events(&again), of_events(&description), "{text}");
-        assert_eq!(again.classes().map(<[String]>::len), Some(3));
+        let again = Refit { hidden: &[(5, Activation::Elu)], ..refit(&classes, false) };
+        let again = Description::refitted(&found.text, &again).expect("a consistent description");
+        assert_eq!(of_events(&again.description), of_events(&description), "{}", again.text);
+        let layers = again.description.layers();
+        let dense: Vec<&str> = layers.iter().rev().take(2).map(|layer| layer.name.as_str()).collect();
+        assert_eq!(
+            (dense, again.description.classes().map(<[String]>::len)),
+            (vec!["fitted", "fitted1"], Some(3))
+        );
     }
 }
 
 #[test]
-fn a_dense_head_gets_a_name_that_no_layer_of_events_has() {
+fn dense_layers_get_names_that_no_layer_of_events_has() {
     let text = SMALL.replace("conv1", "fitted");
     let outputs = Outputs::Quantities(vec![("x".to_owned(), "mm".to_owned())]);
-    let text = Description::with_dense_head(&text, "mine", &outputs).expect("a consistent description");
-    let description = Description::parse(&text).expect("it was checked");
-    assert_eq!(description.layers().last().map(|layer| layer.name.as_str()), Some("fitted_"), "{text}");
-    for (name, wrong) in [("", &outputs), ("mine", &Outputs::Classes(vec!["one".to_owned()]))] {
-        Description::with_dense_head(&text, name, wrong).expect_err("it is inconsistent");
+    let found = Description::refitted(&text, &refit(&outputs, true)).expect("a consistent description");
+    let last = found.description.layers().last();
+    assert_eq!(last.map(|layer| layer.name.as_str()), Some("fitted_"), "{}", found.text);
+    let wrong = Refit { name: "", ..refit(&outputs, true) };
+    Description::refitted(&text, &wrong).expect_err("it is inconsistent");
+    let one = Outputs::Classes(vec!["one".to_owned()]);
+    Description::refitted(&text, &refit(&one, true)).expect_err("it is inconsistent");
+}
+
+#[test]
+fn a_window_and_a_grid_can_be_others() {
+    let outputs = Outputs::Quantities(vec![("x".to_owned(), "mm".to_owned())]);
+    let text = Description::shipped_text("tactigraph-past").expect("a shipped description");
+    let other = Refit { span_us: Some(2_000_000), grid: Some([5, 3]), ..refit(&outputs, false) };
+    let found = Description::refitted(text, &other).expect("a consistent description").description;
+    assert_eq!(found.span_us(), 2_000_000);
+    assert_eq!(found.layers().last().map(|layer| layer.inputs), Some(5 * 3 * 16));
+}
+
+#[test]
+fn a_readout_that_sums_also_sums_events_and_their_polarities() {
+    let outputs = Outputs::Quantities(vec![("x".to_owned(), "mm".to_owned())]);
+    let base = Weights::shipped("tactigraph-past").expect("its weights");
+    let text = Description::shipped_text("tactigraph-past").expect("a shipped description");
+    let found = Description::refitted(text, &refit(&outputs, true)).expect("a consistent description");
+    assert_eq!(found.counts, 4);
+    let values = found.description.layers().last().expect("a layer").inputs;
+    let head = [(vec![0.0; values], vec![0.0])];
+    let sensor = Sensor::new(48, 36);
+    let engine = |network| Engine::new(network, sensor).expect("an engine");
+    let network = found.description.network(&found.weights(&base, &head)).expect("they fit");
+    let plain = Description::refitted(text, &refit(&outputs, false)).expect("a consistent description");
+    let of_plain = plain.weights(&base, &[(vec![0.0; 24 * 18 * 16], vec![0.0])]);
+    let (mut engine, mut plain) =
+        (engine(network), engine(plain.description.network(&of_plain).expect("they fit")));
+    let events = [(1, 0, 0, true), (2, 1, 1, false), (3, 1, 0, true), (4, 47, 35, false)];
+    for (t_us, x, y, on) in events {
+        for engine in [&mut engine, &mut plain] {
+            engine.push(Event::new(t_us, x, y, on));
+        }
+    }
+    engine.predict().expect("numbers");
+    plain.predict().expect("numbers");
+    let (own, others) = (engine.readout().concat(), plain.readout().concat());
+    for (own, others) in own.chunks(20).zip(others.chunks(16)) {
+        assert_eq!(own[..16], *others);
+    }
+    // A cell has 2 x 2 pixels, whose centres are halfway: events, p, p x, p y.
+    let close = |own: &[f32], expected: [f32; 4]| {
+        own.iter()
+            .zip(expected)
+            .for_each(|(own, expected)| assert!((own - expected).abs() < 1e-5, "{own} {expected}"));
+    };
+    close(&own[16..20], [3.0, 1.0, -0.5 - 0.5 + 0.5, -0.5 - 0.5 - 0.5]);
+    close(&own[own.len() - 4..], [1.0, -1.0, -0.5, -0.5]);
+    // A network that has counts keeps them, and gets no more.
+    let again = Description::refitted(&found.text, &refit(&outputs, true)).expect("a consistent description");
+    assert_eq!((again.counts, again.text), (4, found.text));
+}
+
+#[test]
+fn counts_are_left_out_where_nothing_is_summed() {
+    let outputs = Outputs::Quantities(vec![("x".to_owned(), "mm".to_owned())]);
+    for name in ["digits-past", "graphres"] {
+        let text = Description::shipped_text(name).expect("a shipped description");
+        let found = Description::refitted(text, &refit(&outputs, true)).expect("a consistent description");
+        assert_eq!(found.counts, 0, "{name}");
     }
 }

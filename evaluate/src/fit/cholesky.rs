@@ -15,7 +15,7 @@ use ndarray::{Array2, ArrayView1, ArrayView2, ArrayViewMut2, Axis};
 use rayon::prelude::*;
 
 /// Rows of a tile.
-const TILE: usize = 96;
+const TILE: usize = 32;
 
 /// The lower triangle of a factor.
 #[derive(Clone, Debug)]
@@ -93,6 +93,12 @@ impl Factor {
 
     /// Replaces each row b of `of` by the x with A x = b. O(size^2) a row.
     pub(super) fn solve(&self, of: &mut Array2<f64>) {
+        self.forward(of);
+        self.backward(of);
+    }
+
+    /// Replaces each row b of `of` by the x with L x = b.
+    pub(super) fn forward(&self, of: &mut Array2<f64>) {
         let lower = &self.0;
         let rows: Vec<_> = of.axis_iter_mut(Axis(0)).collect();
         rows.into_par_iter().for_each(|mut x| {
@@ -100,6 +106,14 @@ impl Factor {
                 let known = along(x.view(), lower.row(i), i);
                 x[i] = (x[i] - known) / lower[[i, i]];
             }
+        });
+    }
+
+    /// Replaces each row b of `of` by the x with L^T x = b.
+    pub(super) fn backward(&self, of: &mut Array2<f64>) {
+        let lower = &self.0;
+        let rows: Vec<_> = of.axis_iter_mut(Axis(0)).collect();
+        rows.into_par_iter().for_each(|mut x| {
             for i in (0..x.len()).rev() {
                 x[i] /= lower[[i, i]];
                 let solved = x[i];

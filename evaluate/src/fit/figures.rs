@@ -4,6 +4,8 @@ use libm::{exp, log};
 use meissner_kernels::random::Random;
 use serde::Serialize;
 
+use super::heads::Choice;
+
 /// Resamples of an interval.
 const RESAMPLES: usize = 1_000;
 /// Groups of ages.
@@ -50,6 +52,8 @@ pub struct OutputFigures {
     pub unit: String,
     /// Relative strength of the regularisation.
     pub strength: f64,
+    /// What products of modes are multiplied by; with 0 the head is linear.
+    pub products: f64,
     /// Mean absolute error at the ends of presses that were held out.
     pub error: Figure,
     /// The same of the mean of the labels, or of the most frequent class.
@@ -104,7 +108,7 @@ impl Figure {
 }
 
 impl OutputFigures {
-    pub(super) fn new((name, unit): (&str, &str), strength: f64, errors: &Errors, seed: u64) -> Self {
+    pub(super) fn new((name, unit): (&str, &str), choice: Choice, errors: &Errors, seed: u64) -> Self {
         let difference = |from: &[f64], of: &[f64]| -> Vec<f64> {
             from.iter().zip(of).map(|(from, of)| from - of).collect()
         };
@@ -138,7 +142,8 @@ impl OutputFigures {
         Self {
             name: name.to_owned(),
             unit: unit.to_owned(),
-            strength,
+            strength: choice.strength,
+            products: choice.products,
             error,
             constant: Figure::of(&errors.constant, seed),
             before: errors.before.as_ref().map(|of| Figure::of(of, seed)),
@@ -164,9 +169,7 @@ fn advice(name: &str, unit: &str, in_events: bool, twice: Option<f64>, error: f6
     if in_events {
         format!("{name}: {more}")
     } else {
-        format!(
-            "{name} is not in the events, or not linear in the readout: no better than a constant; {more}"
-        )
+        format!("{name} is not in the events, or not in the readout: no better than a constant; {more}")
     }
 }
 

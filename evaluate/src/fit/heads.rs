@@ -1,107 +1,217 @@
-//! Heads that are linear in the readout: ridge regression, and a shrunken discriminant.
+//! Heads that are linear or quadratic in the readout: ridge regression, and a shrunken discriminant.
 //!
 //! ```text
-//! quantities  w = (X^T X + s)^-1 X^T (y - mean y)
-//! classes     w = S^-1 (m_c - m),  bias = log p_c - (m_c + m) w / 2
-//!             S = (C + r v I) / (1 + r)
+//! quantities  w = (F^T F + s)^-1 F^T (y - mean y)
+//! classes     w = n (W + s)^-1 (m_c - m),  bias = log p_c - (m_c + m) w / 2
 //! ```
-//! where C is the covariance within classes, v its mean variance and p the share of a class
+//! for n rows of centred features F, the scatter W within classes and the share p of a class
 //! (Hoerl and Kennard 1970, "Ridge regression"; Friedman 1989, "Regularized discriminant
-//! analysis"; the target of Ledoit and Wolf 2004, "A well-conditioned estimator for
-//! large-dimensional covariance matrices"). A strength r is relative: `s = r v rows`.
+//! analysis"). A strength r is relative: `s = r trace / n`, where the trace is that of what s is
+//! added to.
 
 use libm::log;
-use ndarray::{Array2, Axis};
+use ndarray::{Array1, Array2, ArrayView1, ArrayView2, Axis};
 
-use super::design::{Design, Linear, System};
+use super::basis::Linear;
+use super::cholesky::{Factor, add_products, block};
+use super::modes::Features;
 use super::samples::{Instant, Target};
 
 /// Strengths that are tried.
-pub(super) const STRENGTHS: [f64; 9] = [1e-4, 1e-3, 3.2e-3, 1e-2, 3.2e-2, 0.1, 0.32, 1.0, 10.0];
+const STRENGTHS: [f64; 6] = [1e-3, 1e-2, 3.2e-2, 0.1, 0.32, 1.0];
+/// What products are multiplied by; with 0 a head is linear.
+const PRODUCTS: [f64; 3] = [0.0, 0.7, 1.4];
+/// Rows that are copied together.
+const PART: usize = 256;
 
-/// The heads of `rows` for each of the relative `strengths`; `None` where rounding forbids it.
-pub(super) fn fit(
-    design: Design<'_>,
-    target: &Target,
-    instants: &[Instant],
-    rows: &[usize],
-    strengths: &[f64],
-) -> Vec<Option<Linear>> {
-    match target {
-        Target::Quantities(each) => {
-            let group = vec![0; rows.len()];
-            let system = design.system(rows, &group, 1);
-            quantities(&system, each.len(), instants, rows, strengths)
-        }
-        Target::Classes { names, .. } => {
-            let group: Vec<usize> = rows.iter().map(|&row| instants[row].truth[0] as usize).collect();
-            let system = design.system(rows, &group, names.len());
-            classes(&system, names.len(), &group, strengths)
-        }
+/// How a head is regularised.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Choice {
+    /// What products are multiplied by.
+    pub(super) products: f64,
+    /// Relative strength.
+    pub(super) strength: f64,
+}
+
+impl Choice {
+    /// All that are tried, those with less freedom last.
+    pub(super) fn all() -> Vec<Self> {
+        let of = |&products: &f64| STRENGTHS.map(|strength| Self { products, strength });
+        PRODUCTS.iter().rev().flat_map(of).collect()
+    }
+
+    /// Those of [`Self::all`] with the products of one of `chosen`, and its strength or the next
+    /// weaker or stronger one.
+    pub(super) fn near(chosen: &[Self]) -> Vec<Self> {
+        let place = |of: f64| STRENGTHS.iter().position(|&strength| strength == of).unwrap_or(0);
+        let is_near = |choice: &Self| {
+            let close = |of: &Self| {
+                of.products == choice.products && place(of.strength).abs_diff(place(choice.strength)) <= 1
+            };
+            chosen.iter().any(close)
+        };
+        Self::all().into_iter().filter(is_near).collect()
     }
 }
 
-/// The heads of a system whose targets in scaled columns are `of`; `bias` completes each.
-fn solved(
-    system: &System<'_>,
-    of: &Array2<f64>,
-    relative: &[f64],
-    complete: impl Fn(f64, Array2<f64>) -> Linear,
-) -> Vec<Option<Linear>> {
-    let size = system.size();
-    let size = if size > 0.0 { size } else { 1.0 };
-    let strengths: Vec<f64> = relative.iter().map(|relative| relative * size).collect();
-    let found = system.solve(of, &strengths).into_iter().zip(relative);
-    found.map(|(found, &relative)| found.map(|weight| complete(relative, weight))).collect()
+/// Sums over rows: all that a head depends on.
+#[derive(Clone)]
+pub(super) struct Sums {
+    /// Of products of pairs of features; the lower triangle.
+    products: Array2<f64>,
+    /// Of features, by classes; one row for quantities.
+    features: Array2<f64>,
+    /// Rows, by classes.
+    counts: Vec<f64>,
+    /// Of outputs times features, and of outputs; none for classes.
+    truth: Array2<f64>,
+    outputs: Vec<f64>,
 }
 
-fn quantities(
-    system: &System<'_>,
-    outputs: usize,
-    instants: &[Instant],
-    rows: &[usize],
-    strengths: &[f64],
-) -> Vec<Option<Linear>> {
-    let mut truth =
-        Array2::from_shape_fn((rows.len(), outputs), |(i, output)| instants[rows[i]].truth[output]);
-    let mean = truth.sum_axis(Axis(0)) / rows.len().max(1) as f64;
-    truth -= &mean;
-    solved(system, &system.transposed(&truth), strengths, |_, mut weight| {
-        rescale(&mut weight, &system.scale);
-        let bias = weight.rows().into_iter().zip(&mean).map(|(w, mean)| mean - along(w.iter(), &system.mean));
-        Linear { bias: bias.collect(), weight }
-    })
-}
-
-fn classes(system: &System<'_>, classes: usize, group: &[usize], strengths: &[f64]) -> Vec<Option<Linear>> {
-    let mut apart = system.means.clone();
-    for mut row in apart.rows_mut() {
-        for ((value, mean), scale) in row.iter_mut().zip(&system.mean).zip(&system.scale) {
-            *value = (*value - mean) * scale;
+impl Sums {
+    /// The sums over `rows`. O(rows features^2).
+    pub(super) fn of(features: &Features, target: &Target, instants: &[Instant], rows: &[usize]) -> Self {
+        let size = features.values.ncols();
+        let (groups, outputs) = match target {
+            Target::Quantities(each) => (1, each.len()),
+            Target::Classes { names, .. } => (names.len(), 0),
+        };
+        let mut sums = Self {
+            products: Array2::zeros((size, size)),
+            features: Array2::zeros((groups, size)),
+            counts: vec![0.0; groups],
+            truth: Array2::zeros((outputs, size)),
+            outputs: vec![0.0; outputs],
+        };
+        for rows in rows.chunks(PART) {
+            let part = features.values.select(Axis(0), rows);
+            add_products(&mut sums.products, part.view());
+            for (&row, values) in rows.iter().zip(part.rows()) {
+                let truth = &instants[row].truth;
+                let group = if groups == 1 { 0 } else { truth[0] as usize };
+                sums.counts[group] += 1.0;
+                sums.features.row_mut(group).scaled_add(1.0, &values);
+                for (output, &truth) in truth.iter().enumerate().take(outputs) {
+                    sums.outputs[output] += truth;
+                    sums.truth.row_mut(output).scaled_add(truth, &values);
+                }
+            }
         }
+        sums
     }
-    let mut counts = vec![0_usize; classes];
-    group.iter().for_each(|&class| counts[class] += 1);
-    let rows = group.len().max(1) as f64;
-    solved(system, &apart, strengths, |relative, mut weight| {
-        weight *= (1.0 + relative) * rows;
-        rescale(&mut weight, &system.scale);
-        let bias = (0..classes).map(|class| {
-            let between = weight.row(class).into_iter().zip(system.means.row(class)).zip(&system.mean);
-            let between: f64 = between.map(|((w, of), mean)| w * (of + mean)).sum();
-            // A class that these presses lack gets half a row.
-            log((counts[class] as f64).max(0.5) / rows) - between / 2.0
-        });
-        Linear { bias: bias.collect(), weight }
-    })
+
+    /// The sums over the rows that `part` does not have.
+    pub(super) fn without(mut self, part: &Self) -> Self {
+        self.products -= &part.products;
+        self.features -= &part.features;
+        self.truth -= &part.truth;
+        self.counts.iter_mut().zip(&part.counts).for_each(|(sum, part)| *sum -= part);
+        self.outputs.iter_mut().zip(&part.outputs).for_each(|(sum, part)| *sum -= part);
+        self
+    }
+
+    /// The heads of these rows for each of `choices`, linear in the features: `linear` coordinates,
+    /// then products. `None` where rounding forbids it. O(features^3) each.
+    pub(super) fn heads(&self, linear: usize, choices: &[Choice]) -> Vec<Option<Linear>> {
+        let mut made: Vec<(f64, Problem)> = Vec::new();
+        let mut heads = Vec::new();
+        for choice in choices {
+            if made.last().is_none_or(|(products, _)| *products != choice.products) {
+                made.push((choice.products, Problem::new(self, linear, choice.products)));
+            }
+            heads.push(made.last().and_then(|(_, problem)| problem.solve(self, choice.strength)));
+        }
+        heads
+    }
+
+    fn count(&self) -> f64 {
+        self.counts.iter().sum::<f64>().max(1.0)
+    }
 }
 
-fn rescale(weight: &mut Array2<f64>, scale: &[f64]) {
-    weight.rows_mut().into_iter().for_each(|mut row| {
-        row.iter_mut().zip(scale).for_each(|(w, scale)| *w *= scale);
-    });
+/// A linear system, but for its strength.
+struct Problem {
+    /// What features are multiplied by; products are left out where it is 0.
+    scale: Array1<f64>,
+    /// The lower triangle of centred products.
+    matrix: Array2<f64>,
+    /// By outputs.
+    right: Array2<f64>,
+    /// The mean of the features.
+    mean: Array1<f64>,
+    /// Of each class.
+    means: Array2<f64>,
 }
 
-fn along<'a>(weight: impl Iterator<Item = &'a f64>, of: &[f64]) -> f64 {
-    weight.zip(of).map(|(w, x)| w * x).sum()
+impl Problem {
+    fn new(sums: &Sums, linear: usize, products: f64) -> Self {
+        let size = if products > 0.0 { sums.products.nrows() } else { linear };
+        let count = sums.count();
+        let scale = Array1::from_shape_fn(size, |i| if i < linear { 1.0 } else { products });
+        let within = |of: &Array2<f64>| block(of.view(), 0..of.nrows(), 0..size).to_owned();
+        let features = within(&sums.features);
+        let mean = features.sum_axis(Axis(0)) / count;
+        let mut means = features;
+        for (mut of, &count) in means.rows_mut().into_iter().zip(&sums.counts) {
+            if count > 0.0 {
+                of /= count;
+            } else {
+                of.assign(&mean);
+            }
+        }
+        let mut matrix = block(sums.products.view(), 0..size, 0..size).to_owned();
+        for (of, &count) in means.rows().into_iter().zip(&sums.counts) {
+            subtract_square(&mut matrix, of, count);
+        }
+        for ((i, j), value) in matrix.indexed_iter_mut() {
+            *value *= scale[i] * scale[j];
+        }
+        let mut right = if sums.outputs.is_empty() {
+            (&means - &mean) * count
+        } else {
+            let mut right = within(&sums.truth);
+            for (mut of, &sum) in right.rows_mut().into_iter().zip(&sums.outputs) {
+                of.scaled_add(-sum, &mean);
+            }
+            right
+        };
+        right *= &scale;
+        Self { scale, matrix, right, mean, means }
+    }
+
+    fn solve(&self, sums: &Sums, strength: f64) -> Option<Linear> {
+        let count = sums.count();
+        let size = self.matrix.diag().sum() / count;
+        let mut weight = self.right.clone();
+        Factor::new(self.matrix.clone(), strength * if size > 0.0 { size } else { 1.0 })?.solve(&mut weight);
+        weight *= &self.scale;
+        let bias = if sums.outputs.is_empty() {
+            let of = |(class, weight): (usize, ArrayView1<'_, f64>)| {
+                let between = weight.dot(&self.means.row(class)) + weight.dot(&self.mean);
+                // A class that these rows lack gets half a row.
+                log(sums.counts[class].max(0.5) / count) - between / 2.0
+            };
+            weight.rows().into_iter().enumerate().map(of).collect()
+        } else {
+            let outputs = weight.rows().into_iter().zip(&sums.outputs);
+            outputs.map(|(weight, sum)| sum / count - weight.dot(&self.mean)).collect()
+        };
+        Some(Linear { weight, bias })
+    }
+}
+
+impl Linear {
+    /// What it gives for rows of inputs, of which it may read the first ones alone.
+    pub(super) fn of(&self, inputs: ArrayView2<'_, f64>) -> Array2<f64> {
+        let read = inputs.split_at(Axis(1), self.weight.ncols()).0;
+        read.dot(&self.weight.t()) + ArrayView1::from(&self.bias)
+    }
+}
+
+/// Subtracts `count` times the products of pairs of values of `of`.
+fn subtract_square(from: &mut Array2<f64>, of: ArrayView1<'_, f64>, count: f64) {
+    for (i, mut row) in from.rows_mut().into_iter().enumerate() {
+        let factor = -count * of[i];
+        row.iter_mut().zip(of).take(i + 1).for_each(|(value, x)| *value += factor * x);
+    }
 }

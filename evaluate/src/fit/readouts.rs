@@ -17,17 +17,8 @@ pub(super) struct Readouts {
     pub(super) columns: usize,
     /// A readout after the other.
     pub(super) values: Vec<f32>,
-    /// What the network predicts as it is, at each instant.
-    pub(super) predicted: Vec<Vec<f32>>,
     /// Events of all presses, and those of them that are on.
     pub(super) events: [u64; 2],
-}
-
-/// What a press gives.
-struct OfPress {
-    values: Vec<f32>,
-    predicted: Vec<Vec<f32>>,
-    events: [u64; 2],
 }
 
 impl Readouts {
@@ -36,74 +27,77 @@ impl Readouts {
     /// # Errors
     /// A recording cannot be read any more, the network computes NaN, or a readout is infinite.
     pub(super) fn of(
-        (presses, samples): (&Presses, &Samples),
+        of: (&Presses, &Samples),
         engine: &Engine,
         stride: usize,
         workers: &Workers,
     ) -> Result<Self> {
-        let columns = {
-            let parts = engine.network().parts().readout;
-            parts.columns
-                * parts.rows
-                * engine.network().readout_times()
-                * engine.network().readout_channels()
-        };
-        let chosen: Vec<usize> = (0..samples.presses.len()).collect();
-        workers.expect(chosen.len());
-        let found = workers.for_each(engine, &chosen, |engine, &press| {
-            of_press((presses, samples), engine, stride, press).map(|found| (press, found))
+        let network = engine.network();
+        let grid = network.parts().readout;
+        let columns = grid.columns * grid.rows * network.readout_times() * network.readout_channels();
+        let found = at_instants(of, engine, stride, workers, |engine| {
+            // It brings the rows up to date.
+            engine.predict()?;
+            Ok(engine.readout().concat())
         })?;
-        let (mut values, mut predicted, mut events) =
-            (Vec::with_capacity(columns * samples.instants.len()), Vec::new(), [0, 0]);
-        for (press, of) in found {
-            if let Some(odd) = of.values.iter().find(|value| !value.is_finite()) {
-                let name = &presses.recordings[samples.presses[press]].name;
+        let (mut values, mut events) = (Vec::with_capacity(columns * of.1.instants.len()), [0, 0]);
+        for (press, (readouts, counts)) in found.into_iter().enumerate() {
+            let own = readouts.concat();
+            if let Some(odd) = own.iter().find(|value| !value.is_finite()) {
+                let name = &of.0.recordings[of.1.presses[press]].name;
                 let found = format!("{odd} of {name}");
                 return Err(EvaluateError::request(RequestPart::Data, "finite readouts", found));
             }
-            values.extend(of.values);
-            predicted.extend(of.predicted);
-            events = [events[0] + of.events[0], events[1] + of.events[1]];
+            values.extend(own);
+            events = [events[0] + counts[0], events[1] + counts[1]];
         }
-        Ok(Self { columns, values, predicted, events })
+        Ok(Self { columns, values, events })
     }
 }
 
-fn of_press(
-    (presses, samples): (&Presses, &Samples),
-    engine: &mut Engine,
+/// What `engine` predicts at all instants, in their order.
+///
+/// # Errors
+/// A recording cannot be read any more, or the network computes NaN.
+pub(super) fn predictions(
+    of: (&Presses, &Samples),
+    engine: &Engine,
     stride: usize,
-    press: usize,
-) -> Result<OfPress> {
-    let recording = samples.presses[press];
-    let events = presses.events(recording)?;
-    let named = |error: EngineError| -> EvaluateError {
-        let name = presses.recordings[recording].name.clone();
-        match error {
-            EngineError::NotANumber { layer, .. } => {
-                let found = format!("NaN in layer {layer} for {name}");
-                EvaluateError::request(
-                    RequestPart::Data,
-                    "presses of which the network computes numbers",
-                    found,
-                )
-            }
-            other => RunError::Engine(other).into(),
+    workers: &Workers,
+) -> Result<Vec<Vec<f32>>> {
+    let found = at_instants(of, engine, stride, workers, |engine| Ok(engine.predict()?.values.to_vec()))?;
+    Ok(found.into_iter().flat_map(|(predicted, _)| predicted).collect())
+}
+
+/// What `read` finds at the instants of each press, and the events of the press, and those of them
+/// that are on.
+fn at_instants<T: Send>(
+    (presses, samples): (&Presses, &Samples),
+    engine: &Engine,
+    stride: usize,
+    workers: &Workers,
+    read: impl Fn(&mut Engine) -> std::result::Result<T, EngineError> + Sync,
+) -> Result<Vec<(Vec<T>, [u64; 2])>> {
+    let chosen: Vec<usize> = (0..samples.presses.len()).collect();
+    workers.expect(chosen.len());
+    workers.for_each(engine, &chosen, |engine, &press| {
+        let recording = samples.presses[press];
+        let events = presses.events(recording)?;
+        let named = |error: EngineError| -> EvaluateError {
+            let EngineError::NotANumber { layer, .. } = error else { return RunError::Engine(error).into() };
+            let found = format!("NaN in layer {layer} for {}", presses.recordings[recording].name);
+            EvaluateError::request(RequestPart::Data, "presses of which the network computes numbers", found)
+        };
+        engine.reset();
+        let mut due = events.iter().step_by(stride).copied().peekable();
+        let first = samples.instants.partition_point(|instant| instant.press < press);
+        let mut found = Vec::new();
+        for instant in samples.instants[first..].iter().take_while(|instant| instant.press == press) {
+            engine.push_all(from_fn(|| due.next_if(|event| event.t_us <= instant.t_us)));
+            engine.advance(instant.t_us);
+            found.push(read(engine).map_err(named)?);
         }
-    };
-    engine.reset();
-    let mut due = events.iter().step_by(stride).copied().peekable();
-    let mut of = OfPress {
-        values: Vec::new(),
-        predicted: Vec::new(),
-        events: [events.len() as u64, events.iter().filter(|event| event.on).count() as u64],
-    };
-    let first = samples.instants.partition_point(|instant| instant.press < press);
-    for instant in samples.instants[first..].iter().take_while(|instant| instant.press == press) {
-        engine.push_all(from_fn(|| due.next_if(|event| event.t_us <= instant.t_us)));
-        engine.advance(instant.t_us);
-        of.predicted.push(engine.predict().map_err(named)?.values.to_vec());
-        of.values.extend(engine.readout().concat());
-    }
-    Ok(of)
+        let on = events.iter().filter(|event| event.on).count();
+        Ok::<_, EvaluateError>((found, [events.len() as u64, on as u64]))
+    })
 }

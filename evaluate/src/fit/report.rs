@@ -84,6 +84,8 @@ pub(super) struct Inputs<'a> {
     pub(super) samples: &'a Samples,
     pub(super) target: &'a Target,
     pub(super) readouts: &'a Readouts,
+    /// What the network predicts as it is, if that is the same.
+    pub(super) before: Option<&'a [Vec<f32>]>,
     pub(super) base: &'a Base,
     pub(super) sensor: Sensor,
     pub(super) options: &'a Options,
@@ -158,6 +160,16 @@ impl Inputs<'_> {
                 self.sensor
             ));
         }
+        let mut lengths: Vec<i64> = self.samples.presses.iter().map(|&press| self.length_us(press)).collect();
+        lengths.sort_unstable();
+        let window = self.options.span_us.unwrap_or(self.base.description.span_us());
+        if let Some(&middle) = lengths.get(lengths.len() / 2).filter(|middle| **middle > window) {
+            notes.push(format!(
+                "the middle press lasts {} ms, and the window {}: what is older has left it at the end (--span)",
+                middle / 1_000,
+                window / 1_000
+            ));
+        }
         let on_share = if events > 0 { on as f64 / events as f64 } else { 0.0 };
         if !(0.1..=0.9).contains(&on_share) {
             notes.push(format!("{:.0} % of the events are on: one polarity nearly alone", 100.0 * on_share));
@@ -169,6 +181,12 @@ impl Inputs<'_> {
             on_share,
             notes,
         })
+    }
+
+    /// From the first event of a recording to the last one.
+    fn length_us(&self, press: usize) -> i64 {
+        let recording = &self.presses.recordings[press];
+        recording.last_us.saturating_sub(recording.first_us)
     }
 
     /// The rows of the ends, by press.
@@ -217,28 +235,17 @@ impl Inputs<'_> {
             .collect();
         let mean = |press: usize| sums[self.fold[press]].0 / sums[self.fold[press]].1;
         let constant = self.ends().map(|(row, end)| (mean(end.press) - truth(row)).abs() * scale).collect();
-        let before = self.before(&quantity.name, &quantity.unit).map(|(place, factor)| {
-            let value = |row: usize| f64::from(self.readouts.predicted[row][place]) * factor;
+        let known = quantity.place_in(self.base.description.outputs()).zip(self.before);
+        let before = known.map(|((place, factor), predicted)| {
+            let value = |row: usize| f64::from(predicted[row][place]) * factor;
             self.ends().map(|(row, _)| (value(row) - truth(row)).abs() * scale).collect()
         });
-        let strength = self.held_out.strengths[output];
         let errors = self.errors(&of, constant, before);
-        let figures = OutputFigures::new((&quantity.name, unit), strength, &errors, self.options.seed);
+        let choice = self.held_out.choices[output];
+        let figures = OutputFigures::new((&quantity.name, unit), choice, &errors, self.options.seed);
         let predicted = |row: usize| self.held_out.predicted[[row, output]];
         let scatter = self.ends().map(|(row, _)| (truth(row) * scale, predicted(row) * scale)).collect();
         (figures, scatter)
-    }
-
-    /// The output of the base with this name, and what its values are multiplied by for this unit.
-    fn before(&self, name: &str, unit: &str) -> Option<(usize, f64)> {
-        let (names, units) = self.base.description.outputs();
-        let place = names.iter().position(|other| other == name)?;
-        match (units[place].as_str(), unit) {
-            (own, unit) if own == unit => Some((place, 1.0)),
-            ("rad", "deg") => Some((place, 180.0 / std::f64::consts::PI)),
-            ("deg", "rad") => Some((place, std::f64::consts::PI / 180.0)),
-            _ => None,
-        }
     }
 
     fn classes(&self, names: &[String]) -> OutputFigures {
@@ -259,13 +266,13 @@ impl Inputs<'_> {
         let known = self.base.description.outputs().0;
         let places: Option<Vec<usize>> =
             names.iter().map(|name| known.iter().position(|other| other == name)).collect();
-        let before = places.map(|places| {
-            let logits = |row: usize| places.iter().map(move |&i| f64::from(self.readouts.predicted[row][i]));
+        let before = places.zip(self.before).map(|(places, predicted)| {
+            let logits = |row: usize| places.iter().map(move |&i| f64::from(predicted[row][i]));
             self.ends().map(|(row, _)| wrong(row, class(logits(row)))).collect()
         });
         let errors = self.errors(&of, constant, before);
         let name = &self.presses.labels[self.label()].name;
-        OutputFigures::new((name, "share"), self.held_out.strengths[0], &errors, self.options.seed)
+        OutputFigures::new((name, "share"), self.held_out.choices[0], &errors, self.options.seed)
     }
 
     fn label(&self) -> usize {

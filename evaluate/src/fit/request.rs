@@ -3,6 +3,9 @@
 use std::fs;
 use std::path::PathBuf;
 
+use meissner_engine::Normalisation;
+use meissner_kernels::Activation;
+use meissner_models::description::{Outputs, Refit, Refitted};
 use meissner_models::{Description, ModelError, Weights};
 use meissner_run::RunError;
 use meissner_run::model::{describe, labelled, weights};
@@ -25,6 +28,12 @@ pub struct Options {
     pub name: String,
     /// Names of the labels; `None`: all numbers, or else the first label of classes.
     pub labels: Option<Vec<String>>,
+    /// Another length of the window, in microseconds.
+    pub span_us: Option<i64>,
+    /// Other columns and rows of the readout.
+    pub grid: Option<[u32; 2]>,
+    /// Units of a perceptron for each fold; with 0 there is none.
+    pub hidden: usize,
     /// Parts of the presses, each of which is held out once.
     pub folds: usize,
     /// Random instants of each press, beside its end.
@@ -36,8 +45,18 @@ pub struct Options {
 impl Options {
     /// Options for `network` with its shipped weights, and the name of the fitted one.
     pub fn new(network: impl Into<String>, name: impl Into<String>) -> Self {
-        let (network, name, weights, labels) = (network.into(), name.into(), None, None);
-        Self { network, weights, name, labels, folds: DEFAULT_FOLDS, ages: DEFAULT_AGES, seed: 0 }
+        Self {
+            network: network.into(),
+            weights: None,
+            name: name.into(),
+            labels: None,
+            span_us: None,
+            grid: None,
+            hidden: 0,
+            folds: DEFAULT_FOLDS,
+            ages: DEFAULT_AGES,
+            seed: 0,
+        }
     }
 }
 
@@ -48,20 +67,23 @@ pub(super) struct Base {
     pub(super) weights: Weights,
     pub(super) label: String,
     pub(super) stride: usize,
+    /// The text of the description.
+    text: String,
 }
 
 impl Base {
-    /// The network of `options`, and the text of its description.
-    pub(super) fn load(options: &Options) -> Result<(Self, String)> {
+    /// The network of `options`.
+    pub(super) fn load(options: &Options) -> Result<Self> {
         let name = &options.network;
         let (description, shipped) = describe(name)?;
+        let refused = |expected: &str, found: &str| {
+            Err(EvaluateError::request(RequestPart::Networks, expected, format!("{name}, {found}")))
+        };
         if !description.layers().iter().any(|layer| layer.convolution().is_some()) {
-            let found = format!("{name}, whose readout reads the events themselves");
-            return Err(EvaluateError::request(
-                RequestPart::Networks,
-                "a network with layers of events",
-                found,
-            ));
+            return refused("a network with layers of events", "whose readout reads the events themselves");
+        }
+        if description.normalisation() == Normalisation::PerGraph {
+            return refused("a network that runs event by event", "where one event can change every row");
         }
         let (weights, label) = weights(name, shipped, options.weights.as_deref())?;
         let card = weights.card().map_err(|source| RunError::weights(label.clone(), source))?;
@@ -72,8 +94,26 @@ impl Base {
             None => fs::read_to_string(name).map_err(unread)?,
         };
         let label = labelled(label, &weights);
-        let base =
-            Self { name: description.name().to_owned(), description, stride: card.stride, weights, label };
-        Ok((base, text))
+        let (of, stride) = (description.name().to_owned(), card.stride);
+        Ok(Self { name: of, description, stride, weights, label, text })
+    }
+
+    /// Its layers of events with the readout of `options`, and dense layers that predict `outputs`.
+    pub(super) fn refitted(
+        &self,
+        options: &Options,
+        outputs: &Outputs,
+        hidden: &[(usize, Activation)],
+    ) -> Result<Refitted> {
+        let (span_us, grid) = (options.span_us, options.grid);
+        let refit = Refit { name: &options.name, span_us, grid, counts: true, hidden, outputs };
+        let inconsistent =
+            |error| RunError::description(options.name.clone(), ModelError::Description(error));
+        Ok(Description::refitted(&self.text, &refit).map_err(inconsistent)?)
+    }
+
+    /// Its weights do not fit.
+    pub(super) fn unfit(&self, source: ModelError) -> EvaluateError {
+        RunError::weights(self.label.clone(), source).into()
     }
 }

@@ -16,6 +16,8 @@ use crate::presses::{Presses, Row};
 
 /// The part of a press before which no random age is.
 const QUIET: i64 = 10;
+/// In a radian.
+const DEGREES: f64 = 180.0 / std::f64::consts::PI;
 
 /// A label of numbers that becomes an output.
 #[derive(Clone, Debug)]
@@ -135,14 +137,32 @@ impl Target {
         }
     }
 
+    /// Whether a network with these outputs predicts all classes, or some of the quantities.
+    pub(super) fn is_predicted_by(&self, known: (&[String], &[String])) -> bool {
+        match self {
+            Self::Quantities(each) => each.iter().any(|one| one.place_in(known).is_some()),
+            Self::Classes { names, .. } => names.iter().all(|name| known.0.contains(name)),
+        }
+    }
+
     fn is_class(&self) -> bool {
         matches!(self, Self::Classes { .. })
     }
 }
 
 impl Quantity {
+    /// The output with this name, and what its values are multiplied by for this unit.
+    pub(super) fn place_in(&self, (names, units): (&[String], &[String])) -> Option<(usize, f64)> {
+        let place = names.iter().position(|name| *name == self.name)?;
+        match (units[place].as_str(), self.unit.as_str()) {
+            (known, own) if known == own => Some((place, 1.0)),
+            ("rad", "deg") => Some((place, DEGREES)),
+            ("deg", "rad") => Some((place, 1.0 / DEGREES)),
+            _ => None,
+        }
+    }
+
     fn of(presses: &Presses, label: usize, (names, units): (&[String], &[String])) -> Self {
-        const DEGREES: f64 = 180.0 / std::f64::consts::PI;
         let of = &presses.labels[label];
         let known = names.iter().position(|name| *name == of.name).map(|i| units[i].as_str());
         let unit = of.unit.clone().unwrap_or_else(|| "1".to_owned());

@@ -2,6 +2,7 @@
 
 mod blobs;
 mod linear;
+mod perceptron;
 mod refusals;
 
 use std::collections::BTreeMap;

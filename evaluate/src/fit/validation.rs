@@ -1,12 +1,15 @@
 //! Cross-validation by press: what heads predict for presses that they were not fitted to.
 //!
-//! The strength of a fold is the one that is best on the other folds, so that no press chooses how
-//! it is predicted itself. That of the head that is kept is the best one on all folds.
+//! The choice of a fold is the one that is best on the other folds, so that no press chooses how it
+//! is predicted itself. That of the head that is kept is the best one on all folds.
 
-use ndarray::Array2;
+use ndarray::{Array1, Array2, Axis};
+use rayon::prelude::*;
 
-use super::design::{Design, Linear};
-use super::heads::fit;
+use super::basis::Linear;
+use super::heads::{Choice, Sums};
+use super::modes::Features;
+use super::perceptron::{Part, Perceptron, Truth};
 use super::samples::{Instant, Target};
 use crate::error::Result;
 use crate::metrics::largest;
@@ -14,7 +17,7 @@ use crate::workers::ProgressHandle;
 
 /// What is validated.
 pub(super) struct Validation<'a> {
-    pub(super) design: Design<'a>,
+    pub(super) features: &'a Features,
     pub(super) target: &'a Target,
     pub(super) instants: &'a [Instant],
     /// The fold of each press.
@@ -28,43 +31,46 @@ pub(super) struct Validation<'a> {
 pub(super) struct HeldOut {
     /// By instants and outputs.
     pub(super) predicted: Array2<f64>,
-    /// For each output, the strength that is best on all folds.
-    pub(super) strengths: Vec<f64>,
+    /// For each output, what is best on all folds; one for all classes.
+    pub(super) choices: Vec<Choice>,
+    /// Those of the folds, whose sum is added; for classes, instead of what is linear. None where they
+    /// predict held-out presses no better.
+    pub(super) perceptrons: Vec<Perceptron>,
 }
 
 impl Validation<'_> {
-    /// Holds out each fold, from presses that are `taken`, for the best of `strengths`.
-    pub(super) fn held_out(&self, taken: impl Fn(usize) -> bool, strengths: &[f64]) -> Result<HeldOut> {
-        let outputs = self.outputs();
-        let mut predicted = vec![Array2::zeros((self.instants.len(), outputs)); strengths.len()];
-        let mut fits = vec![true; strengths.len()];
+    /// Holds out each fold, from presses that are `taken`, for the best of `choices`.
+    pub(super) fn held_out(&self, taken: impl Fn(usize) -> bool, choices: &[Choice]) -> Result<HeldOut> {
+        let outputs = self.target.outputs().len();
+        let mut predicted = vec![Array2::zeros((self.instants.len(), outputs)); choices.len()];
+        let mut fits = vec![true; choices.len()];
+        let rows = |chosen: &dyn Fn(usize) -> bool| -> Vec<usize> {
+            (0..self.instants.len()).filter(|&row| chosen(self.instants[row].press)).collect()
+        };
+        let all = self.sums(&rows(&taken));
         for fold in 0..self.folds {
             self.watch.check()?;
-            let of = |held: bool| -> Vec<usize> {
-                let chosen = |press: usize| (self.fold[press] == fold) == held && (held || taken(press));
-                (0..self.instants.len()).filter(|&row| chosen(self.instants[row].press)).collect()
-            };
-            let (rows, held) = (of(false), of(true));
-            let heads = fit(self.design, self.target, self.instants, &rows, strengths);
-            let able: Vec<&Linear> = heads.iter().flatten().collect();
-            let mut found = self.design.predict(&able, &held).into_iter();
+            let part = self.sums(&rows(&|press| self.fold[press] == fold && taken(press)));
+            let heads = all.clone().without(&part).heads(self.features.linear, choices);
+            let held = rows(&|press| self.fold[press] == fold);
+            let features = self.features.values.select(Axis(0), &held);
             for ((head, predicted), fits) in heads.iter().zip(&mut predicted).zip(&mut fits) {
                 *fits &= head.is_some();
-                let Some(found) = head.as_ref().and_then(|_| found.next()) else { continue };
-                for (&row, found) in held.iter().zip(found.rows()) {
+                let Some(head) = head else { continue };
+                for (&row, found) in held.iter().zip(head.of(features.view()).rows()) {
                     predicted.row_mut(row).assign(&found);
                 }
             }
         }
         let losses: Vec<Array2<f64>> = predicted.iter().map(|predicted| self.losses(predicted)).collect();
-        // Of equal losses, the strongest.
+        // Of equal losses, the one with least freedom.
         let best = |output: usize, without: Option<usize>| {
-            let loss = |strength: usize| {
+            let loss = |choice: usize| {
                 let folds = (0..self.folds).filter(|fold| Some(*fold) != without);
-                folds.map(|fold| losses[strength][[fold, output]]).sum::<f64>()
+                folds.map(|fold| losses[choice][[fold, output]]).sum::<f64>()
             };
-            let able = (0..strengths.len()).rev().filter(|&strength| fits[strength]);
-            able.min_by(|&a, &b| loss(a).total_cmp(&loss(b))).unwrap_or(strengths.len() - 1)
+            let able = (0..choices.len()).rev().filter(|&choice| fits[choice]);
+            able.min_by(|&a, &b| loss(a).total_cmp(&loss(b))).unwrap_or(choices.len() - 1)
         };
         let mut chosen = Array2::zeros((self.instants.len(), outputs));
         for output in 0..outputs {
@@ -73,30 +79,112 @@ impl Validation<'_> {
                 chosen[[row, output]] = predicted[of_fold[self.fold[instant.press]]][[row, output]];
             }
         }
-        let strengths = (0..outputs).map(|output| strengths[best(output, None)]).collect();
-        Ok(HeldOut { predicted: chosen, strengths })
+        let choices = (0..outputs).map(|output| choices[best(output, None)]).collect();
+        Ok(HeldOut { predicted: chosen, choices, perceptrons: Vec::new() })
     }
 
-    /// The head of all presses with the `strengths` of the outputs.
-    pub(super) fn whole(&self, strengths: &[f64]) -> Option<Linear> {
-        let rows: Vec<usize> = (0..self.instants.len()).collect();
-        let mut distinct = strengths.to_vec();
-        distinct.sort_by(f64::total_cmp);
-        distinct.dedup();
-        let heads = fit(self.design, self.target, self.instants, &rows, &distinct);
-        let mut chosen: Option<Linear> = None;
-        for (output, strength) in strengths.iter().enumerate() {
-            let of = distinct.iter().position(|one| one == strength)?;
-            let head = heads[of].as_ref()?;
-            let chosen = chosen.get_or_insert_with(|| head.clone());
-            chosen.weight.row_mut(output).assign(&head.weight.row(output));
-            chosen.bias[output] = head.bias[output];
+    /// Adds perceptrons of `hidden` units to `held_out`, one a fold, from presses that are `taken`.
+    ///
+    /// That of a fold learns from all folds but it and the next one, which chooses its epoch. Of
+    /// quantities it learns what is left where the presses were held out.
+    pub(super) fn with_perceptrons(
+        &self,
+        mut held_out: HeldOut,
+        taken: impl Fn(usize) -> bool + Sync,
+        (hidden, seed): (usize, u64),
+    ) -> Result<HeldOut> {
+        let mut inputs = self.features.of_modes();
+        let square: f64 = inputs.iter().map(|value| value * value).sum();
+        let scale = if square > 0.0 { (inputs.len() as f64 / square).sqrt() } else { 1.0 };
+        inputs *= scale;
+        let outputs = held_out.predicted.ncols();
+        let (truth, sizes) = match self.target {
+            Target::Quantities(_) => {
+                let left = |(row, output): (usize, usize)| {
+                    self.instants[row].truth[output] - held_out.predicted[[row, output]]
+                };
+                let mut left = Array2::from_shape_fn((self.instants.len(), outputs), left);
+                let rows = left.nrows() as f64;
+                let size = |of: ndarray::ArrayView1<'_, f64>| (of.dot(&of) / rows).sqrt();
+                let sizes: Array1<f64> = left
+                    .columns()
+                    .into_iter()
+                    .map(|of| Some(size(of)).filter(|size| *size > 0.0).unwrap_or(1.0))
+                    .collect();
+                left /= &sizes;
+                (Truth::Quantities(left), sizes)
+            }
+            Target::Classes { .. } => {
+                let of = self.instants.iter().map(|instant| instant.truth[0] as usize).collect();
+                (Truth::Classes(of, outputs), Array1::ones(outputs))
+            }
+        };
+        let rows = |chosen: &dyn Fn(usize) -> bool| -> Vec<usize> {
+            (0..self.instants.len()).filter(|&row| chosen(self.instants[row].press)).collect()
+        };
+        let of_fold = |fold: usize| -> Result<Perceptron> {
+            let next = (fold + 1) % self.folds;
+            let others = |press: usize| self.fold[press] != fold && self.fold[press] != next;
+            // Of two folds, one would be left to learn from and none to choose by.
+            let train =
+                rows(&|press| taken(press) && (others(press) || self.folds == 2 && self.fold[press] == next));
+            let choose = rows(&|press| self.fold[press] == next);
+            let part = Part { train: &train, choose: &choose, seed: seed ^ fold as u64 };
+            Perceptron::train(&inputs, &truth, &part, hidden, self.watch)
+        };
+        let found: Vec<Result<Perceptron>> = (0..self.folds).into_par_iter().map(of_fold).collect();
+        let mut perceptrons = found.into_iter().collect::<Result<Vec<_>>>()?;
+        let mut predicted = held_out.predicted.clone();
+        for (fold, of) in perceptrons.iter().enumerate() {
+            let held = rows(&|press| self.fold[press] == fold);
+            for (&row, found) in held.iter().zip(of.of(&inputs.select(Axis(0), &held)).rows()) {
+                let mut to = predicted.row_mut(row);
+                match self.target {
+                    Target::Quantities(_) => to += &(&found * &sizes),
+                    Target::Classes { .. } => to.assign(&found),
+                }
+            }
         }
-        chosen
+        let [before, after] = [&held_out.predicted, &predicted].map(|of| self.losses(of).sum_axis(Axis(0)));
+        let is_better = |output: usize| after[output] < before[output];
+        if !(0..outputs).any(is_better) {
+            return Ok(held_out);
+        }
+        for of in &mut perceptrons {
+            of.first.weight *= scale;
+            for output in 0..outputs {
+                let factor = if is_better(output) { sizes[output] / self.folds as f64 } else { 0.0 };
+                of.second.weight.row_mut(output).mapv_inplace(|weight| weight * factor);
+                of.second.bias[output] *= factor;
+            }
+        }
+        for output in (0..outputs).filter(|&output| is_better(output)) {
+            held_out.predicted.column_mut(output).assign(&predicted.column(output));
+        }
+        held_out.perceptrons = perceptrons;
+        Ok(held_out)
     }
 
-    fn outputs(&self) -> usize {
-        self.target.outputs().len()
+    /// The head of all presses with the `choices` of the outputs.
+    pub(super) fn whole(&self, choices: &[Choice]) -> Option<Linear> {
+        let rows: Vec<usize> = (0..self.instants.len()).collect();
+        let distinct: Vec<Choice> = Choice::all().into_iter().filter(|one| choices.contains(one)).collect();
+        let heads = self.sums(&rows).heads(self.features.linear, &distinct);
+        let mut whole = Linear {
+            weight: Array2::zeros((choices.len(), self.features.values.ncols())),
+            bias: vec![0.0; choices.len()],
+        };
+        for (output, choice) in choices.iter().enumerate() {
+            let head = heads[distinct.iter().position(|one| one == choice)?].as_ref()?;
+            let mut row = whole.weight.row_mut(output);
+            row.iter_mut().zip(head.weight.row(output)).for_each(|(to, &weight)| *to = weight);
+            whole.bias[output] = head.bias[output];
+        }
+        Some(whole)
+    }
+
+    fn sums(&self, rows: &[usize]) -> Sums {
+        Sums::of(self.features, self.target, self.instants, rows)
     }
 
     /// By folds and outputs: the sum of squared errors, or the number of wrong classes.

@@ -4,53 +4,32 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use meissner_engine::Sensor;
-use meissner_models::{Description, ModelError, Tensor, TensorFile, Weights};
+use meissner_models::description::Refitted;
+use meissner_models::{Description, ModelError, Weights};
 use meissner_run::RunError;
 use serde_json::json;
 
-use super::design::Linear;
+use super::dense::Dense;
 use super::figures::OutputFigures;
 use super::request::{Base, Options};
 use super::samples::{Samples, Target};
 use crate::error::Result;
 
-/// The file of weights of `description`: the layers of events as in `base`, and `head`.
+/// The file of weights of `fitted`: the layers of events as in `base`, and `head`.
 ///
 /// # Errors
 /// The weights of the base lack a tensor, or a value of the head is beyond f32.
 pub(super) fn weights(
-    description: &Description,
+    fitted: &Refitted,
     base: &Base,
-    head: &Linear,
+    head: &Dense,
     card: &BTreeMap<String, String>,
 ) -> Result<Vec<u8>> {
-    let mut file = TensorFile::new(card.clone());
-    let rounded =
-        |values: &mut dyn Iterator<Item = &f64>| values.map(|&value| value as f32).collect::<Vec<_>>();
-    let (weight, bias) = (rounded(&mut head.weight.iter()), rounded(&mut head.bias.iter()));
-    let of_head = |part: &str| description.layers().last().map(|layer| format!("{}.{part}", layer.name));
-    for (name, shape) in description.tensors() {
-        if of_head("weight").as_ref() == Some(&name) {
-            file.f32(&name, &shape, &weight);
-        } else if of_head("bias").as_ref() == Some(&name) {
-            file.f32(&name, &shape, &bias);
-        } else if let Some(tensor) = found(&base.weights, &name) {
-            file.f32(&name, &shape, tensor.values().unwrap_or_default());
-        }
-    }
-    let bytes = file.into_bytes();
+    let bytes = fitted.weights(&base.weights, &head.values()).to_safetensors(card);
     let read = Weights::from_bytes(&bytes).map_err(ModelError::from);
-    let checked = read.and_then(|weights| description.network(&weights));
-    checked.map_err(|source| RunError::weights(description.name().to_owned(), source))?;
+    let checked = read.and_then(|weights| fitted.description.network(&weights));
+    checked.map_err(|source| RunError::weights(fitted.description.name().to_owned(), source))?;
     Ok(bytes)
-}
-
-/// The tensor `name`; names in the weights may all have one further prefix.
-fn found<'a>(weights: &'a Weights, name: &str) -> Option<&'a Tensor> {
-    let with_prefix = |(other, _): &(&str, &Tensor)| {
-        other.strip_suffix(name).is_some_and(|prefix| prefix.is_empty() || prefix.ends_with('.'))
-    };
-    weights.get(name).or_else(|| weights.iter().find(with_prefix).map(|(_, tensor)| tensor))
 }
 
 /// The metadata that a run depends on, and where the weights come from.
@@ -65,9 +44,10 @@ pub(super) fn card(
         folder.file_name().map_or_else(|| "presses".to_owned(), |name| name.to_string_lossy().into_owned());
     let presses = samples.presses.len();
     let strengths: Vec<f64> = figures.iter().map(|figure| figure.strength).collect();
+    let products: Vec<f64> = figures.iter().map(|figure| figure.products).collect();
     let method = match target {
         Target::Quantities(_) => "ridge regression",
-        Target::Classes { .. } => "a shrunken linear discriminant",
+        Target::Classes { .. } => "a shrunken discriminant",
     };
     let valid: serde_json::Map<String, serde_json::Value> = figures
         .iter()
@@ -90,7 +70,7 @@ pub(super) fn card(
             "recipe",
             format!(
                 "layers of {} ({}); {method} of readouts at the end and at {} random ages of each press, relative strengths \
-                 {strengths:?} chosen by {} folds of presses",
+                 {strengths:?} and products of modes {products:?} chosen by {} folds of presses",
                 base.name, base.label, options.ages, options.folds
             ),
         ),

@@ -1,14 +1,35 @@
-//! A description whose layers of events and readout stay, with one dense layer behind the readout.
+//! A description whose layers of events stay, with dense layers behind the readout.
 //!
 //! Enters: the text of a description of a network over events, and what is to be predicted. Leaves:
-//! the text of the other description. Comments are not kept.
+//! the text of the other description, and where its tensors come from. Comments are not kept.
+//!
+//! Where a readout sums, it can also sum what no layer computes: the number of events in a cell,
+//! their polarities p, and with `place` also p x and p y. Two blocks without neighbours give these
+//! exactly, because ELU leaves what is above 0 as it is, and `elu(x - 19)` is -1 for x of at most 1:
+//!
+//! ```text
+//! signs    u = elu(x + 10 p - 9),  v = elu(x - 10 p - 9),  w = elu(p + 1)
+//! counts   1,   p = w - 1,   p x = u - v - 2 w + 2
+//! ```
+//!
+//! `counts` has the channels of the last layer too, all 0, and is added to it as its `skip`; that
+//! layer gets channels of 0 for what `counts` adds.
 
 use serde::Serialize;
 use toml::{Table, Value};
 
-use super::{Description, DescriptionError, LayerKind};
+use meissner_engine::Aggregation;
+use meissner_kernels::Activation;
 
-const LAYER: &str = "fitted";
+use super::layer::activation_word;
+use super::{Description, DescriptionError, Layer, LayerKind};
+use crate::weights::{Tensor, Weights};
+
+const HEAD: &str = "fitted";
+const SIGNS: &str = "signs";
+const COUNTS: &str = "counts";
+/// Beyond it, ELU is -1.
+const FAR: f32 = 10.0;
 
 /// What a network predicts.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -36,29 +57,58 @@ impl Outputs {
     fn table(&self) -> Table {
         let list = |values: Vec<&String>| Value::from(values.into_iter().cloned().collect::<Vec<_>>());
         match self {
-            Self::Quantities(each) => Table::from_iter([
-                ("names".to_owned(), list(each.iter().map(|(name, _)| name).collect())),
-                ("unit".to_owned(), list(each.iter().map(|(_, unit)| unit).collect())),
+            Self::Quantities(each) => table([
+                ("names", list(each.iter().map(|(name, _)| name).collect())),
+                ("unit", list(each.iter().map(|(_, unit)| unit).collect())),
             ]),
-            Self::Classes(names) => Table::from_iter([("classes".to_owned(), list(names.iter().collect()))]),
+            Self::Classes(names) => table([("classes", list(names.iter().collect()))]),
         }
     }
 }
 
+/// What becomes of a description.
+#[derive(Clone, Debug)]
+pub struct Refit<'a> {
+    /// The name of the network.
+    pub name: &'a str,
+    /// Another length of the window.
+    pub span_us: Option<i64>,
+    /// Other columns and rows of the readout.
+    pub grid: Option<[u32; 2]>,
+    /// Whether the readout also sums events and their polarities, where it can.
+    pub counts: bool,
+    /// Values and activations of dense layers between the readout and the last one.
+    pub hidden: &'a [(usize, Activation)],
+    /// What it predicts.
+    pub outputs: &'a Outputs,
+}
+
+/// A description with other layers behind its readout.
+#[derive(Clone, Debug)]
+pub struct Refitted {
+    /// The text of the description.
+    pub text: String,
+    /// The same, checked.
+    pub description: Description,
+    /// How many channels at the end of a row sum events and polarities.
+    pub counts: usize,
+    /// Blocks that the other description does not have.
+    added: Option<[String; 2]>,
+}
+
 /// The tables in the order in which people read them.
 #[derive(Serialize)]
-struct Refitted {
-    network: Value,
+struct Tables {
+    network: Table,
     graph: Value,
     layer: Vec<Value>,
     output: Table,
 }
 
 impl Description {
-    /// The text of the description in `text` with the name `name`, whose readout one dense layer
-    /// reads: instead of its dense layers, or of the layers of its head. The dense layer comes last
-    /// and has the tensors `fitted.weight` (outputs, inputs) and `fitted.bias`, or with underscores
-    /// behind `fitted` where the layers of events have such names.
+    /// The description in `text` whose readout dense layers read: instead of its dense layers, or of
+    /// the layers of its head. They come last; the last one is `fitted`, those before it `fitted1`
+    /// and so on, or with underscores behind `fitted` where the layers of events have such names.
     ///
     /// # Errors
     /// `text` is no description of a network over events, or the new one is inconsistent: a name
@@ -66,30 +116,223 @@ impl Description {
     ///
     /// # Panics
     /// Never: a checked description is a table of plain values.
-    pub fn with_dense_head(text: &str, name: &str, outputs: &Outputs) -> Result<String, DescriptionError> {
+    pub fn refitted(text: &str, refit: &Refit<'_>) -> Result<Refitted, DescriptionError> {
         let described = Self::parse(text)?;
         let mut root: Table = text.parse().expect("a description is a table");
         let mut part = |key: &str| root.remove(key).unwrap_or_else(|| Value::from(Table::new()));
-        let (mut network, graph, layers) = (part("network"), part("graph"), part("layer"));
-        if let Some(network) = network.as_table_mut() {
-            network.insert("name".to_owned(), Value::from(name));
-        }
+        let (network, graph, layers) = (part("network"), part("graph"), part("layer"));
+        let mut network = network.as_table().cloned().unwrap_or_default();
+        network.insert("name".to_owned(), Value::from(refit.name));
+        network.extend(refit.span_us.map(|span_us| ("span_us".to_owned(), Value::from(span_us))));
         let mut layer: Vec<Value> = layers.as_array().cloned().unwrap_or_default();
         layer.retain(|layer| layer.get("kind").and_then(Value::as_str) != Some("dense"));
-        let kept = || described.layers.iter().filter(|layer| !matches!(layer.kind, LayerKind::Dense { .. }));
-        let mut own = LAYER.to_owned();
-        while kept().any(|layer| layer.name == own || layer.weights == own) {
-            own.push('_');
+        if let Some(grid) = refit.grid {
+            let entries = layer.iter_mut().filter_map(Value::as_table_mut);
+            let is_readout = |layer: &&mut Table| layer.contains_key("grid");
+            entries.filter(is_readout).for_each(|readout| {
+                readout.insert("grid".to_owned(), Value::from(grid.map(i64::from).to_vec()));
+            });
         }
-        let dense = [
-            ("name", Value::from(own)),
-            ("kind", Value::from("dense")),
-            ("outputs", Value::from(outputs.len() as i64)),
-        ];
-        layer.push(Value::from(Table::from_iter(dense.map(|(key, value)| (key.to_owned(), value)))));
-        let refitted = Refitted { network, graph, layer, output: outputs.table() };
-        let text = toml::to_string(&refitted).expect("tables of plain values");
-        Self::parse(&text)?;
-        Ok(text)
+        let kept: Vec<&Layer> =
+            described.layers.iter().filter(|layer| !matches!(layer.kind, LayerKind::Dense { .. })).collect();
+        let free = |name: &str, count: usize| {
+            let mut own = name.to_owned();
+            let taken = |own: &str| {
+                let mut names = (0..=count).map(|i| numbered(own, i));
+                names.any(|name| kept.iter().any(|layer| layer.name == name || layer.weights == name))
+            };
+            while taken(&own) {
+                own.push('_');
+            }
+            own
+        };
+        let counted = described.counted();
+        let last = described.countable().filter(|_| refit.counts && counted == 0);
+        let (mut added, mut counts) = (None, counted);
+        if let Some(last) = last {
+            let names = [free(SIGNS, 0), free(COUNTS, 0)];
+            counts = 2 * described.inputs().min(2);
+            let channels = (last.outputs + counts) as i64;
+            let entry = layer.iter_mut().filter_map(Value::as_table_mut);
+            let named = |layer: &&mut Table| layer.get("name").and_then(Value::as_str) == Some(&last.name);
+            if let Some(of_last) = entry.into_iter().find(named) {
+                of_last.insert("channels".to_owned(), Value::from(channels));
+                of_last.insert("skip".to_owned(), Value::from(&*names[1]));
+            }
+            let signs = if counts == 2 { 1 } else { 5 };
+            for (i, channels) in [signs, channels].into_iter().enumerate() {
+                layer.push(Value::from(table([
+                    ("name", Value::from(&*names[i])),
+                    ("kind", Value::from("spline")),
+                    ("from", Value::from(if i == 0 { "events" } else { &names[0] })),
+                    ("channels", Value::from(channels)),
+                    ("kernel", Value::from(1)),
+                    ("root", Value::from(true)),
+                    ("bias", Value::from(true)),
+                    ("norm", Value::from(false)),
+                    ("elu", Value::from(i == 0)),
+                ])));
+            }
+            added = Some(names);
+        }
+        let own = free(HEAD, refit.hidden.len());
+        let last = (refit.outputs.len(), Activation::Identity);
+        let mut from = kept.iter().find(|layer| matches!(layer.kind, LayerKind::Readout { .. }));
+        for (i, &(outputs, activation)) in refit.hidden.iter().chain([&last]).enumerate() {
+            let number = if i < refit.hidden.len() { i + 1 } else { 0 };
+            let mut dense = table([
+                ("name", Value::from(numbered(&own, number))),
+                ("kind", Value::from("dense")),
+                ("outputs", Value::from(outputs as i64)),
+                ("activation", Value::from(activation_word(activation))),
+            ]);
+            dense.extend(from.take().map(|readout| ("from".to_owned(), Value::from(&*readout.name))));
+            layer.push(Value::from(dense));
+        }
+        let tables = Tables { network, graph, layer, output: refit.outputs.table() };
+        let text = toml::to_string(&tables).expect("tables of plain values");
+        let description = Self::parse(&text)?;
+        Ok(Refitted { text, description, counts, added })
     }
+
+    /// The layer that the readout sums, if counts can be added to it: a spline block without a skip
+    /// that nothing else reads.
+    fn countable(&self) -> Option<&Layer> {
+        let last = self.summed()?;
+        let is_free = matches!(last.kind, LayerKind::Block { skip: None, .. });
+        let reads = |layer: &&Layer| {
+            let skip = if let LayerKind::Block { skip, .. } = &layer.kind { skip.as_ref() } else { None };
+            layer.from == last.name || skip == Some(&last.name)
+        };
+        let is_spline = last.kind.word() == "spline";
+        (is_free && is_spline && self.layers.iter().filter(reads).count() == 1).then_some(last)
+    }
+
+    /// How many channels of the readout are counts already.
+    fn counted(&self) -> usize {
+        let of = |last: &Layer| {
+            let LayerKind::Block { skip: Some(skip), .. } = &last.kind else { return None };
+            let skip = self.layers.iter().find(|layer| layer.name == *skip)?;
+            let is_counts = skip.name.starts_with(COUNTS) && skip.from.starts_with(SIGNS);
+            is_counts.then_some(2 * self.inputs().min(2))
+        };
+        self.summed().and_then(of).unwrap_or(0)
+    }
+
+    /// The layer of events whose rows the readout sums.
+    fn summed(&self) -> Option<&Layer> {
+        let sums =
+            |layer: &&Layer| matches!(layer.kind, LayerKind::Readout { aggregation: Aggregation::Sum, .. });
+        let readout = self.layers.iter().find(sums)?;
+        self.layers.iter().find(|layer| layer.name == readout.from)
+    }
+}
+
+impl Refitted {
+    /// The weights: layers of events from `base`, the weights of the other description, and for each
+    /// dense layer its factors (output, input) and its bias.
+    ///
+    /// # Panics
+    /// A layer of `head` has another number of values than the description.
+    pub fn weights(&self, base: &Weights, head: &[(Vec<f32>, Vec<f32>)]) -> Weights {
+        let dense = self.description.layers.iter().filter(|layer| layer.kind.word() == "dense");
+        let mut of_head: Vec<(String, &[f32])> = Vec::new();
+        for (layer, (weight, bias)) in dense.zip(head) {
+            of_head.extend([(layer.tensor("weight"), &weight[..]), (layer.tensor("bias"), &bias[..])]);
+        }
+        Weights::new(self.description.tensors().into_iter().filter_map(|(name, shape)| {
+            let values = if let Some((_, values)) = of_head.iter().find(|(other, _)| *other == name) {
+                values.to_vec()
+            } else if let Some(values) = self.constants(&name) {
+                values
+            } else {
+                widened(found(base, &name)?, &shape, if name.ends_with("running_var") { 1.0 } else { 0.0 })
+            };
+            let tensor = Tensor::new(shape, values).expect("a head has the values of its description");
+            Some((name, tensor))
+        }))
+    }
+
+    /// The values of a tensor of the added blocks.
+    fn constants(&self, name: &str) -> Option<Vec<f32>> {
+        let block = self.added.as_ref()?.iter().position(|block| name.starts_with(&format!("{block}.")))?;
+        let with_place = self.counts == 4;
+        let layer = self
+            .description
+            .layers
+            .iter()
+            .find(|layer| Some(&layer.name) == self.added.as_ref().map(|names| &names[block]))?;
+        let (root, bias): (Vec<Vec<f32>>, Vec<f32>) = match (block, with_place) {
+            (0, false) => (vec![vec![1.0]], vec![1.0]),
+            (0, true) => (
+                vec![
+                    vec![1.0, 0.0, 0.0],
+                    vec![FAR, 1.0, 0.0],
+                    vec![-FAR, 1.0, 0.0],
+                    vec![FAR, 0.0, 1.0],
+                    vec![-FAR, 0.0, 1.0],
+                ],
+                vec![1.0, 1.0 - FAR, 1.0 - FAR, 1.0 - FAR, 1.0 - FAR],
+            ),
+            (_, false) => (vec![vec![0.0], vec![1.0]], vec![1.0, -1.0]),
+            (_, true) => (
+                vec![
+                    vec![0.0; 5],
+                    vec![1.0, 0.0, 0.0, 0.0, 0.0],
+                    vec![-2.0, 1.0, -1.0, 0.0, 0.0],
+                    vec![-2.0, 0.0, 0.0, 1.0, -1.0],
+                ],
+                vec![1.0, -1.0, 2.0, 2.0],
+            ),
+        };
+        let none = layer.outputs - bias.len();
+        let values = if name.ends_with("conv.lin.weight") {
+            [vec![0.0; none * layer.inputs], root.concat()].concat()
+        } else if name.ends_with("conv.bias") {
+            [vec![0.0; none], bias].concat()
+        } else {
+            vec![0.0; layer.inputs * layer.outputs]
+        };
+        Some(values)
+    }
+}
+
+/// The tensor `name`; names in the weights may all have one further prefix.
+fn found<'a>(weights: &'a Weights, name: &str) -> Option<&'a Tensor> {
+    let with_prefix = |(other, _): &(&str, &Tensor)| {
+        other.strip_suffix(name).is_some_and(|prefix| prefix.is_empty() || prefix.ends_with('.'))
+    };
+    weights.get(name).or_else(|| weights.iter().find(with_prefix).map(|(_, tensor)| tensor))
+}
+
+/// The values of `tensor` in a larger `shape`, with `rest` around them.
+fn widened(tensor: &Tensor, shape: &[usize], rest: f32) -> Vec<f32> {
+    let values = tensor.values().unwrap_or_default();
+    if tensor.shape() == shape {
+        return values.to_vec();
+    }
+    let count = shape.iter().product();
+    (0..count)
+        .map(|place: usize| {
+            let (mut left, mut from, mut step) = (place, 0, 1);
+            for (&side, &old) in shape.iter().zip(tensor.shape()).rev() {
+                let at = left % side;
+                left /= side;
+                if at >= old {
+                    return rest;
+                }
+                from += at * step;
+                step *= old;
+            }
+            values[from]
+        })
+        .collect()
+}
+
+fn numbered(name: &str, number: usize) -> String {
+    if number == 0 { name.to_owned() } else { format!("{name}{number}") }
+}
+
+fn table<const N: usize>(entries: [(&str, Value); N]) -> Table {
+    Table::from_iter(entries.map(|(key, value)| (key.to_owned(), value)))
 }

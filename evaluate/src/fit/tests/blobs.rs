@@ -40,14 +40,26 @@ fn a_place_is_found_and_a_number_that_no_event_knows_is_not() {
 #[test]
 fn an_engine_and_a_batch_predict_what_was_fitted_bit_for_bit() {
     let folder = places(12);
-    let fitted = folder.fit(&folder.options(), 1).expect("it can be fitted");
+    for hidden in [0, 8] {
+        predicts_what_was_fitted(&folder, hidden);
+    }
+}
+
+fn predicts_what_was_fitted(folder: &Folder, hidden: usize) {
+    let options = Options { hidden, ..folder.options() };
+    let fitted = folder.fit(&options, 1).expect("it can be fitted");
     let presses = Presses::read(folder.path(), &ReadOptions::default()).expect("presses");
     let mut engine = engine(&fitted);
     let mut batch = BatchEngine::new(Arc::clone(engine.network()), SENSOR).expect("a batch");
     batch = batch.with_search(Search::Grid);
     let weights = Weights::from_bytes(&fitted.weights).expect("weights");
-    let tensor = |name| weights.get(name).and_then(|tensor| tensor.values()).expect("a tensor of the head");
-    let (weight, bias) = (tensor("fitted.weight"), tensor("fitted.bias"));
+    let tensor = |name: String| weights.get(&name)?.values().map(<[f32]>::to_vec);
+    let names = ["fitted1", "fitted2", "fitted"];
+    let layers: Vec<(Vec<f32>, Vec<f32>)> = names
+        .iter()
+        .filter_map(|name| Some((tensor(format!("{name}.weight"))?, tensor(format!("{name}.bias"))?)))
+        .collect();
+    assert!([1, 3].contains(&layers.len()), "{}", fitted.description);
     let mut errors = 0.0;
     for press in 0..12 {
         let events = presses.events(press).expect("it can be read again");
@@ -59,12 +71,18 @@ fn an_engine_and_a_batch_predict_what_was_fitted_bit_for_bit() {
         batch.push_slice(&events);
         batch.advance(PRESS_US);
         assert_eq!(batch.predict().expect("numbers").values, predicted);
-        let readout = engine.readout().concat();
-        for (i, &value) in predicted.iter().enumerate() {
-            let row = &weight[i * readout.len()..(i + 1) * readout.len()];
-            let products = row.iter().zip(&readout).map(|(w, x)| f64::from(*w) * f64::from(*x));
-            let by_hand = f64::from(bias[i]) + products.sum::<f64>();
-            assert!((by_hand - f64::from(value)).abs() < 1e-4, "{by_hand} {value}");
+        let mut by_hand: Vec<f64> = engine.readout().concat().iter().map(|&x| f64::from(x)).collect();
+        for (place, (weight, bias)) in layers.iter().enumerate() {
+            let sum = |(row, bias): (&[f32], &f32)| {
+                let products = row.iter().zip(&by_hand).map(|(w, x)| f64::from(*w) * x);
+                let sum = f64::from(*bias) + products.sum::<f64>();
+                if layers.len() == 3 && place == 1 && sum < 0.0 { sum.exp_m1() } else { sum }
+            };
+            by_hand = weight.chunks(by_hand.len()).zip(bias).map(sum).collect();
+        }
+        for (by_hand, &value) in by_hand.iter().zip(&predicted) {
+            let difference = (by_hand - f64::from(value)).abs();
+            assert!(difference < 1e-2 * by_hand.abs().max(1.0), "{by_hand} {value}");
         }
         let truth = presses.rows_of(press).last().expect("labels").values[0];
         errors += (f64::from(predicted[0]) - truth).abs() / 12.0;

@@ -1,20 +1,57 @@
-//! Linear systems against slow ways.
+//! Linear systems and heads against slow ways.
 
-use ndarray::{Array2, array};
+use ndarray::{Array2, Axis, array, concatenate};
 use proptest::prelude::*;
 
+use meissner_kernels::Activation;
 use meissner_kernels::random::Random;
 
+use crate::fit::basis::{Basis, Design, Linear};
 use crate::fit::cholesky::{Factor, add_products};
-use crate::fit::design::Design;
+use crate::fit::dense::Dense;
+use crate::fit::heads::{Choice, Sums};
+use crate::fit::modes::Features;
+use crate::fit::samples::{Instant, Quantity, Target};
 
-fn matrix(rows: usize, columns: usize, seed: u64) -> Array2<f64> {
+pub(super) fn matrix(rows: usize, columns: usize, seed: u64) -> Array2<f64> {
     let mut random = Random::new(seed);
     Array2::from_shape_fn((rows, columns), |_| f64::from(random.symmetric()))
 }
 
 fn largest(of: &Array2<f64>) -> f64 {
     of.iter().fold(0.0, |most, value| value.abs().max(most))
+}
+
+/// Instants with these truths, a row each.
+fn instants(truth: &Array2<f64>) -> Vec<Instant> {
+    let of = |(press, truth): (usize, ndarray::ArrayView1<'_, f64>)| Instant {
+        press,
+        t_us: 0,
+        age_us: 0,
+        is_end: true,
+        truth: truth.to_vec(),
+    };
+    truth.rows().into_iter().enumerate().map(of).collect()
+}
+
+fn quantities(count: usize) -> Target {
+    let one = |label: usize| Quantity {
+        label,
+        name: format!("q{label}"),
+        unit: "mm".to_owned(),
+        factor: 1.0,
+        shown: ("mm".to_owned(), 1.0),
+    };
+    Target::Quantities((0..count).map(one).collect())
+}
+
+/// What dense layers give for the rows of a readout.
+pub(super) fn run(dense: &Dense, readout: &Array2<f64>) -> Array2<f64> {
+    dense.0.iter().fold(readout.clone(), |inputs, (layer, activation)| {
+        let sums: Array2<f64> = layer.of(inputs.view());
+        let is_elu = *activation == Activation::Elu;
+        sums.mapv(|sum| if is_elu && sum < 0.0 { sum.exp_m1() } else { sum })
+    })
 }
 
 proptest! {
@@ -33,24 +70,75 @@ proptest! {
     }
 
     #[test]
-    fn rows_and_columns_give_one_solution(rows in 4_usize..40, cells in 1_usize..20, seed in any::<u64>()) {
+    fn products_of_coordinates_are_those_of_readouts(rows in 4_usize..40, cells in 1_usize..20, seed in any::<u64>()) {
         let (channels, columns) = (2, 2 * cells);
         let values: Vec<f32> = matrix(rows, columns, seed).iter().map(|&value| value as f32).collect();
-        let design = Design { values: &values, columns, channels };
-        let (all, group): (Vec<usize>, Vec<usize>) =
-            ((0..rows).collect(), (0..rows).map(|row| row % 2).collect());
-        let system = design.system(&all, &group, 2);
-        // The same by hand: centred by group, scaled by channel.
-        let x = Array2::from_shape_fn((rows, columns), |(row, column)| {
-            let value = f64::from(values[row * columns + column]);
-            (value - system.means[[group[row], column]]) * system.scale[column]
-        });
-        let whole = x.t().dot(&x) + Array2::<f64>::eye(columns) * 0.3;
-        let right = matrix(2, columns, seed ^ 1);
-        let found = system.solve(&right, &[0.3]).remove(0).expect("it is positive definite");
-        prop_assert!(largest(&(found.dot(&whole) - &right)) < 1e-8);
-        let of = matrix(rows, 2, seed ^ 2);
-        prop_assert!(largest(&(system.transposed(&of) - of.t().dot(&x))) < 1e-9);
+        let design = Design { values: &values, columns, channels, counts: 0 };
+        let (basis, found) = Basis::new(design, seed).expect("it has a basis");
+        // The same by hand: centred, and scaled by channel.
+        let mut x = Array2::from_shape_fn((rows, columns), |(i, j)| f64::from(values[i * columns + j]));
+        let readout = x.clone();
+        x -= &x.mean_axis(Axis(0)).expect("there are rows");
+        for channel in 0..channels {
+            let of_channel = || (0..columns).filter(move |column| column % channels == channel);
+            let square: f64 = of_channel().map(|column| x.column(column).dot(&x.column(column))).sum();
+            let deviation = (square / (rows * cells) as f64).sqrt();
+            of_channel().for_each(|column| x.column_mut(column).mapv_inplace(|value| value / deviation));
+        }
+        prop_assert!(largest(&(found.dot(&found.t()) - x.dot(&x.t()))) < 1e-5);
+        // What is linear in the coordinates is linear in the readout.
+        let of = matrix(3, found.ncols(), seed ^ 1);
+        let linear = basis.of_readout(of.view());
+        prop_assert!(largest(&(linear.of(readout.view()) - found.dot(&of.t()))) < 1e-5);
+    }
+
+    #[test]
+    fn sums_give_the_ridge_of_their_rows(rows in 6_usize..40, size in 1_usize..9, seed in any::<u64>()) {
+        let features = Features::new(matrix(rows, size, seed), false, seed);
+        let truth = matrix(rows, 2, seed ^ 1);
+        let target = quantities(2);
+        let instants = instants(&truth);
+        let all: Vec<usize> = (0..rows).collect();
+        let part = Sums::of(&features, &target, &instants, &all[..2]);
+        let sums = Sums::of(&features, &target, &instants, &all).without(&part);
+        let choice = Choice { products: 0.7, strength: 0.1 };
+        let head = sums.heads(size, &[choice]).remove(0).expect("it is positive definite");
+        // By hand: products times 0.7, all centred, and the normal equations.
+        let kept = features.values.select(Axis(0), &all[2..]);
+        let mut x = kept.clone();
+        x.indexed_iter_mut().for_each(|((_, column), value)| *value *= if column < size { 1.0 } else { 0.7 });
+        let mean = x.mean_axis(Axis(0)).expect("there are rows");
+        let y = truth.select(Axis(0), &all[2..]);
+        let y_mean = y.mean_axis(Axis(0)).expect("there are rows");
+        let (x, y) = (x - &mean, y - &y_mean);
+        let whole = x.t().dot(&x);
+        let strength = 0.1 * whole.diag().sum() / (rows - 2) as f64;
+        let whole = whole + Array2::<f64>::eye(x.ncols()) * strength;
+        let mut weight = y.t().dot(&x);
+        Factor::new(whole, 0.0).expect("it is positive definite").solve(&mut weight);
+        let by_hand = x.dot(&weight.t()) + &y_mean;
+        prop_assert!(largest(&(head.of(kept.view()) - by_hand)) < 1e-8);
+    }
+
+    #[test]
+    fn dense_layers_give_what_is_quadratic(rows in 40_usize..60, seed in any::<u64>()) {
+        let (channels, columns) = (2, 24);
+        let values: Vec<f32> = matrix(rows, columns, seed).iter().map(|&value| value as f32).collect();
+        let design = Design { values: &values, columns, channels, counts: 0 };
+        let (basis, coordinates) = Basis::new(design, seed).expect("it has a basis");
+        let features = Features::new(coordinates, true, seed);
+        let head = Linear { weight: matrix(2, features.values.ncols(), seed ^ 1), bias: vec![0.5, -0.25] };
+        let choices = [Choice { products: 0.7, strength: 0.1 }; 2];
+        let dense = Dense::new((&head, &choices), &[], &features, &basis);
+        let readout = Array2::from_shape_fn((rows, columns), |(i, j)| f64::from(values[i * columns + j]));
+        let (found, expected) = (run(&dense, &readout), head.of(features.values.view()));
+        prop_assert!(largest(&(&found - &expected)) < 0.02 * largest(&expected), "{found} {expected}");
+        // Without products, one layer is the same exactly.
+        let linear = concatenate(Axis(1), &[head.weight.view().split_at(Axis(1), features.linear).0]).expect("columns");
+        let head = Linear { weight: linear, bias: head.bias };
+        let dense = Dense::new((&head, &[Choice { products: 0.0, strength: 0.1 }; 2]), &[], &features, &basis);
+        prop_assert_eq!(dense.0.len(), 1);
+        prop_assert!(largest(&(run(&dense, &readout) - head.of(features.values.view()))) < 1e-6);
     }
 }
 

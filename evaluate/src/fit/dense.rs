@@ -1,0 +1,111 @@
+//! A head as dense layers behind a readout.
+//!
+//! What is linear is one layer. What is quadratic is three: modes P and the linear part y; ELUs,
+//! two for each square; and sums of these. Perceptrons have their units beside the squares. ELU bends at 0, and leaves what is above 0 as it is:
+//!
+//! ```text
+//! a^2 = 2 (elu(e a) + elu(-e a)) / e^2 + O(e a^3),      y = elu(y + b) - b
+//! P_i P_j = ((P_i + P_j)^2 - P_i^2 - P_j^2) / 2
+//! ```
+
+use ndarray::{Array2, Axis, concatenate};
+
+use meissner_kernels::Activation;
+
+use super::basis::{Basis, Linear};
+use super::heads::Choice;
+use super::modes::{Features, factor, pairs};
+use super::perceptron::Perceptron;
+
+/// The largest input of an ELU that makes a square: the error is a third of it at most, and f32
+/// keeps four digits.
+const BEND: f64 = 1.0 / 96.0;
+/// How far beyond the presses a linear part may go, in sizes of its largest value.
+const BEYOND: f64 = 4.0;
+
+/// Dense layers, the first of which reads a readout.
+#[derive(Clone, Debug)]
+pub(super) struct Dense(pub(super) Vec<(Linear, Activation)>);
+
+impl Dense {
+    /// The layers of what is linear in `features`, and of `perceptrons` that read the modes, whose sum
+    /// is added; `choices` are those of the outputs of `head`.
+    pub(super) fn new(
+        (head, choices): (&Linear, &[Choice]),
+        perceptrons: &[Perceptron],
+        features: &Features,
+        basis: &Basis,
+    ) -> Self {
+        let linear = head.weight.view().split_at(Axis(1), features.linear).0;
+        let has_squares = choices.iter().any(|choice| choice.products > 0.0);
+        if !has_squares && perceptrons.is_empty() {
+            let mut only = basis.of_readout(linear);
+            only.bias.iter_mut().zip(&head.bias).for_each(|(bias, own)| *bias += own);
+            return Self(vec![(only, Activation::Identity)]);
+        }
+        let (outputs, modes) = (head.bias.len(), features.modes.ncols());
+        let both = concatenate(Axis(0), &[features.modes.t(), linear]).expect("both read coordinates");
+        let mut first = basis.of_readout(both.view());
+        first.bias.iter_mut().skip(modes).zip(&head.bias).for_each(|(bias, own)| *bias += own);
+
+        let coordinates = features.values.view().split_at(Axis(1), features.linear).0;
+        let largest = |of: &mut dyn Iterator<Item = f64>| of.fold(0.0_f64, |most, x| most.max(x.abs()));
+        let (of_modes, of_linear) = (features.of_modes(), coordinates.dot(&linear.t()));
+        let pairs = pairs(if has_squares { features.squared } else { 0 });
+        let of_perceptrons: usize = perceptrons.iter().map(|of| of.first.bias.len()).sum();
+        let units = 2 * pairs.len() + outputs + of_perceptrons;
+        let mut second = Linear { weight: Array2::zeros((units, modes + outputs)), bias: vec![0.0; units] };
+        let mut third = Linear { weight: Array2::zeros((outputs, units)), bias: vec![0.0; outputs] };
+        for (place, &[i, j]) in pairs.iter().enumerate() {
+            let is_square = i == j;
+            let sum = |row: ndarray::ArrayView1<'_, f64>| if is_square { row[i] } else { row[i] + row[j] };
+            let most = largest(&mut of_modes.rows().into_iter().map(sum));
+            let bend = if most > 0.0 { BEND / most } else { 1.0 };
+            for (unit, sign) in [(2 * place, bend), (2 * place + 1, -bend)] {
+                second.weight[[unit, i]] = sign;
+                second.weight[[unit, j]] = sign;
+            }
+            for output in 0..outputs {
+                let of_pair = |pair: usize, [i, j]: [usize; 2]| {
+                    head.weight[[output, features.linear + pair]] * factor(i, j) / features.size
+                };
+                let own = of_pair(place, [i, j]);
+                let square = if is_square {
+                    let others =
+                        pairs.iter().enumerate().filter(|(_, pair)| pair[0] != pair[1] && pair.contains(&i));
+                    own - others.map(|(pair, &of)| of_pair(pair, of)).sum::<f64>() / 2.0
+                } else {
+                    own / 2.0
+                };
+                for unit in [2 * place, 2 * place + 1] {
+                    third.weight[[output, unit]] = 2.0 * square / (bend * bend);
+                }
+            }
+        }
+        for output in 0..outputs {
+            let unit = 2 * pairs.len() + output;
+            let bound =
+                head.bias[output].abs() + BEYOND * largest(&mut of_linear.column(output).iter().copied());
+            second.weight[[unit, modes + output]] = 1.0;
+            second.bias[unit] = bound;
+            third.weight[[output, unit]] = 1.0;
+            third.bias[output] = -bound;
+        }
+        Self(vec![(first, Activation::Identity), (second, Activation::Elu), (third, Activation::Identity)])
+    }
+
+    /// Values and activations of the layers before the last one.
+    pub(super) fn hidden(&self) -> Vec<(usize, Activation)> {
+        let before = self.0.iter().take(self.0.len() - 1);
+        before.map(|(layer, activation)| (layer.bias.len(), *activation)).collect()
+    }
+
+    /// Factors and biases of each layer.
+    pub(super) fn values(&self) -> Vec<(Vec<f32>, Vec<f32>)> {
+        let rounded = |values: &mut dyn Iterator<Item = &f64>| values.map(|&value| value as f32).collect();
+        let of = |(layer, _): &(Linear, Activation)| {
+            (rounded(&mut layer.weight.iter()), rounded(&mut layer.bias.iter()))
+        };
+        self.0.iter().map(of).collect()
+    }
+}

@@ -1,0 +1,113 @@
+//! The main modes of the coordinates, and their products: what is quadratic in a readout.
+//!
+//! ```text
+//! P = Z V        V: the eigenvectors of Z^T Z with the largest eigenvalues, by orthogonal iteration
+//! Q_ij = c P_i P_j / s    for i <= j;  c is 1 for i = j, else sqrt 2;  s^2 is the variance of P_1
+//! ```
+//!
+//! With this c, the products of Q are the squares of those of P / sqrt s, whatever basis V has
+//! (Golub and Van Loan 2013, section 7.3.2, for the iteration).
+
+use ndarray::{Array1, Array2, ArrayView2, Axis, concatenate};
+
+use meissner_kernels::random::Random;
+
+use super::cholesky::add_products;
+
+/// Most modes whose products are features.
+const MAX_SQUARED: usize = 24;
+/// Coordinates for each of them.
+const COORDINATES: usize = 4;
+/// Most modes that a perceptron reads.
+const MAX_READ: usize = 160;
+/// Steps of the iteration.
+const STEPS: usize = 40;
+const ROWS: usize = 256;
+
+/// Coordinates, and the products of their main modes.
+pub(super) struct Features {
+    /// Rows by coordinates, then products.
+    pub(super) values: Array2<f64>,
+    /// The number of coordinates.
+    pub(super) linear: usize,
+    /// Coordinates by modes.
+    pub(super) modes: Array2<f64>,
+    /// So many modes have products.
+    pub(super) squared: usize,
+    /// The s of the products.
+    pub(super) size: f64,
+}
+
+impl Features {
+    /// The features of `coordinates`, with more modes if a perceptron reads them. O(rows
+    /// coordinates^2).
+    pub(super) fn new(coordinates: Array2<f64>, with_perceptron: bool, seed: u64) -> Self {
+        let linear = coordinates.ncols();
+        let squared = MAX_SQUARED.min(linear / COORDINATES);
+        let read = if with_perceptron { MAX_READ.min(linear) } else { 0 };
+        let modes = main_modes(&coordinates, squared.max(read), seed);
+        let of_modes = coordinates.dot(&modes);
+        let first = of_modes.columns().into_iter().next().map_or(0.0, |first| first.dot(&first));
+        let size = (first / coordinates.nrows().max(1) as f64).sqrt();
+        let size = if size > 0.0 { size } else { 1.0 };
+        let pairs = pairs(squared);
+        let mut products = Array2::zeros((coordinates.nrows(), pairs.len()));
+        for (row, mut to) in of_modes.rows().into_iter().zip(products.rows_mut()) {
+            to.iter_mut().zip(&pairs).for_each(|(to, &[i, j])| *to = factor(i, j) * row[i] * row[j] / size);
+        }
+        let values = concatenate(Axis(1), &[coordinates.view(), products.view()]).expect("as many rows");
+        Self { values, linear, modes, squared, size }
+    }
+
+    /// The values of the modes at all rows.
+    pub(super) fn of_modes(&self) -> Array2<f64> {
+        let coordinates = self.values.view().split_at(Axis(1), self.linear).0;
+        coordinates.dot(&self.modes)
+    }
+}
+
+/// The indices of the modes of each product.
+pub(super) fn pairs(modes: usize) -> Vec<[usize; 2]> {
+    (0..modes).flat_map(|i| (i..modes).map(move |j| [i, j])).collect()
+}
+
+/// The c of a product.
+pub(super) fn factor(i: usize, j: usize) -> f64 {
+    if i == j { 1.0 } else { std::f64::consts::SQRT_2 }
+}
+
+fn main_modes(coordinates: &Array2<f64>, count: usize, seed: u64) -> Array2<f64> {
+    let size = coordinates.ncols();
+    let mut products = Array2::zeros((size, size));
+    coordinates.axis_chunks_iter(Axis(0), ROWS).for_each(|part| add_products(&mut products, part));
+    for i in 0..size {
+        for j in i + 1..size {
+            products[[i, j]] = products[[j, i]];
+        }
+    }
+    let mut random = Random::new(seed);
+    let mut modes = Array2::from_shape_fn((size, count), |_| f64::from(random.symmetric()));
+    for _ in 0..STEPS {
+        modes = orthonormal(products.dot(&modes).view());
+    }
+    modes
+}
+
+/// The columns of `of`, each made orthogonal to those before it, twice because of rounding.
+fn orthonormal(of: ArrayView2<'_, f64>) -> Array2<f64> {
+    let mut found: Array2<f64> = Array2::zeros(of.dim());
+    for (i, column) in of.columns().into_iter().enumerate() {
+        let mut own: Array1<f64> = column.to_owned();
+        for _ in 0..2 {
+            for j in 0..i {
+                let along = own.dot(&found.column(j));
+                own.scaled_add(-along, &found.column(j));
+            }
+        }
+        let length = own.dot(&own).sqrt();
+        if length > 0.0 {
+            found.column_mut(i).assign(&(own / length));
+        }
+    }
+    found
+}
