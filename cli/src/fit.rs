@@ -67,9 +67,10 @@ pub(crate) struct FitArgs {
     /// Layers of events that were trained on another length may see less of a press.
     #[arg(long, value_name = "TIME", value_parser = span_us, help_heading = NETWORK)]
     span: Option<i64>,
-    /// Other columns and rows of the readout, such as 32x32 [default: those of NETWORK].
+    /// Columns and rows of the readout, such as 32x32 [default: those of NETWORK, or finer].
     ///
-    /// Smaller cells show smaller motions; they need more presses, and more time a prediction.
+    /// Small motions show in small cells. Where the readout of NETWORK sums, its cells are halved while
+    /// they have more than 4 pixels a side, up to 2,304 cells.
     #[arg(long, value_name = "COLUMNSxROWS", value_parser = grid, help_heading = NETWORK)]
     grid: Option<[u32; 2]>,
     /// Units of a perceptron beside the ridge, or instead of the discriminant; 0 for none.

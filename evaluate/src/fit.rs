@@ -57,7 +57,7 @@ pub use report::{BaseReport, DataReport, Report, SensorReport};
 use request::Base;
 pub use request::{DEFAULT_AGES, DEFAULT_FOLDS, Options};
 use samples::{Instant, Samples, Target};
-use validation::{HeldOut, Validation};
+use validation::{HeldOut, Validation, sureness};
 
 /// Fewer presses are no point of a learning curve.
 const MIN_CURVE: usize = 4;
@@ -93,7 +93,7 @@ pub fn fit(presses: &Presses, options: &Options, workers: &Workers) -> Result<Fi
     let classes: Vec<usize> = samples.ends().map(class).collect();
     let fold = folds(&classes, options.folds)?;
     let outputs = target.outputs();
-    let probe = base.refitted(options, &outputs, &[])?;
+    let probe = base.refitted((options, sensor), &outputs, &[])?;
     let engine = |network| Engine::with_options(network, sensor, EngineOptions::default());
     let silent = probe.weights(&base.weights, &[silence(&probe.description)]);
     let network = probe.description.network(&silent).map_err(|source| base.unfit(source))?;
@@ -153,10 +153,15 @@ pub fn fit(presses: &Presses, options: &Options, workers: &Workers) -> Result<Fi
             head.bias.fill(0.0);
             choices.iter_mut().for_each(|choice| choice.products = 0.0);
         }
-        let head = Dense::new((&head, &choices), &held_out.perceptrons, &features, &basis);
+        let mut head = Dense::new((&head, &choices), &held_out.perceptrons, &features, &basis);
+        if matches!(target, Target::Classes { .. }) {
+            let truth: Vec<usize> =
+                samples.instants.iter().map(|instant| instant.truth[0] as usize).collect();
+            head.scale(sureness(&held_out.predicted, &truth));
+        }
         Ok((held_out, fewer, head))
     })?;
-    let fitted = base.refitted(options, &outputs, &head.hidden())?;
+    let fitted = base.refitted((options, sensor), &outputs, &head.hidden())?;
     let report = report::Inputs {
         presses,
         samples: &samples,

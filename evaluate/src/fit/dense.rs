@@ -94,6 +94,14 @@ impl Dense {
         Self(vec![(first, Activation::Identity), (second, Activation::Elu), (third, Activation::Identity)])
     }
 
+    /// Multiplies what it gives.
+    pub(super) fn scale(&mut self, factor: f64) {
+        if let Some((last, _)) = self.0.last_mut() {
+            last.weight *= factor;
+            last.bias.iter_mut().for_each(|bias| *bias *= factor);
+        }
+    }
+
     /// Values and activations of the layers before the last one.
     pub(super) fn hidden(&self) -> Vec<(usize, Activation)> {
         let before = self.0.iter().take(self.0.len() - 1);

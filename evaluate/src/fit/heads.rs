@@ -4,7 +4,7 @@
 //! quantities  w = (F^T F + s)^-1 F^T (y - mean y)
 //! classes     w = n (W + s)^-1 (m_c - m),  bias = log p_c - (m_c + m) w / 2
 //! ```
-//! for n rows of centred features F, the scatter W within classes and the share p of a class
+//! for n rows, weighted, of centred features F, the scatter W within classes and the share p of a class
 //! (Hoerl and Kennard 1970, "Ridge regression"; Friedman 1989, "Regularized discriminant
 //! analysis"). A strength r is relative: `s = r trace / n`, where the trace is that of what s is
 //! added to.
@@ -18,9 +18,9 @@ use super::modes::Features;
 use super::samples::{Instant, Target};
 
 /// Strengths that are tried.
-const STRENGTHS: [f64; 6] = [1e-3, 1e-2, 3.2e-2, 0.1, 0.32, 1.0];
+const STRENGTHS: [f64; 5] = [1e-3, 1e-2, 3.2e-2, 0.1, 0.32];
 /// What products are multiplied by; with 0 a head is linear.
-const PRODUCTS: [f64; 3] = [0.0, 0.7, 1.4];
+const PRODUCTS: [f64; 4] = [0.0, 0.7, 1.4, 2.8];
 /// Rows that are copied together.
 const PART: usize = 256;
 
@@ -54,14 +54,14 @@ impl Choice {
     }
 }
 
-/// Sums over rows: all that a head depends on.
+/// Sums over rows, each with its weight: all that a head depends on.
 #[derive(Clone)]
 pub(super) struct Sums {
     /// Of products of pairs of features; the lower triangle.
     products: Array2<f64>,
     /// Of features, by classes; one row for quantities.
     features: Array2<f64>,
-    /// Rows, by classes.
+    /// Weights of the rows, by classes.
     counts: Vec<f64>,
     /// Of outputs times features, and of outputs; none for classes.
     truth: Array2<f64>,
@@ -84,18 +84,19 @@ impl Sums {
             outputs: vec![0.0; outputs],
         };
         for rows in rows.chunks(PART) {
-            let part = features.values.select(Axis(0), rows);
-            add_products(&mut sums.products, part.view());
-            for (&row, values) in rows.iter().zip(part.rows()) {
-                let truth = &instants[row].truth;
+            let mut part = features.values.select(Axis(0), rows);
+            for (&row, mut values) in rows.iter().zip(part.rows_mut()) {
+                let Instant { truth, weight, .. } = &instants[row];
                 let group = if groups == 1 { 0 } else { truth[0] as usize };
-                sums.counts[group] += 1.0;
-                sums.features.row_mut(group).scaled_add(1.0, &values);
+                sums.counts[group] += weight;
+                sums.features.row_mut(group).scaled_add(*weight, &values);
                 for (output, &truth) in truth.iter().enumerate().take(outputs) {
-                    sums.outputs[output] += truth;
-                    sums.truth.row_mut(output).scaled_add(truth, &values);
+                    sums.outputs[output] += weight * truth;
+                    sums.truth.row_mut(output).scaled_add(weight * truth, &values);
                 }
+                values *= weight.sqrt();
             }
+            add_products(&mut sums.products, part.view());
         }
         sums
     }

@@ -15,7 +15,7 @@ use meissner_kernels::random::Random;
 use super::cholesky::add_products;
 
 /// Most modes whose products are features.
-const MAX_SQUARED: usize = 24;
+const MAX_SQUARED: usize = 32;
 /// Coordinates for each of them.
 const COORDINATES: usize = 4;
 /// Most modes that a perceptron reads.

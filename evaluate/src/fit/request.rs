@@ -3,10 +3,10 @@
 use std::fs;
 use std::path::PathBuf;
 
-use meissner_engine::Normalisation;
+use meissner_engine::{Aggregation, Normalisation, Sensor};
 use meissner_kernels::Activation;
 use meissner_models::description::{Outputs, Refit, Refitted};
-use meissner_models::{Description, ModelError, Weights};
+use meissner_models::{Description, LayerKind, ModelError, Weights};
 use meissner_run::RunError;
 use meissner_run::model::{describe, labelled, weights};
 
@@ -15,7 +15,12 @@ use crate::error::{EvaluateError, RequestPart, Result};
 /// Default of [`Options::folds`].
 pub const DEFAULT_FOLDS: usize = 5;
 /// Default of [`Options::ages`].
-pub const DEFAULT_AGES: usize = 3;
+pub const DEFAULT_AGES: usize = 1;
+
+/// Pixels a side of the smallest cells that are halved by default.
+const CELL: u32 = 4;
+/// Most cells of a grid that was made finer.
+const MAX_CELLS: u32 = 2304;
 
 /// What is fitted, and how.
 #[derive(Clone, Debug)]
@@ -30,7 +35,7 @@ pub struct Options {
     pub labels: Option<Vec<String>>,
     /// Another length of the window, in microseconds.
     pub span_us: Option<i64>,
-    /// Other columns and rows of the readout.
+    /// Columns and rows of the readout; `None`: those of the network, or smaller cells where it sums.
     pub grid: Option<[u32; 2]>,
     /// Units of a perceptron for each fold; with 0 there is none.
     pub hidden: usize,
@@ -101,15 +106,31 @@ impl Base {
     /// Its layers of events with the readout of `options`, and dense layers that predict `outputs`.
     pub(super) fn refitted(
         &self,
-        options: &Options,
+        (options, sensor): (&Options, Sensor),
         outputs: &Outputs,
         hidden: &[(usize, Activation)],
     ) -> Result<Refitted> {
-        let (span_us, grid) = (options.span_us, options.grid);
+        let (span_us, grid) = (options.span_us, options.grid.or_else(|| self.finer_grid(sensor)));
         let refit = Refit { name: &options.name, span_us, grid, counts: true, hidden, outputs };
         let inconsistent =
             |error| RunError::description(options.name.clone(), ModelError::Description(error));
         Ok(Description::refitted(&self.text, &refit).map_err(inconsistent)?)
+    }
+
+    /// The grid of a readout that sums, in halves of its cells while these have more pixels a side than
+    /// [`CELL`]: small motions show in small cells.
+    fn finer_grid(&self, sensor: Sensor) -> Option<[u32; 2]> {
+        let sums = self.description.layers().iter().find_map(|layer| match layer.kind {
+            LayerKind::Readout { columns, rows, aggregation: Aggregation::Sum, .. } => Some([columns, rows]),
+            _ => None,
+        });
+        let mut grid = sums?.map(|side| side as u32);
+        let sides = [sensor.width, sensor.height].map(u32::from);
+        let is_coarse = |grid: [u32; 2]| grid.iter().zip(sides).all(|(cells, side)| side > CELL * cells);
+        while is_coarse(grid) && 4 * grid[0] * grid[1] <= MAX_CELLS {
+            grid = grid.map(|cells| 2 * cells);
+        }
+        Some(grid)
     }
 
     /// Its weights do not fit.

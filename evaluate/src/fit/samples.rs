@@ -16,6 +16,9 @@ use crate::presses::{Presses, Row};
 
 /// The part of a press before which no random age is.
 const QUIET: i64 = 10;
+/// What the random ages of a press weigh together, its end being 1. A press says less of its end
+/// than it seems to before it is over, and few labels are in its first events.
+const AGES: f64 = 0.2;
 /// In a radian.
 const DEGREES: f64 = 180.0 / std::f64::consts::PI;
 
@@ -49,6 +52,8 @@ pub(super) struct Instant {
     /// Time since the first event of the press.
     pub(super) age_us: i64,
     pub(super) is_end: bool,
+    /// How much it counts in a fit.
+    pub(super) weight: f64,
     /// The value of each output, or the index of the class.
     pub(super) truth: Vec<f64>,
 }
@@ -288,10 +293,12 @@ fn of_press(
         let next = rows[rows.partition_point(|row| row.t_us < t_us).min(rows.len() - 1)].t_us;
         times.insert(if target.truth(presses, press, t_us).is_some() { t_us } else { next });
     }
+    let other = AGES / (times.range(..end).count().max(1)) as f64;
     let instant = |t_us: i64| {
         let truth = target.truth(presses, press, t_us)?;
         let age_us = t_us.saturating_sub(recording.first_us).max(0);
-        Some(Instant { press: index, t_us, age_us, is_end: t_us == end, truth })
+        let is_end = t_us == end;
+        Some(Instant { press: index, t_us, age_us, is_end, weight: if is_end { 1.0 } else { other }, truth })
     };
     times.range(..=end).filter_map(|&t_us| instant(t_us)).collect()
 }

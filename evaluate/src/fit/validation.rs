@@ -3,6 +3,7 @@
 //! The choice of a fold is the one that is best on the other folds, so that no press chooses how it
 //! is predicted itself. That of the head that is kept is the best one on all folds.
 
+use libm::{exp, exp2, log};
 use ndarray::{Array1, Array2, Axis};
 use rayon::prelude::*;
 
@@ -187,7 +188,7 @@ impl Validation<'_> {
         Sums::of(self.features, self.target, self.instants, rows)
     }
 
-    /// By folds and outputs: the sum of squared errors, or the number of wrong classes.
+    /// By folds and outputs: the sum of squared errors, or the number of wrong classes, by weight.
     fn losses(&self, predicted: &Array2<f64>) -> Array2<f64> {
         let mut losses = Array2::zeros((self.folds, predicted.ncols()));
         for (instant, predicted) in self.instants.iter().zip(predicted.rows()) {
@@ -195,16 +196,34 @@ impl Validation<'_> {
             match self.target {
                 Target::Quantities(_) => {
                     for ((loss, value), truth) in of.iter_mut().zip(predicted).zip(&instant.truth) {
-                        *loss += (value - truth) * (value - truth);
+                        *loss += instant.weight * (value - truth) * (value - truth);
                     }
                 }
                 Target::Classes { .. } => {
-                    of += f64::from(u8::from(class(predicted.iter().copied()) != instant.truth[0] as usize));
+                    let is_wrong = class(predicted.iter().copied()) != instant.truth[0] as usize;
+                    of += if is_wrong { instant.weight } else { 0.0 };
                 }
             }
         }
         losses
     }
+}
+
+/// What logits (rows by classes) are multiplied by so that their softmax is as sure as it is right: the
+/// one of powers of 2^(1/4) with the smallest cross-entropy (Guo et al. 2017, "On calibration of
+/// modern neural networks").
+pub(super) fn sureness(logits: &Array2<f64>, truth: &[usize]) -> f64 {
+    let loss = |factor: f64| {
+        let rows = logits.rows().into_iter().zip(truth);
+        let of = |(row, &class): (ndarray::ArrayView1<'_, f64>, &usize)| {
+            let most = row.fold(f64::NEG_INFINITY, |most, &logit| most.max(logit));
+            let sum: f64 = row.iter().map(|logit| exp(factor * (logit - most))).sum();
+            log(sum) + factor * (most - row[class])
+        };
+        rows.map(of).sum::<f64>()
+    };
+    let factors = (-40..=12).map(|step| exp2(f64::from(step) / 4.0)).map(|factor| (loss(factor), factor));
+    factors.min_by(|a, b| a.0.total_cmp(&b.0)).map_or(1.0, |(_, factor)| factor)
 }
 
 /// The class with the largest of `logits`, the first of equal ones.

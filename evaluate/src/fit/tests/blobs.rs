@@ -35,6 +35,10 @@ fn a_place_is_found_and_a_number_that_no_event_knows_is_not() {
     let at_ages: usize = x.ages.iter().map(|age| age.instants).sum();
     assert_eq!((at_ages, report.data.instants), (150, 150));
     assert_eq!((report.sensor.size, report.sensor.trained_size), ([48, 36], None));
+    // Cells of 8 x 9 pixels are halved; a row has 4 channels of the layers and 4 that count.
+    assert_eq!(report.base.readout, 12 * 8 * 8);
+    let given = Options { grid: Some([6, 4]), ..folder.options() };
+    assert_eq!(folder.fit(&given, 2).expect("it can be fitted").report.base.readout, 6 * 4 * 8);
 }
 
 #[test]

@@ -12,6 +12,7 @@ use crate::fit::dense::Dense;
 use crate::fit::heads::{Choice, Sums};
 use crate::fit::modes::Features;
 use crate::fit::samples::{Instant, Quantity, Target};
+use crate::fit::validation::sureness;
 
 pub(super) fn matrix(rows: usize, columns: usize, seed: u64) -> Array2<f64> {
     let mut random = Random::new(seed);
@@ -29,6 +30,7 @@ fn instants(truth: &Array2<f64>) -> Vec<Instant> {
         t_us: 0,
         age_us: 0,
         is_end: true,
+        weight: 1.0,
         truth: truth.to_vec(),
     };
     truth.rows().into_iter().enumerate().map(of).collect()
@@ -146,4 +148,13 @@ proptest! {
 fn a_matrix_that_is_not_positive_definite_has_no_factor() {
     assert!(Factor::new(array![[1.0, 0.0], [2.0, 1.0]], 0.0).is_none());
     assert!(Factor::new(array![[f64::NAN]], 1.0).is_none());
+}
+
+#[test]
+fn logits_become_as_sure_as_they_are_right() {
+    // Three of four are right, whatever the logits say.
+    let logits = Array2::from_shape_fn((400, 2), |(row, class)| if row % 2 == class { 50.0 } else { 0.0 });
+    let truth: Vec<usize> = (0..400).map(|row| if row % 8 < 2 { 1 - row % 2 } else { row % 2 }).collect();
+    let sure = 1.0 / (1.0 + (-50.0 * sureness(&logits, &truth)).exp());
+    assert!((sure - 0.75).abs() < 0.03, "{sure}");
 }
