@@ -17,7 +17,7 @@ use super::cholesky::add_products;
 /// Most modes whose products are features.
 const MAX_SQUARED: usize = 32;
 /// Coordinates for each of them.
-const COORDINATES: usize = 4;
+const COORDINATES: usize = 8;
 /// Most modes that a perceptron reads.
 const MAX_READ: usize = 160;
 /// Steps of the iteration.
