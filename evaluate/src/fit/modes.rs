@@ -23,6 +23,8 @@ const MAX_READ: usize = 160;
 /// Steps of the iteration.
 const STEPS: usize = 40;
 const ROWS: usize = 256;
+/// Modes that vary by less than this part of the main one's variance are rounding.
+const FAINT: f64 = 1e-6;
 
 /// Coordinates, and the products of their main modes.
 pub(super) struct Features {
@@ -93,9 +95,10 @@ fn main_modes(coordinates: &Array2<f64>, count: usize, seed: u64) -> Array2<f64>
     modes
 }
 
-/// The columns of `of`, each made orthogonal to those before it, twice because of rounding.
+/// The columns of `of`, each made orthogonal to those before it, twice because of rounding. Those
+/// that are left with a part of [`FAINT`] of the first one's length are 0.
 fn orthonormal(of: ArrayView2<'_, f64>) -> Array2<f64> {
-    let mut found: Array2<f64> = Array2::zeros(of.dim());
+    let (mut found, mut longest): (Array2<f64>, f64) = (Array2::zeros(of.dim()), 0.0);
     for (i, column) in of.columns().into_iter().enumerate() {
         let mut own: Array1<f64> = column.to_owned();
         for _ in 0..2 {
@@ -105,7 +108,8 @@ fn orthonormal(of: ArrayView2<'_, f64>) -> Array2<f64> {
             }
         }
         let length = own.dot(&own).sqrt();
-        if length > 0.0 {
+        longest = longest.max(length);
+        if length > FAINT * longest {
             found.column_mut(i).assign(&(own / length));
         }
     }
