@@ -12,7 +12,7 @@ use meissner_run::model::describe;
 use meissner_run::text::{date_now, grouped, span_us};
 use serde::Serialize;
 
-use crate::args::{JsonArgs, MEASUREMENT, NETWORK, OUTPUT, Threads};
+use crate::args::{JsonArgs, MEASUREMENT, MapArgs, NETWORK, OUTPUT, Threads};
 use crate::error::CliError;
 use crate::eval::confusion;
 use crate::output::{Force, check_result, print, write};
@@ -56,6 +56,8 @@ pub(crate) struct FitArgs {
     /// File with the weights of NETWORK [default: those shipped with it].
     #[arg(long, value_name = "FILE", help_heading = NETWORK)]
     weights: Option<PathBuf>,
+    #[command(flatten)]
+    map: MapArgs,
     /// Labels that are fitted, with commas between them [default: all numbers].
     ///
     /// Several labels of numbers, or one label of classes. Without this option, it is all labels of
@@ -75,7 +77,7 @@ pub(crate) struct FitArgs {
     grid: Option<[u32; 2]>,
     /// Units of a perceptron beside the ridge, or instead of the discriminant; 0 for none.
     ///
-    /// There is one for each fold, trained by AdamW and stopped where it is best on another fold; the
+    /// There is one for each fold, trained with gradients and stopped where it is best on another fold; the
     /// network has their mean. They are left out where they predict held-out presses no better.
     #[arg(long, value_name = "N", default_value_t = 0,
           value_parser = clap::value_parser!(u16).range(..=1024), help_heading = NETWORK)]
@@ -139,6 +141,7 @@ pub(crate) fn fit(args: &FitArgs) -> Result<(), CliError> {
     let presses = args.input.read()?;
     let options = Options {
         weights: args.weights.clone(),
+        map: args.map.of(args.weights.as_deref()).map(|file| file.map.to_vec()).unwrap_or_default(),
         labels: args.outputs.clone(),
         span_us: args.span,
         grid: args.grid,

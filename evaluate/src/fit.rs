@@ -95,7 +95,7 @@ pub fn fit(presses: &Presses, options: &Options, workers: &Workers) -> Result<Fi
     let outputs = target.outputs();
     let probe = base.refitted((options, sensor), &outputs, &[])?;
     let engine = |network| Engine::with_options(network, sensor, EngineOptions::default());
-    let silent = probe.weights(&base.weights, &[silence(&probe.description)]);
+    let silent = probe.weights(&base.named, &[silence(&probe.description)]);
     let network = probe.description.network(&silent).map_err(|source| base.unfit(source))?;
     let channels = network.readout_channels();
     let readouts = Readouts::of((presses, &samples), &engine(Arc::new(network))?, base.stride, workers)?;

@@ -8,7 +8,7 @@ use meissner_kernels::Activation;
 use meissner_models::description::{Outputs, Refit, Refitted};
 use meissner_models::{Description, LayerKind, ModelError, Weights};
 use meissner_run::RunError;
-use meissner_run::model::{describe, labelled, weights};
+use meissner_run::model::{WeightsFile, describe, labelled, weights};
 
 use crate::error::{EvaluateError, RequestPart, Result};
 
@@ -29,6 +29,8 @@ pub struct Options {
     pub network: String,
     /// File with its weights; `None` selects those shipped with it.
     pub weights: Option<PathBuf>,
+    /// What makes the names of this file those of the network, as [`WeightsFile::map`].
+    pub map: Vec<String>,
     /// The name of the fitted network.
     pub name: String,
     /// Names of the labels; `None`: all numbers, or else the first label of classes.
@@ -53,6 +55,7 @@ impl Options {
         Self {
             network: network.into(),
             weights: None,
+            map: Vec::new(),
             name: name.into(),
             labels: None,
             span_us: None,
@@ -70,6 +73,8 @@ pub(super) struct Base {
     pub(super) name: String,
     pub(super) description: Description,
     pub(super) weights: Weights,
+    /// The same, under the names of the description.
+    pub(super) named: Weights,
     pub(super) label: String,
     pub(super) stride: usize,
     /// The text of the description.
@@ -90,7 +95,8 @@ impl Base {
         if description.normalisation() == Normalisation::PerGraph {
             return refused("a network that runs event by event", "where one event can change every row");
         }
-        let (weights, label) = weights(name, shipped, options.weights.as_deref())?;
+        let file = options.weights.as_deref().map(|path| WeightsFile { path, map: &options.map });
+        let (weights, label) = weights(name, shipped, file)?;
         let card = weights.card().map_err(|source| RunError::weights(label.clone(), source))?;
         let unread =
             |source| RunError::description(name.clone(), ModelError::Read { path: name.into(), source });
@@ -100,7 +106,9 @@ impl Base {
         };
         let label = labelled(label, &weights);
         let (of, stride) = (description.name().to_owned(), card.stride);
-        Ok(Self { name: of, description, stride, weights, label, text })
+        let named = description.named(&weights);
+        let named = named.map_err(|source| RunError::weights(label.clone(), source))?;
+        Ok(Self { name: of, description, stride, weights, named, label, text })
     }
 
     /// Its layers of events with the readout of `options`, and dense layers that predict `outputs`.

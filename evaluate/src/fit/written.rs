@@ -25,7 +25,7 @@ pub(super) fn weights(
     head: &Dense,
     card: &BTreeMap<String, String>,
 ) -> Result<Vec<u8>> {
-    let bytes = fitted.weights(&base.weights, &head.values()).to_safetensors(card);
+    let bytes = fitted.weights(&base.named, &head.values()).to_safetensors(card);
     let read = Weights::from_bytes(&bytes).map_err(ModelError::from);
     let checked = read.and_then(|weights| fitted.description.network(&weights));
     checked.map_err(|source| RunError::weights(fitted.description.name().to_owned(), source))?;

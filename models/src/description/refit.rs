@@ -23,6 +23,8 @@ use meissner_kernels::Activation;
 
 use super::layer::activation_word;
 use super::{Description, DescriptionError, Layer, LayerKind};
+use crate::ModelError;
+use crate::weights::names::Names;
 use crate::weights::{Tensor, Weights};
 
 const HEAD: &str = "fitted";
@@ -195,6 +197,18 @@ impl Description {
         Ok(Refitted { text, description, counts, added })
     }
 
+    /// The tensors of `weights` that the network reads, under the names of the description.
+    ///
+    /// # Errors
+    /// As [`Self::network`], where it is not told which tensor is which.
+    pub fn named(&self, weights: &Weights) -> Result<Weights, ModelError> {
+        let needed = self.tensors();
+        let names: Vec<&str> = needed.iter().map(|(name, _)| name.as_str()).collect();
+        let found = Names::find(self.name(), &names, weights)?;
+        let tensor = |name: &&str| Some(((*name).to_owned(), weights.get(found.held(name)?)?.clone()));
+        Ok(Weights::new(names.iter().filter_map(tensor)))
+    }
+
     /// The layer that the readout sums, if counts can be added to it: a spline block without a skip
     /// that nothing else reads.
     fn countable(&self) -> Option<&Layer> {
@@ -229,8 +243,8 @@ impl Description {
 }
 
 impl Refitted {
-    /// The weights: layers of events from `base`, the weights of the other description, and for each
-    /// dense layer its factors (output, input) and its bias.
+    /// The weights: layers of events from `base`, weights of the other description under its names
+    /// ([`Description::named`]), and for each dense layer its factors (output, input) and its bias.
     ///
     /// # Panics
     /// A layer of `head` has another number of values than the description.
@@ -246,7 +260,7 @@ impl Refitted {
             } else if let Some(values) = self.constants(&name) {
                 values
             } else {
-                widened(found(base, &name)?, &shape, if name.ends_with("running_var") { 1.0 } else { 0.0 })
+                widened(base.get(&name)?, &shape, if name.ends_with("running_var") { 1.0 } else { 0.0 })
             };
             let tensor = Tensor::new(shape, values).expect("a head has the values of its description");
             Some((name, tensor))
@@ -295,14 +309,6 @@ impl Refitted {
         };
         Some(values)
     }
-}
-
-/// The tensor `name`; names in the weights may all have one further prefix.
-fn found<'a>(weights: &'a Weights, name: &str) -> Option<&'a Tensor> {
-    let with_prefix = |(other, _): &(&str, &Tensor)| {
-        other.strip_suffix(name).is_some_and(|prefix| prefix.is_empty() || prefix.ends_with('.'))
-    };
-    weights.get(name).or_else(|| weights.iter().find(with_prefix).map(|(_, tensor)| tensor))
 }
 
 /// The values of `tensor` in a larger `shape`, with `rest` around them.
