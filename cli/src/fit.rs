@@ -69,9 +69,9 @@ pub(crate) struct FitArgs {
     /// Layers of events that were trained on another length may see less of a press.
     #[arg(long, value_name = "TIME", value_parser = span_us, help_heading = NETWORK)]
     span: Option<i64>,
-    /// Columns and rows of the readout, such as 32x32 [default: those of NETWORK, or finer].
+    /// Columns and rows of the readout [default: those of NETWORK, or finer ones].
     ///
-    /// Small motions show in small cells. Where the readout of NETWORK sums, its cells are halved while
+    /// Such as 32x32: small motions show in small cells. Where the readout of NETWORK sums, its cells are halved while
     /// they have more than 4 pixels a side, up to 2,304 cells.
     #[arg(long, value_name = "COLUMNSxROWS", value_parser = grid, help_heading = NETWORK)]
     grid: Option<[u32; 2]>,

@@ -64,6 +64,8 @@ const HEADINGS: &[(&str, &[&str])] = &[
             "trainings",
             "folds",
             "outputs",
+            "grid",
+            "hidden",
             "ages",
         ],
     ),

@@ -46,7 +46,7 @@ use meissner_run::model::Model;
 use crate::error::{EvaluateError, RequestPart, Result};
 use crate::events::folds;
 use crate::presses::Presses;
-use crate::workers::Workers;
+use crate::workers::{ProgressHandle, Workers};
 use basis::{Basis, Design};
 use dense::Dense;
 pub use figures::{AgeFigure, CurvePoint, Figure, OutputFigures};
@@ -73,7 +73,7 @@ pub struct Fitted {
     pub report: Report,
 }
 
-/// Fits a head to `presses`. O(rows columns) for each of up to 1,536 rows, for as many rows as
+/// Fits a head to `presses`. O(rows columns) for each of up to 2,048 rows, for as many rows as
 /// instants and as many columns as values of a readout; memory for all readouts in f32.
 ///
 /// # Errors
@@ -112,55 +112,17 @@ pub fn fit(presses: &Presses, options: &Options, workers: &Workers) -> Result<Fi
     };
 
     let order = order(&classes, options.seed);
-    let design =
-        Design { values: &readouts.values, columns: readouts.columns, channels, counts: probe.counts };
-    let (held_out, fewer, head) = workers.install(|| -> Result<_> {
-        let dependent = || {
-            let found = "readouts that rounding makes dependent on each other".to_owned();
-            EvaluateError::request(RequestPart::Data, "readouts of which a head can be fitted", found)
-        };
-        let (basis, coordinates) = Basis::new(design, options.seed).ok_or_else(dependent)?;
-        let features = Features::new(coordinates, options.hidden > 0, options.seed);
-        let validation = Validation {
-            features: &features,
-            target: &target,
-            instants: &samples.instants,
-            fold: &fold,
-            folds: options.folds,
-            watch: &workers.watch,
-        };
-        let learn = |held_out: HeldOut, taken: &(dyn Fn(usize) -> bool + Sync)| {
-            if options.hidden == 0 {
-                return Ok(held_out);
-            }
-            validation.with_perceptrons(held_out, taken, (options.hidden, options.seed))
-        };
-        let held_out = learn(validation.held_out(|_| true, &Choice::all())?, &|_| true)?;
-        let near = Choice::near(&held_out.choices);
-        let mut fewer: Vec<(usize, HeldOut)> = Vec::new();
-        for part in [4, 2] {
-            let taken = order.iter().filter(|order| order.is_multiple_of(part)).count();
-            if taken >= MIN_CURVE.max(options.folds) {
-                let taken = |press: usize| order[press].is_multiple_of(part);
-                fewer.push((part, learn(validation.held_out(taken, &near)?, &taken)?));
-            }
-        }
-        let mut head = validation.whole(&held_out.choices).ok_or_else(dependent)?;
-        let mut choices = held_out.choices.clone();
-        if matches!(target, Target::Classes { .. }) && !held_out.perceptrons.is_empty() {
-            // The perceptrons predict classes alone.
-            head.weight.fill(0.0);
-            head.bias.fill(0.0);
-            choices.iter_mut().for_each(|choice| choice.products = 0.0);
-        }
-        let mut head = Dense::new((&head, &choices), &held_out.perceptrons, &features, &basis);
-        if matches!(target, Target::Classes { .. }) {
-            let truth: Vec<usize> =
-                samples.instants.iter().map(|instant| instant.truth[0] as usize).collect();
-            head.scale(sureness(&held_out.predicted, &truth));
-        }
-        Ok((held_out, fewer, head))
-    })?;
+    let weights: Vec<f64> = samples.instants.iter().map(|instant| instant.weight).collect();
+    let design = Design {
+        values: &readouts.values,
+        columns: readouts.columns,
+        channels,
+        weights: &weights,
+        counts: probe.counts,
+    };
+    let folds = (&fold[..], &order[..]);
+    let (held_out, fewer, head) =
+        workers.install(|| heads(design, (&samples, &target), folds, options, &workers.watch))?;
     let fitted = base.refitted((options, sensor), &outputs, &head.hidden())?;
     let report = report::Inputs {
         presses,
@@ -181,6 +143,64 @@ pub fn fit(presses: &Presses, options: &Options, workers: &Workers) -> Result<Fi
     let card = written::card((&fitted.description, &base), &presses.folder, sensor, of, options);
     let weights = written::weights(&fitted, &base, &head, &card)?;
     Ok(Fitted { description: fitted.text, weights, report })
+}
+
+/// Predictions of heads that were fitted to one of every so many presses.
+type Fewer = Vec<(usize, HeldOut)>;
+
+/// Predictions for presses that were held out, the same of heads that were fitted to every fourth and
+/// every second press of `order`, and the head of all.
+fn heads(
+    design: Design<'_>,
+    (samples, target): (&Samples, &Target),
+    (fold, order): (&[usize], &[usize]),
+    options: &Options,
+    watch: &ProgressHandle,
+) -> Result<(HeldOut, Fewer, Dense)> {
+    let dependent = || {
+        let found = "readouts that rounding makes dependent on each other".to_owned();
+        EvaluateError::request(RequestPart::Data, "readouts of which a head can be fitted", found)
+    };
+    let (basis, coordinates) = Basis::new(design, options.seed).ok_or_else(dependent)?;
+    let features = Features::new(coordinates, options.hidden > 0, options.seed);
+    let validation = Validation {
+        features: &features,
+        target,
+        instants: &samples.instants,
+        fold,
+        folds: options.folds,
+        watch,
+    };
+    let learn = |held_out: HeldOut, taken: &(dyn Fn(usize) -> bool + Sync)| {
+        if options.hidden == 0 {
+            return Ok(held_out);
+        }
+        validation.with_perceptrons(held_out, taken, (options.hidden, options.seed))
+    };
+    let held_out = learn(validation.held_out(|_| true, &Choice::all())?, &|_| true)?;
+    let near = Choice::near(&held_out.choices);
+    let mut fewer = Fewer::new();
+    for part in [4, 2] {
+        let taken = order.iter().filter(|order| order.is_multiple_of(part)).count();
+        if taken >= MIN_CURVE.max(options.folds) {
+            let taken = |press: usize| order[press].is_multiple_of(part);
+            fewer.push((part, learn(validation.held_out(taken, &near)?, &taken)?));
+        }
+    }
+    let mut head = validation.whole(&held_out.choices).ok_or_else(dependent)?;
+    let mut choices = held_out.choices.clone();
+    if matches!(target, Target::Classes { .. }) && !held_out.perceptrons.is_empty() {
+        // The perceptrons predict classes alone.
+        head.weight.fill(0.0);
+        head.bias.fill(0.0);
+        choices.iter_mut().for_each(|choice| choice.products = 0.0);
+    }
+    let mut head = Dense::new((&head, &choices), &held_out.perceptrons, &features, &basis);
+    if matches!(target, Target::Classes { .. }) {
+        let truth: Vec<usize> = samples.instants.iter().map(|instant| instant.truth[0] as usize).collect();
+        head.scale(sureness(&held_out.predicted, &truth));
+    }
+    Ok((held_out, fewer, head))
 }
 
 /// A dense layer of zeros behind the readout of `description`, its only one.

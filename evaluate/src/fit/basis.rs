@@ -19,7 +19,7 @@ use meissner_kernels::random::Random;
 use super::cholesky::Factor;
 
 /// Readouts that span the coordinates.
-const MAX_LANDMARKS: usize = 1536;
+const MAX_LANDMARKS: usize = 2048;
 /// What is added to the diagonal, as a part of its mean: readouts may depend on each other.
 const JITTER: f64 = 1e-9;
 /// Rows that are converted together.
@@ -31,6 +31,8 @@ pub(super) struct Design<'a> {
     pub(super) values: &'a [f32],
     pub(super) columns: usize,
     pub(super) channels: usize,
+    /// How much each row counts in a fit: the heaviest become landmarks.
+    pub(super) weights: &'a [f64],
     /// So many channels at the end count events, and weigh as much as all others.
     pub(super) counts: usize,
 }
@@ -109,7 +111,8 @@ impl Basis {
         let mut drawn: Vec<usize> = (0..rows).collect();
         if rows > MAX_LANDMARKS {
             let mut random = Random::new(seed);
-            (0..MAX_LANDMARKS).for_each(|i| drawn.swap(i, i + random.below((rows - i) as u64) as usize));
+            (1..rows).rev().for_each(|i| drawn.swap(i, random.below(i as u64 + 1) as usize));
+            drawn.sort_by(|&a, &b| design.weights[b].total_cmp(&design.weights[a]));
             drawn.truncate(MAX_LANDMARKS);
             drawn.sort_unstable();
         }

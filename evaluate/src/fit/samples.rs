@@ -18,7 +18,7 @@ use crate::presses::{Presses, Row};
 const QUIET: i64 = 10;
 /// What the random ages of a press weigh together, its end being 1. A press says less of its end
 /// than it seems to before it is over, and few labels are in its first events.
-const AGES: f64 = 0.2;
+const AGES: f64 = 0.1;
 /// In a radian.
 const DEGREES: f64 = 180.0 / std::f64::consts::PI;
 

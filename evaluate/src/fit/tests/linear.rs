@@ -75,7 +75,8 @@ proptest! {
     fn products_of_coordinates_are_those_of_readouts(rows in 4_usize..40, cells in 1_usize..20, seed in any::<u64>()) {
         let (channels, columns) = (2, 2 * cells);
         let values: Vec<f32> = matrix(rows, columns, seed).iter().map(|&value| value as f32).collect();
-        let design = Design { values: &values, columns, channels, counts: 0 };
+        let weights = vec![1.0; rows];
+        let design = Design { values: &values, columns, channels, weights: &weights, counts: 0 };
         let (basis, found) = Basis::new(design, seed).expect("it has a basis");
         // The same by hand: centred, and scaled by channel.
         let mut x = Array2::from_shape_fn((rows, columns), |(i, j)| f64::from(values[i * columns + j]));
@@ -126,7 +127,8 @@ proptest! {
     fn dense_layers_give_what_is_quadratic(rows in 40_usize..60, seed in any::<u64>()) {
         let (channels, columns) = (2, 24);
         let values: Vec<f32> = matrix(rows, columns, seed).iter().map(|&value| value as f32).collect();
-        let design = Design { values: &values, columns, channels, counts: 0 };
+        let weights = vec![1.0; rows];
+        let design = Design { values: &values, columns, channels, weights: &weights, counts: 0 };
         let (basis, coordinates) = Basis::new(design, seed).expect("it has a basis");
         let features = Features::new(coordinates, true, seed);
         let head = Linear { weight: matrix(2, features.values.ncols(), seed ^ 1), bias: vec![0.5, -0.25] };

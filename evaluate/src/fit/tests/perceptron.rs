@@ -60,7 +60,8 @@ fn classes_that_no_line_separates_are_learnt_and_the_seed_decides() {
 fn dense_layers_add_perceptrons() {
     let (rows, columns) = (50, 24);
     let values: Vec<f32> = matrix(rows, columns, 3).iter().map(|&value| value as f32).collect();
-    let design = Design { values: &values, columns, channels: 2, counts: 0 };
+    let weights = vec![1.0; rows];
+    let design = Design { values: &values, columns, channels: 2, weights: &weights, counts: 0 };
     let (basis, coordinates) = Basis::new(design, 3).expect("it has a basis");
     let features = Features::new(coordinates, true, 3);
     let head = Linear { weight: matrix(2, features.values.ncols(), 4), bias: vec![0.5, -0.25] };
