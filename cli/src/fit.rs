@@ -71,14 +71,15 @@ pub(crate) struct FitArgs {
     span: Option<i64>,
     /// Columns and rows of the readout [default: those of NETWORK, or finer ones].
     ///
-    /// Such as 32x32: small motions show in small cells. Where the readout of NETWORK sums, its cells are halved while
-    /// they have more than 4 pixels a side, up to 2,304 cells.
+    /// Such as 32x32: small motions show in small cells. Where the readout of NETWORK sums, its
+    /// cells are halved while they have more than 4 pixels a side, up to 2,304 cells.
     #[arg(long, value_name = "COLUMNSxROWS", value_parser = grid, help_heading = NETWORK)]
     grid: Option<[u32; 2]>,
     /// Units of a perceptron beside the ridge, or instead of the discriminant; 0 for none.
     ///
-    /// There is one for each fold, trained with gradients and stopped where it is best on another fold; the
-    /// network has their mean. They are left out where they predict held-out presses no better.
+    /// There is one for each fold, trained with gradients and stopped where it is best on another
+    /// fold; the network has their mean. They are left out where they predict held-out presses no
+    /// better.
     #[arg(long, value_name = "N", default_value_t = 0,
           value_parser = clap::value_parser!(u16).range(..=1024), help_heading = NETWORK)]
     hidden: u16,

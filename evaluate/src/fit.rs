@@ -148,8 +148,8 @@ pub fn fit(presses: &Presses, options: &Options, workers: &Workers) -> Result<Fi
 /// Predictions of heads that were fitted to one of every so many presses.
 type Fewer = Vec<(usize, HeldOut)>;
 
-/// Predictions for presses that were held out, the same of heads that were fitted to every fourth and
-/// every second press of `order`, and the head of all.
+/// Predictions for presses that were held out, the same of heads that were fitted to every fourth
+/// and every second press of `order`, and the head of all.
 fn heads(
     design: Design<'_>,
     (samples, target): (&Samples, &Target),

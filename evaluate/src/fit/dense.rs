@@ -1,7 +1,8 @@
 //! A head as dense layers behind a readout.
 //!
 //! What is linear is one layer. What is quadratic is three: modes P and the linear part y; ELUs,
-//! two for each square; and sums of these. Perceptrons have their units beside the squares. ELU bends at 0, and leaves what is above 0 as it is:
+//! two for each square; and sums of these. Perceptrons have their units beside the squares. ELU
+//! bends at 0, and leaves what is above 0 as it is:
 //!
 //! ```text
 //! a^2 = 2 (elu(e a) + elu(-e a)) / e^2 + O(e a^3),      y = elu(y + b) - b
@@ -28,8 +29,8 @@ const BEYOND: f64 = 4.0;
 pub(super) struct Dense(pub(super) Vec<(Linear, Activation)>);
 
 impl Dense {
-    /// The layers of what is linear in `features`, and of `perceptrons` that read the modes, whose sum
-    /// is added; `choices` are those of the outputs of `head`.
+    /// The layers of what is linear in `features`, and of `perceptrons` that read the modes, whose
+    /// sum is added; `choices` are those of the outputs of `head`.
     pub(super) fn new(
         (head, choices): (&Linear, &[Choice]),
         perceptrons: &[Perceptron],

@@ -1,11 +1,12 @@
-//! Heads that are linear or quadratic in the readout: ridge regression, and a shrunken discriminant.
+//! Heads that are linear or quadratic in the readout: ridge regression, and a shrunken
+//! discriminant.
 //!
 //! ```text
 //! quantities  w = (F^T F + s)^-1 F^T (y - mean y)
 //! classes     w = n (W + s)^-1 (m_c - m),  bias = log p_c - (m_c + m) w / 2
 //! ```
-//! for n rows, weighted, of centred features F, the scatter W within classes and the share p of a class
-//! (Hoerl and Kennard 1970, "Ridge regression"; Friedman 1989, "Regularized discriminant
+//! for n rows, weighted, of centred features F, the scatter W within classes and the share p of a
+//! class (Hoerl and Kennard 1970, "Ridge regression"; Friedman 1989, "Regularized discriminant
 //! analysis"). A strength r is relative: `s = r trace / n`, where the trace is that of what s is
 //! added to.
 

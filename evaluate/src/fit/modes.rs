@@ -1,8 +1,9 @@
 //! The main modes of the coordinates, and their products: what is quadratic in a readout.
 //!
 //! ```text
-//! P = Z V        V: the eigenvectors of Z^T Z with the largest eigenvalues, by orthogonal iteration
-//! Q_ij = c P_i P_j / s    for i <= j;  c is 1 for i = j, else sqrt 2;  s^2 is the variance of P_1
+//! P = Z V        V: the eigenvectors of Z^T Z with the largest eigenvalues, by orthogonal
+//! iteration Q_ij = c P_i P_j / s    for i <= j;  c is 1 for i = j, else sqrt 2;  s^2 is the
+//! variance of P_1
 //! ```
 //!
 //! With this c, the products of Q are the squares of those of P / sqrt s, whatever basis V has

@@ -6,8 +6,9 @@
 //!
 //! It learns classes from cross-entropy, or what a ridge regression leaves of quantities from
 //! squares, by `AdamW` (Loshchilov and Hutter 2019, "Decoupled weight decay regularization") with
-//! dropout and a rate that falls to 0 along a cosine. Of all epochs, the one is kept that is best on
-//! presses that it was not trained on. The order of samples and the dropout follow from the seed.
+//! dropout and a rate that falls to 0 along a cosine. Of all epochs, the one is kept that is best
+//! on presses that it was not trained on. The order of samples and the dropout follow from the
+//! seed.
 
 use std::f64::consts::PI;
 

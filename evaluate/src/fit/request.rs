@@ -37,7 +37,8 @@ pub struct Options {
     pub labels: Option<Vec<String>>,
     /// Another length of the window, in microseconds.
     pub span_us: Option<i64>,
-    /// Columns and rows of the readout; `None`: those of the network, or smaller cells where it sums.
+    /// Columns and rows of the readout; `None`: those of the network, or smaller cells where it
+    /// sums.
     pub grid: Option<[u32; 2]>,
     /// Units of a perceptron for each fold; with 0 there is none.
     pub hidden: usize,
@@ -125,8 +126,8 @@ impl Base {
         Ok(Description::refitted(&self.text, &refit).map_err(inconsistent)?)
     }
 
-    /// The grid of a readout that sums, in halves of its cells while these have more pixels a side than
-    /// [`CELL`]: small motions show in small cells.
+    /// The grid of a readout that sums, in halves of its cells while these have more pixels a side
+    /// than [`CELL`]: small motions show in small cells.
     fn finer_grid(&self, sensor: Sensor) -> Option<[u32; 2]> {
         let sums = self.description.layers().iter().find_map(|layer| match layer.kind {
             LayerKind::Readout { columns, rows, aggregation: Aggregation::Sum, .. } => Some([columns, rows]),

@@ -34,8 +34,8 @@ pub(super) struct HeldOut {
     pub(super) predicted: Array2<f64>,
     /// For each output, what is best on all folds; one for all classes.
     pub(super) choices: Vec<Choice>,
-    /// Those of the folds, whose sum is added; for classes, instead of what is linear. None where they
-    /// predict held-out presses no better.
+    /// Those of the folds, whose sum is added; for classes, instead of what is linear. None where
+    /// they predict held-out presses no better.
     pub(super) perceptrons: Vec<Perceptron>,
 }
 
@@ -209,9 +209,9 @@ impl Validation<'_> {
     }
 }
 
-/// What logits (rows by classes) are multiplied by so that their softmax is as sure as it is right: the
-/// one of powers of 2^(1/4) with the smallest cross-entropy (Guo et al. 2017, "On calibration of
-/// modern neural networks").
+/// What logits (rows by classes) are multiplied by so that their softmax is as sure as it is right:
+/// the one of powers of 2^(1/4) with the smallest cross-entropy (Guo et al. 2017, "On calibration
+/// of modern neural networks").
 pub(super) fn sureness(logits: &Array2<f64>, truth: &[usize]) -> f64 {
     let loss = |factor: f64| {
         let rows = logits.rows().into_iter().zip(truth);

@@ -5,7 +5,8 @@
 //!
 //! Where a readout sums, it can also sum what no layer computes: the number of events in a cell,
 //! their polarities p, and with `place` also p x and p y. Two blocks without neighbours give these
-//! exactly, because ELU leaves what is above 0 as it is, and `elu(x - 19)` is -1 for x of at most 1:
+//! exactly, because ELU leaves what is above 0 as it is, and `elu(x - 19)` is -1 for x of at most
+//! 1:
 //!
 //! ```text
 //! signs    u = elu(x + 10 p - 9),  v = elu(x - 10 p - 9),  w = elu(p + 1)
@@ -108,9 +109,10 @@ struct Tables {
 }
 
 impl Description {
-    /// The description in `text` whose readout dense layers read: instead of its dense layers, or of
-    /// the layers of its head. They come last; the last one is `fitted`, those before it `fitted1`
-    /// and so on, or with underscores behind `fitted` where the layers of events have such names.
+    /// The description in `text` whose readout dense layers read: instead of its dense layers, or
+    /// of the layers of its head. They come last; the last one is `fitted`, those before it
+    /// `fitted1` and so on, or with underscores behind `fitted` where the layers of events have
+    /// such names.
     ///
     /// # Errors
     /// `text` is no description of a network over events, or the new one is inconsistent: a name
