@@ -92,6 +92,17 @@ impl Dense {
             third.weight[[output, unit]] = 1.0;
             third.bias[output] = -bound;
         }
+        let mut unit = 2 * pairs.len() + outputs;
+        for of in perceptrons {
+            for (i, &bias) in of.first.bias.iter().enumerate() {
+                let mut row = second.weight.row_mut(unit);
+                row.iter_mut().zip(of.first.weight.row(i)).for_each(|(to, &weight)| *to = weight);
+                second.bias[unit] = bias;
+                third.weight.column_mut(unit).assign(&of.second.weight.column(i));
+                unit += 1;
+            }
+            third.bias.iter_mut().zip(&of.second.bias).for_each(|(to, bias)| *to += bias);
+        }
         Self(vec![(first, Activation::Identity), (second, Activation::Elu), (third, Activation::Identity)])
     }
 
