@@ -75,7 +75,7 @@ pub(crate) struct FitArgs {
     /// cells are halved while they have more than 4 pixels a side, up to 2,304 cells.
     #[arg(long, value_name = "COLUMNSxROWS", value_parser = grid, help_heading = NETWORK)]
     grid: Option<[u32; 2]>,
-    /// Units of a perceptron beside the ridge, or instead of the discriminant; 0 for none.
+    /// Units of a perceptron beside the ridge, or instead of the discriminant.
     ///
     /// There is one for each fold, trained with gradients and stopped where it is best on another
     /// fold; the network has their mean. They are left out where they predict held-out presses no

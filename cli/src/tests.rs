@@ -66,7 +66,6 @@ const HEADINGS: &[(&str, &[&str])] = &[
             "outputs",
             "grid",
             "hidden",
-            "ages",
         ],
     ),
     (PREDICTIONS, &["ahead", "mode", "every", "report-every", "deadline", "verify"]),
@@ -168,6 +167,7 @@ const ELSEWHERE: &[(&str, &str, &str)] = &[
     ("prepare touch", "folds", OUTPUT),
     ("prepare presses", "folds", OUTPUT),
     ("prepare windows", "seed", INPUT),
+    ("fit", "ages", NETWORK),
     ("simulate markers", "refractory", CAMERA),
     ("simulate images", "refractory", CAMERA),
 ];
