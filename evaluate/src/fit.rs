@@ -38,9 +38,9 @@ mod written;
 
 use std::sync::Arc;
 
-use meissner_engine::{Engine, Options as EngineOptions};
+use meissner_engine::{Engine, Options as EngineOptions, TrainingWindows};
 use meissner_kernels::random::Random;
-use meissner_models::Description;
+use meissner_models::{Description, windows_text};
 use meissner_run::model::Model;
 
 use crate::error::{EvaluateError, RequestPart, Result};
@@ -140,7 +140,9 @@ pub fn fit(presses: &Presses, options: &Options, workers: &Workers) -> Result<Fi
     };
     let report = report.report()?;
     let of = (&target, &samples, &report.outputs[..]);
-    let card = written::card((&fitted.description, &base), &presses.folder, sensor, of, options);
+    let mut card = written::card((&fitted.description, &base), &presses.folder, sensor, of, options);
+    let windows = TrainingWindows::of(&readouts.windows);
+    card.extend(windows.map(|windows| ("training_windows".to_owned(), windows_text(&windows))));
     let weights = written::weights(&fitted, &base, &head, &card)?;
     Ok(Fitted { description: fitted.text, weights, report })
 }

@@ -88,6 +88,10 @@ fn a_fitted_network_runs_with_the_bits_of_an_engine() {
     assert_eq!(bits(last), values.iter().map(|value| value.to_bits()).collect::<Vec<_>>());
     assert!((f64::from(values[0]) - press(4).0).abs() < 3.0, "{values:?}");
     assert_eq!(summary["outside_training"], 0, "{summary}");
+    // Twelve windows do not show what the others are like; the layers know none of them.
+    assert_eq!(summary["unlike_training"], Value::Null, "{summary}");
+    let notes = report["sensor"]["notes"].to_string();
+    assert!(notes.contains("windows are unlike those that the layers were trained on"), "{notes}");
 
     // The card is read, and no file is replaced without a word.
     let about = meissner(&["run", argument(&recording), "--network", description, "--weights", weights]);

@@ -2,7 +2,7 @@
 
 use std::iter::from_fn;
 
-use meissner_engine::{Engine, EngineError};
+use meissner_engine::{Engine, EngineError, Features};
 use meissner_run::RunError;
 
 use super::samples::Samples;
@@ -17,6 +17,8 @@ pub(super) struct Readouts {
     pub(super) columns: usize,
     /// A readout after the other.
     pub(super) values: Vec<f32>,
+    /// Statistics of the windows that have events.
+    pub(super) windows: Vec<Features>,
     /// Events of all presses, and those of them that are on.
     pub(super) events: [u64; 2],
 }
@@ -35,23 +37,28 @@ impl Readouts {
         let network = engine.network();
         let grid = network.parts().readout;
         let columns = grid.columns * grid.rows * network.readout_times() * network.readout_channels();
+        let (sensor, span_us) = (engine.sensor(), network.parts().span_us);
         let found = at_instants(of, engine, stride, workers, |engine| {
             // It brings the rows up to date.
             engine.predict()?;
-            Ok(engine.readout().concat())
+            Ok((engine.readout().concat(), engine.window_statistics()))
         })?;
-        let (mut values, mut events) = (Vec::with_capacity(columns * of.1.instants.len()), [0, 0]);
+        let instants = of.1.instants.len();
+        let (mut values, mut windows) = (Vec::with_capacity(columns * instants), Vec::new());
+        let mut events = [0, 0];
         for (press, (readouts, counts)) in found.into_iter().enumerate() {
-            let own = readouts.concat();
-            if let Some(odd) = own.iter().find(|value| !value.is_finite()) {
-                let name = &of.0.recordings[of.1.presses[press]].name;
-                let found = format!("{odd} of {name}");
-                return Err(EvaluateError::request(RequestPart::Data, "finite readouts", found));
+            for (own, window) in readouts {
+                if let Some(odd) = own.iter().find(|value| !value.is_finite()) {
+                    let name = &of.0.recordings[of.1.presses[press]].name;
+                    let found = format!("{odd} of {name}");
+                    return Err(EvaluateError::request(RequestPart::Data, "finite readouts", found));
+                }
+                values.extend(own);
+                windows.extend((window.events > 0).then(|| window.features(sensor, span_us)));
             }
-            values.extend(own);
             events = [events[0] + counts[0], events[1] + counts[1]];
         }
-        Ok(Self { columns, values, events })
+        Ok(Self { columns, values, windows, events })
     }
 }
 

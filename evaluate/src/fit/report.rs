@@ -1,7 +1,8 @@
 //! What a fit says: figures of each output, and how the sensor differs from the training's.
 
-use meissner_engine::Sensor;
+use meissner_engine::{Features, Sensor, TrainingWindows};
 use meissner_run::provenance::{Header, InputCard};
+use meissner_run::text::grouped;
 use serde::Serialize;
 
 use super::figures::{Errors, OutputFigures};
@@ -160,6 +161,10 @@ impl Inputs<'_> {
                 self.sensor
             ));
         }
+        // Ages are parts of the span.
+        if let Some(trained) = card.training_windows.filter(|_| self.options.span_us.is_none()) {
+            notes.extend(unlike(&trained, &self.readouts.windows));
+        }
         let mut lengths: Vec<i64> = self.samples.presses.iter().map(|&press| self.length_us(press)).collect();
         lengths.sort_unstable();
         let window = self.options.span_us.unwrap_or(self.base.description.span_us());
@@ -281,4 +286,29 @@ impl Inputs<'_> {
             Target::Classes { label, .. } => *label,
         }
     }
+}
+
+/// How `windows` differ from those that layers were `trained` on, if most of them do.
+fn unlike(trained: &TrainingWindows, windows: &[Features]) -> Option<String> {
+    let unlike = windows.iter().filter(|window| trained.unlikeness(**window) > 1.0).count();
+    if 2 * unlike <= windows.len() {
+        return None;
+    }
+    // The first feature is the fourth root of the number of events, the fourth the share that is on.
+    let mean = |i: usize| {
+        let values = windows.iter().filter_map(|window| window[i]);
+        values.sum::<f64>() / windows.len() as f64
+    };
+    let events = |root: f64| grouped(root.powi(4).round() as u64);
+    let (of, [there, there_on]) = (trained.parts().0, [0, 3].map(mean));
+    Some(format!(
+        "{} of {} windows are unlike those that the layers were trained on: about {} events, {:.0} % of them on, instead of \
+         {} and {:.0} %",
+        grouped(unlike as u64),
+        grouped(windows.len() as u64),
+        events(there),
+        100.0 * there_on,
+        events(of[0]),
+        100.0 * of[3],
+    ))
 }

@@ -70,7 +70,12 @@ fn predicts_what_was_fitted(folder: &Folder, hidden: usize) {
         engine.reset();
         engine.push_slice(&events);
         engine.advance(PRESS_US);
-        let predicted = engine.predict().expect("numbers").values.to_vec();
+        let prediction = engine.predict().expect("numbers");
+        assert!(
+            prediction.unlike.is_some_and(|unlike| unlike <= 1.0),
+            "a window that was fitted: {prediction:?}"
+        );
+        let predicted = prediction.values.to_vec();
         batch.reset();
         batch.push_slice(&events);
         batch.advance(PRESS_US);
