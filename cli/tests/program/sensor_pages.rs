@@ -79,6 +79,28 @@ fn a_dome_gets_from_the_box_to_a_controller() {
 }
 
 #[test]
+fn a_skin_of_taxels_gets_to_classes() {
+    let folder = TempDir::new().expect("a place");
+    let labels = presses(Sensor::new(10, 8), folder.path());
+    let convert = ["convert", "camera.es", "camera.csv"];
+    let program = env!("CARGO_BIN_EXE_meissner");
+    let output = Command::new(program).args(convert).current_dir(folder.path()).output().expect("it starts");
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let mut table = "recording,class\n".to_owned();
+    for press in 0..labels.len() {
+        let class = ["left", "right"][usize::from(press >= labels.len() / 2)];
+        writeln!(table, "press-{:04}.aedat4,{class}", press + 1).expect("text");
+    }
+    run("skin.md", folder.path(), &[("driver", "cat camera.csv")], |command| {
+        if command.starts_with("meissner prepare presses") {
+            fs::write(folder.path().join("presses/labels.csv"), &table).expect("it is written");
+        }
+    });
+    let card = fs::read_to_string(folder.path().join("fitted/letters.md")).expect("a card");
+    assert!(card.contains("12 presses"), "{card}");
+}
+
+#[test]
 fn a_camera_before_a_gel_gets_to_pictures_of_force() {
     let folder = TempDir::new().expect("a place");
     let [network, weights] = picture_network(folder.path());
