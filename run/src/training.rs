@@ -1,7 +1,7 @@
 //! The outputs of a network, their units for people, and what predictions share with the training.
 //!
 //! Enters: predictions. Leaves: the outputs outside the range of the training, of which a network
-//! has seen nothing; how many windows were unlike those of the training; and warnings of both.
+//! has seen nothing, with a warning; and how many windows were unlike those of the training.
 
 use std::f64::consts::PI;
 
@@ -34,11 +34,10 @@ pub struct Training {
     /// Predictions with at least one value outside, and all.
     outside: u64,
     all: u64,
-    /// Predictions that tell how unlike their window is, those of them that are unlike the
-    /// training, and the largest unlikeness.
+    /// Predictions that tell how unlike their window is, and those of them that are unlike the
+    /// training.
     told: u64,
     unlike: u64,
-    most_unlike: f32,
     /// Which outputs were outside at least once.
     ever: Vec<bool>,
 }
@@ -100,7 +99,6 @@ impl Training {
         if let Some(unlike) = unlike {
             self.told += 1;
             self.unlike += u64::from(unlike > 1.0);
-            self.most_unlike = self.most_unlike.max(unlike);
         }
         if values.len() != self.outputs.len() {
             return;
@@ -130,22 +128,11 @@ impl Training {
         (self.told > 0).then_some(self.unlike)
     }
 
-    /// Logs how many predictions of the input `name` are outside or of unlike windows, if any.
+    /// Logs how many predictions of the input `name` are outside, if any.
     pub fn warn(&self, name: &str) {
-        for warning in self.unlike_warning().into_iter().chain(self.warning()) {
+        if let Some(warning) = self.warning() {
             tracing::warn!("{name}: {warning}");
         }
-    }
-
-    pub(crate) fn unlike_warning(&self) -> Option<String> {
-        (self.unlike > 0).then(|| {
-            let (unlike, told) = (grouped(self.unlike), grouped(self.told));
-            let most = self.most_unlike;
-            format!(
-                "{unlike} of {told} predictions are of windows unlike those of the training (up to {most:.1} times the \
-                 distance that 1 of 1,000 of these exceeds): they mean little"
-            )
-        })
     }
 
     pub(crate) fn warning(&self) -> Option<String> {

@@ -152,7 +152,7 @@ impl Columns {
                 let (state, behind, age, waited) = ("state", "behind ms", "age ms", "waited us");
                 let (values, input) = (values(), if self.several { " in " } else { "" });
                 format!(
-                    "{input}{:>9}{values}  {UNLIKE:>6}  {state:>6}  {behind:>9}  {age:>7}  {waited:>9}",
+                    "{input}{:>9}{values} {UNLIKE:>6}  {state:>6}  {behind:>9}  {age:>6}  {waited:>9}",
                     "time (ms)"
                 )
             }
@@ -212,7 +212,7 @@ impl Columns {
                 let input = if self.several { format!("{input:>3} ") } else { String::new() };
                 let unlike = marked(unlike);
                 format!(
-                    "{input}{time:>9.3}{values}  {unlike:>6}  {state:>6}  {behind:>9.3}  {age:>7.3}  {waited_us:>9.1}"
+                    "{input}{time:>9.3}{values} {unlike:>6}  {state:>6}  {behind:>9.3}  {age:>6.3}  {waited_us:>9.1}"
                 )
             }
         }

@@ -15,7 +15,7 @@ fn a_json_line_has_the_documented_keys_and_no_others() {
         assert_eq!(line["value"].as_array().map(Vec::len), Some(2));
         assert_eq!(line["rows"].as_array().map(Vec::len), Some(3), "a count for each layer");
     }
-    let expected = "accepted dropped events events_per_s latency_us lines_refused nodes_max outside_training predictions real_time restarts skips warnings";
+    let expected = "accepted dropped events events_per_s latency_us lines_refused nodes_max outside_training predictions real_time restarts skips unlike_training warnings";
     assert_eq!(keys(&summary), expected);
     for histogram in ["push", "predict"] {
         let latencies = &summary["latency_us"];

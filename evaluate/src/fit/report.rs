@@ -294,7 +294,8 @@ fn unlike(trained: &TrainingWindows, windows: &[Features]) -> Option<String> {
     if 2 * unlike <= windows.len() {
         return None;
     }
-    // The first feature is the fourth root of the number of events, the fourth the share that is on.
+    // The first feature is the fourth root of the number of events, the fourth the share that is
+    // on.
     let mean = |i: usize| {
         let values = windows.iter().filter_map(|window| window[i]);
         values.sum::<f64>() / windows.len() as f64
