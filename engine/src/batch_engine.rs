@@ -217,9 +217,7 @@ impl BatchEngine {
 
     /// As [`Engine::unlikeness`](crate::Engine::unlikeness), from all events of the window.
     pub fn unlikeness(&self) -> Option<f32> {
-        let windows = self.network().training_windows()?;
-        let span_us = self.network().parts().span_us;
-        Some(windows.unlikeness(self.window_statistics().features(self.batch.sensor(), span_us)))
+        self.network().unlikeness(self.batch.sensor(), || self.window_statistics())
     }
 
     /// Sums over the events of the window as it is now. O(window).

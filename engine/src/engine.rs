@@ -263,9 +263,7 @@ impl Engine {
 
     /// As [`Prediction::unlike`], of the window as it is now. Computes no row.
     pub fn unlikeness(&self) -> Option<f32> {
-        let windows = self.network.training_windows()?;
-        let span_us = self.network.parts().span_us;
-        Some(windows.unlikeness(self.window_statistics().features(self.sensor, span_us)))
+        self.network.unlikeness(self.sensor, || self.window_statistics())
     }
 
     /// Sums over the events of the window as it is now. O(1) for a network that knows what the

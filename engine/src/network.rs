@@ -9,10 +9,10 @@ pub(crate) mod parts;
 
 use std::sync::OnceLock;
 
-use crate::EngineError;
 use crate::error::in_range;
 use crate::fingerprint::{Fingerprint, activation_code};
-use crate::unlikeness::TrainingWindows;
+use crate::unlikeness::{TrainingWindows, WindowStatistics};
+use crate::{EngineError, Sensor};
 
 pub use parts::{
     Aggregation, Block, Candidates, DenseLayer, Fraction, GraphRule, Level, Lifetime, NetworkParts,
@@ -61,6 +61,17 @@ impl Network {
     /// What the windows of its training were like, if that is known.
     pub fn training_windows(&self) -> Option<&TrainingWindows> {
         self.training_windows.as_ref()
+    }
+
+    /// How unlike a window of `sensor` with these `statistics` is to those of the training, if they
+    /// are known; the statistics are computed only then.
+    pub(crate) fn unlikeness(
+        &self,
+        sensor: Sensor,
+        statistics: impl FnOnce() -> WindowStatistics,
+    ) -> Option<f32> {
+        let windows = self.training_windows()?;
+        Some(windows.unlikeness(statistics().features(sensor, self.parts.span_us)))
     }
 
     /// The parts of the network.

@@ -58,6 +58,7 @@ pub mod slip;
 pub mod streams;
 pub mod trainings;
 mod trials;
+mod units;
 mod workers;
 
 pub use error::{EvaluateError, RequestPart, Result, StreamsError, TrainingError};

@@ -130,11 +130,11 @@ impl Streams {
         self.start.windows(2).map(|bounds| &self.events[bounds[0]..bounds[1]]).collect()
     }
 
-    /// Contact and end of a stream with labels, see [`Truth::contact_us`]; else the times of its
-    /// first and last event, or 0.
+    /// Contact and end of a stream with labels, see [`Truth::contact_and_end_us`]; else the times
+    /// of its first and last event, or 0.
     pub(crate) fn span_us(&self, stream: usize) -> [i64; 2] {
         if let Some(truth) = &self.truth {
-            return [truth.contact_us(stream), truth.span_us(stream)[1]];
+            return truth.contact_and_end_us(stream);
         }
         let events = self.parts()[stream];
         [events.first(), events.last()].map(|event| event.map_or(0, |event| event.t_us))
@@ -275,9 +275,10 @@ impl Truth {
         [self.t_us[times.start], self.t_us[times.end - 1]]
     }
 
-    /// When the depth of `stream` leaves 0, or else its first time.
-    pub(crate) fn contact_us(&self, stream: usize) -> i64 {
-        self.rises_us(DEPTH, stream).unwrap_or(self.span_us(stream)[0])
+    /// When the depth of `stream` leaves 0, or else its first time; and its last time.
+    pub(crate) fn contact_and_end_us(&self, stream: usize) -> [i64; 2] {
+        let [start, end] = self.span_us(stream);
+        [self.rises_us(DEPTH, stream).unwrap_or(start), end]
     }
 
     /// When the label `name` of `stream` leaves 0, if it ever rises.

@@ -45,7 +45,7 @@ fn run(page: &str, folder: &Path, instead: &[(&str, &str)], before: impl Fn(&str
 }
 
 /// Twelve presses with a pause of half a second between them: a block of pixels that moves to a
-/// place that is the label.
+/// place that is the label. `camera.es` and `camera.csv` have them.
 fn presses(sensor: Sensor, folder: &Path) -> Vec<f64> {
     let (mut events, mut labels) = (Vec::new(), Vec::new());
     for press in 0..12_i64 {
@@ -57,47 +57,45 @@ fn presses(sensor: Sensor, folder: &Path) -> Vec<f64> {
             Event::new(press * 700_000 + k * 300, x.min(sensor.width - 1), y, (k * press) % 5 != 0)
         }));
     }
-    meissner_io::write(&folder.join("camera.es"), Format::Es, Some(sensor), &events).expect("it is written");
+    for (name, format) in [("camera.es", Format::Es), ("camera.csv", Format::Csv)] {
+        meissner_io::write(&folder.join(name), format, Some(sensor), &events).expect("it is written");
+    }
     labels
+}
+
+/// Runs a page that records twelve presses, labels them with `label` under `heading`, and fits
+/// `name`.
+fn fits(
+    page: &str,
+    sensor: Sensor,
+    instead: (&str, &str),
+    (heading, name): (&str, &str),
+    label: fn(f64) -> String,
+) {
+    let folder = TempDir::new().expect("a place");
+    let mut table = format!("recording,{heading}\n");
+    for (press, place) in presses(sensor, folder.path()).into_iter().enumerate() {
+        writeln!(table, "press-{:04}.aedat4,{}", press + 1, label(place)).expect("text");
+    }
+    run(page, folder.path(), &[instead], |command| {
+        if command.starts_with("meissner prepare presses") {
+            fs::write(folder.path().join("presses/labels.csv"), &table).expect("it is written");
+        }
+    });
+    let card = fs::read_to_string(folder.path().join(format!("fitted/{name}.md"))).expect("a card");
+    assert!(card.contains("12 presses"), "{card}");
 }
 
 #[test]
 fn a_dome_gets_from_the_box_to_a_controller() {
-    let folder = TempDir::new().expect("a place");
-    let labels = presses(Sensor::new(120, 90), folder.path());
-    let mut table = "recording,x_mm\n".to_owned();
-    for (press, label) in labels.iter().enumerate() {
-        writeln!(table, "press-{:04}.aedat4,{label}", press + 1).expect("text");
-    }
-    run("dome.md", folder.path(), &[("dv://127.0.0.1:7777", "camera.es")], |command| {
-        if command.starts_with("meissner prepare presses") {
-            fs::write(folder.path().join("presses/labels.csv"), &table).expect("it is written");
-        }
-    });
-    let card = fs::read_to_string(folder.path().join("fitted/mine.md")).expect("a card");
-    assert!(card.contains("12 presses"), "{card}");
+    let instead = ("dv://127.0.0.1:7777", "camera.es");
+    fits("dome.md", Sensor::new(120, 90), instead, ("x_mm", "mine"), |place| place.to_string());
 }
 
 #[test]
 fn a_skin_of_taxels_gets_to_classes() {
-    let folder = TempDir::new().expect("a place");
-    let labels = presses(Sensor::new(10, 8), folder.path());
-    let convert = ["convert", "camera.es", "camera.csv"];
-    let program = env!("CARGO_BIN_EXE_meissner");
-    let output = Command::new(program).args(convert).current_dir(folder.path()).output().expect("it starts");
-    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-    let mut table = "recording,class\n".to_owned();
-    for press in 0..labels.len() {
-        let class = ["left", "right"][usize::from(press >= labels.len() / 2)];
-        writeln!(table, "press-{:04}.aedat4,{class}", press + 1).expect("text");
-    }
-    run("skin.md", folder.path(), &[("driver", "cat camera.csv")], |command| {
-        if command.starts_with("meissner prepare presses") {
-            fs::write(folder.path().join("presses/labels.csv"), &table).expect("it is written");
-        }
-    });
-    let card = fs::read_to_string(folder.path().join("fitted/letters.md")).expect("a card");
-    assert!(card.contains("12 presses"), "{card}");
+    let class = |place| ["left", "right"][usize::from(place > 0.59)].to_owned();
+    fits("skin.md", Sensor::new(10, 8), ("driver", "cat camera.csv"), ("class", "letters"), class);
 }
 
 #[test]

@@ -13,14 +13,13 @@ use meissner_run::text::grouped;
 use super::request::Options;
 use crate::error::{EvaluateError, RequestPart, Result};
 use crate::presses::{Presses, Row};
+use crate::units::{DEGREES, factor};
 
 /// The part of a press before which no random age is.
 const QUIET: i64 = 10;
 /// What the random ages of a press weigh together, its end being 1. A press says less of its end
 /// than it seems to before it is over, and few labels are in its first events.
 const AGES: f64 = 0.1;
-/// In a radian.
-const DEGREES: f64 = 180.0 / std::f64::consts::PI;
 
 /// A label of numbers that becomes an output.
 #[derive(Clone, Debug)]
@@ -159,12 +158,7 @@ impl Quantity {
     /// The output with this name, and what its values are multiplied by for this unit.
     pub(super) fn place_in(&self, (names, units): (&[String], &[String])) -> Option<(usize, f64)> {
         let place = names.iter().position(|name| *name == self.name)?;
-        match (units[place].as_str(), self.unit.as_str()) {
-            (known, own) if known == own => Some((place, 1.0)),
-            ("rad", "deg") => Some((place, DEGREES)),
-            ("deg", "rad") => Some((place, 1.0 / DEGREES)),
-            _ => None,
-        }
+        Some((place, factor(&units[place], &self.unit)?))
     }
 
     fn of(presses: &Presses, label: usize, (names, units): (&[String], &[String])) -> Self {

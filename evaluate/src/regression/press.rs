@@ -12,6 +12,7 @@ use crate::regression::engine::{Count, PressEngine};
 use crate::streams::{Streams, Truth};
 use crate::trainings::Training;
 use crate::trials::{Cases, Trial};
+use crate::units::{DEGREES, factor};
 
 const MILLISECOND_US: i64 = 1_000;
 /// An angle that stays within this many degrees of the truth has settled.
@@ -99,11 +100,8 @@ impl Presses {
     /// What a label is multiplied by to be in the unit of `quantity`; `None` if that is another
     /// kind of unit. A label without a unit has the one of the network's output.
     fn in_unit_of(&self, quantity: &Quantity) -> Option<f64> {
-        match self.streams.units.get(&quantity.name).map(String::as_str) {
-            None => Some(quantity.scale),
-            Some("rad") if quantity.is_angle() => Some(1_f64.to_degrees()),
-            Some(unit) => (unit == quantity.unit).then_some(1.0),
-        }
+        let unit = self.streams.units.get(&quantity.name);
+        unit.map_or(Some(quantity.scale), |unit| factor(unit, &quantity.unit))
     }
 
     /// The trials of `trainings`: to a whole one, all presses are unseen.
@@ -116,7 +114,7 @@ impl Presses {
 
     /// Contact and end of `press`.
     fn span_us(&self, press: usize) -> [i64; 2] {
-        [self.truth.contact_us(press), self.truth.span_us(press)[1]]
+        self.truth.contact_and_end_us(press)
     }
 
     /// Multiples of `every_us` since contact, from 0 to the end of the longest press.
@@ -141,12 +139,11 @@ impl Presses {
     ) -> Result<Outcome> {
         let [contact, end] = self.span_us(press);
         let start = self.truth.span_us(press)[0];
+        let factors: Vec<f64> =
+            quantities.iter().map(|quantity| self.in_unit_of(quantity).unwrap_or(f64::NAN)).collect();
         let truth_at = |t_us: i64| -> Vec<f64> {
-            let value = |quantity: &Quantity| {
-                let label = self.truth.at(&quantity.name, press, t_us);
-                label.zip(self.in_unit_of(quantity)).map_or(f64::NAN, |(label, factor)| label * factor)
-            };
-            quantities.iter().map(value).collect()
+            let label = |quantity: &Quantity| self.truth.at(&quantity.name, press, t_us).unwrap_or(f64::NAN);
+            quantities.iter().zip(&factors).map(|(quantity, factor)| label(quantity) * factor).collect()
         };
         let part = self.streams.parts()[press];
         engine.reset(part.first().map_or(start, |event| event.t_us.min(start)));
@@ -282,7 +279,7 @@ impl Quantity {
     pub(crate) fn of(description: &AnyDescription) -> Vec<Self> {
         let (names, units) = description.outputs();
         let quantity = |(name, unit): (&String, &String)| match unit.as_str() {
-            "rad" => Self { name: name.clone(), unit: "deg".to_owned(), scale: 180.0 / std::f64::consts::PI },
+            "rad" => Self { name: name.clone(), unit: "deg".to_owned(), scale: DEGREES },
             unit => Self { name: name.clone(), unit: unit.to_owned(), scale: 1.0 },
         };
         names.iter().zip(units).map(quantity).collect()
