@@ -4,7 +4,9 @@ use std::fs;
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
-use meissner_evaluate::fit::{self, DEFAULT_AGES, DEFAULT_FOLDS, Figure, Options, OutputFigures, Report};
+use meissner_evaluate::fit::{
+    self, DEFAULT_AGES, DEFAULT_FOLDS, Figure, Head, Options, OutputFigures, Report,
+};
 use meissner_evaluate::{ProgressHandle, Workers};
 use meissner_plot::{Panel, Plane, Series, Style, page};
 use meissner_run::RunError;
@@ -23,7 +25,7 @@ use crate::text::{Table, cell, columns};
 /// At the end of the long help.
 const METHOD: &str = "\
 How it fits:
-  The layers of events of NETWORK stay as they are. Where its readout sums, it also sums the number of events and their polarities. Dense layers behind the readout replace those of NETWORK or its head. They are fitted to readouts that the engine itself computes: at the end of each press (its last labelled instant) and at random ages from a tenth of the press on, for labels along time and for classes. `meissner prepare presses --help` says how labels may look.
+  The layers of events of NETWORK stay as they are. Where its readout sums, it also sums the number of events and their polarities. Dense layers behind the readout replace those of NETWORK or its head. Where these have hidden layers and there is no --grid, the last layer alone is replaced as well, and what predicts held-out presses better is kept; not where the weights of NETWORK were fitted to the same presses. The new layers are fitted to readouts that the engine itself computes: at the end of each press (its last labelled instant) and at random ages from a tenth of the press on, for labels along time and for classes. `meissner prepare presses --help` says how labels may look.
   Numbers: ridge regression. Classes: a discriminant with shrunken covariance. Both read the readout and products of its main modes. `--hidden` adds perceptrons for what these leave. The strength, and whether products help, is what is best on presses that are held out: every press is held out by one fold, and never by sample. Errors that are shown are of presses that were held out, with a strength that other folds chose.
   Degrees become radians, unless NETWORK has an output of the same name in degrees.
 
@@ -211,6 +213,14 @@ fn text(out: &mut dyn Write, report: &Report) -> io::Result<()> {
     )?;
     for note in data.notes.iter().chain(&sensor.notes) {
         writeln!(out, "note       {note}")?;
+    }
+    if let [_, _, ..] = &report.heads[..] {
+        let headings = columns("head | values read | error / constant's");
+        let rows = report.heads.iter().map(|of| {
+            let head = if of.head == Head::New { "new" } else { "kept but its last layer" };
+            [head.to_owned(), count(of.values), short(of.error)]
+        });
+        Table::section(out, &headings, rows)?;
     }
     let headings = columns("end of a press | unit | error | 95 % | constant | before | strength | products");
     let rows = report.outputs.iter().map(|of| {

@@ -344,7 +344,7 @@ fn of_events(description: &Description) -> Vec<Layer> {
 }
 
 fn refit(outputs: &Outputs, counts: bool) -> Refit<'_> {
-    Refit { name: "mine", span_us: None, grid: None, counts, hidden: &[], outputs }
+    Refit { name: "mine", span_us: None, grid: None, counts, keep_head: false, hidden: &[], outputs }
 }
 
 #[test]
@@ -451,4 +451,50 @@ fn counts_are_left_out_where_nothing_is_summed() {
         let found = Description::refitted(text, &refit(&outputs, true)).expect("a consistent description");
         assert_eq!(found.counts, 0, "{name}");
     }
+}
+
+#[test]
+fn a_kept_head_with_its_own_last_layer_predicts_the_same_bits() {
+    let outputs = |description: &Description| {
+        let (names, units) = description.outputs();
+        if let Some(classes) = description.classes() {
+            return Outputs::Classes(classes.to_vec());
+        }
+        Outputs::Quantities(names.iter().cloned().zip(units.iter().cloned()).collect())
+    };
+    let mut kept = 0;
+    for name in Description::shipped_names() {
+        let (description, _) = shipped(name);
+        let Some(values) = description.head_values() else { continue };
+        kept += 1;
+        let text = Description::shipped_text(name).expect("a shipped description");
+        let outputs = outputs(&description);
+        let keep = Refit { keep_head: true, ..refit(&outputs, false) };
+        let found = Description::refitted(text, &keep).expect("a consistent description");
+        assert_eq!(found.description.head().len(), description.head().len(), "{}", found.text);
+        assert_eq!(found.description.layers().len(), description.layers().len(), "{}", found.text);
+        let base = draw(&description, 5);
+        let last: Vec<Vec<f32>> = ["weight", "bias"]
+            .iter()
+            .map(|part| {
+                let named = description.tensors();
+                let (name, _) = named.iter().rfind(|(name, _)| name.ends_with(part)).expect("a last layer");
+                base.get(name).and_then(|tensor| tensor.values()).expect("its values").to_vec()
+            })
+            .collect();
+        let [weight, bias] = [last[0].clone(), last[1].clone()];
+        assert_eq!(weight.len(), values * outputs.len());
+        let own = found.weights(&base, &[(weight, bias)]);
+        let predicted = [(&description, &base), (&found.description, &own)].map(|(description, weights)| {
+            let network = description.network(weights).expect("they fit");
+            let mut engine = Engine::new(network, Sensor::new(48, 36)).expect("an engine");
+            for i in 0..60_u16 {
+                engine.push(Event::new(i64::from(i) * 500, i % 48, i * 7 % 36, i % 3 == 0));
+            }
+            let values = engine.predict().expect("numbers").values;
+            values.iter().map(|value| value.to_bits()).collect::<Vec<_>>()
+        });
+        assert_eq!(predicted[0], predicted[1], "{name}");
+    }
+    assert!(kept >= 5, "{kept} networks have such a head");
 }

@@ -13,8 +13,11 @@ use crate::workers::Workers;
 /// Readouts at all instants, in their order.
 #[derive(Clone, Debug)]
 pub(super) struct Readouts {
-    /// Values of a readout: cells, newest grid first, each with its channels.
+    /// Values of a readout: cells, newest grid first, each with its channels; or those that a
+    /// network predicts.
     pub(super) columns: usize,
+    /// How many of them belong to a cell.
+    pub(super) channels: usize,
     /// A readout after the other.
     pub(super) values: Vec<f32>,
     /// Statistics of the windows that have events.
@@ -24,7 +27,8 @@ pub(super) struct Readouts {
 }
 
 impl Readouts {
-    /// The readouts of `engine`, which takes every `stride`-th event. Memory for two of each.
+    /// The readouts of `engine`, which takes every `stride`-th event; with `predicted` what it
+    /// predicts instead. Memory for two of each.
     ///
     /// # Errors
     /// A recording cannot be read any more, the network computes NaN, or a readout is infinite.
@@ -32,16 +36,21 @@ impl Readouts {
         of: (&Presses, &Samples),
         engine: &Engine,
         stride: usize,
+        predicted: bool,
         workers: &Workers,
     ) -> Result<Self> {
         let network = engine.network();
-        let grid = network.parts().readout;
-        let columns = grid.columns * grid.rows * network.readout_times() * network.readout_channels();
+        let (grid, channels) = (network.parts().readout, network.readout_channels());
+        let (columns, channels) = if predicted {
+            (network.outputs(), 1)
+        } else {
+            (grid.columns * grid.rows * network.readout_times() * channels, channels)
+        };
         let (sensor, span_us) = (engine.sensor(), network.parts().span_us);
         let found = at_instants(of, engine, stride, workers, |engine| {
             // It brings the rows up to date.
-            engine.predict()?;
-            Ok((engine.readout().concat(), engine.window_statistics()))
+            let values = engine.predict()?.values.to_vec();
+            Ok((if predicted { values } else { engine.readout().concat() }, engine.window_statistics()))
         })?;
         let instants = of.1.instants.len();
         let (mut values, mut windows) = (Vec::with_capacity(columns * instants), Vec::new());
@@ -58,7 +67,7 @@ impl Readouts {
             }
             events = [events[0] + counts[0], events[1] + counts[1]];
         }
-        Ok(Self { columns, values, windows, events })
+        Ok(Self { columns, channels, values, windows, events })
     }
 }
 

@@ -7,12 +7,11 @@ use serde::Serialize;
 
 use super::figures::{Errors, OutputFigures};
 use super::readouts::Readouts;
-use super::request::{Base, Options};
-use super::samples::{Instant, Samples, Target};
+use super::request::Head;
+use super::samples::{Given, Instant, Target};
 use super::validation::{HeldOut, class};
 use crate::error::Result;
 use crate::metrics::Confusion;
-use crate::presses::Presses;
 
 /// Figures of a fit, with the keys of the JSON report.
 #[derive(Debug, Serialize)]
@@ -21,6 +20,8 @@ pub struct Report {
     pub header: Header,
     pub data: DataReport,
     pub base: BaseReport,
+    /// The heads that were fitted; the network has the one with the smallest error.
+    pub heads: Vec<HeadReport>,
     pub sensor: SensorReport,
     /// Of random instants, of presses of the learning curve, and of intervals.
     pub seed: u64,
@@ -58,10 +59,23 @@ pub struct DataReport {
 pub struct BaseReport {
     pub name: String,
     pub weights: String,
-    /// Values that it reads out.
+    /// Values that the fitted layers read.
     pub readout: usize,
     /// It takes one of so many events.
     pub stride: usize,
+}
+
+/// A head that was fitted.
+#[derive(Clone, Debug, Serialize)]
+pub struct HeadReport {
+    /// What stands between the readout and the fitted layers.
+    #[serde(flatten)]
+    pub head: Head,
+    /// Values that the fitted layers read.
+    pub values: usize,
+    /// The error at the end of held-out presses as a part of that of a constant; the mean over
+    /// outputs.
+    pub error: f64,
 }
 
 /// The sensor, and the one of the training of the layers of events.
@@ -81,18 +95,9 @@ pub struct SensorReport {
 
 /// What a report is made of.
 pub(super) struct Inputs<'a> {
-    pub(super) presses: &'a Presses,
-    pub(super) samples: &'a Samples,
-    pub(super) target: &'a Target,
+    pub(super) given: &'a Given<'a>,
+    pub(super) head: Head,
     pub(super) readouts: &'a Readouts,
-    /// What the network predicts as it is, if that is the same.
-    pub(super) before: Option<&'a [Vec<f32>]>,
-    pub(super) base: &'a Base,
-    pub(super) sensor: Sensor,
-    pub(super) options: &'a Options,
-    pub(super) fold: &'a [usize],
-    /// The place of each press in the order of a learning curve.
-    pub(super) order: &'a [usize],
     pub(super) held_out: &'a HeldOut,
     /// Of every so many presses one was taken.
     pub(super) fewer: &'a [(usize, HeldOut)],
@@ -103,7 +108,7 @@ type Error<'a> = &'a dyn Fn(usize, &[f64]) -> f64;
 
 impl Inputs<'_> {
     pub(super) fn report(&self) -> Result<Report> {
-        let Self { presses, samples, target, base, sensor, options, .. } = *self;
+        let Given { presses, samples, target, base, sensor, options, .. } = *self.given;
         let instants = &samples.instants;
         let folder = presses.folder.display().to_string();
         let [events, on] = self.readouts.events;
@@ -122,7 +127,10 @@ impl Inputs<'_> {
                 Some(confusion)
             }
         };
+        let parts = outputs.iter().map(|of: &OutputFigures| of.error.mean / of.constant.mean);
+        let error = parts.sum::<f64>() / outputs.len() as f64;
         Ok(Report {
+            heads: vec![HeadReport { head: self.head, values: self.readouts.columns, error }],
             header: Header::of_many("fit", InputCard::events(&folder, &"folder", sensor, Some(events))),
             data: DataReport {
                 folder,
@@ -149,25 +157,26 @@ impl Inputs<'_> {
     }
 
     fn sensor(&self, events: u64, on: u64) -> Result<SensorReport> {
-        let label = &self.base.label;
-        let card = self.base.weights.card();
+        let label = &self.given.base.label;
+        let card = self.given.base.weights.card();
         let card = card.map_err(|source| meissner_run::RunError::weights(label.clone(), source))?;
         let size = |sensor: Sensor| [sensor.width, sensor.height];
         let mut notes = Vec::new();
-        if let Some(trained) = card.sensor.filter(|trained| *trained != self.sensor) {
+        if let Some(trained) = card.sensor.filter(|trained| *trained != self.given.sensor) {
             notes.push(format!(
                 "the layers of events were trained on {trained}, and the presses are of {}: neighbourhoods of pixels are another \
                  part of the sensor",
-                self.sensor
+                self.given.sensor
             ));
         }
         // Ages are parts of the span.
-        if let Some(trained) = card.training_windows.filter(|_| self.options.span_us.is_none()) {
+        if let Some(trained) = card.training_windows.filter(|_| self.given.options.span_us.is_none()) {
             notes.extend(unlike(&trained, &self.readouts.windows));
         }
-        let mut lengths: Vec<i64> = self.samples.presses.iter().map(|&press| self.length_us(press)).collect();
+        let mut lengths: Vec<i64> =
+            self.given.samples.presses.iter().map(|&press| self.length_us(press)).collect();
         lengths.sort_unstable();
-        let window = self.options.span_us.unwrap_or(self.base.description.span_us());
+        let window = self.given.options.span_us.unwrap_or(self.given.base.description.span_us());
         if let Some(&middle) = lengths.get(lengths.len() / 2).filter(|middle| **middle > window) {
             notes.push(format!(
                 "the middle press lasts {} ms, and the window {}: what is older has left it at the end (--span)",
@@ -180,9 +189,9 @@ impl Inputs<'_> {
             notes.push(format!("{:.0} % of the events are on: one polarity nearly alone", 100.0 * on_share));
         }
         Ok(SensorReport {
-            size: size(self.sensor),
+            size: size(self.given.sensor),
             trained_size: card.sensor.map(size),
-            events_per_s: self.presses.summary().median_rate,
+            events_per_s: self.given.presses.summary().median_rate,
             on_share,
             notes,
         })
@@ -190,19 +199,19 @@ impl Inputs<'_> {
 
     /// From the first event of a recording to the last one.
     fn length_us(&self, press: usize) -> i64 {
-        let recording = &self.presses.recordings[press];
+        let recording = &self.given.presses.recordings[press];
         recording.last_us.saturating_sub(recording.first_us)
     }
 
     /// The rows of the ends, by press.
     fn ends(&self) -> impl Iterator<Item = (usize, &Instant)> {
-        self.samples.instants.iter().enumerate().filter(|(_, instant)| instant.is_end)
+        self.given.samples.instants.iter().enumerate().filter(|(_, instant)| instant.is_end)
     }
 
     /// The ends of presses of other folds than that of `press`.
     fn others(&self, press: usize) -> impl Iterator<Item = &Instant> {
-        let fold = self.fold[press];
-        self.samples.ends().filter(move |end| self.fold[end.press] != fold)
+        let fold = self.given.fold[press];
+        self.given.samples.ends().filter(move |end| self.given.fold[end.press] != fold)
     }
 
     /// Errors of an output, with `of` for a row and all values predicted there.
@@ -210,44 +219,44 @@ impl Inputs<'_> {
         let at = |held_out: &HeldOut, row: usize| of(row, &held_out.predicted.row(row).to_vec());
         let ends = |held_out: &HeldOut| self.ends().map(|(row, _)| at(held_out, row)).collect::<Vec<_>>();
         // Presses are fitted to without one fold.
-        let share = |presses: usize| presses * (self.options.folds - 1) / self.options.folds;
+        let share = |presses: usize| presses * (self.given.options.folds - 1) / self.given.options.folds;
         let fewer = self.fewer.iter().map(|(part, held_out)| {
-            let taken = self.order.iter().filter(|order| order.is_multiple_of(*part)).count();
+            let taken = self.given.order.iter().filter(|order| order.is_multiple_of(*part)).count();
             (share(taken), ends(held_out))
         });
-        let instants = self.samples.instants.iter().enumerate();
+        let instants = self.given.samples.instants.iter().enumerate();
         Errors {
             own: ends(self.held_out),
             constant,
             before,
             fewer: fewer.collect(),
-            presses: share(self.samples.presses.len()),
+            presses: share(self.given.samples.presses.len()),
             at: instants.map(|(row, instant)| (instant.age_us, at(self.held_out, row))).collect(),
         }
     }
 
     fn quantity(&self, output: usize) -> (OutputFigures, Vec<(f64, f64)>) {
-        let Target::Quantities(each) = self.target else { unreachable!("a quantity is of quantities") };
+        let Target::Quantities(each) = self.given.target else { unreachable!("a quantity is of quantities") };
         let quantity = &each[output];
         let (unit, scale) = (&quantity.shown.0, quantity.shown.1);
-        let truth = |row: usize| self.samples.instants[row].truth[output];
+        let truth = |row: usize| self.given.samples.instants[row].truth[output];
         let of = |row: usize, values: &[f64]| (values[output] - truth(row)).abs() * scale;
-        let sums: Vec<(f64, f64)> = (0..self.options.folds)
+        let sums: Vec<(f64, f64)> = (0..self.given.options.folds)
             .map(|fold| {
-                let others = self.samples.ends().filter(|end| self.fold[end.press] != fold);
+                let others = self.given.samples.ends().filter(|end| self.given.fold[end.press] != fold);
                 others.fold((0.0, 0.0), |(sum, count), end| (sum + end.truth[output], count + 1.0))
             })
             .collect();
-        let mean = |press: usize| sums[self.fold[press]].0 / sums[self.fold[press]].1;
+        let mean = |press: usize| sums[self.given.fold[press]].0 / sums[self.given.fold[press]].1;
         let constant = self.ends().map(|(row, end)| (mean(end.press) - truth(row)).abs() * scale).collect();
-        let known = quantity.place_in(self.base.description.outputs()).zip(self.before);
+        let known = quantity.place_in(self.given.base.description.outputs()).zip(self.given.before);
         let before = known.map(|((place, factor), predicted)| {
             let value = |row: usize| f64::from(predicted[row][place]) * factor;
             self.ends().map(|(row, _)| (value(row) - truth(row)).abs() * scale).collect()
         });
         let errors = self.errors(&of, constant, before);
         let choice = self.held_out.choices[output];
-        let figures = OutputFigures::new((&quantity.name, unit), choice, &errors, self.options.seed);
+        let figures = OutputFigures::new((&quantity.name, unit), choice, &errors, self.given.options.seed);
         let predicted = |row: usize| self.held_out.predicted[[row, output]];
         let scatter = self.ends().map(|(row, _)| (truth(row) * scale, predicted(row) * scale)).collect();
         (figures, scatter)
@@ -255,10 +264,11 @@ impl Inputs<'_> {
 
     fn classes(&self, names: &[String]) -> OutputFigures {
         let wrong = |row: usize, found: usize| {
-            f64::from(u8::from(found != self.samples.instants[row].truth[0] as usize))
+            f64::from(u8::from(found != self.given.samples.instants[row].truth[0] as usize))
         };
         let of = |row: usize, logits: &[f64]| wrong(row, class(logits.iter().copied()));
         let frequent: Vec<usize> = self
+            .given
             .samples
             .ends()
             .map(|end| {
@@ -268,20 +278,20 @@ impl Inputs<'_> {
             })
             .collect();
         let constant = self.ends().map(|(row, end)| wrong(row, frequent[end.press])).collect();
-        let known = self.base.description.outputs().0;
+        let known = self.given.base.description.outputs().0;
         let places: Option<Vec<usize>> =
             names.iter().map(|name| known.iter().position(|other| other == name)).collect();
-        let before = places.zip(self.before).map(|(places, predicted)| {
+        let before = places.zip(self.given.before).map(|(places, predicted)| {
             let logits = |row: usize| places.iter().map(move |&i| f64::from(predicted[row][i]));
             self.ends().map(|(row, _)| wrong(row, class(logits(row)))).collect()
         });
         let errors = self.errors(&of, constant, before);
-        let name = &self.presses.labels[self.label()].name;
-        OutputFigures::new((name, "share"), self.held_out.choices[0], &errors, self.options.seed)
+        let name = &self.given.presses.labels[self.label()].name;
+        OutputFigures::new((name, "share"), self.held_out.choices[0], &errors, self.given.options.seed)
     }
 
     fn label(&self) -> usize {
-        match self.target {
+        match self.given.target {
             Target::Quantities(each) => each[0].label,
             Target::Classes { label, .. } => *label,
         }

@@ -9,6 +9,7 @@ use meissner_models::description::{Outputs, Refit, Refitted};
 use meissner_models::{Description, LayerKind, ModelError, Weights};
 use meissner_run::RunError;
 use meissner_run::model::{WeightsFile, describe, labelled, weights};
+use serde::Serialize;
 
 use crate::error::{EvaluateError, RequestPart, Result};
 
@@ -69,6 +70,20 @@ impl Options {
     }
 }
 
+/// What stands between the readout and the layers that are fitted.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case", tag = "head")]
+pub enum Head {
+    /// Nothing: the fitted layers read the readout.
+    New,
+    /// The layers behind the readout but the last one.
+    Kept {
+        /// Number of values that the last one reads.
+        #[serde(skip)]
+        values: usize,
+    },
+}
+
 /// The network whose layers of events are kept.
 pub(super) struct Base {
     pub(super) name: String,
@@ -112,15 +127,23 @@ impl Base {
         Ok(Self { name: of, description, stride, weights, named, label, text })
     }
 
-    /// Its layers of events with the readout of `options`, and dense layers that predict `outputs`.
+    /// Its head, if that has layers that can stay with the readout of `options`.
+    pub(super) fn kept_head(&self, options: &Options) -> Option<Head> {
+        let values = self.description.head_values().filter(|_| options.grid.is_none())?;
+        Some(Head::Kept { values })
+    }
+
+    /// Its layers up to `head`, and dense layers that predict `outputs`.
     pub(super) fn refitted(
         &self,
         (options, sensor): (&Options, Sensor),
+        head: Head,
         outputs: &Outputs,
         hidden: &[(usize, Activation)],
     ) -> Result<Refitted> {
-        let (span_us, grid) = (options.span_us, options.grid.or_else(|| self.finer_grid(sensor)));
-        let refit = Refit { name: &options.name, span_us, grid, counts: true, hidden, outputs };
+        let (name, span_us, is_new) = (&options.name, options.span_us, head == Head::New);
+        let grid = options.grid.or_else(|| self.finer_grid(sensor)).filter(|_| is_new);
+        let refit = Refit { name, span_us, grid, counts: is_new, keep_head: !is_new, hidden, outputs };
         let inconsistent =
             |error| RunError::description(options.name.clone(), ModelError::Description(error));
         Ok(Description::refitted(&self.text, &refit).map_err(inconsistent)?)

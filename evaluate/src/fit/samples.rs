@@ -6,11 +6,12 @@
 
 use std::collections::BTreeSet;
 
+use meissner_engine::Sensor;
 use meissner_kernels::random::Random;
 use meissner_models::description::Outputs;
 use meissner_run::text::grouped;
 
-use super::request::Options;
+use super::request::{Base, Options};
 use crate::error::{EvaluateError, RequestPart, Result};
 use crate::presses::{Presses, Row};
 use crate::units::{DEGREES, factor};
@@ -66,6 +67,21 @@ pub(super) struct Samples {
     pub(super) instants: Vec<Instant>,
     /// What was left out, for people.
     pub(super) notes: Vec<String>,
+}
+
+/// What a head is fitted to.
+pub(super) struct Given<'a> {
+    pub(super) presses: &'a Presses,
+    pub(super) samples: &'a Samples,
+    pub(super) target: &'a Target,
+    /// What the network predicts as it is, if that is the same.
+    pub(super) before: Option<&'a [Vec<f32>]>,
+    pub(super) base: &'a Base,
+    pub(super) sensor: Sensor,
+    pub(super) options: &'a Options,
+    pub(super) fold: &'a [usize],
+    /// The place of each press in the order of a learning curve.
+    pub(super) order: &'a [usize],
 }
 
 impl Target {

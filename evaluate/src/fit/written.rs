@@ -1,7 +1,6 @@
 //! A fitted head as files: weights with their card.
 
 use std::collections::BTreeMap;
-use std::path::Path;
 
 use meissner_engine::Sensor;
 use meissner_models::description::Refitted;
@@ -11,9 +10,10 @@ use serde_json::json;
 
 use super::dense::Dense;
 use super::figures::OutputFigures;
-use super::request::{Base, Options};
+use super::request::{Base, Head, Options};
 use super::samples::{Samples, Target};
 use crate::error::Result;
+use crate::presses::Presses;
 
 /// The file of weights of `fitted`: the layers of events as in `base`, and `head`.
 ///
@@ -32,22 +32,36 @@ pub(super) fn weights(
     Ok(bytes)
 }
 
+/// Key of the [`fingerprint`] of the presses that a head was fitted to.
+pub(super) const FITTED_TO: &str = "presses_fingerprint";
+
+/// Of the events of all presses that are taken, in any order.
+pub(super) fn fingerprint(presses: &Presses, samples: &Samples) -> String {
+    let of = samples.presses.iter().map(|&press| presses.recordings[press].fingerprint);
+    format!("{:016x}", of.fold(0, u64::wrapping_add))
+}
+
 /// The metadata that a run depends on, and where the weights come from.
 pub(super) fn card(
-    (description, base): (&Description, &Base),
-    folder: &Path,
+    (description, base, head): (&Description, &Base, Head),
+    presses: &Presses,
     sensor: Sensor,
     (target, samples, figures): (&Target, &Samples, &[OutputFigures]),
     options: &Options,
 ) -> BTreeMap<String, String> {
-    let folder =
-        folder.file_name().map_or_else(|| "presses".to_owned(), |name| name.to_string_lossy().into_owned());
+    let folder = presses.folder.file_name();
+    let folder = folder.map_or_else(|| "presses".to_owned(), |name| name.to_string_lossy().into_owned());
+    let fitted_to = fingerprint(presses, samples);
     let presses = samples.presses.len();
     let strengths: Vec<f64> = figures.iter().map(|figure| figure.strength).collect();
     let products: Vec<f64> = figures.iter().map(|figure| figure.products).collect();
     let method = match target {
         Target::Quantities(_) => "ridge regression",
         Target::Classes { .. } => "a shrunken discriminant",
+    };
+    let (stays, read) = match head {
+        Head::New => ("layers of events", "readouts"),
+        Head::Kept { .. } => ("all layers but the last", "what the last read"),
     };
     let valid: serde_json::Map<String, serde_json::Value> = figures
         .iter()
@@ -58,9 +72,10 @@ pub(super) fn card(
         .collect();
     let mut card = BTreeMap::from([
         ("network", description.name().to_owned()),
-        ("about", format!("layers of {}, head fitted to {presses} presses of {folder}", base.name)),
+        ("about", format!("{stays} of {}, head fitted to {presses} presses of {folder}", base.name)),
         ("trained_on", folder),
         ("presses", presses.to_string()),
+        (FITTED_TO, fitted_to),
         ("seed", options.seed.to_string()),
         ("stride", base.stride.to_string()),
         ("sensor", json!([sensor.width, sensor.height]).to_string()),
@@ -69,7 +84,7 @@ pub(super) fn card(
         (
             "recipe",
             format!(
-                "layers of {} ({}); {method} of readouts at the end and at {} random ages of each press, relative strengths \
+                "{stays} of {} ({}); {method} of {read} at the end and at {} random ages of each press, relative strengths \
                  {strengths:?} and products of modes {products:?} chosen by {} folds of presses",
                 base.name, base.label, options.ages, options.folds
             ),

@@ -1,4 +1,4 @@
-//! A description whose layers of events stay, with dense layers behind the readout.
+//! A description whose layers of events stay, with other dense layers behind the readout.
 //!
 //! Enters: the text of a description of a network over events, and what is to be predicted. Leaves:
 //! the text of the other description, and where its tensors come from. Comments are not kept.
@@ -22,6 +22,7 @@ use toml::{Table, Value};
 use meissner_engine::Aggregation;
 use meissner_kernels::Activation;
 
+use super::frames::FrameKind;
 use super::layer::activation_word;
 use super::{Description, DescriptionError, Layer, LayerKind};
 use crate::ModelError;
@@ -80,7 +81,10 @@ pub struct Refit<'a> {
     pub grid: Option<[u32; 2]>,
     /// Whether the readout also sums events and their polarities, where it can.
     pub counts: bool,
-    /// Values and activations of dense layers between the readout and the last one.
+    /// Whether all layers behind the readout stay but the last one, which predicts:
+    /// [`Description::head_values`].
+    pub keep_head: bool,
+    /// Values and activations of dense layers before the last one.
     pub hidden: &'a [(usize, Activation)],
     /// What it predicts.
     pub outputs: &'a Outputs,
@@ -95,8 +99,20 @@ pub struct Refitted {
     pub description: Description,
     /// How many channels at the end of a row sum events and polarities.
     pub counts: usize,
+    /// Names of the dense layers that are not those of the other description.
+    dense: Vec<String>,
     /// Blocks that the other description does not have.
     added: Option<[String; 2]>,
+}
+
+/// A layer behind a readout.
+struct Behind<'a> {
+    name: &'a str,
+    weights: &'a str,
+    from: &'a str,
+    has_weights: bool,
+    /// What it reads, if it is dense.
+    values: Option<usize>,
 }
 
 /// The tables in the order in which people read them.
@@ -105,18 +121,20 @@ struct Tables {
     network: Table,
     graph: Value,
     layer: Vec<Value>,
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    head: Vec<Value>,
     output: Table,
 }
 
 impl Description {
     /// The description in `text` whose readout dense layers read: instead of its dense layers, or
-    /// of the layers of its head. They come last; the last one is `fitted`, those before it
-    /// `fitted1` and so on, or with underscores behind `fitted` where the layers of events have
-    /// such names.
+    /// of the layers of its head. With `keep_head` they replace the last one of these. They come
+    /// last; the last one is `fitted`, those before it `fitted1` and so on, or with underscores
+    /// behind `fitted` where other layers have such names.
     ///
     /// # Errors
     /// `text` is no description of a network over events, or the new one is inconsistent: a name
-    /// that is none, or outputs of one name.
+    /// that is none, outputs of one name, or a head that cannot stay.
     ///
     /// # Panics
     /// Never: a checked description is a table of plain values.
@@ -124,12 +142,21 @@ impl Description {
         let described = Self::parse(text)?;
         let mut root: Table = text.parse().expect("a description is a table");
         let mut part = |key: &str| root.remove(key).unwrap_or_else(|| Value::from(Table::new()));
-        let (network, graph, layers) = (part("network"), part("graph"), part("layer"));
+        let (network, graph) = (part("network"), part("graph"));
+        let [mut layer, mut head] =
+            ["layer", "head"].map(|key| part(key).as_array().cloned().unwrap_or_default());
         let mut network = network.as_table().cloned().unwrap_or_default();
         network.insert("name".to_owned(), Value::from(refit.name));
         network.extend(refit.span_us.map(|span_us| ("span_us".to_owned(), Value::from(span_us))));
-        let mut layer: Vec<Value> = layers.as_array().cloned().unwrap_or_default();
-        layer.retain(|layer| layer.get("kind").and_then(Value::as_str) != Some("dense"));
+        let behind = described.behind_readout();
+        let kept_behind = if refit.keep_head { behind.len() - 1 } else { 0 };
+        let (kept_behind, replaced) = behind.split_at(kept_behind);
+        let stays = |layer: &Value| {
+            let is = |name: &str| layer.get("name").and_then(Value::as_str) == Some(name);
+            !replaced.iter().any(|replaced| is(replaced.name))
+        };
+        layer.retain(stays);
+        head.retain(stays);
         if let Some(grid) = refit.grid {
             let entries = layer.iter_mut().filter_map(Value::as_table_mut);
             let is_readout = |layer: &&mut Table| layer.contains_key("grid");
@@ -137,13 +164,16 @@ impl Description {
                 readout.insert("grid".to_owned(), Value::from(grid.map(i64::from).to_vec()));
             });
         }
-        let kept: Vec<&Layer> =
-            described.layers.iter().filter(|layer| !matches!(layer.kind, LayerKind::Dense { .. })).collect();
+        let of_events =
+            described.layers.iter().filter(|layer| !matches!(layer.kind, LayerKind::Dense { .. }));
+        let of_events = of_events.map(|layer| [&*layer.name, &*layer.weights]);
+        let kept: Vec<[&str; 2]> =
+            of_events.chain(kept_behind.iter().map(|layer| [layer.name, layer.weights])).collect();
         let free = |name: &str, count: usize| {
             let mut own = name.to_owned();
             let taken = |own: &str| {
                 let mut names = (0..=count).map(|i| numbered(own, i));
-                names.any(|name| kept.iter().any(|layer| layer.name == name || layer.weights == name))
+                names.any(|name| kept.iter().any(|layer| layer.contains(&&*name)))
             };
             while taken(&own) {
                 own.push('_');
@@ -181,7 +211,9 @@ impl Description {
         }
         let own = free(HEAD, refit.hidden.len());
         let last = (refit.outputs.len(), Activation::Identity);
-        let mut from = kept.iter().find(|layer| matches!(layer.kind, LayerKind::Readout { .. }));
+        let mut from = replaced.first().map(|replaced| replaced.from);
+        let mut dense_names = Vec::new();
+        let to = if head.is_empty() { &mut layer } else { &mut head };
         for (i, &(outputs, activation)) in refit.hidden.iter().chain([&last]).enumerate() {
             let number = if i < refit.hidden.len() { i + 1 } else { 0 };
             let mut dense = table([
@@ -190,13 +222,14 @@ impl Description {
                 ("outputs", Value::from(outputs as i64)),
                 ("activation", Value::from(activation_word(activation))),
             ]);
-            dense.extend(from.take().map(|readout| ("from".to_owned(), Value::from(&*readout.name))));
-            layer.push(Value::from(dense));
+            dense.extend(from.take().map(|from| ("from".to_owned(), Value::from(from))));
+            dense_names.push(numbered(&own, number));
+            to.push(Value::from(dense));
         }
-        let tables = Tables { network, graph, layer, output: refit.outputs.table() };
+        let tables = Tables { network, graph, layer, head, output: refit.outputs.table() };
         let text = toml::to_string(&tables).expect("tables of plain values");
         let description = Self::parse(&text)?;
-        Ok(Refitted { text, description, counts, added })
+        Ok(Refitted { text, description, counts, dense: dense_names, added })
     }
 
     /// The tensors of `weights` that the network reads, under the names of the description.
@@ -209,6 +242,34 @@ impl Description {
         let found = Names::find(self.name(), &names, weights)?;
         let tensor = |name: &&str| Some(((*name).to_owned(), weights.get(found.held(name)?)?.clone()));
         Ok(Weights::new(names.iter().filter_map(tensor)))
+    }
+
+    /// The number of values that the last layer reads, where it is dense and layers with weights
+    /// stand between it and the readout: what another last layer can read.
+    pub fn head_values(&self) -> Option<usize> {
+        let behind = self.behind_readout();
+        let (last, before) = behind.split_last()?;
+        last.values.filter(|_| before.iter().any(|layer| layer.has_weights))
+    }
+
+    /// The layers behind the readout: dense ones, or those of the head. The last one predicts.
+    fn behind_readout(&self) -> Vec<Behind<'_>> {
+        let dense = self.layers.iter().filter(|layer| matches!(layer.kind, LayerKind::Dense { .. }));
+        let dense = dense.map(|layer| Behind {
+            name: &layer.name,
+            weights: &layer.weights,
+            from: &layer.from,
+            has_weights: true,
+            values: Some(layer.inputs),
+        });
+        let head = self.head.iter().map(|layer| Behind {
+            name: &layer.name,
+            weights: &layer.weights,
+            from: &layer.from,
+            has_weights: layer.parameters > 0,
+            values: matches!(layer.kind, FrameKind::Dense { .. }).then(|| layer.input.values()),
+        });
+        dense.chain(head).collect()
     }
 
     /// The layer that the readout sums, if counts can be added to it: a spline block without a skip
@@ -251,14 +312,13 @@ impl Refitted {
     /// # Panics
     /// A layer of `head` has another number of values than the description.
     pub fn weights(&self, base: &Weights, head: &[(Vec<f32>, Vec<f32>)]) -> Weights {
-        let dense = self.description.layers.iter().filter(|layer| layer.kind.word() == "dense");
-        let mut of_head: Vec<(String, &[f32])> = Vec::new();
-        for (layer, (weight, bias)) in dense.zip(head) {
-            of_head.extend([(layer.tensor("weight"), &weight[..]), (layer.tensor("bias"), &bias[..])]);
-        }
+        let of_layer = |(name, (weight, bias)): (&String, &'_ (Vec<f32>, Vec<f32>))| {
+            [(format!("{name}.weight"), weight.clone()), (format!("{name}.bias"), bias.clone())]
+        };
+        let of_head: Vec<(String, Vec<f32>)> = self.dense.iter().zip(head).flat_map(of_layer).collect();
         Weights::new(self.description.tensors().into_iter().filter_map(|(name, shape)| {
             let values = if let Some((_, values)) = of_head.iter().find(|(other, _)| *other == name) {
-                values.to_vec()
+                values.clone()
             } else if let Some(values) = self.constants(&name) {
                 values
             } else {

@@ -1,12 +1,13 @@
 //! What is found, and that an engine predicts it.
 
+use std::path::Path;
 use std::sync::Arc;
 
 use meissner_engine::{BatchEngine, Engine, Search};
-use meissner_models::{Description, Weights};
+use meissner_models::{Description, Tensor, Weights};
 
 use super::{Folder, Options, PRESS_US, SENSOR, places};
-use crate::fit::Fitted;
+use crate::fit::{Fitted, Head};
 use crate::presses::{Options as ReadOptions, Presses};
 
 fn engine(fitted: &Fitted) -> Engine {
@@ -131,17 +132,20 @@ fn classes_of_whole_presses_are_found() {
     assert_eq!(description.classes().map(<[String]>::len), Some(2));
 }
 
+/// Options to fit `first` again, with its files in `place`.
+fn again(first: &Fitted, place: &Path, options: Options) -> Options {
+    let [description, weights] = ["mine.toml", "mine.safetensors"].map(|name| place.join(name));
+    std::fs::write(&description, &first.description).expect("it can be written");
+    std::fs::write(&weights, &first.weights).expect("it can be written");
+    Options { weights: Some(weights), network: description.display().to_string(), ..options }
+}
+
 #[test]
 fn a_fitted_network_can_be_fitted_again_and_is_compared_with_itself() {
     let folder = places(12);
     let first = folder.fit(&folder.options(), 2).expect("it can be fitted");
     let place = tempfile::tempdir().expect("there is a place for temporary files");
-    let [description, weights] = ["mine.toml", "mine.safetensors"].map(|name| place.path().join(name));
-    std::fs::write(&description, &first.description).expect("it can be written");
-    std::fs::write(&weights, &first.weights).expect("it can be written");
-    let network = description.display().to_string();
-    let again = Options { weights: Some(weights), network, ..folder.options() };
-    let second = folder.fit(&again, 2).expect("it can be fitted");
+    let second = folder.fit(&again(&first, place.path(), folder.options()), 2).expect("it can be fitted");
     assert_eq!(first.description, second.description);
     // The layers of events, the presses and the seed are the same.
     let head = |fitted: &Fitted| {
@@ -151,4 +155,48 @@ fn a_fitted_network_can_be_fitted_again_and_is_compared_with_itself() {
     assert_eq!(head(&first), head(&second));
     let before = second.report.outputs[0].before.expect("it predicts x already");
     assert!(before.mean < second.report.outputs[0].constant.mean, "{before:?}");
+    // Its head has seen these presses: held out, they would seem to need no other.
+    assert_eq!(second.report.heads.len(), 1);
+}
+
+#[test]
+fn a_head_that_knows_more_than_a_new_one_is_kept_but_its_last_layer() {
+    let labels = "recording,side,roll_deg";
+    let side = |press: usize, [x, y]: [f64; 2], _: f64| {
+        format!("press{press},{},{press}", if x + y < 42.0 { "near" } else { "far" })
+    };
+    let (many, few) = (Folder::new(60, labels, side), Folder::new(12, labels, side));
+    let options = Options { labels: Some(vec!["side".to_owned()]), ages: 0, ..many.options() };
+    let mut first = many.fit(&options, 2).expect("it can be fitted");
+    // Another layer behind the one that was fitted.
+    let layer = "[[layer]]\nname = \"out\"\nkind = \"dense\"\noutputs = 2\n\n[output]";
+    first.description = first.description.replace("[output]", layer);
+    let weights = Weights::from_bytes(&first.weights).expect("weights");
+    let mut tensors: Vec<(String, Tensor)> =
+        weights.iter().map(|(name, tensor)| (name.to_owned(), tensor.clone())).collect();
+    let tensor = |shape: &[usize], values: Vec<f32>| Tensor::new(shape.to_vec(), values).expect("its values");
+    tensors.push(("out.weight".to_owned(), tensor(&[2, 2], vec![1.0, 0.0, 0.0, 1.0])));
+    tensors.push(("out.bias".to_owned(), tensor(&[2], vec![0.0; 2])));
+    first.weights = Weights::new(tensors).to_safetensors(weights.metadata());
+
+    let place = tempfile::tempdir().expect("there is a place for temporary files");
+    let second = few.fit(&again(&first, place.path(), options), 2).expect("it can be fitted");
+    let [new, kept] = &second.report.heads[..] else { panic!("{:?}", second.report.heads) };
+    assert_eq!((new.head, kept.head, kept.values), (Head::New, Head::Kept { values: 2 }, 2));
+    assert!(kept.error <= new.error && second.report.base.readout == 2, "{new:?} {kept:?}");
+    // What was read is what the last layer reads at a run.
+    let presses = Presses::read(few.path(), &ReadOptions::default()).expect("presses");
+    let mut engine = engine(&second);
+    let wrong = (0..12).filter(|&press| {
+        engine.reset();
+        engine.push_slice(&presses.events(press).expect("it can be read again"));
+        let logits = engine.predict().expect("numbers").values;
+        let truth = presses.rows_of(press).last().expect("labels").values[0];
+        (logits[1] > logits[0]) != (truth > 0.5)
+    });
+    assert!(
+        wrong.count() as f64 / 12.0 <= second.report.outputs[0].error.mean,
+        "{:?}",
+        second.report.outputs
+    );
 }
