@@ -168,6 +168,7 @@ const ELSEWHERE: &[(&str, &str, &str)] = &[
     ("prepare presses", "folds", OUTPUT),
     ("prepare windows", "seed", INPUT),
     ("fit", "ages", NETWORK),
+    ("fit", "shift", NETWORK),
     ("simulate markers", "refractory", CAMERA),
     ("simulate images", "refractory", CAMERA),
 ];

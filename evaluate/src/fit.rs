@@ -13,6 +13,7 @@
 //! | `readouts` | what an engine reads out there |
 //! | `cholesky` | linear systems |
 //! | `basis`, `modes` | coordinates of readouts, and products of the main ones |
+//! | `kernel` | Gaussian kernels of the modes |
 //! | `heads` | ridge regression, and a shrunken discriminant for classes |
 //! | `perceptron` | a perceptron for what these leave |
 //! | `dense` | heads as dense layers |
@@ -27,6 +28,7 @@ mod cholesky;
 mod dense;
 mod figures;
 mod heads;
+mod kernel;
 mod modes;
 mod perceptron;
 mod readouts;
@@ -52,6 +54,7 @@ use basis::{Basis, Design};
 use dense::Dense;
 pub use figures::{AgeFigure, CurvePoint, Figure, OutputFigures};
 use heads::Choice;
+use kernel::{Kernel, WIDTHS};
 use modes::Features;
 use readouts::Readouts;
 pub use report::{BaseReport, DataReport, HeadReport, Report, SensorReport};
@@ -196,7 +199,7 @@ fn heads(
         EvaluateError::request(RequestPart::Data, "readouts of which a head can be fitted", found)
     };
     let (basis, coordinates) = Basis::new(design, options.seed).ok_or_else(dependent)?;
-    let features = Features::new(coordinates, options.hidden > 0, options.seed);
+    let features = Features::new(coordinates, design.weights, options.seed);
     let validation = Validation {
         features: &features,
         target,
@@ -205,14 +208,22 @@ fn heads(
         folds: options.folds,
         watch,
     };
+    let tried = Choice::all();
+    let held_out = validation.held_out(|_| true, &tried)?;
+    // Perceptrons stand for the same.
+    let kernel = if options.hidden == 0 { kernel((&validation, &held_out), options.seed)? } else { None };
+    let (validation, tried, held_out) = match &kernel {
+        Some(of) => (Validation { features: &of.features, ..validation }, &of.tried[..], of.held_out.clone()),
+        None => (validation, &tried[..], held_out),
+    };
     let learn = |held_out: HeldOut, taken: &(dyn Fn(usize) -> bool + Sync)| {
         if options.hidden == 0 {
             return Ok(held_out);
         }
         validation.with_perceptrons(held_out, taken, (options.hidden, options.seed))
     };
-    let held_out = learn(validation.held_out(|_| true, &Choice::all())?, &|_| true)?;
-    let near = Choice::near(&held_out.choices);
+    let held_out = learn(held_out, &|_| true)?;
+    let near = Choice::near(&held_out.choices, tried);
     let mut fewer = Fewer::new();
     for part in [4, 2] {
         let taken = order.iter().filter(|order| order.is_multiple_of(part)).count();
@@ -229,12 +240,40 @@ fn heads(
         head.bias.fill(0.0);
         choices.iter_mut().for_each(|choice| choice.products = 0.0);
     }
-    let mut head = Dense::new((&head, &choices), &held_out.perceptrons, &features, &basis);
+    let mut head = match &kernel {
+        Some(of) => Dense::of_kernel(&head, &of.kernel, &features, &basis),
+        None => Dense::new((&head, &choices), &held_out.perceptrons, &features, &basis),
+    };
     if matches!(target, Target::Classes { .. }) {
         let truth: Vec<usize> = samples.instants.iter().map(|instant| instant.truth[0] as usize).collect();
         head.scale(sureness(&held_out.predicted, &truth));
     }
     Ok((held_out, fewer, head))
+}
+
+/// A kernel, and what is linear in its coordinates.
+struct OfKernel {
+    kernel: Kernel,
+    features: Features,
+    tried: Vec<Choice>,
+    held_out: HeldOut,
+}
+
+/// The kernel that predicts held-out presses best. `None` where `held_out`, which is linear or
+/// quadratic, is better.
+fn kernel((validation, held_out): (&Validation<'_>, &HeldOut), seed: u64) -> Result<Option<OfKernel>> {
+    let modes = validation.features.of_modes();
+    let weights: Vec<f64> = validation.instants.iter().map(|instant| instant.weight).collect();
+    let mut best: Option<OfKernel> = None;
+    for width in WIDTHS {
+        let Some((kernel, coordinates)) = Kernel::new((&modes, &weights), width, seed) else { continue };
+        let (features, tried) = (Features::linear(coordinates), Choice::of_kernel(width));
+        let found = Validation { features: &features, ..*validation }.held_out(|_| true, &tried)?;
+        if validation.ratio(&found, best.as_ref().map_or(held_out, |best| &best.held_out)) < 1.0 {
+            best = Some(OfKernel { kernel, features, tried, held_out: found });
+        }
+    }
+    Ok(best)
 }
 
 /// A dense layer of zeros behind the readout of `description`, its only one.

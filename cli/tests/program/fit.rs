@@ -108,7 +108,7 @@ fn a_fitted_network_runs_with_the_bits_of_an_engine() {
 #[test]
 fn classes_are_fitted_where_they_are_asked_for() {
     let (presses, place) = (folder(), tempfile::tempdir().expect("a place"));
-    let more = ["--outputs", "side", "--name", "sides", "--json", "--ages", "1"];
+    let more = ["--outputs", "side", "--name", "sides", "--json", "--ages", "1", "--shift", "2"];
     let report = object(&fit(presses.path(), &place.path().join("mine"), &more));
     assert_eq!(report["classes"], serde_json::json!(["far", "near"]));
     assert_eq!(report["outputs"][0]["unit"], "share");

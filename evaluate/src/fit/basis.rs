@@ -102,20 +102,26 @@ impl Design<'_> {
     }
 }
 
+/// At most `count` rows, those with the largest of `weights`; of equal ones `seed` draws.
+pub(super) fn landmarks(weights: &[f64], count: usize, seed: u64) -> Vec<usize> {
+    let mut drawn: Vec<usize> = (0..weights.len()).collect();
+    if drawn.len() > count {
+        let mut random = Random::new(seed);
+        (1..drawn.len()).rev().for_each(|i| drawn.swap(i, random.below(i as u64 + 1) as usize));
+        drawn.sort_by(|&a, &b| weights[b].total_cmp(&weights[a]));
+        drawn.truncate(count);
+        drawn.sort_unstable();
+    }
+    drawn
+}
+
 impl Basis {
     /// A basis for `design`, and the coordinates of its rows. With more rows than landmarks, `seed`
     /// draws these. O(rows columns landmarks).
     pub(super) fn new(design: Design<'_>, seed: u64) -> Option<(Self, Array2<f64>)> {
         let rows = design.rows();
         let (mean, scale) = design.scales();
-        let mut drawn: Vec<usize> = (0..rows).collect();
-        if rows > MAX_LANDMARKS {
-            let mut random = Random::new(seed);
-            (1..rows).rev().for_each(|i| drawn.swap(i, random.below(i as u64 + 1) as usize));
-            drawn.sort_by(|&a, &b| design.weights[b].total_cmp(&design.weights[a]));
-            drawn.truncate(MAX_LANDMARKS);
-            drawn.sort_unstable();
-        }
+        let drawn = landmarks(design.weights, MAX_LANDMARKS, seed);
         let landmarks = design.scaled(&drawn, &mean, &scale);
         let all: Vec<usize> = (0..rows).collect();
         let mut found = Array2::zeros((rows, drawn.len()));

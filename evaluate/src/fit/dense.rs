@@ -1,12 +1,14 @@
 //! A head as dense layers behind a readout.
 //!
 //! What is linear is one layer. What is quadratic is three: modes P and the linear part y; ELUs,
-//! two for each square; and sums of these. Perceptrons have their units beside the squares. ELU
-//! bends at 0, and leaves what is above 0 as it is:
+//! two for each square; and sums of these. Perceptrons have their units beside the squares. Kernels
+//! are four: modes, their squares, a unit for each centre, and sums. ELU bends at 0, and leaves what
+//! is above 0 as it is; below it is an exponential:
 //!
 //! ```text
 //! a^2 = 2 (elu(e a) + elu(-e a)) / e^2 + O(e a^3),      y = elu(y + b) - b
 //! P_i P_j = ((P_i + P_j)^2 - P_i^2 - P_j^2) / 2
+//! exp(-g |P - c|^2) = 1 + elu(-g sum P_i^2 + 2 g c P - g |c|^2)
 //! ```
 
 use ndarray::{Array2, Axis, concatenate};
@@ -15,6 +17,7 @@ use meissner_kernels::Activation;
 
 use super::basis::{Basis, Linear};
 use super::heads::Choice;
+use super::kernel::Kernel;
 use super::modes::{Features, factor, pairs};
 use super::perceptron::Perceptron;
 
@@ -104,6 +107,41 @@ impl Dense {
             third.bias.iter_mut().zip(&of.second.bias).for_each(|(to, bias)| *to += bias);
         }
         Self(vec![(first, Activation::Identity), (second, Activation::Elu), (third, Activation::Identity)])
+    }
+
+    /// The layers of `head`, which is linear in the coordinates of `kernel`.
+    pub(super) fn of_kernel(head: &Linear, kernel: &Kernel, features: &Features, basis: &Basis) -> Self {
+        let first = basis.of_readout(features.modes.t());
+        let (modes, of_modes) = (features.modes.ncols(), features.of_modes());
+        let largest: Vec<f64> = of_modes
+            .columns()
+            .into_iter()
+            .map(|of| of.iter().fold(0.0_f64, |most, x| most.max(x.abs())))
+            .collect();
+        let (narrowness, centres) = (kernel.narrowness, &kernel.centres);
+        let mut second = Linear { weight: Array2::zeros((3 * modes, modes)), bias: vec![0.0; 3 * modes] };
+        let square = |centre: ndarray::ArrayView1<'_, f64>| -narrowness * centre.dot(&centre);
+        let bias = centres.rows().into_iter().map(square).collect();
+        let mut third = Linear { weight: Array2::zeros((centres.nrows(), 3 * modes)), bias };
+        for (mode, &most) in largest.iter().enumerate() {
+            let bend = if most > 0.0 { BEND / most } else { 1.0 };
+            for (unit, sign) in [(3 * mode, bend), (3 * mode + 1, -bend)] {
+                second.weight[[unit, mode]] = sign;
+                third.weight.column_mut(unit).fill(-2.0 * narrowness / (bend * bend));
+            }
+            let (unit, bound) = (3 * mode + 2, BEYOND * most);
+            second.weight[[unit, mode]] = 1.0;
+            second.bias[unit] = bound;
+            for (centre, mut to) in third.weight.rows_mut().into_iter().enumerate() {
+                to[unit] = 2.0 * narrowness * centres[[centre, mode]];
+                third.bias[centre] -= to[unit] * bound;
+            }
+        }
+        let mut last = Linear { weight: kernel.of_kernels(head.weight.view()), bias: head.bias.clone() };
+        let sums = last.weight.sum_axis(Axis(1));
+        last.bias.iter_mut().zip(sums).for_each(|(bias, sum)| *bias += sum);
+        let layers = [(first, Activation::Identity), (second, Activation::Elu), (third, Activation::Elu)];
+        Self(layers.into_iter().chain([(last, Activation::Identity)]).collect())
     }
 
     /// Multiplies what it gives.

@@ -52,8 +52,10 @@ pub struct OutputFigures {
     pub unit: String,
     /// Relative strength of the regularisation.
     pub strength: f64,
-    /// What products of modes are multiplied by; with 0 the head is linear.
+    /// What products of modes are multiplied by; 0 for none.
     pub products: f64,
+    /// Width of a Gaussian kernel of the modes; 0 for none.
+    pub width: f64,
     /// Mean absolute error at the ends of presses that were held out.
     pub error: Figure,
     /// The same of the mean of the labels, or of the most frequent class.
@@ -144,6 +146,7 @@ impl OutputFigures {
             unit: unit.to_owned(),
             strength: choice.strength,
             products: choice.products,
+            width: choice.width,
             error,
             constant: Figure::of(&errors.constant, seed),
             before: errors.before.as_ref().map(|of| Figure::of(of, seed)),

@@ -30,6 +30,8 @@ const PART: usize = 256;
 pub(super) struct Choice {
     /// What products are multiplied by.
     pub(super) products: f64,
+    /// The width of a kernel, whose coordinates are read instead of the readout's; 0 for none.
+    pub(super) width: f64,
     /// Relative strength.
     pub(super) strength: f64,
 }
@@ -37,13 +39,18 @@ pub(super) struct Choice {
 impl Choice {
     /// All that are tried, those with less freedom last.
     pub(super) fn all() -> Vec<Self> {
-        let of = |&products: &f64| STRENGTHS.map(|strength| Self { products, strength });
+        let of = |&products: &f64| STRENGTHS.map(|strength| Self { products, width: 0.0, strength });
         PRODUCTS.iter().rev().flat_map(of).collect()
     }
 
-    /// Those of [`Self::all`] with the products of one of `chosen`, and its strength or the next
-    /// weaker or stronger one.
-    pub(super) fn near(chosen: &[Self]) -> Vec<Self> {
+    /// All that are tried with a kernel of this width.
+    pub(super) fn of_kernel(width: f64) -> Vec<Self> {
+        STRENGTHS.map(|strength| Self { products: 0.0, width, strength }).to_vec()
+    }
+
+    /// Those of `tried` with the products of one of `chosen`, and its strength or the next weaker
+    /// or stronger one.
+    pub(super) fn near(chosen: &[Self], tried: &[Self]) -> Vec<Self> {
         let place = |of: f64| STRENGTHS.iter().position(|&strength| strength == of).unwrap_or(0);
         let is_near = |choice: &Self| {
             let close = |of: &Self| {
@@ -51,7 +58,7 @@ impl Choice {
             };
             chosen.iter().any(close)
         };
-        Self::all().into_iter().filter(is_near).collect()
+        tried.iter().copied().filter(is_near).collect()
     }
 }
 

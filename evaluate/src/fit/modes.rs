@@ -1,9 +1,9 @@
 //! The main modes of the coordinates, and their products: what is quadratic in a readout.
 //!
 //! ```text
-//! P = Z V        V: the eigenvectors of Z^T Z with the largest eigenvalues, by orthogonal
-//! iteration Q_ij = c P_i P_j / s    for i <= j;  c is 1 for i = j, else sqrt 2;  s^2 is the
-//! variance of P_1
+//! P = Z V                   V: the eigenvectors of Z^T W Z with the largest eigenvalues, by
+//!                           orthogonal iteration, for weights W of the rows
+//! Q_ij = c P_i P_j / s      for i <= j;  c is 1 for i = j, else sqrt 2;  s^2 is the mean of P_1^2
 //! ```
 //!
 //! With this c, the products of Q are the squares of those of P / sqrt s, whatever basis V has
@@ -19,7 +19,7 @@ use super::cholesky::add_products;
 const MAX_SQUARED: usize = 32;
 /// Coordinates for each of them.
 const COORDINATES: usize = 8;
-/// Most modes that a perceptron reads.
+/// Most modes that a kernel or a perceptron reads.
 const MAX_READ: usize = 160;
 /// Steps of the iteration.
 const STEPS: usize = 40;
@@ -42,16 +42,15 @@ pub(super) struct Features {
 }
 
 impl Features {
-    /// The features of `coordinates`, with more modes if a perceptron reads them. O(rows
-    /// coordinates^2).
-    pub(super) fn new(coordinates: Array2<f64>, with_perceptron: bool, seed: u64) -> Self {
+    /// The features of `coordinates`, whose rows count by `weights`. O(rows coordinates^2).
+    pub(super) fn new(coordinates: Array2<f64>, weights: &[f64], seed: u64) -> Self {
         let linear = coordinates.ncols();
         let squared = MAX_SQUARED.min(linear / COORDINATES);
-        let read = if with_perceptron { MAX_READ.min(linear) } else { 0 };
-        let modes = main_modes(&coordinates, squared.max(read), seed);
+        let modes = main_modes((&coordinates, weights), MAX_READ.min(linear), seed);
         let of_modes = coordinates.dot(&modes);
-        let first = of_modes.columns().into_iter().next().map_or(0.0, |first| first.dot(&first));
-        let size = (first / coordinates.nrows().max(1) as f64).sqrt();
+        let squares = of_modes.rows().into_iter().zip(weights);
+        let first: f64 = squares.filter_map(|(row, weight)| Some(weight * row.first()?.powi(2))).sum();
+        let size = (first / weights.iter().sum::<f64>()).sqrt();
         let size = if size > 0.0 { size } else { 1.0 };
         let pairs = pairs(squared);
         let mut products = Array2::zeros((coordinates.nrows(), pairs.len()));
@@ -60,6 +59,12 @@ impl Features {
         }
         let values = concatenate(Axis(1), &[coordinates.view(), products.view()]).expect("as many rows");
         Self { values, linear, modes, squared, size }
+    }
+
+    /// Those of `coordinates` alone.
+    pub(super) fn linear(coordinates: Array2<f64>) -> Self {
+        let (linear, modes) = (coordinates.ncols(), Array2::zeros((coordinates.ncols(), 0)));
+        Self { values: coordinates, linear, modes, squared: 0, size: 1.0 }
     }
 
     /// The values of the modes at all rows.
@@ -79,10 +84,14 @@ pub(super) fn factor(i: usize, j: usize) -> f64 {
     if i == j { 1.0 } else { std::f64::consts::SQRT_2 }
 }
 
-fn main_modes(coordinates: &Array2<f64>, count: usize, seed: u64) -> Array2<f64> {
+fn main_modes((coordinates, weights): (&Array2<f64>, &[f64]), count: usize, seed: u64) -> Array2<f64> {
     let size = coordinates.ncols();
     let mut products = Array2::zeros((size, size));
-    coordinates.axis_chunks_iter(Axis(0), ROWS).for_each(|part| add_products(&mut products, part));
+    for (part, weights) in coordinates.axis_chunks_iter(Axis(0), ROWS).zip(weights.chunks(ROWS)) {
+        let mut part = part.to_owned();
+        part.rows_mut().into_iter().zip(weights).for_each(|(mut row, weight)| row *= weight.sqrt());
+        add_products(&mut products, part.view());
+    }
     for i in 0..size {
         for j in i + 1..size {
             products[[i, j]] = products[[j, i]];

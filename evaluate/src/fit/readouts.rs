@@ -2,10 +2,10 @@
 
 use std::iter::from_fn;
 
-use meissner_engine::{Engine, EngineError, Features};
+use meissner_engine::{Engine, EngineError, Event, Features, Sensor};
 use meissner_run::RunError;
 
-use super::samples::Samples;
+use super::samples::{Instant, Samples};
 use crate::error::{EvaluateError, RequestPart, Result};
 use crate::presses::Presses;
 use crate::workers::Workers;
@@ -20,7 +20,7 @@ pub(super) struct Readouts {
     pub(super) channels: usize,
     /// A readout after the other.
     pub(super) values: Vec<f32>,
-    /// Statistics of the windows that have events.
+    /// Statistics of the windows that have events, of presses as they are.
     pub(super) windows: Vec<Features>,
     /// Events of all presses, and those of them that are on.
     pub(super) events: [u64; 2],
@@ -47,10 +47,13 @@ impl Readouts {
             (grid.columns * grid.rows * network.readout_times() * channels, channels)
         };
         let (sensor, span_us) = (engine.sensor(), network.parts().span_us);
-        let found = at_instants(of, engine, stride, workers, |engine| {
+        let found = at_instants(of, engine, stride, workers, |engine, instant| {
             // It brings the rows up to date.
             let values = engine.predict()?.values.to_vec();
-            Ok((if predicted { values } else { engine.readout().concat() }, engine.window_statistics()))
+            let window = engine.window_statistics();
+            let is_real = instant.moved == [0, 0] && window.events > 0;
+            let values = if predicted { values } else { engine.readout().concat() };
+            Ok((values, is_real.then(|| window.features(sensor, span_us))))
         })?;
         let instants = of.1.instants.len();
         let (mut values, mut windows) = (Vec::with_capacity(columns * instants), Vec::new());
@@ -63,7 +66,7 @@ impl Readouts {
                     return Err(EvaluateError::request(RequestPart::Data, "finite readouts", found));
                 }
                 values.extend(own);
-                windows.extend((window.events > 0).then(|| window.features(sensor, span_us)));
+                windows.extend(window);
             }
             events = [events[0] + counts[0], events[1] + counts[1]];
         }
@@ -81,7 +84,7 @@ pub(super) fn predictions(
     stride: usize,
     workers: &Workers,
 ) -> Result<Vec<Vec<f32>>> {
-    let found = at_instants(of, engine, stride, workers, |engine| Ok(engine.predict()?.values.to_vec()))?;
+    let found = at_instants(of, engine, stride, workers, |engine, _| Ok(engine.predict()?.values.to_vec()))?;
     Ok(found.into_iter().flat_map(|(predicted, _)| predicted).collect())
 }
 
@@ -92,7 +95,7 @@ fn at_instants<T: Send>(
     engine: &Engine,
     stride: usize,
     workers: &Workers,
-    read: impl Fn(&mut Engine) -> std::result::Result<T, EngineError> + Sync,
+    read: impl Fn(&mut Engine, &Instant) -> std::result::Result<T, EngineError> + Sync,
 ) -> Result<Vec<(Vec<T>, [u64; 2])>> {
     let chosen: Vec<usize> = (0..samples.presses.len()).collect();
     workers.expect(chosen.len());
@@ -104,16 +107,28 @@ fn at_instants<T: Send>(
             let found = format!("NaN in layer {layer} for {}", presses.recordings[recording].name);
             EvaluateError::request(RequestPart::Data, "presses of which the network computes numbers", found)
         };
-        engine.reset();
-        let mut due = events.iter().step_by(stride).copied().peekable();
-        let first = samples.instants.partition_point(|instant| instant.press < press);
+        let [first, end] =
+            [press, press + 1].map(|press| samples.instants.partition_point(|instant| instant.press < press));
         let mut found = Vec::new();
-        for instant in samples.instants[first..].iter().take_while(|instant| instant.press == press) {
-            engine.push_all(from_fn(|| due.next_if(|event| event.t_us <= instant.t_us)));
-            engine.advance(instant.t_us);
-            found.push(read(engine).map_err(named)?);
+        for instants in samples.instants[first..end].chunk_by(|a, b| a.moved == b.moved) {
+            engine.reset();
+            let sensor = engine.sensor();
+            let taken = events.iter().step_by(stride);
+            let mut due = taken.filter_map(|event| moved(event, instants[0].moved, sensor)).peekable();
+            for instant in instants {
+                engine.push_all(from_fn(|| due.next_if(|event| event.t_us <= instant.t_us)));
+                engine.advance(instant.t_us);
+                found.push(read(engine, instant).map_err(named)?);
+            }
         }
         let on = events.iter().filter(|event| event.on).count();
         Ok::<_, EvaluateError>((found, [events.len() as u64, on as u64]))
     })
+}
+
+/// `event` moved by columns and rows; `None` beside the sensor.
+fn moved(event: &Event, [columns, rows]: [i32; 2], sensor: Sensor) -> Option<Event> {
+    let to = |from: u16, by: i32| u16::try_from(i32::from(from) + by).ok();
+    let moved = Event { x: to(event.x, columns)?, y: to(event.y, rows)?, ..*event };
+    (moved.x < sensor.width && moved.y < sensor.height).then_some(moved)
 }

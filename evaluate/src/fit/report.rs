@@ -231,7 +231,10 @@ impl Inputs<'_> {
             before,
             fewer: fewer.collect(),
             presses: share(self.given.samples.presses.len()),
-            at: instants.map(|(row, instant)| (instant.age_us, at(self.held_out, row))).collect(),
+            at: instants
+                .filter(|(_, instant)| instant.moved == [0, 0])
+                .map(|(row, instant)| (instant.age_us, at(self.held_out, row)))
+                .collect(),
         }
     }
 

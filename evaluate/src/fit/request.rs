@@ -47,6 +47,9 @@ pub struct Options {
     pub folds: usize,
     /// Random instants of each press, beside its end.
     pub ages: usize,
+    /// Each press is also read moved by so many pixels to the left, right, top and bottom; with 0
+    /// it is not.
+    pub shift: u16,
     /// Of random instants, of the presses of a learning curve, and of intervals.
     pub seed: u64,
 }
@@ -65,6 +68,7 @@ impl Options {
             hidden: 0,
             folds: DEFAULT_FOLDS,
             ages: DEFAULT_AGES,
+            shift: 0,
             seed: 0,
         }
     }

@@ -22,6 +22,9 @@ const QUIET: i64 = 10;
 /// than it seems to before it is over, and few labels are in its first events.
 const AGES: f64 = 0.1;
 
+/// What an instant weighs whose events are moved, one that is not being 1.
+const MOVED: f64 = 0.3;
+
 /// A label of numbers that becomes an output.
 #[derive(Clone, Debug)]
 pub(super) struct Quantity {
@@ -52,6 +55,8 @@ pub(super) struct Instant {
     /// Time since the first event of the press.
     pub(super) age_us: i64,
     pub(super) is_end: bool,
+    /// By how many columns and rows the events are moved.
+    pub(super) moved: [i32; 2],
     /// How much it counts in a fit.
     pub(super) weight: f64,
     /// The value of each output, or the index of the class.
@@ -63,7 +68,7 @@ pub(super) struct Instant {
 pub(super) struct Samples {
     /// Indices of the recordings.
     pub(super) presses: Vec<usize>,
-    /// By press and time; the last one of each press is its end.
+    /// By press, motion and time; the last one of each press that is not moved is its end.
     pub(super) instants: Vec<Instant>,
     /// What was left out, for people.
     pub(super) notes: Vec<String>,
@@ -215,7 +220,9 @@ impl Samples {
                 let mut random = Random::new(Random::new(options.seed).bits() ^ recording.fingerprint);
                 let found = of_press((presses, press), target, &rows, options, &mut random, taken.len());
                 if found.last().is_some_and(|last| last.is_end) {
-                    instants.extend(found);
+                    let moved: Vec<Instant> =
+                        motions(options.shift).flat_map(|by| moved(&found, by)).collect();
+                    instants.extend(found.into_iter().chain(moved));
                     taken.push(press);
                 } else {
                     lacking += 1;
@@ -308,7 +315,24 @@ fn of_press(
         let truth = target.truth(presses, press, t_us)?;
         let age_us = t_us.saturating_sub(recording.first_us).max(0);
         let is_end = t_us == end;
-        Some(Instant { press: index, t_us, age_us, is_end, weight: if is_end { 1.0 } else { other }, truth })
+        let weight = if is_end { 1.0 } else { other };
+        Some(Instant { press: index, t_us, age_us, is_end, moved: [0, 0], weight, truth })
     };
     times.range(..=end).filter_map(|&t_us| instant(t_us)).collect()
+}
+
+/// To the left, right, top and bottom by `pixels`, or nowhere.
+fn motions(pixels: u16) -> impl Iterator<Item = [i32; 2]> {
+    let by = i32::from(pixels);
+    [[-by, 0], [by, 0], [0, -by], [0, by]].into_iter().filter(|motion| *motion != [0, 0])
+}
+
+/// The instants of a press whose events are moved.
+fn moved(instants: &[Instant], by: [i32; 2]) -> impl Iterator<Item = Instant> {
+    instants.iter().map(move |of| Instant {
+        is_end: false,
+        moved: by,
+        weight: MOVED * of.weight,
+        ..of.clone()
+    })
 }

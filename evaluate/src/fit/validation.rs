@@ -129,7 +129,8 @@ impl Validation<'_> {
             // Of two folds, one would be left to learn from and none to choose by.
             let train =
                 rows(&|press| taken(press) && (others(press) || self.folds == 2 && self.fold[press] == next));
-            let choose = rows(&|press| self.fold[press] == next);
+            let mut choose = rows(&|press| self.fold[press] == next);
+            choose.retain(|&row| self.instants[row].moved == [0, 0]);
             let part = Part { train: &train, choose: &choose, seed: seed ^ fold as u64 };
             Perceptron::train(&inputs, &truth, &part, hidden, self.watch)
         };
@@ -169,7 +170,12 @@ impl Validation<'_> {
     /// The head of all presses with the `choices` of the outputs.
     pub(super) fn whole(&self, choices: &[Choice]) -> Option<Linear> {
         let rows: Vec<usize> = (0..self.instants.len()).collect();
-        let distinct: Vec<Choice> = Choice::all().into_iter().filter(|one| choices.contains(one)).collect();
+        let mut distinct: Vec<Choice> = Vec::new();
+        for choice in choices {
+            if !distinct.contains(choice) {
+                distinct.push(*choice);
+            }
+        }
         let heads = self.sums(&rows).heads(self.features.linear, &distinct);
         let mut whole = Linear {
             weight: Array2::zeros((choices.len(), self.features.values.ncols())),
@@ -184,6 +190,13 @@ impl Validation<'_> {
         Some(whole)
     }
 
+    /// The loss of `of` as a part of that of `other`: the mean over outputs.
+    pub(super) fn ratio(&self, of: &HeldOut, other: &HeldOut) -> f64 {
+        let [of, other] = [of, other].map(|held_out| self.losses(&held_out.predicted).sum_axis(Axis(0)));
+        let ratio = |(of, other): (&f64, &f64)| if of == other { 1.0 } else { of / other };
+        of.iter().zip(&other).map(ratio).sum::<f64>() / of.len() as f64
+    }
+
     fn sums(&self, rows: &[usize]) -> Sums {
         Sums::of(self.features, self.target, self.instants, rows)
     }
@@ -191,7 +204,8 @@ impl Validation<'_> {
     /// By folds and outputs: the sum of squared errors, or the number of wrong classes, by weight.
     fn losses(&self, predicted: &Array2<f64>) -> Array2<f64> {
         let mut losses = Array2::zeros((self.folds, predicted.ncols()));
-        for (instant, predicted) in self.instants.iter().zip(predicted.rows()) {
+        let all = self.instants.iter().zip(predicted.rows());
+        for (instant, predicted) in all.filter(|(instant, _)| instant.moved == [0, 0]) {
             let mut of = losses.row_mut(self.fold[instant.press]);
             match self.target {
                 Target::Quantities(_) => {

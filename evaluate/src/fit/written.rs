@@ -55,6 +55,7 @@ pub(super) fn card(
     let presses = samples.presses.len();
     let strengths: Vec<f64> = figures.iter().map(|figure| figure.strength).collect();
     let products: Vec<f64> = figures.iter().map(|figure| figure.products).collect();
+    let widths: Vec<f64> = figures.iter().map(|figure| figure.width).collect();
     let method = match target {
         Target::Quantities(_) => "ridge regression",
         Target::Classes { .. } => "a shrunken discriminant",
@@ -85,7 +86,7 @@ pub(super) fn card(
             "recipe",
             format!(
                 "{stays} of {} ({}); {method} of {read} at the end and at {} random ages of each press, relative strengths \
-                 {strengths:?} and products of modes {products:?} chosen by {} folds of presses",
+                 {strengths:?}, products of modes {products:?} and widths of kernels {widths:?} chosen by {} folds of presses",
                 base.name, base.label, options.ages, options.folds
             ),
         ),

@@ -3,10 +3,12 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use meissner_engine::{BatchEngine, Engine, Search};
-use meissner_models::{Description, Tensor, Weights};
+use meissner_engine::{BatchEngine, Engine, Event, Search};
+use meissner_models::{Description, Tensor, Weights, draw};
 
-use super::{Folder, Options, PRESS_US, SENSOR, places};
+use super::{Folder, Options, PRESS_US, SENSOR, SMALL, places, workers};
+use crate::fit::readouts::Readouts;
+use crate::fit::samples::{Samples, Target};
 use crate::fit::{Fitted, Head};
 use crate::presses::{Options as ReadOptions, Presses};
 
@@ -59,12 +61,12 @@ fn predicts_what_was_fitted(folder: &Folder, hidden: usize) {
     batch = batch.with_search(Search::Grid);
     let weights = Weights::from_bytes(&fitted.weights).expect("weights");
     let tensor = |name: String| weights.get(&name)?.values().map(<[f32]>::to_vec);
-    let names = ["fitted1", "fitted2", "fitted"];
+    let names = ["fitted1", "fitted2", "fitted3", "fitted"];
     let layers: Vec<(Vec<f32>, Vec<f32>)> = names
         .iter()
         .filter_map(|name| Some((tensor(format!("{name}.weight"))?, tensor(format!("{name}.bias"))?)))
         .collect();
-    assert!([1, 3].contains(&layers.len()), "{}", fitted.description);
+    assert!([1, 3, 4].contains(&layers.len()), "{}", fitted.description);
     let mut errors = 0.0;
     for press in 0..12 {
         let events = presses.events(press).expect("it can be read again");
@@ -86,7 +88,7 @@ fn predicts_what_was_fitted(folder: &Folder, hidden: usize) {
             let sum = |(row, bias): (&[f32], &f32)| {
                 let products = row.iter().zip(&by_hand).map(|(w, x)| f64::from(*w) * x);
                 let sum = f64::from(*bias) + products.sum::<f64>();
-                if layers.len() == 3 && place == 1 && sum < 0.0 { sum.exp_m1() } else { sum }
+                if (1..layers.len() - 1).contains(&place) && sum < 0.0 { sum.exp_m1() } else { sum }
             };
             by_hand = weight.chunks(by_hand.len()).zip(bias).map(sum).collect();
         }
@@ -110,6 +112,40 @@ fn the_number_of_threads_changes_no_bit_and_the_seed_some() {
     assert_eq!(json(&one), json(&two));
     let other = folder.fit(&Options { seed: 1, ..folder.options() }, 2).expect("it can be fitted");
     assert_ne!(one.weights, other.weights);
+}
+
+#[test]
+fn presses_are_also_read_as_if_their_events_were_elsewhere() {
+    let folder = places(6);
+    let presses = Presses::read(folder.path(), &ReadOptions::default()).expect("presses");
+    let options = Options { shift: 5, ages: 2, ..folder.options() };
+    let target = Target::choose(&presses, &options, (&[], &[])).expect("numbers");
+    let samples = Samples::of(&presses, &target, &options).expect("enough presses");
+    let description = Description::parse(SMALL).expect("a description");
+    let network = description.network(&draw(&description, 3)).expect("they fit");
+    let mut engine = Engine::new(network, SENSOR).expect("an engine");
+    let found = Readouts::of((&presses, &samples), &engine, 1, false, &workers(2)).expect("numbers");
+    assert_eq!((samples.instants.len(), found.windows.len()), (6 * 3 * 5, 6 * 3));
+    assert!(
+        samples.ends().count() == 6 && samples.ends().all(|end| end.moved == [0, 0] && end.weight == 1.0)
+    );
+    for (instant, values) in samples.instants.iter().zip(found.values.chunks(found.columns)) {
+        let [columns, rows] = instant.moved;
+        engine.reset();
+        for event in presses.events(instant.press).expect("it can be read again").iter() {
+            let (x, y) = (i32::from(event.x) + columns, i32::from(event.y) + rows);
+            if event.t_us <= instant.t_us && (0..48).contains(&x) && (0..36).contains(&y) {
+                engine.push(Event::new(event.t_us, x as u16, y as u16, event.on));
+            }
+        }
+        engine.advance(instant.t_us);
+        engine.predict().expect("numbers");
+        assert_eq!(engine.readout().concat(), values, "{instant:?}");
+    }
+    let one = folder.fit(&options, 1).expect("it can be fitted");
+    assert_eq!(one.weights, folder.fit(&options, 2).expect("it can be fitted").weights);
+    let ages: usize = one.report.outputs[0].ages.iter().map(|age| age.instants).sum();
+    assert_eq!((one.report.data.instants, ages), (6 * 3 * 5, 6 * 3));
 }
 
 #[test]

@@ -10,6 +10,7 @@ use crate::fit::basis::{Basis, Design, Linear};
 use crate::fit::cholesky::{Factor, add_products};
 use crate::fit::dense::Dense;
 use crate::fit::heads::{Choice, Sums};
+use crate::fit::kernel::Kernel;
 use crate::fit::modes::Features;
 use crate::fit::samples::{Instant, Quantity, Target};
 use crate::fit::validation::sureness;
@@ -30,6 +31,7 @@ fn instants(truth: &Array2<f64>) -> Vec<Instant> {
         t_us: 0,
         age_us: 0,
         is_end: true,
+        moved: [0, 0],
         weight: 1.0,
         truth: truth.to_vec(),
     };
@@ -97,14 +99,14 @@ proptest! {
 
     #[test]
     fn sums_give_the_ridge_of_their_rows(rows in 6_usize..40, size in 1_usize..9, seed in any::<u64>()) {
-        let features = Features::new(matrix(rows, size, seed), false, seed);
+        let features = Features::new(matrix(rows, size, seed), &vec![1.0; rows], seed);
         let truth = matrix(rows, 2, seed ^ 1);
         let target = quantities(2);
         let instants = instants(&truth);
         let all: Vec<usize> = (0..rows).collect();
         let part = Sums::of(&features, &target, &instants, &all[..2]);
         let sums = Sums::of(&features, &target, &instants, &all).without(&part);
-        let choice = Choice { products: 0.7, strength: 0.1 };
+        let choice = Choice { products: 0.7, width: 0.0, strength: 0.1 };
         let head = sums.heads(size, &[choice]).remove(0).expect("it is positive definite");
         // By hand: products times 0.7, all centred, and the normal equations.
         let kept = features.values.select(Axis(0), &all[2..]);
@@ -124,15 +126,39 @@ proptest! {
     }
 
     #[test]
+    fn dense_layers_give_what_is_linear_in_a_kernel(rows in 20_usize..60, width in 0.3_f64..3.0, seed in any::<u64>()) {
+        let (channels, columns) = (2, 24);
+        let values: Vec<f32> = matrix(rows, columns, seed).iter().map(|&value| value as f32).collect();
+        let weights = vec![1.0; rows];
+        let design = Design { values: &values, columns, channels, weights: &weights, counts: 0 };
+        let (basis, coordinates) = Basis::new(design, seed).expect("it has a basis");
+        let features = Features::new(coordinates, &weights, seed);
+        let (kernel, found) = Kernel::new((&features.of_modes(), &weights), width, seed).expect("rows differ");
+        // Products of coordinates are values of the kernel.
+        let modes = features.of_modes();
+        let value = |i: usize, j: usize| {
+            let difference = &modes.row(i) - &modes.row(j);
+            (-kernel.narrowness * difference.dot(&difference)).exp()
+        };
+        let expected = Array2::from_shape_fn((rows, rows), |(i, j)| value(i, j));
+        prop_assert!(largest(&(found.dot(&found.t()) - &expected)) < 1e-3);
+        let head = Linear { weight: matrix(2, found.ncols(), seed ^ 1), bias: vec![0.5, -0.25] };
+        let dense = Dense::of_kernel(&head, &kernel, &features, &basis);
+        let readout = Array2::from_shape_fn((rows, columns), |(i, j)| f64::from(values[i * columns + j]));
+        let (found, expected) = (run(&dense, &readout), head.of(found.view()));
+        prop_assert!(largest(&(&found - &expected)) < 0.02 * largest(&expected), "{found} {expected}");
+    }
+
+    #[test]
     fn dense_layers_give_what_is_quadratic(rows in 40_usize..60, seed in any::<u64>()) {
         let (channels, columns) = (2, 24);
         let values: Vec<f32> = matrix(rows, columns, seed).iter().map(|&value| value as f32).collect();
         let weights = vec![1.0; rows];
         let design = Design { values: &values, columns, channels, weights: &weights, counts: 0 };
         let (basis, coordinates) = Basis::new(design, seed).expect("it has a basis");
-        let features = Features::new(coordinates, true, seed);
+        let features = Features::new(coordinates, &weights, seed);
         let head = Linear { weight: matrix(2, features.values.ncols(), seed ^ 1), bias: vec![0.5, -0.25] };
-        let choices = [Choice { products: 0.7, strength: 0.1 }; 2];
+        let choices = [Choice { products: 0.7, width: 0.0, strength: 0.1 }; 2];
         let dense = Dense::new((&head, &choices), &[], &features, &basis);
         let readout = Array2::from_shape_fn((rows, columns), |(i, j)| f64::from(values[i * columns + j]));
         let (found, expected) = (run(&dense, &readout), head.of(features.values.view()));
@@ -140,7 +166,7 @@ proptest! {
         // Without products, one layer is the same exactly.
         let linear = concatenate(Axis(1), &[head.weight.view().split_at(Axis(1), features.linear).0]).expect("columns");
         let head = Linear { weight: linear, bias: head.bias };
-        let dense = Dense::new((&head, &[Choice { products: 0.0, strength: 0.1 }; 2]), &[], &features, &basis);
+        let dense = Dense::new((&head, &[Choice { products: 0.0, width: 0.0, strength: 0.1 }; 2]), &[], &features, &basis);
         prop_assert_eq!(dense.0.len(), 1);
         prop_assert!(largest(&(run(&dense, &readout) - head.of(features.values.view()))) < 1e-6);
     }

@@ -63,7 +63,7 @@ fn dense_layers_add_perceptrons() {
     let weights = vec![1.0; rows];
     let design = Design { values: &values, columns, channels: 2, weights: &weights, counts: 0 };
     let (basis, coordinates) = Basis::new(design, 3).expect("it has a basis");
-    let features = Features::new(coordinates, true, 3);
+    let features = Features::new(coordinates, &weights, 3);
     let head = Linear { weight: matrix(2, features.values.ncols(), 4), bias: vec![0.5, -0.25] };
     let mut random = Random::new(6);
     let perceptrons = [7, 8].map(|seed| Perceptron {
@@ -72,7 +72,7 @@ fn dense_layers_add_perceptrons() {
     });
     let readout = Array2::from_shape_fn((rows, columns), |(i, j)| f64::from(values[i * columns + j]));
     for products in [0.0, 0.7] {
-        let choices = [Choice { products, strength: 0.1 }; 2];
+        let choices = [Choice { products, width: 0.0, strength: 0.1 }; 2];
         let mut head = head.clone();
         if products == 0.0 {
             head.weight.slice_axis_inplace(Axis(1), (0..features.linear).into());
