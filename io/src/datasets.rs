@@ -4,6 +4,7 @@
 //! Entries whose names start with a dot are ignored. Files beside the class folders, and files with
 //! another extension in them, are skipped and listed.
 
+mod braille;
 mod gelsight;
 mod neutouch;
 mod presses;
@@ -131,8 +132,29 @@ pub struct EventRecording {
     pub split: Split,
     /// Index of its class.
     pub class: usize,
-    /// Its events, in the file's order, with the file's times; at least one.
+    /// Its events, in the file's order; at least one, but for a press that was not felt.
     pub events: Vec<Event>,
+    /// When the sensor was pressed, where it is known.
+    pub contact: Option<Contact>,
+}
+
+impl EventRecording {
+    /// The time from which its age counts: that of contact, or else of its first event.
+    pub fn begin_us(&self) -> i64 {
+        let first = || self.events.first().map_or(0, |event| event.t_us);
+        self.contact.map_or_else(first, |contact| contact.begin_us)
+    }
+}
+
+/// When a robot pressed a sensor, in microseconds of the clock of its events; ascending.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct Contact {
+    /// The force reached 0.2 N.
+    pub begin_us: i64,
+    /// The force reached 2.5 N, at which it is held.
+    pub held_us: i64,
+    /// The sensor was lifted.
+    pub lifted_us: i64,
 }
 
 /// A recording of events with its class that is still in its file.
@@ -210,7 +232,7 @@ impl EventFile {
         if events.is_empty() {
             return Err(IoError::unfit(path, "events of five bytes", "none"));
         }
-        Ok(EventRecording { name: name.clone(), split: *split, class: *class, events })
+        Ok(EventRecording { name: name.clone(), split: *split, class: *class, events, contact: None })
     }
 }
 

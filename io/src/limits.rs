@@ -51,6 +51,14 @@ pub const IMAGE_PIXELS: u64 = 16 << 20;
 /// A scan of a few bytes can pass over every pixel: without a bound, 1 MiB takes minutes.
 pub const JPEG_SCANS: usize = 100;
 
+/// Times of presses by a robot are below this, in microseconds: 2^53, which is 285 years.
+pub const STAMP_US: i64 = 1 << 53;
+
+/// Longest press by a robot from one of its instants to the next, in microseconds: ten minutes.
+///
+/// Predictions are read along a whole press.
+pub const PRESS_US: i64 = 600_000_000;
+
 /// Most bytes that `packed` bytes may expand to.
 pub(crate) fn most(packed: u64) -> u64 {
     packed.saturating_mul(EXPANSION).saturating_add(PACKET_BYTES)

@@ -107,7 +107,7 @@ impl EventDataset {
             }
             let name = format!("{split}/{}", path.file_stem().unwrap_or_default().display());
             numbers.push(number);
-            found.recordings.push(EventRecording { name, split, class, events });
+            found.recordings.push(EventRecording { name, split, class, events, contact: None });
             Ok(())
         })
         .map_err(IoError::content(&path))?;

@@ -4,6 +4,7 @@
 
 mod aedat;
 mod aedat4;
+mod braille;
 mod csv;
 mod datasets;
 mod electrodes;
