@@ -78,7 +78,7 @@ fn bench_frames(args: &BenchArgs, given: &Given) -> Result<(), CliError> {
 /// Compares the network over events with the frame network called `name`.
 fn compare(args: &BenchArgs, name: &str) -> Result<(), CliError> {
     let model = args.input.model()?;
-    let weights = args.compare_weights.as_deref().map(WeightsFile::from);
+    let weights = args.compare_weights.as_deref().map(|path| WeightsFile { path, map: &args.compare_map });
     let against = EventFrameModel::named(name, weights, args.input.weights.ignore_preparation);
     let against = against.map_err(with_its_option)?;
     let report = bench::compare(&model, &against, &input(args, &model.card)?, &args.options())?;
@@ -159,6 +159,9 @@ pub(crate) struct BenchArgs {
     /// Weights of the network to compare with [default: those shipped with it].
     #[arg(long, value_name = "FILE", requires = "compare", help_heading = NETWORK)]
     pub(crate) compare_weights: Option<PathBuf>,
+    /// Names in --compare-weights that stand for others in the network, as --map has them.
+    #[arg(long, value_name = "OLD=NEW|FILE", requires = "compare_weights", help_heading = NETWORK)]
+    pub(crate) compare_map: Vec<String>,
     /// Period of the deadline report, in stream time [default: 1ms].
     ///
     /// Not for frame networks: their periods are the times from frame to frame.

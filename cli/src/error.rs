@@ -117,6 +117,9 @@ impl From<EvaluateError> for CliError {
             Error::Write { path, source } => Self::write(&path, source),
             Error::Request { part, expected, found } => {
                 let option = match part {
+                    RequestPart::Events => "EVENTS",
+                    RequestPart::Folder => "FOLDER",
+                    RequestPart::Pictures => "PICTURES",
                     RequestPart::Recording => "RECORDING",
                     RequestPart::Networks => "--network",
                     RequestPart::Trainings => "--trainings",

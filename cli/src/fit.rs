@@ -43,7 +43,9 @@ Files in the folder --out:
 
 Examples:
   meissner fit tactigraph-past mine/ --out fitted --name mine
-  meissner run mine/press1.aedat4 --network fitted/mine.toml --weights fitted/mine.safetensors";
+  meissner run mine/press1.aedat4 --network fitted/mine.toml --weights fitted/mine.safetensors
+  meissner prepare digits nmnist/ --out digits.safetensors
+  meissner fit digits-past digits.safetensors --out fitted --name digits";
 
 /// `meissner fit`.
 #[derive(Debug, clap::Args)]

@@ -10,18 +10,19 @@ use std::path::{Path, PathBuf};
 use clap::Subcommand;
 use meissner_evaluate::events::Digits;
 use meissner_evaluate::events::EventTask;
-use meissner_evaluate::events::{TouchContainers, TouchObjects};
+use meissner_evaluate::events::{TouchContainers, TouchLetters, TouchObjects};
 use meissner_evaluate::pareto::{
     AngleOptions, Options, Progress, State, Study, angle, area, events, force, slip,
 };
-use meissner_io::datasets::NeutouchSet;
 use meissner_run::bench::Part;
 use meissner_run::text::length_us;
 
 use crate::args::{INPUT, MEASUREMENT, NETWORK, NetworkWeights, OUTPUT, ReadArgs, Threads};
 use crate::error::CliError;
 use crate::output::ReportArgs;
-use crate::tasks::{AreaTask, DigitsTask, EventNetworks, ForceTask, SlipTask, TouchData, TouchTask};
+use crate::tasks::{
+    AreaTask, DigitsTask, EventNetworks, ForceTask, SlipTask, TouchData, TouchSet, TouchTask,
+};
 use crate::{output, progress};
 
 /// Measures the networks that `args` name.
@@ -30,8 +31,9 @@ pub(crate) fn pareto(args: &ParetoArgs) -> Result<(), CliError> {
         StudyArgs::Digits(args) => recordings::<Digits>(&args.task.data, &args.task.networks, &args.common),
         StudyArgs::Touch(StudyOf { task: TouchTask { data: TouchData { set, data }, networks }, common }) => {
             match set {
-                NeutouchSet::Objects => recordings::<TouchObjects>(data, networks, common),
-                NeutouchSet::Containers => recordings::<TouchContainers>(data, networks, common),
+                TouchSet::Objects => recordings::<TouchObjects>(data, networks, common),
+                TouchSet::Containers => recordings::<TouchContainers>(data, networks, common),
+                TouchSet::Letters => recordings::<TouchLetters>(data, networks, common),
             }
         }
         StudyArgs::Angle(StudyOf { task: args, common }) => {
@@ -140,7 +142,7 @@ pub(crate) struct ParetoArgs {
 enum StudyArgs {
     /// Digits (N-MNIST), networks over events: time against wrong answers.
     Digits(StudyOf<DigitsTask>),
-    /// Objects and containers under a tactile skin: time against wrong answers.
+    /// Objects, containers and letters under a tactile skin: time against wrong answers.
     Touch(StudyOf<TouchTask>),
     /// A recording without labels, networks over events: time against numerical error.
     Angle(StudyOf<AngleTask>),

@@ -8,10 +8,9 @@ use std::path::PathBuf;
 use clap::Subcommand;
 use meissner_evaluate::events::Digits;
 use meissner_evaluate::events::{EventData, EventTask};
-use meissner_evaluate::events::{TouchContainers, TouchObjects};
+use meissner_evaluate::events::{TouchContainers, TouchLetters, TouchObjects};
 use meissner_evaluate::prepare::{Ages, Prepared, graphs, labelled_events, slip_windows, training_windows};
 use meissner_evaluate::slip::SlipData;
-use meissner_io::datasets::NeutouchSet;
 use meissner_run::model::{self, WeightsFile, describe, describe_frames};
 
 use crate::args::{INPUT, NETWORK, OUTPUT, Threads, part};
@@ -19,7 +18,7 @@ use crate::error::CliError;
 use crate::output::OutArgs;
 use crate::progress::Progress;
 use crate::stderr::tell;
-use crate::tasks::TouchData;
+use crate::tasks::{TouchData, TouchSet};
 
 /// `meissner prepare`.
 #[derive(Debug, clap::Args)]
@@ -194,8 +193,10 @@ const TOUCH: &str = "\
 Examples:
   meissner prepare touch objects neutouch/ --folds 5 --out o.safetensors
   meissner prepare touch containers neutouch/ --folds 5 --out c.safetensors
+  meissner prepare touch letters braille/ --out l.safetensors
+  meissner fit touch-objects l.safetensors --out fitted --name letters
 
-A pixel is 0.05 mm, and a spike has the time at which its bin of 20 ms begins.";
+Of objects and containers, a pixel is 0.05 mm, and a spike has the time at which its bin of 20 ms begins. Of letters, a pixel is a taxel; `meissner eval touch --help` says what an event is.";
 
 /// Tensors of the file.
 const LABELLED: &str = "\
@@ -210,6 +211,8 @@ Tensors, all I64, the recordings by split (train first), by class and by number:
   fold            (recordings): part of a cross-validation over both splits
                   together, from 0 on; sorted by label, the k-th recording is in
                   fold k mod N
+  stamps_us       (recordings, 3): times of contact (0.2 N), of 2.5 N and of the
+                  lift; of letters alone
 
 Metadata, each JSON:
   classes, recordings   lists of names
@@ -280,8 +283,9 @@ pub(crate) fn prepare(args: &PrepareArgs) -> Result<(), CliError> {
         InputArgs::Touch(args) => {
             let TouchData { set, data } = &args.data;
             args.labelled.prepared(match set {
-                NeutouchSet::Objects => TouchObjects::read(data)?,
-                NeutouchSet::Containers => TouchContainers::read(data)?,
+                TouchSet::Objects => TouchObjects::read(data)?,
+                TouchSet::Containers => TouchContainers::read(data)?,
+                TouchSet::Letters => TouchLetters::read(data)?,
             })?
         }
         InputArgs::Windows(args) => (Vec::new(), args.prepared()?),

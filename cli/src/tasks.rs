@@ -5,7 +5,6 @@ use std::path::PathBuf;
 
 use clap::Arg;
 use meissner_evaluate::trainings::Request;
-use meissner_io::datasets::NeutouchSet;
 use meissner_models::DEFAULT_NETWORK;
 use meissner_run::model::WeightsFile;
 
@@ -28,18 +27,27 @@ pub(crate) struct DigitsTask {
 pub(crate) struct TouchData {
     /// Set of recordings.
     #[arg(value_name = "SET", value_parser = choice(SETS))]
-    pub(crate) set: NeutouchSet,
+    pub(crate) set: TouchSet,
     /// Folder of the data set, with the archive of the set, or the path of the archive.
     ///
-    /// The archives are Ev-Objects.zip and Ev-Containers.zip.
+    /// The archives are Ev-Objects.zip, Ev-Containers.zip and letters.npz.
     #[arg(value_name = "DATA")]
     pub(crate) data: PathBuf,
 }
 
+/// What was touched.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum TouchSet {
+    Objects,
+    Containers,
+    Letters,
+}
+
 /// The names of the sets, with their help.
-const SETS: &[(&str, &str, NeutouchSet)] = &[
-    ("objects", "36 objects, grasped and held", NeutouchSet::Objects),
-    ("containers", "4 containers with 5 fillings each, grasped and lifted", NeutouchSet::Containers),
+const SETS: &[(&str, &str, TouchSet)] = &[
+    ("objects", "36 objects, grasped and held (NeuTouch)", TouchSet::Objects),
+    ("containers", "4 containers with 5 fillings each, grasped and lifted (NeuTouch)", TouchSet::Containers),
+    ("letters", "26 letters of braille and a blank, pressed (NUSkin)", TouchSet::Letters),
 ];
 
 /// A set of recordings of touch, and networks over events.

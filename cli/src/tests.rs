@@ -60,6 +60,7 @@ const HEADINGS: &[(&str, &[&str])] = &[
             "capacity",
             "compare",
             "compare-weights",
+            "compare-map",
             "ignore-preparation",
             "trainings",
             "folds",
@@ -313,9 +314,9 @@ fn eval_pareto_and_prepare_know_every_task() {
         names.iter().any(|name| name.starts_with(command) && name.ends_with(task))
     };
     for task in TaskName::ALL {
-        // Both tasks of a skin are one subcommand; pictures need no preparation.
+        // The tasks of skins are one subcommand; pictures need no preparation.
         let (word, prepared) = match task {
-            TaskName::Objects | TaskName::Containers => ("touch", Some("touch")),
+            TaskName::Objects | TaskName::Containers | TaskName::Letters => ("touch", Some("touch")),
             TaskName::Digits | TaskName::Slip => (task.name(), Some(task.name())),
             TaskName::Angle | TaskName::Force => (task.name(), Some("graphs")),
             TaskName::Area => (task.name(), None),

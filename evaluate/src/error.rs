@@ -86,6 +86,9 @@ pub enum EvaluateError {
 #[expect(missing_docs, reason = "the parts have the names of their options")]
 pub enum RequestPart {
     Data,
+    Events,
+    Folder,
+    Pictures,
     Recording,
     Networks,
     Trainings,
@@ -143,6 +146,9 @@ pub enum StreamsError {
     /// The metadata have units in another form.
     #[error("metadata units: expected JSON {{NAME: unit}}, found {0}")]
     Units(String),
+    /// The metadata have no list of names, or one of another length.
+    #[error("metadata {key}: expected a JSON list of {expected}, found {found}")]
+    Names { key: String, expected: String, found: String },
     /// A bound of a stream or an event is impossible.
     #[error("{list} {index}: expected {expected}, found {found}")]
     Value { list: String, index: usize, expected: String, found: String },

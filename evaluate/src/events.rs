@@ -11,7 +11,7 @@ use meissner_engine::{Admission, Event, LatePolicy, Sensor};
 use meissner_io::IoError;
 use meissner_io::datasets::{Dataset, EventDataset, EventRecording, NeutouchSet, Split};
 use meissner_models::Description;
-use meissner_models::systems::{check_outputs, digits, touch};
+use meissner_models::systems::{check_outputs, digits, letters, touch};
 use meissner_run::losses::{InputLosses, LossWarning};
 use meissner_run::model::describe;
 use meissner_run::text::grouped;
@@ -20,6 +20,9 @@ use crate::error::{EvaluateError, Result, TrainingError};
 use crate::trainings::{HeldOut, Metadata, Task, Training};
 use crate::trials::{Cases, Trial};
 pub use judge::{DataReport, Judged, Options, OverTime, Protocols, Report, evaluate};
+
+/// [`EventSet::since`] of recordings without an instant of contact.
+const FIRST_EVENT: &str = "the first event";
 
 /// A task on labelled recordings of events.
 pub trait EventTask: Sync {
@@ -60,6 +63,8 @@ pub struct EventSet {
     pub classes: &'static [&'static str],
     /// Beginning of the names of the shipped networks.
     pub prefix: &'static str,
+    /// From when on the age of a recording counts.
+    pub since: &'static str,
 }
 
 impl<T: EventTask> Task for T {
@@ -106,6 +111,7 @@ impl EventTask for Digits {
         sensor: digits::SENSOR,
         classes: &digits::CLASSES,
         prefix: "digits-",
+        since: FIRST_EVENT,
     };
 
     fn trained_as(network: &str) -> &str {
@@ -129,6 +135,7 @@ impl EventTask for TouchObjects {
         sensor: touch::SENSOR,
         classes: &touch::OBJECTS,
         prefix: "touch-objects",
+        since: FIRST_EVENT,
     };
 
     fn recordings(folder: &Path) -> Result<EventDataset, IoError> {
@@ -154,6 +161,26 @@ impl EventTask for TouchContainers {
     }
 }
 
+/// Letters of braille, felt by a tactile skin (`NUSkin`).
+#[derive(Clone, Copy, Debug)]
+pub struct TouchLetters;
+
+impl EventTask for TouchLetters {
+    const SET: EventSet = EventSet {
+        task: "touch letters",
+        command: "eval touch letters",
+        name: "NUSkin",
+        sensor: letters::SENSOR,
+        classes: &letters::CLASSES,
+        prefix: "touch-letters",
+        since: "contact",
+    };
+
+    fn recordings(folder: &Path) -> Result<EventDataset, IoError> {
+        EventDataset::letters(folder, &letters::CLASSES)
+    }
+}
+
 /// The recordings of a data set.
 #[derive(Clone, Debug)]
 pub struct EventData {
@@ -175,7 +202,9 @@ impl EventData {
     ) -> Self {
         let late: u64 = recordings.iter().map(|recording| late(&recording.events)).sum();
         let late = (late > 0).then(|| format!("{} events are earlier than one before them", grouped(late)));
-        let notes = late.into_iter().chain(passed_over_note(passed_over)).collect();
+        let silent = recordings.iter().filter(|recording| recording.events.is_empty()).count();
+        let silent = (silent > 0).then(|| format!("{} recordings have no events", grouped(silent as u64)));
+        let notes = late.into_iter().chain(silent).chain(passed_over_note(passed_over)).collect();
         Self { set, folder: folder.to_owned(), recordings, notes }
     }
 
@@ -192,14 +221,14 @@ impl EventData {
         self.recordings.iter().map(|recording| recording.events.len() as u64).sum()
     }
 
-    /// The multiples of `every_us` since the first event, up to the end of the longest recording.
+    /// The multiples of `every_us` since the begin, up to the end of the longest recording.
     pub(crate) fn times(&self, every_us: i64) -> Vec<i64> {
-        let length = |events: &[Event]| {
-            let (first, last) = (events.first(), events.iter().map(|event| event.t_us).max());
-            last.zip(first).map_or(0, |(last, first)| last - first.t_us)
+        let length = |recording: &EventRecording| {
+            let last = recording.events.iter().map(|event| event.t_us).max();
+            last.map_or(0, |last| last - recording.begin_us())
         };
-        let longest = self.recordings.iter().map(|recording| length(&recording.events)).max().unwrap_or(0);
-        // Times of a recording span 23 bits.
+        let longest = self.recordings.iter().map(length).max().unwrap_or(0).max(0);
+        // Readers bound the length: of a press by minutes, of others by 23 bits.
         let count = (longest + every_us - 1) / every_us;
         (1..=count.max(1)).map(|i| i * every_us).collect()
     }

@@ -196,7 +196,7 @@ fn heads(
 ) -> Result<(HeldOut, Fewer, Dense)> {
     let dependent = || {
         let found = "readouts that rounding makes dependent on each other".to_owned();
-        EvaluateError::request(RequestPart::Data, "readouts of which a head can be fitted", found)
+        EvaluateError::request(RequestPart::Folder, "readouts of which a head can be fitted", found)
     };
     let (basis, coordinates) = Basis::new(design, options.seed).ok_or_else(dependent)?;
     let features = Features::new(coordinates, design.weights, options.seed);

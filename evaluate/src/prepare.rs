@@ -126,6 +126,11 @@ pub fn labelled_events(data: &EventData, folds: usize) -> Result<Prepared> {
     ] {
         file.i64(name, &[values.len()], &values);
     }
+    let contacts = recordings.iter().map(|recording| recording.contact);
+    if let Some(contacts) = contacts.collect::<Option<Vec<_>>>() {
+        let stamps = contacts.iter().flat_map(|of| [of.begin_us, of.held_us, of.lifted_us]);
+        file.i64("stamps_us", &[contacts.len(), 3], &stamps.collect::<Vec<_>>());
+    }
     let contents = format!(
         "{} events of {} recordings, {} for training, in {folds} folds",
         grouped(data.events()),

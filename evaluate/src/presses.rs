@@ -18,17 +18,21 @@
 //! writes; where the clock restarts with each recording, each has its own.
 //!
 //! Recordings are read one after the other. The folder's events are never in memory together.
+//!
+//! Or enters: a file of presses with their labels, as `prepare` and `simulate markers` write it.
 
 mod clock;
 mod join;
 mod names;
 mod odd;
 mod offset;
+mod prepared;
 mod scan;
 mod summary;
 
 use std::ops::Range;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use meissner_engine::{Event, Sensor};
 use meissner_io::datasets::Dataset;
@@ -37,6 +41,7 @@ use meissner_run::RunError;
 use meissner_run::text::grouped;
 
 use crate::error::{EvaluateError, RequestPart, Result};
+use crate::streams::Streams;
 pub use clock::{ClockFit, Drift};
 use clock::{Shifts, fit, motion};
 pub use join::Row;
@@ -108,9 +113,9 @@ impl Label {
 /// Recordings of presses with labels.
 #[derive(Clone, Debug)]
 pub struct Presses {
-    /// The folder.
+    /// The folder, or the file of presses.
     pub folder: PathBuf,
-    /// The table of labels.
+    /// The table of labels, or the file of presses.
     pub table: PathBuf,
     /// All recordings that can be read, in natural order of their names; also those without events
     /// or labels.
@@ -125,19 +130,26 @@ pub struct Presses {
     pub offset: Offset,
     /// How motion and events agree, where the table has poses along time.
     pub clock: Option<ClockFit>,
+    /// Presses of the split test of a file, whose labels are left out.
+    pub kept_back: usize,
     ranges: Vec<Range<usize>>,
     options: Options,
+    /// The events, where they come from a file of presses.
+    streams: Option<Arc<Streams>>,
 }
 
 impl Presses {
-    /// Reads the presses in `folder` and in its folders. O(bytes of the recordings), and of poses
+    /// Reads the presses in `folder` and in its folders, or those in this file. O(bytes of the recordings), and of poses
     /// the comparison of clocks; memory for the largest recording, the table, and 16 bytes for each
-    /// millisecond with events.
+    /// millisecond with events. The events of a file of presses are all held in memory.
     ///
     /// # Errors
     /// The folder or the table is missing or cannot be read, there is no recording, recordings of
     /// restarting clocks cannot be told apart, or no label is of any press.
     pub fn read(folder: &Path, options: &Options) -> Result<Self> {
+        if folder.is_file() {
+            return prepared::read(folder, options);
+        }
         let table_path = options.labels.clone().unwrap_or_else(|| folder.join(LABELS));
         let table = read_table(&table_path, options.labels.is_some())?;
         let mut odd = Odd::default();
@@ -166,7 +178,20 @@ impl Presses {
         let labels = table.labels.iter().map(Label::of).collect();
         let (offset, odd) = (offsets.offset, odd.list());
         let (folder, table, options) = (folder.to_owned(), table_path, options.clone());
-        Ok(Self { folder, table, recordings, labels, rows, odd, offset, clock, ranges, options })
+        Ok(Self {
+            folder,
+            table,
+            recordings,
+            labels,
+            rows,
+            odd,
+            offset,
+            clock,
+            kept_back: 0,
+            ranges,
+            options,
+            streams: None,
+        })
     }
 
     /// The labelled instants of a press, by time; none where it has no label.
@@ -222,16 +247,17 @@ impl Presses {
         for press in self.labelled() {
             let recording = &self.recordings[press];
             let Some(sensor) = recording.sensor else {
-                let (format, recording) = (recording.format.to_string(), recording.name.clone());
+                let format = recording.format.map_or_else(String::new, |format| format.to_string());
+                let recording = recording.name.clone();
                 return Err(RunError::NoGeometry { recording, format }.into());
             };
             if let Some(other) = found.filter(|other| *other != sensor) {
                 let found = format!("{other} and {sensor}");
-                return Err(EvaluateError::request(RequestPart::Data, "recordings of one sensor", found));
+                return Err(EvaluateError::request(RequestPart::Folder, "recordings of one sensor", found));
             }
             found = Some(sensor);
         }
-        found.ok_or_else(|| EvaluateError::request(RequestPart::Data, "labelled presses", "none"))
+        found.ok_or_else(|| EvaluateError::request(RequestPart::Folder, "labelled presses", "none"))
     }
 
     /// Reads the events of a press: those on the sensor, in order of time. Events that are earlier
@@ -243,6 +269,9 @@ impl Presses {
     /// # Panics
     /// Where there is no such recording.
     pub fn events(&self, press: usize) -> Result<Vec<Event>> {
+        if let Some(streams) = &self.streams {
+            return Ok(streams.part(press).to_vec());
+        }
         let path = &self.recordings[press].path;
         let (recording, _, _) = load(path, self.options.read)
             .map_err(|error| RunError::recording(&path.display().to_string(), error))?;

@@ -17,6 +17,7 @@ use safetensors::tensor::{Dtype, SafeTensors, TensorView};
 use crate::error::{EvaluateError, Result, StreamsError};
 
 /// Events, stream after stream.
+#[derive(Clone, Debug)]
 pub struct Streams {
     pub(crate) sensor: Sensor,
     events: Vec<Event>,
@@ -57,7 +58,7 @@ impl Streams {
         })
     }
 
-    fn parsed<T>(path: &Path, parse: impl Fn(&[u8]) -> Result<T, StreamsError>) -> Result<T> {
+    pub(crate) fn parsed<T>(path: &Path, parse: impl Fn(&[u8]) -> Result<T, StreamsError>) -> Result<T> {
         let bytes = meissner_io::read_whole(path).map_err(RunError::File)?;
         parse(&bytes).map_err(|source| EvaluateError::Streams { path: path.to_owned(), source })
     }
@@ -127,7 +128,15 @@ impl Streams {
 
     /// The events of each stream.
     pub fn parts(&self) -> Vec<&[Event]> {
-        self.start.windows(2).map(|bounds| &self.events[bounds[0]..bounds[1]]).collect()
+        (1..self.start.len()).map(|next| self.part(next - 1)).collect()
+    }
+
+    /// The events of a stream.
+    ///
+    /// # Panics
+    /// Where there is no such stream.
+    pub fn part(&self, stream: usize) -> &[Event] {
+        &self.events[self.start[stream]..self.start[stream + 1]]
     }
 
     /// Contact and end of a stream with labels, see [`Truth::contact_and_end_us`]; else the times

@@ -14,7 +14,7 @@ use meissner_run::model::{WeightsFile, labelled, weights};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 
-use crate::error::{EvaluateError, Result, TrainingError, weights_error};
+use crate::error::{EvaluateError, RequestPart, Result, TrainingError, weights_error};
 
 /// How a cross-validation splits a data set.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
@@ -131,6 +131,10 @@ pub(crate) fn candidates<T: Task>(request: Request<'_>) -> Result<Candidates<T>>
 fn descriptions<T: Task>(names: &[String]) -> Result<Vec<(T::Description, bool)>> {
     let shipped = AnyDescription::shipped_names().filter(|name| name.starts_with(T::PREFIX));
     let names = if names.is_empty() { shipped.map(str::to_owned).collect() } else { names.to_vec() };
+    if names.is_empty() {
+        let expected = "a description file, as no shipped network is for the task";
+        return Err(EvaluateError::request(RequestPart::Networks, expected, "none"));
+    }
     let mut descriptions: Vec<(T::Description, bool)> = Vec::new();
     for name in &names {
         let (description, shipped) = T::describe(name)?;
@@ -324,6 +328,8 @@ pub enum TaskName {
     Objects,
     /// Containers under a tactile skin.
     Containers,
+    /// Letters of braille under a tactile skin.
+    Letters,
     /// Direction of slip.
     Slip,
     /// Angles of a contact, and other quantities of presses.
@@ -336,8 +342,16 @@ pub enum TaskName {
 
 impl TaskName {
     /// All tasks.
-    pub const ALL: [Self; 7] =
-        [Self::Digits, Self::Objects, Self::Containers, Self::Slip, Self::Angle, Self::Area, Self::Force];
+    pub const ALL: [Self; 8] = [
+        Self::Digits,
+        Self::Objects,
+        Self::Containers,
+        Self::Letters,
+        Self::Slip,
+        Self::Angle,
+        Self::Area,
+        Self::Force,
+    ];
 
     /// Its name, one word.
     pub fn name(self) -> &'static str {
@@ -345,6 +359,7 @@ impl TaskName {
             Self::Digits => "digits",
             Self::Objects => "objects",
             Self::Containers => "containers",
+            Self::Letters => "letters",
             Self::Slip => "slip",
             Self::Angle => "angle",
             Self::Area => "area",

@@ -84,6 +84,24 @@ pub mod touch {
     pub const SENSOR: Sensor = Sensor { width: 241, height: 357 };
 }
 
+pub mod letters {
+    //! Letters of braille under an event skin with 8 x 10 taxels (`NUSkin`): 27 classes.
+    //!
+    //! - [`CLASSES`]: a blank and the letters, in the order of a network's outputs.
+    //! - [`SENSOR`]: a pixel for each taxel.
+
+    use meissner_engine::Sensor;
+
+    /// Names of the letters, in the order of their indices.
+    pub const CLASSES: [&str; 27] = [
+        "space", "A", "B", "C", "D", "E", "F", "G", "H", "I", "J", "K", "L", "M", "N", "O", "P", "Q", "R",
+        "S", "T", "U", "V", "W", "X", "Y", "Z",
+    ];
+
+    /// The sensor of all recordings.
+    pub const SENSOR: Sensor = Sensor { width: 10, height: 8 };
+}
+
 #[cfg(test)]
 mod tests {
     mod contact;

@@ -9,7 +9,7 @@ use meissner::io::datasets::{
 };
 use meissner::models;
 use meissner_evaluate::streams::Streams;
-use models::systems::{digits, slip, touch};
+use models::systems::{digits, letters, slip, touch};
 use numpy::PyArray1;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -80,6 +80,12 @@ impl Recordings {
             }
             "objects" => neutouch(NeutouchSet::Objects, &touch::OBJECTS),
             "containers" => neutouch(NeutouchSet::Containers, &touch::CONTAINERS),
+            "letters" => {
+                let Set { recordings, passed_over } =
+                    py.detach(|| EventDataset::letters(&path, &letters::CLASSES))?;
+                let (classes, sensor) = (names(&letters::CLASSES), Some(sides(letters::SENSOR)));
+                Ok(Self { parts: Parts::Read(recordings), classes, sensor, passed_over })
+            }
             "slip" => {
                 let Set { recordings, passed_over } = py.detach(|| Set::slip_files(&path, &slip::CLASSES))?;
                 let classes = names(&slip::CLASSES);
@@ -113,7 +119,14 @@ impl Recordings {
         let more = PyDict::new(py);
         let data = match &self.parts {
             Parts::Files(files) => to_array(py, &py.detach(|| files[i].read())?.events)?,
-            Parts::Read(recordings) => to_array(py, &recordings[i].events)?,
+            Parts::Read(recordings) => {
+                if let Some(contact) = recordings[i].contact {
+                    more.set_item("contact_us", contact.begin_us)?;
+                    more.set_item("held_us", contact.held_us)?;
+                    more.set_item("lifted_us", contact.lifted_us)?;
+                }
+                to_array(py, &recordings[i].events)?
+            }
             Parts::Slips(files) => {
                 let recording = py.detach(|| files[i].read(BadRows::Refuse))?;
                 more.set_item("object", recording.object)?;

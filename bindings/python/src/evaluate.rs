@@ -9,7 +9,7 @@ use meissner::frames::FrameOptions;
 use meissner::io::ReadOptions;
 use meissner_evaluate::events::Digits;
 use meissner_evaluate::events::{self, EventTask};
-use meissner_evaluate::events::{TouchContainers, TouchObjects};
+use meissner_evaluate::events::{TouchContainers, TouchLetters, TouchObjects};
 use meissner_evaluate::pareto::{self, AngleOptions, Progress, State, Study};
 use meissner_evaluate::trainings::{Evaluation, Request};
 use meissner_evaluate::{EvaluateError, ProgressHandle, TaskName, Workers, area, force, regression, slip};
@@ -126,6 +126,9 @@ pub(crate) fn judge<'py>(
         TaskName::Containers => {
             run(&|| events::evaluate::<TouchContainers>(&data, &options, &workers, done).map(judged))
         }
+        TaskName::Letters => {
+            run(&|| events::evaluate::<TouchLetters>(&data, &options, &workers, done).map(judged))
+        }
         TaskName::Slip => run(&|| slip::evaluate(&data, request, &workers, done).map(judged)),
         TaskName::Angle => {
             let options = regression::Options { request, stride, every_us, mode, embeds: false };
@@ -182,6 +185,7 @@ pub(crate) fn measure(
             TaskName::Digits => run(of_recordings::<Digits>(&data, &asked, &options, &workers)?),
             TaskName::Objects => run(of_recordings::<TouchObjects>(&data, &asked, &options, &workers)?),
             TaskName::Containers => run(of_recordings::<TouchContainers>(&data, &asked, &options, &workers)?),
+            TaskName::Letters => run(of_recordings::<TouchLetters>(&data, &asked, &options, &workers)?),
             TaskName::Slip => run(pareto::slip(&data, asked.request(), &options, &workers)?),
             TaskName::Area => {
                 let files = std::slice::from_ref(&data);

@@ -9,9 +9,8 @@ use std::path::Path;
 use clap::Arg;
 use meissner_evaluate::events::Digits;
 use meissner_evaluate::events::{EventTask, Judged, Options, Report, evaluate};
-use meissner_evaluate::events::{TouchContainers, TouchObjects};
+use meissner_evaluate::events::{TouchContainers, TouchLetters, TouchObjects};
 use meissner_evaluate::judge::TrainingFigures;
-use meissner_io::datasets::NeutouchSet;
 use meissner_plot::{AccuracyCurve, Curves, Panel, page};
 use meissner_run::text::grouped;
 
@@ -20,7 +19,7 @@ use super::{
     write,
 };
 use crate::error::CliError;
-use crate::tasks::{DigitsTask, EventNetworks, TouchData, TouchTask};
+use crate::tasks::{DigitsTask, EventNetworks, TouchData, TouchSet, TouchTask};
 use crate::text::{Table, cell, columns, file_name, interval, percent};
 
 /// Largest number of rows of the table of accuracies against time. JSON has all times.
@@ -73,7 +72,8 @@ fn table(out: &mut dyn Write, report: &Report) -> io::Result<()> {
         grouped(data.events)
     )?;
     let every = milliseconds(report.every_us);
-    writeln!(out, "predictions  {}, every {every} ms and at the end of a recording", report.mode)?;
+    let (mode, since) = (report.mode, report.since);
+    writeln!(out, "predictions  {mode}, every {every} ms since {since}, and at the end of a recording")?;
     networks(out, &report.networks, &data.notes)?;
     let judged = judged(report);
     accuracies(out, &judged)?;
@@ -171,7 +171,7 @@ fn row(report: &Report, protocol: usize) -> Option<Vec<Panel<'static>>> {
     let curves = Panel::Curves(Curves {
         title: format!("Accuracy against time, {protocol_name}"),
         about: "bands: 95 % intervals; after the end of a recording its last prediction stands".to_owned(),
-        time_title: "time since the first event (ms)".to_owned(),
+        time_title: format!("time since {} (ms)", report.since),
         times: report.times_us.iter().map(|&t_us| t_us as f64 / 1000.0).collect(),
         chance: 1.0 / report.classes.len() as f64,
         curves,
@@ -225,11 +225,13 @@ impl DigitsArgs {
 
 /// At the end of the long help.
 const TOUCH: &str = "\
-`meissner eval digits --help` explains how it judges, the trainings and the JSON: they are the same. An event of a recording is a spike of a taxel. Its pixel is the place of the taxel in steps of 0.05 mm, and its time is the beginning of its bin of 20 ms.
+`meissner eval digits --help` explains how it judges, the trainings and the JSON: they are the same. An event of an object or a container is a spike of a taxel. Its pixel is the place of the taxel in steps of 0.05 mm, and its time is the beginning of its bin of 20 ms.
+  An event of a letter is a reading of a taxel that differs from the one before it: on where the pressure rises. Its pixel is the taxel's column and row. Readings reach the host in batches every 15.7 ms, in which only their order is true: their times are spread over the batch. A recording has what happens from 0.2 s before contact (0.2 N) to 0.2 s after the lift. Times count from contact, so that accuracies are those since contact. A press without events counts as well.
 
 Examples:
   meissner eval touch objects neutouch/ --every 100ms
-  meissner eval touch containers neutouch/ --trainings runs/ --folds 5 --svg a.svg";
+  meissner eval touch containers neutouch/ --trainings runs/ --folds 5 --svg a.svg
+  meissner eval touch letters braille/ --network own.toml --weights own.safetensors";
 
 /// `meissner eval touch`.
 #[derive(Debug, clap::Args)]
@@ -245,11 +247,14 @@ impl TouchArgs {
     pub(super) fn eval(&self) -> Result<(), CliError> {
         let TouchTask { data: TouchData { set, data }, networks } = &self.task;
         match set {
-            NeutouchSet::Objects => {
+            TouchSet::Objects => {
                 self.judge.eval::<TouchObjects>(data, networks, "Objects by touch, event by event")
             }
-            NeutouchSet::Containers => {
+            TouchSet::Containers => {
                 self.judge.eval::<TouchContainers>(data, networks, "Containers by touch, event by event")
+            }
+            TouchSet::Letters => {
+                self.judge.eval::<TouchLetters>(data, networks, "Letters of braille by touch, event by event")
             }
         }
     }

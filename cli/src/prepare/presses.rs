@@ -60,6 +60,9 @@ Examples:
 #[derive(Debug, clap::Args)]
 pub(crate) struct PressInput {
     /// Folder of recordings, each of one press, also in folders in it.
+    ///
+    /// Or a file of presses (safetensors) with labels, as `meissner prepare` and `simulate markers`
+    /// write it. Presses of its split test are left out.
     #[arg(value_name = "FOLDER")]
     folder: PathBuf,
     /// Table of labels (CSV) [default: labels.csv in the folder].

@@ -77,7 +77,7 @@ impl Set {
             .map_err(|source| EvaluateError::Streams { path: path.to_owned(), source })?;
         if set.pictures() == 0 {
             let found = format!("{}: none", path.display());
-            return Err(EvaluateError::request(RequestPart::Data, "pictures", found));
+            return Err(EvaluateError::request(RequestPart::Pictures, "pictures", found));
         }
         Ok(set)
     }
@@ -93,7 +93,7 @@ impl Set {
         let shown = |size: ImageSize| format!("{} x {} pixels", size.width, size.height);
         let expected = format!("pictures of {}, for {network}", shown(size));
         Err(EvaluateError::request(
-            RequestPart::Data,
+            RequestPart::Pictures,
             expected,
             format!("{}: {}", self.name, shown(self.size)),
         ))

@@ -10,8 +10,8 @@ use std::path::Path;
 use std::sync::Arc;
 use std::time::Duration;
 
-use meissner_engine::{EngineError, Event};
-use meissner_io::datasets::Split;
+use meissner_engine::EngineError;
+use meissner_io::datasets::{EventRecording, Split};
 use meissner_models::{Description, ModelError, TensorFile};
 use meissner_run::approximations::Approximations;
 use meissner_run::losses::LossWarning;
@@ -54,8 +54,10 @@ pub struct Report {
     pub mode: &'static str,
     /// Microseconds from one prediction to the next.
     pub every_us: i64,
-    /// Times of predictions from a recording's first event on, up to the end of the longest.
+    /// Times of predictions since the begin of a recording, up to the end of the longest.
     pub times_us: Vec<i64>,
+    /// The begin of a recording: "the first event" or "contact".
+    pub since: &'static str,
     pub networks: Vec<NetworkReport<Protocols>>,
 }
 
@@ -159,6 +161,7 @@ pub fn evaluate<T: EventTask>(
         mode: options.mode.word(),
         every_us: options.every_us,
         times_us,
+        since: data.set.since,
         networks,
     }))
 }
@@ -176,7 +179,7 @@ pub(super) struct Outcome {
     /// The class at each time before the end, and the class at the end.
     pub(super) answers: Vec<usize>,
     pub(super) logits: Vec<f32>,
-    /// Time of the newest event since the first one.
+    /// Time of the newest event since the begin.
     pub(super) end_us: i64,
 }
 
@@ -206,7 +209,7 @@ impl<T: EventTask> Judge for OfEvents<'_, T> {
     }
 
     fn outcome(&self, &stride: &usize, predictor: &mut EventPredictor, case: usize) -> Result<Outcome> {
-        Ok(outcome(predictor, &self.data.recordings[case].events, stride, self.options.every_us)?)
+        Ok(outcome(predictor, &self.data.recordings[case], stride, self.options.every_us)?)
     }
 
     fn figures(&self, _: &usize, mut judged: JudgedTrial<'_, Outcome>) -> Option<OverTime> {
@@ -231,18 +234,18 @@ impl<T: EventTask> Judge for OfEvents<'_, T> {
     }
 }
 
-/// Pushes every `stride`-th of `events`, and reads a prediction every `every_us` and at the end.
+/// Pushes every `stride`-th event, and reads a prediction every `every_us` and at the end.
 fn outcome(
     predictor: &mut EventPredictor,
-    events: &[Event],
+    recording: &EventRecording,
     stride: usize,
     every_us: i64,
 ) -> Result<Outcome, EngineError> {
     predictor.reset();
-    let epoch_us = events.first().map_or(0, |event| event.t_us);
+    let epoch_us = recording.begin_us();
     let (mut due_us, mut end_us) = (every_us, 0);
     let mut answers = Vec::new();
-    for &event in events.iter().step_by(stride) {
+    for &event in recording.events.iter().step_by(stride) {
         let t_us = event.t_us - epoch_us;
         // An event at the due time belongs to its window.
         while due_us < t_us {

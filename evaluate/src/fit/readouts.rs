@@ -63,7 +63,7 @@ impl Readouts {
                 if let Some(odd) = own.iter().find(|value| !value.is_finite()) {
                     let name = &of.0.recordings[of.1.presses[press]].name;
                     let found = format!("{odd} of {name}");
-                    return Err(EvaluateError::request(RequestPart::Data, "finite readouts", found));
+                    return Err(EvaluateError::request(RequestPart::Folder, "finite readouts", found));
                 }
                 values.extend(own);
                 windows.extend(window);
@@ -105,7 +105,11 @@ fn at_instants<T: Send>(
         let named = |error: EngineError| -> EvaluateError {
             let EngineError::NotANumber { layer, .. } = error else { return RunError::Engine(error).into() };
             let found = format!("NaN in layer {layer} for {}", presses.recordings[recording].name);
-            EvaluateError::request(RequestPart::Data, "presses of which the network computes numbers", found)
+            EvaluateError::request(
+                RequestPart::Folder,
+                "presses of which the network computes numbers",
+                found,
+            )
         };
         let [first, end] =
             [press, press + 1].map(|press| samples.instants.partition_point(|instant| instant.press < press));

@@ -112,6 +112,8 @@ impl Inputs<'_> {
         let instants = &samples.instants;
         let folder = presses.folder.display().to_string();
         let [events, on] = self.readouts.events;
+        let kept_back = (presses.kept_back > 0)
+            .then(|| format!("{} presses of the split test are left out", grouped(presses.kept_back as u64)));
         let (outputs, scatter): (Vec<_>, Vec<_>) = match target {
             Target::Quantities(each) => (0..each.len()).map(|output| self.quantity(output)).unzip(),
             Target::Classes { names, .. } => (vec![self.classes(names)], Vec::new()),
@@ -138,7 +140,7 @@ impl Inputs<'_> {
                 presses: samples.presses.len(),
                 events,
                 instants: instants.len(),
-                notes: samples.notes.clone(),
+                notes: kept_back.into_iter().chain(samples.notes.iter().cloned()).collect(),
             },
             base: BaseReport {
                 name: base.name.clone(),

@@ -253,7 +253,7 @@ impl Samples {
             let expected =
                 format!("at least {} presses with labels, two in each of {folds} folds", 2 * folds);
             let found = grouped(self.presses.len() as u64);
-            return Err(EvaluateError::request(RequestPart::Data, expected, found));
+            return Err(EvaluateError::request(RequestPart::Folder, expected, found));
         }
         match target {
             Target::Quantities(each) => {

@@ -49,8 +49,11 @@ pub(super) fn card(
     (target, samples, figures): (&Target, &Samples, &[OutputFigures]),
     options: &Options,
 ) -> BTreeMap<String, String> {
-    let folder = presses.folder.file_name();
+    let is_file = presses.folder.is_file();
+    let folder = if is_file { presses.folder.file_stem() } else { presses.folder.file_name() };
     let folder = folder.map_or_else(|| "presses".to_owned(), |name| name.to_string_lossy().into_owned());
+    // As evaluations of a set with a split expect it of weights that have not seen the test.
+    let trained_on = if presses.kept_back > 0 { "train".to_owned() } else { folder.clone() };
     let fitted_to = fingerprint(presses, samples);
     let presses = samples.presses.len();
     let strengths: Vec<f64> = figures.iter().map(|figure| figure.strength).collect();
@@ -74,7 +77,7 @@ pub(super) fn card(
     let mut card = BTreeMap::from([
         ("network", description.name().to_owned()),
         ("about", format!("{stays} of {}, head fitted to {presses} presses of {folder}", base.name)),
-        ("trained_on", folder),
+        ("trained_on", trained_on),
         ("presses", presses.to_string()),
         (FITTED_TO, fitted_to),
         ("seed", options.seed.to_string()),

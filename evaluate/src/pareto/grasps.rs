@@ -58,7 +58,7 @@ pub fn force<'a>(
     let all: Vec<usize> = (0..recordings.len()).collect();
     if all.iter().all(|&number| frames(number) < 1) {
         let expected = format!("recordings that last for a frame of {PERIOD_US} us");
-        return Err(EvaluateError::request(RequestPart::Data, expected, format!("{name}: none")));
+        return Err(EvaluateError::request(RequestPart::Events, expected, format!("{name}: none")));
     }
     let mut cases = Cases::default();
     all.iter().for_each(|number| cases.push(&number.to_string(), 1));

@@ -50,7 +50,7 @@ pub fn area<'a>(
     let presses: Vec<&Press> = all(&sets).collect();
     let filled: Vec<usize> = (0..presses.len()).filter(|&i| !presses[i].pictures.is_empty()).collect();
     if filled.is_empty() {
-        return Err(EvaluateError::request(RequestPart::Data, "pictures", "none"));
+        return Err(EvaluateError::request(RequestPart::Pictures, "pictures", "none"));
     }
     let follow = presses.iter().any(|press| press.pictures.len() > 1);
     if !follow {

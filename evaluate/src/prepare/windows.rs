@@ -48,7 +48,7 @@ pub fn training_windows(
         let own = *sensor.get_or_insert(streams.sensor);
         if own != streams.sensor {
             let found = format!("{} in {}", streams.sensor, file.display());
-            return Err(EvaluateError::request(RequestPart::Data, format!("streams of {own}"), found));
+            return Err(EvaluateError::request(RequestPart::Events, format!("streams of {own}"), found));
         }
         let times: Vec<Vec<i64>> = (0..streams.parts().len())
             .map(|stream| {
@@ -80,7 +80,7 @@ pub fn training_windows(
     }
     let described = TrainingWindows::of(&windows).ok_or_else(|| {
         let found = format!("{} windows with events", windows.len());
-        EvaluateError::request(RequestPart::Data, "streams of at least 20 windows with events", found)
+        EvaluateError::request(RequestPart::Events, "streams of at least 20 windows with events", found)
     })?;
     let mut metadata = weights.metadata().clone();
     metadata.insert("training_windows".to_owned(), windows_text(&described));

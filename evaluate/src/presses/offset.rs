@@ -114,7 +114,7 @@ impl Offsets {
                     format!("recordings of one clock, or {RECORDINGS} with the time at which each began");
                 let found =
                     format!("{} that overlap in time, such as {before} and {after}", overlaps.len() + 1);
-                return Err(EvaluateError::request(RequestPart::Data, expected, found));
+                return Err(EvaluateError::request(RequestPart::Folder, expected, found));
             }
             odd.add_many(OddityKind::Overlap, overlaps.len() as u64, || {
                 format!("{after}, which begins during {before}")
@@ -138,7 +138,7 @@ fn read(path: &Path, names: &Names<'_>, each: &mut [Option<i64>]) -> Result<Vec<
         .filter(|label| label.unit.as_deref() == Some("us") && label.classes().is_empty());
     let (Some(listed), Some(LabelClock::Host), Some(first)) = (&table.recordings, table.clock, first) else {
         let expected = format!("{} with the columns recording, first_us and host_us", path.display());
-        return Err(EvaluateError::request(RequestPart::Data, expected, "others"));
+        return Err(EvaluateError::request(RequestPart::Folder, expected, "others"));
     };
     let mut points = Vec::new();
     for (row, name) in listed.iter().enumerate() {

@@ -8,7 +8,7 @@ use std::hash::{Hash, Hasher};
 use std::path::{Path, PathBuf};
 
 use fnv::FnvHasher;
-use meissner_engine::Sensor;
+use meissner_engine::{Event, Sensor};
 use meissner_io::datasets::{Dataset, PressFile};
 use meissner_io::{Format, IoError, ReadOptions, Recording, read_with};
 use meissner_run::RunError;
@@ -27,12 +27,12 @@ const QUIET: [&str; 13] =
 /// A recording, which is a press.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PressRecording {
-    /// Its place in the folder: "wood/press2.aedat4".
+    /// Its place in the folder: "wood/press2.aedat4"; its name in a file of presses.
     pub name: String,
     /// Its file.
     pub path: PathBuf,
-    /// Its format.
-    pub format: Format,
+    /// Its format; `None` in a file of presses.
+    pub format: Option<Format>,
     /// Its sensor, where it is known.
     pub sensor: Option<Sensor>,
     /// Its events on the sensor.
@@ -61,8 +61,12 @@ impl PressRecording {
         (duration > 0).then(|| self.events as f64 / (duration as f64 * 1e-6))
     }
 
-    fn of(file: &PressFile, sensor: Option<Sensor>, recording: &Recording) -> Self {
-        let events = &recording.events;
+    pub(super) fn of(
+        (name, path): (String, &Path),
+        format: Option<Format>,
+        sensor: Option<Sensor>,
+        events: &[Event],
+    ) -> Self {
         let first_us = events.iter().map(|event| event.t_us).min().unwrap_or(0);
         let last_us = events.iter().map(|event| event.t_us).max().unwrap_or(0);
         let begin = events.first().map_or(0, |event| event.t_us);
@@ -75,9 +79,9 @@ impl PressRecording {
             *rate.entry(event.t_us.div_euclid(RATE_US).saturating_mul(RATE_US)).or_default() += 1;
         }
         Self {
-            name: file.name.clone(),
-            path: file.path.clone(),
-            format: recording.format,
+            name,
+            path: path.to_owned(),
+            format,
             sensor,
             events: events.len() as u64,
             first_us,
@@ -138,7 +142,8 @@ pub(super) fn scan(
                 || format!("in {}: {}", file.name, left_out.first.first().map_or("", String::as_str));
             odd.add_many(OddityKind::LeftOut, left_out.count, example);
         }
-        recordings.push(PressRecording::of(file, sensor, &recording));
+        let (file, format) = ((file.name.clone(), file.path.as_path()), Some(recording.format));
+        recordings.push(PressRecording::of(file, format, sensor, &recording.events));
     }
     check(&recordings, odd);
     Ok((recordings, unreadable))
@@ -165,7 +170,7 @@ pub(super) fn median<T: Copy>(
 }
 
 /// What is odd about recordings beside each other.
-fn check(recordings: &[PressRecording], odd: &mut Odd) {
+pub(super) fn check(recordings: &[PressRecording], odd: &mut Odd) {
     let filled = || recordings.iter().filter(|recording| recording.events > 0);
     let usual = median(filled().map(|recording| recording.events).collect(), u64::cmp).unwrap_or(0);
     let rate = median(filled().filter_map(PressRecording::rate).collect(), f64::total_cmp);
@@ -207,5 +212,5 @@ pub(super) fn nothing(folder: &Path, odd: Odd) -> EvaluateError {
     let found = odd.list().iter().map(ToString::to_string).collect::<Vec<_>>().join("; ");
     let found = if found.is_empty() { "none".to_owned() } else { found };
     let expected = format!("recordings of events in {} or its folders", folder.display());
-    EvaluateError::request(RequestPart::Data, expected, found)
+    EvaluateError::request(RequestPart::Folder, expected, found)
 }

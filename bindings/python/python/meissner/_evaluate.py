@@ -112,9 +112,9 @@ def evaluate(
 ) -> Evaluation:
     """Judges networks on a labelled data set, as `meissner eval TASK` does.
 
-    - `task`, `data`: "digits" and a folder of N-MNIST; "objects" or "containers" and a folder of NeuTouch; "slip" and a folder of
-      the slip data set; "angle" and a safetensors file of presses; "area" and a file of pictures of a gel; "force" and a safetensors
-      file of grasps.
+    - `task`, `data`: "digits" and a folder of N-MNIST; "objects" or "containers" and a folder of NeuTouch; "letters" and a folder of
+      letters of braille; "slip" and a folder of the slip data set; "angle" and a safetensors file of presses; "area" and a file of
+      pictures of a gel; "force" and a safetensors file of grasps.
     - `networks`: names of shipped networks or description files; none for every shipped one of the task ("tactigraph-past" for
       "angle").
     - `weights`, `trainings`, `folds`: a file of weights for the only network, or a folder of trainings and the number of folds of

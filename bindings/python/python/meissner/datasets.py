@@ -18,7 +18,7 @@ import numpy as np
 
 from ._meissner import _Recordings
 
-__all__ = ["Dataset", "Sample", "neutouch", "nmnist", "presses", "slip"]
+__all__ = ["Dataset", "Sample", "letters", "neutouch", "nmnist", "presses", "slip"]
 
 Path = str | os.PathLike[str]
 
@@ -29,7 +29,8 @@ class Sample:
 
     - `data`: a structured array of events (t in microseconds, x, y, p), or float32 (readings, 24) of electrodes.
     - `label`, `name`, `split`: index of the class, place in the data set, "train" or "test"; None where there is none.
-    - `more`: the object of a slip; of a press the labels along time, float32, and their times `t_us`, int64 in microseconds.
+    - `more`: the object of a slip; of a press the labels along time, float32, and their times `t_us`, int64 in microseconds; of a
+      letter the times `contact_us` (0.2 N), `held_us` (2.5 N) and `lifted_us`.
     """
 
     data: np.ndarray = field(repr=False)
@@ -114,6 +115,14 @@ def neutouch(folder: Path, which: str = "objects") -> Dataset:
     if which not in ("objects", "containers"):
         raise ValueError(f"which: expected 'objects' or 'containers', found {which!r}")
     return Dataset(_Recordings(which, folder))
+
+
+def letters(path: Path) -> Dataset:
+    """Presses on letters of braille under a skin of 10 x 8 taxels: `letters.npz` in the folder, or the path of such an archive.
+
+    Readings of a batch are spread over its time: only their order is true. The archive is read as a whole.
+    """
+    return Dataset(_Recordings("letters", path))
 
 
 def slip(folder: Path) -> Dataset:
