@@ -1,6 +1,7 @@
 """Data sets, evaluation and run time against error: the figures are those of engines that the test drives itself."""
 
 import io
+import json
 import os
 import sys
 
@@ -68,6 +69,63 @@ def presses(tmp_path_factory):
     }
     tensors(path, arrays, {"sensor": "[346, 260]"})
     return path, streams
+
+
+@pytest.fixture(scope="module")
+def letters(tmp_path_factory):
+    """Two presses of each letter of braille, on a taxel of its own; the second one is for the test."""
+    count = 2 * 27
+    letter, number = np.divmod(np.arange(count), 2)
+    press = np.repeat(np.arange(count), 6)
+    step = np.tile(np.arange(6), count)
+    arrays = {
+        "t_us": 1_000_000 + 50_000 * step,
+        "taxel": (letter[press] + 1).astype("u1"),
+        "adc": (1000 - 10 * step).astype("u2"),
+        "start": 6 * np.arange(count + 1),
+        "letter": letter,
+        "number": number,
+        "stamps_us": np.tile([1_010_000, 1_150_000, 1_200_000], (count, 1)),
+        "test": number == 1,
+        "place": np.stack([(np.arange(81) + 9) % 10, (np.arange(81) + 9) // 10 - 1], axis=1).astype("i2"),
+        "letters": np.array(list(" ABCDEFGHIJKLMNOPQRSTUVWXYZ")),
+    }
+    folder = tmp_path_factory.mktemp("braille")
+    np.savez_compressed(folder / "letters.npz", **arrays)
+    return folder
+
+
+def test_letters_are_presses_with_their_times_of_contact(letters):
+    found = meissner.datasets.letters(letters)
+    assert (len(found), found.sensor, found.classes[:3]) == (54, (10, 8), ["space", "A", "B"])
+    assert list(found.of("test").labels) == list(range(27)) and list(found.passed_over) == []
+    sample = meissner.datasets.letters(letters / "letters.npz").of("train")[3]
+    assert (sample.name, sample.label, sample.split) == ("train/C/0", 3, "train")
+    assert sample.more == {"contact_us": 1_010_000, "held_us": 1_150_000, "lifted_us": 1_200_000}
+    # A batch ends when it arrives, so that its only reading keeps its time.
+    assert sample.events["t"].tolist() == [1_000_000 + 50_000 * step for step in range(6)]
+    assert set(zip(sample.events["x"].tolist(), sample.events["y"].tolist(), sample.events["p"].tolist())) == {(3, 0, 1)}
+    with pytest.raises(meissner.RecordingError, match="letters.npz"):
+        meissner.datasets.letters(letters / "none")
+
+
+def test_letters_are_judged_since_contact(letters, tmp_path):
+    classes = meissner.datasets.letters(letters).classes
+    path = tmp_path / "own.toml"
+    path.write_text(
+        '[network]\nname = "own"\nspan_us = 1000000\ncapacity = 64\n[graph]\nkind = "knn"\nk = 2\ncandidates = "past"\n'
+        'lifetime = "window"\nscale = 0.3\n[[layer]]\nname = "conv1"\nkind = "spline"\nchannels = 4\nkernel = 2\nroot = true\n'
+        '[[layer]]\nname = "grid"\nkind = "readout"\ngrid = [5, 4]\n[[layer]]\nname = "fc"\nkind = "dense"\noutputs = 27\n'
+        f"[output]\nclasses = {json.dumps(classes)}\n"
+    )
+    weights = tmp_path / "own.safetensors"
+    meissner.Weights.draw(path, 3).save(weights, {"trained_on": "train"})
+    evaluation = meissner.evaluate("letters", letters, networks=path, weights=weights, every_us=50_000)
+    assert evaluation.report["since"] == "contact"
+    # From contact, 10 ms after the first reading, to the last one after 240 ms.
+    assert evaluation.report["times_us"] == [50_000, 100_000, 150_000, 200_000, 250_000]
+    [record] = evaluation.records
+    assert record["recordings"] == 27
 
 
 def test_a_data_set_is_a_sequence_whose_recordings_are_read_one_by_one(digits):

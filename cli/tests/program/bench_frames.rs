@@ -218,6 +218,7 @@ fn what_does_not_go_together_is_refused_with_what_would() {
         (2, &["--compare", "event-frame-cnn", "--every", "100"], "--every"),
         (2, &["--compare", "event-frame-cnn", "--svg", "x.svg"], "--svg"),
         (2, &["--compare-weights", "x.safetensors"], "--compare"),
+        (2, &["--compare-map", "a=b"], "--compare-weights"),
         (2, &["--from", "1"], "--from"),
         (2, &["--for", "0s"], "--for"),
     ] {

@@ -241,18 +241,71 @@ pub(crate) fn archive(files: &[(impl AsRef<str>, Vec<u8>)]) -> Vec<u8> {
     bytes
 }
 
+/// Presses of each letter in [`letters_archive`].
+pub(crate) const NUMBERS: usize = 4;
+
+/// Presses on letters of braille (`letters.npz`): a letter has a taxel of its own, on which pressure
+/// rises for 0.3 s and falls when the skin is lifted; its last press is for the test.
+pub(crate) fn letters_archive() -> Vec<u8> {
+    let (mut t_us, mut taxel, mut adc, mut start) = (Vec::new(), Vec::new(), Vec::new(), vec![0_i64]);
+    for letter in 0..27 {
+        for number in 0..NUMBERS as i64 {
+            for step in 0..30_i64 {
+                // Batches of three readings, the last ones after the lift.
+                t_us.push(990_000 + step / 3 * 15_700 + if step < 24 { 0 } else { 400_000 });
+                taxel.push(if step % 3 == 2 { 60 + number } else { letter + 1 } as u8);
+                adc.push((if step < 24 { 1000 - 20 * step - number } else { 600 + 10 * step }) as u16);
+            }
+            start.push(t_us.len() as i64);
+        }
+    }
+    let presses = 27 * NUMBERS;
+    let of_letter: Vec<u8> = (0..presses).map(|press| (press / NUMBERS) as u8).collect();
+    let number: Vec<u8> = (0..presses).map(|press| (press % NUMBERS) as u8).collect();
+    let test: Vec<u8> = number.iter().map(|number| u8::from(usize::from(*number) + 1 == NUMBERS)).collect();
+    let stamps: Vec<i64> = (0..presses).flat_map(|_| [1_000_000, 1_200_000, 1_500_000]).collect();
+    let place: Vec<i16> = (0..81).flat_map(|taxel| [(taxel + 9) % 10, (taxel + 9) / 10 - 1]).collect();
+    let letters: Vec<u32> = std::iter::once(' ').chain('A'..='Z').map(u32::from).collect();
+    let list = |count: usize| format!("({count},)");
+    let readings = list(t_us.len());
+    let bytes = |values: &[i64]| values.iter().flat_map(|value| value.to_le_bytes()).collect::<Vec<_>>();
+    archive(&[
+        ("t_us.npy", npy("<i8", &readings, &bytes(&t_us))),
+        ("taxel.npy", npy("|u1", &readings, &taxel)),
+        (
+            "adc.npy",
+            npy("<u2", &readings, &adc.iter().flat_map(|value| value.to_le_bytes()).collect::<Vec<_>>()),
+        ),
+        ("start.npy", npy("<i8", &list(presses + 1), &bytes(&start))),
+        ("letter.npy", npy("|u1", &list(presses), &of_letter)),
+        ("number.npy", npy("|u1", &list(presses), &number)),
+        ("stamps_us.npy", npy("<i8", &format!("({presses}, 3)"), &bytes(&stamps))),
+        ("test.npy", npy("|b1", &list(presses), &test)),
+        (
+            "place.npy",
+            npy("<i2", "(81, 2)", &place.iter().flat_map(|at| at.to_le_bytes()).collect::<Vec<_>>()),
+        ),
+        (
+            "letters.npy",
+            npy("<U1", "(27,)", &letters.iter().flat_map(|code| code.to_le_bytes()).collect::<Vec<_>>()),
+        ),
+    ])
+}
+
 /// An array of four bins with spikes of the taxel in the first and in the last.
 fn array(taxel: usize) -> Vec<u8> {
-    let header = "{'descr': '<f4', 'fortran_order': False, 'shape': (39, 2, 4), }\n";
     let mut values = [0.0_f32; 39 * 2 * 4];
     for place in [0, 7] {
         values[taxel * 8 + place] = 1.0;
     }
-    let mut bytes = b"\x93NUMPY\x01\x00".to_vec();
-    bytes.extend((header.len() as u16).to_le_bytes());
-    bytes.extend(header.as_bytes());
-    bytes.extend(values.iter().flat_map(|value| value.to_le_bytes()));
-    bytes
+    npy("<f4", "(39, 2, 4)", &values.iter().flat_map(|value| value.to_le_bytes()).collect::<Vec<_>>())
+}
+
+/// An array of this type and shape with these bytes.
+fn npy(descr: &str, shape: &str, values: &[u8]) -> Vec<u8> {
+    let header = format!("{{'descr': '{descr}', 'fortran_order': False, 'shape': {shape}, }}\n");
+    let length = (header.len() as u16).to_le_bytes();
+    [&b"\x93NUMPY\x01\x00"[..], &length, header.as_bytes(), values].concat()
 }
 
 pub(crate) mod slip {

@@ -36,7 +36,7 @@ fn weights_are_told_what_the_windows_of_their_training_were_like() {
     assert!(meissner(&simulate).status.success());
     let prepare = ["prepare", "windows", argument(&events), "--network", "tactigraph-past", "--out"];
     let few = meissner(&[&prepare[..], &[argument(&known), "--ages", "3"]].concat());
-    fails(&few, 2, &["expected streams of at least 20 windows with events, found 8"]);
+    fails(&few, 2, &["EVENTS: expected streams of at least 20 windows with events, found 8"]);
     let output = meissner(&[&prepare[..], &[argument(&known), "--ages", "20", "--youngest", "0.5"]].concat());
     assert!(output.status.success(), "{}", message(&output));
     assert!(text(&output).contains("what 42 windows were like"), "{}", text(&output));

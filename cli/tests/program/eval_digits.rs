@@ -187,7 +187,7 @@ fn the_text_shows_figures_at_the_end_and_before() {
     let text = text(&output);
     for expected in [
         "31 recordings (20 train, 11 test)",
-        "incremental, every 10 ms and at the end",
+        "incremental, every 10 ms since the first event, and at the end",
         "1 events are earlier than one before them",
         "1 files are no recordings",
         "own, test split",

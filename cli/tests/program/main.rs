@@ -19,6 +19,7 @@ mod frames;
 mod frames_electrodes;
 mod frames_pictures;
 mod frames_video;
+mod letters;
 mod live;
 mod lost;
 mod mcap;

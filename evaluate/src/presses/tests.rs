@@ -4,6 +4,7 @@ mod clocks;
 mod hostile;
 mod joined;
 mod oddities;
+mod prepared;
 
 use std::fmt::Write;
 use std::fs;
