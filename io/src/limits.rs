@@ -54,7 +54,8 @@ pub const JPEG_SCANS: usize = 100;
 /// Times of presses by a robot are below this, in microseconds: 2^53, which is 285 years.
 pub const STAMP_US: i64 = 1 << 53;
 
-/// Longest press by a robot from one of its instants to the next, in microseconds: ten minutes.
+/// Longest time of a press by a robot from one of its instants to the next, and to its first and
+/// last event, in microseconds: ten minutes.
 ///
 /// Predictions are read along a whole press.
 pub const PRESS_US: i64 = 600_000_000;

@@ -104,7 +104,7 @@ def test_letters_are_presses_with_their_times_of_contact(letters):
     assert sample.more == {"contact_us": 1_010_000, "held_us": 1_150_000, "lifted_us": 1_200_000}
     # A batch ends when it arrives, so that its only reading keeps its time.
     assert sample.events["t"].tolist() == [1_000_000 + 50_000 * step for step in range(6)]
-    assert set(zip(sample.events["x"].tolist(), sample.events["y"].tolist(), sample.events["p"].tolist())) == {(3, 0, 1)}
+    assert set(zip(sample.events["x"].tolist(), sample.events["y"].tolist(), sample.events["p"].tolist())) == {(8, 0, 1)}
     with pytest.raises(meissner.RecordingError, match="letters.npz"):
         meissner.datasets.letters(letters / "none")
 

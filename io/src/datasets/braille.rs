@@ -6,13 +6,15 @@
 //!
 //! **Times.** A host gets the readings in batches, every 15.7 ms: only their order within a batch
 //! is true. They are spread evenly over the time that the batch covers, which ends when it arrives
-//! ([`spread`]).
+//! ([`spread`]). Host times that step back are put in order first.
 //!
-//! **Events.** A reading that differs from the one before of its taxel (1,024 before the first one)
-//! is an event at the place of the taxel, on where the pressure rises. One that does not differ
-//! says nothing new, and is none.
+//! **Events.** Each reading is an event at the place of its taxel: on where the pressure is higher
+//! than by the reading of the taxel before (1,024 before the first one), else off.
 //!
-//! **Ends.** A recording has the events from 0.2 s before contact to 0.2 s after the lift.
+//! **Places.** The archive has the two halves of the skin, five columns each, in the other order:
+//! its columns 0 and 9 lie side by side. The event at its column c is in column (c + 5) mod 10. So
+//! letters with dots side by side press taxels side by side, and the middle of the skin has most
+//! events instead of its edges.
 
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -42,8 +44,8 @@ const REST: i64 = 1024;
 const PERIOD_US: i64 = 15_700;
 /// Readings of a batch are less than this behind the one before them.
 const WITHIN_US: i64 = 8_000;
-/// How much of a recording before contact, and after the lift, is read.
-const MARGIN_US: i64 = 200_000;
+/// Columns of a half of the skin.
+const HALF: u16 = 5;
 
 impl EventDataset {
     /// Reads presses on letters of braille from `letters.npz` in `folder`, or at this path.
@@ -55,14 +57,14 @@ impl EventDataset {
     ///
     /// | name | shape | |
     /// |---|---|---|
-    /// | `t_us` | (readings) | the host's microseconds; within a press they do not descend |
+    /// | `t_us` | (readings) | the host's microseconds |
     /// | `taxel` | (readings) | 1 to 80 |
     /// | `adc` | (readings) | 0 to 1,024, falling as pressure rises |
     /// | `start` | (presses + 1) | the first reading of each press, and the number of readings |
     /// | `letter`, `number` | (presses) | index into `letters`, and which press of the letter it is |
     /// | `stamps_us` | (presses, 3) | the instants of [`Contact`] |
     /// | `test` | (presses) | whether the press is for evaluation |
-    /// | `place` | (81, 2) | column and row of each taxel |
+    /// | `place` | (81, 2) | column and row of each taxel, with the halves of the skin swapped |
     /// | `letters` | (letters) | `<U1` |
     ///
     /// A recording is called `<train|test>/<letter>/<number>`. It may have no events: a press that
@@ -70,8 +72,8 @@ impl EventDataset {
     ///
     /// # Errors
     /// [`IoError`], with the path and the byte, where the archive cannot be read, lacks an array or
-    /// has one twice, shapes do not fit each other, a value is out of range, times step back, a
-    /// letter is not among `classes`, or two presses have one name. Contents beyond
+    /// has one twice, shapes do not fit each other, a value is out of range, a reading is ten
+    /// minutes away from its press, a letter is not among `classes`, or two presses have one name. Contents beyond
     /// [`limits`](crate::limits) are refused.
     pub fn letters(folder: impl AsRef<Path>, classes: &[&str]) -> Result<Self, IoError> {
         let folder = folder.as_ref();
@@ -234,21 +236,18 @@ impl<'a> Arrays<'a> {
 
     /// The events of a press, from its readings.
     fn events(&self, readings: Range<usize>, contact: Contact) -> Result<Vec<Event>, IoError> {
-        let mut host = Vec::with_capacity(readings.len());
-        for i in readings.clone() {
-            let earliest = host.last().copied().unwrap_or(0);
-            host.push(self.value(("t_us", &self.t_us), i, earliest..STAMP_US)?);
-        }
-        let taken = contact.begin_us - MARGIN_US..=contact.lifted_us + MARGIN_US;
+        let near = contact.begin_us - PRESS_US..contact.lifted_us + PRESS_US;
+        let host = |i| self.value(("t_us", &self.t_us), i, near.clone()).map(|t_us| (t_us, i));
+        let mut order = readings.map(host).collect::<Result<Vec<_>, _>>()?;
+        order.sort();
+        let host: Vec<i64> = order.iter().map(|(t_us, _)| *t_us).collect();
         let mut last = [REST; PLACES];
-        let mut events = Vec::new();
-        for (i, t_us) in readings.zip(spread(&host)) {
+        let mut events = Vec::with_capacity(host.len());
+        for ((_, i), t_us) in order.into_iter().zip(spread(&host)) {
             let taxel = self.value(("taxel", &self.taxel), i, 1..PLACES as i64)? as usize;
             let adc = self.value(("adc", &self.adc), i, 0..REST + 1)?;
             let [x, y] = self.place[taxel];
-            if adc != last[taxel] && taken.contains(&t_us) {
-                events.push(Event::new(t_us, x, y, adc < last[taxel]));
-            }
+            events.push(Event::new(t_us, x, y, adc < last[taxel]));
             last[taxel] = adc;
         }
         Ok(events)
@@ -260,7 +259,8 @@ fn of_array(path: &Path, name: &str) -> PathBuf {
     path.join(format!("{name}.npy"))
 }
 
-/// Column and row of each taxel; taxel 0, which there is not, is at 0.
+/// Column and row of each taxel, with the halves in their true order; taxel 0, which there is not,
+/// is at 0.
 fn places(array: &Integers<'_, 2>) -> Result<Vec<[u16; 2]>, IoError> {
     if array.shape != [PLACES as u64, 2] {
         return Err(array.unlike(
@@ -274,6 +274,7 @@ fn places(array: &Integers<'_, 2>) -> Result<Vec<[u16; 2]>, IoError> {
         for (side, (at, size)) in place.iter_mut().zip(SIZE).enumerate() {
             *at = array.within(2 * taxel + side, 0..size.into())? as u16;
         }
+        place[0] = (place[0] + HALF) % SIZE[0];
     }
     Ok(places)
 }

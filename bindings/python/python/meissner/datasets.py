@@ -120,7 +120,8 @@ def neutouch(folder: Path, which: str = "objects") -> Dataset:
 def letters(path: Path) -> Dataset:
     """Presses on letters of braille under a skin of 10 x 8 taxels: `letters.npz` in the folder, or the path of such an archive.
 
-    Readings of a batch are spread over its time: only their order is true. The archive is read as a whole.
+    Readings of a batch are spread over its time: only their order is true. Columns 0 to 4 are 5 to 9 of the archive, whose halves
+    of the skin are swapped. The archive is read as a whole.
     """
     return Dataset(_Recordings("letters", path))
 
