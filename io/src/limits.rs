@@ -60,6 +60,11 @@ pub const STAMP_US: i64 = 1 << 53;
 /// Predictions are read along a whole press.
 pub const PRESS_US: i64 = 600_000_000;
 
+/// Most presses by a robot in a file, and most readings of one of them: 1 Mi.
+///
+/// A press without readings takes a few bytes in a file, and a hundred times as much in memory.
+pub const PRESSES: u64 = 1 << 20;
+
 /// Most bytes that `packed` bytes may expand to.
 pub(crate) fn most(packed: u64) -> u64 {
     packed.saturating_mul(EXPANSION).saturating_add(PACKET_BYTES)

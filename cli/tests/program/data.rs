@@ -242,7 +242,7 @@ pub(crate) fn archive(files: &[(impl AsRef<str>, Vec<u8>)]) -> Vec<u8> {
 }
 
 /// Presses of each letter in [`letters_archive`].
-pub(crate) const NUMBERS: usize = 4;
+pub(crate) const NUMBERS: usize = 6;
 
 /// Presses on letters of braille (`letters.npz`): a letter has a taxel of its own, on which pressure
 /// rises for 0.3 s and falls when the skin is lifted; its last press is for the test.

@@ -9,7 +9,7 @@ use meissner_engine::{Event, Sensor};
 use meissner_io::Format;
 use tempfile::TempDir;
 
-use crate::data::slip;
+use crate::data::{letters_archive, slip};
 use crate::support::picture_network;
 
 /// The commands in the blocks of shell code of a page, in order.
@@ -63,16 +63,15 @@ fn presses(sensor: Sensor, folder: &Path) -> Vec<f64> {
     labels
 }
 
-/// Runs a page that records twelve presses, labels them with `label` under `heading`, and fits
-/// `name`.
+/// Runs a page in `folder` that records twelve presses, labels them with `label` under `heading`,
+/// and fits `name`.
 fn fits(
-    page: &str,
+    (page, folder): (&str, &TempDir),
     sensor: Sensor,
     instead: (&str, &str),
     (heading, name): (&str, &str),
     label: fn(f64) -> String,
 ) {
-    let folder = TempDir::new().expect("a place");
     let mut table = format!("recording,{heading}\n");
     for (press, place) in presses(sensor, folder.path()).into_iter().enumerate() {
         writeln!(table, "press-{:04}.aedat4,{}", press + 1, label(place)).expect("text");
@@ -89,13 +88,20 @@ fn fits(
 #[test]
 fn a_dome_gets_from_the_box_to_a_controller() {
     let instead = ("dv://127.0.0.1:7777", "camera.es");
-    fits("dome.md", Sensor::new(120, 90), instead, ("x_mm", "mine"), |place| place.to_string());
+    let folder = TempDir::new().expect("a place");
+    fits(("dome.md", &folder), Sensor::new(120, 90), instead, ("x_mm", "mine"), |place| place.to_string());
 }
 
 #[test]
 fn a_skin_of_taxels_gets_to_classes() {
     let class = |place| ["left", "right"][usize::from(place > 0.59)].to_owned();
-    fits("skin.md", Sensor::new(10, 8), ("driver", "cat camera.csv"), ("class", "letters"), class);
+    let folder = TempDir::new().expect("a place");
+    fs::create_dir(folder.path().join("braille")).expect("a folder");
+    fs::write(folder.path().join("braille/letters.npz"), letters_archive()).expect("it is written");
+    let page = ("skin.md", &folder);
+    fits(page, Sensor::new(10, 8), ("driver", "cat camera.csv"), ("class", "letters"), class);
+    let curve = fs::read_to_string(folder.path().join("braille.svg")).expect("a picture");
+    assert!(curve.contains("time since contact (ms)"), "{curve}");
 }
 
 #[test]

@@ -25,7 +25,7 @@ use meissner_engine::Event;
 use super::{Contact, EventDataset, EventRecording, Split};
 use crate::error::IoError;
 use crate::files::read_whole;
-use crate::limits::{PRESS_US, STAMP_US};
+use crate::limits::{PRESS_US, PRESSES, STAMP_US};
 use crate::npy::Integers;
 use crate::{npy, zip};
 
@@ -161,6 +161,10 @@ impl<'a> Arrays<'a> {
         };
         let [readings] = arrays.t_us.shape;
         let [presses] = arrays.letter.shape;
+        if presses > PRESSES {
+            let path = of_array(path, "letter");
+            return Err(IoError::unfit(&path, format!("at most {PRESSES} presses"), presses.to_string()));
+        }
         for (name, found, expected) in [
             ("taxel", &arrays.taxel.shape[..], &[readings][..]),
             ("adc", &arrays.adc.shape, &[readings]),
@@ -231,6 +235,11 @@ impl<'a> Arrays<'a> {
         let from = self.value(start, press, 0..most.saturating_add(1))?;
         let least = if press + 1 == self.presses() { count } else { from };
         let until = self.value(start, press + 1, least..count.saturating_add(1))?;
+        if (until - from) as u64 > PRESSES {
+            let expected = format!("at most {PRESSES} readings of a press");
+            let error = self.start.unlike(press + 1, expected, until - from);
+            return Err(IoError::content(&of_array(self.path, "start"))(error));
+        }
         Ok(from as usize..until as usize)
     }
 

@@ -293,6 +293,27 @@ fn a_bomb_of_readings_is_refused_before_it_is_unpacked() {
     assert!(message.contains("content at byte 0 is too large"), "{message}");
 }
 
+#[test]
+fn a_million_presses_and_readings_of_a_press_are_the_most() {
+    let many = 1 << 20;
+    let resized = |names: &[&str], count: usize| {
+        names.iter().fold(two(), |made, name| {
+            made.with(name, |array| {
+                array.2 = format!("({count},)");
+                array.1 = if array.1 == "<U1" { array.1 } else { "|u1" };
+                array.3 = vec![0; count];
+            })
+        })
+    };
+    let presses = resized(&["letter", "number", "test"], many + 1).refusal();
+    assert!(presses.contains("letter.npy: expected at most 1048576 presses, found 1048577"), "{presses}");
+    let made = resized(&["t_us", "adc", "taxel"], many + 3);
+    let made = made.value("start", 1, 2).value("start", 2, many as i64 + 3);
+    let readings = made.with("taxel", |array| array.3.fill(1)).refusal();
+    let expected = "expected at most 1048576 readings of a press, found 1048577";
+    assert!(readings.contains("start.npy") && readings.contains(expected), "{readings}");
+}
+
 /// What the reader does with a press, one reading at a time and from the whole list before it.
 fn twin(readings: &[Reading]) -> Vec<Event> {
     let is_first = |i: usize| i == 0 || readings[i].0 - readings[i - 1].0 >= 8_000;
