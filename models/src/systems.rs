@@ -87,15 +87,15 @@ pub mod touch {
 pub mod letters {
     //! Letters of braille under an event skin with 8 x 10 taxels (`NUSkin`): 27 classes.
     //!
-    //! - [`CLASSES`]: a blank and the letters, in the order of a network's outputs.
+    //! - [`CLASSES`]: the letters and a blank, in the order of a network's outputs.
     //! - [`SENSOR`]: a pixel for each taxel.
 
     use meissner_engine::Sensor;
 
     /// Names of the letters, in the order of their indices.
     pub const CLASSES: [&str; 27] = [
-        "space", "A", "B", "C", "D", "E", "F", "G", "H", "I", "J", "K", "L", "M", "N", "O", "P", "Q", "R",
-        "S", "T", "U", "V", "W", "X", "Y", "Z",
+        "A", "B", "C", "D", "E", "F", "G", "H", "I", "J", "K", "L", "M", "N", "O", "P", "Q", "R", "S", "T",
+        "U", "V", "W", "X", "Y", "Z", "space",
     ];
 
     /// The sensor of all recordings.

@@ -97,14 +97,14 @@ def letters(tmp_path_factory):
 
 def test_letters_are_presses_with_their_times_of_contact(letters):
     found = meissner.datasets.letters(letters)
-    assert (len(found), found.sensor, found.classes[:3]) == (54, (10, 8), ["space", "A", "B"])
+    assert (len(found), found.sensor, found.classes[:3]) == (54, (10, 8), ["A", "B", "C"])
     assert list(found.of("test").labels) == list(range(27)) and list(found.passed_over) == []
     sample = meissner.datasets.letters(letters / "letters.npz").of("train")[3]
-    assert (sample.name, sample.label, sample.split) == ("train/C/0", 3, "train")
+    assert (sample.name, sample.label, sample.split) == ("train/D/0", 3, "train")
     assert sample.more == {"contact_us": 1_010_000, "held_us": 1_150_000, "lifted_us": 1_200_000}
     # A batch ends when it arrives, so that its only reading keeps its time.
     assert sample.events["t"].tolist() == [1_000_000 + 50_000 * step for step in range(6)]
-    assert set(zip(sample.events["x"].tolist(), sample.events["y"].tolist(), sample.events["p"].tolist())) == {(8, 0, 1)}
+    assert set(zip(sample.events["x"].tolist(), sample.events["y"].tolist(), sample.events["p"].tolist())) == {(9, 0, 1)}
     with pytest.raises(meissner.RecordingError, match="letters.npz"):
         meissner.datasets.letters(letters / "none")
 
