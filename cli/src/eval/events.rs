@@ -226,7 +226,7 @@ impl DigitsArgs {
 /// At the end of the long help.
 const TOUCH: &str = "\
 `meissner eval digits --help` explains how it judges, the trainings and the JSON: they are the same. An event of an object or a container is a spike of a taxel. Its pixel is the place of the taxel in steps of 0.05 mm, and its time is the beginning of its bin of 20 ms.
-  An event of a letter is a reading of a taxel: on where the pressure is higher than by its reading before. Its pixel is the taxel's column and row. Readings reach the host in batches every 15.7 ms, in which only their order is true: their times are spread over the batch. A recording ends 1 s after the lift. Times count from contact (0.2 N), so that accuracies are those since contact. A press without events counts as well.
+  An event of a letter is a reading of a taxel that differs from the one before it: on where the pressure rises. Its pixel is the taxel's column and row. Readings reach the host in batches every 15.7 ms, in which only their order is true: their times are spread over the batch. A recording has what happens from 0.2 s before contact (0.2 N) to 0.2 s after the lift. Times count from contact, so that accuracies are those since contact. A press without events counts as well.
 
 Examples:
   meissner eval touch objects neutouch/ --every 100ms

@@ -8,8 +8,12 @@
 //! is true. They are spread evenly over the time that the batch covers, which ends when it arrives
 //! ([`spread`]). Host times that step back are put in order first.
 //!
-//! **Events.** Each reading is an event at the place of its taxel: on where the pressure is higher
-//! than by the reading of the taxel before (1,024 before the first one), else off.
+//! **Events.** A reading that differs from the one before of its taxel (1,024 before the first one)
+//! is an event at the place of the taxel, on where the pressure rises. One that does not differ
+//! says nothing new, and is none. The size of a change is not in the events: letters are told apart
+//! as well without it.
+//!
+//! **Ends.** A recording has the events from 0.2 s before contact to 0.2 s after the lift.
 //!
 //! **Places.** The archive has the two halves of the skin, five columns each, in the other order:
 //! its columns 0 and 9 lie side by side. The event at its column c is in column (c + 5) mod 10. So
@@ -44,6 +48,8 @@ const REST: i64 = 1024;
 const PERIOD_US: i64 = 15_700;
 /// Readings of a batch are less than this behind the one before them.
 const WITHIN_US: i64 = 8_000;
+/// How much of a recording before contact, and after the lift, is read.
+const MARGIN_US: i64 = 200_000;
 /// Columns of a half of the skin.
 const HALF: u16 = 5;
 
@@ -250,13 +256,16 @@ impl<'a> Arrays<'a> {
         let mut order = readings.map(host).collect::<Result<Vec<_>, _>>()?;
         order.sort();
         let host: Vec<i64> = order.iter().map(|(t_us, _)| *t_us).collect();
+        let taken = contact.begin_us - MARGIN_US..=contact.lifted_us + MARGIN_US;
         let mut last = [REST; PLACES];
-        let mut events = Vec::with_capacity(host.len());
+        let mut events = Vec::new();
         for ((_, i), t_us) in order.into_iter().zip(spread(&host)) {
             let taxel = self.value(("taxel", &self.taxel), i, 1..PLACES as i64)? as usize;
             let adc = self.value(("adc", &self.adc), i, 0..REST + 1)?;
             let [x, y] = self.place[taxel];
-            events.push(Event::new(t_us, x, y, adc < last[taxel]));
+            if adc != last[taxel] && taken.contains(&t_us) {
+                events.push(Event::new(t_us, x, y, adc < last[taxel]));
+            }
             last[taxel] = adc;
         }
         Ok(events)
