@@ -7,6 +7,7 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use meissner_engine::{Engine, Event, Sensor};
+use meissner_models::systems::letters::CLASSES;
 use meissner_models::{Description, Weights, draw};
 use tempfile::TempDir;
 
@@ -239,6 +240,24 @@ pub(crate) fn archive(files: &[(impl AsRef<str>, Vec<u8>)]) -> Vec<u8> {
     }
     archive.finish().expect("a vector takes everything");
     bytes
+}
+
+/// Writes a small network that predicts letters, with drawn weights, into `folder`. Returns its
+/// description and its weights.
+pub(crate) fn letters_network(folder: &Path) -> [PathBuf; 2] {
+    let [network, weights] = ["own.toml", "own.safetensors"].map(|file| folder.join(file));
+    let text = format!(
+        "[network]\nname = \"own\"\nspan_us = 1000000\ncapacity = 256\n\n[graph]\nkind = \"knn\"\nk = 4\n\
+         candidates = \"past\"\nlifetime = \"window\"\nscale = 0.3\n\n[[layer]]\nname = \"conv1\"\nkind = \"spline\"\n\
+         channels = 4\nkernel = 2\nroot = true\n\n[[layer]]\nname = \"grid\"\nkind = \"readout\"\ngrid = [10, 8]\n\
+         aggregation = \"sum\"\n\n[[layer]]\nname = \"fc\"\nkind = \"dense\"\noutputs = 27\n\n[output]\nclasses = {}\n",
+        serde_json::json!(CLASSES)
+    );
+    let description = Description::parse(&text).expect("consistent");
+    let trained = [("trained_on".to_owned(), "train".to_owned())].into();
+    std::fs::write(&weights, draw(&description, 3).to_safetensors(&trained)).expect("it is written");
+    std::fs::write(&network, text).expect("it is written");
+    [network, weights]
 }
 
 /// Presses of each letter in [`letters_archive`].

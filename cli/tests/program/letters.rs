@@ -6,12 +6,12 @@ use std::sync::Arc;
 use meissner_engine::Engine;
 use meissner_io::datasets::{EventDataset, EventRecording, Split};
 use meissner_models::systems::letters::{CLASSES, SENSOR};
-use meissner_models::{Description, Weights, draw};
+use meissner_models::{Description, Weights};
 use safetensors::SafeTensors;
 use serde_json::{Value, json};
 use tempfile::TempDir;
 
-use crate::data::{NUMBERS, letters_archive};
+use crate::data::{NUMBERS, letters_archive, letters_network};
 use crate::exit_status::fails;
 use crate::support::{argument, meissner, message, object, text, words};
 
@@ -29,18 +29,7 @@ impl Letters {
     fn new() -> Self {
         let folder = tempfile::tempdir().expect("there is a place for temporary files");
         std::fs::write(folder.path().join("letters.npz"), letters_archive()).expect("it is written");
-        let [network, weights] = ["own.toml", "own.safetensors"].map(|file| folder.path().join(file));
-        let text = format!(
-            "[network]\nname = \"own\"\nspan_us = 1000000\ncapacity = 256\n\n[graph]\nkind = \"knn\"\nk = 4\n\
-             candidates = \"past\"\nlifetime = \"window\"\nscale = 0.3\n\n[[layer]]\nname = \"conv1\"\nkind = \"spline\"\n\
-             channels = 4\nkernel = 2\nroot = true\n\n[[layer]]\nname = \"grid\"\nkind = \"readout\"\ngrid = [10, 8]\n\
-             aggregation = \"sum\"\n\n[[layer]]\nname = \"fc\"\nkind = \"dense\"\noutputs = 27\n\n[output]\nclasses = {}\n",
-            json!(CLASSES)
-        );
-        let description = Description::parse(&text).expect("consistent");
-        let trained = [("trained_on".to_owned(), "train".to_owned())].into();
-        std::fs::write(&weights, draw(&description, 3).to_safetensors(&trained)).expect("it is written");
-        std::fs::write(&network, text).expect("it is written");
+        let [network, weights] = letters_network(folder.path());
         Self { folder, network, weights }
     }
 

@@ -9,7 +9,7 @@ use meissner_engine::{Event, Sensor};
 use meissner_io::Format;
 use tempfile::TempDir;
 
-use crate::data::{letters_archive, slip};
+use crate::data::{letters_archive, letters_network, slip};
 use crate::support::picture_network;
 
 /// The commands in the blocks of shell code of a page, in order.
@@ -68,7 +68,7 @@ fn presses(sensor: Sensor, folder: &Path) -> Vec<f64> {
 fn fits(
     (page, folder): (&str, &TempDir),
     sensor: Sensor,
-    instead: (&str, &str),
+    instead: &[(&str, &str)],
     (heading, name): (&str, &str),
     label: fn(f64) -> String,
 ) {
@@ -76,7 +76,7 @@ fn fits(
     for (press, place) in presses(sensor, folder.path()).into_iter().enumerate() {
         writeln!(table, "press-{:04}.aedat4,{}", press + 1, label(place)).expect("text");
     }
-    run(page, folder.path(), &[instead], |command| {
+    run(page, folder.path(), instead, |command| {
         if command.starts_with("meissner prepare presses") {
             fs::write(folder.path().join("presses/labels.csv"), &table).expect("it is written");
         }
@@ -87,9 +87,9 @@ fn fits(
 
 #[test]
 fn a_dome_gets_from_the_box_to_a_controller() {
-    let instead = ("dv://127.0.0.1:7777", "camera.es");
+    let instead = [("dv://127.0.0.1:7777", "camera.es")];
     let folder = TempDir::new().expect("a place");
-    fits(("dome.md", &folder), Sensor::new(120, 90), instead, ("x_mm", "mine"), |place| place.to_string());
+    fits(("dome.md", &folder), Sensor::new(120, 90), &instead, ("x_mm", "mine"), |place| place.to_string());
 }
 
 #[test]
@@ -98,8 +98,10 @@ fn a_skin_of_taxels_gets_to_classes() {
     let folder = TempDir::new().expect("a place");
     fs::create_dir(folder.path().join("braille")).expect("a folder");
     fs::write(folder.path().join("braille/letters.npz"), letters_archive()).expect("it is written");
-    let page = ("skin.md", &folder);
-    fits(page, Sensor::new(10, 8), ("driver", "cat camera.csv"), ("class", "letters"), class);
+    let [network, weights] = letters_network(folder.path());
+    let small = format!("fit {} letters.safetensors --weights {}", network.display(), weights.display());
+    let instead = [("driver", "cat camera.csv"), ("fit touch-objects letters.safetensors", &small)];
+    fits(("skin.md", &folder), Sensor::new(10, 8), &instead, ("class", "letters"), class);
     let curve = fs::read_to_string(folder.path().join("braille.svg")).expect("a picture");
     assert!(curve.contains("time since contact (ms)"), "{curve}");
 }

@@ -254,7 +254,7 @@ impl<'a> Arrays<'a> {
         let near = contact.begin_us - PRESS_US..contact.lifted_us + PRESS_US;
         let host = |i| self.value(("t_us", &self.t_us), i, near.clone()).map(|t_us| (t_us, i));
         let mut order = readings.map(host).collect::<Result<Vec<_>, _>>()?;
-        order.sort();
+        order.sort_unstable();
         let host: Vec<i64> = order.iter().map(|(t_us, _)| *t_us).collect();
         let taken = contact.begin_us - MARGIN_US..=contact.lifted_us + MARGIN_US;
         let mut last = [REST; PLACES];
