@@ -124,7 +124,7 @@ fn a_network_is_fitted_to_the_prepared_file_without_its_test() {
     let data = Letters::new();
     let [events, fitted] = ["letters.safetensors", "fitted"].map(|name| data.path().join(name));
     let output = data.prepare(&events);
-    assert!(words(&output).contains("162 recordings, 135 for training, in 10 folds"), "{}", text(&output));
+    assert!(words(&output).contains("108 recordings, 81 for training, in 10 folds"), "{}", text(&output));
     let bytes = std::fs::read(&events).expect("it was written");
     let file = SafeTensors::deserialize(&bytes).expect("a valid file");
     assert_eq!(file.tensor("stamps_us").expect("stamps").shape(), [PRESSES, 3]);
@@ -147,7 +147,7 @@ fn a_network_is_fitted_to_the_prepared_file_without_its_test() {
 
     // A file has its labels.
     let more = |more: &[&str]| meissner(&[&["prepare", "presses", argument(&events)], more].concat());
-    assert!(words(&more(&[])).contains("135 with labels"), "{}", text(&more(&[])));
+    assert!(words(&more(&[])).contains("81 with labels"), "{}", text(&more(&[])));
     fails(
         &more(&["--labels", "labels.csv"]),
         2,
