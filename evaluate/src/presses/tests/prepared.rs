@@ -1,5 +1,6 @@
 //! A file of presses, as `prepare` writes it, against the folder that it comes from.
 
+use std::fmt::Write;
 use std::fs;
 use std::path::PathBuf;
 
@@ -21,7 +22,8 @@ fn folder() -> Folder {
         folder.press(&format!("press{i}.es"), [first_us, first_us + 90_000], 40, i);
         for k in 0..3 {
             let (t_us, class) = (first_us + 40_000 * k, ["wood", "steel"][i as usize % 2]);
-            table += &format!("press{i},{t_us},{}.5,{class},{}\n", i + k, ["left", "right"][i as usize / 3]);
+            let side = ["left", "right"][i as usize / 3];
+            writeln!(table, "press{i},{t_us},{}.5,{class},{side}", i + k).expect("text");
         }
     }
     folder.file("labels.csv", &table);
