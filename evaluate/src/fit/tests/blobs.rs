@@ -132,7 +132,7 @@ fn presses_are_also_read_as_if_their_events_were_elsewhere() {
     for (instant, values) in samples.instants.iter().zip(found.values.chunks(found.columns)) {
         let [columns, rows] = instant.moved;
         engine.reset();
-        for event in presses.events(instant.press).expect("it can be read again").iter() {
+        for event in &presses.events(instant.press).expect("it can be read again") {
             let (x, y) = (i32::from(event.x) + columns, i32::from(event.y) + rows);
             if event.t_us <= instant.t_us && (0..48).contains(&x) && (0..36).contains(&y) {
                 engine.push(Event::new(event.t_us, x as u16, y as u16, event.on));
