@@ -97,9 +97,9 @@ pub(crate) struct FitArgs {
     ages: u16,
     /// Also read each press moved by so many pixels, where labels stay the same.
     ///
-    /// It is read moved to the left, right, top and bottom, at all ages. Events beside the sensor are
-    /// dropped. Presses that are held out are predicted as they are. It helps where the place of a
-    /// press varies and says nothing of its label, and takes five times as long.
+    /// It is read moved to the left, right, top and bottom, at all ages. Events beside the sensor
+    /// are dropped. Presses that are held out are predicted as they are. It helps where the place
+    /// of a press varies and says nothing of its label, and takes five times as long.
     #[arg(long, value_name = "PIXELS", default_value_t = 0, help_heading = NETWORK)]
     shift: u16,
     /// Seed of random ages, of presses of the learning curve, and of intervals.

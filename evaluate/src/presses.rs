@@ -139,9 +139,10 @@ pub struct Presses {
 }
 
 impl Presses {
-    /// Reads the presses in `folder` and in its folders, or those in this file. O(bytes of the recordings), and of poses
-    /// the comparison of clocks; memory for the largest recording, the table, and 16 bytes for each
-    /// millisecond with events. The events of a file of presses are all held in memory.
+    /// Reads the presses in `folder` and in its folders, or those in this file. O(bytes of the
+    /// recordings), and of poses the comparison of clocks; memory for the largest recording, the
+    /// table, and 16 bytes for each millisecond with events. The events of a file of presses are
+    /// all held in memory.
     ///
     /// # Errors
     /// The folder or the table is missing or cannot be read, there is no recording, recordings of

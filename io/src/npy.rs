@@ -14,9 +14,9 @@
 //! ('p', '|u1')]`. The header names no sensor.
 
 mod field;
+mod integers;
 
 use std::io::{self, Write};
-use std::ops::Range;
 
 use meissner_engine::Event;
 
@@ -33,6 +33,7 @@ use crate::recording::Recording;
 use crate::seek::Records;
 use crate::text::Number;
 use field::Field;
+pub(crate) use integers::Integers;
 
 /// First bytes of a file.
 pub(crate) const MAGIC: &[u8] = b"\x93NUMPY";
@@ -168,61 +169,6 @@ fn check_size(file: Bytes<'_>, start: usize, width: usize, shape: &[u64]) -> Res
     }
     let expected = format!("{promised} bytes of the shape {shape:?}");
     Err(file.malformed("array", start, expected, found))
-}
-
-/// An array of `N` dimensions of integers or booleans of any width, in C order.
-pub(crate) struct Integers<'a, const N: usize> {
-    file: Bytes<'a>,
-    /// Byte of the file at which the values start.
-    start: usize,
-    field: Field,
-    width: usize,
-    pub(crate) shape: [u64; N],
-}
-
-impl<'a, const N: usize> Integers<'a, N> {
-    /// The array in the file `bytes`.
-    pub(crate) fn of(bytes: &'a [u8]) -> Result<Self, IoError> {
-        let file = Bytes::file(Format::Npy.name(), bytes);
-        let descr = |scanner: &mut Scanner<'a>| {
-            let text = scanner.string()?;
-            match Field::of_type(text, 0) {
-                Some((Some(field), width)) if !field.is_float() => Ok((field, width)),
-                _ => Err(scanner.error(&format!("integers before this, not {}", shown(text)))),
-            }
-        };
-        let Header { start, descr: (field, width), shape, .. } = Header::<_, N>::parse(file, descr)?;
-        check_size(file, start, width, &shape)?;
-        Ok(Self { file, start, field, width, shape })
-    }
-
-    /// Number of its values.
-    pub(crate) fn len(&self) -> usize {
-        (self.file.len() - self.start) / self.width
-    }
-
-    /// The value at `i`, which must be in `range`.
-    ///
-    /// # Panics
-    /// Where there are not so many values.
-    pub(crate) fn within(&self, i: usize, range: Range<i64>) -> Result<i64, IoError> {
-        let found = self.field.whole(&self.file.data[self.start + i * self.width..]).unwrap_or(i128::MAX);
-        match i64::try_from(found) {
-            Ok(value) if range.contains(&value) => Ok(value),
-            _ => {
-                let expected = match range.end.checked_sub(1).filter(|last| *last >= range.start) {
-                    Some(last) => format!("{} to {last}", range.start),
-                    None => "no value".to_owned(),
-                };
-                Err(self.unlike(i, expected, found))
-            }
-        }
-    }
-
-    /// The error of the value at `i`.
-    pub(crate) fn unlike(&self, i: usize, expected: impl Into<String>, found: impl ToString) -> IoError {
-        self.file.malformed("value", self.start + i * self.width, expected, found)
-    }
 }
 
 /// A column of the records by its name; `None`: it is skipped for its type.

@@ -263,8 +263,8 @@ pub(crate) fn letters_network(folder: &Path) -> [PathBuf; 2] {
 /// Presses of each letter in [`letters_archive`].
 pub(crate) const NUMBERS: usize = 4;
 
-/// Presses on letters of braille (`letters.npz`): a letter has a taxel of its own, on which pressure
-/// rises for 0.3 s and falls when the skin is lifted; its last press is for the test.
+/// Presses on letters of braille (`letters.npz`): a letter has a taxel of its own, on which
+/// pressure rises for 0.3 s and falls when the skin is lifted; its last press is for the test.
 pub(crate) fn letters_archive() -> Vec<u8> {
     let (mut t_us, mut taxel, mut adc, mut start) = (Vec::new(), Vec::new(), Vec::new(), vec![0_i64]);
     for letter in 0..27 {

@@ -2,8 +2,8 @@
 //!
 //! What is linear is one layer. What is quadratic is three: modes P and the linear part y; ELUs,
 //! two for each square; and sums of these. Perceptrons have their units beside the squares. Kernels
-//! are four: modes, their squares, a unit for each centre, and sums. ELU bends at 0, and leaves what
-//! is above 0 as it is; below it is an exponential:
+//! are four: modes, their squares, a unit for each centre, and sums. ELU bends at 0, and leaves
+//! what is above 0 as it is; below it is an exponential:
 //!
 //! ```text
 //! a^2 = 2 (elu(e a) + elu(-e a)) / e^2 + O(e a^3),      y = elu(y + b) - b

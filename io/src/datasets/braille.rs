@@ -67,7 +67,7 @@ impl EventDataset {
     /// | `taxel` | (readings) | 1 to 80 |
     /// | `adc` | (readings) | 0 to 1,024, falling as pressure rises |
     /// | `start` | (presses + 1) | the first reading of each press, and the number of readings |
-    /// | `letter`, `number` | (presses) | index into `letters`, and which press of the letter it is |
+    /// | `letter`, `number` | (presses) | index into `letters`, and number of the press |
     /// | `stamps_us` | (presses, 3) | the instants of [`Contact`] |
     /// | `test` | (presses) | whether the press is for evaluation |
     /// | `place` | (81, 2) | column and row of each taxel, with the halves of the skin swapped |
@@ -79,8 +79,8 @@ impl EventDataset {
     /// # Errors
     /// [`IoError`], with the path and the byte, where the archive cannot be read, lacks an array or
     /// has one twice, shapes do not fit each other, a value is out of range, a reading is ten
-    /// minutes away from its press, a letter is not among `classes`, or two presses have one name. Contents beyond
-    /// [`limits`](crate::limits) are refused.
+    /// minutes away from its press, a letter is not among `classes`, or two presses have one name.
+    /// Contents beyond [`limits`](crate::limits) are refused.
     pub fn letters(folder: impl AsRef<Path>, classes: &[&str]) -> Result<Self, IoError> {
         let folder = folder.as_ref();
         let path = if folder.is_dir() { folder.join(ARCHIVE) } else { folder.to_owned() };
