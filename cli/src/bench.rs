@@ -159,7 +159,7 @@ pub(crate) struct BenchArgs {
     /// Weights of the network to compare with [default: those shipped with it].
     #[arg(long, value_name = "FILE", requires = "compare", help_heading = NETWORK)]
     pub(crate) compare_weights: Option<PathBuf>,
-    /// Names in --compare-weights that stand for others in the network, as --map has them.
+    /// Names in --compare-weights that stand for others, as --map has them.
     #[arg(long, value_name = "OLD=NEW|FILE", requires = "compare_weights", help_heading = NETWORK)]
     pub(crate) compare_map: Vec<String>,
     /// Period of the deadline report, in stream time [default: 1ms].
