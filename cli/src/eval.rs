@@ -20,6 +20,7 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 use clap::Subcommand;
+use meissner_evaluate::doubts::Doubts;
 use meissner_evaluate::judge::{Figures, Judged, TrainingFigures};
 use meissner_evaluate::metrics::{Confusion, MeanStd};
 use meissner_evaluate::regression::Work;
@@ -190,6 +191,24 @@ fn seeds<J: Figures, const N: usize>(
         judged.each.iter().flat_map(of_seed).collect::<Vec<_>>()
     });
     Table::section(out, &headings, rows)
+}
+
+/// A part of all in percent.
+fn part(part: u64, all: u64) -> String {
+    cell((all > 0).then(|| 100.0 * part as f64 / all as f64), |share| format!("{share:.1}"))
+}
+
+/// What input unlike the training's says, of networks that know theirs.
+fn doubts(out: &mut dyn Write, judged: impl Iterator<Item = (String, Option<Doubts>)>) -> io::Result<()> {
+    let row = |(name, doubts): (String, Option<Doubts>)| {
+        let Doubts { predictions, unlike, bad, bad_unlike } = doubts?;
+        Some([name, part(unlike, predictions), part(bad_unlike, bad)])
+    };
+    let rows: Vec<[String; 3]> = judged.filter_map(row).collect();
+    if rows.is_empty() {
+        return Ok(());
+    }
+    Table::section(out, &["input unlike the training", "of all (%)", "of bad ones (%)"], rows)
 }
 
 /// Writes the work of each network for a `part` of the data: a press or a recording.

@@ -9,9 +9,11 @@ use clap::Subcommand;
 use meissner_evaluate::events::Digits;
 use meissner_evaluate::events::{EventData, EventTask};
 use meissner_evaluate::events::{TouchContainers, TouchLetters, TouchObjects};
-use meissner_evaluate::prepare::{Ages, Prepared, graphs, labelled_events, slip_windows, training_windows};
+use meissner_evaluate::prepare::{Ages, Prepared, graphs, labelled_events, slip_windows};
+use meissner_evaluate::prepare::{training_frames, training_windows};
 use meissner_evaluate::slip::SlipData;
-use meissner_run::model::{self, WeightsFile, describe, describe_frames};
+use meissner_models::AnyDescription;
+use meissner_run::model::{self, WeightsFile, describe, describe_any, describe_frames};
 
 use crate::args::{INPUT, NETWORK, OUTPUT, Threads, part};
 use crate::error::CliError;
@@ -53,9 +55,9 @@ enum InputArgs {
     /// The output says how many presses and labels there are, and the notes on standard error say
     /// what is odd about them. Equal data give equal bytes.
     Presses(presses::PressesArgs),
-    /// Weights that say what the windows of their training were like.
+    /// Weights that say what the windows or frames of their training were like.
     ///
-    /// With them, every prediction says how unlike its window is to those of EVENTS. The
+    /// With them, every prediction says how unlike its window or frame is to those of DATA. The
     /// predicted values stay as they are. Equal data and seeds give equal bytes.
     Windows(WindowsArgs),
 }
@@ -151,18 +153,21 @@ Examples:
     --weights own.safetensors --out known.safetensors
   meissner run a.aedat4 --network own.toml --weights known.safetensors
 
-A stream with labels counts from contact, where the label depth leaves 0, or else its first label, to its last label; one without labels from its first event to its last. The windows of a network that was trained on every N-th event (stride) have every N-th event.";
+A stream with labels counts from contact, where the label depth leaves 0, or else its first label, to its last label; one without labels from its first event to its last. The windows of a network that was trained on every N-th event (stride) have every N-th event. Of frames from consecutive windows all count, of electrodes the last reading of each window; of weights that were trained on the set Basic, only this set.";
 
 /// `meissner prepare windows`.
 #[derive(Debug, clap::Args)]
 #[command(after_long_help = WINDOWS)]
-#[command(override_usage = "meissner prepare windows [OPTIONS] <EVENTS>...\n       \
+#[command(override_usage = "meissner prepare windows [OPTIONS] <DATA>...\n       \
                             --network <NETWORK> --out <FILE>")]
 struct WindowsArgs {
-    /// Streams of the training (safetensors), as `prepare graphs` reads them.
-    #[arg(value_name = "EVENTS", required = true)]
-    events: Vec<PathBuf>,
-    /// A shipped network over events, or a description file (.toml).
+    /// Input of the training: streams, the folder of a data set, or pictures.
+    ///
+    /// Streams of events (safetensors) are those that `prepare graphs` reads, the folder of a data
+    /// set with electrodes that of `eval slip`, pictures those of `eval area`.
+    #[arg(value_name = "DATA", required = true)]
+    input: Vec<PathBuf>,
+    /// A shipped network, or a description file (.toml).
     #[arg(long, value_name = "NETWORK", help_heading = NETWORK)]
     network: String,
     /// Weights [default: those shipped with the network].
@@ -301,11 +306,14 @@ pub(crate) fn prepare(args: &PrepareArgs) -> Result<(), CliError> {
 
 impl WindowsArgs {
     fn prepared(&self) -> Result<Prepared, CliError> {
-        let Self { events, network, weights, ages, youngest, seed, .. } = self;
-        let (description, shipped) = describe(network)?;
+        let Self { input, network, weights, ages, youngest, seed, .. } = self;
+        let (description, shipped) = describe_any(network)?;
         let (weights, label) = model::weights(network, shipped, weights.as_deref().map(WeightsFile::from))?;
         let ages = Ages { count: *ages as usize, youngest: *youngest, seed: *seed };
-        Ok(training_windows(events, &description, (&weights, &label), ages)?)
+        Ok(match description {
+            AnyDescription::Events(of) => training_windows(input, &of, (&weights, &label), ages)?,
+            AnyDescription::Frames(of) => training_frames(input, &of, (&weights, &label), ages)?,
+        })
     }
 }
 

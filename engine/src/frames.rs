@@ -16,6 +16,7 @@ mod patch;
 mod shapes;
 mod step;
 mod timed;
+mod unlikeness;
 
 pub use crate::counters::{FrameCounters, FrameLayerCounters};
 pub use compile::FrameNetwork;
@@ -25,3 +26,4 @@ pub use options::{FrameOptions, Skip};
 pub use shapes::output_shape;
 pub(crate) use step::Cell;
 pub use timed::{CONFIRMING_FRAMES, Frame, TimedFrames};
+pub use unlikeness::{FrameFeatures, FrameStatistics, TrainingFrames};

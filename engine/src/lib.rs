@@ -107,6 +107,7 @@ mod event;
 pub mod filters;
 mod fingerprint;
 pub mod frames;
+mod gaussian;
 mod graph;
 mod grid;
 mod head;

@@ -91,7 +91,7 @@ impl Predictor for FrameEngine {
     fn predict(&mut self) -> Result<Prediction<'_>, EngineError> {
         let prediction = self.predict()?;
         let nodes = usize::try_from(prediction.frames).unwrap_or(usize::MAX);
-        Ok(Prediction { values: prediction.values, t_us: None, nodes, rows: &[], unlike: None })
+        Ok(Prediction { values: prediction.values, t_us: None, nodes, rows: &[], unlike: prediction.unlike })
     }
 
     fn reset(&mut self) {

@@ -207,6 +207,11 @@ impl<'a> Reader<'a> {
         Ok(())
     }
 
+    /// Whether everything is read.
+    pub(crate) fn is_done(&self) -> bool {
+        self.at == self.bytes.len()
+    }
+
     pub(crate) fn end(self) -> Result<(), EngineError> {
         let left = self.bytes.len() - self.at;
         if left == 0 { Ok(()) } else { Err(refused("end", self.at, "no more bytes", left)) }

@@ -1,15 +1,15 @@
 //! How unlike a window is to those of a training.
 //!
 //! Input: the events of a window. Output: [`WindowStatistics`], and by a [`TrainingWindows`] how
-//! unlike they are to those of the training: the Mahalanobis distance of nine features (Lee et al.
-//! 2018, "A simple unified framework for detecting out-of-distribution samples", eq. 2, of one
-//! class). Sums are integers, so that no order of arrival reaches a bit. Features take only square
-//! roots, which every machine rounds alike. No output of a network depends on any of this.
+//! unlike they are to those of the training: the distance of nine features (`gaussian.rs`). Sums are
+//! integers, so that no order of arrival reaches a bit. No output of a network depends on any of
+//! this.
 //!
 //! Invariant: the sums of an engine equal [`WindowStatistics::of`] the events in its window.
 
 use std::collections::BTreeMap;
 
+use crate::gaussian::Gaussian;
 use crate::memory::Memory;
 use crate::metric::Node;
 use crate::window::Window;
@@ -21,19 +21,6 @@ const FEATURES: usize = 9;
 /// The features of a window, see [`WindowStatistics::features`]; `None` for what a window without
 /// events does not have.
 pub type Features = [Option<f64>; FEATURES];
-
-/// The part of the training's windows that are more unlike than 1.
-const BEYOND: f64 = 0.001;
-
-/// The distance that so many windows exceed if their features are normal, at least: the square root
-/// of the quantile of chi squared with 9 degrees of freedom. A few windows lie closer by chance.
-const NORMAL: f64 = 5.279;
-
-/// Fewer windows do not show how nine features vary together.
-const MIN_WINDOWS: usize = 20;
-
-/// Differences of a feature below this mean nothing, however alike the windows of a training are.
-const RESOLUTION: f64 = 0.005;
 
 /// Sums over the events of a window.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -108,12 +95,7 @@ impl WindowStatistics {
 
 /// What the windows of a training are like.
 #[derive(Clone, Debug, PartialEq)]
-pub struct TrainingWindows {
-    mean: [f64; FEATURES],
-    /// The Cholesky factor of the covariance times the square of the threshold: row i has the
-    /// columns 0 to i.
-    factor: Vec<Vec<f64>>,
-}
+pub struct TrainingWindows(Gaussian);
 
 impl TrainingWindows {
     /// That of a training with these windows, each of which has events; `None` for fewer than 20.
@@ -121,41 +103,14 @@ impl TrainingWindows {
     pub fn of(windows: &[Features]) -> Option<Self> {
         let windows: Vec<[f64; FEATURES]> =
             windows.iter().map(|window| window.map(Option::unwrap_or_default)).collect();
-        if windows.len() < MIN_WINDOWS {
-            return None;
-        }
-        let count = windows.len() as f64;
-        let mean: [f64; FEATURES] =
-            std::array::from_fn(|i| windows.iter().map(|window| window[i]).sum::<f64>() / count);
-        let covariance = |i: usize, j: usize| {
-            let products = windows.iter().map(|window| (window[i] - mean[i]) * (window[j] - mean[j]));
-            let own = if i == j { RESOLUTION * RESOLUTION } else { 0.0 };
-            products.sum::<f64>() / (count - 1.0) + own
-        };
-        let mut factor: Vec<Vec<f64>> = Vec::with_capacity(FEATURES);
-        for i in 0..FEATURES {
-            let mut row: Vec<f64> = Vec::with_capacity(i + 1);
-            let done = |row: &[f64], above: &[f64]| row.iter().zip(above).map(|(a, b)| a * b).sum::<f64>();
-            for (j, above) in factor.iter().enumerate() {
-                row.push((covariance(i, j) - done(&row, above)) / above[j]);
-            }
-            row.push((covariance(i, i) - done(&row, &row)).sqrt());
-            factor.push(row);
-        }
-        let mut windows_of = Self { mean, factor };
-        let mut distances: Vec<f64> =
-            windows.iter().map(|window| windows_of.unlikeness(window.map(Some)).into()).collect();
-        distances.sort_unstable_by(f64::total_cmp);
-        let threshold = distances[((1.0 - BEYOND) * (count - 1.0)).round() as usize].max(NORMAL);
-        windows_of.factor.iter_mut().flatten().for_each(|value| *value *= threshold);
-        Some(windows_of)
+        Gaussian::of(FEATURES, &windows).map(Self)
     }
 
     /// Mean features of the training's windows, and the rows of the factor of their covariance: row
     /// i has i + 1 values. Scaled so that 1 of 1,000 windows of the training has a distance above
     /// 1.
     pub fn parts(&self) -> (&[f64], &[Vec<f64>]) {
-        (&self.mean, &self.factor)
+        self.0.parts()
     }
 
     /// The one with these [parts](Self::parts).
@@ -163,27 +118,14 @@ impl TrainingWindows {
     /// `None` for other numbers of values, values that are not finite, or a factor whose diagonal
     /// is not positive.
     pub fn from_parts(mean: &[f64], factor: Vec<Vec<f64>>) -> Option<Self> {
-        let mean = mean.try_into().ok()?;
-        let is_factor = factor.len() == FEATURES
-            && factor.iter().enumerate().all(|(i, row)| row.len() == i + 1 && row[i] > 0.0);
-        let all = factor.iter().flatten().chain(&mean);
-        (is_factor && all.into_iter().all(|value| value.is_finite())).then_some(Self { mean, factor })
+        Gaussian::from_parts(mean, factor).filter(|of| of.features() == FEATURES).map(Self)
     }
 
     /// The distance of `features` from those of the training, relative to the distance that 1 of
     /// 1,000 windows of the training exceeds: above 1, the window is unlike the training. Features
     /// that a window does not have do not count. About 50 multiply-adds.
     pub fn unlikeness(&self, features: Features) -> f32 {
-        let mut solved = [0.0; FEATURES];
-        let mut squares = 0.0;
-        for (i, row) in self.factor.iter().enumerate() {
-            let difference = features[i].map_or(0.0, |feature| feature - self.mean[i]);
-            let done: f64 = row[..i].iter().zip(&solved).map(|(a, b)| a * b).sum();
-            solved[i] = (difference - done) / row[i];
-            squares += solved[i] * solved[i];
-        }
-        // Parts that someone wrote may overflow.
-        (squares.sqrt() as f32).min(f32::MAX)
+        self.0.distance(|i| features[i])
     }
 }
 

@@ -43,6 +43,7 @@
 
 pub mod area;
 pub mod closed_loop;
+pub mod doubts;
 pub mod error;
 pub mod events;
 pub mod filters;

@@ -4,6 +4,7 @@
 
 pub(crate) mod dome;
 mod filmed;
+mod frames;
 mod gel;
 mod presses;
 mod windows;
@@ -29,6 +30,7 @@ use crate::slip::{SlipData, Windows};
 use crate::streams::Streams;
 pub use dome::{DOME_KINDS, dome_presses};
 pub use filmed::{film_images, film_markers, grasps, with_causes};
+pub use frames::training_frames;
 pub use gel::{GelPlan, Shapes, gel_presses};
 pub use presses::labelled_presses;
 pub use windows::{Ages, training_windows};

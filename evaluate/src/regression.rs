@@ -35,7 +35,7 @@ use crate::trainings::{EvaluatedNetwork, Evaluation, Request, Task, Training, ca
 use crate::trials::Trial;
 use crate::workers::Workers;
 use engine::PressEngine;
-pub use errors::{Doubts, Errors, OutputErrors, Work};
+pub use errors::{Errors, OutputErrors, PressDoubts, Work};
 use press::{Outcome, Presses, Quantity};
 
 /// The task of predicting quantities from events.

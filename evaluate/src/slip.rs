@@ -143,15 +143,17 @@ impl Windows {
         self.values[(end - steps) * frame..end * frame].chunks_exact(frame)
     }
 
-    /// The outputs for a window, from its last `steps` frames after a reset.
+    /// The outputs for a window, from its last `steps` frames after a reset, and how unlike its input
+    /// is.
     pub(crate) fn logits(
         &self,
         engine: &mut FrameEngine,
         window: usize,
         steps: usize,
-    ) -> Result<Vec<f32>, EngineError> {
+    ) -> Result<(Vec<f32>, Option<f32>), EngineError> {
         engine.reset();
         self.frames(window, steps).try_for_each(|frame| engine.push(frame).map(drop))?;
-        Ok(engine.predict()?.values.to_vec())
+        let prediction = engine.predict()?;
+        Ok((prediction.values.to_vec(), prediction.unlike))
     }
 }

@@ -254,7 +254,7 @@ impl Description {
     fn head_of(&self, layers: Vec<Part>) -> Result<Option<Arc<FrameNetwork>>, ModelError> {
         // The first layer of a head always reads the image.
         let Some(first) = self.head.first() else { return Ok(None) };
-        let parts = FrameNetworkParts { name: self.name.clone(), input: first.input, layers };
+        let parts = FrameNetworkParts { name: self.name.clone(), input: first.input, layers, training: None };
         // An event changes one cell of the image.
         Ok(Some(Arc::new(FrameNetwork::new(parts, Convolution::Kn2row)?)))
     }

@@ -38,7 +38,7 @@ pub use draw::{Drawable, draw, drawn_file};
 pub use error::{Lookalikes, ModelError, TensorProblem, TensorProblemKind, in_part};
 pub use inspect::{Summary, grouped};
 pub use shipped::DEFAULT_NETWORK;
-pub use weights::{Card, FormatError, NameMap, Tensor, TensorFile, Weights, windows_text};
+pub use weights::{Card, FormatError, NameMap, Tensor, TensorFile, Weights, frames_text, windows_text};
 
 #[cfg(test)]
 mod tests;

@@ -16,7 +16,7 @@ use std::path::Path;
 
 use crate::ModelError;
 
-pub use card::{Card, windows_text};
+pub use card::{Card, frames_text, windows_text};
 pub use error::FormatError;
 pub use map::NameMap;
 pub use safetensors::{Tensor, TensorFile};

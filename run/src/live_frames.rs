@@ -197,7 +197,13 @@ impl Predictor for LiveFrames {
         }
         let prediction = engine.predict()?;
         let nodes = usize::try_from(prediction.frames).unwrap_or(usize::MAX);
-        Ok(Prediction { values: prediction.values, t_us: *newest_us, nodes, rows: &[], unlike: None })
+        Ok(Prediction {
+            values: prediction.values,
+            t_us: *newest_us,
+            nodes,
+            rows: &[],
+            unlike: prediction.unlike,
+        })
     }
 
     /// Forgets all events; counts of dropped events go on.

@@ -46,7 +46,7 @@ proptest! {
 fn over_a_vector(layers: Vec<(usize, FrameLayerKind)>) -> FrameNetworkParts {
     let name = |(i, (from, kind))| FrameLayer { name: format!("layer{i}"), from, kind };
     let layers = layers.into_iter().enumerate().map(name).collect();
-    FrameNetworkParts { name: "vectors".to_owned(), input: FrameShape::Vector(6), layers }
+    FrameNetworkParts { name: "vectors".to_owned(), input: FrameShape::Vector(6), layers, training: None }
 }
 
 fn lstm_of_6() -> FrameLayerKind {
@@ -132,6 +132,7 @@ fn an_image_and_a_vector_are_not_concatenated() {
             name: "mixed".to_owned(),
             input: FrameShape::Image { channels: 2, height: 4, width: 5 },
             layers: vec![sum(), join(from, with)],
+            training: None,
         };
         let error = FrameNetwork::new(parts, Convolution::Direct).expect_err(expected).to_string();
         assert!(error.contains("layer \"join\": second input") && error.ends_with(expected), "{error}");

@@ -223,8 +223,12 @@ fn copies(count: usize, input: FrameShape) -> FrameNetwork {
         FrameShape::Vector(_) => FrameLayerKind::Concat { with: from },
     };
     let layer = |from| FrameLayer { name: format!("copy {from}"), from, kind: kind(from) };
-    let parts =
-        FrameNetworkParts { name: "copies".to_owned(), input, layers: (0..count).map(layer).collect() };
+    let parts = FrameNetworkParts {
+        name: "copies".to_owned(),
+        input,
+        layers: (0..count).map(layer).collect(),
+        training: None,
+    };
     FrameNetwork::new(parts, Convolution::Direct).expect("parts that fit")
 }
 

@@ -44,6 +44,7 @@ fn nan_of_infinity() -> FrameNetworkParts {
             layer("flat", 3, FrameLayerKind::Flatten),
             layer("fc", 4, dense),
         ],
+        training: None,
     }
 }
 
@@ -73,7 +74,12 @@ fn a_tile_that_overflows_is_an_error_and_not_a_prediction() {
     let weight = (0..4 * 8).flat_map(|i| [weight(i / 8, i % 8); 9]).collect();
     let conv = FrameLayerKind::Conv { kernel: 3, channels: 4, weight, bias: None, relu: false };
     let input = FrameShape::Image { channels: 8, height: 8, width: 8 };
-    let parts = FrameNetworkParts { name: "tiles".to_owned(), input, layers: vec![layer("conv", 0, conv)] };
+    let parts = FrameNetworkParts {
+        name: "tiles".to_owned(),
+        input,
+        layers: vec![layer("conv", 0, conv)],
+        training: None,
+    };
     let mut random = Random::new(5);
     let frame: Vec<f32> = (0..8 * 64).map(|_| if random.below(2) == 0 { 3e37 } else { -3e37 }).collect();
     let predict = |convolution| {

@@ -48,7 +48,7 @@ impl Builder {
     }
 
     fn parts(self, name: String) -> FrameNetworkParts {
-        FrameNetworkParts { name, input: self.input, layers: self.layers }
+        FrameNetworkParts { name, input: self.input, layers: self.layers, training: None }
     }
 
     fn image(&self, value: usize) -> [usize; 3] {

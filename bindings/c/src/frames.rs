@@ -131,7 +131,7 @@ pub unsafe extern "C" fn meissner_frames_predict(
                 has_time: 0,
                 nodes: found.frames,
                 rows: 0,
-                unlike: f32::NAN,
+                unlike: found.unlike.unwrap_or(f32::NAN),
             };
             values.copy(found.values)?;
             prediction.into_iter().for_each(|prediction| prediction.write(of));

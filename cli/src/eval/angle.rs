@@ -3,12 +3,17 @@
 use std::io::{self, Write};
 
 use meissner_evaluate::NetworkReport;
+use meissner_evaluate::doubts::Doubts;
 use meissner_evaluate::metrics::MeanStd;
-use meissner_evaluate::regression::{Doubts, Errors, Options, OutputErrors, PressFigures, Report, evaluate};
+use meissner_evaluate::regression::{
+    Errors, Options, OutputErrors, PressDoubts, PressFigures, Report, evaluate,
+};
 use meissner_plot::{Panel, Plane, Series, Style, page};
 use meissner_run::text::grouped;
 
-use super::{OutputArgs, PredictionArgs, StrideArg, equal, judged, networks, seeds, shown, work, write};
+use super::{
+    OutputArgs, PredictionArgs, StrideArg, equal, judged, networks, part, seeds, shown, work, write,
+};
 use crate::error::CliError;
 use crate::tasks::PressTask;
 use crate::text::{Table, cell, columns, file_name};
@@ -121,11 +126,9 @@ fn ends(out: &mut dyn Write, judged: &[(&str, &Errors<MeanStd>)]) -> io::Result<
 
 /// What windows unlike those of the training say, of networks that know them.
 fn doubts(out: &mut dyn Write, judged: &[(&str, &Errors<MeanStd>)]) -> io::Result<()> {
-    let part = |part: u64, all: u64| {
-        cell((all > 0).then(|| 100.0 * part as f64 / all as f64), |share| format!("{share:.1}"))
-    };
     let row = |&(name, errors): &(&str, &Errors<MeanStd>)| {
-        let Doubts { predictions, unlike, bad, bad_unlike, ends, ends_unlike } = errors.doubts?;
+        let PressDoubts { all: Doubts { predictions, unlike, bad, bad_unlike }, ends, ends_unlike } =
+            errors.doubts?;
         let name = name.to_owned();
         Some([name, part(unlike, predictions), part(ends_unlike, ends), part(bad_unlike, bad)])
     };

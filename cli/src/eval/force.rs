@@ -9,7 +9,7 @@ use meissner_evaluate::metrics::MeanStd;
 use meissner_plot::{Panel, Plane, Series, Style, page};
 use meissner_run::text::grouped;
 
-use super::{OutputArgs, PredictionArgs, judged, networks, seeds, work, write};
+use super::{OutputArgs, PredictionArgs, doubts, judged, networks, seeds, work, write};
 use crate::error::CliError;
 use crate::tasks::ForceTask;
 use crate::text::{NONE, Table, cell, columns, file_name};
@@ -26,6 +26,7 @@ How it judges:
   MSE and MAE are means over the frames of all recordings. Their deviations are standard deviations of the recordings' own MSE and MAE.
   DTW: the mean over recordings of the distance of dynamic time warping between predicted and true force, in N (Sakoe and Chiba 1978; absolute differences, no window). Bhattacharyya: the distance between the histograms of all predicted and all true forces, in bins of 0.1 N.
   newest: at every millisecond, the squared error of the newest prediction that a reader has, latency included, against the truth at that millisecond. A frame network has a new one every 10 ms, a network over events every TIME (--every).
+  input unlike the training: the part of the predictions, and of bad ones, whose windows or frames are farther from those of the training than 999 of 1,000 of its own. A bad prediction has an error of more than three times the MAE.
   The paper: Baghaei Naeini et al. 2020, on recordings of its own sensor.
 
 Trainings (--trainings): every *.safetensors file of the folder is a training, with metadata
@@ -74,6 +75,7 @@ fn table(out: &mut dyn Write, report: &Report) -> io::Result<()> {
     let all: Vec<_> = figures.iter().map(|&(name, judged)| (name, &judged.mean)).collect();
     parts(out, &all)?;
     distances(out, &all)?;
+    doubts(out, all.iter().map(|(name, errors)| ((*name).to_owned(), errors.doubts)))?;
     seeds(out, ["each seed", "MSE (N^2)", "MAE (N)"], &figures, |name, one| {
         let first = one.figures.parts.first();
         let figure = |of: Option<f64>| cell(of, |of| format!("{of:.4}"));

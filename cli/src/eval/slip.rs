@@ -10,7 +10,7 @@ use meissner_models::systems::slip::{CLASSES, ObjectSet, WORDS};
 use meissner_plot::{Bar, Bars, Panel, page};
 use meissner_run::text::grouped;
 
-use super::{OutputArgs, accuracy_of, confusion, matrix, networks, spread, write};
+use super::{OutputArgs, accuracy_of, confusion, doubts, matrix, networks, spread, write};
 use crate::error::CliError;
 use crate::tasks::SlipTask;
 use crate::text::{NONE, Table, cell, columns, file_name, percent};
@@ -19,6 +19,7 @@ use crate::text::{NONE, Table, cell, columns, file_name, percent};
 const METHOD: &str = "\
 How it judges:
   Recordings are cut into consecutive windows that do not overlap, as in the paper and in the files of `prepare slip`. The `sampling` of a description is ignored. The prediction for a window is the class with the largest output. Accuracy is the share of windows with the right class. Precision, recall and F1 are means over the classes that are true or predicted at least once, with equal weights. A class that is never predicted has precision and F1 0. Each figure has a mean and a sample standard deviation over the trainings (- for one training). Confusion matrices are shares over all trainings. The number of windows is that of one training.
+  input unlike the training: the part of the predictions, and of bad ones, whose last readings are farther from those of the training than 999 of 1,000 of its own. A bad prediction is of a wrong class.
 
 Trainings (--trainings): every *.safetensors file of the folder is a training, with metadata
   network           name of the network
@@ -77,6 +78,12 @@ fn table(out: &mut dyn Write, report: &Report) -> io::Result<()> {
     if report.networks.iter().any(|network| !network.result.sets.is_empty()) {
         accuracies(out, report)?;
         figures(out, report)?;
+        doubts(
+            out,
+            judged(report).map(|(network, on)| {
+                (format!("{network}, {}{}", on.set, mark(on.trained_on)), on.judged.mean.doubts)
+            }),
+        )?;
         confusions(out, report)?;
     }
     cross_validation(out, report)

@@ -18,9 +18,9 @@ const MAX_COLUMNS: usize = 2;
 const MAX_ELECTRODE_COLUMNS: usize = 3;
 /// Width of a column of values.
 const WIDTH: usize = 11;
-/// The heading of how unlike a window is to those of the training.
+/// The heading of how unlike a window or frame is to those of the training.
 const UNLIKE: &str = "unlike";
-/// The mark before a value outside the range of the training, and of a window unlike these.
+/// The mark before a value outside the range of the training, and of input unlike the training's.
 pub(super) const OUTSIDE: &str = "*";
 
 /// The table of a kind of input.
@@ -77,6 +77,7 @@ enum Figures {
     },
     Frames {
         time_ms: f64,
+        unlike: Option<f32>,
         events: u64,
         update_us: f64,
     },
@@ -130,7 +131,7 @@ impl Columns {
             }
             TableKind::Frames => {
                 let (time, update) = ("time (ms)", "update (us)");
-                format!("{done:>5}  {time:>13}{}  {:>8}  {update:>11}", values(), "events")
+                format!("{done:>5}  {time:>13}{}  {UNLIKE:>6}  {:>8}  {update:>11}", values(), "events")
             }
             TableKind::Electrodes => {
                 let values = if self.has_classes {
@@ -139,14 +140,13 @@ impl Columns {
                 } else {
                     names()
                 };
-                format!("{:>7}  {:>9}{values}  {:>11}", "line", "time (s)", "update (us)")
+                format!("{:>7}  {:>9}{values}  {UNLIKE:>6}  {:>11}", "line", "time (s)", "update (us)")
             }
             TableKind::Pictures(baseline) => {
-                let columns = ["area (mm2)", "force (N)", "median (N)"];
-                let columns = columns.map(|name| format!("  {name:>10}")).concat();
+                let columns = "area (mm2) force (N) median (N) centroid (px) unlike";
                 let (area, centroid) = ("baseline area (mm2)", "centroid (px)");
-                let baseline = if baseline { format!("  {area:>19}  {centroid:>15}") } else { String::new() };
-                format!("{:<16}{columns}  {centroid:>13}{baseline}  {:>11}", "image", "update (us)")
+                let baseline = if baseline { format!(" {area:>19} {centroid:>13}") } else { String::new() };
+                format!("{:<15} {columns}{baseline} {:>11}", "image", "update (us)")
             }
             TableKind::Reports => {
                 let (state, behind, age, waited) = ("state", "behind ms", "age ms", "waited us");
@@ -171,8 +171,10 @@ impl Columns {
             }
             Prediction::Frames(p) => {
                 let values = self.values(&means(p.value.0, self.names.len()), p.answer.as_ref());
-                let (time_ms, events, update_us) = (p.elapsed_us as f64 / 1e3, p.events, p.update_us);
-                Row { taken: p.taken, values, figures: Figures::Frames { time_ms, events, update_us } }
+                let (time_ms, unlike) = (p.elapsed_us as f64 / 1e3, p.unlike);
+                let (events, update_us) = (p.events, p.update_us);
+                let figures = Figures::Frames { time_ms, unlike, events, update_us };
+                Row { taken: p.taken, values, figures }
             }
             Prediction::Report(p) => {
                 let times_ms = [p.elapsed_us as f64, p.behind_us as f64, p.age_us].map(|us| us / 1e3);
@@ -204,9 +206,9 @@ impl Columns {
                 let (done, nodes, rows, unlike) = (done(), grouped(nodes), grouped(rows), marked(unlike));
                 format!("{done:>5}  {time:>9}{values}  {unlike:>6}  {nodes:>6}  {rows:>7}  {update_us:>11.1}")
             }
-            &Figures::Frames { time_ms, events, update_us } => {
-                let (done, events) = (done(), grouped(events));
-                format!("{done:>5}  {time_ms:>13.3}{values}  {events:>8}  {update_us:>11.1}")
+            &Figures::Frames { time_ms, unlike, events, update_us } => {
+                let (done, events, unlike) = (done(), grouped(events), marked(unlike));
+                format!("{done:>5}  {time_ms:>13.3}{values}  {unlike:>6}  {events:>8}  {update_us:>11.1}")
             }
             &Figures::Report { input, times_ms: [time, behind, age], unlike, state, waited_us } => {
                 let input = if self.several { format!("{input:>3} ") } else { String::new() };
@@ -230,7 +232,7 @@ impl Columns {
             }
             None => self.columns(p.value.0, MAX_ELECTRODE_COLUMNS),
         };
-        format!("{:>7}  {time:>9}{values}  {:>11.1}", p.line, p.update_us)
+        format!("{:>7}  {time:>9}{values}  {:>6}  {:>11.1}", p.line, marked(p.unlike), p.update_us)
     }
 
     /// What a row has room for of `values`.
@@ -265,7 +267,7 @@ impl Columns {
     }
 }
 
-/// How unlike a window is to those of the training, marked if it is.
+/// How unlike a window or frame is to those of the training, marked if it is.
 fn marked(unlike: Option<f32>) -> String {
     cell(unlike, |unlike| {
         let mark = if unlike > 1.0 { OUTSIDE } else { "" };
@@ -289,12 +291,12 @@ fn picture(p: &PicturePrediction<'_>) -> String {
     let name = p.image.map(|image| Path::new(image).file_name().unwrap_or_default().to_string_lossy());
     let name = name.or(p.picture.map(|number| number.to_string().into())).unwrap_or_default();
     let baseline = p.baseline.map_or_else(String::new, |baseline| {
-        format!("  {:>19.3}  {:>15}", baseline.area_mm2, place(baseline.centroid))
+        format!(" {:>19.3} {:>13}", baseline.area_mm2, place(baseline.centroid))
     });
     let ContactReport { area_mm2: area, force_n: force, median_force_n: median, centroid, .. } = p.contact;
-    let (centroid, update_us) = (place(centroid), p.update_us);
+    let (centroid, unlike, update_us) = (place(centroid), marked(p.unlike), p.update_us);
     format!(
-        "{name:<16}  {area:>10.3}  {force:>10.4}  {median:>10.4}  {centroid:>13}{baseline}  {update_us:>11.1}"
+        "{name:<15} {area:>10.3} {force:>9.4} {median:>10.4} {centroid:>13} {unlike:>6}{baseline} {update_us:>11.1}"
     )
 }
 

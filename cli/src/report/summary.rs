@@ -40,7 +40,7 @@ pub(super) fn events(out: &mut impl Write, summary: &EventSummary) -> io::Result
     )?;
     writeln!(out, "predictions  {}", grouped(summary.predictions))?;
     outside_training(out, summary.outside_training)?;
-    unlike_training(out, summary.unlike_training)?;
+    unlike_training(out, "windows", summary.unlike_training)?;
     if let Some(approximations) = &summary.approximations {
         self::approximations(out, approximations)?;
     }
@@ -104,13 +104,14 @@ fn outside_training(out: &mut impl Write, predictions: Option<u64>) -> io::Resul
     )
 }
 
-/// Writes the number of predictions of windows unlike those of the training, if there were any.
-fn unlike_training(out: &mut impl Write, predictions: Option<u64>) -> io::Result<()> {
+/// Writes the number of predictions of windows or frames unlike those of the training, if there were
+/// any.
+fn unlike_training(out: &mut impl Write, inputs: &str, predictions: Option<u64>) -> io::Result<()> {
     let Some(count @ 1..) = predictions else { return Ok(()) };
     let count = grouped(count);
     writeln!(
         out,
-        "unlike       {count} predictions are of windows unlike those of the training ({OUTSIDE} in the table)"
+        "unlike       {count} predictions are of {inputs} unlike those of the training ({OUTSIDE} in the table)"
     )
 }
 
@@ -187,6 +188,7 @@ pub(super) fn frames(out: &mut impl Write, summary: &FrameSummary) -> io::Result
     writeln!(out, "frames       {} pushed", grouped(summary.frames))?;
     writeln!(out, "predictions  {}", grouped(summary.predictions))?;
     outside_training(out, summary.outside_training)?;
+    unlike_training(out, "frames", summary.unlike_training)?;
     quantiles(out, &summary.latency_us)?;
     if let Some(rate) = summary.frames_per_s {
         writeln!(out, "  {rate:.1} frames/s, counting the time in preparing, pushing and predicting only")?;
@@ -279,7 +281,7 @@ pub(super) fn plays(out: &mut impl Write, ended: &[Result<PlaySummary, RunError>
                 refused(out, summary.lines_refused)?;
                 play_dropped(out, summary, &format!("from input {input} "))?;
                 outside_training(out, summary.outside_training)?;
-                unlike_training(out, summary.unlike_training)?;
+                unlike_training(out, "windows", summary.unlike_training)?;
                 restarts(out, summary.restarts)?;
                 if summary.verified.is_some_and(|verified| !verified.equal) {
                     writeln!(out, "verified     input {input} DIFFERS from the batch")?;
@@ -341,7 +343,7 @@ pub(super) fn play(out: &mut impl Write, summary: &PlaySummary) -> io::Result<()
     let [made, due, fresh, behind, old] = counts.map(grouped);
     writeln!(out, "reports      {made} of {due} made: {fresh} fresh, {behind} behind, {old} old")?;
     outside_training(out, summary.outside_training)?;
-    unlike_training(out, summary.unlike_training)?;
+    unlike_training(out, "windows", summary.unlike_training)?;
     writeln!(
         out,
         "deadline     passed by {} of them, by {:.1} us at most; asked for {:.1} us late at most",

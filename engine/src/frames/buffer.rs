@@ -5,6 +5,9 @@ use meissner_kernels::{FeatureMap, KernelError, Matrix, Planes};
 use super::changes::Changes;
 use super::network::FrameShape;
 
+/// Values that are compared together: most of a frame of events stays zero.
+const RUN: usize = 16;
+
 /// Shapes are checked when a network is made.
 const KIND: &str = "a value is stored as its layer reads and writes it";
 
@@ -128,9 +131,14 @@ impl Buffer {
                 let (height, width) = (planes.height(), planes.width());
                 for (i, new) in frame.chunks_exact(width).enumerate() {
                     let row = planes.row_mut(i / height, i % height);
-                    if row.iter().zip(new).fold(0, |bits, (a, b)| bits | (a.to_bits() ^ b.to_bits())) != 0 {
+                    let runs = row.chunks_mut(RUN).zip(new.chunks(RUN));
+                    for (start, (old, new)) in (0..).step_by(RUN).zip(runs) {
+                        let differ = |bits, (a, b): (&f32, &f32)| bits | (a.to_bits() ^ b.to_bits());
+                        if old.iter().zip(new).fold(0, differ) == 0 {
+                            continue;
+                        }
                         any = true;
-                        for (x, (old, &new)) in row.iter_mut().zip(new).enumerate() {
+                        for (x, (old, &new)) in (start..).zip(old.iter_mut().zip(new)) {
                             if old.to_bits() != new.to_bits() {
                                 changed.set(i % height, x);
                                 *old = new;

@@ -33,7 +33,8 @@ impl FrameNetwork {
         };
         let records = size_of::<(Pending, Memory, [Buffer; 2], Option<Changes>, FrameLayerCounters)>();
         let each = (self.values.len() * records) as u128;
-        self.state_bytes(options) + marks + reached + self.scratch_bytes(options) + each
+        let statistics = self.statistics().map_or(0, |statistics| statistics.bytes() as u128);
+        self.state_bytes(options) + marks + reached + self.scratch_bytes(options) + each + statistics
     }
 
     /// Bytes of all activations and of the memories of the layers.

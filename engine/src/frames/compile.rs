@@ -11,6 +11,7 @@ use super::network::{
     Convolution, FrameLayer, FrameLayerKind, FrameNetworkParts, FrameShape, fingerprint_of,
 };
 use super::shapes::{check_shape, output_shape, with};
+use super::unlikeness::{FrameStatistics, TrainingFrames};
 use crate::EngineError;
 use crate::error::misfit;
 
@@ -27,6 +28,7 @@ pub struct FrameNetwork {
     pub(super) buffers: Vec<FrameShape>,
     pub(super) planar: bool,
     pub(super) fingerprint: u64,
+    training: Option<TrainingFrames>,
 }
 
 /// A value: the frame, or a layer's output.
@@ -100,8 +102,11 @@ impl FrameNetwork {
     /// [`EngineError::Network`] for a layer that does not fit its input; [`EngineError::Layer`] for
     /// parameters that a kernel refuses.
     pub fn new(parts: FrameNetworkParts, convolution: Convolution) -> Result<Self, EngineError> {
-        let FrameNetworkParts { name, input, layers } = parts;
+        let FrameNetworkParts { name, input, layers, training } = parts;
         check_shape("frame", input)?;
+        if training.as_ref().is_some_and(|training| !training.fits(input)) {
+            return Err(misfit("frame", "training", "features that such frames have", input));
+        }
         if layers.is_empty() {
             return Err(misfit("network", "layers", "at least one", "none"));
         }
@@ -136,7 +141,7 @@ impl FrameNetwork {
         fuse_poolings(&mut units, &mut values);
         mark_eager(&mut units);
         let fingerprint = fingerprint_of(&name, input, &layers, convolution);
-        Ok(Self { name, units, values, buffers, planar, fingerprint })
+        Ok(Self { name, units, values, buffers, planar, fingerprint, training })
     }
 
     /// Hash of structure, names and parameters, as [`crate::Network::fingerprint`].
@@ -171,6 +176,15 @@ impl FrameNetwork {
     /// Names of the layers, in order.
     pub fn layers(&self) -> impl Iterator<Item = &str> {
         self.units.iter().map(|unit| unit.name.as_str())
+    }
+
+    /// What the frames of its training were like, if that is known.
+    pub fn training(&self) -> Option<&TrainingFrames> {
+        self.training.as_ref()
+    }
+
+    pub(super) fn statistics(&self) -> Option<FrameStatistics> {
+        self.training.as_ref()?.statistics(self.input(), self.has_state())
     }
 
     /// Whether a prediction depends on earlier frames than the last.

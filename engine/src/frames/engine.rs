@@ -20,6 +20,11 @@ pub struct FramePrediction<'a> {
     pub values: &'a [f32],
     /// Number of frames since the last reset.
     pub frames: u64,
+    /// How unlike the newest frames are to those of the training: above 1, fewer than 1 of 1,000 of
+    /// these were ([`TrainingFrames::unlikeness`]). `None` where the network does not know.
+    ///
+    /// [`TrainingFrames::unlikeness`]: super::TrainingFrames::unlikeness
+    pub unlike: Option<f32>,
 }
 
 /// The state of a [`FrameEngine`] at one moment; see [`FrameEngine::snapshot`].
@@ -35,7 +40,7 @@ pub type FrameSnapshot = SnapshotOf<FrameEngine>;
 /// let kind = FrameLayerKind::Delay { frames: 2 };
 /// let delay = FrameLayer { name: "delay".to_owned(), from: 0, kind };
 /// let input = FrameShape::Vector(1);
-/// let parts = FrameNetworkParts { name: "two".to_owned(), input, layers: vec![delay] };
+/// let parts = FrameNetworkParts { name: "two".to_owned(), input, layers: vec![delay], training: None };
 /// let mut engine = FrameEngine::new(FrameNetwork::new(parts, Convolution::Direct)?)?;
 /// engine.push(&[3.0])?;
 /// engine.push_slice(&[4.0, 5.0])?;
@@ -156,7 +161,8 @@ impl FrameEngine {
             let layer = self.state.not_a_number(&self.network);
             return Err(EngineError::NotANumber { layer, rows: 1 });
         }
-        Ok(FramePrediction { values: &self.state.prediction, frames: self.state.frames })
+        let unlike = self.state.unlikeness(&self.network);
+        Ok(FramePrediction { values: &self.state.prediction, frames: self.state.frames, unlike })
     }
 
     /// Returns to the state before the first frame. Counters are kept.
@@ -184,6 +190,7 @@ impl FrameEngine {
         check_network(self.network.identity(), other.network.identity())?;
         self.check_skip(other.options.skip, other.options.sparse)?;
         self.state.clone_from(&other.state);
+        self.state.know(&self.network);
         Ok(())
     }
 

@@ -4,6 +4,7 @@
 use meissner_kernels::{Activation, WinogradTile};
 
 use self::FrameLayerKind as Kind;
+use super::unlikeness::TrainingFrames;
 use crate::fingerprint::{Fingerprint, activation_code};
 
 /// Shape of a layer's input or output.
@@ -69,6 +70,9 @@ pub struct FrameNetworkParts {
     pub input: FrameShape,
     /// Layers in topological order; the output of the last one is the prediction.
     pub layers: Vec<FrameLayer>,
+    /// What the frames of its training were like, if that is known. Predictions then say how unlike
+    /// theirs are; their values stay as they are.
+    pub training: Option<TrainingFrames>,
 }
 
 /// A layer.

@@ -11,6 +11,7 @@ use super::compile::{FrameNetwork, Kernel};
 use super::layers::{Memory, Run, Scratch, spread};
 use super::network::FrameShape;
 use super::options::{FrameOptions, Skip};
+use super::unlikeness::FrameStatistics;
 use crate::EngineError;
 use crate::counters::{FrameCounters, FrameLayerCounters};
 
@@ -29,6 +30,8 @@ pub(super) struct State {
     /// Whether the last layer's output has changed since `prediction` was copied from it.
     stale: bool,
     pub(super) frames: u64,
+    /// The newest frames, where the network knows what those of its training were like.
+    statistics: Option<FrameStatistics>,
     pub(super) counters: FrameCounters,
 }
 
@@ -104,6 +107,7 @@ impl State {
             prediction: vec![0.0; network.output().values()],
             stale: true,
             frames: 0,
+            statistics: network.statistics(),
             counters: FrameCounters {
                 layers: vec![FrameLayerCounters::default(); network.units.len()],
                 ..FrameCounters::default()
@@ -112,6 +116,9 @@ impl State {
     }
 
     pub(super) fn push(&mut self, network: &FrameNetwork, options: FrameOptions, frame: &[f32]) {
+        if let Some(statistics) = &mut self.statistics {
+            statistics.push(frame);
+        }
         self.changed.become_none(network.values[0].shape.marks());
         let any = if options.skip == Skip::Nothing {
             self.changed.set_all();
@@ -254,6 +261,7 @@ impl State {
     pub(super) fn reset(&mut self, network: &FrameNetwork, options: FrameOptions) {
         self.memories.iter_mut().for_each(Memory::reset);
         self.frames = 0;
+        self.statistics.iter_mut().for_each(FrameStatistics::reset);
         // With a tolerance, values must not be compared with those from before the reset.
         let compares = matches!(options.skip, Skip::Tolerance(_));
         // As before the first frame, the frame and the outputs of states are zeros.
@@ -269,6 +277,31 @@ impl State {
             let forgotten = if compares { reached.len() } else { 1 };
             reached.iter_mut().take(forgotten).flatten().for_each(Changes::clear);
         }
+    }
+
+    pub(super) fn unlikeness(&self, network: &FrameNetwork) -> Option<f32> {
+        Some(network.training()?.unlikeness(self.statistics.as_ref()?))
+    }
+
+    /// Takes the statistics that `network` knows, after a copy of the state of an equal one, which
+    /// may know others.
+    pub(super) fn know(&mut self, network: &FrameNetwork) {
+        let mut statistics = network.statistics();
+        if let Some(own) = &mut statistics {
+            let sums = self.statistics.as_ref().filter(|other| other.is_like(own));
+            let sums = sums.map_or(&[][..], FrameStatistics::sums);
+            own.set(self.frames, sums, || self.frame(network));
+        }
+        self.statistics = statistics;
+    }
+
+    /// The newest frame.
+    fn frame(&self, network: &FrameNetwork) -> Vec<f32> {
+        let shape = network.input();
+        let mut frame = vec![0.0; shape.values()];
+        let value = network.values[0];
+        self.buffers[value.buffer].flatten(value.first, shape.sides()[0], &mut frame);
+        frame
     }
 
     pub(super) fn not_a_number(&self, network: &FrameNetwork) -> String {

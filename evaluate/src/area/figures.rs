@@ -17,6 +17,7 @@ use meissner_run::run::{BLUR_RADIUS, ContactPredictor};
 use serde::Serialize;
 
 use crate::area::pictures::{Labelled, Press, Set, Truth};
+use crate::doubts::{BAD, Doubts};
 use crate::error::Result;
 use crate::metrics::MeanStd;
 use crate::workers::Workers;
@@ -34,6 +35,9 @@ pub struct Figures {
     pub centroid_mm: Option<MeanStd>,
     /// Absolute error of the area, in mm^2.
     pub area_mm2: MeanStd,
+    /// What predictions say about their pictures, where the weights say what those of the training
+    /// were like. Bad: more than three times as far from an `IoU` of 1 as the mean.
+    pub doubts: Option<Doubts>,
     /// By kind of indenter.
     pub kinds: BTreeMap<String, KindFigures>,
     /// Multiply-adds of a picture, those that were skipped left out.
@@ -83,6 +87,7 @@ struct Contact {
     force_n: Option<(f64, f64)>,
     centroid_mm: Option<f64>,
     area_mm2: f64,
+    unlike: Option<f32>,
     update_us: f64,
 }
 
@@ -113,6 +118,7 @@ impl Outcome {
                 force_n: picture.force_n().map(|force| (force, report.force_n * scale)),
                 centroid_mm: distance(report.centroid, centroid(&picture.truth, &mask, width), pixel_mm),
                 area_mm2: (pixel.area_mm2(report.pixels) - pixel.area_mm2(count(&mask))).abs(),
+                unlike: predictor.unlike(),
                 update_us,
             });
             outcome.maps.extend(predictor.force().iter().map(|force| (f64::from(*force) * scale) as f32));
@@ -147,12 +153,16 @@ impl Figures {
             iou: over(&contacts, |contact| contact.iou),
             force_n: force_error(&contacts),
         };
+        let iou = over(&all, |contact| contact.iou);
+        let is_bad = |contact: &Contact| 1.0 - contact.iou > BAD * (1.0 - iou.mean);
+        let doubts = Doubts::of(all.iter().map(|contact| (contact.unlike, is_bad(contact))));
         let mut times: Vec<f64> = all.iter().map(|contact| contact.update_us).collect();
         times.sort_by(f64::total_cmp);
         let work: u64 = outcomes.iter().map(|outcome| outcome.multiply_adds).sum();
         Self {
             pictures: all.len(),
-            iou: over(&all, |contact| contact.iou),
+            iou,
+            doubts,
             force_n: force_error(&all),
             centroid_mm: MeanStd::of(
                 &all.iter().filter_map(|contact| contact.centroid_mm).collect::<Vec<_>>(),
@@ -186,6 +196,7 @@ pub(crate) fn baseline(set: &Set, workers: &Workers) -> Result<BaselineFigures> 
                         pixel_mm,
                     ),
                     area_mm2: (report.area_mm2 - pixel.area_mm2(count(mask))).abs(),
+                    unlike: None,
                     update_us: 0.0,
                 })
             };

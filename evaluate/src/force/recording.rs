@@ -4,6 +4,7 @@ use meissner_engine::Event;
 use meissner_simulator::grasp::Phase;
 use serde::Serialize;
 
+use crate::doubts::{BAD, Doubts};
 use crate::error::Result;
 use crate::judge::Figures;
 use crate::metrics::{MeanStd, bhattacharyya, time_warping};
@@ -21,6 +22,8 @@ pub(crate) struct Outcome {
     /// Predicted and true force at the end of each frame, in newtons.
     pub(crate) values: Vec<f64>,
     pub(crate) truth: Vec<f64>,
+    /// How unlike the input was at the end of each frame.
+    pub(crate) unlike: Vec<Option<f32>>,
     /// The number of the phase at the end of each frame; `None` where the file does not say.
     pub(crate) phases: Vec<Option<usize>>,
     pub(crate) bolt_mm: Option<f64>,
@@ -66,6 +69,7 @@ pub(crate) fn run(
     Ok(Outcome {
         values: of_frames().map(|found| found.values[0]).collect(),
         truth: of_frames().map(|found| force(found.t_us)).collect(),
+        unlike: of_frames().map(|found| found.unlike).collect(),
         phases: of_frames()
             .map(|found| label(PHASE, found.t_us).map(|phase| phase.round() as usize))
             .collect(),
@@ -90,6 +94,9 @@ pub struct ForceErrors<T = f64> {
     pub bhattacharyya: Option<T>,
     /// Mean squared error in N^2 of a reader's newest prediction at each millisecond, if any.
     pub newest: Option<T>,
+    /// What predictions at the ends of frames say about their input, where the weights say what that
+    /// of the training was like.
+    pub doubts: Option<Doubts>,
     /// Events and work of all trainings together.
     pub work: Work,
 }
@@ -128,6 +135,13 @@ impl ForceErrors {
         }
         let warped = |outcome: &Outcome| time_warping(&outcome.values, &outcome.truth);
         let all = |of: fn(&Outcome) -> &[f64]| outcomes.iter().flat_map(of).copied().collect::<Vec<f64>>();
+        let mean = parts[0].mae;
+        let frames = outcomes.iter().flat_map(|outcome| {
+            let errors = outcome.values.iter().zip(&outcome.truth);
+            let bad = errors.map(move |(value, truth)| (value - truth).abs() > BAD * mean);
+            outcome.unlike.iter().copied().zip(bad)
+        });
+        let doubts = Doubts::of(frames);
         let newest: Vec<f64> = outcomes.iter().filter_map(|outcome| outcome.newest).collect();
         let mut work = Work::default();
         outcomes.iter().for_each(|outcome| work.add_press(&outcome.effort));
@@ -141,6 +155,7 @@ impl ForceErrors {
                 BIN_N,
             ),
             newest: MeanStd::of(&newest).map(|newest| newest.mean),
+            doubts,
             work,
         })
     }
@@ -202,6 +217,7 @@ impl Figures for ForceErrors {
             time_warping: MeanStd::over(each, |one| one.time_warping)?,
             bhattacharyya: of(|one| one.bhattacharyya),
             newest: of(|one| one.newest),
+            doubts: Doubts::sum(each.iter().map(|one| one.doubts)),
             work,
         })
     }

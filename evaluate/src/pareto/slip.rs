@@ -212,7 +212,9 @@ impl<'a> FramesNetwork<'a> {
     fn outputs(&self, setting: FrameSetting) -> Result<Outputs> {
         let steps = steps(setting, self.windows.steps);
         let windows = &self.windows;
-        let logits = |engine: &mut FrameEngine, &window: &usize| windows.logits(engine, window, steps);
+        let logits = |engine: &mut FrameEngine, &window: &usize| {
+            windows.logits(engine, window, steps).map(|(logits, _)| logits)
+        };
         let of = |parts| self.workers.for_each(&engine(setting, parts)?, &self.unseen, logits);
         self.trainings.iter().map(of).collect()
     }

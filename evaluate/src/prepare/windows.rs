@@ -28,6 +28,32 @@ pub struct Ages {
     pub seed: u64,
 }
 
+/// Times of streams at which a prediction counts.
+pub(super) struct Times {
+    ages: Ages,
+    random: Random,
+}
+
+impl Times {
+    pub(super) fn new(ages: Ages) -> Self {
+        Self { ages, random: Random::new(ages.seed) }
+    }
+
+    /// The random times of each of `streams`, and its end.
+    pub(super) fn of(&mut self, streams: &Streams) -> Vec<Vec<i64>> {
+        let Self { ages, random } = self;
+        let of_stream = |stream| {
+            let [contact, end] = streams.span_us(stream);
+            let mut at = |_| {
+                let age = ages.youngest + (1.0 - ages.youngest) * random.uniform();
+                contact + (age * (end - contact) as f64) as i64
+            };
+            (0..ages.count).map(&mut at).chain([end]).collect()
+        };
+        (0..streams.parts().len()).map(of_stream).collect()
+    }
+}
+
 /// `weights` of the network of `description`, with what its windows were like at `ages` of the
 /// streams in `files`. O(events) for each age.
 ///
@@ -42,7 +68,7 @@ pub fn training_windows(
 ) -> Result<Prepared> {
     let card = weights.card().map_err(|source| RunError::weights(label.to_owned(), source))?;
     let (mut windows, mut sensor): (_, Option<Sensor>) = (Vec::new(), None);
-    let mut random = Random::new(ages.seed);
+    let mut times = Times::new(ages);
     for file in files {
         let streams = Streams::read(file)?;
         let own = *sensor.get_or_insert(streams.sensor);
@@ -50,16 +76,7 @@ pub fn training_windows(
             let found = format!("{} in {}", streams.sensor, file.display());
             return Err(EvaluateError::request(RequestPart::Events, format!("streams of {own}"), found));
         }
-        let times: Vec<Vec<i64>> = (0..streams.parts().len())
-            .map(|stream| {
-                let [contact, end] = streams.span_us(stream);
-                let mut at = |_| {
-                    let age = ages.youngest + (1.0 - ages.youngest) * random.uniform();
-                    contact + (age * (end - contact) as f64) as i64
-                };
-                (0..ages.count).map(&mut at).chain([end]).collect()
-            })
-            .collect();
+        let times = times.of(&streams);
         let of_stream = |(events, times): (&&[Event], &Vec<i64>)| {
             let events: Vec<Event> = events.iter().copied().step_by(card.stride).collect();
             let window = |&now_us: &i64| {
@@ -82,8 +99,13 @@ pub fn training_windows(
         let found = format!("{} windows with events", windows.len());
         EvaluateError::request(RequestPart::Events, "streams of at least 20 windows with events", found)
     })?;
-    let mut metadata = weights.metadata().clone();
-    metadata.insert("training_windows".to_owned(), windows_text(&described));
     let contents = format!("{label}, and what {} windows were like", grouped(windows.len() as u64));
-    Ok(Prepared { file: weights.to_file(metadata), contents })
+    Ok(told(weights, windows_text(&described), contents))
+}
+
+/// `weights` that say `text` about their training.
+pub(super) fn told(weights: &Weights, text: String, contents: String) -> Prepared {
+    let mut metadata = weights.metadata().clone();
+    metadata.insert("training_windows".to_owned(), text);
+    Prepared { file: weights.to_file(metadata), contents }
 }

@@ -207,8 +207,9 @@ impl PressEngine {
                 if feed.slides() {
                     feed.finish(|frame| frames.take(frame))?;
                 }
-                values.extend_from_slice(frames.engine.predict()?.values);
-                Ok(None)
+                let prediction = frames.engine.predict()?;
+                values.extend_from_slice(prediction.values);
+                Ok(prediction.unlike)
             }
         }
     }
@@ -272,7 +273,7 @@ impl FramesSeen {
 }
 
 /// A feed of all frames of `description`, from `t_us` on. A sliding window is read when asked for.
-fn feed(description: &FrameDescription, sensor: Sensor, t_us: i64) -> Result<FrameFeed, RunError> {
+pub(crate) fn feed(description: &FrameDescription, sensor: Sensor, t_us: i64) -> Result<FrameFeed, RunError> {
     let options = FeedOptions {
         late: LatePolicy::Drop,
         restart: RestartPolicy::Keep,

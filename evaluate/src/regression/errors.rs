@@ -6,6 +6,7 @@ use meissner_run::latency::Latency;
 use serde::Serialize;
 
 use super::press::{Effort, Outcome, Quantity};
+use crate::doubts::{BAD, Doubts};
 use crate::judge::Figures;
 use crate::metrics::MeanStd;
 
@@ -20,7 +21,7 @@ pub struct Errors<T = f64> {
     /// Median share of the press from which on all angles stay within 1 degree, if half do.
     pub settled_share: Option<f64>,
     /// Windows unlike those of the training, where the weights say what these were like.
-    pub doubts: Option<Doubts>,
+    pub doubts: Option<PressDoubts>,
     /// Events and work of all trainings together.
     pub work: Work,
     /// Share of each press from which on its angles stay within 1 degree.
@@ -44,33 +45,26 @@ pub struct OutputErrors<T = f64> {
     pub mean_absolute_at: Vec<T>,
 }
 
-/// Predictions of all trainings since contact, and what their windows say about them.
+/// Predictions since contact, and the ends of presses.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 #[expect(missing_docs, reason = "the keys of the JSON report")]
-pub struct Doubts {
-    pub predictions: u64,
-    /// Those of windows unlike the training's.
-    pub unlike: u64,
-    /// Those with an output whose error is more than three times its mean at the end of a press.
-    pub bad: u64,
-    /// Those that are both.
-    pub bad_unlike: u64,
+pub struct PressDoubts {
+    /// A bad prediction has an output whose error is more than three times its mean at the end.
+    #[serde(flatten)]
+    pub all: Doubts,
     /// Presses, and those that end with an unlike window.
     pub ends: u64,
     pub ends_unlike: u64,
 }
 
-impl Doubts {
+impl PressDoubts {
     /// Those of `outcomes`, whose outputs have these mean errors at the end.
     fn of(outcomes: &[Outcome], mean: &[f64]) -> Option<Self> {
-        let mut doubts = Self::default();
+        let is_bad = |errors: &Vec<f64>| errors.iter().zip(mean).any(|(error, mean)| *error > BAD * mean);
+        let each = outcomes.iter().flat_map(|outcome| outcome.unlike_at.iter().zip(&outcome.errors_at));
+        let all = Doubts::of(each.map(|(unlike, errors)| (*unlike, is_bad(errors))))?;
+        let mut doubts = Self { all, ends: 0, ends_unlike: 0 };
         for outcome in outcomes {
-            for (errors, unlike) in outcome.errors_at.iter().zip(&outcome.unlike_at) {
-                let unlike = u64::from((*unlike)? > 1.0);
-                let bad = u64::from(errors.iter().zip(mean).any(|(error, mean)| *error > 3.0 * mean));
-                let both = unlike * bad;
-                doubts.add(&Self { predictions: 1, unlike, bad, bad_unlike: both, ends: 0, ends_unlike: 0 });
-            }
             doubts.ends += 1;
             doubts.ends_unlike += u64::from(outcome.unlike_at.last().copied().flatten()? > 1.0);
         }
@@ -78,10 +72,7 @@ impl Doubts {
     }
 
     fn add(&mut self, other: &Self) {
-        self.predictions += other.predictions;
-        self.unlike += other.unlike;
-        self.bad += other.bad;
-        self.bad_unlike += other.bad_unlike;
+        self.all.add(&other.all);
         self.ends += other.ends;
         self.ends_unlike += other.ends_unlike;
     }
@@ -119,7 +110,7 @@ impl Errors {
         let mean: Vec<f64> = outputs.iter().map(|output| output.mean_absolute).collect();
         Some(Self {
             presses: outcomes.len() as u64,
-            doubts: Doubts::of(outcomes, &mean),
+            doubts: PressDoubts::of(outcomes, &mean),
             outputs,
             angles: together,
             settled_share: lower_median(settled.clone()),
@@ -180,7 +171,7 @@ impl Figures for Errors {
         let settled: Vec<Option<f64>> = each.iter().flat_map(|one| one.settled.iter().copied()).collect();
         let mut work = Work::default();
         each.iter().for_each(|one| work.add(&one.work));
-        let doubts = each.iter().try_fold(Doubts::default(), |mut sum, one| {
+        let doubts = each.iter().try_fold(PressDoubts::default(), |mut sum, one| {
             sum.add(one.doubts.as_ref()?);
             Some(sum)
         });

@@ -18,6 +18,7 @@ use serde::{Serialize, Serializer};
 use serde_json::{Value, json};
 
 use super::{Slip, SlipData, Windows, trained_on_basic};
+use crate::doubts::Doubts;
 use crate::error::{Result, TrainingError};
 use crate::judge::{Figures, Judge, JudgedTrial, NetworkReport, judge};
 use crate::metrics::{Confusion, MeanStd, Scores, predicted};
@@ -63,6 +64,9 @@ pub struct SlipFigures {
     partial: Vec<String>,
 }
 
+/// The logits of a window, and how unlike it is to those of the training.
+type Logits = (Vec<f32>, Option<f32>);
+
 /// Figures of whole trainings on one set.
 #[derive(Serialize)]
 #[expect(missing_docs, reason = "the keys of the JSON report")]
@@ -98,14 +102,21 @@ pub struct Classified<T = f64> {
     pub scores: Scores<T>,
     /// Counts of predictions, the sum over the trainings.
     pub confusion: Confusion,
+    /// What these say about their windows, where the weights say what the training's were like.
+    pub doubts: Option<Doubts>,
 }
 
 impl Classified {
     /// The figures of predictions (true class, outputs); `None` for no predictions.
-    fn new<'a>(predictions: impl Iterator<Item = (usize, &'a Vec<f32>)>) -> Option<Self> {
+    fn new<'a>(predictions: impl Iterator<Item = (usize, &'a Logits)>) -> Option<Self> {
         let mut confusion = Confusion::new(CLASSES.len());
-        predictions.for_each(|(truth, values)| confusion.add(truth, predicted(values)));
-        Some(Self { windows: confusion.total(), scores: Scores::of(&confusion)?, confusion })
+        let each = predictions.map(|(truth, (values, unlike))| {
+            confusion.add(truth, predicted(values));
+            (*unlike, predicted(values) != truth)
+        });
+        let each: Vec<_> = each.collect();
+        let (windows, scores) = (confusion.total(), Scores::of(&confusion)?);
+        Some(Self { windows, scores, confusion, doubts: Doubts::of(each) })
     }
 }
 
@@ -117,6 +128,7 @@ impl Figures for Classified {
             windows: each.iter().map(|one| one.windows).min()?,
             scores: Scores::mean(&each.iter().map(|one| one.scores).collect::<Vec<_>>())?,
             confusion: Confusion::sum(each.iter().map(|one| &one.confusion))?,
+            doubts: Doubts::sum(each.iter().map(|one| one.doubts)),
         })
     }
 }
@@ -202,8 +214,7 @@ impl Judge for OfSlip<'_> {
     type Task = Slip;
     type Plan = Plan;
     type Engine = FrameEngine;
-    /// The logits of a window.
-    type Outcome = Vec<f32>;
+    type Outcome = Logits;
     type Figures = OfTrial;
     type Network = SlipFigures;
 
@@ -231,14 +242,14 @@ impl Judge for OfSlip<'_> {
         Plan { windows, .. }: &Plan,
         engine: &mut FrameEngine,
         window: usize,
-    ) -> Result<Vec<f32>> {
+    ) -> Result<Logits> {
         Ok(windows.logits(engine, window, windows.steps)?)
     }
 
     /// Only whole trainings have outputs for every window, and write them.
-    fn figures(&self, Plan { windows, .. }: &Plan, mut judged: JudgedTrial<'_, Vec<f32>>) -> OfTrial {
+    fn figures(&self, Plan { windows, .. }: &Plan, mut judged: JudgedTrial<'_, Logits>) -> OfTrial {
         if judged.trial.scheme.is_none() {
-            judged.write(CLASSES.len(), Vec::clone);
+            judged.write(CLASSES.len(), |(values, _)| values.clone());
         }
         let class = |window: usize| self.data.recordings[windows.cases.recording(window)].class;
         let of = |chosen: &dyn Fn(usize) -> bool| {

@@ -19,7 +19,8 @@ fn engine() -> TimedFrames {
     let weight = (0..18).map(|i| (i as f32).sin()).collect();
     let dense = FrameLayerKind::Dense { outputs: 3, weight, bias: None, activation: Activation::Tanh };
     let layers = vec![layer("delay", 0, FrameLayerKind::Delay { frames: 3 }), layer("out", 1, dense)];
-    let parts = FrameNetworkParts { name: "past".to_owned(), input: FrameShape::Vector(2), layers };
+    let parts =
+        FrameNetworkParts { name: "past".to_owned(), input: FrameShape::Vector(2), layers, training: None };
     let network = FrameNetwork::new(parts, Convolution::Direct).expect("the parts fit");
     TimedFrames::new(FrameEngine::new(network).expect("it is small"))
 }

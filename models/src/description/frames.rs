@@ -129,7 +129,8 @@ impl FrameDescription {
     /// [`ModelError::Weights`] with every tensor that is missing, of another shape or type, or not
     /// computable; [`ModelError::Ambiguous`] and [`ModelError::Doubled`] for names that fit more
     /// than one way; [`ModelError::Map`] for names of a map that the network does not read;
-    /// [`ModelError::Preparation`] for weights trained on other frames ([`Self::preparation`]).
+    /// [`ModelError::Preparation`] for weights trained on other frames ([`Self::preparation`]);
+    /// [`ModelError::Metadata`] for an invalid `training_windows`.
     pub fn network_parts(&self, weights: &Weights) -> Result<FrameNetworkParts, ModelError> {
         self.check_preparation(weights)?;
         self.network_parts_regardless(weights)
@@ -143,7 +144,8 @@ impl FrameDescription {
         let mut tensors = Tensors::new(&self.name, &self.needed(), weights)?;
         let layers = parts(&self.layers, &mut tensors);
         let layers = tensors.finish(layers)?;
-        Ok(FrameNetworkParts { name: self.name.clone(), input: self.input, layers })
+        let training = weights.training_frames(self.input)?;
+        Ok(FrameNetworkParts { name: self.name.clone(), input: self.input, layers, training })
     }
 }
 

@@ -10,16 +10,23 @@
 //! | `stride` | the network was trained on every `stride`-th event; default: 1 |
 //! | `sensor` | `[columns, rows]` of the recordings of the training |
 //! | `ranges` | `[low, high]` of each output's training labels: `[[-0.15, 0.15], [0, 2]]` |
-//! | `training_windows` | `[mean, factor]`, the [parts](TrainingWindows::parts) of these windows |
+//! | `training_windows` | over events `[mean, factor]`, the [parts](TrainingWindows::parts) of these windows; over frames `["image", mean, factor]` or `["values", mean, factor, places]`, those of [`TrainingFrames`] |
 
 use std::hash::Hasher;
 
 use fnv::FnvHasher;
+use meissner_engine::frames::{FrameFeatures, FrameShape, TrainingFrames};
 use meissner_engine::{Sensor, TrainingWindows};
+use serde::Deserialize;
 
 use super::Weights;
 use crate::ModelError;
 
+/// The key that says what the training's windows or frames were like, and the kinds of features of
+/// frames.
+const TRAINING: &str = "training_windows";
+const IMAGE: &str = "image";
+const VALUES: &str = "values";
 /// The value of `generator` in weights that [`draw`](crate::draw()) made.
 pub(crate) const DRAWN_BY: &str = "meissner_models::draw";
 /// Last layer of the published checkpoint of the contact-angle network.
@@ -48,8 +55,10 @@ pub struct Card {
     pub sensor: Option<Sensor>,
     /// Lowest and highest label of the training, for each output in its unit.
     pub ranges: Option<Vec<[f64; 2]>>,
-    /// What the windows of their training were like.
+    /// What the windows of their training were like, of a network over events.
     pub training_windows: Option<TrainingWindows>,
+    /// What the frames of their training were like, of a frame network.
+    pub training_frames: Option<TrainingFrames>,
     /// Whether they are the published contact-angle checkpoint's, which has no metadata.
     pub published: bool,
 }
@@ -63,6 +72,13 @@ impl Weights {
     pub fn card(&self) -> Result<Card, ModelError> {
         let published = self.is_published();
         let about = self.metadata().get("about").cloned();
+        let expected =
+            "[mean, factor] of features of the training's windows, or with their kind of its frames";
+        let (training_windows, training_frames) = match self.remark(TRAINING, expected, Stated::read)? {
+            Some(Stated::Windows(windows)) => (Some(windows), None),
+            Some(Stated::Frames(frames)) => (None, Some(frames)),
+            None => (None, None),
+        };
         Ok(Card {
             trained: if published { Some(true) } else { self.trained()? },
             about: about.or_else(|| published.then(|| PUBLISHED_ABOUT.to_owned())),
@@ -72,14 +88,23 @@ impl Weights {
             ranges: self
                 .remark("ranges", "a list with [low, high] of each output, low below high", ranges)?
                 .or_else(|| published.then(|| vec![[-PUBLISHED_TILT, PUBLISHED_TILT]; 2])),
-            training_windows: self.training_windows()?,
+            training_windows,
+            training_frames,
             published,
         })
     }
 
-    /// What the windows of their training were like, from the metadata.
+    /// What the windows of their training were like, from the metadata, for a network over events.
     pub(crate) fn training_windows(&self) -> Result<Option<TrainingWindows>, ModelError> {
-        self.remark("training_windows", "[mean, factor] of nine features of the training's windows", windows)
+        let expected = "[mean, factor] of nine features of the training's windows";
+        self.remark(TRAINING, expected, |text| Stated::read(text)?.windows())
+    }
+
+    /// What the frames of their training were like, for a network whose frames have this shape.
+    pub(crate) fn training_frames(&self, shape: FrameShape) -> Result<Option<TrainingFrames>, ModelError> {
+        let expected = "[\"image\" or \"values\", mean, factor] of features that such frames have";
+        let of_shape = |text: &str| Stated::read(text)?.frames().filter(|frames| frames.fits(shape));
+        self.remark(TRAINING, expected, of_shape)
     }
 
     pub(crate) fn is_published(&self) -> bool {
@@ -131,17 +156,64 @@ fn sensor(text: &str) -> Option<Sensor> {
     (width > 0 && height > 0).then(|| Sensor::new(width, height))
 }
 
-fn windows(text: &str) -> Option<TrainingWindows> {
-    let (mean, factor): (Vec<f64>, Vec<Vec<f64>>) = serde_json::from_str(text).ok()?;
-    TrainingWindows::from_parts(&mean, factor)
+/// What the value of the key `training_windows` states.
+enum Stated {
+    Windows(TrainingWindows),
+    Frames(TrainingFrames),
+}
+
+/// The forms of that value.
+#[derive(Deserialize)]
+#[serde(untagged)]
+enum Form {
+    Windows(Vec<f64>, Vec<Vec<f64>>),
+    Image(String, Vec<f64>, Vec<Vec<f64>>),
+    Values(String, Vec<f64>, Vec<Vec<f64>>, Vec<usize>),
+}
+
+impl Stated {
+    fn read(text: &str) -> Option<Self> {
+        match serde_json::from_str(text).ok()? {
+            Form::Windows(mean, factor) => TrainingWindows::from_parts(&mean, factor).map(Self::Windows),
+            Form::Image(kind, mean, factor) if kind == IMAGE => {
+                TrainingFrames::from_parts(FrameFeatures::Image, &mean, factor).map(Self::Frames)
+            }
+            Form::Values(kind, mean, factor, places) if kind == VALUES => {
+                TrainingFrames::from_parts(FrameFeatures::Values(places), &mean, factor).map(Self::Frames)
+            }
+            Form::Image(..) | Form::Values(..) => None,
+        }
+    }
+
+    fn windows(self) -> Option<TrainingWindows> {
+        if let Self::Windows(windows) = self { Some(windows) } else { None }
+    }
+
+    fn frames(self) -> Option<TrainingFrames> {
+        if let Self::Frames(frames) = self { Some(frames) } else { None }
+    }
 }
 
 /// `windows` as the value of the key `training_windows`, in f32: about 500 bytes.
 pub fn windows_text(windows: &TrainingWindows) -> String {
-    let (mean, factor) = windows.parts();
+    format!("[{}]", parts_text(windows.parts()))
+}
+
+/// `frames` as the value of the key `training_windows`, in f32: about 11 bytes for each pair of
+/// features.
+pub fn frames_text(frames: &TrainingFrames) -> String {
+    let (of, mean, factor) = frames.parts();
+    let parts = parts_text((mean, factor));
+    match of {
+        FrameFeatures::Image => format!("[{IMAGE:?}, {parts}]"),
+        FrameFeatures::Values(places) => format!("[{VALUES:?}, {parts}, {places:?}]"),
+    }
+}
+
+fn parts_text((mean, factor): (&[f64], &[Vec<f64>])) -> String {
     let rounded = |row: &[f64]| row.iter().map(|&value| value as f32).collect::<Vec<_>>();
     let factor: Vec<Vec<f32>> = factor.iter().map(|row| rounded(row)).collect();
-    format!("[{:?}, {factor:?}]", rounded(mean))
+    format!("{:?}, {factor:?}", rounded(mean))
 }
 
 fn ranges(text: &str) -> Option<Vec<[f64; 2]>> {

@@ -224,15 +224,15 @@ impl Windows {
             self.predictor.push(frame)?;
         }
         let Self { predictor, classes, values, filter, .. } = self;
-        let class = predictor.predict(|predicted| {
+        let (class, unlike) = predictor.predict(|predicted| {
             values.clear();
             values.extend_from_slice(predicted.values);
-            Ok::<_, RunError>(classes.update(values))
+            Ok::<_, RunError>((classes.update(values), predicted.unlike))
         })?;
         let decision = class.and_then(|(class, probability)| filter.push(class, probability));
         self.decisions += u64::from(decision.is_some_and(|decision| decision.held == 1));
         self.predictor.decision.record(start.elapsed());
-        self.predictor.training.update(&self.values, None);
+        self.predictor.training.update(&self.values, unlike);
         let update_us = microseconds(self.predictor.take_update());
         let answer = self.classes.answer();
         let prediction = ElectrodePrediction {
@@ -244,6 +244,7 @@ impl Windows {
             decision: decision.map(|decision| self.classes.name(decision.class)),
             held: decision.map(|decision| decision.held),
             outside_training: self.predictor.training.newest(),
+            unlike,
             update_us,
         };
         observer.prediction(&Prediction::Electrodes(prediction)).map_err(RunError::Output)?;

@@ -269,23 +269,24 @@ impl Frames {
     fn predict(&mut self, observer: &mut dyn Observer) -> Result<()> {
         let Some((t_us, events)) = self.newest else { return Ok(()) };
         let values = &mut self.values;
-        let frames = self.predictor.predict(|predicted| {
+        let (frames, unlike) = self.predictor.predict(|predicted| {
             values.clear();
             values.extend_from_slice(predicted.values);
-            Ok::<_, RunError>(predicted.frames)
+            Ok::<_, RunError>((predicted.frames, predicted.unlike))
         })?;
         let update_us = microseconds(self.predictor.take_update());
         if self.unshown.is_some() {
             return Ok(());
         }
         self.classes.update(&self.values);
-        self.predictor.training.update(&self.values, None);
+        self.predictor.training.update(&self.values, unlike);
         let epoch_us = self.epoch_us.unwrap_or(t_us);
         let prediction = FramePrediction {
             t_us,
             value: Values(&self.values),
             answer: self.classes.answer(),
             outside_training: self.predictor.training.newest(),
+            unlike,
             frames,
             events,
             update_us,

@@ -234,6 +234,8 @@ impl Measure {
         let Taken { path, image, number, arrived } = picture;
         self.check(path, image)?;
         let contact = self.contacts.measure(&image.data)?;
+        let unlike = self.contacts.unlike();
+        self.contacts.predictor.training.update(&[], unlike);
         let since_arrival = arrived.map(|arrived| arrived.elapsed());
         since_arrival.inspect(|&latency| self.arrival.record(latency));
         let update_us = microseconds(self.contacts.take_update());
@@ -251,6 +253,7 @@ impl Measure {
             image: name.as_deref(),
             picture: *number,
             contact,
+            unlike,
             baseline,
             overlay: overlay.as_deref(),
             update_us,
@@ -329,6 +332,7 @@ pub struct ContactPredictor {
     pub(super) predictor: FramePredictor,
     planes: Vec<f32>,
     force: Vec<f32>,
+    unlike: Option<f32>,
 }
 
 impl ContactPredictor {
@@ -360,6 +364,7 @@ impl ContactPredictor {
             predictor: FramePredictor::new(model.network.clone(), options, &model.card.outputs)?,
             planes: vec![0.0; input.values()],
             force: vec![0.0; output.values()],
+            unlike: None,
         })
     }
 
@@ -405,11 +410,18 @@ impl ContactPredictor {
     /// A force is not finite.
     pub fn predict(&mut self) -> Result<ContactReport> {
         self.predictor.predict(|predicted| {
+            self.unlike = predicted.unlike;
             for (force, &y) in self.force.iter_mut().zip(predicted.values) {
                 *force = self.forces.force(y);
             }
             Ok(self.meter.measure(&self.force)?)
         })
+    }
+
+    /// How unlike the last picture is to those of the training, if the weights say what they were
+    /// like.
+    pub fn unlike(&self) -> Option<f32> {
+        self.unlike
     }
 
     /// The forces (H, W) of the last picture, in N per pixel.

@@ -94,6 +94,8 @@ pub struct FramePrediction<'a> {
     /// Names of the values outside the range of the training.
     #[serde(skip_serializing_if = "<[String]>::is_empty")]
     pub outside_training: &'a [String],
+    /// How unlike the newest frames are to those of the training, as in [`EventPrediction::unlike`].
+    pub unlike: Option<f32>,
     /// Frames that the state has seen.
     pub frames: u64,
     /// Events in the newest frame.
@@ -129,6 +131,8 @@ pub struct ElectrodePrediction<'a> {
     /// Names of the values outside the range of the training.
     #[serde(skip_serializing_if = "<[String]>::is_empty")]
     pub outside_training: &'a [String],
+    /// How unlike the newest reading is to those of the training, as in [`EventPrediction::unlike`].
+    pub unlike: Option<f32>,
     /// Microseconds spent since the last prediction.
     pub update_us: f64,
 }
@@ -146,6 +150,8 @@ pub struct PicturePrediction<'a> {
     pub picture: Option<u64>,
     #[serde(flatten)]
     pub contact: ContactReport,
+    /// How unlike the picture is to those of the training, as in [`EventPrediction::unlike`].
+    pub unlike: Option<f32>,
     /// The contact by plain differences to a reference picture, if there is one.
     pub baseline: Option<DifferenceReport>,
     /// Path of the overlay, if one is drawn.

@@ -120,6 +120,8 @@ pub struct FrameSummary {
     pub real_time: Option<f64>,
     /// Predictions with a value outside the range of the training, if the weights state it.
     pub outside_training: Option<u64>,
+    /// Predictions of frames unlike those of the training, if the weights say what these were like.
+    pub unlike_training: Option<u64>,
     /// Sums over all layers.
     pub pixels: Pixels,
     pub layers: Vec<LayerPixels>,
@@ -261,6 +263,7 @@ impl FrameSummary {
             frames_per_s: (frames > 0 && seconds > 0.0).then(|| frames as f64 / seconds),
             real_time: predictor.passed.times_real_time(spent),
             outside_training: predictor.training.outside(),
+            unlike_training: predictor.training.unlike(),
             pixels: layers.iter().fold(Pixels::default(), |sum, layer| Pixels {
                 computed: sum.computed + layer.pixels.computed,
                 skipped: sum.skipped + layer.pixels.skipped,

@@ -191,6 +191,7 @@ fn dense(network: &Network) -> FrameNetworkParts {
         name: parts.name.clone(),
         input,
         layers: parts.dense.iter().enumerate().map(layer).collect(),
+        training: None,
     }
 }
 

@@ -25,7 +25,7 @@
 //! let kind = FrameLayerKind::Dense { outputs: 1, weight, bias: None, activation };
 //! let layers = vec![FrameLayer { name: "out".to_owned(), from: 0, kind }];
 //! let input = FrameShape::Vector(3);
-//! let parts = FrameNetworkParts { name: "mean".to_owned(), input, layers };
+//! let parts = FrameNetworkParts { name: "mean".to_owned(), input, layers, training: None };
 //! let network = FrameNetwork::new(parts.clone(), Convolution::Direct)?;
 //! let (mut engine, mut reference) = (FrameEngine::new(network)?, FrameReference::new(parts)?);
 //!

@@ -226,7 +226,7 @@ fn of_gates(cell: &Cell, gates: &Gates, size: Size) -> FrameRun {
     let (weight, bias) = (random.values(2 * outputs, 0.5), Some(random.values(2, 0.5)));
     let dense = FrameLayerKind::Dense { outputs: 2, weight, bias, activation: Activation::Identity };
     layers.push(layer("fc", layers.len(), dense));
-    let parts = FrameNetworkParts { name: cell.name.to_owned(), input, layers };
+    let parts = FrameNetworkParts { name: cell.name.to_owned(), input, layers, training: None };
     FrameRun { parts, convolution: Convolution::Direct, frames: gates.frames, steps: size.frames }
 }
 
@@ -361,6 +361,6 @@ fn of_images(images: &Images, convolution: Convolution) -> FrameRun {
         layer("conv2", 1, conv(CHANNELS, 2, 0.2, false)),
     ];
     let input = FrameShape::Image { channels: CHANNELS, height: HEIGHT, width: WIDTH };
-    let parts = FrameNetworkParts { name: "two convolutions".to_owned(), input, layers };
+    let parts = FrameNetworkParts { name: "two convolutions".to_owned(), input, layers, training: None };
     FrameRun { parts, convolution, frames: images.frames, steps: FRAMES }
 }

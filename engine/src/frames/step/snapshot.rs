@@ -11,6 +11,7 @@ use crate::frames::buffer::Buffer;
 use crate::frames::changes::{Changes, Pending};
 use crate::frames::compile::FrameNetwork;
 use crate::frames::layers::Memory;
+use crate::frames::unlikeness::FrameStatistics;
 use crate::snapshot::{Reader, Writer};
 
 impl State {
@@ -32,6 +33,11 @@ impl State {
         }
         for reached in self.background.iter().flat_map(|background| &background.reached).flatten() {
             write_changes(reached, to);
+        }
+        // A network that does not know its training writes, and expects, nothing here.
+        if let Some(statistics) = &self.statistics {
+            to.size(statistics.sums().len());
+            statistics.sums().iter().for_each(|sum| to.u64(sum.to_bits()));
         }
     }
 
@@ -69,6 +75,21 @@ impl State {
                     read_changes(reached, what, from)?;
                 }
             }
+        }
+        let mut sums = Vec::new();
+        if !from.is_done() {
+            let count = from.length("sums of frames", FrameStatistics::MAX_SUMS, size_of::<f64>())?;
+            for _ in 0..count {
+                let sum = f64::from_bits(from.u64("sum of a frame")?);
+                if !sum.is_finite() {
+                    return Err(from.refuse("sum of a frame", size_of::<f64>(), "a finite number", sum));
+                }
+                sums.push(sum);
+            }
+        }
+        if let Some(mut statistics) = self.statistics.take() {
+            statistics.set(self.frames, &sums, || self.frame(network));
+            self.statistics = Some(statistics);
         }
         // The prediction is copied again from the output of the last layer.
         self.stale = true;
