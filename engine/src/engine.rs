@@ -35,7 +35,8 @@ pub struct Prediction<'a> {
     /// Rows computed per layer since the previous prediction, in the order of [`Network::layers`].
     pub rows: &'a [u64],
     /// How unlike the window is to those of the training: above 1, fewer than 1 of 1,000 windows of
-    /// the training were ([`TrainingWindows::unlikeness`]). `None` where the network does not know.
+    /// the training were ([`TrainingWindows::unlikeness`]); the same of frames. `None` where the
+    /// network does not know.
     pub unlike: Option<f32>,
 }
 

@@ -67,11 +67,19 @@ mod shipped {
     }
 
     #[test]
-    fn the_weights_of_every_network_over_events_state_the_windows_of_the_training() {
+    fn the_weights_of_every_network_state_what_the_input_of_the_training_was_like() {
         for name in AnyDescription::shipped_names() {
-            let over_events = matches!(AnyDescription::shipped(name), Some(AnyDescription::Events(_)));
-            let windows = Card::shipped(name).expect("a card").training_windows;
-            assert_eq!(windows.is_some(), over_events, "{name}");
+            let card = Card::shipped(name).expect("a card");
+            match AnyDescription::shipped(name).expect("a description") {
+                AnyDescription::Events(_) => assert!(card.training_windows.is_some(), "{name}"),
+                AnyDescription::Frames(of) => {
+                    let frames = card.training_frames.expect(name);
+                    assert!(frames.fits(of.input()), "{name}");
+                    let weights = Weights::shipped(name).expect("shipped");
+                    let parts = of.network_parts(&weights).expect("they fit");
+                    assert_eq!(parts.training.as_ref(), Some(&frames), "{name}");
+                }
+            }
         }
     }
 }
@@ -271,9 +279,10 @@ mod tensors {
 }
 
 mod card {
+    use meissner_engine::frames::{FrameFeatures, TrainingFrames};
     use meissner_engine::{Sensor, TrainingWindows};
 
-    use crate::weights::windows_text;
+    use crate::weights::{frames_text, windows_text};
     use crate::{ModelError, Weights};
 
     fn saying(remarks: &[(&str, &str)]) -> Weights {
@@ -301,6 +310,15 @@ mod card {
             .unwrap();
         let unlike = |windows: &TrainingWindows| windows.unlikeness([Some(0.7); 9]);
         assert!((unlike(&read) / unlike(&windows) - 1.0).abs() < 1e-5);
+        let factor = (1..=24).map(|i| vec![0.25; i]).collect();
+        let frames = FrameFeatures::Values((0..48).step_by(2).collect());
+        let frames = TrainingFrames::from_parts(frames, &[0.5; 24], factor).unwrap();
+        let card_of = |text: &str| saying(&[("training_windows", text)]).card().unwrap();
+        assert_eq!(card_of(&frames_text(&frames)).training_frames, Some(frames));
+        let factor = (1..=19).map(|i| vec![0.25; i]).collect();
+        let image = TrainingFrames::from_parts(FrameFeatures::Image, &[0.5; 19], factor).unwrap();
+        let card = card_of(&frames_text(&image));
+        assert_eq!((card.training_frames, card.training_windows), (Some(image), None));
         let of = |remarks: &[(&str, &str)]| saying(remarks).card().unwrap().trained;
         assert_eq!(of(&[("generator", "meissner_models::draw")]), Some(false));
         assert_eq!(of(&[("recipe", "none"), ("trained", "false")]), Some(false));
@@ -320,6 +338,11 @@ mod card {
             ("ranges", "[1, 2]"),
             ("ranges", "[[2, 1]]"),
             ("training_windows", "[[1], [[2]]]"),
+            ("training_windows", "[\"image\", [1], [[-2]]]"),
+            ("training_windows", "[\"picture\", [1], [[2]]]"),
+            ("training_windows", "[\"values\", [1], [[2]]]"),
+            ("training_windows", "[\"image\", [1], [[2]], [0]]"),
+            ("training_windows", "[\"values\", [1e999], [[2]], [0]]"),
         ] {
             let error = saying(&[(key, found)]).card().unwrap_err();
             assert!(matches!(&error, ModelError::Metadata { key: named, .. } if *named == key), "{error}");

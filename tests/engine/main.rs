@@ -27,4 +27,5 @@ mod stream;
 mod stress;
 mod tolerance;
 mod trained;
+mod unlike_frames;
 mod unlikeness;

@@ -12,11 +12,12 @@ use crate::error::bits;
 use crate::incremental::Incremental;
 use crate::stream::Step;
 
-/// What a predictor shows: its prediction, as bits, with time and number of nodes; and its counts.
-type Shown = (Result<(Vec<u32>, Option<i64>, usize), EngineError>, EventCounters);
+/// What a predictor shows: its prediction, as bits, with time, number of nodes, and how unlike its
+/// input is; and its counts.
+type Shown = (Result<(Vec<u32>, Option<i64>, usize, Option<u32>), EngineError>, EventCounters);
 
 fn show<P: Predictor>(predictor: &mut P) -> Shown {
-    let shown = |p: Prediction<'_>| (bits(p.values), p.t_us, p.nodes);
+    let shown = |p: Prediction<'_>| (bits(p.values), p.t_us, p.nodes, p.unlike.map(f32::to_bits));
     let prediction = predictor.predict().map(shown);
     (prediction, predictor.event_counters())
 }

@@ -1,6 +1,9 @@
 //! Random frame networks and sequences of frames that change little.
 
-use meissner_engine::frames::{FrameLayer, FrameLayerKind, FrameNetworkParts, FrameShape, output_shape};
+use meissner_engine::frames::{
+    FrameFeatures, FrameLayer, FrameLayerKind, FrameNetworkParts, FrameShape, FrameStatistics,
+    TrainingFrames, output_shape,
+};
 use meissner_kernels::Activation;
 
 use meissner_kernels::random::Random;
@@ -201,7 +204,17 @@ pub fn network(
             net.committee(c);
         }
     }
-    net.parts(format!("{style:?}"))
+    FrameNetworkParts { training: training(input), ..net.parts(format!("{style:?}")) }
+}
+
+/// What is known of the frames of a training that never was.
+fn training(input: FrameShape) -> Option<TrainingFrames> {
+    let of = match input {
+        FrameShape::Image { .. } => FrameFeatures::Image,
+        FrameShape::Vector(values) => FrameFeatures::Values((0..values.min(8)).collect()),
+    };
+    let features = FrameStatistics::new(&of, input, false)?.features().len();
+    TrainingFrames::from_parts(of, &vec![0.5; features], (1..=features).map(|i| vec![1.0; i]).collect())
 }
 
 /// A network without state for images of `image` (channels, rows, columns): a convolution, a

@@ -165,8 +165,8 @@ typedef struct meissner_prediction {
   uint64_t nodes;
   // Rows that were computed since the prediction before, over all layers.
   uint64_t rows;
-  // How unlike the window is to those of the training: above 1, fewer than 1 of 1,000 windows of
-  // the training were. NaN where the weights do not say what these were like.
+  // How unlike the window or the newest frames are to those of the training: above 1, fewer than
+  // 1 of 1,000 of these were. NaN where the weights do not say what they were like.
   float unlike;
 } meissner_prediction;
 

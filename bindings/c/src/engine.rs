@@ -131,8 +131,8 @@ pub struct meissner_prediction {
     pub nodes: u64,
     /// Rows that were computed since the prediction before, over all layers.
     pub rows: u64,
-    /// How unlike the window is to those of the training: above 1, fewer than 1 of 1,000 windows of
-    /// the training were. NaN where the weights do not say what these were like.
+    /// How unlike the window or the newest frames are to those of the training: above 1, fewer than
+    /// 1 of 1,000 of these were. NaN where the weights do not say what they were like.
     pub unlike: f32,
 }
 

@@ -205,10 +205,11 @@ impl FrameEngine {
     /// `NotANumberError`.
     fn predict(slf: &Bound<'_, Self>, py: Python<'_>) -> Outcome<Prediction> {
         let mut this = turn(slf)?;
-        let (values, frames) =
-            this.compute(py, |engine, _| engine.predict().map(|p| (p.values.to_vec(), p.frames)))??;
+        let (values, frames, unlike) = this.compute(py, |engine, _| {
+            engine.predict().map(|p| (p.values.to_vec(), p.frames, p.unlike))
+        })??;
         let [_, shape] = this.shapes();
-        Prediction::new(py, &values, Some(&shape), (None, frames, None), &[], &this.outputs)
+        Prediction::new(py, &values, Some(&shape), (None, frames, unlike), &[], &this.outputs)
     }
 
     /// Writes the prediction to `out`, a writable contiguous array of float32 with as many values.

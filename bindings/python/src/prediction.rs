@@ -56,8 +56,8 @@ pub(crate) struct Prediction {
     #[pyo3(get)]
     nodes: u64,
     rows: Vec<u64>,
-    /// How unlike the window is to those of the training: above 1, fewer than 1 of 1,000 windows of
-    /// the training were. None where the weights do not say what these were like.
+    /// How unlike the window or the newest frames are to those of the training: above 1, fewer than
+    /// 1 of 1,000 of these were. None where the weights do not say what they were like.
     #[pyo3(get)]
     unlike: Option<f32>,
 }

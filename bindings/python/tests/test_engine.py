@@ -117,6 +117,16 @@ def test_a_prediction_says_how_unlike_its_window_is_to_those_of_the_training(eve
     assert "unlike the training" in repr(prediction)
 
 
+def test_a_prediction_over_frames_says_it_too():
+    engine = meissner.FrameEngine("force-tdnn")
+    engine.push(np.full(engine.input_shape, 5, np.float32))
+    prediction = engine.predict()
+    assert prediction.unlike > 1  # five events in every pixel
+    assert "unlike the training" in repr(prediction)
+    engine = meissner.FrameEngine("force-tdnn", meissner.Weights.draw("force-tdnn", 1))
+    assert engine.predict().unlike is None
+
+
 def test_a_prediction_has_names_units_time_and_cost(engine, events):
     before = engine.predict()
     assert before.t_us is None

@@ -208,10 +208,10 @@ fn a_line_and_the_summary_have_the_documented_keys() {
     let (_folder, path) = file("events.csv", csv(&events()));
     let arguments = ["run", argument(&path), "--sensor", "120x120", "--network", "force-lstm", "--json"];
     let (predictions, summary) = lines(&meissner(&arguments));
-    assert_eq!(keys(&predictions[0]), "events frames t_us update_us value");
+    assert_eq!(keys(&predictions[0]), "events frames t_us unlike update_us value");
     assert!(predictions.iter().all(|line| line["update_us"].as_f64() > Some(0.0)));
     let expected = "accepted clamped dropped empty_frames empty_frames_left_out events evicted frames frames_per_s latency_us \
-                    layers lines_refused outside_crop outside_training pixels predictions real_time resets restarts warnings";
+                    layers lines_refused outside_crop outside_training pixels predictions real_time resets restarts unlike_training warnings";
     assert_eq!(keys(&summary), expected);
     let input = &summary;
     assert_eq!(keys(&summary["latency_us"]), "predict prepare push");

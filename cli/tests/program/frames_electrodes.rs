@@ -94,7 +94,7 @@ fn probabilities_sum_to_1_and_the_class_has_the_largest() {
             let class = CLASSES.iter().position(|&class| line["class"] == class).expect("a class");
             assert!(list.iter().all(|&p| p <= list[class]), "{line}");
             let keys: Vec<&String> = line.as_object().expect("an object").keys().collect();
-            let expected = "class decision held line probabilities time_s update_us value";
+            let expected = "class decision held line probabilities time_s unlike update_us value";
             assert_eq!(keys, expected.split(' ').collect::<Vec<_>>());
             assert_eq!(line["decision"], line["class"], "each window decides");
         }

@@ -42,4 +42,5 @@ mod signals;
 mod simulate;
 mod sockets;
 mod support;
+mod unlike;
 mod verify;

@@ -159,9 +159,10 @@ fn of_events(
         Ok::<_, RunError>(())
     };
     let mut events = events.peekable();
-    let [start, end] = streams.span_us(i);
-    let first = events.peek().map_or(start, |event| event.t_us);
-    let mut feed = feed(description, streams.sensor(), first.min(start))?;
+    // Frames begin with the labels, as in `eval force`.
+    let span = streams.truth.as_ref().map(|truth| truth.span_us(i));
+    let [start, end] = span.unwrap_or_else(|| streams.span_us(i));
+    let mut feed = feed(description, streams.sensor(), start)?;
     let slides = feed.slides();
     if slides {
         times.sort_unstable();
