@@ -131,20 +131,24 @@ impl Buffer {
                 let (height, width) = (planes.height(), planes.width());
                 for (i, new) in frame.chunks_exact(width).enumerate() {
                     let row = planes.row_mut(i / height, i % height);
-                    let runs = row.chunks_mut(RUN).zip(new.chunks(RUN));
-                    for (start, (old, new)) in (0..).step_by(RUN).zip(runs) {
-                        let differ = |bits, (a, b): (&f32, &f32)| bits | (a.to_bits() ^ b.to_bits());
-                        if old.iter().zip(new).fold(0, differ) == 0 {
-                            continue;
-                        }
-                        any = true;
-                        for (x, (old, &new)) in (start..).zip(old.iter_mut().zip(new)) {
+                    let mut store = |first: usize, old: &mut [f32], new: &[f32]| {
+                        for (x, (old, &new)) in (first..).zip(old.iter_mut().zip(new)) {
                             if old.to_bits() != new.to_bits() {
+                                any = true;
                                 changed.set(i % height, x);
                                 *old = new;
                             }
                         }
+                    };
+                    let (old_runs, old_rest) = row[..width].as_chunks_mut::<RUN>();
+                    let (new_runs, new_rest) = new.as_chunks::<RUN>();
+                    for (run, (old, new)) in old_runs.iter_mut().zip(new_runs).enumerate() {
+                        let differ = |bits, (a, b): (&f32, &f32)| bits | (a.to_bits() ^ b.to_bits());
+                        if old.iter().zip(new).fold(0, differ) != 0 {
+                            store(run * RUN, old, new);
+                        }
                     }
+                    store(new_runs.len() * RUN, old_rest, new_rest);
                 }
             }
             Self::Map(map) => {

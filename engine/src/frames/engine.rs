@@ -122,8 +122,9 @@ impl FrameEngine {
         if !frames.len().is_multiple_of(input.values()) {
             return Err(EngineError::FrameLength { expected: input, found: frames.len() });
         }
-        // Branch-free, so that it vectorises.
-        if !frames.iter().fold(true, |finite, value| finite & value.is_finite())
+        // Branch-free, so that it vectorises: the exponent of what is not finite is all ones.
+        let not_finite = f32::INFINITY.to_bits();
+        if frames.iter().fold(false, |found, value| found | (value.to_bits() & not_finite == not_finite))
             && let Some((at, &value)) = frames.iter().enumerate().find(|(_, value)| !value.is_finite())
         {
             return Err(EngineError::FrameValue { at, value });

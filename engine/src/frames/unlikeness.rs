@@ -175,50 +175,51 @@ impl FrameStatistics {
 /// Adds the sums of an image to `sums`: of the values of each channel, of squares, of products of
 /// two channels, of squared differences, of squares in cells.
 ///
-/// Every sum adds in the order of the values in `frame`, a run of zeros only what it changes.
+/// Every sum adds in the order of the values in `frame`. Zeros change none, and are passed over.
 fn add_image(frame: &[f32], [channels, height, width]: [usize; 3], sums: &mut [f64]) {
     let groups = groups(channels);
     let (values, sums) = sums.split_at_mut(groups);
     let (squares, sums) = sums.split_at_mut(groups);
     let (products, sums) = sums.split_at_mut(groups * (groups - 1) / 2);
     let (differences, cells) = sums.split_at_mut(groups);
-    let ends: [usize; CELLS] = std::array::from_fn(|cell| ((cell + 1) * width).div_ceil(CELLS));
+    // The first columns of the cells after the first.
+    let begins: [usize; CELLS - 1] = std::array::from_fn(|cell| ((cell + 1) * width).div_ceil(CELLS));
     for channel in 0..channels {
         let group = if groups == channels { channel } else { 0 };
         for y in 0..height {
             let start = (channel * height + y) * width;
+            let line = &frame[start..start + width];
             let cells = &mut cells[y * CELLS / height * CELLS..][..CELLS];
-            let mut last = frame[start];
-            let mut x = 0;
-            for (cell, end) in cells.iter_mut().zip(ends) {
-                for run in frame[start..][x..end].chunks(RUN) {
-                    let at = start + x;
-                    x += run.len();
-                    if run.iter().fold(0, |bits, value| bits | value.to_bits()) == 0 {
-                        differences[group] += f64::from(last) * f64::from(last);
-                        last = 0.0;
+            let mut add = |first: usize, run: &[f32]| {
+                for (x, &value) in (first..).zip(run) {
+                    if value == 0.0 {
                         continue;
                     }
-                    let mut square = 0.0;
-                    for &value in run {
-                        let (v, difference) = (f64::from(value), f64::from(value) - f64::from(last));
-                        values[group] += v;
-                        square += v * v;
-                        differences[group] += difference * difference;
-                        last = value;
+                    let v = f64::from(value);
+                    values[group] += v;
+                    squares[group] += v * v;
+                    cells[begins.iter().filter(|&&begin| x >= begin).count()] += v * v;
+                    if x > 0 {
+                        let step = v - f64::from(line[x - 1]);
+                        differences[group] += step * step;
                     }
-                    squares[group] += square;
-                    *cell += square;
-                    if groups > 1 {
-                        for other in 0..channel {
-                            let other_at = at - (channel - other) * height * width;
-                            let others = &frame[other_at..][..run.len()];
-                            let product = run.iter().zip(others).map(|(&a, &b)| f64::from(a) * f64::from(b));
-                            products[channel * (channel - 1) / 2 + other] += product.sum::<f64>();
-                        }
+                    if x + 1 < width && line[x + 1] == 0.0 {
+                        differences[group] += v * v;
+                    }
+                    for other in (0..channel).filter(|_| groups == channels) {
+                        let there = frame[start + x - (channel - other) * height * width];
+                        products[channel * (channel - 1) / 2 + other] += v * f64::from(there);
                     }
                 }
+            };
+            let (runs, rest) = line.as_chunks::<RUN>();
+            for (i, run) in runs.iter().enumerate() {
+                // Branch-free, so that it vectorises.
+                if run.iter().fold(0, |bits, value| bits | value.to_bits()) != 0 {
+                    add(i * RUN, run);
+                }
             }
+            add(runs.len() * RUN, rest);
         }
     }
 }
