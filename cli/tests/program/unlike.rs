@@ -23,7 +23,7 @@ fn prepare(data: &Path, network: &str, weights: Option<&Path>, out: &Path) -> St
 /// Evaluates as text, which fits a terminal and has the table, and returns the report.
 fn judged(folder: &Path, arguments: &[&str]) -> Value {
     let json = folder.join("report.json");
-    let output = meissner(&[&["eval"], arguments, &["--out", argument(&json), "--force"]].concat());
+    let output = meissner(&[&["eval"], arguments, &["--out", argument(&json)]].concat());
     assert!(output.status.success(), "{}", message(&output));
     assert!(
         words(&output).contains("input unlike the training of all (%) of bad ones (%)"),
@@ -115,7 +115,7 @@ fn readings_say_that_an_electrode_is_stuck() {
 fn pictures_say_that_one_is_black() {
     let folder = tempfile::tempdir().expect("a folder");
     let [data, known] = ["gel.safetensors", "known.safetensors"].map(|name| folder.path().join(name));
-    let plan = ["simulate", "gel", "--presses", "60", "--size", "32x24", "--coarseness", "1"];
+    let plan = ["simulate", "gel", "--presses", "60", "--size", "32x24", "--coarseness", "2"];
     let output = meissner(&[&plan[..], &["--seed", "3", "--out", argument(&data)]].concat());
     assert!(output.status.success(), "{}", message(&output));
     let [network, weights] = picture_network(folder.path());
