@@ -13,6 +13,7 @@ mod layers;
 mod network;
 mod options;
 mod patch;
+mod shape;
 mod shapes;
 mod step;
 mod timed;

@@ -1,9 +1,9 @@
 //! How unlike a window is to those of a training.
 //!
 //! Input: the events of a window. Output: [`WindowStatistics`], and by a [`TrainingWindows`] how
-//! unlike they are to those of the training: the distance of nine features (`gaussian.rs`). Sums are
-//! integers, so that no order of arrival reaches a bit. No output of a network depends on any of
-//! this.
+//! unlike they are to those of the training: the distance of nine features (`gaussian.rs`). Sums
+//! are integers, so that no order of arrival reaches a bit. No output of a network depends on any
+//! of this.
 //!
 //! Invariant: the sums of an engine equal [`WindowStatistics::of`] the events in its window.
 

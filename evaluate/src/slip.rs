@@ -143,8 +143,8 @@ impl Windows {
         self.values[(end - steps) * frame..end * frame].chunks_exact(frame)
     }
 
-    /// The outputs for a window, from its last `steps` frames after a reset, and how unlike its input
-    /// is.
+    /// The outputs for a window, from its last `steps` frames after a reset, and how unlike its
+    /// input is.
     pub(crate) fn logits(
         &self,
         engine: &mut FrameEngine,

@@ -346,7 +346,8 @@ mod card {
         ] {
             let error = saying(&[(key, found)]).card().unwrap_err();
             assert!(matches!(&error, ModelError::Metadata { key: named, .. } if *named == key), "{error}");
-            assert!(error.to_string().contains(found), "{error}");
+            let shown = format!("{found:?}");
+            assert!(error.to_string().contains(shown.trim_matches('"')), "{error}");
         }
     }
 }

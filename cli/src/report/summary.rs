@@ -104,8 +104,8 @@ fn outside_training(out: &mut impl Write, predictions: Option<u64>) -> io::Resul
     )
 }
 
-/// Writes the number of predictions of windows or frames unlike those of the training, if there were
-/// any.
+/// Writes the number of predictions of windows or frames unlike those of the training, if there
+/// were any.
 fn unlike_training(out: &mut impl Write, inputs: &str, predictions: Option<u64>) -> io::Result<()> {
     let Some(count @ 1..) = predictions else { return Ok(()) };
     let count = grouped(count);

@@ -104,9 +104,6 @@ impl FrameNetwork {
     pub fn new(parts: FrameNetworkParts, convolution: Convolution) -> Result<Self, EngineError> {
         let FrameNetworkParts { name, input, layers, training } = parts;
         check_shape("frame", input)?;
-        if training.as_ref().is_some_and(|training| !training.fits(input)) {
-            return Err(misfit("frame", "training", "features that such frames have", input));
-        }
         if layers.is_empty() {
             return Err(misfit("network", "layers", "at least one", "none"));
         }
@@ -137,6 +134,9 @@ impl FrameNetwork {
                 eager: false,
                 multiply_adds,
             });
+        }
+        if training.as_ref().is_some_and(|training| !training.fits(input)) {
+            return Err(misfit("frame", "training", "features that such frames have", input));
         }
         fuse_poolings(&mut units, &mut values);
         mark_eager(&mut units);

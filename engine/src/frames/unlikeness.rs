@@ -5,7 +5,7 @@
 //! each frame, in the order of its values; those of several frames are added again for each
 //! prediction. No value of a prediction depends on any of this.
 
-use super::network::FrameShape;
+use super::shape::FrameShape;
 use crate::gaussian::{Gaussian, MAX_FEATURES};
 
 /// Frames that count for a network that remembers earlier ones: a single frame of few events says

@@ -94,8 +94,8 @@ pub struct ForceErrors<T = f64> {
     pub bhattacharyya: Option<T>,
     /// Mean squared error in N^2 of a reader's newest prediction at each millisecond, if any.
     pub newest: Option<T>,
-    /// What predictions at the ends of frames say about their input, where the weights say what that
-    /// of the training was like.
+    /// What predictions at the ends of frames say about their input, where the weights say what
+    /// that of the training was like.
     pub doubts: Option<Doubts>,
     /// Events and work of all trainings together.
     pub work: Work,

@@ -10,7 +10,8 @@
 //! | `stride` | the network was trained on every `stride`-th event; default: 1 |
 //! | `sensor` | `[columns, rows]` of the recordings of the training |
 //! | `ranges` | `[low, high]` of each output's training labels: `[[-0.15, 0.15], [0, 2]]` |
-//! | `training_windows` | over events `[mean, factor]`, the [parts](TrainingWindows::parts) of these windows; over frames `["image", mean, factor]` or `["values", mean, factor, places]`, those of [`TrainingFrames`] |
+//! | `training_windows` | `[mean, factor]`, the [parts](TrainingWindows::parts) of these windows |
+//! | | over frames `["image", mean, factor]` or `["values", mean, factor, places]` |
 
 use std::hash::Hasher;
 

@@ -94,7 +94,8 @@ pub struct FramePrediction<'a> {
     /// Names of the values outside the range of the training.
     #[serde(skip_serializing_if = "<[String]>::is_empty")]
     pub outside_training: &'a [String],
-    /// How unlike the newest frames are to those of the training, as in [`EventPrediction::unlike`].
+    /// How unlike the newest frames are to those of the training, as in
+    /// [`EventPrediction::unlike`].
     pub unlike: Option<f32>,
     /// Frames that the state has seen.
     pub frames: u64,
@@ -131,7 +132,8 @@ pub struct ElectrodePrediction<'a> {
     /// Names of the values outside the range of the training.
     #[serde(skip_serializing_if = "<[String]>::is_empty")]
     pub outside_training: &'a [String],
-    /// How unlike the newest reading is to those of the training, as in [`EventPrediction::unlike`].
+    /// How unlike the newest reading is to those of the training, as in
+    /// [`EventPrediction::unlike`].
     pub unlike: Option<f32>,
     /// Microseconds spent since the last prediction.
     pub update_us: f64,
