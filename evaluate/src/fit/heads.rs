@@ -19,7 +19,7 @@ use super::modes::Features;
 use super::samples::{Instant, Target};
 
 /// Strengths that are tried.
-const STRENGTHS: [f64; 5] = [1e-3, 1e-2, 3.2e-2, 0.1, 0.32];
+const STRENGTHS: [f64; 6] = [1e-3, 1e-2, 3.2e-2, 0.1, 0.32, 1.0];
 /// What products are multiplied by; with 0 a head is linear.
 const PRODUCTS: [f64; 4] = [0.0, 0.7, 1.4, 2.8];
 /// Rows that are copied together.

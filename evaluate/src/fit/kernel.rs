@@ -17,7 +17,7 @@ use super::basis::landmarks;
 use super::cholesky::Factor;
 
 /// What w may be.
-pub(super) const WIDTHS: [f64; 3] = [0.5, 1.0, 2.0];
+pub(super) const WIDTHS: [f64; 4] = [0.25, 0.5, 1.0, 2.0];
 /// Each is a unit of a dense layer.
 const MAX_CENTRES: usize = 1024;
 /// What is added to the diagonal: presses may be alike.
