@@ -65,6 +65,7 @@ pub(crate) const PURPOSES: &[(&str, &str, &str)] = &[
     ("tactip-past", ANGLE, "depth and tilts of a real sensor (TacTip), over earlier nodes"),
     ("tactip-shear", ANGLE, "as tactip-past, after a sideways move too"),
     ("touch-containers", TOUCH, "containers and how full they are, from spikes of 39 taxels"),
+    ("touch-letters", TOUCH, "letters of braille under a skin of 8 x 10 taxels"),
     ("touch-objects", TOUCH, "objects in a gripper, from spikes of 39 taxels"),
 ];
 

@@ -27,7 +27,7 @@ macro_rules! shipped {
 }
 
 /// Networks over events.
-static EVENTS: [Shipped; 14] = [
+static EVENTS: [Shipped; 15] = [
     shipped!("digits-all", "digits/digits-all.0"),
     shipped!("digits-frozen", "digits/digits-past.0"),
     shipped!("digits-past", "digits/digits-past.0"),
@@ -41,6 +41,7 @@ static EVENTS: [Shipped; 14] = [
     shipped!("tactip-past", "angle/tactip-past.0"),
     shipped!("tactip-shear", "angle/tactip-shear.0"),
     shipped!("touch-containers", "touch/touch-containers.0"),
+    shipped!("touch-letters", "touch/touch-letters.0"),
     shipped!("touch-objects", "touch/touch-objects.0"),
 ];
 

@@ -9,6 +9,7 @@ use meissner_engine::{
 use meissner_kernels::Activation;
 use meissner_models::description::frames::FrameKind;
 use meissner_models::description::{CostUnit, FieldStart, Outputs, Refit};
+use meissner_models::systems::letters::CLASSES;
 use meissner_models::{ConvolutionKind, Description, Layer, LayerKind, Weights, draw};
 use support::{SMALL, changed};
 
@@ -54,6 +55,13 @@ fn networks_for_touch_give_a_logit_for_each_class_and_have_a_cell_for_each_taxel
         assert!((0..classes).all(|class| names[class] == class.to_string()));
         assert_eq!((network.parts().span_us, network.readout_times()), (5_000_000, 126));
     }
+}
+
+#[test]
+fn the_network_for_letters_gives_a_logit_for_each_and_has_a_cell_for_each_taxel_and_40_ms() {
+    let (description, network) = shipped("touch-letters");
+    assert_eq!((description.outputs().0, network.outputs()), (&CLASSES.map(str::to_owned)[..], 27));
+    assert_eq!((network.parts().span_us, network.readout_times()), (4_000_000, 101));
 }
 
 #[test]

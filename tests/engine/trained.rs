@@ -44,7 +44,7 @@ const ANGLES: [&str; 9] = [
     "tactip-shear",
 ];
 
-const TOUCH: [&str; 2] = ["touch-containers", "touch-objects"];
+const TOUCH: [&str; 3] = ["touch-containers", "touch-letters", "touch-objects"];
 const FORCES: [&str; 5] = ["force-cnnlstm", "force-convlstm", "force-graph", "force-lstm", "force-tdnn"];
 /// Readings of a window of slip.
 const STEPS: usize = 5;
@@ -240,7 +240,7 @@ fn incremental_equals_batch_at_any_time_also_when_spikes_have_left() {
 #[test]
 #[cfg_attr(no_shared, ignore = "no ../shared")]
 fn the_shipped_networks_name_most_of_the_shared_test_recordings() {
-    for (name, set, least) in [(TOUCH[0], NeutouchSet::Containers, 10), (TOUCH[1], NeutouchSet::Objects, 13)]
+    for (name, set, least) in [(TOUCH[0], NeutouchSet::Containers, 10), (TOUCH[2], NeutouchSet::Objects, 13)]
     {
         let found = EventDataset::neutouch(shared("data/neutouch"), set).expect("the data set");
         let test = found.recordings.iter().filter(|recording| recording.split == Split::Test);
