@@ -205,9 +205,8 @@ impl FrameEngine {
     /// `NotANumberError`.
     fn predict(slf: &Bound<'_, Self>, py: Python<'_>) -> Outcome<Prediction> {
         let mut this = turn(slf)?;
-        let (values, frames, unlike) = this.compute(py, |engine, _| {
-            engine.predict().map(|p| (p.values.to_vec(), p.frames, p.unlike))
-        })??;
+        let (values, frames, unlike) =
+            this.compute(py, |engine, _| engine.predict().map(|p| (p.values.to_vec(), p.frames, p.unlike)))??;
         let [_, shape] = this.shapes();
         Prediction::new(py, &values, Some(&shape), (None, frames, unlike), &[], &this.outputs)
     }
