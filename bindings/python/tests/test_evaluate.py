@@ -293,8 +293,8 @@ def test_a_bar_is_drawn_on_a_terminal_and_nowhere_else(monkeypatch, installed):
 
 
 def test_faults_have_their_type_and_text(digits, slips):
-    with pytest.raises(meissner.InputError, match='task: expected one of "digits", .* found "letters"'):
-        meissner.evaluate("letters", digits)
+    with pytest.raises(meissner.InputError, match='task: expected one of "digits", .* found "words"'):
+        meissner.evaluate("words", digits)
     with pytest.raises(meissner.InputError, match="mode: expected"):
         meissner.evaluate("digits", digits, mode="fast")
     with pytest.raises(meissner.InputError, match="every_us: expected 100 us to 10 s, found 1 us"):
