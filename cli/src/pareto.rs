@@ -142,7 +142,7 @@ pub(crate) struct ParetoArgs {
 enum StudyArgs {
     /// Digits (N-MNIST), networks over events: time against wrong answers.
     Digits(StudyOf<DigitsTask>),
-    /// Objects, containers and letters under a tactile skin: time against wrong answers.
+    /// Objects, containers and letters under a skin: time against wrong answers.
     Touch(StudyOf<TouchTask>),
     /// A recording without labels, networks over events: time against numerical error.
     Angle(StudyOf<AngleTask>),
