@@ -43,6 +43,7 @@ impl Kernel {
         width: f64,
         seed: u64,
     ) -> Option<(Self, Array2<f64>)> {
+        let drawn = landmarks(weights, MAX_CENTRES, seed);
         let weights = ArrayView1::from(weights);
         let mean: Array1<f64> = weights.dot(modes) / weights.sum();
         let squares = modes.rows().into_iter().map(|row| (&row - &mean).mapv(|x| x * x).sum());
@@ -51,7 +52,6 @@ impl Kernel {
         if spread <= 0.0 {
             return None;
         }
-        let drawn = landmarks(&weights.to_vec(), MAX_CENTRES, seed);
         let (narrowness, centres) = (1.0 / (2.0 * width * spread), modes.select(Axis(0), &drawn));
         let mut found = Array2::zeros((modes.nrows(), drawn.len()));
         let rows = modes.axis_chunks_iter(Axis(0), PART);

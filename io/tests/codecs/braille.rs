@@ -1,6 +1,5 @@
 //! Presses on letters of braille: arrays in a `NumPy` archive.
 
-use std::error::Error;
 use std::fs;
 
 use meissner_engine::Event;
@@ -9,6 +8,7 @@ use proptest::prelude::*;
 
 use crate::packed::zip;
 use crate::shared_files::shared;
+use crate::support::chain;
 
 const CLASSES: [&str; 3] = ["space", "A", "B"];
 
@@ -95,15 +95,7 @@ fn read(archive: &[u8]) -> Result<Vec<EventRecording>, String> {
     let folder = tempfile::tempdir().unwrap();
     fs::write(folder.path().join("letters.npz"), archive).unwrap();
     let found = EventDataset::letters(folder.path(), &CLASSES);
-    found.map(|set| set.recordings).map_err(|error| {
-        let mut message = error.to_string();
-        let mut source = error.source();
-        while let Some(inner) = source {
-            message = format!("{message}: {inner}");
-            source = inner.source();
-        }
-        message
-    })
+    found.map(|set| set.recordings).map_err(|error| chain(&error))
 }
 
 /// Two presses, the first one of the training.

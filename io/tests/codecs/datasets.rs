@@ -279,12 +279,11 @@ mod digits {
 mod gelsight {
     //! Pictures of balls: arrays in a `NumPy` archive.
 
-    use std::error::Error;
-
     use meissner_io::datasets::BallPictures;
 
     use crate::packed::zip;
     use crate::shared_files::shared;
+    use crate::support::chain;
 
     /// A file of version 1 with this type and shape.
     fn npy(descr: &str, shape: &str, values: &[u8]) -> Vec<u8> {
@@ -314,15 +313,7 @@ mod gelsight {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("balls.npz");
         std::fs::write(&path, zip(arrays.iter().map(|(name, content)| (*name, content.clone())))).unwrap();
-        BallPictures::read(&path).map_err(|error| {
-            let mut message = error.to_string();
-            let mut source = error.source();
-            while let Some(inner) = source {
-                message = format!("{message}: {inner}");
-                source = inner.source();
-            }
-            message
-        })
+        BallPictures::read(&path).map_err(|error| chain(&error))
     }
 
     #[test]

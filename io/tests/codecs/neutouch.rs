@@ -1,6 +1,5 @@
 //! The data set of a tactile skin: arrays in a zip archive.
 
-use std::error::Error;
 use std::fs;
 
 use meissner_engine::Event;
@@ -9,6 +8,7 @@ use proptest::prelude::*;
 
 use crate::packed::zip;
 use crate::shared_files::shared;
+use crate::support::chain;
 
 /// A file of version 1 with this type and shape.
 fn npy(descr: &str, shape: &str, values: &[f32]) -> Vec<u8> {
@@ -31,15 +31,7 @@ fn read(set: NeutouchSet, archive: &[u8]) -> Result<EventDataset, String> {
     let folder = tempfile::tempdir().unwrap();
     let name = if set == NeutouchSet::Objects { "Ev-Objects.zip" } else { "Ev-Containers.zip" };
     fs::write(folder.path().join(name), archive).unwrap();
-    EventDataset::neutouch(folder.path(), set).map_err(|error| {
-        let mut message = error.to_string();
-        let mut source = error.source();
-        while let Some(inner) = source {
-            message = format!("{message}: {inner}");
-            source = inner.source();
-        }
-        message
-    })
+    EventDataset::neutouch(folder.path(), set).map_err(|error| chain(&error))
 }
 
 /// The message for an archive of objects with one array.

@@ -1,10 +1,22 @@
 //! Bytes of every format, made here, and the strategies that the properties draw from.
 
+use std::error::Error;
 use std::io::{self, Read};
 
 use meissner_engine::{Event, Sensor};
 use meissner_io::{Format, IoError, ReadOptions, Recording, decode_with, encode};
 use proptest::prelude::*;
+
+/// An error with its sources.
+pub(crate) fn chain(error: &dyn Error) -> String {
+    let mut text = error.to_string();
+    let mut source = error.source();
+    while let Some(inner) = source {
+        text = format!("{text}: {inner}");
+        source = inner.source();
+    }
+    text
+}
 
 /// What a strict reader makes of `bytes`: nothing odd is left out.
 pub(crate) fn strictly(bytes: &[u8]) -> Result<Recording, IoError> {

@@ -58,6 +58,18 @@ pub(super) fn run(dense: &Dense, readout: &Array2<f64>) -> Array2<f64> {
     })
 }
 
+/// A readout of so many rows, 12 cells of 2 channels each, and its features.
+fn drawn(rows: usize, seed: u64) -> (Array2<f64>, Basis, Features) {
+    let (channels, columns) = (2, 24);
+    let readout = matrix(rows, columns, seed).mapv(|value| value as f32);
+    let values = readout.as_slice().expect("rows follow each other");
+    let weights = vec![1.0; rows];
+    let design = Design { values, columns, channels, weights: &weights, counts: 0 };
+    let (basis, coordinates) = Basis::new(design, seed).expect("it has a basis");
+    let features = Features::new(coordinates, &weights, seed);
+    (readout.mapv(f64::from), basis, features)
+}
+
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(12))]
 
@@ -127,13 +139,8 @@ proptest! {
 
     #[test]
     fn dense_layers_give_what_is_linear_in_a_kernel(rows in 20_usize..60, width in 0.3_f64..3.0, seed in any::<u64>()) {
-        let (channels, columns) = (2, 24);
-        let values: Vec<f32> = matrix(rows, columns, seed).iter().map(|&value| value as f32).collect();
-        let weights = vec![1.0; rows];
-        let design = Design { values: &values, columns, channels, weights: &weights, counts: 0 };
-        let (basis, coordinates) = Basis::new(design, seed).expect("it has a basis");
-        let features = Features::new(coordinates, &weights, seed);
-        let (kernel, found) = Kernel::new((&features.of_modes(), &weights), width, seed).expect("rows differ");
+        let (readout, basis, features) = drawn(rows, seed);
+        let (kernel, found) = Kernel::new((&features.of_modes(), &vec![1.0; rows]), width, seed).expect("rows differ");
         // Products of coordinates are values of the kernel.
         let modes = features.of_modes();
         let value = |i: usize, j: usize| {
@@ -144,23 +151,16 @@ proptest! {
         prop_assert!(largest(&(found.dot(&found.t()) - &expected)) < 1e-3);
         let head = Linear { weight: matrix(2, found.ncols(), seed ^ 1), bias: vec![0.5, -0.25] };
         let dense = Dense::of_kernel(&head, &kernel, &features, &basis);
-        let readout = Array2::from_shape_fn((rows, columns), |(i, j)| f64::from(values[i * columns + j]));
         let (found, expected) = (run(&dense, &readout), head.of(found.view()));
         prop_assert!(largest(&(&found - &expected)) < 0.02 * largest(&expected), "{found} {expected}");
     }
 
     #[test]
     fn dense_layers_give_what_is_quadratic(rows in 40_usize..60, seed in any::<u64>()) {
-        let (channels, columns) = (2, 24);
-        let values: Vec<f32> = matrix(rows, columns, seed).iter().map(|&value| value as f32).collect();
-        let weights = vec![1.0; rows];
-        let design = Design { values: &values, columns, channels, weights: &weights, counts: 0 };
-        let (basis, coordinates) = Basis::new(design, seed).expect("it has a basis");
-        let features = Features::new(coordinates, &weights, seed);
+        let (readout, basis, features) = drawn(rows, seed);
         let head = Linear { weight: matrix(2, features.values.ncols(), seed ^ 1), bias: vec![0.5, -0.25] };
         let choices = [Choice { products: 0.7, width: 0.0, strength: 0.1 }; 2];
         let dense = Dense::new((&head, &choices), &[], &features, &basis);
-        let readout = Array2::from_shape_fn((rows, columns), |(i, j)| f64::from(values[i * columns + j]));
         let (found, expected) = (run(&dense, &readout), head.of(features.values.view()));
         prop_assert!(largest(&(&found - &expected)) < 0.02 * largest(&expected), "{found} {expected}");
         // Without products, one layer is the same exactly.
