@@ -274,8 +274,10 @@ impl<'a> Evidence<'a> {
         let (many, plain) = (self.lines.len() >= ENOUGH, ColumnOrder::PLAIN);
         match (&possible[..], &plausible[..]) {
             ([], _) => Ok(None),
-            // A few lines with small numbers can fit by accident.
-            (&[only], _) => Ok(Some(only).filter(|o| *o == plain || many || !pixels(o.at[0], None))),
+            (&[only], _) if only == plain || many || !pixels(only.at[0], None) => Ok(Some(only)),
+            // A few lines with small numbers can fit by accident, and be damaged ones in the plain order.
+            (&[_], _) if self.separator == Separator::Comma => Ok(None),
+            (&[only], _) => Err(first.undecided("order of the columns", format!("{plain} or {only}"))),
             (_, &[only]) if many => Ok(Some(only)),
             _ if !many && self.separator == Separator::Comma && plausible.contains(&plain) => Ok(Some(plain)),
             ([others @ .., last], _) => {

@@ -219,6 +219,16 @@ fn a_file_is_found_to_be_such_a_text() {
     }
 }
 
+#[test]
+fn two_lines_that_fit_only_another_order_are_refused_not_half_read() {
+    let text = b"0 0 0 0\n2 2 0 2\n";
+    let error = decode(text).unwrap_err();
+    assert!(matches!(error, IoError::Undecided { .. }), "{error}");
+    assert!(error.to_string().contains("txyp or xypt"), "{error}");
+    let events = decode_with(text, options(Some("xypt"), Some(TimeUnit::Microseconds))).unwrap().events;
+    assert_eq!(events, [Event::new(0, 0, 0, false), Event::new(2, 2, 2, false)]);
+}
+
 proptest! {
     /// For any values: the events that were written, or a refusal, and never other events.
     #[test]
