@@ -53,7 +53,6 @@ impl Dense {
         first.bias.iter_mut().skip(modes).zip(&head.bias).for_each(|(bias, own)| *bias += own);
 
         let coordinates = features.values.view().split_at(Axis(1), features.linear).0;
-        let largest = |of: &mut dyn Iterator<Item = f64>| of.fold(0.0_f64, |most, x| most.max(x.abs()));
         let (of_modes, of_linear) = (features.of_modes(), coordinates.dot(&linear.t()));
         let pairs = pairs(if has_squares { features.squared } else { 0 });
         let of_perceptrons: usize = perceptrons.iter().map(|of| of.first.bias.len()).sum();
@@ -63,7 +62,7 @@ impl Dense {
         for (place, &[i, j]) in pairs.iter().enumerate() {
             let is_square = i == j;
             let sum = |row: ndarray::ArrayView1<'_, f64>| if is_square { row[i] } else { row[i] + row[j] };
-            let most = largest(&mut of_modes.rows().into_iter().map(sum));
+            let most = largest(of_modes.rows().into_iter().map(sum));
             let bend = if most > 0.0 { BEND / most } else { 1.0 };
             for (unit, sign) in [(2 * place, bend), (2 * place + 1, -bend)] {
                 second.weight[[unit, i]] = sign;
@@ -88,8 +87,7 @@ impl Dense {
         }
         for output in 0..outputs {
             let unit = 2 * pairs.len() + output;
-            let bound =
-                head.bias[output].abs() + BEYOND * largest(&mut of_linear.column(output).iter().copied());
+            let bound = head.bias[output].abs() + BEYOND * largest(of_linear.column(output).iter().copied());
             second.weight[[unit, modes + output]] = 1.0;
             second.bias[unit] = bound;
             third.weight[[output, unit]] = 1.0;
@@ -113,17 +111,13 @@ impl Dense {
     pub(super) fn of_kernel(head: &Linear, kernel: &Kernel, features: &Features, basis: &Basis) -> Self {
         let first = basis.of_readout(features.modes.t());
         let (modes, of_modes) = (features.modes.ncols(), features.of_modes());
-        let largest: Vec<f64> = of_modes
-            .columns()
-            .into_iter()
-            .map(|of| of.iter().fold(0.0_f64, |most, x| most.max(x.abs())))
-            .collect();
+        let sizes: Vec<f64> = of_modes.columns().into_iter().map(|of| largest(of.iter().copied())).collect();
         let (narrowness, centres) = (kernel.narrowness, &kernel.centres);
         let mut second = Linear { weight: Array2::zeros((3 * modes, modes)), bias: vec![0.0; 3 * modes] };
         let square = |centre: ndarray::ArrayView1<'_, f64>| -narrowness * centre.dot(&centre);
         let bias = centres.rows().into_iter().map(square).collect();
         let mut third = Linear { weight: Array2::zeros((centres.nrows(), 3 * modes)), bias };
-        for (mode, &most) in largest.iter().enumerate() {
+        for (mode, &most) in sizes.iter().enumerate() {
             let bend = if most > 0.0 { BEND / most } else { 1.0 };
             for (unit, sign) in [(3 * mode, bend), (3 * mode + 1, -bend)] {
                 second.weight[[unit, mode]] = sign;
@@ -166,4 +160,9 @@ impl Dense {
         };
         self.0.iter().map(of).collect()
     }
+}
+
+/// The largest size of `values`; 0 of none.
+fn largest(values: impl Iterator<Item = f64>) -> f64 {
+    values.fold(0.0, |most, x| most.max(x.abs()))
 }

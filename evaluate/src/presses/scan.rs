@@ -12,6 +12,7 @@ use meissner_engine::{Event, Sensor};
 use meissner_io::datasets::{Dataset, PressFile};
 use meissner_io::{Format, IoError, ReadOptions, Recording, read_with};
 use meissner_run::RunError;
+use meissner_run::error::chain;
 use meissner_run::text::grouped;
 
 use super::odd::{Odd, OddityKind};
@@ -147,17 +148,6 @@ pub(super) fn scan(
     }
     check(&recordings, odd);
     Ok((recordings, unreadable))
-}
-
-/// An error with its sources.
-fn chain(error: &dyn std::error::Error) -> String {
-    let mut text = error.to_string();
-    let mut source = error.source();
-    while let Some(error) = source {
-        text = format!("{text}: {error}");
-        source = error.source();
-    }
-    text
 }
 
 /// The middle of `values`, the lower one of two.
