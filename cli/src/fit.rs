@@ -25,7 +25,7 @@ use crate::text::{Table, cell, columns};
 /// At the end of the long help.
 const METHOD: &str = "\
 How it fits:
-  The layers of events of NETWORK stay as they are. Where its readout sums, it also sums the number of events and their polarities. Dense layers behind the readout replace those of NETWORK or its head. Where these have hidden layers and there is no --grid, the last layer alone is replaced as well, and what predicts held-out presses better is kept; not where the weights of NETWORK were fitted to the same presses. The new layers are fitted to readouts that the engine itself computes: at the end of each press (its last labelled instant) and at random ages from a tenth of the press on, for labels along time and for classes. `meissner prepare presses --help` says how labels may look.
+  The layers of events of NETWORK stay as they are. Where its readout sums, it also sums the number of events and their polarities. Dense layers behind the readout replace those of NETWORK or its head. Where these have other layers with weights and there is no --grid, the dense layers alone and the last layer alone are replaced as well, and what predicts held-out presses best is kept; dense layers that were fitted to the same presses never stay. The new layers are fitted to readouts that the engine itself computes: at the end of each press (its last labelled instant) and at random ages from a tenth of the press on, for labels along time and for classes. `meissner prepare presses --help` says how labels may look.
   Numbers: ridge regression. Classes: a discriminant with shrunken covariance. Both read the readout and products of its main modes, or Gaussian kernels of these around the presses. `--hidden` adds perceptrons for what these leave. The strength, and whether products or kernels help, is what is best on presses that are held out: every press is held out by one fold, and never by sample. Errors that are shown are of presses that were held out, with a strength that other folds chose.
   Degrees become radians, unless NETWORK has an output of the same name in degrees.
 
@@ -227,7 +227,11 @@ fn text(out: &mut dyn Write, report: &Report) -> io::Result<()> {
     if let [_, _, ..] = &report.heads[..] {
         let headings = columns("head | values read | error / constant's");
         let rows = report.heads.iter().map(|of| {
-            let head = if of.head == Head::New { "new" } else { "kept but its last layer" };
+            let head = match of.head {
+                Head::New => "new".to_owned(),
+                Head::Kept { layers: 1, .. } => "behind the first layer of the old one".to_owned(),
+                Head::Kept { layers, .. } => format!("behind {layers} layers of the old one"),
+            };
             [head.to_owned(), count(of.values), short(of.error)]
         });
         Table::section(out, &headings, rows)?;

@@ -119,17 +119,18 @@ pub fn fit(presses: &Presses, options: &Options, workers: &Workers) -> Result<Fi
         order: &order(&classes, options.seed),
     };
     let mut best = given.fit(Head::New, workers)?;
-    // A head that was fitted to the same presses has seen those that are held out.
+    // Dense layers that were fitted to the same presses have seen those that are held out.
     let own = written::fingerprint(presses, &samples);
     let knows = base.weights.metadata().get(written::FITTED_TO).is_some_and(|other| *other == own);
-    if let Some(kept) = base.kept_head(options).filter(|_| !knows) {
+    let mut heads = best.report.heads.clone();
+    for kept in base.kept_heads(options, knows) {
         let kept = given.fit(kept, workers)?;
-        let heads = [&best, &kept].map(|of| of.report.heads[0].clone());
-        if heads[1].error <= heads[0].error {
+        heads.extend_from_slice(&kept.report.heads);
+        if kept.report.heads[0].error <= best.report.heads[0].error {
             best = kept;
         }
-        best.report.heads = heads.to_vec();
     }
+    best.report.heads = heads;
     Ok(best)
 }
 
@@ -148,8 +149,8 @@ impl Given<'_> {
                 let last = silence(&probe.description);
                 (probe, last)
             }
-            // What the last layer read is predicted instead.
-            Head::Kept { values } => {
+            // What the next layer read is predicted instead.
+            Head::Kept { values, .. } => {
                 let each = (0..values).map(|i| (format!("value{i}"), "1".to_owned())).collect();
                 let probe = base.refitted((options, sensor), head, &Outputs::Quantities(each), &[])?;
                 (probe, identity(values))

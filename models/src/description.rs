@@ -38,7 +38,7 @@ pub use convolution::ConvolutionKind;
 pub use layer::{Cell, Cost, CostUnit, FieldStart, FieldStep, Layer, LayerKind, ReceptiveField};
 pub use preparation::Agreement;
 pub use problem::{DescriptionError, Problem, ProblemKind};
-pub use refit::{Outputs, Refit, Refitted};
+pub use refit::{KeptHead, Outputs, Refit, Refitted};
 pub(crate) use tensors::{Needed, Role};
 
 use document::{EVENT_NETWORK, FRAME_NETWORK, INPUT};

@@ -7,9 +7,9 @@ use meissner_engine::{
     Sensor,
 };
 use meissner_kernels::Activation;
-use meissner_models::description::frames::FrameKind;
+use meissner_models::description::frames::{FrameKind, FrameLayer};
 use meissner_models::description::{CostUnit, FieldStart, Outputs, Refit};
-use meissner_models::{ConvolutionKind, Description, Layer, LayerKind, Weights, draw};
+use meissner_models::{ConvolutionKind, Description, Layer, LayerKind, Tensor, Weights, draw};
 use support::{SMALL, changed};
 
 fn shipped(name: &str) -> (Description, Network) {
@@ -344,7 +344,7 @@ fn of_events(description: &Description) -> Vec<Layer> {
 }
 
 fn refit(outputs: &Outputs, counts: bool) -> Refit<'_> {
-    Refit { name: "mine", span_us: None, grid: None, counts, keep_head: false, hidden: &[], outputs }
+    Refit { name: "mine", span_us: None, grid: None, counts, kept: 0, hidden: &[], outputs }
 }
 
 #[test]
@@ -453,8 +453,22 @@ fn counts_are_left_out_where_nothing_is_summed() {
     }
 }
 
+/// The dense layers of `description`, in order: name, outputs and activation.
+fn dense_layers(description: &Description) -> Vec<(String, usize, Activation)> {
+    let of_layer = |layer: &Layer| match layer.kind {
+        LayerKind::Dense { activation, .. } => Some((layer.name.clone(), layer.outputs, activation)),
+        _ => None,
+    };
+    let of_head = |layer: &FrameLayer| match layer.kind {
+        FrameKind::Dense { outputs, activation, .. } => Some((layer.name.clone(), outputs, activation)),
+        _ => None,
+    };
+    let layers = description.layers().iter().filter_map(of_layer);
+    layers.chain(description.head().iter().filter_map(of_head)).collect()
+}
+
 #[test]
-fn a_kept_head_with_its_own_last_layer_predicts_the_same_bits() {
+fn a_kept_head_with_its_own_other_layers_predicts_the_same_bits() {
     let outputs = |description: &Description| {
         let (names, units) = description.outputs();
         if let Some(classes) = description.classes() {
@@ -462,39 +476,43 @@ fn a_kept_head_with_its_own_last_layer_predicts_the_same_bits() {
         }
         Outputs::Quantities(names.iter().cloned().zip(units.iter().cloned()).collect())
     };
-    let mut kept = 0;
+    let (mut with_dense, mut without) = (0, 0);
     for name in Description::shipped_names() {
         let (description, _) = shipped(name);
-        let Some(values) = description.head_values() else { continue };
-        kept += 1;
-        let text = Description::shipped_text(name).expect("a shipped description");
-        let outputs = outputs(&description);
-        let keep = Refit { keep_head: true, ..refit(&outputs, false) };
-        let found = Description::refitted(text, &keep).expect("a consistent description");
-        assert_eq!(found.description.head().len(), description.head().len(), "{}", found.text);
-        assert_eq!(found.description.layers().len(), description.layers().len(), "{}", found.text);
-        let base = draw(&description, 5);
-        let last: Vec<Vec<f32>> = ["weight", "bias"]
-            .iter()
-            .map(|part| {
-                let named = description.tensors();
-                let (name, _) = named.iter().rfind(|(name, _)| name.ends_with(part)).expect("a last layer");
-                base.get(name).and_then(|tensor| tensor.values()).expect("its values").to_vec()
-            })
-            .collect();
-        let [weight, bias] = [last[0].clone(), last[1].clone()];
-        assert_eq!(weight.len(), values * outputs.len());
-        let own = found.weights(&base, &[(weight, bias)]);
-        let predicted = [(&description, &base), (&found.description, &own)].map(|(description, weights)| {
-            let network = description.network(weights).expect("they fit");
-            let mut engine = Engine::new(network, Sensor::new(48, 36)).expect("an engine");
-            for i in 0..60_u16 {
-                engine.push(Event::new(i64::from(i) * 500, i % 48, i * 7 % 36, i % 3 == 0));
-            }
-            let values = engine.predict().expect("numbers").values;
-            values.iter().map(|value| value.to_bits()).collect::<Vec<_>>()
-        });
-        assert_eq!(predicted[0], predicted[1], "{name}");
+        let dense = dense_layers(&description);
+        for head in description.kept_heads() {
+            *(if head.has_dense { &mut with_dense } else { &mut without }) += 1;
+            let text = Description::shipped_text(name).expect("a shipped description");
+            let outputs = outputs(&description);
+            let replaced = if head.has_dense { &dense[dense.len() - 1..] } else { &dense[..] };
+            let hidden: Vec<_> =
+                replaced.iter().map(|(_, outputs, activation)| (*outputs, *activation)).collect();
+            let keep =
+                Refit { kept: head.layers, hidden: &hidden[..hidden.len() - 1], ..refit(&outputs, false) };
+            let found = Description::refitted(text, &keep).expect("a consistent description");
+            assert_eq!(found.description.head().len(), description.head().len(), "{}", found.text);
+            assert_eq!(found.description.layers().len(), description.layers().len(), "{}", found.text);
+            let base = draw(&description, 5);
+            let values =
+                |name: String| base.get(&name).and_then(Tensor::values).expect("its values").to_vec();
+            let own: Vec<_> = replaced
+                .iter()
+                .map(|(layer, ..)| (values(format!("{layer}.weight")), values(format!("{layer}.bias"))))
+                .collect();
+            assert_eq!(own[0].0.len(), head.values * hidden[0].0);
+            let own = found.weights(&base, &own);
+            let predicted =
+                [(&description, &base), (&found.description, &own)].map(|(description, weights)| {
+                    let network = description.network(weights).expect("they fit");
+                    let mut engine = Engine::new(network, Sensor::new(48, 36)).expect("an engine");
+                    for i in 0..60_u16 {
+                        engine.push(Event::new(i64::from(i) * 500, i % 48, i * 7 % 36, i % 3 == 0));
+                    }
+                    let values = engine.predict().expect("numbers").values;
+                    values.iter().map(|value| value.to_bits()).collect::<Vec<_>>()
+                });
+            assert_eq!(predicted[0], predicted[1], "{name}");
+        }
     }
-    assert!(kept >= 5, "{kept} networks have such a head");
+    assert!(with_dense >= 5 && without >= 1, "{with_dense} and {without} such heads");
 }

@@ -80,9 +80,11 @@ impl Options {
 pub enum Head {
     /// Nothing: the fitted layers read the readout.
     New,
-    /// The layers behind the readout but the last one.
+    /// The first layers behind the readout.
     Kept {
-        /// Number of values that the last one reads.
+        /// How many they are.
+        layers: usize,
+        /// Number of values that the next one reads.
         #[serde(skip)]
         values: usize,
     },
@@ -131,10 +133,12 @@ impl Base {
         Ok(Self { name: of, description, stride, weights, named, label, text })
     }
 
-    /// Its head, if that has layers that can stay with the readout of `options`.
-    pub(super) fn kept_head(&self, options: &Options) -> Option<Head> {
-        let values = self.description.head_values().filter(|_| options.grid.is_none())?;
-        Some(Head::Kept { values })
+    /// Its heads that can stay with the readout of `options`. Those with dense layers have seen what
+    /// these were fitted to.
+    pub(super) fn kept_heads(&self, options: &Options, has_seen: bool) -> Vec<Head> {
+        let mut heads = self.description.kept_heads();
+        heads.retain(|kept| options.grid.is_none() && !(has_seen && kept.has_dense));
+        heads.iter().map(|kept| Head::Kept { layers: kept.layers, values: kept.values }).collect()
     }
 
     /// Its layers up to `head`, and dense layers that predict `outputs`.
@@ -145,9 +149,11 @@ impl Base {
         outputs: &Outputs,
         hidden: &[(usize, Activation)],
     ) -> Result<Refitted> {
-        let (name, span_us, is_new) = (&options.name, options.span_us, head == Head::New);
+        let (name, span_us) = (&options.name, options.span_us);
+        let kept = if let Head::Kept { layers, .. } = head { layers } else { 0 };
+        let is_new = kept == 0;
         let grid = options.grid.or_else(|| self.finer_grid(sensor)).filter(|_| is_new);
-        let refit = Refit { name, span_us, grid, counts: is_new, keep_head: !is_new, hidden, outputs };
+        let refit = Refit { name, span_us, grid, counts: is_new, kept, hidden, outputs };
         let inconsistent =
             |error| RunError::description(options.name.clone(), ModelError::Description(error));
         Ok(Description::refitted(&self.text, &refit).map_err(inconsistent)?)

@@ -64,8 +64,10 @@ pub(super) fn card(
         Target::Classes { .. } => "a shrunken discriminant",
     };
     let (stays, read) = match head {
-        Head::New => ("layers of events", "readouts"),
-        Head::Kept { .. } => ("all layers but the last", "what the last read"),
+        Head::New => ("layers of events".to_owned(), "readouts"),
+        Head::Kept { layers, .. } => {
+            (format!("layers of events and {layers} behind the readout"), "what the next one read")
+        }
     };
     let valid: serde_json::Map<String, serde_json::Value> = figures
         .iter()

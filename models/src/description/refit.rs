@@ -81,13 +81,23 @@ pub struct Refit<'a> {
     pub grid: Option<[u32; 2]>,
     /// Whether the readout also sums events and their polarities, where it can.
     pub counts: bool,
-    /// Whether all layers behind the readout stay but the last one, which predicts:
-    /// [`Description::head_values`].
-    pub keep_head: bool,
+    /// How many layers behind the readout stay: 0, or as [`Description::kept_heads`] says.
+    pub kept: usize,
     /// Values and activations of dense layers before the last one.
     pub hidden: &'a [(usize, Activation)],
     /// What it predicts.
     pub outputs: &'a Outputs,
+}
+
+/// The first layers behind a readout.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct KeptHead {
+    /// How many they are.
+    pub layers: usize,
+    /// How many values the next layer reads.
+    pub values: usize,
+    /// Whether one of them is dense.
+    pub has_dense: bool,
 }
 
 /// A description with other layers behind its readout.
@@ -128,8 +138,7 @@ struct Tables {
 
 impl Description {
     /// The description in `text` whose readout dense layers read: instead of its dense layers, or
-    /// of the layers of its head. With `keep_head` they replace the last one of these. They come
-    /// last; the last one is `fitted`, those before it `fitted1` and so on, or with underscores
+    /// of the layers of its head but the first `kept`. They come last; the last one is `fitted`, those before it `fitted1` and so on, or with underscores
     /// behind `fitted` where other layers have such names.
     ///
     /// # Errors
@@ -149,8 +158,7 @@ impl Description {
         network.insert("name".to_owned(), Value::from(refit.name));
         network.extend(refit.span_us.map(|span_us| ("span_us".to_owned(), Value::from(span_us))));
         let behind = described.behind_readout();
-        let kept_behind = if refit.keep_head { behind.len() - 1 } else { 0 };
-        let (kept_behind, replaced) = behind.split_at(kept_behind);
+        let (kept_behind, replaced) = behind.split_at(refit.kept.min(behind.len()));
         let stays = |layer: &Value| {
             let is = |name: &str| layer.get("name").and_then(Value::as_str) == Some(name);
             !replaced.iter().any(|replaced| is(replaced.name))
@@ -244,12 +252,23 @@ impl Description {
         Ok(Weights::new(names.iter().filter_map(tensor)))
     }
 
-    /// The number of values that the last layer reads, where it is dense and layers with weights
-    /// stand between it and the readout: what another last layer can read.
-    pub fn head_values(&self) -> Option<usize> {
+    /// Where other dense layers can begin behind layers with weights that stay: at the first dense
+    /// layer, and at the last layer if it is dense. Of each, how many layers behind the readout stay,
+    /// and how many values the next one reads.
+    pub fn kept_heads(&self) -> Vec<KeptHead> {
         let behind = self.behind_readout();
-        let (last, before) = behind.split_last()?;
-        last.values.filter(|_| before.iter().any(|layer| layer.has_weights))
+        let first = behind.iter().position(|layer| layer.values.is_some());
+        // Others can read a layer of a head with branches.
+        let is_chain = |&layers: &usize| behind.windows(2).take(layers).all(|of| of[1].from == of[0].name);
+        let mut places: Vec<usize> =
+            first.filter(is_chain).into_iter().chain(behind.len().checked_sub(1)).collect();
+        places.dedup();
+        let of = |layers: usize| {
+            let values = behind[layers].values?;
+            let is_learnt = behind[..layers].iter().any(|layer| layer.has_weights);
+            is_learnt.then_some(KeptHead { layers, values, has_dense: first < Some(layers) })
+        };
+        places.into_iter().filter_map(of).collect()
     }
 
     /// The layers behind the readout: dense ones, or those of the head. The last one predicts.

@@ -15,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 import torch
-from machine import Machine, blurring, made
+from machine import Machine, made
 from torch import nn
 
 # What all trainings share lies beside their folders.
@@ -26,13 +26,14 @@ from meissner.torch import Module, fit, save
 NETWORK, FOLDS, PART = "touch-letters", 5, 60  # presses whose graphs are held at a time
 TIMES, WINDOWS, STEP, CENTRE = 101, 6, 15, 13  # cells in time, sums and cells from one to the next, the slot of a kernel for no distance
 KNOTS = (0.0, 0.25, 1.0, 4.0, 16.0, 64.0, 256.0)  # where a bent sum changes its slope, and the largest
+BLUR = 0.8  # of maps, in taxels
 EARLIER = 3  # ends of each press that come earlier
 WHOLE, EARLY = (16_000, 6), (4_000, 1)  # presses made of presses, and how often the presses themselves count
 EPOCHS, BATCH, RATE, SHARPNESS = 40, 128, 0.002, 8.0  # SHARPNESS: logits of a score of 1
 
 
 def lay_out(module):
-    """Fills in all layers up to `code`."""
+    """Fills in all layers up to `blur`."""
     for name in module.description.tensors:
         module[name].zero_()
     # Rising pressure is (1, 0), falling (0, 1).
@@ -50,6 +51,8 @@ def lay_out(module):
     module["steps.weight"].copy_(torch.eye(count).repeat(len(slopes), 1)[:, :, None, None])
     module["steps.bias"].copy_(-knots[:-1].repeat_interleave(count))
     module["code.weight"].copy_((torch.eye(count)[:, None] * slopes[:, None]).reshape(module["code.weight"].shape))
+    near = torch.exp(-0.5 * (torch.arange(-1, 2) / BLUR) ** 2)
+    module["blur.weight"].copy_(torch.eye(count)[:, :, None, None] * (near[:, None] * near / near.sum() ** 2))
 
 
 class Taught:
@@ -70,14 +73,12 @@ def apart(net, given, target):
 
 @torch.no_grad()
 def maps_of(module, sensor, streams):
-    """Blurred maps (streams, channels, rows, columns) of what the dense layers read, and the matrix that blurred them."""
+    """Maps (streams, channels, rows, columns) of what the dense layers read."""
     parts = [streams[first : first + PART] for first in range(0, len(streams), PART)]
-    maps = torch.cat([module.values(module.graphs(sensor, part).batch(range(len(part))), "code") for part in parts])
-    blur = blurring(maps.shape[2:])
-    return (maps.flatten(2) @ blur.T).reshape(maps.shape), blur
+    return torch.cat([module.values(module.graphs(sensor, part).batch(range(len(part))), "blur") for part in parts])
 
 
-def teach(module, groups, blur, random, seed):
+def teach(module, groups, random, seed):
     """Fits the dense layers to groups of maps with their labels, each with a machine of its own."""
     scale, inputs, scores = groups[0][0].std(), [], []
     for maps, label, count, times in groups:
@@ -95,8 +96,8 @@ def teach(module, groups, blur, random, seed):
         for name, layer in zip(names, net[::2]):
             module[f"{name}.weight"].copy_(layer.weight)
             module[f"{name}.bias"].copy_(layer.bias)
-        # The network reads maps that are not blurred.
-        module["hidden.weight"].copy_((net[0].weight.unflatten(1, (-1, len(blur))) @ blur / scale).flatten(1))
+        # It was taught on maps of that scale and mean.
+        module["hidden.weight"].div_(scale)
         module["hidden.bias"].sub_(net[0].weight @ mean)
         module["out.weight"].mul_(SHARPNESS)
         module["out.bias"].mul_(SHARPNESS)
@@ -110,9 +111,9 @@ def fitted(recordings, seen, seed):
     earlier = [stream[: 1 + int(random.uniform(0.03, 1) * len(stream))] for _ in range(EARLIER) for stream in streams]
     with torch.no_grad():
         lay_out(module)
-    maps, blur = maps_of(module, recordings.sensor, streams + earlier)
+    maps = maps_of(module, recordings.sensor, streams + earlier)
     whole, early = maps.split([len(streams), len(earlier)])
-    teach(module, [(whole, label, *WHOLE), (early, label.repeat(EARLIER), *EARLY)], blur, random, seed)
+    teach(module, [(whole, label, *WHOLE), (early, label.repeat(EARLIER), *EARLY)], random, seed)
     return module
 
 

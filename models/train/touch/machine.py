@@ -8,15 +8,9 @@ import numpy as np
 import torch
 from torch import nn
 
-BLUR, SHIFT, AXES = 0.8, 2, 192  # of maps, in taxels; the farthest copy in taxels; principal components
+SHIFT, AXES = 2, 192  # the farthest copy in taxels; principal components
 NEARNESS, MOVED, RIDGE = 8.0, 0.3, 0.1  # of the kernel; weight of a copy; added to the diagonal
 MIX = 0.5  # share of made presses that is moved, and that is mixed
-
-
-def blurring(sides):
-    """The matrix that blurs flat maps of `sides` (rows, columns)."""
-    ways = [torch.exp(-0.5 * ((torch.arange(n)[:, None] - torch.arange(n)) / BLUR) ** 2) for n in sides]
-    return torch.kron(*[way / way[len(way) // 2].sum() for way in ways])
 
 
 def moved(maps, down, right):

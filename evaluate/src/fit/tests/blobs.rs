@@ -218,7 +218,7 @@ fn a_head_that_knows_more_than_a_new_one_is_kept_but_its_last_layer() {
     let place = tempfile::tempdir().expect("there is a place for temporary files");
     let second = few.fit(&again(&first, place.path(), options), 2).expect("it can be fitted");
     let [new, kept] = &second.report.heads[..] else { panic!("{:?}", second.report.heads) };
-    assert_eq!((new.head, kept.head, kept.values), (Head::New, Head::Kept { values: 2 }, 2));
+    assert!(new.head == Head::New && matches!(kept.head, Head::Kept { values: 2, .. }), "{kept:?}");
     assert!(kept.error <= new.error && second.report.base.readout == 2, "{new:?} {kept:?}");
     // What was read is what the last layer reads at a run.
     let presses = Presses::read(few.path(), &ReadOptions::default()).expect("presses");
