@@ -9,6 +9,7 @@ use meissner_evaluate::{EvaluateError, RequestPart};
 use meissner_io::{Format, IoError, Kind};
 use meissner_models::systems::slip::DecisionError;
 use meissner_models::{ModelError, TensorProblem};
+use meissner_report::ReportError;
 use meissner_run::RunError;
 use meissner_run::streams::STDIN_NAME;
 use meissner_verify::VerifyError;
@@ -80,6 +81,9 @@ pub(crate) enum CliError {
     /// Results break promises; the output names each.
     #[error("promises that are broken: expected none, found {0}")]
     Broken(usize),
+    /// There is no page of results.
+    #[error(transparent)]
+    Report(#[from] ReportError),
     /// Presses are odd, and none may be; the notes name each kind.
     #[error("--strict: expected nothing odd about the presses, found {0} kinds of oddities")]
     Odd(usize),

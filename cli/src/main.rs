@@ -6,7 +6,8 @@
 //! | `args`, `tasks` | arguments that several share; data sets, networks and trainings |
 //! | `input` | the source and the network that they select, and its kind of input |
 //! | `given` | which arguments were given; command lines of the version before |
-//! | `report`, `text`, `progress` | results as text and as JSON |
+//! | `predictions`, `text`, `progress` | results as text and as JSON |
+//! | `report` | results as a page; the crate in `cli/report` makes it |
 //! | `output`, `stderr` | standard output and files; messages on standard error |
 //! | `manual` | completions of shells, pages of the manual |
 //! | `error` | errors, hints, and the exit status |
@@ -32,6 +33,7 @@ mod networks;
 mod output;
 mod pareto;
 mod play;
+mod predictions;
 mod prepare;
 mod progress;
 mod record;
@@ -49,7 +51,7 @@ mod verify;
 use std::process::ExitCode;
 
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
-use meissner_run::interrupt;
+use meissner_run::{interrupt, provenance};
 
 use crate::args::STATUS;
 use crate::error::CliError;
@@ -102,6 +104,8 @@ enum Command {
     Simulate(simulate::SimulateArgs),
     /// Check that a network's incremental results equal full recomputation.
     Verify(verify::VerifyArgs),
+    /// Make a page of results, to keep, to print and to send.
+    Report(report::ReportArgs),
     /// Print the completions of a shell.
     Completions(manual::CompletionsArgs),
     /// Write the pages of the manual.
@@ -127,6 +131,7 @@ fn main() -> ExitCode {
     interrupt::install();
     install_logger();
     let (program, words) = (program(), given::renamed(std::env::args_os()));
+    provenance::made_by(command_line());
     let matches = program.clone().try_get_matches_from(&words);
     let matches = matches.unwrap_or_else(|error| given::with_tip(error, &words).exit());
     let given = Given::of(&program, &matches);
@@ -146,6 +151,12 @@ fn main() -> ExitCode {
         // Also if the reader of the output has closed the pipe.
         _ => ExitCode::SUCCESS,
     }
+}
+
+/// The words of the command line, from the name of the program on.
+fn command_line() -> Vec<String> {
+    let words = std::env::args_os().skip(1).map(|word| word.to_string_lossy().into_owned());
+    std::iter::once("meissner".to_owned()).chain(words).collect()
 }
 
 /// Whether `command` may compute for a long time.
@@ -182,6 +193,7 @@ fn perform(command: &Command, given: &Given) -> Result<(), CliError> {
         Command::Pareto(args) => pareto::pareto(args),
         Command::Simulate(args) => simulate::simulate(args),
         Command::Verify(args) => verify::verify(args, given),
+        Command::Report(args) => report::report(args),
         Command::Completions(args) => manual::completions(args, program()),
         Command::Man(args) => manual::man(args, program()),
     }

@@ -18,7 +18,7 @@ use crate::args::{INPUT, Input, JsonArgs, PREDICTIONS, QUEUE, REUSES, length, pe
 use crate::error::CliError;
 use crate::given::Given;
 use crate::output::LogArgs;
-use crate::report::{About, Report, TableKind};
+use crate::predictions::{About, Report, TableKind};
 
 /// Plays the recordings as `args` say, and writes the reports to standard output.
 pub(crate) fn play(args: &PlayArgs, given: &Given) -> Result<(), CliError> {

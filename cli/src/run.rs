@@ -22,7 +22,7 @@ use crate::error::CliError;
 use crate::given::Given;
 use crate::input::advice;
 use crate::kind::NetworkKind;
-use crate::report::{About, Report, TableKind};
+use crate::predictions::{About, Report, TableKind};
 #[cfg(test)]
 pub(crate) use args::OPTIONS_OF_KINDS;
 pub(crate) use args::RunArgs;

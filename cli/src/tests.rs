@@ -48,6 +48,7 @@ const HEADINGS: &[(&str, &[&str])] = &[
             "max-gap",
             "ages",
             "youngest",
+            "truth",
         ],
     ),
     (

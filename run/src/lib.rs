@@ -63,6 +63,7 @@ pub mod latency;
 pub mod left_out;
 pub mod live_frames;
 pub mod losses;
+mod machine;
 pub mod mcap;
 pub mod memory;
 pub mod model;

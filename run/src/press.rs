@@ -4,7 +4,7 @@
 //! pressed on. `run/assets/README.md` says how it was made.
 
 use crate::error::Result;
-use crate::source::embedded;
+use crate::source::{EMBEDDED_NAME, embedded};
 
 const TRUTH: &str = include_str!("../assets/dome_press.csv");
 
@@ -21,6 +21,9 @@ pub struct Press {
 }
 
 impl Press {
+    /// The name of the embedded recording in headers.
+    pub const INPUT: &str = EMBEDDED_NAME;
+
     /// The embedded press.
     ///
     /// # Errors

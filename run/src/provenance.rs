@@ -3,12 +3,15 @@
 //! Every JSON output of a network has a [`Header`]. It is the first line, `{"header": {...}}`, of
 //! an output with several lines, and the field `header` of a single object.
 
+use std::sync::OnceLock;
+
 use meissner_engine::Sensor;
 use meissner_models::{Agreement, AnyDescription, Weights};
 use serde::Serialize;
 use serde_json::Value;
 
 use crate::error::{Result, RunError};
+use crate::machine::Machine;
 use crate::training::Output;
 
 /// Version of the JSON format. It increases when a key is removed or changes its meaning.
@@ -20,6 +23,9 @@ pub struct Header {
     meissner: &'static str,
     schema: u32,
     command: &'static str,
+    /// How it was made; missing where no program says so with [`made_by`].
+    #[serde(skip_serializing_if = "Option::is_none")]
+    made: Option<&'static Made>,
     /// The input.
     pub input: InputCard,
     /// The network; missing if there are several, each listed with its results.
@@ -27,6 +33,22 @@ pub struct Header {
     model: Option<ModelCard>,
     /// Warnings about the combination of network, weights and input.
     warnings: Vec<String>,
+}
+
+/// The command line and the machine of a result.
+#[derive(Debug, Serialize)]
+struct Made {
+    /// The words of the command line.
+    arguments: Vec<String>,
+    machine: Machine,
+}
+
+static MADE: OnceLock<Made> = OnceLock::new();
+
+/// Says once for this process which command line makes its results. Headers that are made from now
+/// on say so, with the machine.
+pub fn made_by(arguments: Vec<String>) {
+    MADE.get_or_init(|| Made { arguments, machine: Machine::this() });
 }
 
 /// The input of a command.
@@ -99,7 +121,7 @@ impl Header {
     /// A header for the results of several networks, each of which is described with its results.
     pub fn of_many(command: &'static str, input: InputCard) -> Self {
         let (meissner, model, warnings) = (env!("CARGO_PKG_VERSION"), None, Vec::new());
-        Self { meissner, schema: SCHEMA, command, input, model, warnings }
+        Self { meissner, schema: SCHEMA, command, made: MADE.get(), input, model, warnings }
     }
 
     /// Logs the warnings.

@@ -20,7 +20,7 @@ use crate::{interrupt, left_out, streams};
 
 /// A simulated press and release; see `run/assets/README.md`.
 const EMBEDDED: &[u8] = include_bytes!("../assets/dome_press.evt3");
-const EMBEDDED_NAME: &str = "dome_press.evt3 (embedded; simulated, not a real sensor)";
+pub(crate) const EMBEDDED_NAME: &str = "dome_press.evt3 (embedded; simulated, not a real sensor)";
 /// Most events of a stream that is read as a whole.
 const MAX_EVENTS: u64 = STREAM_BYTES / RECORD_BYTES as u64;
 

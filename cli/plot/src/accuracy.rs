@@ -1,7 +1,7 @@
 //! Accuracies: lines against time with their intervals, bars by group, and confusion matrices.
 
 use crate::axes::{Axis, Field};
-use crate::svg::{Area, FRAME, GREY, INK, Place, SMALL, Svg, WHITE, colour};
+use crate::svg::{Area, FINE_GRID, FRAME, GREY, INK, Place, SHADE, SMALL, Svg, WHITE, colour};
 use crate::text::{self, SIZE, heading, legend};
 
 pub(crate) const LINES: Area = Area { left: 62.0, top: 66.0, right: 580.0, bottom: 396.0 };
@@ -221,8 +221,12 @@ impl Matrix<'_> {
                 let corner = (LEFT + CELL * column as f64, TOP + CELL * row as f64);
                 // A class that was never true has a grey row without numbers.
                 let share = (sum > 0).then(|| count as f64 / sum as f64);
-                let fill = share.map_or_else(|| "#eeeeee".to_owned(), shade);
-                svg.rect(&Area::at(corner, CELL, CELL), &fill).set("stroke", WHITE);
+                let cell = Area::at(corner, CELL, CELL);
+                match share {
+                    Some(share) => svg.rect(&cell, SHADE).set("fill-opacity", strength(share)),
+                    None => svg.rect(&cell, FINE_GRID),
+                };
+                svg.rect(&cell, "none").set("stroke", WHITE);
                 if let Some(share) = share.filter(|&share| share > 0.0) {
                     let number =
                         if share < 0.005 { "<0.5".to_owned() } else { format!("{:.0}", 100.0 * share) };
@@ -236,11 +240,11 @@ impl Matrix<'_> {
     }
 }
 
-/// From white to dark blue. The square root makes rare confusions visible.
-pub(crate) fn shade(share: f64) -> String {
-    let strength = share.clamp(0.0, 1.0).sqrt();
-    let [r, g, b] = [0.0, 72.0, 128.0].map(|dark| (255.0 + (dark - 255.0) * strength).round() as u8);
-    format!("#{r:02x}{g:02x}{b:02x}")
+/// Opacity of a cell, from 0 to 1. The square root makes rare confusions visible. The step at one
+/// half keeps numbers readable: dark ones on light cells, light ones on dark cells.
+pub(crate) fn strength(share: f64) -> f64 {
+    let strength = if share < 0.5 { 0.75 * share.max(0.0).sqrt() } else { 0.44 + 0.56 * share.min(1.0) };
+    (strength * 1e3).round() / 1e3
 }
 
 /// A field whose y axis has all percentages.

@@ -2,17 +2,18 @@
 //!
 //! Ranges of values and of pixels to places, ticks at round values, grid, labels and titles.
 
-use crate::svg::{Area, FRAME, Svg};
-use crate::text::grouped;
+use crate::svg::{Area, FINE_GRID, FRAME, GRID, Svg};
+use crate::text::{SIZE, grouped, width};
 
-const GRID: &str = "#cccccc";
-const FINE_GRID: &str = "#efefef";
 /// Most intervals between the ticks of a linear axis.
 const MAX_INTERVALS: f64 = 8.0;
 /// Margin at both ends of an axis, as a share of its length.
 const MARGIN: f64 = 0.05;
 /// Pixels at the low end of a logarithmic axis for the value 0.
 const ZERO_STRIP: f64 = 26.0;
+/// Room for labels to the left of an axis, and least space between two of them.
+const ROOM: f64 = 100.0;
+const APART: f64 = 4.0;
 
 /// An axis: low and high end, of decimal logarithms where it is logarithmic, and their pixels.
 #[derive(Debug)]
@@ -152,12 +153,8 @@ impl Field {
 
     /// Draws grid, ticks, border and titles. An axis without a title has no ticks.
     pub(crate) fn draw(&self, svg: &mut Svg, x_title: &str, y_title: &str) {
-        let Area { left, top, right, bottom } = self.area;
-        let (middle, centre) = self.area.centre();
-        for Tick { place, label } in self.x.ticks().into_iter().filter(|_| !x_title.is_empty()) {
-            svg.line((place, top), (place, bottom), if label.is_some() { GRID } else { FINE_GRID });
-            label.map(|label| svg.text((place, bottom + 18.0), &label).middle());
-        }
+        let Area { left, right, .. } = self.area;
+        let (_, centre) = self.area.centre();
         for Tick { place, label } in self.y.ticks() {
             let Some(label) = label else { continue };
             svg.line((left, place), (right, place), GRID);
@@ -167,10 +164,26 @@ impl Field {
             svg.line((left, self.y.pixels.0), (right, self.y.pixels.0), FRAME).dashes("3 3");
             svg.text((left - 8.0, zero + 4.5), "0").end();
         }
+        svg.text_upwards((12.0, centre), y_title);
+        self.draw_across(svg, x_title);
+    }
+
+    /// Draws the grid, the ticks and the title of the horizontal axis, and the border.
+    pub(crate) fn draw_across(&self, svg: &mut Svg, x_title: &str) {
+        let Area { left, top, right, bottom } = self.area;
+        // Labels that would meet are left out.
+        let mut free = left - ROOM;
+        for Tick { place, label } in self.x.ticks().into_iter().filter(|_| !x_title.is_empty()) {
+            svg.line((place, top), (place, bottom), if label.is_some() { GRID } else { FINE_GRID });
+            let half = label.as_deref().map_or(0.0, |label| width(label, SIZE) / 2.0);
+            if let Some(label) = label.filter(|_| place - half >= free) {
+                svg.text((place, bottom + 18.0), &label).middle();
+                free = place + half + APART;
+            }
+        }
         svg.rect(&self.area, "none").set("stroke", FRAME);
         if !x_title.is_empty() {
-            svg.text((middle, bottom + 40.0), x_title).middle();
+            svg.text((f64::midpoint(left, right), bottom + 40.0), x_title).middle();
         }
-        svg.text_upwards((12.0, centre), y_title);
     }
 }

@@ -12,6 +12,9 @@
 //! | [`TradeOff`] | run time against error, with fronts and labels |
 //! | [`Network`] | the layers of a network |
 //! | [`Plane`] | lines and dots between linear axes |
+//! | [`Parts`], [`Quantiles`] | a bar of parts, or the quantiles of times, for each row |
+//!
+//! [`figure`] draws one panel for a page of HTML.
 //!
 //! ```
 //! use meissner_plot::{Distribution, LatencyCurve, Panel, page};
@@ -32,6 +35,7 @@ mod labels;
 mod latency;
 mod network;
 mod plane;
+mod rows;
 mod svg;
 mod text;
 mod trade_off;
@@ -40,6 +44,8 @@ pub use accuracy::{AccuracyCurve, Bar, Bars, Curves, Matrix};
 pub use latency::{Distribution, LatencyCurve};
 pub use network::{Network, Node};
 pub use plane::{Plane, Series, Style};
+pub use rows::{Parts, Quantiles};
+pub use svg::{PALETTE, escaped};
 pub use text::grouped;
 pub use trade_off::{Errors, Setting, TradeOff};
 
@@ -56,7 +62,9 @@ pub enum Panel<'a> {
     Distribution(Distribution),
     Matrix(Matrix<'a>),
     Network(Network<'a>),
+    Parts(Parts),
     Plane(Plane),
+    Quantiles(Quantiles),
     TradeOff(TradeOff),
 }
 
@@ -95,6 +103,21 @@ pub fn page(title: &str, about: &str, rows: &[Vec<Panel<'_>>]) -> String {
     svg.document((LEFT + room + LEFT, bottom + 10.0), title)
 }
 
+/// One panel as an element `svg` of a page of HTML, with `name` for screen readers, and its width in
+/// pixels. It has no ground, and its colours are attributes: a style sheet can give others.
+///
+/// # Panics
+/// As [`page`].
+pub fn figure(name: &str, panel: &Panel<'_>) -> (String, f64) {
+    /// Space on every side, for lines at the border.
+    const MARGIN: f64 = 4.0;
+    let (part, (width, height)) = drawn(panel);
+    let mut svg = Svg::default();
+    svg.group((MARGIN, MARGIN), &part);
+    let width = width + 2.0 * MARGIN;
+    (svg.element((width, height + 2.0 * MARGIN), name), width)
+}
+
 /// A panel with its width and height.
 fn drawn(panel: &Panel<'_>) -> (Svg, (f64, f64)) {
     let mut part = Svg::default();
@@ -104,7 +127,9 @@ fn drawn(panel: &Panel<'_>) -> (Svg, (f64, f64)) {
         Panel::Distribution(distribution) => distribution.draw(&mut part),
         Panel::Matrix(matrix) => matrix.draw(&mut part),
         Panel::Network(network) => network.draw(&mut part),
+        Panel::Parts(parts) => parts.draw(&mut part),
         Panel::Plane(plane) => plane.draw(&mut part),
+        Panel::Quantiles(quantiles) => quantiles.draw(&mut part),
         Panel::TradeOff(trade_off) => trade_off.draw(&mut part),
     };
     (part, size)

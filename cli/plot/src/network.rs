@@ -4,8 +4,8 @@
 
 use std::collections::BTreeMap;
 
-use crate::svg::{Area, FRAME, GREY, Place, Svg};
-use crate::text::{SIZE, bold_width, width, wrapped};
+use crate::svg::{Area, FRAME, GREY, LINE, Place, Svg};
+use crate::text::{SIZE, bold_width, shortened, width, wrapped};
 
 /// Left edge and width of a box, height of two rows and of each row beyond, distance of boxes.
 const LEFT: f64 = 130.0;
@@ -24,7 +24,6 @@ const LABEL: f64 = 24.0;
 const TOTAL: f64 = 752.0;
 /// Largest distance from the boxes to a curve.
 const MAX_BEND: f64 = 120.0;
-const LINE: &str = "#444444";
 /// Fill of bands.
 const BANDS: [&str; 2] = ["#eef4fb", "#f3f1fa"];
 
@@ -135,14 +134,4 @@ fn curve(svg: &mut Svg, from: &Area, to: &Area, mark: Option<&str>) {
     svg.path(&format!("M{x} {start}C{out:.1} {start} {out:.1} {end} {x} {end}"), LINE).dashes(dashes);
     svg.shape(&format!("M{x} {end}l{} -4v8z", 8.0 * side), LINE);
     mark.map(|mark| svg.text((x + 12.0, end + 17.0), mark).fill(LINE));
-}
-
-/// The start of `text` that has room.
-fn shortened(text: &str, room: f64, width: impl Fn(&str) -> f64) -> String {
-    if width(text) <= room {
-        return text.to_owned();
-    }
-    let mut short = text.to_owned();
-    while short.pop().is_some() && width(&short) + width("\u{2026}") > room {}
-    short + "\u{2026}"
 }

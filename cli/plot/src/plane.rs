@@ -4,7 +4,10 @@ use crate::axes::{Axis, Field, widened};
 use crate::svg::{Area, ORDERED, Place, Svg, colour};
 use crate::text::{heading, legend};
 
-pub(crate) const LINES: Area = Area { left: 62.0, top: 66.0, right: 480.0, bottom: 396.0 };
+/// Left and top of the field, below a heading of two lines.
+const CORNER: Place = (62.0, 66.0);
+/// Width and height of a field, where nobody asks for others.
+pub(crate) const SIZE: (f64, f64) = (418.0, 330.0);
 /// Space from the baseline above a field to it, and from a panel's text to the next panel.
 const BELOW: f64 = 8.0;
 const APART: f64 = 16.0;
@@ -24,6 +27,8 @@ pub struct Plane {
     pub y_title: String,
     /// Whether the vertical axis begins at 0.
     pub from_zero: bool,
+    /// Width and height of the field, in pixels.
+    pub size: (f64, f64),
     /// Whether the numbers of colours are steps of a quantity: colours then go from dark to light.
     pub ordered: bool,
     /// In the order in which they are drawn.
@@ -64,25 +69,26 @@ impl Plane {
     pub fn new(title: impl Into<String>, [x_title, y_title]: [&str; 2]) -> Self {
         let [x_title, y_title] = [x_title, y_title].map(str::to_owned);
         let (title, about, series) = (title.into(), String::new(), Vec::new());
-        Self { title, about, x_title, y_title, from_zero: false, ordered: false, series }
+        Self { title, about, x_title, y_title, from_zero: false, size: SIZE, ordered: false, series }
     }
 
     /// Draws the panel. Returns its width and height with the space to the next panel.
     pub(crate) fn draw(&self, svg: &mut Svg) -> Place {
-        let width = LINES.right + 40.0;
+        let area = Area::at(CORNER, self.size.0, self.size.1);
+        let width = area.right + 40.0;
         let about = heading(svg, &self.title, &self.about, width - APART);
         let named: Vec<&Series> = self.series.iter().filter(|series| !series.name.is_empty()).collect();
         let names = named.iter().map(|series| series.name.as_str());
-        let last = legend(svg, (LINES.left, LINES.right), about, names, |svg, i, (x, y)| {
+        let last = legend(svg, (area.left, area.right), about, names, |svg, i, (x, y)| {
             let dashes = if named[i].style == Style::Dashed { "4 2" } else { "" };
             svg.line((x, y - 4.0), (x + 16.0, y - 4.0), self.colour(named[i])).width(2.6).dashes(dashes);
         });
         // A longer heading moves the field down.
-        let down = (last + BELOW - LINES.top).max(0.0);
+        let down = (last + BELOW - area.top).max(0.0);
         let mut part = Svg::default();
-        self.draw_field(&mut part);
+        self.draw_field(&mut part, area);
         svg.group((0.0, down), &part);
-        (width, LINES.bottom + 50.0 + down)
+        (width, area.bottom + 50.0 + down)
     }
 
     /// The colour of a series.
@@ -90,13 +96,13 @@ impl Plane {
         if self.ordered { ORDERED[series.colour.min(ORDERED.len() - 1)] } else { colour(series.colour) }
     }
 
-    fn draw_field(&self, svg: &mut Svg) {
+    fn draw_field(&self, svg: &mut Svg, area: Area) {
         let points = || self.series.iter().flat_map(|series| series.points.iter());
         let (low, high) = widened(points().map(|point| point.1), 0.1);
         let field = Field {
-            area: LINES,
-            x: Axis::linear(widened(points().map(|point| point.0), 0.1), (LINES.left, LINES.right)),
-            y: Axis::linear((if self.from_zero { 0.0 } else { low }, high), (LINES.bottom, LINES.top)),
+            area,
+            x: Axis::linear(widened(points().map(|point| point.0), 0.1), (area.left, area.right)),
+            y: Axis::linear((if self.from_zero { 0.0 } else { low }, high), (area.bottom, area.top)),
         };
         field.draw(svg, &self.x_title, &self.y_title);
         for series in &self.series {

@@ -16,6 +16,26 @@ pub(crate) const INK: &str = "#222222";
 pub(crate) const GREY: &str = "#555555";
 pub(crate) const FRAME: &str = "#777777";
 pub(crate) const WHITE: &str = "#ffffff";
+/// Numbers on dark and on light colours of series.
+pub(crate) const ON_DARK: &str = "#fefefe";
+pub(crate) const ON_LIGHT: &str = "#000000";
+/// Of the strongest cell of a confusion matrix.
+pub(crate) const SHADE: &str = "#004880";
+pub(crate) const LINE: &str = "#444444";
+pub(crate) const GRID: &str = "#cccccc";
+pub(crate) const FINE_GRID: &str = "#efefef";
+/// The colours of pictures by what they are for, so that a page can give others in a dark scheme.
+/// Colours of series, of numbers on them and of boxes of networks are not among them: they stay.
+pub const PALETTE: [(&str, &str); 8] = [
+    ("ground", WHITE),
+    ("ink", INK),
+    ("grey", GREY),
+    ("frame", FRAME),
+    ("line", LINE),
+    ("grid", GRID),
+    ("fine-grid", FINE_GRID),
+    ("shade", SHADE),
+];
 /// Font size of notes and legends in pixels; other text has 13.
 pub(crate) const SMALL: f64 = 11.5;
 
@@ -177,6 +197,18 @@ impl Svg {
     }
 }
 
+impl Svg {
+    /// An element of a page of HTML, with a name for screen readers.
+    pub(crate) fn element(&self, (width, height): Place, name: &str) -> String {
+        let (width, height) = (width.ceil(), height.ceil());
+        format!(
+            "<svg role=\"img\" aria-label=\"{}\" viewBox=\"0 0 {width} {height}\" \
+             font-size=\"13\" fill=\"{INK}\">\n{self}</svg>\n",
+            escaped(name)
+        )
+    }
+}
+
 impl Element {
     /// Adds an attribute. `name` and `value` come from the program: they are not escaped.
     pub(crate) fn set(&mut self, name: &str, value: impl Display) -> &mut Self {
@@ -242,8 +274,8 @@ fn listed(places: impl Iterator<Item = Place>) -> String {
     places.map(|(x, y)| format!("{x:.1},{y:.1}")).collect::<Vec<_>>().join(" ")
 }
 
-/// `text` for XML, without characters that XML cannot contain.
-pub(crate) fn escaped(text: &str) -> String {
+/// `text` for XML and HTML, without characters that XML cannot contain.
+pub fn escaped(text: &str) -> String {
     let text: String =
         text.chars().filter(|c| !c.is_control() && !('\u{fffe}'..='\u{ffff}').contains(c)).collect();
     text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")

@@ -107,6 +107,7 @@ fn plane(names: &[&str]) -> Panel<'static> {
         x_title: "time (s)".to_owned(),
         y_title: "error (degrees)".to_owned(),
         from_zero: true,
+        size: crate::plane::SIZE,
         ordered: false,
         series: series.collect(),
     })

@@ -99,6 +99,16 @@ pub(crate) fn legend<'a>(
     y
 }
 
+/// The start of `text` that has room.
+pub(crate) fn shortened(text: &str, room: f64, width: impl Fn(&str) -> f64) -> String {
+    if width(text) <= room {
+        return text.to_owned();
+    }
+    let mut short = text.to_owned();
+    while short.pop().is_some() && width(&short) + width("\u{2026}") > room {}
+    short + "\u{2026}"
+}
+
 /// A whole number with a comma between thousands, as in tables.
 pub fn grouped(number: u64) -> String {
     let digits = number.to_string();

@@ -9,7 +9,7 @@ use meissner_run::latency::{Distribution, Latency, Quantiles};
 use meissner_run::provenance::InputCard;
 use meissner_run::text::grouped;
 
-use crate::report::{summary, write_model};
+use crate::predictions::{summary, write_model};
 use crate::text::{Table, cell, duration, mebibytes};
 
 /// Writes the report of a network over events.

@@ -23,7 +23,7 @@ use crate::error::CliError;
 use crate::given::Given;
 use crate::kind::NetworkKind::{self, Electrodes, EventFrames, EventGraph, Pictures};
 use crate::output::LogArgs;
-use crate::report::{About, TableKind};
+use crate::predictions::{About, TableKind};
 
 /// Examples, at the end of the long help.
 const EXAMPLES: &str = "\

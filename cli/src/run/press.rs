@@ -179,15 +179,8 @@ fn picture(found: &[Found], true_angles: [f64; 2]) -> String {
     let errors = found.iter().map(|at| (at.ms, error(at, true_angles))).collect();
     let error = Series { name: String::new(), colour: 2, style: Style::Line, points: errors };
     let plane = |title: &str, y_title: &str, from_zero, series| {
-        Panel::Plane(Plane {
-            title: title.to_owned(),
-            about: String::new(),
-            x_title: "time since contact (ms)".to_owned(),
-            y_title: y_title.to_owned(),
-            from_zero,
-            ordered: false,
-            series,
-        })
+        let axes = ["time since contact (ms)", y_title];
+        Panel::Plane(Plane { from_zero, series, ..Plane::new(title, axes) })
     };
     let rows = [vec![
         plane("Angles of the plane", "angle (degrees)", false, series),

@@ -230,20 +230,18 @@ fn svg(report: &Report) -> String {
             style,
             points: row.trace.iter().map(|at| (at.0, of(at))).collect(),
         };
+        let y_title = match report.goal {
+            Goal::SawTooth => "force (N)",
+            Goal::Marble => "distance from the middle (mm)",
+        };
         Panel::Plane(Plane {
-            title: name,
             about: format!("mean error {:.3} {unit}", row.error),
-            x_title: "time (s)".to_owned(),
-            y_title: match report.goal {
-                Goal::SawTooth => "force (N)".to_owned(),
-                Goal::Marble => "distance from the middle (mm)".to_owned(),
-            },
             from_zero: true,
-            ordered: false,
             series: vec![
                 series("goal", 5, Style::Dashed, |at| at.1),
                 series("reached", 0, Style::Line, |at| at.2),
             ],
+            ..Plane::new(name, ["time (s)", y_title])
         })
     });
     let panels = vec![vec![Panel::TradeOff(trade_off)], panels.collect()];

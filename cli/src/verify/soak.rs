@@ -125,7 +125,7 @@ fn write(out: &mut impl Write, report: &Report, card: &ModelCard, sensor: Sensor
     writeln!(out, "recordings   {}", report.recordings.join(", "))?;
     writeln!(out, "             {sensor} pixels, {} more rounds", grouped(report.rounds))?;
     let mode = format!("incremental, {}", report.isa);
-    crate::report::write_model(out, card, &mode, Some([sensor.width, sensor.height]))?;
+    crate::predictions::write_model(out, card, &mode, Some([sensor.width, sensor.height]))?;
     let (events, accepted) = (grouped(report.events), grouped(report.accepted));
     writeln!(
         out,

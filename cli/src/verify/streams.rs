@@ -24,8 +24,8 @@ use crate::args::READING;
 use crate::error::CliError;
 use crate::given::Given;
 use crate::output;
+use crate::predictions::write_model;
 use crate::progress::Progress;
-use crate::report::write_model;
 
 /// What fits only networks over events, like [`READING`].
 pub(crate) const FOR_EVENTS: &[&str] = &["RECORDING", "--every", "--sensor", "--strict"];

@@ -4,7 +4,7 @@ mod accuracy {
     use roxmltree::Document;
 
     use crate::Panel;
-    use crate::accuracy::{AccuracyCurve, Curves, LINES, shade};
+    use crate::accuracy::{AccuracyCurve, Curves, LINES, strength};
 
     #[test]
     fn lines_that_meet_are_all_visible_and_names_are_outside_the_field() {
@@ -36,9 +36,20 @@ mod accuracy {
     }
 
     #[test]
-    fn shades_run_from_white_to_dark_blue() {
-        assert_eq!([shade(0.0), shade(1.0), shade(2.0)], ["#ffffff", "#004880", "#004880"]);
-        assert_eq!(shade(0.25), "#80a4c0");
+    fn numbers_can_be_read_on_every_shade() {
+        assert_eq!([strength(0.0), strength(1.0), strength(2.0)], [0.0, 1.0, 1.0]);
+        let linear =
+            |level: f64| if level <= 0.04045 { level / 12.92 } else { ((level + 0.055) / 1.055).powf(2.4) };
+        let luminance = |[r, g, b]: [f64; 3]| {
+            0.2126 * linear(r / 255.0) + 0.7152 * linear(g / 255.0) + 0.0722 * linear(b / 255.0)
+        };
+        for share in (0..=100).map(|percent| f64::from(percent) / 100.0) {
+            let over = |dark: f64| 255.0 + (dark - 255.0) * strength(share);
+            let cell = luminance([0.0, 72.0, 128.0].map(over));
+            let ink = luminance(if share < 0.5 { [34.0; 3] } else { [255.0; 3] });
+            let contrast = (cell.max(ink) + 0.05) / (cell.min(ink) + 0.05);
+            assert!(contrast >= 4.5, "{share}: {contrast}");
+        }
     }
 }
 
@@ -139,7 +150,7 @@ mod plane {
     use roxmltree::Document;
 
     use crate::Panel;
-    use crate::plane::{LINES, Plane, Series, Style};
+    use crate::plane::{Plane, SIZE, Series, Style};
 
     fn page(series: Vec<Series>) -> String {
         let [title, about, x_title, y_title] = ["a", "b", "x", "y"].map(str::to_owned);
@@ -152,6 +163,7 @@ mod plane {
                 x_title,
                 y_title,
                 from_zero: true,
+                size: SIZE,
                 ordered: false,
                 series,
             })]],
@@ -174,7 +186,7 @@ mod plane {
         assert_eq!(circles.len(), 2);
         for circle in circles {
             let (x, y) = (number(circle.attribute("cx")), number(circle.attribute("cy")));
-            assert!((LINES.left..=LINES.right).contains(&x) && (LINES.top..=LINES.bottom).contains(&y));
+            assert!((62.0..=62.0 + SIZE.0).contains(&x) && (66.0..=66.0 + SIZE.1).contains(&y));
         }
         let line =
             document.descendants().find(|node| node.has_tag_name("polyline")).expect("there is a line");

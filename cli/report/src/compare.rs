@@ -1,0 +1,153 @@
+//! Several results beside each other: one row for each, one column for each figure that two have.
+
+use meissner_plot::{Panel, Series, Style};
+
+use crate::parts::{Picture, Section, Table, bars, plane, quantiles};
+use crate::read::{Body, Outcome};
+use crate::stream::Along;
+use crate::words::{count, number};
+
+/// Most results in one picture: there are six colours.
+const MAX_SERIES: usize = 6;
+
+/// What is told of all results together.
+pub(crate) struct Comparison {
+    pub(crate) answer: Vec<String>,
+    pub(crate) pictures: Vec<Picture>,
+    pub(crate) table: Table,
+}
+
+/// A short name for each result, which tells it from the others.
+pub(crate) fn names(results: &[Outcome]) -> Vec<String> {
+    let candidates: [fn(&Outcome) -> String; 3] = [
+        |of| of.network().unwrap_or(&of.command).to_owned(),
+        |of| format!("{}, {}", of.network().unwrap_or(&of.command), of.command),
+        |of| crate::words::file_name(&of.name).to_owned(),
+    ];
+    let all = candidates.map(|name| results.iter().map(name).collect::<Vec<_>>());
+    let is_unique = |names: &Vec<String>| {
+        let mut sorted = names.clone();
+        sorted.sort_unstable();
+        sorted.windows(2).all(|two| two[0] != two[1])
+    };
+    let unique = all.into_iter().find(is_unique);
+    unique.unwrap_or_else(|| results.iter().map(|of| of.name.clone()).collect())
+}
+
+/// Compares results with their sections; `None` where there is one.
+pub(crate) fn compare(results: &[Outcome], sections: &[Section], names: &[String]) -> Option<Comparison> {
+    if results.len() < 2 {
+        return None;
+    }
+    let mut columns: Vec<&str> = Vec::new();
+    let has = |section: &Section, column: &str| section.figures.iter().any(|(name, _)| name == column);
+    for (name, _) in sections.iter().flat_map(|section| &section.figures) {
+        let shared = sections.iter().filter(|section| has(section, name)).count();
+        if shared > 1 && !columns.contains(&name.as_str()) {
+            columns.push(name);
+        }
+    }
+    let value = |section: &Section, column: &str| {
+        section.figures.iter().find(|(name, _)| name == column).map(|&(_, value)| value)
+    };
+    // Results are columns: a person reads a figure along its row.
+    let headings: Vec<&str> = std::iter::once("").chain(names.iter().map(String::as_str)).collect();
+    let rows = columns.iter().map(|column| {
+        let cells =
+            sections.iter().map(|section| value(section, column).map_or_else(|| "-".to_owned(), number));
+        std::iter::once((*column).to_owned()).chain(cells).collect()
+    });
+    let table = Table::new("Figures that results have in common", &headings, rows.collect());
+    let mut pictures = Vec::new();
+    let times = sections.iter().zip(names).filter_map(|(section, name)| {
+        let (what, quantiles) = section.times.as_ref()?;
+        Some((what, name.clone(), quantiles.clone()))
+    });
+    let times: Vec<_> = times.collect();
+    if times.len() > 1 {
+        let alike = times.iter().all(|(what, ..)| *what == times[0].0);
+        let row = |(what, name, of): &(&String, String, Vec<f64>)| {
+            (if alike { name.clone() } else { format!("{name}: {what}") }, of.clone())
+        };
+        let about =
+            if alike { times[0].0.clone() } else { "what is timed differs: see the names".to_owned() };
+        let panel = quantiles("Latency", &about, times.iter().map(row).collect());
+        pictures
+            .push(Picture::new("From the median to the longest; left is faster.", &Panel::Quantiles(panel)));
+    }
+    for column in ["events/s", "sustained events/s", "times as fast as the input"] {
+        let rows: Vec<(String, f64)> = sections
+            .iter()
+            .zip(names)
+            .filter_map(|(section, name)| Some((name.clone(), value(section, column)?)))
+            .collect();
+        if rows.len() > 1 {
+            pictures.push(Picture::new("Longer is faster.", &Panel::Parts(bars(column, column, rows))));
+        }
+    }
+    predictions(results, names, &mut pictures);
+    Some(Comparison { answer: answer(sections, names), pictures, table })
+}
+
+/// Which result is the fastest, of those that time the same.
+fn answer(sections: &[Section], names: &[String]) -> Vec<String> {
+    let timed = sections.iter().zip(names).filter_map(|(section, name)| {
+        let (what, quantiles) = section.times.as_ref()?;
+        Some((what, name, quantiles.first().copied()?))
+    });
+    let timed: Vec<_> = timed.collect();
+    let alike = timed.len() > 1 && timed.iter().all(|(what, ..)| *what == timed[0].0);
+    let mut sorted = timed;
+    sorted.sort_by(|a, b| a.2.total_cmp(&b.2));
+    let sentence = match sorted.as_slice() {
+        [fast, .., slow] if alike && fast.2 > 0.0 => Some(format!(
+            "{} is the fastest at the median, {}: {} times as fast as {}.",
+            fast.1,
+            fast.0,
+            number(slow.2 / fast.2),
+            slow.1
+        )),
+        _ => None,
+    };
+    let all = format!("{} results.", count(sections.len() as f64));
+    sentence.into_iter().chain([all]).collect()
+}
+
+/// Predictions of the same quantity by several results in one picture.
+fn predictions(results: &[Outcome], names: &[String], pictures: &mut Vec<Picture>) {
+    let streams = results.iter().zip(names).filter_map(|(result, name)| match &result.body {
+        Body::Stream(stream) if stream.along == Along::Time => Some((result.input(), name, stream)),
+        _ => None,
+    });
+    let streams: Vec<_> = streams.take(MAX_SERIES).collect();
+    let mut quantities: Vec<(&str, &str, &str)> = Vec::new();
+    for (input, _, stream) in &streams {
+        for value in &stream.values {
+            let quantity = (crate::words::file_name(input), value.name.as_str(), value.unit.as_str());
+            if !quantities.contains(&quantity) {
+                quantities.push(quantity);
+            }
+        }
+    }
+    for (input, name, unit) in quantities.into_iter().take(MAX_SERIES) {
+        let mut series = Vec::new();
+        for (of, result, stream) in &streams {
+            let is_it = |value: &&crate::stream::Valued| value.name == name && value.unit == unit;
+            let value = stream.values.iter().find(is_it).filter(|_| crate::words::file_name(of) == input);
+            let Some(value) = value else { continue };
+            if series.is_empty() && value.truth.last().is_some() {
+                series.push(Series::new("true", 5, Style::Dashed, value.truth.points()));
+            }
+            let colour = series.iter().filter(|series: &&Series| series.style == Style::Line).count();
+            series.push(Series::new((*result).clone(), colour % 5, Style::Line, value.line.points()));
+        }
+        if series.iter().filter(|series| series.style == Style::Line).count() > 1 {
+            let axes = ["time since the first prediction (ms)", &format!("{name} ({unit})")];
+            let caption = format!("The same input, {input}: each line is a result.");
+            pictures.push(Picture::new(
+                caption,
+                &Panel::Plane(plane(&format!("Predicted {name}"), axes, series)),
+            ));
+        }
+    }
+}

@@ -1,0 +1,80 @@
+//! Numbers and times as people read them.
+
+use meissner_plot::grouped;
+
+/// A number with three or four digits, and a comma between thousands.
+pub(crate) fn number(value: f64) -> String {
+    let size = value.abs();
+    if !value.is_finite() {
+        return "not a number".to_owned();
+    }
+    if size >= 1000.0 {
+        let sign = if value < 0.0 { "-" } else { "" };
+        return format!("{sign}{}", grouped(size.round() as u64));
+    }
+    let decimals = match size {
+        100.0.. => 1,
+        10.0.. => 2,
+        0.1.. => 3,
+        0.001.. => 4,
+        _ => 6,
+    };
+    let text = format!("{value:.decimals$}");
+    let text = text.trim_end_matches('0').trim_end_matches('.');
+    if matches!(text, "" | "-0" | "-") { "0".to_owned() } else { text.to_owned() }
+}
+
+/// A count.
+pub(crate) fn count(value: f64) -> String {
+    if value >= 0.0 { grouped(value.round() as u64) } else { number(value) }
+}
+
+/// A time in the largest unit that leaves at least 1.
+pub(crate) fn time(us: f64) -> String {
+    match us {
+        1e6.. => format!("{} s", digits(us / 1e6)),
+        1e3.. => format!("{} ms", digits(us / 1e3)),
+        _ => format!("{} us", digits(us)),
+    }
+}
+
+/// A number with two or three digits.
+fn digits(value: f64) -> String {
+    match value.abs() {
+        1000.0.. => number(value),
+        100.0.. => format!("{value:.0}"),
+        10.0.. => format!("{value:.1}"),
+        _ => format!("{value:.2}"),
+    }
+}
+
+/// A share as a percentage.
+pub(crate) fn percent(share: f64) -> String {
+    let percent = 100.0 * share;
+    if percent > 0.0 && percent < 0.05 { "<0.1 %".to_owned() } else { format!("{percent:.1} %") }
+}
+
+/// A number of bytes.
+pub(crate) fn bytes(bytes: f64) -> String {
+    if bytes >= 1e6 { format!("{:.1} MB", bytes / 1e6) } else { format!("{:.0} kB", bytes / 1e3) }
+}
+
+/// `one`, or `many` after any other number.
+pub(crate) fn counted(value: f64, one: &str, many: &str) -> String {
+    let name = if value == 1.0 { one } else { many };
+    format!("{} {name}", count(value))
+}
+
+/// The name of a file without its folders.
+pub(crate) fn file_name(path: &str) -> &str {
+    path.rsplit(['/', '\\']).next().filter(|name| !name.is_empty()).unwrap_or(path)
+}
+
+/// Degrees instead of radians, as people are shown angles; any other unit stays.
+pub(crate) fn shown_unit(unit: &str) -> (&str, f64) {
+    match unit {
+        "rad" => ("degrees", 180.0 / std::f64::consts::PI),
+        "deg" => ("degrees", 1.0),
+        unit => (unit, 1.0),
+    }
+}
