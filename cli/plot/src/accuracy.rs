@@ -5,6 +5,7 @@ use crate::svg::{Area, FINE_GRID, FRAME, GREY, INK, Place, SHADE, SMALL, Svg, WH
 use crate::text::{self, SIZE, heading, legend};
 
 pub(crate) const LINES: Area = Area { left: 62.0, top: 66.0, right: 580.0, bottom: 396.0 };
+const COMPACT: Area = Area { right: 396.0, bottom: 286.0, ..LINES };
 /// Space from the baseline above a field or grid to it, and from a panel's text to the next panel.
 const BELOW: f64 = 8.0;
 const APART: f64 = 16.0;
@@ -37,6 +38,8 @@ pub struct Curves {
     pub times: Vec<f64>,
     /// The accuracy of guessing, from 0 to 1.
     pub chance: f64,
+    /// Whether the panel is small, for a page.
+    pub compact: bool,
     /// In the order in which they are drawn.
     pub curves: Vec<AccuracyCurve>,
 }
@@ -57,27 +60,28 @@ pub struct AccuracyCurve {
 impl Curves {
     /// Draws the panel. Returns its width and height with the space to the next panel.
     pub(crate) fn draw(&self, svg: &mut Svg) -> Place {
-        let width = LINES.right + 40.0;
+        let area = if self.compact { COMPACT } else { LINES };
+        let width = area.right + 40.0;
         let about = heading(svg, &self.title, &self.about, width - APART);
         let names = self.curves.iter().map(|curve| curve.name.as_str());
-        let last = legend(svg, (LINES.left, LINES.right), about, names, |svg, i, (x, y)| {
+        let last = legend(svg, (area.left, area.right), about, names, |svg, i, (x, y)| {
             svg.rect(&Area::at((x, y - 6.0), 16.0, 4.0), colour(self.curves[i].colour));
         });
         // A longer heading moves the field down.
-        let down = (last + BELOW - LINES.top).max(0.0);
+        let down = (last + BELOW - area.top).max(0.0);
         let mut part = Svg::default();
-        self.draw_field(&mut part);
+        self.draw_field(&mut part, area);
         svg.group((0.0, down), &part);
-        (width, LINES.bottom + 50.0 + down)
+        (width, area.bottom + 50.0 + down)
     }
 
-    fn draw_field(&self, svg: &mut Svg) {
+    fn draw_field(&self, svg: &mut Svg, area: Area) {
         let last = self.times.last().copied().filter(|&last| last > 0.0).unwrap_or(1.0);
-        let field = percent_field(LINES, (0.0, last));
+        let field = percent_field(area, (0.0, last));
         field.draw(svg, &self.time_title, "accuracy (%)");
         let chance = field.y.place(100.0 * self.chance);
-        svg.line((LINES.left, chance), (LINES.right, chance), FRAME).dashes("2 3");
-        svg.text((LINES.right - 4.0, chance - 5.0), "chance").end().size(SMALL).fill(GREY);
+        svg.line((area.left, chance), (area.right, chance), FRAME).dashes("2 3");
+        svg.text((area.right - 4.0, chance - 5.0), "chance").end().size(SMALL).fill(GREY);
         let at = |(&time, share): (&f64, f64)| field.place(time, 100.0 * share);
         // All lines are above all bands, so that each line can be followed where they meet.
         for curve in &self.curves {

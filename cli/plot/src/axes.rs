@@ -14,6 +14,9 @@ const ZERO_STRIP: f64 = 26.0;
 /// Room for labels to the left of an axis, and least space between two of them.
 const ROOM: f64 = 100.0;
 const APART: f64 = 4.0;
+/// Baseline of the title of a vertical axis, and the least that stays inside the panel.
+const TITLE: f64 = 12.0;
+const MIN_TITLE: f64 = 8.0;
 
 /// An axis: low and high end, of decimal logarithms where it is logarithmic, and their pixels.
 #[derive(Debug)]
@@ -155,16 +158,19 @@ impl Field {
     pub(crate) fn draw(&self, svg: &mut Svg, x_title: &str, y_title: &str) {
         let Area { left, right, .. } = self.area;
         let (_, centre) = self.area.centre();
+        // Long labels move the title to the left, as far as there is room.
+        let mut title: f64 = TITLE;
         for Tick { place, label } in self.y.ticks() {
             let Some(label) = label else { continue };
             svg.line((left, place), (right, place), GRID);
             svg.text((left - 8.0, place + 4.5), &label).end();
+            title = title.min(left - 8.0 - width(&label, SIZE) - 8.0);
         }
         if let Some(zero) = self.y.zero {
             svg.line((left, self.y.pixels.0), (right, self.y.pixels.0), FRAME).dashes("3 3");
             svg.text((left - 8.0, zero + 4.5), "0").end();
         }
-        svg.text_upwards((12.0, centre), y_title);
+        svg.text_upwards((title.max(MIN_TITLE), centre), y_title);
         self.draw_across(svg, x_title);
     }
 

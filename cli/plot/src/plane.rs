@@ -5,9 +5,10 @@ use crate::svg::{Area, ORDERED, Place, Svg, colour};
 use crate::text::{heading, legend};
 
 /// Left and top of the field, below a heading of two lines.
-const CORNER: Place = (62.0, 66.0);
-/// Width and height of a field, where nobody asks for others.
-pub(crate) const SIZE: (f64, f64) = (418.0, 330.0);
+const CORNER: Place = (66.0, 66.0);
+/// Width and height of a field, and of one that is compact.
+pub(crate) const SIZE: Place = (418.0, 330.0);
+const COMPACT: Place = (330.0, 210.0);
 /// Space from the baseline above a field to it, and from a panel's text to the next panel.
 const BELOW: f64 = 8.0;
 const APART: f64 = 16.0;
@@ -27,8 +28,8 @@ pub struct Plane {
     pub y_title: String,
     /// Whether the vertical axis begins at 0.
     pub from_zero: bool,
-    /// Width and height of the field, in pixels.
-    pub size: (f64, f64),
+    /// Whether the panel is small, for a page.
+    pub compact: bool,
     /// Whether the numbers of colours are steps of a quantity: colours then go from dark to light.
     pub ordered: bool,
     /// In the order in which they are drawn.
@@ -69,12 +70,13 @@ impl Plane {
     pub fn new(title: impl Into<String>, [x_title, y_title]: [&str; 2]) -> Self {
         let [x_title, y_title] = [x_title, y_title].map(str::to_owned);
         let (title, about, series) = (title.into(), String::new(), Vec::new());
-        Self { title, about, x_title, y_title, from_zero: false, size: SIZE, ordered: false, series }
+        Self { title, about, x_title, y_title, from_zero: false, compact: false, ordered: false, series }
     }
 
     /// Draws the panel. Returns its width and height with the space to the next panel.
     pub(crate) fn draw(&self, svg: &mut Svg) -> Place {
-        let area = Area::at(CORNER, self.size.0, self.size.1);
+        let (across, down) = if self.compact { COMPACT } else { SIZE };
+        let area = Area::at(CORNER, across, down);
         let width = area.right + 40.0;
         let about = heading(svg, &self.title, &self.about, width - APART);
         let named: Vec<&Series> = self.series.iter().filter(|series| !series.name.is_empty()).collect();
@@ -83,8 +85,9 @@ impl Plane {
             let dashes = if named[i].style == Style::Dashed { "4 2" } else { "" };
             svg.line((x, y - 4.0), (x + 16.0, y - 4.0), self.colour(named[i])).width(2.6).dashes(dashes);
         });
-        // A longer heading moves the field down.
-        let down = (last + BELOW - area.top).max(0.0);
+        // A longer heading moves the field down; a compact one is close to its heading.
+        let down = last + BELOW - area.top;
+        let down = if self.compact { down } else { down.max(0.0) };
         let mut part = Svg::default();
         self.draw_field(&mut part, area);
         svg.group((0.0, down), &part);

@@ -1,7 +1,7 @@
 //! Rows with a name each: bars of parts from left to right, and quantiles on a logarithmic axis.
 
 use crate::axes::{Axis, Field, decades, widened};
-use crate::svg::{Area, FRAME, GREY, INK, ON_DARK, ON_LIGHT, Place, SMALL, Svg, WHITE, colour};
+use crate::svg::{Area, FRAME, INK, ON_DARK, ON_LIGHT, Place, SMALL, Svg, WHITE, colour};
 use crate::text::{heading, legend, shortened, width};
 
 const RIGHT: f64 = 400.0;
@@ -26,8 +26,8 @@ pub struct Parts {
     pub title: String,
     /// A line below the title.
     pub about: String,
-    /// Names of the parts, in the order in which they are drawn.
-    pub parts: Vec<String>,
+    /// Names of the parts with the numbers of their colours, in the order in which they are drawn.
+    pub parts: Vec<(String, usize)>,
     /// Title of the axis, with its unit.
     pub x_title: String,
     /// Whether each bar has the whole width, and its parts are percentages.
@@ -79,9 +79,9 @@ impl Parts {
     pub(crate) fn draw(&self, svg: &mut Svg) -> Place {
         let mut above = heading(svg, &self.title, &self.about, RIGHT);
         if self.parts.len() > 1 {
-            let parts = self.parts.iter().map(String::as_str);
+            let parts = self.parts.iter().map(|(name, _)| name.as_str());
             above = legend(svg, (0.0, RIGHT), above, parts, |svg, i, (x, y)| {
-                svg.rect(&Area::at((x, y - 9.0), 14.0, 10.0), colour(i));
+                svg.rect(&Area::at((x, y - 9.0), 14.0, 10.0), colour(self.parts[i].1));
             });
         }
         let area = area(svg, &names(&self.rows), above);
@@ -106,10 +106,11 @@ impl Parts {
                 // A rare part is visible, and stays inside.
                 let left = left.min(area.right - MIN_PART);
                 let right = right.max(left + MIN_PART);
-                svg.rect(&Area { left, top, right, bottom: top + BAR }, colour(i));
+                let part = self.parts.get(i).map_or(i, |part| part.1);
+                svg.rect(&Area { left, top, right, bottom: top + BAR }, colour(part));
                 let share = 100.0 * value / whole;
                 if self.shares && right - left >= MIN_NUMBER && (share * 10.0).round() < 1000.0 {
-                    let ink = Self::ink(i);
+                    let ink = Self::ink(part);
                     let place = (f64::midpoint(left, right), top + BAR - 3.5);
                     svg.text(place, &format!("{share:.1}")).middle().size(11.0).fill(ink);
                 }
@@ -169,6 +170,9 @@ fn mark(svg: &mut Svg, quantile: usize, (x, y): Place, row: usize) {
         3 => svg
             .shape(&format!("M{x:.1} {:.1}l{r} {}h-{}z", y - r, 2.0 * r, 2.0 * r), WHITE)
             .set("stroke", INK),
-        _ => svg.path(&format!("M{:.1} {:.1}l{r} {r}m0 -{r}l-{r} {r}", x - r / 2.0, y - r / 2.0), GREY),
+        _ => {
+            let d = 2.0 * r;
+            svg.path(&format!("M{:.1} {:.1}l{d} {d}m0 -{d}l-{d} {d}", x - r, y - r), INK).width(1.4)
+        }
     };
 }

@@ -107,7 +107,7 @@ fn plane(names: &[&str]) -> Panel<'static> {
         x_title: "time (s)".to_owned(),
         y_title: "error (degrees)".to_owned(),
         from_zero: true,
-        size: crate::plane::SIZE,
+        compact: false,
         ordered: false,
         series: series.collect(),
     })
@@ -125,6 +125,39 @@ fn long_names_are_broken_into_lines_and_stay_in_the_picture() {
         faults(&page("m", "", &[vec![Panel::Matrix(matrix.clone()), Panel::Matrix(matrix)]])),
         [""; 0]
     );
+}
+
+#[test]
+fn rows_of_bars_and_quantiles_hold_their_names_and_numbers() {
+    let names = ["conv1", LONG, "a layer of a network", ""];
+    let rows = |values: &[f64]| names.iter().map(|name| ((*name).to_owned(), values.to_vec())).collect();
+    let parts = |shares, values: &[f64]| {
+        Panel::Parts(crate::Parts {
+            title: "Rows by layer".to_owned(),
+            about: LONG.to_owned(),
+            parts: vec![("computed".to_owned(), 0), ("kept".to_owned(), 5)],
+            x_title: "share of the rows (%)".to_owned(),
+            shares,
+            rows: rows(values),
+        })
+    };
+    let quantiles = |values: &[f64]| {
+        Panel::Quantiles(crate::Quantiles {
+            title: "Latency".to_owned(),
+            about: String::new(),
+            x_title: "latency (us)".to_owned(),
+            quantiles: vec!["median", "90 %", "99 %", "99.9 %", "longest"],
+            rows: rows(values),
+        })
+    };
+    for values in [[1.0, 99.0], [0.0, 1.0], [0.0, 0.0], [f64::NAN, 3e9], [1e-5, -1.0]] {
+        for panel in [parts(true, &values), parts(false, &values), quantiles(&values)] {
+            assert_eq!(faults(&page("t", "", &[vec![panel]])), [""; 0], "{values:?}");
+        }
+    }
+    let five = quantiles(&[0.7, 0.8, 1.5, 30.0, 40_000.0]);
+    let (figure, width) = crate::figure("latency", &five);
+    assert!(Document::parse(&figure).is_ok() && width < 460.0, "{figure}");
 }
 
 #[test]

@@ -5,7 +5,7 @@ use meissner_plot::{Panel, Series, Style};
 use crate::parts::{Picture, Section, Table, bars, plane, quantiles};
 use crate::read::{Body, Outcome};
 use crate::stream::Along;
-use crate::words::{count, number};
+use crate::words::number;
 
 /// Most results in one picture: there are six colours.
 const MAX_SERIES: usize = 6;
@@ -20,8 +20,8 @@ pub(crate) struct Comparison {
 /// A short name for each result, which tells it from the others.
 pub(crate) fn names(results: &[Outcome]) -> Vec<String> {
     let candidates: [fn(&Outcome) -> String; 3] = [
-        |of| of.network().unwrap_or(&of.command).to_owned(),
-        |of| format!("{}, {}", of.network().unwrap_or(&of.command), of.command),
+        Outcome::subject,
+        |of| format!("{}, {}", of.subject(), of.command),
         |of| crate::words::file_name(&of.name).to_owned(),
     ];
     let all = candidates.map(|name| results.iter().map(name).collect::<Vec<_>>());
@@ -109,8 +109,7 @@ fn answer(sections: &[Section], names: &[String]) -> Vec<String> {
         )),
         _ => None,
     };
-    let all = format!("{} results.", count(sections.len() as f64));
-    sentence.into_iter().chain([all]).collect()
+    sentence.into_iter().collect()
 }
 
 /// Predictions of the same quantity by several results in one picture.

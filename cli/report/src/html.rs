@@ -50,7 +50,7 @@ impl Page<'_> {
         let comparison = compare(self.results, &sections, &names);
         let title = match names.as_slice() {
             [one] => format!("{}: {one}", self.results[0].command),
-            many => format!("{} results", many.len()),
+            many => format!("{} results compared", many.len()),
         };
         let mut page = Html(String::new());
         page.head(&title);
@@ -154,8 +154,14 @@ impl Html {
     fn answer(&mut self, sentences: &[String], class: &str) {
         if let [first, rest @ ..] = sentences {
             self.element("p", class, first);
-            if !rest.is_empty() {
-                self.element("p", "", &rest.join(" "));
+            match rest {
+                [] => {}
+                [_] | [_, _] => self.element("p", "", &rest.join(" ")),
+                _ => {
+                    self.0.push_str("<ul>\n");
+                    rest.iter().for_each(|sentence| self.element("li", "", sentence));
+                    self.0.push_str("</ul>\n");
+                }
             }
         }
     }

@@ -95,12 +95,17 @@ pub(crate) fn quantiles(title: &str, about: &str, rows: Vec<(String, Vec<f64>)>)
 
 /// A panel of lines in the size of a page.
 pub(crate) fn plane(title: &str, axes: [&str; 2], series: Vec<Series>) -> Plane {
-    Plane { size: (330.0, 210.0), series, ..Plane::new(title, axes) }
+    Plane { compact: true, series, ..Plane::new(title, axes) }
 }
 
 /// A panel of bars, each of which is divided into shares.
-pub(crate) fn shares(title: &str, x_title: &str, parts: &[&str], rows: Vec<(String, Vec<f64>)>) -> Parts {
-    let parts = parts.iter().map(|&part| part.to_owned()).collect();
+pub(crate) fn shares(
+    title: &str,
+    x_title: &str,
+    parts: &[(&str, usize)],
+    rows: Vec<(String, Vec<f64>)>,
+) -> Parts {
+    let parts = parts.iter().map(|&(part, colour)| (part.to_owned(), colour)).collect();
     Parts {
         title: title.to_owned(),
         about: String::new(),

@@ -66,6 +66,16 @@ impl Outcome {
         self.network().into_iter().chain(base).chain(of_object.iter().filter_map(named)).collect()
     }
 
+    /// What it is about: its networks, or else its input.
+    pub(crate) fn subject(&self) -> String {
+        match self.networks().as_slice() {
+            [] => crate::words::file_name(self.input()).to_owned(),
+            [one] => (*one).to_owned(),
+            [first, second] => format!("{first}, {second}"),
+            [first, rest @ ..] => format!("{first} and {} others", rest.len()),
+        }
+    }
+
     /// The input.
     pub(crate) fn input(&self) -> &str {
         text(&self.header, "input/name").unwrap_or("unknown input")
@@ -87,10 +97,12 @@ pub fn read(name: &str, input: impl BufRead, truths: &Truths) -> Result<Vec<Outc
             Ok(true) if lines.line.trim_ascii().is_empty() => {}
             Ok(true) => break std::mem::take(&mut lines.line),
             Ok(false) => return Err(other(name, "an empty file")),
+            // A line that long is of another kind of file, unless it begins as an object.
+            Err(NoLine::Long(_)) if !is_object(&lines.line) => break std::mem::take(&mut lines.line),
             Err(error) => return Err(lines.named(error)),
         }
     };
-    if first.trim_ascii_start().first() != Some(&b'{') {
+    if !is_object(&first) {
         return Err(other(name, &lines.kind(first)?));
     }
     match serde_json::from_slice::<Value>(&first) {
@@ -112,6 +124,11 @@ pub fn read(name: &str, input: impl BufRead, truths: &Truths) -> Result<Vec<Outc
         }
         Err(source) => Err(other(name, &format!("text that is no JSON: {source}"))),
     }
+}
+
+/// Whether a text may begin with an object.
+fn is_object(text: &[u8]) -> bool {
+    text.trim_ascii_start().first() == Some(&b'{')
 }
 
 /// The result that is one object.
@@ -278,15 +295,19 @@ impl<R: BufRead> Lines<'_, R> {
         let room = START.saturating_sub(bytes.len()) as u64;
         let read = (&mut self.input).take(room).read_to_end(&mut bytes);
         read.map_err(|error| self.named(NoLine::Read(error)))?;
+        // A character may be cut at the end.
+        let is_text = !bytes.contains(&0)
+            && std::str::from_utf8(&bytes).map_or_else(|e| e.error_len().is_none(), |_| true);
         Ok(match Kind::of(&bytes) {
             Some(kind) => kind.to_string(),
+            None if bytes.len() > 14 && bytes[..14].eq_ignore_ascii_case(b"<!doctype html") => {
+                "a page of HTML".to_owned()
+            }
             None if bytes.trim_ascii_start().starts_with(b"[") => {
                 "a list in JSON, such as `meissner networks` prints".to_owned()
             }
             None if bytes.get(8..10) == Some(b"{\"") => "a safetensors file".to_owned(),
-            None if bytes.is_ascii() && !bytes.contains(&0) => {
-                "text: was the result printed with --json?".to_owned()
-            }
+            None if is_text => "text: was the result printed with --json?".to_owned(),
             None => "bytes of an unknown kind".to_owned(),
         })
     }

@@ -40,12 +40,13 @@ pub(crate) fn time(us: f64) -> String {
 
 /// A number with two or three digits.
 fn digits(value: f64) -> String {
-    match value.abs() {
-        1000.0.. => number(value),
-        100.0.. => format!("{value:.0}"),
+    let text = match value.abs() {
+        1000.0.. => return number(value),
+        100.0.. => return format!("{value:.0}"),
         10.0.. => format!("{value:.1}"),
         _ => format!("{value:.2}"),
-    }
+    };
+    text.strip_suffix(".00").or(text.strip_suffix(".0")).map_or(text.clone(), str::to_owned)
 }
 
 /// A share as a percentage.
@@ -65,8 +66,9 @@ pub(crate) fn counted(value: f64, one: &str, many: &str) -> String {
     format!("{} {name}", count(value))
 }
 
-/// The name of a file without its folders.
+/// The name of a file without its folders, and without what is said of it in brackets.
 pub(crate) fn file_name(path: &str) -> &str {
+    let path = path.split(" (").next().unwrap_or(path);
     path.rsplit(['/', '\\']).next().filter(|name| !name.is_empty()).unwrap_or(path)
 }
 

@@ -174,6 +174,7 @@ fn row(report: &Report, protocol: usize) -> Option<Vec<Panel<'static>>> {
         time_title: format!("time since {} (ms)", report.since),
         times: report.times_us.iter().map(|&t_us| t_us as f64 / 1000.0).collect(),
         chance: 1.0 / report.classes.len() as f64,
+        compact: false,
         curves,
     });
     (!is_empty).then(|| std::iter::once(curves).chain(matrices).collect())

@@ -33,6 +33,7 @@ mod prepare_graphs;
 mod prepare_presses;
 mod provenance;
 mod record;
+mod report;
 mod resume;
 #[cfg(unix)]
 mod sensor_pages;

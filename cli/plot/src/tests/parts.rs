@@ -20,6 +20,7 @@ mod accuracy {
             time_title: "time (ms)".to_owned(),
             times: vec![1.0, 2.0],
             chance: 0.1,
+            compact: false,
             curves: ["a", "b", "c"].into_iter().enumerate().map(curve).collect(),
         };
         let svg = crate::page("", "", &[vec![Panel::Curves(curves)]]);
@@ -163,7 +164,7 @@ mod plane {
                 x_title,
                 y_title,
                 from_zero: true,
-                size: SIZE,
+                compact: false,
                 ordered: false,
                 series,
             })]],
@@ -186,7 +187,7 @@ mod plane {
         assert_eq!(circles.len(), 2);
         for circle in circles {
             let (x, y) = (number(circle.attribute("cx")), number(circle.attribute("cy")));
-            assert!((62.0..=62.0 + SIZE.0).contains(&x) && (66.0..=66.0 + SIZE.1).contains(&y));
+            assert!((66.0..=66.0 + SIZE.0).contains(&x) && (66.0..=66.0 + SIZE.1).contains(&y));
         }
         let line =
             document.descendants().find(|node| node.has_tag_name("polyline")).expect("there is a line");

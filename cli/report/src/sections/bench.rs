@@ -9,12 +9,14 @@ use crate::parts::{Section, Table, bars, plane};
 use crate::read::Outcome;
 use crate::words::{bytes, count, percent, time};
 
-/// Calls that are timed, with the name in tables.
-const CALLS: [(&str, &str); 4] = [
+/// Calls that are timed, with the name in tables: of events, and of frames.
+const OF_EVENTS: &[(&str, &str)] =
+    &[("push", "event"), ("predict", "prediction"), ("push_predict", "event with prediction")];
+const OF_FRAMES: &[(&str, &str)] = &[
     ("frame", "making a frame"),
-    ("push", "event or frame"),
+    ("push", "frame"),
     ("predict", "prediction"),
-    ("push_predict", "both"),
+    ("push_predict", "frame with prediction"),
 ];
 
 /// The section of a bench.
@@ -55,11 +57,17 @@ pub(crate) fn section(outcome: &Outcome, object: &Value) -> Section {
     section.figure("multiply-adds for a frame", number(object, "multiply_adds_per_frame"));
     section.times =
         quantiles(measured, "latency_us/push_predict").map(|of| (format!("{timed} with its prediction"), of));
-    let mut rows = calls(measured, "");
-    rows.extend(object.get("everything").into_iter().flat_map(|of| calls(of, ", nothing skipped")));
-    for phase in ["idle", "burst"] {
+    let names = if of_frames.is_some() { OF_FRAMES } else { OF_EVENTS };
+    let mut rows = calls(measured, names, "");
+    let everything = object.get("everything");
+    rows.extend(everything.into_iter().flat_map(|of| calls(of, &names[3..], ", all of it")));
+    let phases = ["idle", "burst"].map(|phase| {
         let path = format!("phases/{phase}/latency_us/push_predict");
-        rows.extend(quantiles(object, &path).map(|of| (format!("both, {phase}"), of)));
+        quantiles(object, &path).map(|of| (format!("while {phase}"), of))
+    });
+    // A phase alone is all of it.
+    if let [Some(idle), Some(burst)] = phases {
+        rows.extend([idle, burst]);
     }
     section.latencies("How long one call takes. The line goes from the median to the longest.", rows);
     stages(&mut section, object);
@@ -73,11 +81,11 @@ pub(crate) fn section(outcome: &Outcome, object: &Value) -> Section {
     section
 }
 
-fn calls(of: &Value, more: &str) -> Vec<(String, Vec<f64>)> {
+fn calls(of: &Value, names: &[(&str, &str)], more: &str) -> Vec<(String, Vec<f64>)> {
     let call = |(key, name): &(&str, &str)| {
         Some((format!("{name}{more}"), quantiles(of, &format!("latency_us/{key}"))?))
     };
-    CALLS.iter().filter_map(call).collect()
+    names.iter().filter_map(call).collect()
 }
 
 fn deadline(section: &mut Section, object: &Value) {

@@ -98,6 +98,7 @@ fn events(section: &mut Section, object: &Value) {
             time_title: format!("time since {} (ms)", text(object, "since").unwrap_or("the first event")),
             times: times.clone(),
             chance: 1.0 / classes.len().max(1) as f64,
+            compact: true,
             curves,
         };
         section
@@ -316,8 +317,12 @@ fn filters(section: &mut Section, object: &Value) {
     let rows = causes
         .iter()
         .map(|(cause, events, passed)| (cause.clone(), vec![*passed, (events - passed).max(0.0)]));
-    let panel =
-        shares("What the filters pass", "share of the events (%)", &["passed", "dropped"], rows.collect());
+    let panel = shares(
+        "What the filters pass",
+        "share of the events (%)",
+        &[("passed", 0), ("dropped", 5)],
+        rows.collect(),
+    );
     section.draw("By what caused an event.", &Panel::Parts(panel));
     let cells = causes.iter().map(|(cause, events, passed)| {
         vec![cause.clone(), count(*events), count(*passed), percent(passed / events.max(1.0))]

@@ -5,7 +5,7 @@ use serde_json::Value;
 
 use crate::json::{counts, list, number, numbers, text, texts};
 use crate::parts::{Section, Table, plane};
-use crate::words::{count, number as shown, percent};
+use crate::words::{count, number as shown, percent, shown_unit};
 
 /// The section of a fit.
 pub(crate) fn section(object: &Value) -> Section {
@@ -16,6 +16,7 @@ pub(crate) fn section(object: &Value) -> Section {
     let mut rows = Vec::new();
     for of in outputs {
         let (name, unit) = (text(of, "name").unwrap_or("the class"), text(of, "unit").unwrap_or_default());
+        let (unit, _) = shown_unit(unit);
         let (Some(error), Some(constant)) = (number(of, "error/mean"), number(of, "constant/mean")) else {
             continue;
         };
@@ -96,6 +97,7 @@ fn sentence(text: &str) -> String {
 /// The learning curve of an output, and its errors by age.
 fn curves(section: &mut Section, of: &Value) {
     let (name, unit) = (text(of, "name").unwrap_or("classes"), text(of, "unit").unwrap_or_default());
+    let (unit, _) = shown_unit(unit);
     let title = if unit.is_empty() { "error".to_owned() } else { format!("error ({unit})") };
     let curve: Vec<(f64, f64, [f64; 2])> = list(of, "curve")
         .iter()

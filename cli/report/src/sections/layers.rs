@@ -15,23 +15,29 @@ struct Kind {
     /// Whether it is counted among those that were computed too.
     within_computed: bool,
     is_work: bool,
+    /// Number of its colour; 5 is grey.
+    colour: usize,
 }
 
-const fn kind(key: &'static str, name: &'static str, within_computed: bool, is_work: bool) -> Kind {
-    Kind { key, name, within_computed, is_work }
+const fn work(key: &'static str, name: &'static str, within_computed: bool, colour: usize) -> Kind {
+    Kind { key, name, within_computed, is_work: true, colour }
+}
+
+const fn saved(key: &'static str, name: &'static str, colour: usize) -> Kind {
+    Kind { key, name, within_computed: false, is_work: false, colour }
 }
 
 /// Those of layers over events, and of frame layers; the first are those that were computed.
 const ROWS: &[Kind] = &[
-    kind("recomputed", "computed", false, true),
-    kind("unchanged", "computed, equal", true, true),
-    kind("within_tolerance", "computed, within the tolerance", true, true),
-    kind("kept", "kept", false, false),
+    work("recomputed", "computed", false, 0),
+    work("unchanged", "computed, equal", true, 4),
+    work("within_tolerance", "computed, within the tolerance", true, 1),
+    saved("kept", "kept", 5),
 ];
 const PIXELS: &[Kind] = &[
-    kind("computed", "computed", false, true),
-    kind("skipped", "kept", false, false),
-    kind("absorbed", "only zeros came", false, false),
+    work("computed", "computed", false, 0),
+    saved("skipped", "kept", 5),
+    saved("absorbed", "only zeros came", 2),
 ];
 
 /// Reasons of what an engine over events skipped, and what they mean.
@@ -100,7 +106,8 @@ fn layers(section: &mut Section, found: &[Value], kinds: &[Kind], what: &str) {
         "Each bar is all {what} of a layer over the whole stream. The input of those that were kept had not \
          changed: they are exact without any work."
     );
-    let panel = shares(title, &format!("share of the {what} (%)"), &names, rows.clone());
+    let parts: Vec<(&str, usize)> = used.iter().map(|kind| (kind.name, kind.colour)).collect();
+    let panel = shares(title, &format!("share of the {what} (%)"), &parts, rows.clone());
     section.draw(caption, &Panel::Parts(panel));
     let headings: Vec<&str> = std::iter::once("layer").chain(names).chain(["computed of all"]).collect();
     let cells = rows.into_iter().map(|(name, values)| {

@@ -18,7 +18,9 @@ const KINDS: [(&str, &str, Errors, f64); 4] = [
 /// The section of a study.
 pub(crate) fn section(object: &Value) -> Section {
     let mut section = Section::default();
-    section.answer.extend(text(object, "words").map(str::to_owned));
+    // A sentence for each network.
+    let words = text(object, "words").unwrap_or_default();
+    section.answer.extend(words.split_inclusive(". ").map(|sentence| sentence.trim().to_owned()));
     let networks = list(object, "networks");
     let first = networks.first().map_or(&[][..], |network| list(network, "settings"));
     let compares_tasks = text(object, "compared") == Some("task_error");
