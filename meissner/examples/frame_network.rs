@@ -4,6 +4,7 @@
 //! cargo run --release -p meissner --example frame_network
 //! ```
 
+// ANCHOR: book
 use std::error::Error;
 
 use meissner::frames::{Convolution, FrameEngine, FrameNetwork, FrameOptions, FrameShape};
@@ -54,3 +55,4 @@ fn force(engine: &mut FrameEngine, frame: &[f32], t_us: i64) -> Result<(), Box<d
     println!("{:5.1} ms  {:?} N", t_us as f64 / 1e3, engine.predict()?.values);
     Ok(())
 }
+// ANCHOR_END: book

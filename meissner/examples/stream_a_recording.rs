@@ -4,6 +4,7 @@
 //! cargo run --release -p meissner --example stream_a_recording [RECORDING]
 //! ```
 
+// ANCHOR: book
 use std::error::Error;
 
 use meissner::{Description, Engine, Weights, io};
@@ -40,3 +41,4 @@ fn main() -> Result<(), Box<dyn Error>> {
     println!("{:?}", engine.counters().events);
     Ok(())
 }
+// ANCHOR_END: book

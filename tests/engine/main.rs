@@ -1,6 +1,7 @@
 //! Whole-engine properties, oracles, golden files: one program, as linking takes most of the time.
 
 mod approximations;
+mod book;
 mod conformance;
 mod determinism;
 mod extremes;

@@ -28,6 +28,7 @@ static meissner_event event(int number) {
   return made;
 }
 
+// ANCHOR: book
 int main(void) {
   meissner_network *network = NULL;
   check(meissner_network_open("tactigraph-past", NULL, NULL, &network));
@@ -61,3 +62,4 @@ int main(void) {
   meissner_network_release(network);
   return 0;
 }
+// ANCHOR_END: book

@@ -13,6 +13,7 @@ static meissner_event event(int number) {
           static_cast<std::int8_t>(number % 3 == 0 ? -1 : 1)};
 }
 
+// ANCHOR: book
 int main() try {
   const auto network = meissner::Network::open("tactigraph-past");
   meissner::Engine engine(network, 346, 260);
@@ -32,3 +33,4 @@ int main() try {
   std::fprintf(stderr, "%s\n", error.what());
   return 1;
 }
+// ANCHOR_END: book

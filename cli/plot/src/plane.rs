@@ -1,7 +1,7 @@
 //! Lines and dots between two linear axes, such as errors against time.
 
 use crate::axes::{Axis, Field, widened};
-use crate::svg::{Area, ORDERED, Place, Svg, colour};
+use crate::svg::{Area, ORDERED, Place, Svg, WHITE, colour};
 use crate::text::{heading, legend};
 
 /// Left and top of the field, below a heading of two lines.
@@ -14,6 +14,7 @@ const BELOW: f64 = 8.0;
 const APART: f64 = 16.0;
 const WIDTH: f64 = 1.8;
 const RADIUS: f64 = 1.8;
+const MARK: f64 = 3.6;
 
 /// Lines and dots in one field.
 #[derive(Clone, Debug)]
@@ -56,6 +57,8 @@ pub enum Style {
     Line,
     Dashed,
     Dots,
+    /// Dots that stand out.
+    Marks,
 }
 
 impl Series {
@@ -82,8 +85,13 @@ impl Plane {
         let named: Vec<&Series> = self.series.iter().filter(|series| !series.name.is_empty()).collect();
         let names = named.iter().map(|series| series.name.as_str());
         let last = legend(svg, (area.left, area.right), about, names, |svg, i, (x, y)| {
-            let dashes = if named[i].style == Style::Dashed { "4 2" } else { "" };
-            svg.line((x, y - 4.0), (x + 16.0, y - 4.0), self.colour(named[i])).width(2.6).dashes(dashes);
+            let (colour, middle) = (self.colour(named[i]), (x + 8.0, y - 4.0));
+            match named[i].style {
+                Style::Line => svg.line((x, y - 4.0), (x + 16.0, y - 4.0), colour).width(2.6),
+                Style::Dashed => svg.line((x, y - 4.0), (x + 16.0, y - 4.0), colour).width(2.6).dashes("4 2"),
+                Style::Dots => svg.circle(middle, RADIUS + 0.8, colour),
+                Style::Marks => svg.circle(middle, MARK, colour),
+            };
         });
         // A longer heading moves the field down; a compact one is close to its heading.
         let down = last + BELOW - area.top;
@@ -115,7 +123,10 @@ impl Plane {
                 Style::Dots => places.for_each(|place| {
                     svg.circle(place, RADIUS, self.colour(series)).set("fill-opacity", 0.5);
                 }),
-                style => {
+                Style::Marks => places.for_each(|place| {
+                    svg.circle(place, MARK, self.colour(series)).set("stroke", WHITE);
+                }),
+                style @ (Style::Line | Style::Dashed) => {
                     let dashes = if style == Style::Dashed { "6 4" } else { "" };
                     svg.polyline(places, self.colour(series)).width(WIDTH).dashes(dashes);
                 }

@@ -298,13 +298,13 @@ impl<R: BufRead> Lines<'_, R> {
         // A character may be cut at the end.
         let is_text = !bytes.contains(&0)
             && std::str::from_utf8(&bytes).map_or_else(|e| e.error_len().is_none(), |_| true);
+        if bytes.trim_ascii_start().starts_with(b"[") {
+            return Ok("a list in JSON, such as `meissner networks` prints".to_owned());
+        }
         Ok(match Kind::of(&bytes) {
             Some(kind) => kind.to_string(),
             None if bytes.len() > 14 && bytes[..14].eq_ignore_ascii_case(b"<!doctype html") => {
                 "a page of HTML".to_owned()
-            }
-            None if bytes.trim_ascii_start().starts_with(b"[") => {
-                "a list in JSON, such as `meissner networks` prints".to_owned()
             }
             None if bytes.get(8..10) == Some(b"{\"") => "a safetensors file".to_owned(),
             None if is_text => "text: was the result printed with --json?".to_owned(),

@@ -8,7 +8,7 @@ use crate::exit_status::fails;
 use crate::support::{argument, file, meissner, message, object, text, words, written};
 
 /// Two presses of a few markers that move outwards from 10 ms on.
-fn tracks(labels: &[&str]) -> Vec<u8> {
+pub(crate) fn tracks(labels: &[&str]) -> Vec<u8> {
     let mut file = TensorFile::new([].into());
     let t_us = [0, 10_000, 40_000];
     file.i64("t_us", &[6], &[t_us, t_us].concat());

@@ -25,6 +25,8 @@ mod lost;
 mod mcap;
 mod names;
 mod output;
+#[cfg(unix)]
+mod pages;
 mod pareto;
 mod pareto_tasks;
 mod play;
@@ -35,8 +37,6 @@ mod provenance;
 mod record;
 mod report;
 mod resume;
-#[cfg(unix)]
-mod sensor_pages;
 #[path = "../../../tests/shared_files.rs"]
 mod shared_files;
 mod signals;

@@ -110,7 +110,7 @@ fn a_stream_that_was_cut_is_shown_as_far_as_it_goes_and_a_long_one_is_small() {
     let mut lines: Vec<&str> = whole.lines().collect();
     let (header, prediction) = (lines.remove(0), lines.remove(0));
     let mut long = format!("{header}\n");
-    for i in 0..50_000 {
+    for i in 1..=50_000 {
         let _ = writeln!(long, "{}", prediction.replacen("\"t_us\":", &format!("\"t_us\":{i}"), 1));
     }
     long.push_str(&prediction[..prediction.len() / 2]);

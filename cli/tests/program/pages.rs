@@ -1,4 +1,5 @@
-//! The commands of the pages about sensors, with files instead of a camera, a robot and a driver.
+//! The commands of the quick start, the tutorials and the pages about sensors, with files instead of a
+//! camera, a robot, a driver and a data set.
 
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
@@ -10,15 +11,16 @@ use meissner_io::Format;
 use tempfile::TempDir;
 
 use crate::data::{letters_archive, letters_network, slip};
-use crate::support::picture_network;
+use crate::eval::tracks;
+use crate::support::{default_recording, picture_network};
 
-/// The commands in the blocks of shell code of a page, in order.
+/// The commands in the blocks of shell code of a page below `docs`, in order, without those of cargo.
 fn commands(page: &str) -> Vec<String> {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/sensors").join(page);
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs").join(page);
     let text = fs::read_to_string(path).expect("a page");
     let blocks = text.split("```sh\n").skip(1).filter_map(|rest| rest.split_once("```"));
     let lines = blocks.flat_map(|(block, _)| block.lines());
-    lines.filter(|line| !line.is_empty()).map(str::to_owned).collect()
+    lines.filter(|line| !line.is_empty() && !line.starts_with("cargo ")).map(str::to_owned).collect()
 }
 
 /// Runs the commands of `page` in `folder`, each with `instead`: what a reader has, and a file of
@@ -89,7 +91,9 @@ fn fits(
 fn a_dome_gets_from_the_box_to_a_controller() {
     let instead = [("dv://127.0.0.1:7777", "camera.es")];
     let folder = TempDir::new().expect("a place");
-    fits(("dome.md", &folder), Sensor::new(120, 90), &instead, ("x_mm", "mine"), |place| place.to_string());
+    fits(("sensors/dome.md", &folder), Sensor::new(120, 90), &instead, ("x_mm", "mine"), |place| {
+        place.to_string()
+    });
 }
 
 #[test]
@@ -102,7 +106,7 @@ fn a_skin_of_taxels_gets_to_classes() {
     let quick = "letters.safetensors --folds 3 --ages 0";
     let small = format!("fit {} {quick} --weights {}", network.display(), weights.display());
     let instead = [("driver", "cat camera.csv"), ("fit touch-objects letters.safetensors", &small)];
-    fits(("skin.md", &folder), Sensor::new(10, 8), &instead, ("class", "letters"), class);
+    fits(("sensors/skin.md", &folder), Sensor::new(10, 8), &instead, ("class", "letters"), class);
     let curve = fs::read_to_string(folder.path().join("braille.svg")).expect("a picture");
     assert!(curve.contains("time since contact (ms)"), "{curve}");
 }
@@ -116,7 +120,7 @@ fn a_camera_before_a_gel_gets_to_pictures_of_force() {
     let small = format!("--network {} --weights {} --video 32x24", network.display(), weights.display());
     let camera = "ffmpeg -v error -f v4l2 -i /dev/video0 -s 320x240 -f rawvideo -pix_fmt rgb24 -";
     let instead = [(camera, "cat camera.rgb"), ("--network canf --video 320x240", &small)];
-    run("gel.md", folder.path(), &instead, |_| ());
+    run("sensors/gel.md", folder.path(), &instead, |_| ());
     let lines = fs::read_to_string(folder.path().join("touch.json")).expect("predictions");
     assert_eq!(lines.lines().count(), 5, "header, three pictures, summary: {lines}");
 }
@@ -125,5 +129,94 @@ fn a_camera_before_a_gel_gets_to_pictures_of_force() {
 fn electrodes_get_to_the_direction_of_slip() {
     let folder = TempDir::new().expect("a place");
     fs::write(folder.path().join("readings.csv"), slip::csv(&slip::readings(1, 0))).expect("a file");
-    run("electrodes.md", folder.path(), &[("driver", "cat readings.csv")], |_| ());
+    run("sensors/electrodes.md", folder.path(), &[("driver", "cat readings.csv")], |_| ());
+}
+
+/// The page at `name` in `folder` says `expected`.
+fn says(folder: &TempDir, name: &str, expected: &str) {
+    let page = fs::read_to_string(folder.path().join(name)).expect("a page");
+    assert!(page.starts_with("<!DOCTYPE html>") && page.contains(expected), "{name}: {expected}");
+}
+
+/// A folder with the embedded press as RECORDING.
+fn with_a_recording() -> TempDir {
+    let folder = TempDir::new().expect("a place");
+    fs::copy(default_recording(), folder.path().join("RECORDING")).expect("it is copied");
+    folder
+}
+
+#[test]
+fn the_quick_start_leads_to_a_comparison() {
+    let folder = with_a_recording();
+    // Few events are enough to show that it runs.
+    let less = [
+        ("bench RECORDING", "bench RECORDING --limit 500 --warmup 0"),
+        ("--cases 10", "--cases 1"),
+        ("play RECORDING", "play RECORDING --limit 2000"),
+    ];
+    run("quick-start.md", folder.path(), &less, |_| ());
+    says(&folder, "run.html", "Rows by layer");
+    says(&folder, "compared.html", "2 results compared");
+}
+
+#[test]
+fn the_page_on_performance_measures() {
+    let folder = with_a_recording();
+    let less = [
+        ("bench RECORDING", "bench RECORDING --limit 500 --warmup 0"),
+        ("play RECORDING", "play RECORDING --limit 2000"),
+    ];
+    run("performance.md", folder.path(), &less, |_| ());
+    says(&folder, "bench.html", "Where the time goes");
+    says(&folder, "both.html", "2 results compared");
+}
+
+#[test]
+fn the_tutorial_on_angles_judges_and_chooses() {
+    let folder = TempDir::new().expect("a place");
+    fs::write(folder.path().join("two.safetensors"), tracks(&["roll", "pitch", "depth"])).expect("a file");
+    let less = [
+        ("meissner simulate dome --out tracks.safetensors", "mv two.safetensors tracks.safetensors"),
+        ("--limit 5000", "--limit 300 --warmup 0"),
+    ];
+    run("tutorials/angle.md", folder.path(), &less, |_| ());
+    says(&folder, "press.html", "roll, true");
+    says(&folder, "angle.html", "Mean absolute error against time");
+    says(&folder, "choose.html", "sustained events/s");
+}
+
+#[test]
+fn the_tutorial_on_forces_judges_events_and_frames() {
+    let folder = TempDir::new().expect("a place");
+    run("tutorials/force.md", folder.path(), &[("--recordings 6", "--recordings 3")], |_| ());
+    says(&folder, "force.html", "force-graph, all");
+}
+
+#[test]
+fn the_tutorial_on_slip_judges_unseen_objects() {
+    let folder = TempDir::new().expect("a place");
+    fs::write(folder.path().join("readings.csv"), slip::csv(&slip::readings(1, 0))).expect("a file");
+    let data = slip::SlipFolder::new();
+    let data = data.path().to_str().expect("text").to_owned();
+    run("tutorials/slip.md", folder.path(), &[("DATA", &data)], |_| ());
+    says(&folder, "slip.html", "Probability of the classes");
+    says(&folder, "unseen.html", "slip-best");
+}
+
+#[test]
+fn the_tutorial_on_areas_judges_pictures_and_takes_a_video() {
+    let folder = TempDir::new().expect("a place");
+    let [network, weights] = picture_network(folder.path());
+    let pictures: Vec<u8> = (0..3 * 3 * 32 * 24_u32).map(|i| (i * 7 % 251) as u8).collect();
+    fs::write(folder.path().join("camera.rgb"), pictures).expect("it is written");
+    let small = format!("--network {} --weights {}", network.display(), weights.display());
+    let instead = [
+        ("camera |", "cat camera.rgb |"),
+        ("--network canf --video 320x240@25", &format!("{small} --video 32x24")),
+        ("--network canf-plain", &small),
+        ("simulate gel", "simulate gel --size 32x24"),
+    ];
+    run("tutorials/area.md", folder.path(), &instead, |_| ());
+    says(&folder, "area.html", "Intersection over union");
+    says(&folder, "touch.html", "contact area");
 }

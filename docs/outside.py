@@ -1,0 +1,64 @@
+"""A preprocessor of mdBook: links to files that are not in the book become the text and the path of the file.
+
+mdBook calls it as `python3 outside.py supports RENDERER`, and then with [context, book] in JSON on standard input.
+"""
+
+import json
+import pathlib
+import posixpath
+import re
+import sys
+
+# Links of Markdown, with what stands before them: pictures stay.
+LINK = re.compile(r"(!?)\[((?:[^\[\]]|\[[^\[\]]*\])*)\]\(([^()\s]+)\)")
+FENCE = re.compile(r"^(```|~~~)")
+
+
+def changed(text, page, pages):
+    """The Markdown of a page whose links lead to other pages alone."""
+
+    def link(match):
+        mark, shown, target = match.groups()
+        path, _, part = target.partition("#")
+        if mark or not path or re.match(r"[a-z]+:", target):
+            return match.group(0)
+        inside = posixpath.normpath(posixpath.join(posixpath.dirname(page), path))
+        if inside in pages:
+            return match.group(0)
+        # What an included page of the repository links to stands beside that page.
+        named = inside
+        while named.startswith("../"):
+            named = named[3:]
+        else:
+            named = named if inside.startswith("../") else path
+        return shown if named in shown else f"{shown} (`{named}`)"
+
+    lines, in_code = [], False
+    for line in text.split("\n"):
+        in_code ^= bool(FENCE.match(line.lstrip()))
+        lines.append(line if in_code else LINK.sub(link, line))
+    return "\n".join(lines)
+
+
+def chapters(items):
+    for item in items:
+        if isinstance(item, dict) and "Chapter" in item:
+            yield item["Chapter"]
+            yield from chapters(item["Chapter"]["sub_items"])
+
+
+def main():
+    if sys.argv[1:2] == ["supports"]:
+        return
+    _, book = json.load(sys.stdin)
+    every = list(chapters(book.get("items") or book.get("sections")))
+    pages = {chapter["path"] for chapter in every if chapter["path"]}
+    folder = pathlib.Path(__file__).parent
+    pages |= {path.relative_to(folder).as_posix() for path in folder.rglob("*.svg")}
+    for chapter in every:
+        if chapter["path"]:
+            chapter["content"] = changed(chapter["content"], chapter["path"], pages)
+    json.dump(book, sys.stdout)
+
+
+main()
