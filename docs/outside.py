@@ -24,13 +24,11 @@ def changed(text, page, pages):
             return match.group(0)
         inside = posixpath.normpath(posixpath.join(posixpath.dirname(page), path))
         if inside in pages:
-            return match.group(0)
+            return match.group(0).replace("README.md", "index.md")
         # What an included page of the repository links to stands beside that page.
-        named = inside
+        named = inside if inside.startswith("../") else path
         while named.startswith("../"):
             named = named[3:]
-        else:
-            named = named if inside.startswith("../") else path
         return shown if named in shown else f"{shown} (`{named}`)"
 
     lines, in_code = [], False
@@ -52,12 +50,13 @@ def main():
         return
     _, book = json.load(sys.stdin)
     every = list(chapters(book.get("items") or book.get("sections")))
-    pages = {chapter["path"] for chapter in every if chapter["path"]}
+    # A README is an index by now; links name it as it was.
+    pages = {chapter[key] for chapter in every for key in ("path", "source_path") if chapter.get(key)}
     folder = pathlib.Path(__file__).parent
     pages |= {path.relative_to(folder).as_posix() for path in folder.rglob("*.svg")}
     for chapter in every:
         if chapter["path"]:
-            chapter["content"] = changed(chapter["content"], chapter["path"], pages)
+            chapter["content"] = changed(chapter["content"], chapter["source_path"], pages)
     json.dump(book, sys.stdout)
 
 

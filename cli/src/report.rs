@@ -35,7 +35,7 @@ Examples:
 #[derive(Debug, clap::Args)]
 #[command(after_long_help = METHOD)]
 pub(crate) struct ReportArgs {
-    /// Result in JSON of run, play, bench, eval, pareto, verify --soak or fit; - for standard input.
+    /// Result in JSON of run, play, bench, eval, pareto, verify --soak or fit; - reads one.
     #[arg(value_name = "RESULT", required = true)]
     results: Vec<PathBuf>,
     /// Table of what was true (CSV), to compare predictions with.

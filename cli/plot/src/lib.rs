@@ -103,8 +103,8 @@ pub fn page(title: &str, about: &str, rows: &[Vec<Panel<'_>>]) -> String {
     svg.document((LEFT + room + LEFT, bottom + 10.0), title)
 }
 
-/// One panel as an element `svg` of a page of HTML, with `name` for screen readers, and its width in
-/// pixels. It has no ground, and its colours are attributes: a style sheet can give others.
+/// One panel as an element `svg` of a page of HTML, with `name` for screen readers, and its width
+/// in pixels. It has no ground, and its colours are attributes: a style sheet can give others.
 ///
 /// # Panics
 /// As [`page`].

@@ -6,7 +6,7 @@
 //!
 //! | file | contents |
 //! |---|---|
-//! | `read`, `stream`, `truth` | a file to an [`Outcome`]: streams of predictions in bounded memory |
+//! | `read`, `stream`, `truth` | a file to an [`Outcome`]: predictions in bounded memory |
 //! | `decimated` | a line of millions of points as 512 |
 //! | `sections` | what is told of each kind of result: an answer, facts, pictures, tables |
 //! | `compare` | several results beside each other |
@@ -20,9 +20,12 @@
 //!
 //! let lines = concat!(
 //!     r#"{"header":{"meissner":"0.1.0","schema":1,"command":"run","input":{"name":"press.es"},"#,
-//!     r#""network":{"name":"own"},"outputs":[{"name":"force","unit":"N","range":null}],"warnings":[]}}"#, "\n",
-//!     r#"{"t_us":1000,"value":[0.5],"nodes":3,"update_us":2.0}"#, "\n",
-//!     r#"{"t_us":2000,"value":[0.75],"nodes":4,"update_us":2.5}"#, "\n",
+//!     r#""network":{"name":"own"},"outputs":[{"name":"force","unit":"N"}],"warnings":[]}}"#,
+//!     "\n",
+//!     r#"{"t_us":1000,"value":[0.5],"nodes":3,"update_us":2.0}"#,
+//!     "\n",
+//!     r#"{"t_us":2000,"value":[0.75],"nodes":4,"update_us":2.5}"#,
+//!     "\n",
 //! );
 //! let results = read("press.jsonl", lines.as_bytes(), &Truths::default())?;
 //! let page = Page { results: &results, drawings: &[] }.html()?;

@@ -1,5 +1,5 @@
-//! The commands of the quick start, the tutorials and the pages about sensors, with files instead of a
-//! camera, a robot, a driver and a data set.
+//! The commands of the quick start, the tutorials and the pages about sensors, with files instead of
+//! a camera, a robot, a driver and a data set.
 
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
@@ -14,7 +14,7 @@ use crate::data::{letters_archive, letters_network, slip};
 use crate::eval::tracks;
 use crate::support::{default_recording, picture_network};
 
-/// The commands in the blocks of shell code of a page below `docs`, in order, without those of cargo.
+/// The commands in the blocks of shell code of a page below `docs`, in order, without cargo's.
 fn commands(page: &str) -> Vec<String> {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs").join(page);
     let text = fs::read_to_string(path).expect("a page");

@@ -275,7 +275,8 @@ impl<'a> Evidence<'a> {
         match (&possible[..], &plausible[..]) {
             ([], _) => Ok(None),
             (&[only], _) if only == plain || many || !pixels(only.at[0], None) => Ok(Some(only)),
-            // A few lines with small numbers can fit by accident, and be damaged ones in the plain order.
+            // A few lines with small numbers can fit by accident, and be damaged ones in the plain
+            // order.
             (&[_], _) if self.separator == Separator::Comma => Ok(None),
             (&[only], _) => Err(first.undecided("order of the columns", format!("{plain} or {only}"))),
             (_, &[only]) if many => Ok(Some(only)),
