@@ -11,7 +11,6 @@ import sys
 
 # Links of Markdown, with what stands before them: pictures stay.
 LINK = re.compile(r"(!?)\[((?:[^\[\]]|\[[^\[\]]*\])*)\]\(([^()\s]+)\)")
-FENCE = re.compile(r"^(```|~~~)")
 
 
 def changed(text, page, pages):
@@ -31,11 +30,9 @@ def changed(text, page, pages):
             named = named[3:]
         return shown if named in shown else f"{shown} (`{named}`)"
 
-    lines, in_code = [], False
-    for line in text.split("\n"):
-        in_code ^= bool(FENCE.match(line.lstrip()))
-        lines.append(line if in_code else LINK.sub(link, line))
-    return "\n".join(lines)
+    # A link may be broken into lines; blocks of code have none.
+    parts = re.split(r"(^(?:```|~~~).*?^(?:```|~~~)\s*?$)", text, flags=re.DOTALL | re.MULTILINE)
+    return "".join(part if i % 2 else LINK.sub(link, part) for i, part in enumerate(parts))
 
 
 def chapters(items):
