@@ -10,6 +10,9 @@ use crate::words::number;
 /// Most results in one picture: there are six colours.
 const MAX_SERIES: usize = 6;
 
+/// The figure of how fast a result is beside its input.
+const SPEED: &str = "times as fast as the input";
+
 /// What is told of all results together.
 pub(crate) struct Comparison {
     pub(crate) answer: Vec<String>,
@@ -66,16 +69,13 @@ pub(crate) fn compare(results: &[Outcome], sections: &[Section], names: &[String
     let times: Vec<_> = times.collect();
     if times.len() > 1 {
         let alike = times.iter().all(|(what, ..)| *what == times[0].0);
-        let row = |(what, name, of): &(&String, String, Vec<f64>)| {
-            (if alike { name.clone() } else { format!("{name}: {what}") }, of.clone())
-        };
-        let about =
-            if alike { times[0].0.clone() } else { "what is timed differs: see the names".to_owned() };
-        let panel = quantiles("Latency", &about, times.iter().map(row).collect());
-        pictures
-            .push(Picture::new("From the median to the longest; left is faster.", &Panel::Quantiles(panel)));
+        let about = if alike { times[0].0.as_str() } else { "what is timed differs: each result says it" };
+        let rows = times.iter().map(|(_, name, of)| (name.clone(), of.clone()));
+        let panel = quantiles("Latency", about, rows.collect());
+        let caption = "From the median to the longest; left is faster.";
+        pictures.push(Picture::new(caption, &Panel::Quantiles(panel)));
     }
-    for column in ["events/s", "sustained events/s", "times as fast as the input"] {
+    for column in ["events/s", "sustained events/s", SPEED] {
         let rows: Vec<(String, f64)> = sections
             .iter()
             .zip(names)
@@ -89,27 +89,36 @@ pub(crate) fn compare(results: &[Outcome], sections: &[Section], names: &[String
     Some(Comparison { answer: answer(sections, names), pictures, table })
 }
 
-/// Which result is the fastest, of those that time the same.
+/// Which result is the fastest: of those that time the same, or else beside its input.
 fn answer(sections: &[Section], names: &[String]) -> Vec<String> {
     let timed = sections.iter().zip(names).filter_map(|(section, name)| {
         let (what, quantiles) = section.times.as_ref()?;
         Some((what, name, quantiles.first().copied()?))
     });
-    let timed: Vec<_> = timed.collect();
-    let alike = timed.len() > 1 && timed.iter().all(|(what, ..)| *what == timed[0].0);
-    let mut sorted = timed;
-    sorted.sort_by(|a, b| a.2.total_cmp(&b.2));
-    let sentence = match sorted.as_slice() {
-        [fast, .., slow] if alike && fast.2 > 0.0 => Some(format!(
-            "{} is the fastest at the median, {}: {} times as fast as {}.",
-            fast.1,
-            fast.0,
-            number(slow.2 / fast.2),
-            slow.1
-        )),
-        _ => None,
-    };
-    sentence.into_iter().collect()
+    let mut timed: Vec<_> = timed.collect();
+    timed.sort_by(|a, b| a.2.total_cmp(&b.2));
+    let alike = timed.len() == sections.len() && timed.iter().all(|(what, ..)| *what == timed[0].0);
+    if let [(what, fast, least), .., (_, slow, most)] = timed.as_slice()
+        && alike
+        && *least > 0.0
+    {
+        let times = number(most / least);
+        return vec![format!(
+            "{fast} is the fastest at the median ({what}): {times} times as fast as {slow}."
+        )];
+    }
+    let speed =
+        |section: &Section| section.figures.iter().find(|(name, _)| name == SPEED).map(|&(_, speed)| speed);
+    let mut speeds: Vec<(&String, f64)> =
+        sections.iter().zip(names).filter_map(|(section, name)| Some((name, speed(section)?))).collect();
+    speeds.sort_by(|a, b| b.1.total_cmp(&a.1));
+    match speeds.as_slice() {
+        [(fast, most), .., (slow, least)] => {
+            let [most, least] = [*most, *least].map(number);
+            vec![format!("{fast} is {most} times as fast as its input came, {slow} {least} times.")]
+        }
+        _ => Vec::new(),
+    }
 }
 
 /// Predictions of the same quantity by several results in one picture.

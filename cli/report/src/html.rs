@@ -143,6 +143,8 @@ impl Html {
             self.0.push_str("<nav aria-label=\"Results\">\n<ol>\n");
             for (i, (section, name)) in sections.iter().zip(names).enumerate() {
                 let first = section.answer.first().map_or("", String::as_str);
+                // The name stands once.
+                let first = first.strip_prefix(name.as_str()).unwrap_or(first);
                 let (link, name, first) = (i + 1, escaped(name), escaped(first));
                 self.add(format_args!("<li><a href=\"#result-{link}\">{name}</a> {first}</li>\n"));
             }

@@ -151,7 +151,7 @@ fn the_quick_start_leads_to_a_comparison() {
     // Few events are enough to show that it runs.
     let less = [
         ("bench RECORDING", "bench RECORDING --limit 500 --warmup 0"),
-        ("--cases 10", "--cases 1"),
+        ("verify tactigraph-past RECORDING --cases 10", "verify tactigraph-past --cases 1"),
         ("play RECORDING", "play RECORDING --limit 2000"),
     ];
     run("quick-start.md", folder.path(), &less, |_| ());
