@@ -35,7 +35,9 @@ Examples:
 #[derive(Debug, clap::Args)]
 #[command(after_long_help = METHOD)]
 pub(crate) struct ReportArgs {
-    /// Result in JSON of run, play, bench, eval, pareto, verify --soak or fit; - reads one.
+    /// Result in JSON; - reads it from standard input.
+    ///
+    /// It is what run, play, bench, eval, pareto, verify --soak or fit wrote with --json or --out.
     #[arg(value_name = "RESULT", required = true)]
     results: Vec<PathBuf>,
     /// Table of what was true (CSV), to compare predictions with.

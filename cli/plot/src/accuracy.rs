@@ -2,7 +2,7 @@
 
 use crate::axes::{Axis, Field};
 use crate::svg::{Area, FINE_GRID, FRAME, GREY, INK, Place, SHADE, SMALL, Svg, WHITE, colour};
-use crate::text::{self, SIZE, heading, legend};
+use crate::text::{self, SIZE, heading, legend, shortened, width};
 
 pub(crate) const LINES: Area = Area { left: 62.0, top: 66.0, right: 580.0, bottom: 396.0 };
 const COMPACT: Area = Area { right: 396.0, bottom: 286.0, ..LINES };
@@ -24,6 +24,8 @@ const DASHES: [&str; 2] = ["8 4", "2 3"];
 const CELL: f64 = 33.0;
 const LEFT: f64 = 46.0;
 const TOP: f64 = 66.0;
+/// Longest name of a class, in pixels.
+const MAX_NAME: f64 = 130.0;
 
 /// Accuracies against time: a line for each curve over a band, its interval.
 #[derive(Clone, Debug)]
@@ -200,29 +202,42 @@ pub struct Matrix<'a> {
 impl Matrix<'_> {
     /// Draws the panel. Returns its width and height with the space to the next panel.
     pub(crate) fn draw(&self, svg: &mut Svg) -> Place {
-        let grid = Area::at((LEFT, TOP), CELL * self.classes.len() as f64, CELL * self.classes.len() as f64);
-        let width = grid.right + 26.0;
-        let about = heading(svg, &self.title, &self.about, width - APART);
+        let names = self.classes.iter().map(|class| width(class, SIZE));
+        let widest = names.fold(0.0, f64::max).min(MAX_NAME);
+        let (left, above) = (LEFT.max(widest + 26.0), (widest - CELL).max(0.0));
+        // Names that are wider than a column run upwards.
+        let is_upright = widest > LEFT;
+        let top = if is_upright { TOP + above } else { TOP };
+        let side = CELL * self.classes.len() as f64;
+        let grid = Area::at((left, top), side, side);
+        let panel = grid.right + 26.0;
+        let about = heading(svg, &self.title, &self.about, panel - APART);
         // A longer heading moves the grid with its names down.
         let down = (about + BELOW + 20.0 - TOP).max(0.0);
         let mut part = Svg::default();
-        self.draw_grid(&mut part, &grid);
+        self.draw_grid(&mut part, &grid, is_upright);
         svg.group((0.0, down), &part);
-        (width, grid.bottom + 34.0 + down)
+        (panel, grid.bottom + 34.0 + down)
     }
 
-    fn draw_grid(&self, svg: &mut Svg, grid: &Area) {
+    fn draw_grid(&self, svg: &mut Svg, grid: &Area, is_upright: bool) {
         svg.text_upwards((10.0, grid.centre().1), "true").size(SMALL).fill(GREY);
         svg.text((grid.centre().0, grid.bottom + 16.0), "predicted").middle().size(SMALL).fill(GREY);
         for (i, class) in self.classes.iter().enumerate() {
             let middle = (i as f64 + 0.5) * CELL;
-            svg.text((LEFT + middle, TOP - 7.0), class).middle();
-            svg.text((LEFT - 7.0, TOP + middle + 4.5), class).end();
+            let class = shortened(class, MAX_NAME, |name| width(name, SIZE));
+            if is_upright {
+                let place = (grid.left + middle + 4.5, grid.top - 7.0 - width(&class, SIZE) / 2.0);
+                svg.text_upwards(place, &class);
+            } else {
+                svg.text((grid.left + middle, grid.top - 7.0), &class).middle();
+            }
+            svg.text((grid.left - 7.0, grid.top + middle + 4.5), &class).end();
         }
         for (row, counts) in self.counts.iter().enumerate() {
             let sum: u64 = counts.iter().sum();
             for (column, &count) in counts.iter().enumerate() {
-                let corner = (LEFT + CELL * column as f64, TOP + CELL * row as f64);
+                let corner = (grid.left + CELL * column as f64, grid.top + CELL * row as f64);
                 // A class that was never true has a grey row without numbers.
                 let share = (sum > 0).then(|| count as f64 / sum as f64);
                 let cell = Area::at(corner, CELL, CELL);

@@ -128,6 +128,20 @@ fn long_names_are_broken_into_lines_and_stay_in_the_picture() {
 }
 
 #[test]
+fn long_names_of_classes_run_upwards_beside_their_matrix() {
+    let classes = ["wood", "polished steel", LONG];
+    let matrix = Matrix {
+        title: "Confusion".to_owned(),
+        about: String::new(),
+        classes: &classes,
+        counts: vec![vec![3, 1, 0], vec![0, 9, 1], vec![0, 0, 4]],
+    };
+    let svg = page("m", "", &[vec![Panel::Matrix(matrix)]]);
+    assert_eq!(faults(&svg), [""; 0]);
+    assert!(svg.matches("rotate(-90)").count() == 4, "{svg}");
+}
+
+#[test]
 fn rows_of_bars_and_quantiles_hold_their_names_and_numbers() {
     let names = ["conv1", LONG, "a layer of a network", ""];
     let rows = |values: &[f64]| names.iter().map(|name| ((*name).to_owned(), values.to_vec())).collect();

@@ -9,6 +9,10 @@ use crate::words::number;
 
 /// Most results in one picture: there are six colours.
 const MAX_SERIES: usize = 6;
+/// Most results that are columns of the table; more are rows.
+const MAX_COLUMNS: usize = 6;
+/// Medians that differ by less are not called faster.
+const NEAR: f64 = 1.05;
 
 /// The figure of how fast a result is beside its input.
 const SPEED: &str = "times as fast as the input";
@@ -22,9 +26,11 @@ pub(crate) struct Comparison {
 
 /// A short name for each result, which tells it from the others.
 pub(crate) fn names(results: &[Outcome]) -> Vec<String> {
-    let candidates: [fn(&Outcome) -> String; 3] = [
+    let candidates: [fn(&Outcome) -> String; 4] = [
         Outcome::subject,
         |of| format!("{}, {}", of.subject(), of.command),
+        // Of inputs of one file, their numbers.
+        |of| of.name.rsplit(", ").next().filter(|last| last.starts_with("input ")).unwrap_or("").to_owned(),
         |of| crate::words::file_name(&of.name).to_owned(),
     ];
     let all = candidates.map(|name| results.iter().map(name).collect::<Vec<_>>());
@@ -53,14 +59,23 @@ pub(crate) fn compare(results: &[Outcome], sections: &[Section], names: &[String
     let value = |section: &Section, column: &str| {
         section.figures.iter().find(|(name, _)| name == column).map(|&(_, value)| value)
     };
-    // Results are columns: a person reads a figure along its row.
-    let headings: Vec<&str> = std::iter::once("").chain(names.iter().map(String::as_str)).collect();
-    let rows = columns.iter().map(|column| {
-        let cells =
-            sections.iter().map(|section| value(section, column).map_or_else(|| "-".to_owned(), number));
-        std::iter::once((*column).to_owned()).chain(cells).collect()
-    });
-    let table = Table::new("Figures that results have in common", &headings, rows.collect());
+    let cell =
+        |section: &Section, column: &str| value(section, column).map_or_else(|| "-".to_owned(), number);
+    let (headings, rows): (Vec<&str>, Vec<Vec<String>>) = if results.len() <= MAX_COLUMNS {
+        let row = |column: &&str| {
+            let cells = sections.iter().map(|section| cell(section, column));
+            std::iter::once((*column).to_owned()).chain(cells).collect()
+        };
+        (names.iter().map(String::as_str).collect(), columns.iter().map(row).collect())
+    } else {
+        let row = |(section, name): (&Section, &String)| {
+            let cells = columns.iter().map(|column| cell(section, column));
+            std::iter::once(name.clone()).chain(cells).collect()
+        };
+        (columns.clone(), sections.iter().zip(names).map(row).collect())
+    };
+    let headings: Vec<&str> = std::iter::once("").chain(headings).collect();
+    let table = Table::new("Figures that results have in common", &headings, rows);
     let mut pictures = Vec::new();
     let times = sections.iter().zip(names).filter_map(|(section, name)| {
         let (what, quantiles) = section.times.as_ref()?;
@@ -101,6 +116,7 @@ fn answer(sections: &[Section], names: &[String]) -> Vec<String> {
     if let [(what, fast, least), .., (_, slow, most)] = timed.as_slice()
         && alike
         && *least > 0.0
+        && *most > NEAR * least
     {
         let times = number(most / least);
         return vec![format!(

@@ -184,6 +184,8 @@ mod plane {
         let document = Document::parse(&svg).expect("it is well-formed XML");
         let number = |text: Option<&str>| text.and_then(|text| text.parse::<f64>().ok()).expect("a number");
         let circles: Vec<_> = document.descendants().filter(|node| node.has_tag_name("circle")).collect();
+        // The larger one is in the legend.
+        let circles: Vec<_> = circles.into_iter().filter(|node| node.attribute("r") == Some("1.8")).collect();
         assert_eq!(circles.len(), 2);
         for circle in circles {
             let (x, y) = (number(circle.attribute("cx")), number(circle.attribute("cy")));

@@ -143,14 +143,13 @@ fn slip(section: &mut Section, object: &Value) {
     section.draw("Right windows by set of objects.", &Panel::Bars(panel));
     let mut rows = Vec::new();
     for (name, of) in networks(object) {
+        let mut unseen = Vec::new();
         for set in list(of, "sets") {
             let (title, windows) = (text(set, "set").unwrap_or("?"), number(set, "windows").unwrap_or(0.0));
             let accuracy = number(set, "accuracy/mean").unwrap_or(f64::NAN);
             let is_trained = set.get("trained_on").and_then(Value::as_bool) == Some(true);
             if !is_trained {
-                section
-                    .answer
-                    .push(format!("{name} is right in {} of the windows of {title}.", percent(accuracy)));
+                unseen.push(format!("{} ({title})", percent(accuracy)));
                 section.figure(&format!("{name}, {title}: right (%)"), Some(100.0 * accuracy));
             }
             let trained = if is_trained { " (trained on)" } else { "" };
@@ -165,6 +164,10 @@ fn slip(section: &mut Section, object: &Value) {
                 &classes,
                 counts(set, "confusion"),
             );
+        }
+        if !unseen.is_empty() {
+            let unseen = unseen.join(", ");
+            section.answer.push(format!("{name} is right about {unseen} of the windows of unseen objects."));
         }
     }
     let headings = ["network, set", "windows", "accuracy (%)", "precision (%)", "recall (%)", "F1 (%)"];
