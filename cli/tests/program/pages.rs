@@ -1,5 +1,5 @@
-//! The commands of the quick start, the tutorials and the pages about sensors, with files instead of
-//! a camera, a robot, a driver and a data set.
+//! The commands of the quick start, the tutorials and the pages about sensors, with files instead
+//! of a camera, a robot, a driver and a data set.
 
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
