@@ -135,8 +135,10 @@ fn the_number_of_threads_reaches_no_bit() {
         let (logits, svg) = (runs.path().join("logits"), runs.path().join("svg"));
         let more = ["--threads", threads, "--logits", argument(&logits), "--svg", argument(&svg), "--json"];
         let output = meissner(&[&["eval", "digits"], &arguments(&data, &paths)[..], &more].concat());
-        assert!(output.status.success(), "{}", message(&output));
-        (output.stdout, std::fs::read(logits).expect("written"), std::fs::read(svg).expect("written"))
+        let mut report = object(&output);
+        // The command line says how many threads there were.
+        report["header"]["made"]["arguments"] = Value::Null;
+        (report, std::fs::read(logits).expect("written"), std::fs::read(svg).expect("written"))
     };
     let one = run("1");
     assert!(one == run("2") && one == run("7"));
