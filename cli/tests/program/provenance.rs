@@ -265,7 +265,8 @@ fn run_bench_play_eval_and_soak_share_one_schema() {
     headers.push(soak["header"].clone());
     let commands = ["run", "play", "bench", "soak"];
     for (header, command) in headers.iter().zip(commands) {
-        assert_eq!(keys(header), "classes command input meissner network outputs schema warnings weights");
+        let shared = "classes command input made meissner network outputs schema warnings weights";
+        assert_eq!(keys(header), shared);
         model(header);
         assert_eq!(header["command"], command);
         assert_eq!(header["weights"]["trained"], true);
@@ -274,8 +275,11 @@ fn run_bench_play_eval_and_soak_share_one_schema() {
     for header in &headers {
         assert_eq!((&header["schema"], &header["meissner"]), (&1.into(), &env!("CARGO_PKG_VERSION").into()));
         assert_eq!(keys(&header["input"]), "events format name sensor");
+        assert_eq!(keys(&header["made"]), "arguments machine");
+        assert_eq!(keys(&header["made"]["machine"]), "isa processor processors system");
+        assert_eq!(header["made"]["arguments"][0], "meissner");
     }
-    assert_eq!(keys(&eval["header"]), "command input meissner schema warnings");
+    assert_eq!(keys(&eval["header"]), "command input made meissner schema warnings");
     eval["networks"].as_array().expect("a list").iter().for_each(model);
     assert_eq!(eval["networks"][0]["weights"]["trained"], true);
 
