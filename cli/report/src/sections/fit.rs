@@ -5,7 +5,7 @@ use serde_json::Value;
 
 use crate::json::{counts, list, number, numbers, text, texts};
 use crate::parts::{Section, Table, plane};
-use crate::words::{count, number as shown, percent, shown_unit};
+use crate::words::{count, counted, number as shown, percent, shown_unit};
 
 /// The section of a fit.
 pub(crate) fn section(object: &Value) -> Section {
@@ -71,7 +71,10 @@ pub(crate) fn section(object: &Value) -> Section {
     }
     let heads = list(object, "heads").iter().filter_map(|head| {
         let cell = |key: &str| number(head, key).map_or_else(String::new, shown);
-        Some(vec![text(head, "head")?.to_owned(), cell("values"), cell("error")])
+        let layers = number(head, "layers")
+            .map(|layers| format!(", its first {}", counted(layers, "layer", "layers")));
+        let name = format!("{}{}", text(head, "head")?, layers.unwrap_or_default());
+        Some(vec![name, cell("values"), cell("error")])
     });
     section.table(Table::new("Heads", &["head", "values read", "error / constant's"], heads.collect()));
     let facts = [
