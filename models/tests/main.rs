@@ -14,5 +14,6 @@ mod names;
 mod network_files;
 mod problems;
 mod properties;
+mod refits;
 mod support;
 mod weights;

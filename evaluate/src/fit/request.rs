@@ -133,8 +133,8 @@ impl Base {
         Ok(Self { name: of, description, stride, weights, named, label, text })
     }
 
-    /// Its heads that can stay with the readout of `options`. Those with dense layers have seen what
-    /// these were fitted to.
+    /// Its heads that can stay with the readout of `options`. Those with dense layers have seen
+    /// what these were fitted to.
     pub(super) fn kept_heads(&self, options: &Options, has_seen: bool) -> Vec<Head> {
         let mut heads = self.description.kept_heads();
         heads.retain(|kept| options.grid.is_none() && !(has_seen && kept.has_dense));

@@ -138,8 +138,9 @@ struct Tables {
 
 impl Description {
     /// The description in `text` whose readout dense layers read: instead of its dense layers, or
-    /// of the layers of its head but the first `kept`. They come last; the last one is `fitted`, those before it `fitted1` and so on, or with underscores
-    /// behind `fitted` where other layers have such names.
+    /// of the layers of its head but the first `kept`. They come last; the last one is `fitted`,
+    /// those before it `fitted1` and so on, or with underscores behind `fitted` where other layers
+    /// have such names.
     ///
     /// # Errors
     /// `text` is no description of a network over events, or the new one is inconsistent: a name
@@ -253,8 +254,8 @@ impl Description {
     }
 
     /// Where other dense layers can begin behind layers with weights that stay: at the first dense
-    /// layer, and at the last layer if it is dense. Of each, how many layers behind the readout stay,
-    /// and how many values the next one reads.
+    /// layer, and at the last layer if it is dense. Of each, how many layers behind the readout
+    /// stay, and how many values the next one reads.
     pub fn kept_heads(&self) -> Vec<KeptHead> {
         let behind = self.behind_readout();
         let first = behind.iter().position(|layer| layer.values.is_some());

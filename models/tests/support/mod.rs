@@ -6,7 +6,8 @@ pub(crate) mod network_text;
 mod shared_files;
 pub(crate) mod torch;
 
-use meissner_models::{DescriptionError, Problem, Weights};
+use meissner_engine::Network;
+use meissner_models::{Description, DescriptionError, Problem, Weights};
 
 pub(crate) use shared_files::shared;
 
@@ -188,4 +189,12 @@ pub(crate) fn to_pth(weights: &Weights) -> Vec<u8> {
     let storages: Vec<(&str, &[u8])> =
         keys.iter().zip(&data).map(|(key, data)| (key.as_str(), data.as_slice())).collect();
     torch::file(&torch::state_dict(&views), &storages)
+}
+
+/// The network of this name, with its weights.
+pub(crate) fn shipped(name: &str) -> (Description, Network) {
+    let description = Description::shipped(name).expect("a shipped description");
+    let weights = Weights::shipped(name).expect("shipped weights");
+    let network = description.network(&weights).expect("weights of this network");
+    (description, network)
 }
