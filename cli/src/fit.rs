@@ -232,7 +232,7 @@ fn text(out: &mut dyn Write, report: &Report) -> io::Result<()> {
                 Head::Kept { layers: 1, .. } => "behind the first layer of the old one".to_owned(),
                 Head::Kept { layers, .. } => format!("behind {layers} layers of the old one"),
             };
-            [head.to_owned(), count(of.values), short(of.error)]
+            [head.clone(), count(of.values), short(of.error)]
         });
         Table::section(out, &headings, rows)?;
     }
