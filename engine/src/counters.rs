@@ -2,6 +2,8 @@
 
 use std::time::{Duration, Instant};
 
+use crate::memory::FixedVec;
+
 /// Reason why an event did not enter the window.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[non_exhaustive]
@@ -108,8 +110,9 @@ pub struct PredictionCounters {
 #[derive(Clone, Debug, Default)]
 pub(crate) struct LayerLog {
     pub(crate) counters: LayerCounters,
-    /// Slots of the rows computed since the last prediction, if they are recorded.
-    pub(crate) rows: Option<Vec<u32>>,
+    /// Slots of the rows computed since the last prediction, and whether each changed, if they are
+    /// recorded; no more than there is room for.
+    pub(crate) rows: Option<FixedVec<(u32, bool)>>,
 }
 
 impl LayerLog {
@@ -117,8 +120,10 @@ impl LayerLog {
     pub(crate) fn note(&mut self, row: u32, unchanged: bool) {
         self.counters.recomputed += 1;
         self.counters.unchanged += u64::from(unchanged);
-        if let Some(rows) = &mut self.rows {
-            rows.push(row);
+        if let Some(rows) = &mut self.rows
+            && rows.len() < rows.capacity()
+        {
+            rows.push((row, !unchanged));
         }
     }
 }

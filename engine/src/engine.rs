@@ -1,13 +1,12 @@
 //! The engine: events in, predictions out.
 
+mod inspection;
 mod snapshot;
 
 use std::convert::Infallible;
 use std::fmt;
 use std::sync::Arc;
 use std::time::Duration;
-
-use meissner_kernels::Neighbour;
 
 use crate::admission::Admission;
 use crate::counters::{Counters, EventCounters, LayerLog, Log, Outcome, Stage};
@@ -22,6 +21,7 @@ use crate::step::StageState;
 use crate::unlikeness::TrainingWindows;
 use crate::unlikeness::WindowStatistics;
 use crate::{EngineError, Event, Sensor};
+pub use inspection::ComputedRow;
 
 /// A prediction, and what it cost.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -105,7 +105,10 @@ impl Engine {
             return Err(option("tolerance", "a finite number of at least 0", options.tolerance));
         }
         let layers = network.layers().len();
-        let needed = Memory::needed(|memory| StageState::new(Arc::clone(&network), sensor, &options, memory));
+        let needed = Memory::needed(|memory| {
+            StageState::new(Arc::clone(&network), sensor, &options, memory);
+            inspection::logs(&network, sensor, options.record_rows, memory);
+        });
         let of_layers = layers * (size_of::<LayerLog>() + 2 * size_of::<u64>());
         let bytes = needed.saturating_add(of_layers as u128);
         if bytes > options.memory_limit || bytes == u128::MAX {
@@ -117,13 +120,13 @@ impl Engine {
                 limit: options.memory_limit,
             });
         }
-        let log = LayerLog { rows: options.hooks.record_rows.then(Vec::new), ..LayerLog::default() };
+        let logs = inspection::logs(&network, sensor, options.record_rows, &mut Memory::default());
         Ok(Self {
             step: StageState::new(Arc::clone(&network), sensor, &options, &mut Memory::default()),
             bytes,
             watch: ClockWatch::new(options.restart, sensor, network.parts().span_us),
             admission: Admission::new(sensor, options.late),
-            log: Log { layers: vec![log; layers], ..Log::default() },
+            log: Log { layers: logs, ..Log::default() },
             newest_us: None,
             rows: vec![0; layers],
             recomputed: vec![0; layers],
@@ -278,7 +281,7 @@ impl Engine {
     /// Starts a new record of computed rows if a prediction was read.
     fn begin(&mut self) {
         if self.reported {
-            self.log.layers.iter_mut().filter_map(|log| log.rows.as_mut()).for_each(Vec::clear);
+            self.log.layers.iter_mut().filter_map(|log| log.rows.as_mut()).for_each(|rows| rows.clear());
             self.reported = false;
         }
     }
@@ -352,58 +355,6 @@ impl Engine {
     /// Time of the first accepted event since the last reset. All other times count from it.
     pub fn epoch_us(&self) -> Option<i64> {
         self.admission.epoch_us()
-    }
-
-    /// Events of the window from oldest to newest, with their accepted times.
-    pub fn events(&self) -> Vec<Event> {
-        let epoch = self.admission.epoch_us().unwrap_or(0);
-        let nodes = self.step.window.slots().map(|slot| self.step.window.node(slot));
-        nodes.map(|n| Event::new(epoch + n.t, n.x, n.y, n.on)).collect()
-    }
-
-    /// Rows of a feature of a level (see [`Network`]) as of the last prediction, in a batch's
-    /// order: events by arrival, cells by (t, y, x).
-    ///
-    /// # Panics
-    /// If there is no such level or feature.
-    pub fn feature(&self, level: usize, feature: usize) -> Vec<Vec<f32>> {
-        let matrix = self.step.activations[level].feature(feature);
-        self.step.rows(level).iter().map(|&row| matrix.values(row as usize).collect()).collect()
-    }
-
-    /// Readout of the last prediction: (times x cells, channels), newest grid first.
-    pub fn readout(&self) -> Vec<Vec<f32>> {
-        let readout = self.step.readout();
-        (0..readout.rows()).map(|cell| readout.values(cell).collect()).collect()
-    }
-
-    /// Rows of each of [`Network::layers`] computed for the last prediction or since, and still
-    /// present, as in [`Engine::feature`]; ascending. Empty without `Options::with_record_rows`.
-    #[doc(hidden)]
-    pub fn recomputed(&self) -> Vec<Vec<usize>> {
-        let mut layers = self.log.layers.iter();
-        let mut out = Vec::new();
-        for level in 0..self.network.levels() {
-            let present = self.step.rows(level);
-            let count = self.network.level(level).blocks.len() + usize::from(level > 0);
-            for log in layers.by_ref().take(count) {
-                let rows = log.rows.as_deref().unwrap_or_default();
-                out.push((0..present.len()).filter(|&place| rows.contains(&present[place])).collect());
-            }
-        }
-        out
-    }
-
-    /// Neighbourhood of the `index`th oldest event, in order: indices in the window and attributes,
-    /// without neighbours that have left.
-    ///
-    /// # Panics
-    /// If there is no such event.
-    pub fn neighbourhood(&self, index: usize) -> Vec<Neighbour> {
-        let window = &self.step.window;
-        let slot = window.slots().nth(index).expect("the window has that many events");
-        let edges = self.step.graph.present(window, slot);
-        edges.map(|n| Neighbour { row: window.age_rank(n.row), ..n }).collect()
     }
 }
 

@@ -138,7 +138,7 @@ pub use batch::{Batch, Cells, Edges, Graph, LevelTrace, Places, Propose, Search,
 pub use batch_engine::BatchEngine;
 pub use convolution::{ConvolutionScratch, GraphConvolution};
 pub use counters::{Counters, DropReason, EventCounters, LayerCounters, Outcome, PredictionCounters, Stage};
-pub use engine::{Engine, Prediction, Snapshot};
+pub use engine::{ComputedRow, Engine, Prediction, Snapshot};
 pub use error::EngineError;
 pub use event::{Event, Sensor};
 pub use network::{

@@ -10,7 +10,7 @@ use std::iter;
 use meissner_kernels::{GraphRow, Matrix};
 
 use crate::Sensor;
-use crate::cells::{CellGrid, EventSums, Key, key, mean_position};
+use crate::cells::{CellGrid, CellIndex, EventSums, Key, key, mean_position};
 use crate::convolution::EdgeReads;
 use crate::counters::PredictionCounters;
 use crate::graph::Adjacency;
@@ -135,6 +135,12 @@ impl PooledGraph {
 
     pub(crate) fn position(&self, cell: u32) -> [f64; 3] {
         self.positions[cell as usize]
+    }
+
+    /// Index of the cell in slot `cell` along x, y and t.
+    pub(crate) fn index(&self, cell: u32) -> CellIndex {
+        let [t, y, x] = self.keys[cell as usize];
+        [x, y, t]
     }
 
     /// Index along t of the cell in slot `cell`.

@@ -19,7 +19,7 @@ use meissner_reference::ReferenceError;
 use proptest::prelude::ProptestConfig;
 
 /// Each crate with the crates of the house that it may use, its tests apart.
-const MAY_USE: [(&str, &[&str]); 16] = [
+const MAY_USE: [(&str, &[&str]); 17] = [
     ("kernels", &[]),
     ("engine", &["kernels"]),
     ("live", &["engine"]),
@@ -30,6 +30,7 @@ const MAY_USE: [(&str, &[&str]); 16] = [
     ("run", &["kernels", "engine", "live", "models", "io"]),
     ("evaluate", &["kernels", "engine", "models", "io", "run", "simulator"]),
     ("verify", &["kernels", "engine", "models", "run", "reference"]),
+    ("view", &["kernels", "engine", "models", "io", "run"]),
     ("cli/plot", &[]),
     ("cli/report", &["io", "plot"]),
     (
@@ -47,6 +48,7 @@ const MAY_USE: [(&str, &[&str]); 16] = [
             "reference",
             "plot",
             "report",
+            "view",
         ],
     ),
     ("meissner", &["kernels", "engine", "live", "models", "io"]),

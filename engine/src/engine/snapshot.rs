@@ -79,8 +79,11 @@ impl Engine {
         let mut restored = Self::clone(other);
         restored.watch = watch;
         restored.step.run_as(&self.step);
-        for log in &mut restored.log.layers {
-            log.rows = self.options.hooks.record_rows.then(|| log.rows.take().unwrap_or_default());
+        for (log, own) in restored.log.layers.iter_mut().zip(&self.log.layers) {
+            log.rows = own.rows.clone().map(|mut own| {
+                own.clear();
+                log.rows.take().unwrap_or(own)
+            });
         }
         *self = Self { network: Arc::clone(&self.network), options: self.options, ..restored };
         Ok(())

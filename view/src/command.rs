@@ -1,0 +1,45 @@
+//! What a page may ask: one JSON object for each command.
+
+use serde::Deserialize;
+
+/// A command, as `{"do": "seek", "t_us": 120000}`.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(tag = "do", rename_all = "snake_case", deny_unknown_fields)]
+pub enum Command {
+    /// Go on from the cursor; from the start, if it is at the end.
+    Play,
+    /// Stop at the cursor. Live events are still taken into the history.
+    Pause,
+    /// Go to a time in microseconds from the first event: after the last event that is no later.
+    Seek {
+        /// The time.
+        t_us: f64,
+    },
+    /// Go to just after this number of events.
+    SeekEvent {
+        /// The number.
+        event: f64,
+    },
+    /// Go some events on, or back.
+    Step {
+        /// How many.
+        events: f64,
+    },
+    /// Play so many times as fast as the input; live input is followed at any speed.
+    Speed {
+        /// The factor, above 0.
+        times: f64,
+    },
+    /// Use another network, from the same cursor.
+    Network {
+        /// Its name.
+        name: String,
+    },
+    /// Compare every row with full recomputation, at the cursor; not any more.
+    Compare {
+        /// Whether.
+        on: bool,
+    },
+    /// A page has opened: it needs a frame although nothing has changed.
+    Show,
+}

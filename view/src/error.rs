@@ -1,0 +1,51 @@
+//! What can go wrong with a session.
+
+use meissner_engine::EngineError;
+use meissner_models::ModelError;
+use thiserror::Error;
+
+/// Why a session cannot do what it was asked.
+#[derive(Debug, Error)]
+#[non_exhaustive]
+pub enum ViewError {
+    /// A command is not one of [`Command`](crate::command::Command).
+    #[error("command: {0}")]
+    Command(#[from] serde_json::Error),
+    /// A number of a command is out of range.
+    #[error("command {command}: expected {expected}, found {found}")]
+    Value {
+        /// The command.
+        command: &'static str,
+        /// What it takes.
+        expected: &'static str,
+        /// What it was given.
+        found: f64,
+    },
+    /// There is no such network, or it reads no events.
+    #[error("network {name}: expected one of {known}")]
+    Network {
+        /// The name.
+        name: String,
+        /// The networks that there are.
+        known: String,
+    },
+    /// The weights of a network do not fit.
+    #[error("network {name}")]
+    Weights {
+        /// The name.
+        name: String,
+        /// Why.
+        source: ModelError,
+    },
+    /// The engine refuses.
+    #[error(transparent)]
+    Engine(#[from] EngineError),
+    /// Another reason, of a caller's own networks.
+    #[error("network {name}: {reason}")]
+    Other {
+        /// The name.
+        name: String,
+        /// Why.
+        reason: String,
+    },
+}

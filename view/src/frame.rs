@@ -1,0 +1,123 @@
+//! The bytes of a frame.
+//!
+//! A frame is a picture of one moment and needs no frame before it, so one that is dropped is
+//! never missed. All numbers are little-endian; every section starts at a multiple of 4 bytes, so
+//! that a reader may lay arrays of 32 bits over it. `page/frame.js` is the decoder of the page.
+//!
+//! ```text
+//! frame     "MSN1", then sections until the end
+//! section   tag: 4 letters; n: u32; n bytes, a multiple of 4
+//! ```
+//!
+//! A reader passes over tags that it does not know. Sections, by tag; `[]` repeats, and an *index
+//! of an event* counts the events of EVNT:
+//!
+//! | tag | content |
+//! |---|---|
+//! | `FACT` | JSON that seldom changes, padded with spaces: input, network, truth ([`Facts`](crate::session::Facts)) |
+//! | `INFO` | JSON of small changing things, padded with spaces ([`Info`](crate::session::Info)) |
+//! | `TIME` | f64 time of the cursor, f64 end of the input, both in us from the first event; f64 events taken, f64 events of the input; f32 speed, u32 flags: 1 playing, 2 at the end, 4 live, 8 seeking |
+//! | `EVNT` | the window, oldest first: `[`u16 x, u16 y, u32 2 x age in us + 1 if on`]`; ages stop at 2^31 - 1 |
+//! | `NEAR` | neighbours of the newest event, nearest first: `[`u32 index of an event`]` |
+//! | `WAVE` | u32 layers; for each: u32 level, u32 rows of the level, u32 of these computed; then for each layer the computed rows: `[`u32 2 x row + 1 if it changed`]`. Rows of level 0 are indices of events, those of other levels of cells in CELL |
+//! | `CELL` | u32 levels above the events; for each: u32 cells along x, u32 along y, u32 count, then `[`u16 x, u16 y, u32 age in cells, f32 root mean square of its channels`]` |
+//! | `READ` | u32 grids, newest first, u32 columns, u32 rows; then a f32 root mean square for each cell, row by row |
+//! | `PRED` | u32 outputs, u32 events in the window, f32 unlike (NaN: not known), f32 time of the newest push and prediction in us (NaN: not measured); f32 values; f32 truth (NaN: there is none) |
+//! | `SERS` | predictions over time: u32 outputs n, u32 points; then for each point f32 time in ms from the first event, n f32 |
+//! | `LATE` | f64 measured so far, f32 p50, f32 p99, f32 p99.9, f32 largest, f32 events a second, u32 buckets; then `[`u32`]`: how many of the newest took less than 0.1 us x 2^((i + 1) / 4) and no less than the bucket before; the last bucket has the rest |
+//! | `WORK` | since the start: u32 layers; for each f64 computed, f64 of these unchanged, f64 of these within the tolerance, f64 kept; then f64 predictions, f64 of these reused, f64 readout cells computed, f64 of these unchanged, f64 neighbourhoods checked, f64 of these unchanged |
+
+/// The first bytes of a frame.
+pub const MAGIC: [u8; 4] = *b"MSN1";
+
+/// Writes a frame, section by section.
+///
+/// ```
+/// use meissner_view::frame::FrameWriter;
+///
+/// let mut frame = FrameWriter::new();
+/// frame.section(*b"NEAR", |bytes| bytes.u32(7));
+/// assert_eq!(frame.finish(), b"MSN1NEAR\x04\0\0\0\x07\0\0\0");
+/// ```
+#[derive(Debug)]
+pub struct FrameWriter(Vec<u8>);
+
+impl Default for FrameWriter {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl FrameWriter {
+    /// A frame without sections.
+    pub fn new() -> Self {
+        Self(MAGIC.to_vec())
+    }
+
+    /// Appends a section with what `write` writes, padded to a multiple of 4 bytes with spaces.
+    pub fn section(&mut self, tag: [u8; 4], write: impl FnOnce(&mut Bytes<'_>)) {
+        self.0.extend_from_slice(&tag);
+        let length = self.0.len();
+        self.0.extend_from_slice(&[0; 4]);
+        write(&mut Bytes(&mut self.0));
+        while !self.0.len().is_multiple_of(4) {
+            self.0.push(b' ');
+        }
+        let bytes = (self.0.len() - length - 4) as u32;
+        self.0[length..length + 4].copy_from_slice(&bytes.to_le_bytes());
+    }
+
+    /// Appends a section with `value` as JSON.
+    pub fn json(&mut self, tag: [u8; 4], value: &impl serde::Serialize) {
+        // Numbers, texts and lists of them always serialise.
+        let text = serde_json::to_string(value).unwrap_or_default();
+        self.section(tag, |bytes| bytes.0.extend_from_slice(text.as_bytes()));
+    }
+
+    /// The bytes.
+    pub fn finish(self) -> Vec<u8> {
+        self.0
+    }
+}
+
+/// The content of a section, little-endian.
+#[derive(Debug)]
+pub struct Bytes<'a>(&'a mut Vec<u8>);
+
+/// A method for each type of number.
+macro_rules! numbers {
+    ($($name:ident),*) => {$(
+        #[doc = concat!("Appends a ", stringify!($name), ".")]
+        pub fn $name(&mut self, value: $name) {
+            self.0.extend_from_slice(&value.to_le_bytes());
+        }
+    )*};
+}
+
+impl Bytes<'_> {
+    numbers!(u16, u32, f32, f64);
+
+    /// Appends a number of things as a u32; more than fit are as many as fit.
+    pub fn count(&mut self, count: usize) {
+        self.u32(u32::try_from(count).unwrap_or(u32::MAX));
+    }
+
+    /// Appends values.
+    pub fn f32s(&mut self, values: &[f32]) {
+        values.iter().for_each(|&value| self.f32(value));
+    }
+}
+
+/// The sections of `frame` with their tags; `None` if they are not those of a frame.
+pub fn sections(frame: &[u8]) -> Option<Vec<([u8; 4], &[u8])>> {
+    let mut rest = frame.strip_prefix(&MAGIC)?;
+    let mut sections = Vec::new();
+    while !rest.is_empty() {
+        let (tag, after) = rest.split_first_chunk::<4>()?;
+        let (length, after) = after.split_first_chunk::<4>()?;
+        let (content, after) = after.split_at_checked(u32::from_le_bytes(*length) as usize)?;
+        sections.push((*tag, content));
+        rest = after;
+    }
+    Some(sections)
+}

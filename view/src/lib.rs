@@ -1,0 +1,52 @@
+//! Lets people watch an engine: a [`Session`] runs a network over events as the page in the folder
+//! `page` asks, and hands it binary frames of what the engine holds and what it computed.
+//!
+//! ```text
+//! commands as JSON -> Session (events, engine, cursor) -> frames -> page
+//! ```
+//!
+//! | module | contents |
+//! |---|---|
+//! | [`frame`] | the bytes of a frame, one by one |
+//! | [`scene`] | what a frame shows of an engine over events |
+//! | [`session`] | a network over events with a cursor in time: play, step, seek, compare |
+//! | [`command`] | what a page may ask |
+//! | [`networks`] | networks by name |
+//! | [`truth`] | what is true at a time |
+//! | [`series`], [`latency`] | predictions over time; durations of the newest events |
+//!
+//! A session knows no file, thread, socket or clock: events and the clock are arguments. It runs
+//! wherever the engine runs, also in a browser.
+//!
+//! ```
+//! use meissner_engine::{Event, Sensor};
+//! use meissner_view::{Input, Session, Shipped};
+//!
+//! let events: Vec<Event> = (0..100).map(|i| Event::new(500 * i, 40 + i as u16, 30, true)).collect();
+//! let input = Input { name: "a line".to_owned(), sensor: Sensor::new(346, 260), events, ..Input::default() };
+//! let mut session = Session::new(input, Box::new(Shipped), "tactigraph-past", || 0.0)?;
+//! session.command(r#"{"do": "seek_event", "event": 60}"#)?;
+//! let frame = session.step(1e6).expect("the cursor has moved");
+//! assert_eq!(&frame[..4], b"MSN1");
+//! # Ok::<(), meissner_view::ViewError>(())
+//! ```
+#![forbid(unsafe_code)]
+#![deny(clippy::print_stdout, clippy::print_stderr)]
+
+pub mod command;
+mod error;
+pub mod frame;
+pub mod latency;
+pub mod networks;
+pub mod scene;
+pub mod series;
+pub mod session;
+pub mod truth;
+
+pub use error::ViewError;
+pub use networks::{Chosen, Networks, Shipped};
+pub use session::{Input, Session};
+pub use truth::Truth;
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,356 @@
+//! A network over events, with a cursor in time that a page moves.
+//!
+//! Enters: commands, live events, and calls of [`Session::step`]. Leaves: frames. Invariant: after
+//! a step, the engine has taken the events before the cursor and nothing else, and a prediction was
+//! read before the newest of them and after it, so the rows that a frame shows are those that one
+//! event changed.
+
+mod compare;
+mod history;
+mod shown;
+
+use meissner_engine::{Engine, Event, Options, Sensor};
+
+use crate::command::Command;
+use crate::error::ViewError;
+use crate::latency::Latency;
+use crate::networks::{Chosen, Networks};
+use crate::series::Series;
+use crate::truth::Truth;
+use compare::Comparison;
+use history::History;
+pub use shown::{Compared, ComparedLayer, Facts, Info, LayerFacts, TruthFacts};
+
+/// The clock of a session: microseconds from any start, never back.
+pub type Clock = fn() -> f64;
+
+/// Slowest and fastest speed.
+const SPEEDS: [f64; 2] = [1e-6, 1e6];
+/// Rows of a live history are kept for this many events; older ones are forgotten in halves.
+const MAX_HISTORY: usize = 1 << 21;
+
+/// What a session shows.
+#[derive(Clone, Debug)]
+pub struct Input {
+    /// Name, for people.
+    pub name: String,
+    /// The sensor.
+    pub sensor: Sensor,
+    /// The events so far.
+    pub events: Vec<Event>,
+    /// Whether more will come ([`Session::push`]).
+    pub live: bool,
+    /// What is true, if that is known.
+    pub truth: Truth,
+}
+
+impl Default for Input {
+    fn default() -> Self {
+        let sensor = Sensor::new(1, 1);
+        Self { name: String::new(), sensor, events: Vec::new(), live: false, truth: Truth::default() }
+    }
+}
+
+/// A network over events, with a cursor.
+pub struct Session {
+    name: String,
+    sensor: Sensor,
+    live: bool,
+    truth: Truth,
+    networks: Box<dyn Networks + Send>,
+    clock: Clock,
+    network: String,
+    chosen: Chosen,
+    engine: Engine,
+    history: History,
+    latency: Latency,
+    series: Series,
+    comparison: Comparison,
+    /// Where the cursor goes; the engine may need several steps to get there.
+    target: usize,
+    playing: bool,
+    speed: f64,
+    /// Time of the clock and stream time at which playing began or was last delayed.
+    anchor: (f64, f64),
+    /// The newest prediction, and the time of the push and prediction of its event.
+    prediction: Vec<f32>,
+    unlike: Option<f32>,
+    took_us: Option<f64>,
+    error: Option<String>,
+    /// Whether anything has changed since the last frame.
+    changed: bool,
+    facts: u64,
+    queue: Option<(u64, u64)>,
+}
+
+impl Session {
+    /// A session before the first event of `input`, playing, with the network called `network`.
+    ///
+    /// # Errors
+    /// The network cannot be loaded, or the engine refuses it.
+    pub fn new(
+        input: Input,
+        networks: Box<dyn Networks + Send>,
+        network: &str,
+        clock: Clock,
+    ) -> Result<Self, ViewError> {
+        let Input { name, sensor, events, live, truth } = input;
+        let chosen = networks.load(network)?;
+        let engine = engine(&chosen, sensor)?;
+        let history = History::new(events);
+        let length_us = (!live).then(|| history.end_us());
+        Ok(Self {
+            latency: Latency::default(),
+            series: Series::new(length_us),
+            comparison: Comparison::default(),
+            network: network.to_owned(),
+            target: 0,
+            playing: true,
+            speed: 1.0,
+            anchor: (clock(), 0.0),
+            prediction: Vec::new(),
+            unlike: None,
+            took_us: None,
+            error: None,
+            changed: true,
+            facts: 0,
+            queue: None,
+            name,
+            sensor,
+            live,
+            truth,
+            networks,
+            clock,
+            chosen,
+            engine,
+            history,
+        })
+    }
+
+    /// Adds live events to the end of the history. Of a very long one, the oldest half is
+    /// forgotten: the cursor cannot go back there.
+    pub fn push(&mut self, events: &[Event]) {
+        self.history.extend(events);
+        if self.history.len() > MAX_HISTORY {
+            let forgotten = self.history.forget(MAX_HISTORY / 2);
+            self.target = self.target.saturating_sub(forgotten);
+            if self.history.cursor == 0 {
+                self.restart();
+            }
+        }
+        self.changed = true;
+    }
+
+    /// Says how many events wait in front of the session and how many were lost there.
+    pub fn set_queue(&mut self, waiting: u64, lost: u64) {
+        self.changed |= self.queue != Some((waiting, lost));
+        self.queue = Some((waiting, lost));
+    }
+
+    /// Carries out a [`Command`] in JSON.
+    ///
+    /// # Errors
+    /// It is not a command, or it cannot be carried out; nothing has changed then.
+    pub fn command(&mut self, text: &str) -> Result<(), ViewError> {
+        let command = serde_json::from_str(text).map_err(ViewError::from);
+        let done = command.and_then(|command| self.perform(command));
+        self.error = done.as_ref().err().map(ToString::to_string);
+        self.changed = true;
+        done
+    }
+
+    fn perform(&mut self, command: Command) -> Result<(), ViewError> {
+        match command {
+            Command::Play => {
+                if self.history.cursor == self.history.len() && !self.live {
+                    self.go_to(0);
+                }
+                self.playing = true;
+                self.set_anchor();
+            }
+            Command::Pause => {
+                self.playing = false;
+                self.target = self.history.cursor;
+            }
+            Command::Seek { t_us } => {
+                let t_us = finite("seek", t_us)?;
+                self.go_to(self.history.until_us(t_us));
+            }
+            Command::SeekEvent { event } => {
+                let event = finite("seek_event", event)?;
+                self.go_to(event.max(0.0) as usize);
+            }
+            Command::Step { events } => {
+                let events = finite("step", events)?;
+                self.playing = false;
+                self.go_to((self.history.cursor as f64 + events).max(0.0) as usize);
+            }
+            Command::Speed { times } => {
+                let times = finite("speed", times)?;
+                if !(SPEEDS[0]..=SPEEDS[1]).contains(&times) {
+                    let expected = "a factor from 1e-6 to 1e6";
+                    return Err(ViewError::Value { command: "speed", expected, found: times });
+                }
+                self.speed = times;
+                self.set_anchor();
+            }
+            Command::Network { name } => self.choose(&name)?,
+            Command::Compare { on } => self.comparison.switch(on),
+            Command::Show => {}
+        }
+        Ok(())
+    }
+
+    fn choose(&mut self, name: &str) -> Result<(), ViewError> {
+        let chosen = self.networks.load(name)?;
+        self.engine = engine(&chosen, self.sensor)?;
+        (self.chosen, self.network) = (chosen, name.to_owned());
+        self.latency = Latency::default();
+        self.series.clear();
+        self.history.forget_states();
+        self.comparison.forget();
+        self.prediction.clear();
+        self.facts += 1;
+        let cursor = std::mem::take(&mut self.history.cursor);
+        self.go_to(cursor);
+        Ok(())
+    }
+
+    /// Starts again with the engine, without events.
+    fn restart(&mut self) {
+        // It was made once with the same arguments.
+        match engine(&self.chosen, self.sensor) {
+            Ok(engine) => self.engine = engine,
+            Err(error) => self.error = Some(error.to_string()),
+        }
+        self.history.cursor = 0;
+        self.prediction.clear();
+        self.took_us = None;
+    }
+
+    /// Moves the cursor to just after `event` events; the next steps carry it out.
+    fn go_to(&mut self, event: usize) {
+        self.target = event.min(self.history.len());
+        // A prediction is read before the newest event, so it is taken again.
+        let before = self.target.saturating_sub(1);
+        let returns = self.target <= self.history.cursor;
+        if returns || self.history.has_state_between(self.history.cursor, before) {
+            self.restore(before);
+        }
+        self.set_anchor();
+    }
+
+    /// Returns to the last known state at or before `event`.
+    fn restore(&mut self, event: usize) {
+        let Some((cursor, bytes)) = self.history.state_before(event) else { return self.restart() };
+        match self.engine.restore_bytes(bytes) {
+            Ok(()) => self.history.cursor = cursor,
+            Err(_) => return self.restart(),
+        }
+        // It computes rows again, which the next event does not change.
+        if let Err(error) = self.engine.predict() {
+            self.error = Some(error.to_string());
+        }
+    }
+
+    fn set_anchor(&mut self) {
+        self.anchor = ((self.clock)(), self.history.time_of(self.target));
+    }
+
+    /// Goes on for at most about `budget_us` of the clock, and returns a frame if there is anything
+    /// new to show.
+    pub fn step(&mut self, budget_us: f64) -> Option<Vec<u8>> {
+        let deadline = (self.clock)() + budget_us;
+        if self.playing {
+            self.follow();
+        }
+        if self.history.cursor < self.target {
+            self.advance(deadline, budget_us);
+            self.changed = true;
+        }
+        if self.playing && !self.live && self.history.cursor == self.history.len() {
+            self.playing = false;
+            self.changed = true;
+        }
+        let arrived = self.history.cursor == self.target;
+        if arrived && self.comparison.is_due(self.history.cursor, self.playing, self.clock) {
+            let events = (self.history.forgotten == 0).then(|| self.history.taken());
+            self.comparison.compare(&self.engine, self.history.cursor, events, self.clock);
+            self.changed = true;
+        }
+        std::mem::take(&mut self.changed).then(|| self.frame())
+    }
+
+    /// Sets the target to what is due now.
+    fn follow(&mut self) {
+        if self.live {
+            self.target = self.history.len();
+            return;
+        }
+        let (began, from_us) = self.anchor;
+        let due_us = from_us + ((self.clock)() - began) * self.speed;
+        self.target = self.target.max(self.history.until_us(due_us));
+    }
+
+    /// Takes events up to the target while there is time: one by one if that is fast enough, else
+    /// in slices with a prediction after each.
+    fn advance(&mut self, deadline: f64, budget_us: f64) {
+        let waiting = self.target - self.history.cursor;
+        let cost_us = self.latency.mean_us().unwrap_or(1.0);
+        let slice = ((waiting as f64 * cost_us / budget_us.max(1.0)).ceil() as usize).clamp(1, 4096);
+        while self.history.cursor + 1 < self.target && (self.clock)() < deadline {
+            let end = (self.history.cursor + slice).min(self.target - 1);
+            self.take(end);
+        }
+        if self.history.cursor + 1 == self.target {
+            self.take(self.target);
+        } else if self.playing && !self.live {
+            // Too slow for this speed: the input waits, and no event is left out.
+            self.anchor = ((self.clock)(), self.history.time_of(self.history.cursor));
+            self.target = self.history.cursor;
+        }
+    }
+
+    /// Takes the events up to `end` and reads a prediction.
+    fn take(&mut self, end: usize) {
+        let events = self.history.slice(end);
+        let (one, start) = (events.len() == 1, (self.clock)());
+        match *events {
+            [event] => drop(self.engine.push(event)),
+            _ => drop(self.engine.push_slice(events)),
+        }
+        let predicted = self.engine.predict();
+        let took_us = (self.clock)() - start;
+        let t_us = self.history.time_of(end) as i64;
+        match predicted {
+            Ok(prediction) => {
+                self.unlike = prediction.unlike;
+                self.prediction.clear();
+                self.prediction.extend_from_slice(prediction.values);
+                self.series.add(t_us, &self.prediction);
+                self.error = None;
+            }
+            Err(error) => self.error = Some(error.to_string()),
+        }
+        self.took_us = one.then_some(took_us);
+        if one {
+            self.latency.record(took_us);
+        }
+        self.history.cursor = end;
+        if self.history.wants_state() {
+            self.history.keep_state(self.engine.to_bytes());
+        }
+    }
+}
+
+fn engine(chosen: &Chosen, sensor: Sensor) -> Result<Engine, ViewError> {
+    let options = Options::new().with_record_rows(true);
+    Ok(Engine::with_options(std::sync::Arc::clone(&chosen.network), sensor, options)?)
+}
+
+fn finite(command: &'static str, value: f64) -> Result<f64, ViewError> {
+    if value.is_finite() {
+        return Ok(value);
+    }
+    Err(ViewError::Value { command, expected: "a finite number", found: value })
+}
