@@ -107,6 +107,15 @@ pub struct PredictionCounters {
     pub neighbourhoods_unchanged: u64,
 }
 
+/// A row that was computed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub struct ComputedRow {
+    /// Its index, as in [`crate::Engine::feature`].
+    pub row: usize,
+    /// Whether its values changed. If not, nothing was recomputed because of it.
+    pub changed: bool,
+}
+
 #[derive(Clone, Debug, Default)]
 pub(crate) struct LayerLog {
     pub(crate) counters: LayerCounters,

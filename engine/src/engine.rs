@@ -14,14 +14,15 @@ use crate::error::option;
 use crate::memory::Memory;
 use crate::network::{Network, Normalisation};
 use crate::options::Options;
+use crate::pooled::Shape;
 use crate::restart::{ClockWatch, Decision};
 use crate::snapshot::SnapshotOf;
 use crate::step::StageState;
 #[cfg(doc)]
 use crate::unlikeness::TrainingWindows;
 use crate::unlikeness::WindowStatistics;
+use crate::window::Window;
 use crate::{EngineError, Event, Sensor};
-pub use inspection::ComputedRow;
 
 /// A prediction, and what it cost.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -107,7 +108,7 @@ impl Engine {
         let layers = network.layers().len();
         let needed = Memory::needed(|memory| {
             StageState::new(Arc::clone(&network), sensor, &options, memory);
-            inspection::logs(&network, sensor, options.record_rows, memory);
+            logs(&network, sensor, options.record_rows, memory);
         });
         let of_layers = layers * (size_of::<LayerLog>() + 2 * size_of::<u64>());
         let bytes = needed.saturating_add(of_layers as u128);
@@ -120,7 +121,7 @@ impl Engine {
                 limit: options.memory_limit,
             });
         }
-        let logs = inspection::logs(&network, sensor, options.record_rows, &mut Memory::default());
+        let logs = logs(&network, sensor, options.record_rows, &mut Memory::default());
         Ok(Self {
             step: StageState::new(Arc::clone(&network), sensor, &options, &mut Memory::default()),
             bytes,
@@ -356,6 +357,17 @@ impl Engine {
     pub fn epoch_us(&self) -> Option<i64> {
         self.admission.epoch_us()
     }
+}
+
+/// The logs of the layers of `network`; with `record`, each has room for every row of its level.
+fn logs(network: &Network, sensor: Sensor, record: bool, memory: &mut Memory) -> Vec<LayerLog> {
+    let events = Window::slots_for(network.parts().capacity);
+    let pooled = Shape::all(network, sensor).0;
+    let slots = [events].into_iter().chain(pooled.iter().map(Shape::slots));
+    let layers = |level: usize| network.level(level).blocks.len() + usize::from(level > 0);
+    let of_levels = slots.enumerate().flat_map(|(level, slots)| vec![slots; layers(level)]);
+    let log = |slots| LayerLog { rows: record.then(|| memory.room(slots)), ..LayerLog::default() };
+    of_levels.map(log).collect()
 }
 
 impl fmt::Debug for Engine {

@@ -137,8 +137,10 @@ pub use admission::{Admission, LatePolicy};
 pub use batch::{Batch, Cells, Edges, Graph, LevelTrace, Places, Propose, Search, Stream, Trace};
 pub use batch_engine::BatchEngine;
 pub use convolution::{ConvolutionScratch, GraphConvolution};
-pub use counters::{Counters, DropReason, EventCounters, LayerCounters, Outcome, PredictionCounters, Stage};
-pub use engine::{ComputedRow, Engine, Prediction, Snapshot};
+pub use counters::{
+    ComputedRow, Counters, DropReason, EventCounters, LayerCounters, Outcome, PredictionCounters, Stage,
+};
+pub use engine::{Engine, Prediction, Snapshot};
 pub use error::EngineError;
 pub use event::{Event, Sensor};
 pub use network::{

@@ -11,6 +11,7 @@ mod golden_frames;
 mod golden_networks;
 mod house;
 mod incremental;
+mod inspection;
 mod neighbours;
 #[allow(dead_code, reason = "other tests use more of it")]
 #[path = "../../models/tests/support/network_text.rs"]

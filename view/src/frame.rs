@@ -9,23 +9,38 @@
 //! section   tag: 4 letters; n: u32; n bytes, a multiple of 4
 //! ```
 //!
-//! A reader passes over tags that it does not know. Sections, by tag; `[]` repeats, and an *index
-//! of an event* counts the events of EVNT:
+//! A reader passes over tags that it does not know. `(...)` repeats to the end of the section or as
+//! often as is said; an *index of an event* counts the events of EVNT.
 //!
-//! | tag | content |
-//! |---|---|
-//! | `FACT` | JSON that seldom changes, padded with spaces: input, network, truth ([`Facts`](crate::session::Facts)) |
-//! | `INFO` | JSON of small changing things, padded with spaces ([`Info`](crate::session::Info)) |
-//! | `TIME` | f64 time of the cursor, f64 end of the input, both in us from the first event; f64 events taken, f64 events of the input; f32 speed, u32 flags: 1 playing, 2 at the end, 4 live, 8 seeking |
-//! | `EVNT` | the window, oldest first: `[`u16 x, u16 y, u32 2 x age in us + 1 if on`]`; ages stop at 2^31 - 1 |
-//! | `NEAR` | neighbours of the newest event, nearest first: `[`u32 index of an event`]` |
-//! | `WAVE` | u32 layers; for each: u32 level, u32 rows of the level, u32 of these computed; then for each layer the computed rows: `[`u32 2 x row + 1 if it changed`]`. Rows of level 0 are indices of events, those of other levels of cells in CELL |
-//! | `CELL` | u32 levels above the events; for each: u32 cells along x, u32 along y, u32 count, then `[`u16 x, u16 y, u32 age in cells, f32 root mean square of its channels`]` |
-//! | `READ` | u32 grids, newest first, u32 columns, u32 rows; then a f32 root mean square for each cell, row by row |
-//! | `PRED` | u32 outputs, u32 events in the window, f32 unlike (NaN: not known), f32 time of the newest push and prediction in us (NaN: not measured); f32 values; f32 truth (NaN: there is none) |
-//! | `SERS` | predictions over time: u32 outputs n, u32 points; then for each point f32 time in ms from the first event, n f32 |
-//! | `LATE` | f64 measured so far, f32 p50, f32 p99, f32 p99.9, f32 largest, f32 events a second, u32 buckets; then `[`u32`]`: how many of the newest took less than 0.1 us x 2^((i + 1) / 4) and no less than the bucket before; the last bucket has the rest |
-//! | `WORK` | since the start: u32 layers; for each f64 computed, f64 of these unchanged, f64 of these within the tolerance, f64 kept; then f64 predictions, f64 of these reused, f64 readout cells computed, f64 of these unchanged, f64 neighbourhoods checked, f64 of these unchanged |
+//! - `FACT` JSON that seldom changes ([`Facts`]), padded with spaces.
+//! - `INFO` JSON of small changing things ([`Info`]), padded with spaces.
+//! - `TIME` f64 time of the cursor, f64 end of the input, both in us from the first event; f64
+//!   events taken, f64 events of the input; f32 speed; u32 flags: 1 playing, 2 at the end, 4 live,
+//!   8 seeking.
+//! - `EVNT` the window, oldest first: (u16 x, u16 y, u32 2 x age in us + 1 if on). Ages stop at
+//!   2^31 - 1.
+//! - `NEAR` neighbours of the newest event, nearest first: (u32 index of an event).
+//! - `WAVE` u32 layers; for each (u32 level, u32 rows of the level, u32 of these computed); then,
+//!   layer by layer, the computed rows (u32 2 x row + 1 if it changed). Rows of level 0 are indices
+//!   of events, those of other levels of cells in CELL.
+//! - `CELL` u32 levels above the events; for each u32 cells along x, u32 along y, u32 count, then
+//!   (u16 x, u16 y, u32 age in cells, f32 root mean square of its channels).
+//! - `READ` u32 grids, newest first, u32 columns, u32 rows; then for each cell, row by row, (f32
+//!   root mean square of its channels).
+//! - `PRED` u32 outputs, u32 events in the window, f32 unlike (NaN: not known), f32 time of the
+//!   newest push and prediction in us (NaN: not measured); for each output (f32 value), then for
+//!   each (f32 truth; NaN: there is none).
+//! - `SERS` predictions over time: u32 outputs, u32 points; for each point (f32 time in ms from the
+//!   first event, for each output f32).
+//! - `LATE` f64 measured so far, f32 p50, f32 p99, f32 p99.9, f32 largest, f32 events a second;
+//!   u32 buckets, then (u32 count): of the newest, those below 0.1 us x 2^((i + 1) / 4) and in no
+//!   bucket before; the last has the rest.
+//! - `WORK` since the start: u32 layers, for each (f64 rows computed, f64 of these unchanged, f64
+//!   of these within the tolerance, f64 kept); f64 predictions, f64 of these reused, f64 readout cells
+//!   computed, f64 of these unchanged, f64 neighbourhoods checked, f64 of these unchanged.
+
+#[cfg(doc)]
+use crate::facts::{Facts, Info};
 
 /// The first bytes of a frame.
 pub const MAGIC: [u8; 4] = *b"MSN1";

@@ -11,6 +11,7 @@
 //! | [`scene`] | what a frame shows of an engine over events |
 //! | [`session`] | a network over events with a cursor in time: play, step, seek, compare |
 //! | [`command`] | what a page may ask |
+//! | [`facts`] | what frames say in JSON |
 //! | [`networks`] | networks by name |
 //! | [`truth`] | what is true at a time |
 //! | [`series`], [`latency`] | predictions over time; durations of the newest events |
@@ -22,8 +23,8 @@
 //! use meissner_engine::{Event, Sensor};
 //! use meissner_view::{Input, Session, Shipped};
 //!
-//! let events: Vec<Event> = (0..100).map(|i| Event::new(500 * i, 40 + i as u16, 30, true)).collect();
-//! let input = Input { name: "a line".to_owned(), sensor: Sensor::new(346, 260), events, ..Input::default() };
+//! let events = (0..100).map(|i| Event::new(500 * i, 40 + i as u16, 30, true)).collect();
+//! let input = Input { sensor: Sensor::new(346, 260), events, ..Input::default() };
 //! let mut session = Session::new(input, Box::new(Shipped), "tactigraph-past", || 0.0)?;
 //! session.command(r#"{"do": "seek_event", "event": 60}"#)?;
 //! let frame = session.step(1e6).expect("the cursor has moved");
@@ -33,8 +34,10 @@
 #![forbid(unsafe_code)]
 #![deny(clippy::print_stdout, clippy::print_stderr)]
 
+pub mod clock;
 pub mod command;
 mod error;
+pub mod facts;
 pub mod frame;
 pub mod latency;
 pub mod networks;

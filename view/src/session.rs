@@ -11,6 +11,7 @@ mod shown;
 
 use meissner_engine::{Engine, Event, Options, Sensor};
 
+use crate::clock::Clock;
 use crate::command::Command;
 use crate::error::ViewError;
 use crate::latency::Latency;
@@ -19,10 +20,6 @@ use crate::series::Series;
 use crate::truth::Truth;
 use compare::Comparison;
 use history::History;
-pub use shown::{Compared, ComparedLayer, Facts, Info, LayerFacts, TruthFacts};
-
-/// The clock of a session: microseconds from any start, never back.
-pub type Clock = fn() -> f64;
 
 /// Slowest and fastest speed.
 const SPEEDS: [f64; 2] = [1e-6, 1e6];

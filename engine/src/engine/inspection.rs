@@ -6,32 +6,10 @@
 use meissner_kernels::Neighbour;
 
 use super::Engine;
-use crate::counters::LayerLog;
-use crate::memory::Memory;
+use crate::Event;
+use crate::counters::ComputedRow;
+#[cfg(doc)]
 use crate::network::Network;
-use crate::pooled::Shape;
-use crate::window::Window;
-use crate::{Event, Sensor};
-
-/// A row that was computed.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub struct ComputedRow {
-    /// Its index, as in [`Engine::feature`].
-    pub row: usize,
-    /// Whether its values changed. If not, nothing was recomputed because of it.
-    pub changed: bool,
-}
-
-/// The logs of the layers of `network`; with `record`, each has room for every row of its level.
-pub(super) fn logs(network: &Network, sensor: Sensor, record: bool, memory: &mut Memory) -> Vec<LayerLog> {
-    let events = Window::slots_for(network.parts().capacity);
-    let pooled = Shape::all(network, sensor).0;
-    let slots = [events].into_iter().chain(pooled.iter().map(Shape::slots));
-    let layers = |level: usize| network.level(level).blocks.len() + usize::from(level > 0);
-    let of_levels = slots.enumerate().flat_map(|(level, slots)| vec![slots; layers(level)]);
-    let log = |slots| LayerLog { rows: record.then(|| memory.room(slots)), ..LayerLog::default() };
-    of_levels.map(log).collect()
-}
 
 impl Engine {
     /// Events of the window from oldest to newest, with their accepted times.

@@ -4,8 +4,8 @@ use std::sync::Arc;
 
 use meissner_engine::{BatchEngine, Engine, EngineError, Event, Search, Trace};
 
-use super::Clock;
-use super::shown::{Compared, ComparedLayer};
+use crate::clock::Clock;
+use crate::facts::{Compared, ComparedLayer};
 
 /// While playing, comparisons take at most this share of the time.
 const SHARE: f64 = 0.25;

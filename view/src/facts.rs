@@ -1,0 +1,117 @@
+//! What frames say in JSON: facts of the input and the network, and small things that change.
+
+use std::collections::BTreeMap;
+
+use serde::Serialize;
+
+/// What seldom changes: the section FACT.
+#[derive(Clone, Debug, Serialize)]
+#[non_exhaustive]
+pub struct Facts {
+    /// Counts changes of the network.
+    pub version: u64,
+    /// Name of the input.
+    pub input: String,
+    /// Columns and rows of the sensor.
+    pub sensor: [u16; 2],
+    /// Whether more events will come.
+    pub live: bool,
+    /// The networks that can be chosen.
+    pub networks: Vec<String>,
+    /// The one that runs.
+    pub network: String,
+    /// Length of its window in microseconds.
+    pub span_us: i64,
+    /// Most events of the window.
+    pub capacity: usize,
+    /// Most neighbours of an event.
+    pub neighbours: usize,
+    /// Which events can be neighbours: "all", "past", or "frozen": past, and rows never change.
+    pub candidates: &'static str,
+    /// Names of the outputs.
+    pub outputs: Vec<String>,
+    /// Units of the outputs.
+    pub units: Vec<String>,
+    /// Whether the outputs are logits of classes.
+    pub classes: bool,
+    /// Layers that compute rows, from below.
+    pub layers: Vec<LayerFacts>,
+    /// What is true, over the whole input.
+    pub truth: Vec<TruthFacts>,
+}
+
+/// A layer that computes rows.
+#[derive(Clone, Debug, Serialize)]
+#[non_exhaustive]
+pub struct LayerFacts {
+    /// Its name.
+    pub name: String,
+    /// Its level: 0 is that of the events.
+    pub level: usize,
+    /// Whether it is the pooling that starts the level.
+    pub pooling: bool,
+    /// Channels of a row.
+    pub channels: usize,
+}
+
+/// What is true of one output, over time.
+#[derive(Clone, Debug, Serialize)]
+#[non_exhaustive]
+pub struct TruthFacts {
+    /// Index of the output.
+    pub output: usize,
+    /// Times in milliseconds from the first event, and values; none where it is not known.
+    pub points: Vec<(f64, Option<f64>)>,
+}
+
+/// Small things that change: the section INFO.
+#[derive(Clone, Debug, Serialize)]
+#[non_exhaustive]
+pub struct Info {
+    /// Events that did not enter the window, by reason.
+    pub dropped: BTreeMap<&'static str, u64>,
+    /// Events that left because they were older than the span.
+    pub expired: u64,
+    /// Events that left because the window was full.
+    pub evicted: u64,
+    /// Events that wait in front of the engine, and those that were lost there.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub queue: Option<(u64, u64)>,
+    /// Old live events to which the cursor cannot return.
+    pub forgotten: u64,
+    /// Whether the session compares with full recomputation.
+    pub comparing: bool,
+    /// The newest comparison.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub compared: Option<Compared>,
+    /// Why the newest command or prediction failed.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub error: Option<String>,
+}
+
+/// A comparison with full recomputation.
+#[derive(Clone, Debug, Serialize)]
+#[non_exhaustive]
+pub struct Compared {
+    /// Events before the cursor at that time.
+    pub event: u64,
+    /// Time of the full recomputation in microseconds.
+    pub batch_us: f64,
+    /// The events, each layer, the readout.
+    pub layers: Vec<ComparedLayer>,
+    /// Why there was none.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub error: Option<String>,
+}
+
+/// Rows of a layer in a comparison.
+#[derive(Clone, Debug, Serialize)]
+#[non_exhaustive]
+pub struct ComparedLayer {
+    /// The layer.
+    pub name: String,
+    /// Its rows.
+    pub rows: u64,
+    /// Rows with other bits.
+    pub differ: u64,
+}
