@@ -13,6 +13,7 @@ use meissner_report::ReportError;
 use meissner_run::RunError;
 use meissner_run::streams::STDIN_NAME;
 use meissner_verify::VerifyError;
+use meissner_view::ViewError;
 
 use crate::kind::readers;
 
@@ -87,6 +88,12 @@ pub(crate) enum CliError {
     /// Presses are odd, and none may be; the notes name each kind.
     #[error("--strict: expected nothing odd about the presses, found {0} kinds of oddities")]
     Odd(usize),
+    /// A session of the page cannot begin.
+    #[error(transparent)]
+    View(Box<ViewError>),
+    /// The page cannot be served.
+    #[error("--port {port}")]
+    Port { port: u16, source: io::Error },
     /// Standard output cannot be written.
     #[error("standard output")]
     Output(#[from] io::Error),
@@ -102,6 +109,12 @@ impl From<RunError> for CliError {
             error => return Self::Run(Box::new(error)),
         };
         Self::OptionValue { option, source: Box::new(error) }
+    }
+}
+
+impl From<ViewError> for CliError {
+    fn from(error: ViewError) -> Self {
+        Self::View(Box::new(error))
     }
 }
 

@@ -47,6 +47,7 @@ mod tasks;
 mod tests;
 mod text;
 mod verify;
+mod view;
 
 use std::process::ExitCode;
 
@@ -106,6 +107,8 @@ enum Command {
     Verify(verify::VerifyArgs),
     /// Make a page of results, to keep, to print and to send.
     Report(report::ReportArgs),
+    /// Watch a network over a recording or live events, in a browser.
+    View(view::ViewArgs),
     /// Print the completions of a shell.
     Completions(manual::CompletionsArgs),
     /// Write the pages of the manual.
@@ -172,6 +175,7 @@ fn takes_long(command: &Command) -> bool {
             | Command::Pareto(_)
             | Command::Simulate(_)
             | Command::Verify(_)
+            | Command::View(_)
     )
 }
 
@@ -194,6 +198,7 @@ fn perform(command: &Command, given: &Given) -> Result<(), CliError> {
         Command::Simulate(args) => simulate::simulate(args),
         Command::Verify(args) => verify::verify(args, given),
         Command::Report(args) => report::report(args),
+        Command::View(args) => view::view(args),
         Command::Completions(args) => manual::completions(args, program()),
         Command::Man(args) => manual::man(args, program()),
     }

@@ -143,6 +143,8 @@ const HEADINGS: &[(&str, &[&str])] = &[
             "dot",
             "logits",
             "mcap",
+            "port",
+            "no-browser",
             "out",
             "to",
             "failure",

@@ -42,6 +42,17 @@ impl Press {
     }
 }
 
+/// What is true of the embedded recording over time, by name, as `roll_rad`. Angles are NaN before
+/// the contact and after the release: no event can show them.
+pub fn truth_over_time() -> (Vec<String>, Vec<(i64, Vec<f64>)>) {
+    let names = TRUTH_NAMES.map(str::to_owned).to_vec();
+    let row = |(t_us, [depth, angles @ ..]): Truth| {
+        let angles = angles.map(|angle| if depth > 0.0 { angle } else { f64::NAN });
+        (t_us, [[depth].as_slice(), &angles].concat())
+    };
+    (names, truth().into_iter().map(row).collect())
+}
+
 /// What is true at a time in microseconds.
 pub(crate) type Truth = (i64, [f64; 3]);
 

@@ -266,6 +266,14 @@ impl Source {
         self.refusals.count() + self.lines_left_out
     }
 
+    /// The events left to take of a recording; none of a stream, where they arrive later.
+    ///
+    /// # Errors
+    /// As [`Self::next`].
+    pub fn recorded_events(&mut self) -> Result<Vec<Event>> {
+        if self.is_live() { Ok(Vec::new()) } else { self.by_ref().collect() }
+    }
+
     /// The number of events left to take, if it is known.
     pub fn remaining(&self) -> Option<u64> {
         let Events::Read(events) = &self.events else { return None };

@@ -14,6 +14,7 @@
 //! | [`facts`] | what frames say in JSON |
 //! | [`networks`] | networks by name |
 //! | [`truth`] | what is true at a time |
+//! | `server`, `watch` | with the feature `server`: the page on the loopback address, in threads |
 //! | [`series`], [`latency`] | predictions over time; durations of the newest events |
 //!
 //! A session knows no file, thread, socket or clock: events and the clock are arguments. It runs
@@ -43,11 +44,15 @@ pub mod latency;
 pub mod networks;
 pub mod scene;
 pub mod series;
+#[cfg(feature = "server")]
+pub mod server;
 pub mod session;
 pub mod truth;
+#[cfg(feature = "server")]
+pub mod watch;
 
 pub use error::ViewError;
-pub use networks::{Chosen, Networks, Shipped};
+pub use networks::{Chosen, Networks, Own, Shipped};
 pub use session::{Input, Session};
 pub use truth::Truth;
 

@@ -66,3 +66,26 @@ impl Networks for Shipped {
         Ok(Chosen::new(network, &description))
     }
 }
+
+/// The shipped networks, and one of a caller's own, which may have the name of a shipped one.
+#[derive(Clone, Debug)]
+pub struct Own {
+    /// Its name.
+    pub name: String,
+    /// The network.
+    pub chosen: Chosen,
+}
+
+impl Networks for Own {
+    fn names(&self) -> Vec<String> {
+        let mut names = Shipped.names();
+        if !names.contains(&self.name) {
+            names.insert(0, self.name.clone());
+        }
+        names
+    }
+
+    fn load(&self, name: &str) -> Result<Chosen, ViewError> {
+        if name == self.name { Ok(self.chosen.clone()) } else { Shipped.load(name) }
+    }
+}

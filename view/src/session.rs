@@ -127,6 +127,9 @@ impl Session {
     /// Adds live events to the end of the history. Of a very long one, the oldest half is
     /// forgotten: the cursor cannot go back there.
     pub fn push(&mut self, events: &[Event]) {
+        if events.is_empty() {
+            return;
+        }
         self.history.extend(events);
         if self.history.len() > MAX_HISTORY {
             let forgotten = self.history.forget(MAX_HISTORY / 2);
@@ -257,6 +260,11 @@ impl Session {
     /// Goes on for at most about `budget_us` of the clock, and returns a frame if there is anything
     /// new to show.
     pub fn step(&mut self, budget_us: f64) -> Option<Vec<u8>> {
+        self.go_on(budget_us).then(|| self.show())
+    }
+
+    /// As [`Self::step`], without a frame: whether there is anything new to [show](Self::show).
+    pub fn go_on(&mut self, budget_us: f64) -> bool {
         let deadline = (self.clock)() + budget_us;
         if self.playing {
             self.follow();
@@ -275,7 +283,13 @@ impl Session {
             self.comparison.compare(&self.engine, self.history.cursor, events, self.clock);
             self.changed = true;
         }
-        std::mem::take(&mut self.changed).then(|| self.frame())
+        self.changed
+    }
+
+    /// A frame of this moment.
+    pub fn show(&mut self) -> Vec<u8> {
+        self.changed = false;
+        self.frame()
     }
 
     /// Sets the target to what is due now.

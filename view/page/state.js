@@ -1,0 +1,20 @@
+// What the address holds after the #, so that a copied address shows the same.
+
+const KEYS = ["event", "network", "speed", "theme", "compare", "grid", "graph", "slowness", "playing"];
+let written = "", waiting = 0;
+
+/** The state of the address: texts by key. */
+export function read() {
+  const parameters = new URLSearchParams(location.hash.slice(1));
+  return Object.fromEntries(KEYS.filter(key => parameters.has(key)).map(key => [key, parameters.get(key)]));
+}
+
+/** Writes the state into the address, a few times a second at most: browsers refuse more. */
+export function write(state) {
+  const parameters = new URLSearchParams(Object.entries(state).filter(([, value]) => value !== undefined && value !== null));
+  const hash = `#${parameters}`;
+  if (hash === written || waiting) return;
+  waiting = setTimeout(() => { waiting = 0; }, 400);
+  written = hash;
+  history.replaceState(null, "", hash);
+}
