@@ -22,6 +22,7 @@ use crate::given::Given;
 use crate::output;
 use crate::progress::Progress;
 use crate::text::file_name;
+use crate::view;
 
 /// Options that fit only networks over events, like [`REMEMBERS`].
 pub(crate) const FOR_EVENTS: &[&str] = &[
@@ -34,6 +35,7 @@ pub(crate) const FOR_EVENTS: &[&str] = &[
     "--threads",
     "--svg",
     "--compare",
+    "--view",
     "--neighbours",
 ];
 
@@ -53,9 +55,17 @@ fn bench_events(args: &BenchArgs) -> Result<(), CliError> {
     if let Some(path) = &args.svg {
         output::check_writable(path)?;
     }
-    let bench = EventBench::new(&model, input(args, &model.card)?, args.options());
+    let input = input(args, &model.card)?;
+    let mut page =
+        args.view.map(|port| view::bystander(port, &input, args.input.network(), &model)).transpose()?;
+    let bench = EventBench::new(&model, input, args.options());
     let progress = Progress::new(Some(bench.total()), args.format.json);
-    let report = bench.run(&mut |taken| progress.set(taken))?;
+    let report = bench.run(&mut |taken, engine| {
+        progress.set(taken);
+        if let (Some(page), Some(engine)) = (&mut page, engine.engine()) {
+            page.look(engine);
+        }
+    })?;
     progress.finish();
     if let Some(path) = &args.svg {
         output::write(path, svg(&report))?;
@@ -184,6 +194,14 @@ pub(crate) struct BenchArgs {
     /// With frame networks the warm-up ends after 20 frames.
     #[arg(long, value_name = "N", default_value_t = 5000, help_heading = MEASUREMENT)]
     pub(crate) warmup: u64,
+    /// Show the engine at work on a page of this port.
+    ///
+    /// It is the page of `meissner view`, on 127.0.0.1; without PORT, on any free one. Its address
+    /// goes to standard error. It takes what the engine holds between two events, 20 times a second
+    /// at most, and only while a page is open.
+    #[arg(long, value_name = "PORT", num_args = 0..=1, default_missing_value = "0", conflicts_with = "compare",
+          help_heading = OUTPUT)]
+    pub(crate) view: Option<u16>,
     /// Draw the latency distribution into this file.
     #[arg(long, value_name = "FILE", help_heading = OUTPUT)]
     pub(crate) svg: Option<PathBuf>,
@@ -207,6 +225,7 @@ impl BenchArgs {
             burst_rate: self.burst_rate,
             period_us: self.period_us,
             slice: self.slice.unwrap_or(0),
+            record_rows: self.view.is_some(),
         }
     }
 }

@@ -145,6 +145,7 @@ const HEADINGS: &[(&str, &[&str])] = &[
             "mcap",
             "port",
             "no-browser",
+            "view",
             "out",
             "to",
             "failure",

@@ -6,8 +6,10 @@ use std::process::{Command, Stdio};
 
 use meissner_engine::Sensor;
 use meissner_models::DEFAULT_NETWORK;
+use meissner_run::bench::BenchInput;
 use meissner_run::model::{Model, describe};
 use meissner_run::{interrupt, press};
+use meissner_view::bystander::Bystander;
 use meissner_view::server::Server;
 use meissner_view::watch::{Waiting, clock, watch};
 use meissner_view::{Chosen, Input, Own, Session, Truth};
@@ -16,6 +18,7 @@ use serde::Serialize;
 use crate::args::{JsonArgs, NETWORK, NetworkWeights, OUTPUT, PartArgs, ReadArgs};
 use crate::error::CliError;
 use crate::output::print;
+use crate::stderr::tell;
 
 /// Examples, at the end of the long help.
 const EXAMPLES: &str = "\
@@ -91,6 +94,23 @@ pub(crate) fn view(args: &ViewArgs) -> Result<(), CliError> {
     }
     watch(session, &server, waiting.as_deref(), interrupt::requested);
     Ok(())
+}
+
+/// The page for an engine that another command runs over `input`, with the network `name`.
+///
+/// # Errors
+/// The port is in use.
+pub(crate) fn bystander(
+    port: u16,
+    input: &BenchInput,
+    name: &str,
+    model: &Model,
+) -> Result<Bystander, CliError> {
+    let server = Server::open(port).map_err(|source| CliError::Port { port, source })?;
+    tell(format_args!("page: {}", server.url()));
+    let chosen = Chosen::new(model.network.clone(), &describe(name)?.0);
+    let (input, sensor) = input.about();
+    Ok(Bystander::new(server, input, sensor, name, &chosen))
 }
 
 /// Opens the page in the browser of whoever sits here, if anybody does.

@@ -32,8 +32,8 @@ use crate::work_counts::dropped;
 pub use compare::{CompareReport, Ratios, SideReport, SidesReport, compare};
 pub use deadline::{DeadlineBin, DeadlineReport, Sustained};
 pub use events::{
-    EventBench, EventReport, LayerWork, MemoryReport, PhaseReport, PhasesReport, SlicesReport, StageReport,
-    Work,
+    EventBench, EventReport, LayerWork, MemoryReport, PhaseReport, PhasesReport, Progress, SlicesReport,
+    StageReport, Work,
 };
 use frame_passes::PredictionTimes;
 pub use frame_passes::{EventFrameModel, Field, FrameLatencies};
@@ -67,6 +67,8 @@ pub struct BenchOptions {
     pub period_us: Option<i64>,
     /// Events of a slice; 0 means 64.
     pub slice: usize,
+    /// Whether engines record which rows they compute, for those who watch them.
+    pub record_rows: bool,
 }
 
 /// A part of a recording, in microseconds since its first event. It has the events with
@@ -113,6 +115,11 @@ pub struct BenchInput {
 }
 
 impl BenchInput {
+    /// The name of the source, and the sensor.
+    pub fn about(&self) -> (&str, Sensor) {
+        (&self.source.name, self.sensor)
+    }
+
     /// Takes the events of `source` up to the limit, and logs the warnings of the header.
     ///
     /// # Errors

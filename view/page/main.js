@@ -13,7 +13,7 @@ const $ = id => document.getElementById(id);
 const SPEEDS = [0.0001, 0.001, 0.01, 0.03, 0.1, 0.3, 1, 2, 5];
 const still = matchMedia("(prefers-reduced-motion: reduce)");
 const paint = painter($("events"));
-const asked = state.read();
+let asked = state.read();
 let facts = null, frame = null, drawn = null, waveBegan = 0, waveOf = -1, begun = false, dirty = true;
 
 const source = openSource({
@@ -28,7 +28,7 @@ const source = openSource({
     if (text === "open") { tell(""); begun = false; } else tell(text === "closed" ? "Not connected: the program has ended, or the page is too slow. Trying again…" : text, true);
   },
 });
-const send = command => source.send(command);
+const send = command => { if (facts?.controls) source.send(command); };
 // For tests and for people who look behind the page.
 window.meissner = { send, get frame() { return frame; }, get facts() { return facts; } };
 
@@ -43,11 +43,13 @@ function take(next) {
   panels.describeInput(facts);
   $("network").replaceChildren(...facts.networks.map(name => new Option(name, name, false, name === facts.network)));
   $("network").value = facts.network;
+  for (const part of document.querySelectorAll("footer > :not(#state, #clock), #compare")) part.hidden = !facts.controls;
   if (begun) return;
   begun = true;
+  asked = state.read();
+  if (!facts.controls) return tell("Another program runs this engine; the page only watches.");
   if (asked.network && asked.network !== facts.network) send({ do: "network", name: asked.network });
   if (asked.speed) send({ do: "speed", times: Number(asked.speed) });
-  else if (!facts.live) send({ do: "speed", times: 0.1 });
   if (asked.compare === "1") send({ do: "compare", on: true });
   if (asked.event) send({ do: "seek_event", event: Number(asked.event) });
   if (asked.playing === "0" || (still.matches && !facts.live)) send({ do: "pause" });
@@ -77,7 +79,7 @@ function render(now) {
   drawLatency($("latency"), frame.LATE);
   drawCells($("cells"), facts, frame);
   if ($("speed").value !== `${+frame.TIME.speed.toPrecision(4)}`) $("speed").value = `${+frame.TIME.speed.toPrecision(4)}`;
-  if (frame.INFO.error) tell(frame.INFO.error, true); else if (frame.TIME.seeking) tell("Going there…"); else if ($("state").textContent) tell("");
+  if (frame.INFO.error) tell(frame.INFO.error, true); else if (frame.TIME.seeking) tell("Going there…"); else if (facts.controls && $("state").textContent) tell("");
   remember();
 }
 

@@ -47,7 +47,7 @@ export function describeValues(facts, { PRED: of, TIME: now }) {
 
 export function describeClock({ TIME: now }) {
   const digits = now.end < 1e7 ? 3 : 1, ms = us => (us / 1e3).toFixed(digits);
-  say("clock", `${ms(now.now)} ms of ${(now.end / 1e3).toFixed(0)} · event ${grouped(now.taken)} of ${grouped(now.events)}`);
+  say("clock", now.live ? `${ms(now.now)} ms · event ${grouped(now.taken)}` : `${ms(now.now)} of ${(now.end / 1e3).toFixed(0)} ms · event ${grouped(now.taken)} of ${grouped(now.events)}`);
   const scrubber = $("scrubber");
   scrubber.max = now.events;
   if (document.activeElement !== scrubber || !scrubber.matches(":active")) scrubber.value = now.taken;

@@ -2,7 +2,10 @@
 
 use std::collections::BTreeMap;
 
+use meissner_engine::{Candidates, EventCounters, Lifetime, Sensor};
 use serde::Serialize;
+
+use crate::networks::Chosen;
 
 /// What seldom changes: the section FACT.
 #[derive(Clone, Debug, Serialize)]
@@ -16,6 +19,8 @@ pub struct Facts {
     pub sensor: [u16; 2],
     /// Whether more events will come.
     pub live: bool,
+    /// Whether commands are carried out: not where another program runs the engine.
+    pub controls: bool,
     /// The networks that can be chosen.
     pub networks: Vec<String>,
     /// The one that runs.
@@ -114,4 +119,60 @@ pub struct ComparedLayer {
     pub rows: u64,
     /// Rows with other bits.
     pub differ: u64,
+}
+
+impl Facts {
+    /// Facts of a network over an input, which nobody controls and of which no truth is known.
+    pub(crate) fn of(input: &str, sensor: Sensor, name: &str, chosen: &Chosen) -> Self {
+        let (network, parts) = (&chosen.network, chosen.network.parts());
+        let names = network.layers();
+        let mut layers = Vec::with_capacity(names.len());
+        for level in 0..network.levels() {
+            // The input of the event level is no layer.
+            let first = usize::from(level == 0);
+            for (i, &channels) in network.channels(level).iter().enumerate().skip(first) {
+                let name = names.get(layers.len()).copied().unwrap_or_default().to_owned();
+                layers.push(LayerFacts { name, level, pooling: i == 0, channels });
+            }
+        }
+        Self {
+            version: 0,
+            input: input.to_owned(),
+            sensor: [sensor.width, sensor.height],
+            live: true,
+            controls: false,
+            networks: vec![name.to_owned()],
+            network: name.to_owned(),
+            span_us: parts.span_us,
+            capacity: parts.capacity,
+            neighbours: parts.graph.reach.most(),
+            candidates: match parts.graph.candidates {
+                Candidates::All => "all",
+                Candidates::Past(Lifetime::Window) => "past",
+                Candidates::Past(Lifetime::Frozen) => "frozen",
+            },
+            outputs: chosen.outputs.clone(),
+            units: chosen.units.clone(),
+            classes: chosen.classes,
+            layers,
+            truth: Vec::new(),
+        }
+    }
+}
+
+impl Info {
+    /// What an engine has counted.
+    pub(crate) fn of(counters: &EventCounters) -> Self {
+        let dropped = counters.dropped().into_iter().map(|(reason, count)| (reason.name(), count));
+        Self {
+            dropped: dropped.filter(|(_, count)| *count > 0).collect(),
+            expired: counters.expired,
+            evicted: counters.evicted,
+            queue: None,
+            forgotten: 0,
+            comparing: false,
+            compared: None,
+            error: None,
+        }
+    }
 }

@@ -14,7 +14,8 @@
 //! | [`facts`] | what frames say in JSON |
 //! | [`networks`] | networks by name |
 //! | [`truth`] | what is true at a time |
-//! | `server`, `watch` | with the feature `server`: the page on the loopback address, in threads |
+//! | `server` | with the feature `server`: the page on the loopback address |
+//! | `watch`, `bystander` | with it too: a session in a thread; an engine of someone else's |
 //! | [`series`], [`latency`] | predictions over time; durations of the newest events |
 //!
 //! A session knows no file, thread, socket or clock: events and the clock are arguments. It runs
@@ -35,6 +36,8 @@
 #![forbid(unsafe_code)]
 #![deny(clippy::print_stdout, clippy::print_stderr)]
 
+#[cfg(feature = "server")]
+pub mod bystander;
 pub mod clock;
 pub mod command;
 mod error;

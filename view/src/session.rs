@@ -21,6 +21,8 @@ use crate::truth::Truth;
 use compare::Comparison;
 use history::History;
 
+/// Speed at first: events come in milliseconds, and are to be watched.
+const SLOW: f64 = 0.1;
 /// Slowest and fastest speed.
 const SPEEDS: [f64; 2] = [1e-6, 1e6];
 /// Rows of a live history are kept for this many events; older ones are forgotten in halves.
@@ -48,6 +50,15 @@ impl Default for Input {
     }
 }
 
+/// Why the cursor moves.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Course {
+    /// To what is due, if it plays.
+    Due,
+    /// To a place that was asked for.
+    Asked,
+}
+
 /// A network over events, with a cursor.
 pub struct Session {
     name: String,
@@ -65,6 +76,7 @@ pub struct Session {
     comparison: Comparison,
     /// Where the cursor goes; the engine may need several steps to get there.
     target: usize,
+    course: Course,
     playing: bool,
     speed: f64,
     /// Time of the clock and stream time at which playing began or was last delayed.
@@ -102,8 +114,9 @@ impl Session {
             comparison: Comparison::default(),
             network: network.to_owned(),
             target: 0,
+            course: Course::Due,
             playing: true,
-            speed: 1.0,
+            speed: if live { 1.0 } else { SLOW },
             anchor: (clock(), 0.0),
             prediction: Vec::new(),
             unlike: None,
@@ -170,7 +183,9 @@ impl Session {
             }
             Command::Pause => {
                 self.playing = false;
-                self.target = self.history.cursor;
+                if self.course == Course::Due {
+                    self.target = self.history.cursor;
+                }
             }
             Command::Seek { t_us } => {
                 let t_us = finite("seek", t_us)?;
@@ -237,6 +252,7 @@ impl Session {
         if returns || self.history.has_state_between(self.history.cursor, before) {
             self.restore(before);
         }
+        self.course = if self.history.cursor == self.target { Course::Due } else { Course::Asked };
         self.set_anchor();
     }
 
@@ -266,7 +282,7 @@ impl Session {
     /// As [`Self::step`], without a frame: whether there is anything new to [show](Self::show).
     pub fn go_on(&mut self, budget_us: f64) -> bool {
         let deadline = (self.clock)() + budget_us;
-        if self.playing {
+        if self.playing && self.course == Course::Due {
             self.follow();
         }
         if self.history.cursor < self.target {
@@ -278,6 +294,10 @@ impl Session {
             self.changed = true;
         }
         let arrived = self.history.cursor == self.target;
+        if arrived && self.course == Course::Asked {
+            self.course = Course::Due;
+            self.set_anchor();
+        }
         if arrived && self.comparison.is_due(self.history.cursor, self.playing, self.clock) {
             let events = (self.history.forgotten == 0).then(|| self.history.taken());
             self.comparison.compare(&self.engine, self.history.cursor, events, self.clock);
@@ -309,13 +329,16 @@ impl Session {
         let waiting = self.target - self.history.cursor;
         let cost_us = self.latency.mean_us().unwrap_or(1.0);
         let slice = ((waiting as f64 * cost_us / budget_us.max(1.0)).ceil() as usize).clamp(1, 4096);
-        while self.history.cursor + 1 < self.target && (self.clock)() < deadline {
+        while self.history.cursor + 1 < self.target {
             let end = (self.history.cursor + slice).min(self.target - 1);
             self.take(end);
+            if (self.clock)() >= deadline {
+                break;
+            }
         }
         if self.history.cursor + 1 == self.target {
             self.take(self.target);
-        } else if self.playing && !self.live {
+        } else if self.course == Course::Due && !self.live {
             // Too slow for this speed: the input waits, and no event is left out.
             self.anchor = ((self.clock)(), self.history.time_of(self.history.cursor));
             self.target = self.history.cursor;

@@ -160,6 +160,9 @@ struct Measured {
     nodes_max: usize,
 }
 
+/// What is called after each event: with the number of events so far, and the engine.
+pub type Progress<'a> = dyn FnMut(u64, &EventPredictor) + 'a;
+
 impl<'a> EventBench<'a> {
     /// A benchmark of `model` over `input`.
     pub fn new(model: &'a Model, input: BenchInput, options: BenchOptions) -> Self {
@@ -176,11 +179,12 @@ impl<'a> EventBench<'a> {
         usize::try_from(self.options.warmup).unwrap_or(usize::MAX).min(self.input.events.len())
     }
 
-    /// Runs all passes, and calls `progress` with the number of events taken so far.
+    /// Runs all passes, and calls `progress` with the number of events taken so far and the engine
+    /// that took the last one.
     ///
     /// # Errors
     /// The engine refuses an option, or a result is not a number.
-    pub fn run(self, progress: &mut dyn FnMut(u64)) -> Result<EventReport> {
+    pub fn run(self, progress: &mut Progress<'_>) -> Result<EventReport> {
         let Self { model, input, options, .. } = &self;
         let (events, repeat) = (&input.events, options.repeat.max(1));
         let phases = Phases::new(events, input.sensor, options.late, options.burst_rate);
@@ -258,7 +262,7 @@ struct Passes<'a> {
     network: Arc<Network>,
     sensor: Sensor,
     options: &'a BenchOptions,
-    progress: &'a mut dyn FnMut(u64),
+    progress: &'a mut Progress<'a>,
     /// Events taken so far, over all passes.
     taken: u64,
 }
@@ -267,14 +271,15 @@ impl Passes<'_> {
     fn engine(&self, stage_times: bool) -> Result<EventPredictor> {
         let options = Options::new().with_late(self.options.late).with_restart(self.options.restart);
         let options = options.with_stage_times(stage_times).with_two_threads(self.options.two_threads);
+        let options = options.with_record_rows(self.options.record_rows);
         let network = Arc::clone(&self.network);
         let approximations = &self.options.approximations;
         Ok(EventPredictor::new(Mode::Incremental, network, self.sensor, approximations, options)?)
     }
 
-    fn count(&mut self) {
+    fn count(&mut self, engine: &EventPredictor) {
         self.taken += 1;
-        (self.progress)(self.taken);
+        (self.progress)(self.taken, engine);
     }
 
     /// Runs a new engine over `events`, the first in `phases`; latencies go to `into`.
@@ -313,7 +318,7 @@ impl Passes<'_> {
             }
             phase.latency_us.push_predict.record(both);
             into.nodes_max = into.nodes_max.max(engine.nodes());
-            self.count();
+            self.count(&engine);
         }
         Ok(engine)
     }
@@ -327,7 +332,7 @@ impl Passes<'_> {
             let prediction = engine.predict().map(drop);
             into.latency_us.record(start.elapsed());
             prediction?;
-            slice.iter().for_each(|_| self.count());
+            slice.iter().for_each(|_| self.count(&engine));
         }
         Ok(())
     }
@@ -346,7 +351,7 @@ impl Passes<'_> {
                 })?;
             }
             waiting.push(event);
-            self.count();
+            self.count(&engine);
         }
         if let Last::At(end_us) = schedule.last() {
             period(&mut deadline, &mut engine, &mut waiting, end_us)?;

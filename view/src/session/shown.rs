@@ -1,9 +1,7 @@
 //! The frame of a session: what its engine shows, and what the session knows beside it.
 
-use meissner_engine::{Candidates, Lifetime};
-
-use super::Session;
-use crate::facts::{Facts, Info, LayerFacts, TruthFacts};
+use super::{Course, Session};
+use crate::facts::{Facts, Info, TruthFacts};
 use crate::frame::FrameWriter;
 use crate::scene;
 
@@ -21,37 +19,13 @@ impl Session {
     }
 
     fn describe(&self) -> Facts {
-        let (chosen, network) = (&self.chosen, &self.chosen.network);
-        let parts = network.parts();
-        let names = network.layers();
-        let mut layers = Vec::with_capacity(names.len());
-        for level in 0..network.levels() {
-            let pooling = usize::from(level == 0);
-            for (i, &channels) in network.channels(level).iter().enumerate().skip(pooling) {
-                let name = names.get(layers.len()).copied().unwrap_or_default().to_owned();
-                layers.push(LayerFacts { name, level, pooling: i == 0, channels });
-            }
-        }
         Facts {
             version: self.facts,
-            input: self.name.clone(),
-            sensor: [self.sensor.width, self.sensor.height],
             live: self.live,
+            controls: true,
             networks: self.networks.names(),
-            network: self.network.clone(),
-            span_us: parts.span_us,
-            capacity: parts.capacity,
-            neighbours: parts.graph.reach.most(),
-            candidates: match parts.graph.candidates {
-                Candidates::All => "all",
-                Candidates::Past(Lifetime::Window) => "past",
-                Candidates::Past(Lifetime::Frozen) => "frozen",
-            },
-            outputs: chosen.outputs.clone(),
-            units: chosen.units.clone(),
-            classes: chosen.classes,
-            layers,
             truth: self.truths(),
+            ..Facts::of(&self.name, self.sensor, &self.network, &self.chosen)
         }
     }
 
@@ -71,17 +45,13 @@ impl Session {
     }
 
     fn info(&self) -> Info {
-        let counters = self.engine.event_counters();
-        let dropped = counters.dropped().into_iter().map(|(reason, count)| (reason.name(), count));
         Info {
-            dropped: dropped.filter(|(_, count)| *count > 0).collect(),
-            expired: counters.expired,
-            evicted: counters.evicted,
             queue: self.queue,
             forgotten: self.history.forgotten,
             comparing: self.comparison.is_on(),
             compared: self.comparison.newest.clone(),
             error: self.error.clone(),
+            ..Info::of(self.engine.event_counters())
         }
     }
 
@@ -90,8 +60,7 @@ impl Session {
         let (history, outputs) = (&self.history, self.chosen.network.outputs());
         let now_us = history.time_of(history.cursor);
         let at_end = history.cursor == history.len();
-        let seeking = !self.playing && history.cursor < self.target;
-        let flags = [self.playing, at_end, self.live, seeking];
+        let flags = [self.playing, at_end, self.live, self.course == Course::Asked];
         let flags = (0..).zip(flags).map(|(bit, set)| u32::from(set) << bit).sum();
         let mut to = FrameWriter::new();
         to.section(*b"TIME", |to| {

@@ -181,3 +181,22 @@ fn an_input_without_events_is_shown() {
         assert_eq!(time(&after(&mut session, command)).0, 0);
     }
 }
+
+#[test]
+fn a_place_that_was_asked_for_is_reached_though_it_takes_many_steps_and_though_it_is_paused() {
+    let mut session = session(press(), "tactigraph-past");
+    for (command, after) in [("play", 20_000), ("pause", 15_000)] {
+        session.command(r#"{"do": "play"}"#).expect("a command");
+        session.command(&format!(r#"{{"do": "seek_event", "event": {after}}}"#)).expect("a command");
+        session.command(&format!(r#"{{"do": "{command}"}}"#)).expect("a command");
+        // No budget at all: a step takes what it must.
+        let mut steps = 0;
+        while section(&session.show(), "TIME").0[24 + 8 + 4] & 8 != 0 || steps == 0 {
+            session.go_on(0.0);
+            wait_us(1.0);
+            steps += 1;
+            assert!(steps < 100_000, "{command}");
+        }
+        assert_eq!(time(&session.show()).0, after);
+    }
+}

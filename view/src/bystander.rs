@@ -1,0 +1,88 @@
+//! Watches an engine that another thread runs, at its pace.
+//!
+//! Enters: that engine, after any event. Leaves: frames, where a page waits for one and the last is
+//! old enough. Invariant: while no page waits, an event costs one load; the engine is read only.
+
+use std::time::{Duration, Instant};
+
+use meissner_engine::{Engine, Sensor};
+
+use crate::facts::{Facts, Info};
+use crate::frame::FrameWriter;
+use crate::latency::Latency;
+use crate::networks::Chosen;
+use crate::scene;
+use crate::series::Series;
+use crate::server::Server;
+
+/// Time between two frames: reading a full window takes tens of microseconds.
+const FRAME: Duration = Duration::from_millis(50);
+
+/// Shows an engine of someone else's on a page.
+#[derive(Debug)]
+pub struct Bystander {
+    server: Server,
+    outputs: usize,
+    series: Series,
+    shown: Instant,
+}
+
+impl Bystander {
+    /// Shows engines with the network `chosen`, called `name`, over `input` on the page of `server`.
+    pub fn new(server: Server, input: &str, sensor: Sensor, name: &str, chosen: &Chosen) -> Self {
+        let mut to = FrameWriter::new();
+        to.json(*b"FACT", &Facts::of(input, sensor, name, chosen));
+        server.hub().set_facts(to.finish());
+        let outputs = chosen.network.outputs();
+        Self { server, outputs, series: Series::new(None), shown: Instant::now() }
+    }
+
+    /// Looks at `engine` if a page waits. An engine shows the rows that it computed only with
+    /// [`Options::record_rows`](meissner_engine::Options::record_rows).
+    #[inline]
+    pub fn look(&mut self, engine: &Engine) {
+        if self.server.hub().wants_frame() {
+            self.look_closer(engine);
+        }
+    }
+
+    #[cold]
+    fn look_closer(&mut self, engine: &Engine) {
+        if self.shown.elapsed() < FRAME {
+            return;
+        }
+        self.shown = Instant::now();
+        // Nobody commands this engine.
+        while self.server.hub().command().is_some() {}
+        let counters = engine.counters();
+        let epoch_us = engine.epoch_us().unwrap_or(0);
+        let now_us = engine.now_us().map_or(0, |now_us| now_us - epoch_us);
+        let values = engine.last_prediction();
+        self.series.add(now_us, values);
+        let mut to = FrameWriter::new();
+        to.section(*b"TIME", |to| {
+            let taken = counters.events.pushed as f64;
+            [now_us as f64, now_us as f64, taken, taken].into_iter().for_each(|value| to.f64(value));
+            to.f32(1.0);
+            to.u32(PLAYING | LIVE);
+        });
+        scene::write(engine, &mut to);
+        to.section(*b"PRED", |to| {
+            to.count(self.outputs);
+            to.count(engine.nodes());
+            to.f32(engine.unlikeness().unwrap_or(f32::NAN));
+            to.f32(f32::NAN);
+            (0..self.outputs).for_each(|i| to.f32(values.get(i).copied().unwrap_or(f32::NAN)));
+            (0..self.outputs).for_each(|_| to.f32(f32::NAN));
+        });
+        to.section(*b"SERS", |to| self.series.write(self.outputs, to));
+        to.section(*b"LATE", |to| Latency::default().write(to));
+        to.section(*b"WORK", |to| scene::work(&counters, to));
+        to.json(*b"INFO", &Info::of(&counters.events));
+        self.server.hub().publish(to.finish());
+    }
+}
+
+/// Flags of the section TIME.
+const PLAYING: u32 = 1;
+const LIVE: u32 = 4;
