@@ -91,6 +91,7 @@ export function viewOf([columns, rows], span, width, height) {
 /** The newest event with its neighbours, the wave up to `phase` layers, and the cells. */
 export function overlay(canvas, frame, view, { graph, grid, phase }) {
   const { to } = begin(canvas), events = frame.EVNT;
+  to.lineWidth = 1;
   to.strokeStyle = colour("line");
   to.strokeRect(view.left + 0.5, view.top + 0.5, view.width - 1, view.height - 1);
   if (grid && frame.READ) lines(to, view, frame.CELL.at(0) ?? frame.READ);
@@ -116,6 +117,7 @@ export function overlay(canvas, frame, view, { graph, grid, phase }) {
       to.strokeRect(u - 4, v - 4, 8, 8);
     }
   }
+  if (graph && view.width > 260) lens(to, frame, view, [x, y]);
   for (const [width, stroke] of [[6, "panel"], [2.5, "ink"]]) {
     to.beginPath();
     to.arc(x, y, 9, 0, 7);
@@ -126,6 +128,44 @@ export function overlay(canvas, frame, view, { graph, grid, phase }) {
   to.beginPath();
   to.arc(x, y, 4.5, 0, 7);
   to.fill();
+}
+
+// The neighbourhood of the newest event, enlarged, in the corner that is farthest from it.
+function lens(to, { EVNT: events, NEAR: near }, view, [x, y]) {
+  const newest = events.count - 1, [u, v] = [events.x(newest), events.y(newest)], size = Math.min(150, view.width * 0.3);
+  const reach = 2.5 + Math.max(2, ...Array.from(near, i => Math.max(Math.abs(events.x(i) - u), Math.abs(events.y(i) - v))));
+  if (reach > 60) return;
+  const left = x < view.left + view.width / 2 ? view.left + view.width - size - 6 : view.left + 6;
+  const top = y < view.top + view.height / 2 ? view.top + view.height - size - 6 : view.top + 6;
+  const pixel = size / (2 * reach), place = i => [left + size / 2 + (events.x(i) - u) * pixel, top + size / 2 + (events.y(i) - v) * pixel];
+  to.save();
+  to.beginPath();
+  to.roundRect(left, top, size, size, 6);
+  to.fillStyle = colour("panel");
+  to.fill();
+  [to.strokeStyle, to.lineWidth] = [colour("quiet"), 1];
+  to.stroke();
+  to.clip();
+  for (let i = 0; i < events.count; i++) {
+    if (Math.abs(events.x(i) - u) > reach || Math.abs(events.y(i) - v) > reach) continue;
+    to.globalAlpha = 0.06 + 0.8 * Math.exp(-5 * events.age(i) / view.span);
+    to.fillStyle = colour(events.on(i) ? "on" : "off");
+    const [a, b] = place(i);
+    to.fillRect(a - pixel / 2, b - pixel / 2, pixel, pixel);
+  }
+  to.globalAlpha = 1;
+  [to.strokeStyle, to.lineWidth] = [colour("ink"), 1.5];
+  to.beginPath();
+  for (const i of near) { to.moveTo(left + size / 2, top + size / 2); to.lineTo(...place(i)); }
+  to.stroke();
+  to.fillStyle = colour("ink");
+  for (const i of near) { const [a, b] = place(i); to.beginPath(); to.arc(a, b, 3, 0, 7); to.fill(); }
+  to.beginPath();
+  to.arc(left + size / 2, top + size / 2, 5, 0, 7);
+  [to.fillStyle, to.strokeStyle, to.lineWidth] = [colour(events.on(newest) ? "on" : "off"), colour("ink"), 2];
+  to.fill();
+  to.stroke();
+  to.restore();
 }
 
 function lines(to, view, { columns, rows }) {

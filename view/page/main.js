@@ -155,6 +155,14 @@ function picture() {
       const at = part.getBoundingClientRect();
       to.drawImage(part, at.left, at.top, at.width, at.height);
     }
+    for (const mark of section.querySelectorAll(".dot, .square, .ring, .tick, .values i")) {
+      const at = mark.getBoundingClientRect(), style = getComputedStyle(mark), border = parseFloat(style.borderTopWidth);
+      to.beginPath();
+      to.roundRect(at.left, at.top, at.width, Math.max(at.height, 1), style.borderRadius === "50%" ? at.width / 2 : 0);
+      [to.fillStyle, to.strokeStyle, to.lineWidth] = [style.backgroundColor, style.borderTopColor, border];
+      to.fill();
+      if (border) to.stroke();
+    }
     const texts = document.createTreeWalker(section, NodeFilter.SHOW_TEXT);
     for (let text = texts.nextNode(); text; text = texts.nextNode()) {
       const parent = text.parentElement, style = getComputedStyle(parent);

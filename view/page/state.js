@@ -1,7 +1,7 @@
 // What the address holds after the #, so that a copied address shows the same.
 
 const KEYS = ["event", "network", "speed", "theme", "compare", "grid", "graph", "slowness", "playing"];
-let written = "", waiting = 0;
+let written = "", wanted = "", waiting = 0;
 
 /** The state of the address: texts by key. */
 export function read() {
@@ -11,10 +11,13 @@ export function read() {
 
 /** Writes the state into the address, a few times a second at most: browsers refuse more. */
 export function write(state) {
-  const parameters = new URLSearchParams(Object.entries(state).filter(([, value]) => value !== undefined && value !== null));
-  const hash = `#${parameters}`;
-  if (hash === written || waiting) return;
-  waiting = setTimeout(() => { waiting = 0; }, 400);
-  written = hash;
-  history.replaceState(null, "", hash);
+  wanted = `#${new URLSearchParams(Object.entries(state).filter(([, value]) => value !== undefined && value !== null))}`;
+  if (waiting || wanted === written) return;
+  replace();
+  waiting = setTimeout(() => { waiting = 0; if (wanted !== written) replace(); }, 400);
+}
+
+function replace() {
+  written = wanted;
+  history.replaceState(null, "", written);
 }

@@ -336,9 +336,9 @@ impl Session {
                 break;
             }
         }
-        if self.history.cursor + 1 == self.target {
-            self.take(self.target);
-        } else if self.course == Course::Due && !self.live {
+        // The newest event on its own, so that what it changed shows.
+        self.take(self.history.cursor + 1);
+        if self.history.cursor < self.target && self.course == Course::Due && !self.live {
             // Too slow for this speed: the input waits, and no event is left out.
             self.anchor = ((self.clock)(), self.history.time_of(self.history.cursor));
             self.target = self.history.cursor;

@@ -1,6 +1,7 @@
 //! Sessions over the embedded press and over little streams, and the bytes of their frames.
 
 mod frames;
+mod servers;
 mod sessions;
 mod truths;
 

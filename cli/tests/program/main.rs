@@ -45,3 +45,5 @@ mod sockets;
 mod support;
 mod unlike;
 mod verify;
+#[cfg(unix)]
+mod view;

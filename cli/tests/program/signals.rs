@@ -54,6 +54,11 @@ impl Running {
         let last = text.lines().last().expect("there is a summary");
         serde_json::from_str::<Value>(last).expect("JSON")["summary"].clone()
     }
+
+    /// The status with which it ends.
+    pub(crate) fn status(mut self) -> ExitStatus {
+        ended(&mut self.child)
+    }
 }
 
 fn signal(child: &Child, name: &str) {

@@ -1,0 +1,242 @@
+// The page in a browser. `.ci/view` runs it; it ends with the first claim that does not hold.
+
+import assert from "node:assert/strict";
+import { spawn } from "node:child_process";
+import { createRequire } from "node:module";
+import { readFileSync } from "node:fs";
+
+const { chromium } = createRequire(new URL("../../target/view/", import.meta.url))("playwright-core");
+const pictures = new URL("../../target/view/pictures/", import.meta.url).pathname;
+const executablePath = process.env.CHROMIUM ?? "/usr/bin/chromium";
+// Machado, Oliveira and Fernandes (2009), severity 1, over linear light.
+const matrix = rows => colour => rows.map(row => row.reduce((sum, share, i) => sum + share * colour[i], 0));
+const blindness = {
+  protanopia: matrix([[0.152286, 1.052583, -0.204868], [0.114503, 0.786281, 0.099216], [-0.003882, -0.048116, 1.051998]]),
+  deuteranopia: matrix([[0.367322, 0.860646, -0.227968], [0.280085, 0.672501, 0.047413], [-0.01182, 0.04294, 0.968881]]),
+  tritanopia: matrix([[1.255528, -0.076749, -0.178779], [-0.078411, 0.930809, 0.147602], [0.004733, 0.691367, 0.3039]]),
+};
+const browser = await chromium.launch({ executablePath, args: ["--no-sandbox", "--enable-unsafe-swiftshader"] });
+const programs = [];
+
+/** The address that a new program prints. */
+async function view(...options) {
+  const program = spawn(process.env.MEISSNER, ["view", "--no-browser", "--json", ...options], { stdio: ["pipe", "pipe", "ignore"] });
+  programs.push(program);
+  let printed = "";
+  return new Promise((found, failed) => {
+    program.on("exit", code => failed(new Error(`the program ended with ${code}: ${printed}`)));
+    program.stdout.on("data", data => { printed += data; if (printed.includes("\n")) found(JSON.parse(printed).url); });
+  });
+}
+
+/** A page of this width, and what it complained about. */
+async function open(url, { width = 1280, height = 900, init, ...options } = {}) {
+  const context = await browser.newContext({ viewport: { width, height }, acceptDownloads: true, ...options });
+  const page = await context.newPage(), complaints = [];
+  page.on("console", message => { if (message.type() === "error") complaints.push(message.text()); });
+  page.on("pageerror", error => complaints.push(error.message));
+  page.on("request", request => { if (!/^(blob:|data:)/.test(request.url()) && new URL(request.url()).hostname !== "127.0.0.1") complaints.push(`left the machine: ${request.url()}`); });
+  if (init) await page.addInitScript(init);
+  await page.goto(url);
+  await page.waitForFunction(() => window.meissner?.frame?.TIME && !window.meissner.frame.TIME.seeking);
+  return { page, complaints, close: () => context.close() };
+}
+
+const time = page => page.evaluate(() => window.meissner.frame.TIME);
+const until = (page, what, argument) => page.waitForFunction(what, argument, { timeout: 20_000 });
+const taken = (page, event) => until(page, event => window.meissner.frame.TIME.taken === event && !window.meissner.frame.TIME.seeking, event);
+
+async function claim(name, check) {
+  await check();
+  console.log(`ok: ${name}`);
+}
+
+const url = await view();
+
+await claim("it plays the press, and shows events, a wave and a prediction", async () => {
+  const { page, complaints, close } = await open(url);
+  await until(page, () => window.meissner.frame.TIME.taken > 200 && window.meissner.frame.TIME.playing);
+  await page.keyboard.press("Space");
+  await until(page, () => !window.meissner.frame.TIME.playing);
+  const shown = await page.evaluate(() => ({
+    events: window.meissner.frame.EVNT.count, wave: window.meissner.frame.WAVE.map(layer => layer.computed),
+    values: [...window.meissner.frame.PRED.values], points: window.meissner.frame.SERS.points,
+    texts: document.getElementById("values").textContent,
+  }));
+  assert.ok(shown.events > 200 && shown.points > 1 && shown.values.every(Number.isFinite), JSON.stringify(shown));
+  assert.deepEqual(shown.wave, [1, 1, 1]);
+  assert.match(shown.texts, /roll.*rad.*pitch.*rad/);
+  assert.ok(await coloured(page) > 100, "events are drawn");
+  await page.locator("#scrubber").fill("14000");
+  await taken(page, 14000);
+  const before = await time(page);
+  await page.keyboard.press("ArrowRight");
+  await taken(page, 14001);
+  await page.keyboard.press("Shift+ArrowLeft");
+  await taken(page, 13901);
+  await page.keyboard.press("End");
+  await taken(page, before.events);
+  await page.keyboard.press("Home");
+  await taken(page, 0);
+  // Drag over the prediction: one cursor for all panels.
+  const plot = await page.locator("#prediction").boundingBox();
+  await page.mouse.move(plot.x + plot.width * 0.3, plot.y + 50);
+  await page.mouse.down();
+  await page.mouse.move(plot.x + plot.width * 0.6, plot.y + 50, { steps: 4 });
+  await page.mouse.up();
+  await until(page, () => window.meissner.frame.TIME.now > 100_000 && !window.meissner.frame.TIME.seeking);
+  assert.equal(Number(await page.locator("#scrubber").inputValue()), (await time(page)).taken);
+  assert.deepEqual(complaints, []);
+  await close();
+});
+
+await claim("the address brings one back to the same place, and the bits agree with full recomputation", async () => {
+  const { page, complaints, close } = await open(`${url}#event=9000&playing=0&compare=1&network=tactigraph-past&grid=1`);
+  await taken(page, 9000);
+  await page.locator("#verdict.good").waitFor({ timeout: 60_000 });
+  assert.match(await page.locator("#verdict").textContent(), /All bits of [\d,]+ rows agree at event 9,000/);
+  await page.waitForTimeout(1000);
+  assert.match(page.url(), /event=9000/);
+  await page.keyboard.press("b");
+  await until(page, () => document.getElementById("compare-panel").hidden);
+  await page.locator("#network").selectOption("digits-past");
+  await until(page, () => window.meissner.facts.network === "digits-past" && window.meissner.frame.CELL.length === 1 && window.meissner.frame.TIME.taken === 9000);
+  assert.equal(await page.locator("#values div").count(), 3, "the best three classes");
+  await page.locator("#network").selectOption("tactigraph-past");
+  await until(page, () => window.meissner.facts.network === "tactigraph-past");
+  assert.deepEqual(complaints, []);
+  await close();
+});
+
+await claim("keys, help and the screenshot work", async () => {
+  const { page, complaints, close } = await open(`${url}#event=12000&playing=0`);
+  await taken(page, 12000);
+  await page.keyboard.press("?");
+  assert.ok(await page.locator("#keys").isVisible());
+  await page.keyboard.press("Escape");
+  assert.ok(!await page.locator("#keys").isVisible());
+  await page.keyboard.press("d");
+  assert.equal(await page.evaluate(() => document.documentElement.dataset.theme), "dark");
+  await page.keyboard.press("d");
+  const { speed } = await time(page);
+  await page.keyboard.press(".");
+  await until(page, speed => window.meissner.frame.TIME.speed > speed, speed);
+  await page.keyboard.press(",");
+  const [picture] = await Promise.all([page.waitForEvent("download"), page.keyboard.press("s")]);
+  await picture.saveAs(`${pictures}button.png`);
+  assert.ok(readFileSync(`${pictures}button.png`).length > 20_000);
+  const reached = new Set();
+  for (let i = 0; i < 40; i++) {
+    await page.keyboard.press("Tab");
+    reached.add(await page.evaluate(() => document.activeElement.id));
+  }
+  for (const id of ["network", "compare", "theme", "shot", "help", "graph", "grid", "slowness", "again", "back", "play", "forth", "scrubber", "speed"]) assert.ok(reached.has(id), `Tab reaches ${id}`);
+  assert.deepEqual(complaints, []);
+  await close();
+});
+
+await claim("text has a contrast of 4.5, and the colour-blind tell the colours apart, light and dark", async () => {
+  const { page, close } = await open(`${url}#event=12000&playing=0&compare=1`);
+  await page.locator("#verdict.good").waitFor({ timeout: 60_000 });
+  for (const theme of ["light", "dark"]) {
+    if (theme === "dark") await page.keyboard.press("d");
+    await page.waitForTimeout(400);
+    const weak = await page.evaluate(() => {
+      const parse = text => text.match(/[\d.]+/g).map(Number), channel = v => (v /= 255) <= 0.04045 ? v / 12.92 : ((v + 0.055) / 1.055) ** 2.4;
+      const luminance = ([r, g, b]) => 0.2126 * channel(r) + 0.7152 * channel(g) + 0.0722 * channel(b);
+      const ground = element => { for (let at = element; at; at = at.parentElement) { const c = parse(getComputedStyle(at).backgroundColor); if (c.length === 3 || c[3] === 1) return c; } return [255, 255, 255]; };
+      const texts = document.createTreeWalker(document.body, NodeFilter.SHOW_TEXT), found = [];
+      for (let text = texts.nextNode(); text; text = texts.nextNode()) {
+        const element = text.parentElement;
+        if (!text.data.trim() || !element.checkVisibility() || element.closest("script, option")) continue;
+        const [a, b] = [luminance(parse(getComputedStyle(element).color)), luminance(ground(element))].sort((x, y) => y - x);
+        if ((a + 0.05) / (b + 0.05) < 4.5) found.push(`${text.data.trim()}: ${((a + 0.05) / (b + 0.05)).toFixed(2)}`);
+      }
+      return found;
+    });
+    assert.deepEqual(weak, [], theme);
+    const colours = await page.evaluate(() => Object.fromEntries(["on", "off", "changed", "equal", "panel", "first", "second"].map(name => [name, getComputedStyle(document.documentElement).getPropertyValue(`--${name}`).trim()])));
+    for (const [kind, see] of Object.entries(blindness)) {
+      for (const [a, b] of [["on", "off"], ["changed", "equal"], ["on", "panel"], ["off", "panel"], ["first", "second"]]) {
+        const distance = Math.hypot(...see(linear(colours[a])).map((v, i) => 255 * (gamma(v) - gamma(see(linear(colours[b]))[i]))));
+        assert.ok(distance > 60, `${theme}, ${kind}: ${a} and ${b} are ${distance.toFixed(0)} apart`);
+      }
+    }
+  }
+  await close();
+});
+
+await claim("with reduced motion it waits, and a wave is there at once", async () => {
+  const { page, close } = await open(url, { reducedMotion: "reduce" });
+  await until(page, () => !window.meissner.frame.TIME.playing);
+  await page.keyboard.press("ArrowRight");
+  const { taken: at } = await time(page);
+  await page.waitForTimeout(500);
+  assert.ok((await time(page)).taken <= at + 1);
+  await close();
+});
+
+await claim("without WebGL it draws on a canvas", async () => {
+  const init = () => { const own = HTMLCanvasElement.prototype.getContext; HTMLCanvasElement.prototype.getContext = function (kind, ...rest) { return kind === "webgl2" ? null : own.call(this, kind, ...rest); }; };
+  const { page, complaints, close } = await open(`${url}#event=12000&playing=0`, { init });
+  await taken(page, 12000);
+  assert.ok(await coloured(page) > 100);
+  assert.deepEqual(complaints, []);
+  await close();
+});
+
+await claim("at 1280 and 390 pixels nothing is cut off", async () => {
+  for (const [width, height] of [[1280, 900], [390, 844]]) {
+    for (const theme of ["", "&theme=dark"]) {
+      const { page, complaints, close } = await open(`${url}#event=14000&playing=0&network=tactigraph-past${theme}`, { width, height, deviceScaleFactor: 1 });
+      await taken(page, 14000);
+      await page.waitForTimeout(1500);
+      assert.ok(await page.evaluate(() => document.documentElement.scrollWidth <= innerWidth), `${width} pixels`);
+      await page.screenshot({ path: `${pictures}page-${width}${theme ? "-dark" : ""}.png` });
+      await page.screenshot({ path: `${pictures}page-${width}${theme ? "-dark" : ""}-whole.png`, fullPage: true });
+      assert.deepEqual(complaints, []);
+      await close();
+    }
+  }
+});
+
+await claim("live events arrive", async () => {
+  const live = view("-", "--sensor", "346x260"), { stdin } = programs.at(-1);
+  let t = 0;
+  const send = setInterval(() => { for (let i = 0; i < 50; i++) stdin.write(`${t += 100},${60 + t / 100 % 200},${80 + Math.floor(t / 700) % 90},${t / 100 % 2}\n`); }, 20);
+  const { page, complaints, close } = await open(await live);
+  await until(page, () => window.meissner.facts.live && window.meissner.frame.EVNT.count > 300);
+  await page.keyboard.press("Space");
+  await until(page, () => !window.meissner.frame.TIME.playing);
+  const { taken: at } = await time(page);
+  await page.keyboard.press("ArrowLeft");
+  await taken(page, at - 1);
+  clearInterval(send);
+  assert.deepEqual(complaints, []);
+  await close();
+});
+
+await browser.close();
+for (const program of programs) { program.removeAllListeners("exit"); program.kill("SIGINT"); }
+
+/** Pixels of the events that are no ground. */
+function coloured(page) {
+  return page.evaluate(async () => {
+    await new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)));
+    const canvas = document.getElementById("events"), copy = document.createElement("canvas");
+    [copy.width, copy.height] = [canvas.width, canvas.height];
+    const to = copy.getContext("2d");
+    to.drawImage(canvas, 0, 0);
+    return to.getImageData(0, 0, copy.width, copy.height).data.filter((value, i) => i % 4 === 3 && value > 40).length;
+  });
+}
+
+function linear(hex) {
+  const number = parseInt(hex.slice(1), 16);
+  return [number >> 16 & 255, number >> 8 & 255, number & 255].map(v => (v /= 255) <= 0.04045 ? v / 12.92 : ((v + 0.055) / 1.055) ** 2.4);
+}
+
+function gamma(v) {
+  v = Math.max(0, Math.min(1, v));
+  return v <= 0.0031308 ? 12.92 * v : 1.055 * v ** (1 / 2.4) - 0.055;
+}
