@@ -385,7 +385,7 @@ fn a_third_pass_through_filters_a_tolerance_and_a_stale_readout_allocates_nothin
     let (sensor, events) = synthetic();
     let description = Description::shipped("graphres").expect("a shipped network");
     let network = description.network(&Weights::shipped("graphres").expect("shipped weights"));
-    let options = Options::new().with_tolerance(1e-3);
+    let options = Options::new().with_tolerance(1e-3).with_record_rows(true);
     let engine = Engine::with_options(network.expect("the weights fit"), sensor, options).expect("exact");
     let bound = Staleness::new().with_events(300).with_us(20_000);
     let mut readout = StaleReadout::new(engine, bound).expect("admissible");

@@ -12,6 +12,8 @@ mod assets;
 mod client;
 mod hub;
 mod request;
+#[cfg(test)]
+mod tests;
 
 use std::io;
 use std::net::{Ipv4Addr, SocketAddr, TcpListener, TcpStream};
