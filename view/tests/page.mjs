@@ -17,6 +17,8 @@ const blindness = {
 };
 const browser = await chromium.launch({ executablePath, args: ["--no-sandbox", "--enable-unsafe-swiftshader"] });
 const programs = [];
+// Also where a claim does not hold.
+process.on("exit", () => { for (const program of programs) program.kill("SIGINT"); });
 
 /** The address that a new program prints. */
 async function view(...options) {
@@ -217,7 +219,8 @@ await claim("live events arrive", async () => {
 });
 
 await browser.close();
-for (const program of programs) { program.removeAllListeners("exit"); program.kill("SIGINT"); }
+for (const program of programs) program.removeAllListeners("exit");
+process.exit(0);
 
 /** Pixels of the events that are no ground. */
 function coloured(page) {
