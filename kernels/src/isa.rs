@@ -13,6 +13,8 @@ pub(crate) mod panel;
 pub(crate) mod portable;
 #[cfg(target_arch = "x86_64")]
 mod registers;
+#[cfg(all(target_arch = "wasm32", target_feature = "simd128"))]
+mod simd128;
 pub(crate) mod vector;
 
 pub(crate) use panel::{Taps, accumulate, accumulate_in_four, accumulate_taps, accumulate_wide};
@@ -32,6 +34,8 @@ enum Kind {
     Avx2(avx2::Avx2),
     #[cfg(target_arch = "x86_64")]
     Avx512(avx512::Avx512),
+    #[cfg(all(target_arch = "wasm32", target_feature = "simd128"))]
+    Simd128(simd128::Simd128),
 }
 
 impl Isa {
@@ -54,6 +58,8 @@ impl Isa {
             all.extend(avx2::Avx2::detect().map(|simd| Self(Kind::Avx2(simd))));
             all.extend(avx512::Avx512::detect().map(|simd| Self(Kind::Avx512(simd))));
         }
+        #[cfg(all(target_arch = "wasm32", target_feature = "simd128"))]
+        all.push(Self(Kind::Simd128(simd128::Simd128)));
         all
     }
 
@@ -65,6 +71,8 @@ impl Isa {
             Kind::Avx2(_) => "avx2",
             #[cfg(target_arch = "x86_64")]
             Kind::Avx512(_) => "avx512",
+            #[cfg(all(target_arch = "wasm32", target_feature = "simd128"))]
+            Kind::Simd128(_) => "simd128",
         }
     }
 
@@ -77,6 +85,8 @@ impl Isa {
             Kind::Avx2(simd) => simd.enter(task),
             #[cfg(target_arch = "x86_64")]
             Kind::Avx512(simd) => simd.enter(task),
+            #[cfg(all(target_arch = "wasm32", target_feature = "simd128"))]
+            Kind::Simd128(simd) => task.run(simd),
         }
     }
 }

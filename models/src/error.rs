@@ -31,6 +31,12 @@ pub enum ModelError {
     /// Weights lack tensors of a network, or have other tensors in their place.
     #[error("weights do not fit network {network:?}: {}", lines(problems))]
     Weights { network: String, problems: Vec<TensorProblem> },
+    /// The build left out the weights of a network that comes with the crate.
+    #[error(
+        "weights of network {network:?}: expected in the library, found left out of this build: the feature {network:?} \
+         of meissner-models has them"
+    )]
+    LeftOut { network: &'static str },
     /// Weights hold all tensors of a network more than once.
     #[error(
         "weights fit network {network:?} under more than one prefix: expected one, found {}",

@@ -1,7 +1,11 @@
 //! The descriptions and weights that come with the crate, by name.
+//!
+//! Every description is always there. Weights are there if the cargo feature of the network's name
+//! is on, as all are by default.
 
 use crate::description::frames::FrameDescription;
 use crate::description::{AnyDescription, Description, DescriptionError};
+use crate::error::ModelError;
 use crate::weights::Weights;
 use crate::weights::card::Card;
 
@@ -12,16 +16,21 @@ pub const DEFAULT_NETWORK: &str = "tactigraph-past";
 struct Shipped {
     name: &'static str,
     description: &'static str,
-    weights: &'static [u8],
+    /// None where the feature of the network's name is off.
+    weights: Option<&'static [u8]>,
 }
 
 /// A network by its name, with the file of its weights.
 macro_rules! shipped {
-    ($name:literal, $file:literal) => {
+    ($name:tt, $file:literal) => {
         Shipped {
             name: $name,
             description: include_str!(concat!("../networks/", $name, ".toml")),
-            weights: include_bytes!(concat!("../weights/", $file, ".safetensors")),
+            weights: if cfg!(feature = $name) {
+                Some(include_bytes!(concat!("../weights/", $file, ".safetensors")))
+            } else {
+                None
+            },
         }
     };
 }
@@ -145,16 +154,25 @@ impl Shipped {
 
 impl Weights {
     /// Weights of a network that comes with the crate. "digits-frozen" has those of "digits-past".
+    /// `None` for another name, and where the build [left them out](Self::left_out).
     ///
     /// # Panics
     /// Never: the tests read every file.
     pub fn shipped(name: &str) -> Option<Self> {
-        Some(Self::from_bytes(Shipped::find(name)?.weights).expect("shipped weights are readable"))
+        Some(Self::from_bytes(Shipped::find(name)?.weights?).expect("shipped weights are readable"))
+    }
+
+    /// Why [`Self::shipped`] has no weights for a network that comes with the crate: the build left
+    /// out the feature of that name. `None` if it has them, and for another name.
+    pub fn left_out(name: &str) -> Option<ModelError> {
+        let shipped = Shipped::find(name).filter(|shipped| shipped.weights.is_none())?;
+        Some(ModelError::LeftOut { network: shipped.name })
     }
 }
 
 impl Card {
-    /// The card of the weights of a network that comes with the crate.
+    /// The card of the weights of a network that comes with the crate. `None` as for
+    /// [`Weights::shipped`].
     ///
     /// # Panics
     /// Never: the tests read every card.

@@ -162,7 +162,10 @@ pub fn weights(network: &str, shipped: bool, file: Option<WeightsFile<'_>>) -> R
     let Some(file) = file else {
         return match Weights::shipped(network).filter(|_| shipped) {
             Some(weights) => Ok((weights, "shipped with the network".to_owned())),
-            None => Err(RunError::NoWeights(network.to_owned())),
+            None => Err(match Weights::left_out(network).filter(|_| shipped) {
+                Some(error) => RunError::weights(network.to_owned(), error),
+                None => RunError::NoWeights(network.to_owned()),
+            }),
         };
     };
     let label = file.path.display().to_string();

@@ -318,7 +318,10 @@ pub unsafe extern "C" fn meissner_network_open(
         let weights = match weights {
             Some(path) => Weights::load(path)?,
             None => Weights::shipped(name).ok_or_else(|| {
-                let text = format!("weights: expected a path, as {name} comes without, found NULL");
+                let text = match Weights::left_out(name) {
+                    Some(error) => error.to_string(),
+                    None => format!("weights: expected a path, as {name} comes without, found NULL"),
+                };
                 Failure::new(Status::MEISSNER_NOT_FOUND, text)
             })?,
         };

@@ -1,0 +1,220 @@
+//! SIMD128 of WebAssembly: registers of four f32, without a fused multiply-add.
+//!
+//! A module either has these instructions or cannot be loaded without them: they are there if the
+//! build has them. *Relaxed* SIMD has a fused product, but the standard lets it round once or twice
+//! as an implementation likes; it is not used.
+
+use std::arch::wasm32::{
+    f32x4_add, f32x4_demote_f64x2_zero, f32x4_div, f32x4_le, f32x4_mul, f32x4_pmax, f32x4_splat, f32x4_sub,
+    f64x2_add, f64x2_gt, f64x2_lt, f64x2_mul, f64x2_promote_low_f32x4, f64x2_splat, f64x2_sub, i32x4_add,
+    i32x4_bitmask, i32x4_eq, i32x4_lt, i32x4_ne, i32x4_shl, i32x4_shr, i32x4_shuffle, i32x4_splat, i64x2_add,
+    i64x2_eq, i64x2_shr, i64x2_splat, v128, v128_and, v128_any_true, v128_bitselect, v128_load, v128_or,
+    v128_store, v128_xor,
+};
+use std::array;
+
+use super::vector::{Exponent, Simd, Task, Vector};
+use crate::lanes::{LANES, Lanes, Wide};
+
+/// f32 in a register.
+const FOUR: usize = 4;
+
+/// The instructions, which the whole build has.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Simd128;
+
+impl Simd for Simd128 {
+    type V8 = Registers<2>;
+    type V16 = Registers<4>;
+    const WIDE: bool = false;
+    const FUSED: bool = false;
+
+    #[inline(never)]
+    fn apart<T: Task>(self, task: T) -> T::Output {
+        task.run(self)
+    }
+}
+
+/// N registers used as one.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Registers<const N: usize>([v128; N]);
+
+impl<const N: usize> Registers<N> {
+    #[inline(always)]
+    fn each(self, f: impl Fn(v128) -> v128) -> Self {
+        Self(array::from_fn(|i| f(self.0[i])))
+    }
+
+    #[inline(always)]
+    fn with(self, other: Self, f: impl Fn(v128, v128) -> v128) -> Self {
+        Self(array::from_fn(|i| f(self.0[i], other.0[i])))
+    }
+
+    /// Bit i is the sign of element i.
+    #[inline(always)]
+    fn signs(self) -> u32 {
+        (0..N).fold(0, |bits, i| bits | u32::from(i32x4_bitmask(self.0[i])) << (FOUR * i))
+    }
+}
+
+macro_rules! vector {
+    ($n:expr, $memory:ty) => {
+        impl Vector<Simd128> for Registers<$n> {
+            type Memory = $memory;
+            const LANES: usize = FOUR * $n;
+            const ZEROS: $memory = <$memory>::ZERO;
+
+            #[inline(always)]
+            fn splat(_: Simd128, value: f32) -> Self {
+                Self([f32x4_splat(value); $n])
+            }
+            #[inline(always)]
+            fn load(simd: Simd128, from: &$memory) -> Self {
+                Self::load_slice(simd, &from.0)
+            }
+            #[inline(always)]
+            fn load_slice(_: Simd128, from: &[f32]) -> Self {
+                let from = &from[..Self::LANES];
+                // SAFETY: register i is readable, from value 4 i on; no alignment is needed.
+                Self(array::from_fn(|i| unsafe { v128_load(from.as_ptr().add(FOUR * i).cast()) }))
+            }
+            #[inline(always)]
+            fn store(self, to: &mut $memory) {
+                self.store_slice(&mut to.0);
+            }
+            #[inline(always)]
+            fn store_slice(self, to: &mut [f32]) {
+                let to = &mut to[..Self::LANES];
+                for (i, register) in self.0.into_iter().enumerate() {
+                    // SAFETY: register i is writable, from value 4 i on; no alignment is needed.
+                    unsafe { v128_store(to.as_mut_ptr().add(FOUR * i).cast(), register) };
+                }
+            }
+            #[inline(always)]
+            fn add(self, other: Self) -> Self {
+                self.with(other, |a, b| f32x4_add(a, b))
+            }
+            #[inline(always)]
+            fn sub(self, other: Self) -> Self {
+                self.with(other, |a, b| f32x4_sub(a, b))
+            }
+            #[inline(always)]
+            fn mul(self, other: Self) -> Self {
+                self.with(other, |a, b| f32x4_mul(a, b))
+            }
+            #[inline(always)]
+            fn add_product(self, a: Self, b: Self) -> Self {
+                let (mut sums, mut hard) = (self.0, i32x4_splat(0));
+                for (i, sum) in sums.iter_mut().enumerate() {
+                    let (rounded, of_these) = add_product(a.0[i], b.0[i], *sum);
+                    *sum = rounded;
+                    hard = v128_or(hard, of_these);
+                }
+                if v128_any_true(hard) {
+                    return Self(array::from_fn(|i| exact(a.0[i], b.0[i], self.0[i])));
+                }
+                Self(sums)
+            }
+            #[inline(always)]
+            fn max(self, other: Self) -> Self {
+                self.with(other, |a, b| f32x4_pmax(a, b))
+            }
+            #[inline(always)]
+            fn at_most(self, other: Self) -> u32 {
+                self.with(other, |a, b| f32x4_le(a, b)).signs()
+            }
+            #[inline(always)]
+            fn differs(self, other: Self) -> u32 {
+                self.with(other, |a, b| i32x4_ne(a, b)).signs()
+            }
+        }
+
+        impl Exponent<Simd128> for Registers<$n> {
+            #[inline(always)]
+            fn div(self, other: Self) -> Self {
+                self.with(other, |a, b| f32x4_div(a, b))
+            }
+            #[inline(always)]
+            fn power_of_two(self, _: Simd128, more: i32) -> Self {
+                self.each(|x| i32x4_add(i32x4_shl(x, 23), i32x4_splat((127 + more) << 23)))
+            }
+            #[inline(always)]
+            fn with_sign(self, _: Simd128, of: Self) -> Self {
+                self.with(of, |x, of| v128_bitselect(of, x, i32x4_splat(i32::MIN)))
+            }
+            #[inline(always)]
+            fn where_negative(self, of: Self, other: Self) -> Self {
+                let negative = of.each(|of| i32x4_shr(of, 31));
+                Self(array::from_fn(|i| v128_bitselect(self.0[i], other.0[i], negative.0[i])))
+            }
+        }
+    };
+}
+
+vector!(2, Lanes);
+vector!(4, Wide);
+
+const _: () = assert!(LANES == 2 * FOUR);
+
+/// a b + c of the first or last two lanes in f64: the products are exact, the sums are rounded.
+struct Halves {
+    products: [v128; 2],
+    c: [v128; 2],
+    sums: [v128; 2],
+}
+
+impl Halves {
+    #[inline(always)]
+    fn new(a: v128, b: v128, c: v128) -> Self {
+        let high = |x| f64x2_promote_low_f32x4(i32x4_shuffle::<2, 3, 2, 3>(x, x));
+        let low = |x| f64x2_promote_low_f32x4(x);
+        let (products, c) = ([f64x2_mul(low(a), low(b)), f64x2_mul(high(a), high(b))], [low(c), high(c)]);
+        Self { products, c, sums: array::from_fn(|i| f64x2_add(products[i], c[i])) }
+    }
+}
+
+/// Four f64 as f32.
+#[inline(always)]
+fn rounded([low, high]: [v128; 2]) -> v128 {
+    i32x4_shuffle::<0, 1, 4, 5>(f32x4_demote_f64x2_zero(low), f32x4_demote_f64x2_zero(high))
+}
+
+/// c + a b, and the lanes in which it may be wrong, as it is rounded twice.
+///
+/// A sum in f64 that is not half-way between two f32 rounds to the f32 of the exact sum, as in
+/// [`super::portable::fused_each`]: half-way, the 29 bits below an f32's last are a one and zeros.
+/// Where the f32 is subnormal, or the smallest that is not, half-way is elsewhere. A zero is right:
+/// sums so small are exact in f64.
+#[inline(always)]
+fn add_product(a: v128, b: v128, c: v128) -> (v128, v128) {
+    let sums = Halves::new(a, b, c).sums;
+    let rounded = rounded(sums);
+    let below = i32x4_shl(i32x4_shuffle::<0, 2, 4, 6>(sums[0], sums[1]), 3);
+    let half_way = i32x4_eq(below, i32x4_splat(i32::MIN));
+    // Twice the magnitude less one, as unsigned: of a zero the largest.
+    let magnitude = i32x4_add(i32x4_shl(rounded, 1), i32x4_splat(i32::MAX));
+    let small = i32x4_lt(magnitude, i32x4_splat(i32::MIN + (1 << 24)));
+    (rounded, v128_or(half_way, small))
+}
+
+/// c + a b, always: the sum in f64 is rounded to odd, as in [`super::portable::fused`].
+#[inline(never)]
+fn exact(a: v128, b: v128, c: v128) -> v128 {
+    let Halves { products, c, sums } = Halves::new(a, b, c);
+    rounded(array::from_fn(|i| to_odd(products[i], c[i], sums[i])))
+}
+
+/// The sum of two f64, rounded to odd; `sum` is it rounded to nearest.
+#[inline(always)]
+fn to_odd(product: v128, c: v128, sum: v128) -> v128 {
+    // The error of the sum, exactly (Knuth's two-sum).
+    let of_c = f64x2_sub(sum, product);
+    let lost = f64x2_add(f64x2_sub(product, f64x2_sub(sum, of_c)), f64x2_sub(c, of_c));
+    // NaN is neither; an infinite sum stays.
+    let (zero, one) = (f64x2_splat(0.0), i64x2_splat(1));
+    let inexact = v128_or(f64x2_lt(lost, zero), f64x2_gt(lost, zero));
+    let even = i64x2_eq(v128_and(sum, one), zero);
+    // Away from zero if the error has the sum's sign.
+    let step = v128_or(i64x2_shr(v128_xor(lost, sum), 63), one);
+    i64x2_add(sum, v128_and(step, v128_and(inexact, even)))
+}
