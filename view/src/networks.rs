@@ -52,7 +52,8 @@ pub struct Shipped;
 impl Networks for Shipped {
     fn names(&self) -> Vec<String> {
         let runs = |name: &&&str| {
-            Description::shipped(name).is_some_and(|of| of.normalisation() == Normalisation::Fixed)
+            let known = Description::shipped(name).filter(|_| Weights::left_out(name).is_none());
+            known.is_some_and(|of| of.normalisation() == Normalisation::Fixed)
         };
         Description::shipped_names().iter().filter(runs).map(|&name| name.to_owned()).collect()
     }

@@ -8,8 +8,8 @@ use std::arch::wasm32::{
     f32x4_add, f32x4_demote_f64x2_zero, f32x4_div, f32x4_le, f32x4_mul, f32x4_pmax, f32x4_splat, f32x4_sub,
     f64x2_add, f64x2_gt, f64x2_lt, f64x2_mul, f64x2_promote_low_f32x4, f64x2_splat, f64x2_sub, i32x4_add,
     i32x4_bitmask, i32x4_eq, i32x4_lt, i32x4_ne, i32x4_shl, i32x4_shr, i32x4_shuffle, i32x4_splat, i64x2_add,
-    i64x2_eq, i64x2_shr, i64x2_splat, v128, v128_and, v128_any_true, v128_bitselect, v128_load, v128_or,
-    v128_store, v128_xor,
+    i64x2_eq, i64x2_shr, i64x2_splat, u8x16, u8x16_swizzle, v128, v128_and, v128_any_true, v128_bitselect,
+    v128_load, v128_or, v128_store, v128_xor,
 };
 use std::array;
 
@@ -176,7 +176,9 @@ impl Halves {
 /// Four f64 as f32.
 #[inline(always)]
 fn rounded([low, high]: [v128; 2]) -> v128 {
-    i32x4_shuffle::<0, 1, 4, 5>(f32x4_demote_f64x2_zero(low), f32x4_demote_f64x2_zero(high))
+    // Not by a shuffle: the compiler would round lane by lane.
+    let up = u8x16(16, 16, 16, 16, 16, 16, 16, 16, 0, 1, 2, 3, 4, 5, 6, 7);
+    v128_or(f32x4_demote_f64x2_zero(low), u8x16_swizzle(f32x4_demote_f64x2_zero(high), up))
 }
 
 /// c + a b, and the lanes in which it may be wrong, as it is rounded twice.

@@ -1,0 +1,76 @@
+// Direction of slip over a recording of electrodes: the readings, and the classes that the network gives.
+
+const WORDS = { aw: "anticlockwise", cw: "clockwise", e: "east", n: "north", s: "south", t: "touch", w: "west" };
+const ELECTRODES = 24;
+let panel = null, shown = null;
+
+/** Shows a run of a slip network, or, without one, the events again. */
+export function showSlip(run) {
+  const main = document.querySelector("main"), foot = document.querySelector("footer");
+  if (!run && !panel) return;
+  panel ??= build(main);
+  shown = run;
+  panel.hidden = !run;
+  main.hidden = foot.hidden = Boolean(run);
+  if (run) draw();
+}
+
+function build(main) {
+  const section = document.createElement("section");
+  section.id = "slip-panel";
+  section.setAttribute("aria-labelledby", "slip-title");
+  section.innerHTML = `<div class="head"><h2 id="slip-title">Direction of slip</h2><p id="slip-about" class="quiet"></p></div>
+    <canvas id="slip-readings" role="img" aria-label="Values of the electrodes over time"></canvas>
+    <canvas id="slip-classes" role="img" aria-label="Probability of each class over time"></canvas>
+    <p id="slip-answer" class="caption" role="status"></p>`;
+  Object.assign(section.style, { margin: "1rem", padding: "1rem" });
+  for (const canvas of section.querySelectorAll("canvas")) Object.assign(canvas.style, { display: "block", width: "100%", height: "14rem" });
+  main.after(section);
+  addEventListener("resize", () => shown && draw());
+  return section;
+}
+
+/** Softmax of the logits of a reading; NaN before the first window. */
+function probabilities(logits) {
+  const most = Math.max(...logits), parts = [...logits].map(value => Math.exp(value - most)), sum = parts.reduce((a, b) => a + b);
+  return parts.map(part => part / sum);
+}
+
+function draw() {
+  const { name, network, classes, readings, logits, tookMs } = shown, count = readings.length / ELECTRODES;
+  const all = Array.from({ length: count }, (_, i) => probabilities(logits.subarray(i * classes.length, (i + 1) * classes.length)));
+  const wins = classes.map(() => 0);
+  for (const row of all) if (!Number.isNaN(row[0])) wins[row.indexOf(Math.max(...row))]++;
+  const best = wins.indexOf(Math.max(...wins)), windows = wins.reduce((a, b) => a + b);
+  const word = index => WORDS[classes[index]] ?? classes[index];
+  document.getElementById("slip-about").textContent = `${name} · ${network} · ${count} readings`;
+  document.getElementById("slip-answer").textContent = windows
+    ? `${word(best)}: the most probable class of ${wins[best]} of ${windows} windows. ${(1e3 * tookMs / windows).toFixed(0)} µs a window.`
+    : "Too few readings for a window.";
+  let [low, high] = [Infinity, -Infinity];
+  for (const value of readings) [low, high] = [Math.min(low, value), Math.max(high, value)];
+  heat("slip-readings", count, ELECTRODES, (i, e) => (readings[i * ELECTRODES + e] - low) / (high - low || 1), e => `e${e + 1}`);
+  heat("slip-classes", count, classes.length, (i, c) => all[i][c], word);
+}
+
+/** Rows over time, dark where the value is 1; nothing where there is none. */
+function heat(id, columns, rows, value, label) {
+  const canvas = document.getElementById(id), ratio = devicePixelRatio || 1, style = getComputedStyle(document.body);
+  const width = canvas.clientWidth, height = canvas.clientHeight, left = 96, to = canvas.getContext("2d");
+  [canvas.width, canvas.height] = [Math.round(width * ratio), Math.round(height * ratio)];
+  to.scale(ratio, ratio);
+  to.clearRect(0, 0, width, height);
+  const [w, h] = [(width - left) / Math.max(columns, 1), height / rows];
+  to.font = `12px ${style.fontFamily}`;
+  to.textBaseline = "middle";
+  for (let r = 0; r < rows; r++) {
+    to.fillStyle = style.color;
+    if (rows <= 12 || r % 4 === 0) to.fillText(label(r), 0, (r + 0.5) * h);
+    for (let c = 0; c < columns; c++) {
+      const of = value(c, r);
+      if (Number.isNaN(of)) continue;
+      to.fillStyle = `rgba(31, 95, 168, ${(0.06 + 0.94 * Math.max(0, Math.min(1, of))).toFixed(3)})`;
+      to.fillRect(left + c * w, r * h + 0.5, Math.max(w, 1), h - 1);
+    }
+  }
+}
