@@ -23,6 +23,14 @@ pub use vector::{Divisor, Exponent, Simd, Task, Vector};
 
 use crate::lanes::{LANES, Lanes, Wide};
 
+// What every processor has that can run the build. A module with SIMD128 needs nothing else.
+#[cfg(not(all(target_arch = "wasm32", target_feature = "simd128")))]
+use portable::Portable as Baseline;
+#[cfg(all(target_arch = "wasm32", target_feature = "simd128"))]
+use simd128::Simd128 as Baseline;
+const BASELINE: &str =
+    if cfg!(all(target_arch = "wasm32", target_feature = "simd128")) { "simd128" } else { "portable" };
+
 /// An instruction set that this processor has.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Isa(Kind);
@@ -34,8 +42,6 @@ enum Kind {
     Avx2(avx2::Avx2),
     #[cfg(target_arch = "x86_64")]
     Avx512(avx512::Avx512),
-    #[cfg(all(target_arch = "wasm32", target_feature = "simd128"))]
-    Simd128(simd128::Simd128),
 }
 
 impl Isa {
@@ -58,21 +64,17 @@ impl Isa {
             all.extend(avx2::Avx2::detect().map(|simd| Self(Kind::Avx2(simd))));
             all.extend(avx512::Avx512::detect().map(|simd| Self(Kind::Avx512(simd))));
         }
-        #[cfg(all(target_arch = "wasm32", target_feature = "simd128"))]
-        all.push(Self(Kind::Simd128(simd128::Simd128)));
         all
     }
 
     /// Name for reports.
     pub fn name(self) -> &'static str {
         match self.0 {
-            Kind::Portable => "portable",
+            Kind::Portable => BASELINE,
             #[cfg(target_arch = "x86_64")]
             Kind::Avx2(_) => "avx2",
             #[cfg(target_arch = "x86_64")]
             Kind::Avx512(_) => "avx512",
-            #[cfg(all(target_arch = "wasm32", target_feature = "simd128"))]
-            Kind::Simd128(_) => "simd128",
         }
     }
 
@@ -80,13 +82,11 @@ impl Isa {
     #[inline]
     pub fn run<T: Task>(self, task: T) -> T::Output {
         match self.0 {
-            Kind::Portable => task.run(Portable),
+            Kind::Portable => task.run(Baseline),
             #[cfg(target_arch = "x86_64")]
             Kind::Avx2(simd) => simd.enter(task),
             #[cfg(target_arch = "x86_64")]
             Kind::Avx512(simd) => simd.enter(task),
-            #[cfg(all(target_arch = "wasm32", target_feature = "simd128"))]
-            Kind::Simd128(simd) => task.run(simd),
         }
     }
 }

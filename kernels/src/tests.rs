@@ -305,6 +305,23 @@ mod portable {
     use proptest::prelude::*;
 
     use crate::isa::portable::{fused, fused_each};
+    use crate::isa::{Isa, Simd, Task, Vector};
+    use crate::lanes::{LANES, Lanes};
+
+    /// c + a b of eight lanes, and of two registers.
+    struct AddProduct([Lanes; 3]);
+
+    impl Task for AddProduct {
+        type Output = [f32; LANES];
+
+        #[inline(always)]
+        fn run<S: Simd>(self, simd: S) -> [f32; LANES] {
+            let [a, b, c] = self.0.map(|lanes| S::V8::load(simd, &lanes));
+            let mut out = Lanes::ZERO;
+            c.add_product(a, b).store(&mut out);
+            out.0
+        }
+    }
 
     /// Any bits, values of similar size, and values that nearly cancel.
     fn operand() -> impl Strategy<Value = f32> {
@@ -317,7 +334,15 @@ mod portable {
 
     fn check(a: f32, b: f32, c: f32) -> Result<(), TestCaseError> {
         let expected = a.mul_add(b, c);
-        for got in [fused(a, b, c), fused_each([a], [b], [c])[0]] {
+        // Beside lanes that are easy, and that take no part.
+        let lanes = |value: f32, other: f32| Lanes([other, other, other, value, other, other, value, other]);
+        let operands = [lanes(a, 2.0), lanes(b, 3.0), lanes(c, 1.0)];
+        let with = Isa::available().into_iter().map(|isa| isa.run(AddProduct(operands)));
+        let with = with.flat_map(|[x, .., y, z]| {
+            assert_eq!((x, z), (7.0, 7.0));
+            [y]
+        });
+        for got in [fused(a, b, c), fused_each([a], [b], [c])[0]].into_iter().chain(with) {
             prop_assert!(
                 got.to_bits() == expected.to_bits() || (got.is_nan() && expected.is_nan()),
                 "{a:e} {b:e} {c:e}: {got:e}, not {expected:e}"
@@ -339,5 +364,19 @@ mod portable {
             check(one, tail, 1.0)?;
             check(one * a, tail, a)?;
         }
+    }
+
+    #[test]
+    fn a_subnormal_sum_that_f64_takes_for_half_way_is_rounded_once() {
+        // a b is a little less than half of the last place of c.
+        let (scale, tail) = (2f32.powi(-75), 2f32.powi(-15));
+        let (a, b) = (scale * (1.0 + tail), scale * (1.0 - tail));
+        for c in [(1 << 22) + 1, (1 << 23) - 1, 1 << 23, 1].map(f32::from_bits) {
+            for (a, c) in [(a, c), (-a, -c), (-a, c), (a, -c)] {
+                check(a, b, c).expect("one rounding");
+            }
+        }
+        check(scale, scale, 0.0).expect("half of the smallest");
+        check(a, b, 0.0).expect("less than half of the smallest");
     }
 }

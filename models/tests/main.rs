@@ -2,6 +2,7 @@
 
 mod convolutions;
 mod descriptions;
+mod features;
 mod frame_vectors;
 mod frames;
 mod heads;
