@@ -18,6 +18,7 @@ fn main() -> ExitCode {
         let events = fixed_run::of_events(Mode::Incremental { isa, two_threads: false });
         say(format!("events, {}", isa.name()), events, fixed_run::EVENTS_EXPECTED);
         say(format!("frames, {}", isa.name()), fixed_run::of_frames(isa, false), fixed_run::FRAMES_EXPECTED);
+        say(format!("press, {}", isa.name()), fixed_run::of_press(isa), fixed_run::PRESS_EXPECTED);
     }
     // WebAssembly has no threads.
     for threads in [1, 2, 8].into_iter().filter(|_| !cfg!(target_family = "wasm")) {

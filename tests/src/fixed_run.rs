@@ -19,6 +19,8 @@ use meissner_verify::frame_networks::{self, Style};
 pub const EVENTS_EXPECTED: u64 = 0x18ca_cf0e_d0b2_8c8d;
 /// What [`of_frames`] gives.
 pub const FRAMES_EXPECTED: u64 = 0x65ab_181e_afc4_7072;
+/// What [`of_press`] gives; `.ci/wasm` reads it here.
+pub const PRESS_EXPECTED: u64 = 0xc81b_886b_a0f0_2234;
 
 const SENSOR: Sensor = Sensor { width: 120, height: 90 };
 /// Pooled and frozen, over all and over the past, with and without a head.
@@ -93,6 +95,24 @@ pub fn of_events(mode: Mode) -> u64 {
                 }
             }
         }
+    }
+    hash.finish()
+}
+
+/// The hash of the prediction after each event of the press that comes with the program.
+///
+/// # Panics
+/// If the recording cannot be read, or the network cannot run.
+pub fn of_press(isa: Isa) -> u64 {
+    let press = meissner_io::decode(include_bytes!("../../run/assets/dome_press.evt3")).expect("a recording");
+    let weights = Weights::shipped("tactigraph-past").expect("shipped weights");
+    let network = Description::shipped("tactigraph-past").expect("a shipped network").network(&weights);
+    let (network, sensor) = (network.expect("the weights fit"), press.sensor.expect("it names its sensor"));
+    let mut engine = Engine::with_options(network, sensor, Options::new().with_isa(isa)).expect("exact");
+    let mut hash = FnvHasher::default();
+    for event in press.events {
+        engine.push(event);
+        add(&mut hash, engine.predict().expect("finite").values);
     }
     hash.finish()
 }

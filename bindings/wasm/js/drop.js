@@ -5,22 +5,24 @@ import { showSlip } from "./slip.js";
 /** Largest file that is read into the page's memory. */
 const MAX_BYTES = 512 * 2 ** 20;
 
+const HINT = "Drop a recording here: events in any format, or readings of electrodes. It stays on this machine.";
+
 /** Lets people open files, which `engine`, the worker, takes. */
-export function begin(engine, say) {
+export function begin(engine) {
   const input = Object.assign(document.createElement("input"), { type: "file", hidden: true, id: "file" });
   const button = (id, text, title, act) => Object.assign(document.createElement("button"), { id, textContent: text, title, onclick: act });
   const choose = button("open", "Open…", "Open a recording from this machine; it stays in this page (O)", () => input.click());
   const press = button("press", "Press", "Show the embedded press again", () => { showSlip(null); engine.postMessage({ press: true }); });
   document.querySelector("header .buttons").prepend(choose, press, input);
-  const hint = Object.assign(document.createElement("p"), { className: "quiet", id: "drop-hint" });
-  hint.textContent = "Drop a recording here: events in any format, or readings of electrodes. It stays on this machine.";
+  const hint = Object.assign(document.createElement("p"), { className: "quiet", id: "drop-hint", textContent: HINT });
+  hint.setAttribute("role", "status");
+  const say = (text, bad = false) => { hint.textContent = text; hint.className = bad ? "bad" : "quiet"; };
   document.querySelector("main").before(hint);
   Object.assign(hint.style, { margin: "0 auto", padding: "0 1rem", textAlign: "center" });
 
   const open = async file => {
     if (!file) return;
-    if (file.size > MAX_BYTES) return say(`${file.name}: expected at most ${MAX_BYTES} bytes, found ${file.size}`);
-    showSlip(null);
+    if (file.size > MAX_BYTES) return say(`${file.name}: expected at most ${MAX_BYTES} bytes, found ${file.size}`, true);
     say(`Reading ${file.name}…`);
     const bytes = new Uint8Array(await file.arrayBuffer());
     engine.postMessage({ open: { name: file.name, bytes } }, [bytes.buffer]);
@@ -33,5 +35,10 @@ export function begin(engine, say) {
   addEventListener("keydown", event => {
     if (event.key.toLowerCase() === "o" && !event.ctrlKey && !event.metaKey && !event.altKey && !event.target.matches?.("select, input, dialog *")) choose.click();
   });
-  engine.addEventListener("message", ({ data }) => { if (data.slip) showSlip(data.slip); });
+  engine.addEventListener("message", ({ data }) => {
+    if (data.refused) return say(data.refused, true);
+    if (!data.opened && !data.slip) return;
+    say(HINT);
+    showSlip(data.slip ?? null);
+  });
 }

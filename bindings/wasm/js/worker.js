@@ -1,7 +1,8 @@
 // The engine in a worker of the page: commands in, frames out. Nothing leaves the machine.
 //
 // In: a command of `view/src/command.rs`; {open: {name, bytes}} for a file; {press: true} for the embedded press.
-// Out: an ArrayBuffer, a frame; {state}, "open" or what went wrong; {slip}, classes over readings of electrodes.
+// Out: an ArrayBuffer, a frame; {state}, "open" or what went wrong; {opened} or {refused}, of a file, as text;
+// {slip}, classes over readings of electrodes.
 
 import init, { Electrodes, Viewer } from "./meissner_wasm.js";
 
@@ -16,18 +17,18 @@ let viewer = null, network = NETWORK, facts = -1;
 function show(next) {
   viewer?.free();
   [viewer, facts] = [next, -1];
-  postMessage({ state: "open" });
   viewer.command('{"do": "show"}');
 }
 
 function open({ name, bytes }) {
   try {
     show(new Viewer(name, bytes, network));
+    postMessage({ opened: name });
   } catch (noRecording) {
     try {
       slip(name, Electrodes.decode(bytes));
     } catch {
-      postMessage({ state: `${name}: ${noRecording.message}` });
+      postMessage({ refused: `${name}: ${noRecording.message}` });
     }
   }
 }
@@ -42,7 +43,7 @@ function slip(name, readings) {
   }
   const tookMs = performance.now() - began;
   engine.free();
-  postMessage({ state: "open" });
+  viewer.command('{"do": "pause"}');
   postMessage({ slip: { name, network: SLIP, classes, readings, logits, tookMs } });
 }
 
@@ -78,6 +79,7 @@ onmessage = async ({ data }) => {
 try {
   await ready;
   show(Viewer.press(network));
+  postMessage({ state: "open" });
   step();
 } catch (error) {
   postMessage({ state: `the module cannot run here: ${error.message}` });

@@ -36,7 +36,7 @@ pub(crate) fn truth() -> Truth {
 }
 
 /// A hash of the bits of the prediction after each event of the press, of tactigraph-past, in 16
-/// hexadecimal digits: the same on every machine.
+/// hexadecimal digits: that of `of_press` of the fixed run, which every build gives.
 ///
 /// # Panics
 /// Never: the tests run it.
