@@ -13,12 +13,14 @@ export function begin(engine) {
   const button = (id, text, title, act) => Object.assign(document.createElement("button"), { id, textContent: text, title, onclick: act });
   const choose = button("open", "Open…", "Open a recording from this machine; it stays in this page (O)", () => input.click());
   const press = button("press", "Press", "Show the embedded press again", () => { showSlip(null); engine.postMessage({ press: true }); });
-  document.querySelector("header .buttons").prepend(choose, press, input);
+  const buttons = document.querySelector("header .buttons");
+  buttons.prepend(choose, press, input);
+  buttons.style.flexWrap = "wrap";
   const hint = Object.assign(document.createElement("p"), { className: "quiet", id: "drop-hint", textContent: HINT });
   hint.setAttribute("role", "status");
-  const say = (text, bad = false) => { hint.textContent = text; hint.className = bad ? "bad" : "quiet"; };
+  const say = (text, bad = false) => { hint.textContent = text; hint.style.color = bad ? "var(--bad)" : ""; };
   document.querySelector("main").before(hint);
-  Object.assign(hint.style, { margin: "0 auto", padding: "0 1rem", textAlign: "center" });
+  Object.assign(hint.style, { padding: "8px 12px 0", textAlign: "center", fontSize: "12.5px" });
 
   const open = async file => {
     if (!file) return;
@@ -28,7 +30,7 @@ export function begin(engine) {
     engine.postMessage({ open: { name: file.name, bytes } }, [bytes.buffer]);
   };
   input.onchange = () => { open(input.files[0]); input.value = ""; };
-  addEventListener("dragover", event => { event.preventDefault(); document.body.style.outline = "3px solid var(--on, #b3261e)"; document.body.style.outlineOffset = "-3px"; });
+  addEventListener("dragover", event => { event.preventDefault(); document.body.style.outline = "3px solid var(--off)"; document.body.style.outlineOffset = "-3px"; });
   const still = () => { document.body.style.outline = ""; };
   addEventListener("dragleave", still);
   addEventListener("drop", event => { event.preventDefault(); still(); open(event.dataTransfer.files[0]); });

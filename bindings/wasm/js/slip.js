@@ -11,7 +11,7 @@ export function showSlip(run) {
   panel ??= build(main);
   shown = run;
   panel.hidden = !run;
-  main.hidden = foot.hidden = Boolean(run);
+  for (const part of [main, foot, ...document.querySelectorAll("#input, header label, #compare, #shot")]) part.hidden = Boolean(run);
   if (run) draw();
 }
 
@@ -21,9 +21,10 @@ function build(main) {
   section.setAttribute("aria-labelledby", "slip-title");
   section.innerHTML = `<div class="head"><h2 id="slip-title">Direction of slip</h2><p id="slip-about" class="quiet"></p></div>
     <canvas id="slip-readings" role="img" aria-label="Values of the electrodes over time"></canvas>
+    <p class="caption">Electrodes, each between its own least and largest value; below, the probability of each class.</p>
     <canvas id="slip-classes" role="img" aria-label="Probability of each class over time"></canvas>
     <p id="slip-answer" class="caption" role="status"></p>`;
-  Object.assign(section.style, { margin: "1rem", padding: "1rem" });
+  Object.assign(section.style, { margin: "12px" });
   for (const canvas of section.querySelectorAll("canvas")) Object.assign(canvas.style, { display: "block", width: "100%", height: "14rem" });
   main.after(section);
   addEventListener("resize", () => shown && draw());
@@ -45,11 +46,13 @@ function draw() {
   const word = index => WORDS[classes[index]] ?? classes[index];
   document.getElementById("slip-about").textContent = `${name} · ${network} · ${count} readings`;
   document.getElementById("slip-answer").textContent = windows
-    ? `${word(best)}: the most probable class of ${wins[best]} of ${windows} windows. ${(1e3 * tookMs / windows).toFixed(0)} µs a window.`
+    ? `${word(best)}: the most probable class of ${wins[best]} of ${windows} windows; ${(tookMs / windows).toFixed(1)} ms a window.`
     : "Too few readings for a window.";
-  let [low, high] = [Infinity, -Infinity];
-  for (const value of readings) [low, high] = [Math.min(low, value), Math.max(high, value)];
-  heat("slip-readings", count, ELECTRODES, (i, e) => (readings[i * ELECTRODES + e] - low) / (high - low || 1), e => `e${e + 1}`);
+  // Each electrode between its own least and largest value: how it changes shows, not what it rests at.
+  const ranges = Array.from({ length: ELECTRODES }, () => [Infinity, -Infinity]);
+  readings.forEach((value, i) => { const of = ranges[i % ELECTRODES]; of[0] = Math.min(of[0], value); of[1] = Math.max(of[1], value); });
+  const share = (i, e) => { const [low, high] = ranges[e]; return (readings[i * ELECTRODES + e] - low) / (high - low || 1); };
+  heat("slip-readings", count, ELECTRODES, share, e => `e${e + 1}`);
   heat("slip-classes", count, classes.length, (i, c) => all[i][c], word);
 }
 
@@ -70,7 +73,8 @@ function heat(id, columns, rows, value, label) {
       const of = value(c, r);
       if (Number.isNaN(of)) continue;
       to.fillStyle = `rgba(31, 95, 168, ${(0.06 + 0.94 * Math.max(0, Math.min(1, of))).toFixed(3)})`;
-      to.fillRect(left + c * w, r * h + 0.5, Math.max(w, 1), h - 1);
+      const from = Math.floor(left + c * w);
+      to.fillRect(from, r * h + 0.5, Math.max(Math.floor(left + (c + 1) * w) - from, 1), h - 1);
     }
   }
 }
