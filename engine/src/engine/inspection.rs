@@ -46,8 +46,8 @@ impl Engine {
         (0..readout.rows()).map(|cell| readout.values(cell).collect()).collect()
     }
 
-    /// Values of the last prediction, without computing any; none before the first one, and where it
-    /// was not a number.
+    /// Values of the last prediction, without computing any; none before the first one, and where
+    /// it was not a number.
     pub fn last_prediction(&self) -> &[f32] {
         self.step.prediction().unwrap_or_default()
     }
