@@ -19,8 +19,7 @@ use crate::server::Server;
 const FRAME: Duration = Duration::from_millis(50);
 /// Frames take at most one part in so many of the engine's time.
 const SHARE: u32 = 100;
-/// While a page waits, the clock is read after so many events: that alone takes tens of
-/// nanoseconds.
+/// While a page waits, the clock is read after so many events: that takes tens of nanoseconds.
 const EVENTS: u32 = 64;
 
 /// Shows an engine of someone else's on a page.
@@ -36,8 +35,7 @@ pub struct Bystander {
 }
 
 impl Bystander {
-    /// Shows engines with the network `chosen`, called `name`, over `input` on the page of
-    /// `server`.
+    /// Shows engines with the network `chosen`, called `name`, over `input`, on `server`'s page.
     pub fn new(server: Server, input: &str, sensor: Sensor, name: &str, chosen: &Chosen) -> Self {
         let mut to = FrameWriter::new();
         to.json(*b"FACT", &Facts::of(input, sensor, name, chosen));

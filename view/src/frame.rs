@@ -36,8 +36,8 @@
 //!   u32 buckets, then (u32 count): of the newest, those below 0.1 us x 2^((i + 1) / 4) and in no
 //!   bucket before; the last has the rest.
 //! - `WORK` since the start: u32 layers, for each (f64 rows computed, f64 of these unchanged, f64
-//! of these within the tolerance, f64 kept); f64 predictions, f64 of these reused, f64 readout
-//! cells computed, f64 of these unchanged, f64 neighbourhoods checked, f64 of these unchanged.
+//!   of these within the tolerance, f64 kept); f64 predictions, f64 of these reused, f64 readout
+//!   cells computed, f64 of these unchanged, f64 neighbourhoods checked, f64 of these unchanged.
 
 #[cfg(doc)]
 use crate::facts::{Facts, Info};
