@@ -203,7 +203,7 @@ $("prediction").onpointermove = event => { if (event.buttons) drag(event); };
 const drag = event => frame && send({ do: "seek", t_us: timeAt(event.target, frame, event.clientX) });
 
 addEventListener("keydown", event => {
-  const on = event.target, typing = on.matches?.("select, dialog *") || event.ctrlKey || event.metaKey || event.altKey;
+  const on = event.target, typing = on.matches?.("select, dialog[open] *") || event.ctrlKey || event.metaKey || event.altKey;
   if (typing && !(event.key === "?" && !on.matches("select"))) return;
   const keys = {
     " ": () => actions.play(), ArrowLeft: () => actions.step(event.shiftKey ? -100 : -1), ArrowRight: () => actions.step(event.shiftKey ? 100 : 1),
