@@ -213,7 +213,7 @@ proptest! {
 /// Several strips of rows, and three blocks of outputs that pass over each of them.
 #[test]
 fn a_convolution_of_many_strips_is_the_same_bits_as_its_scalar_twin() {
-    let number = |i: usize| ((i * 7919) % 1009) as f32 / 500.0 - 1.0;
+    let number = |i: usize| ((i as u64 * 7919) % 1009) as f32 / 500.0 - 1.0;
     let (size, inputs, outputs) = ([9, 303], vec![17, 2], 41);
     let image = |c: usize| Image::new([size[0], size[1], c], |y, x, i| number((y * size[1] + x) * c + i));
     let images = [image(17), image(2)];
@@ -248,7 +248,7 @@ fn a_global_average_of_any_number_of_channels_is_the_same_bits_as_its_scalar_twi
 #[test]
 fn a_winograd_convolution_of_many_tiles_is_the_same_bits_as_its_scalar_twin() {
     let size = [61, 70];
-    let number = |i: usize| ((i * 7919) % 1009) as f32 / 500.0 - 1.0;
+    let number = |i: usize| ((i as u64 * 7919) % 1009) as f32 / 500.0 - 1.0;
     let images = [1, 2].map(|c| Image::new([size[0], size[1], c], |y, x, c| number((y * 70 + x) * 3 + c)));
     let weight = (0..3 * 33 * 9).map(|i| number(i * i)).collect();
     let parts = ConvParts { inputs: vec![1, 2], outputs: 33, weight, ..ConvParts::default() };

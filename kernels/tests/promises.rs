@@ -202,7 +202,8 @@ fn a_maximum_over_a_window_that_holds_nan_is_nan_wherever_it_is() {
 }
 
 /// Products of two of them overflow, one to 0 and one to 1.
-const LARGE: [usize; 4] = [usize::MAX, usize::MAX / 2 + 1, 1 << 32, 1 << 31];
+const LARGE: [usize; 4] =
+    [usize::MAX, usize::MAX / 2 + 1, 1 << (usize::BITS / 2), 1 << (usize::BITS / 2 - 1)];
 
 fn refused<T>(made: Result<T, KernelError>) -> bool {
     matches!(made, Err(KernelError::Length { .. } | KernelError::Size { .. }))
@@ -288,7 +289,8 @@ fn bytes_are_foreseen_as_they_are_taken() {
         let lstm = Lstm::new(&parts).expect("a cell");
         assert_eq!(lstm.state_bytes(), lstm.state().bytes());
     }
-    assert!(Planes::bytes_of(usize::MAX, 1, 1) > 1 << 64 && FeatureMap::bytes_of(1 << 40, 1, 1, 1) > 1 << 43);
+    assert!(Planes::bytes_of(usize::MAX, 1, 1) > 1 << usize::BITS);
+    assert!(FeatureMap::bytes_of(1 << (usize::BITS - 24), 1, 1, 1) > 1 << (usize::BITS - 21));
 }
 
 #[test]
