@@ -367,7 +367,10 @@ fn logs(network: &Network, sensor: Sensor, record: bool, memory: &mut Memory) ->
     let layers = |level: usize| network.level(level).blocks.len() + usize::from(level > 0);
     let of_levels = slots.enumerate().flat_map(|(level, slots)| vec![slots; layers(level)]);
     let log = |slots| LayerLog { rows: record.then(|| memory.room(slots)), ..LayerLog::default() };
-    of_levels.map(log).collect()
+    // No more room than is told.
+    let mut logs = Vec::with_capacity(network.layers().len());
+    logs.extend(of_levels.map(log));
+    logs
 }
 
 impl fmt::Debug for Engine {

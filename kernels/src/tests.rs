@@ -377,8 +377,8 @@ mod portable {
 
     #[test]
     fn a_subnormal_sum_that_f64_takes_for_half_way_is_rounded_once() {
-        // a b is a little less than half of the last place of c, so that c stays. The fused product of
-        // a platform without such an instruction can round such sums twice.
+        // a b is a little less than half of the last place of c, so that c stays. The fused product
+        // of a platform without such an instruction can round such sums twice.
         let (scale, tail) = (2f32.powi(-75), 2f32.powi(-15));
         let (a, b) = (scale * (1.0 + tail), scale * (1.0 - tail));
         for c in [(1 << 22) + 1, (1 << 23) - 1, 1 << 23, 1].map(f32::from_bits) {
