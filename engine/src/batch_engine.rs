@@ -201,8 +201,7 @@ impl BatchEngine {
         let mut layers = self.counters.layers.iter_mut().zip(&mut self.rows);
         for (level, trace) in trace.levels.iter().enumerate() {
             let computed = trace.features[0].rows() as u64;
-            let of_level = network.level(level).blocks.len() + usize::from(level > 0);
-            for (layer, rows) in layers.by_ref().take(of_level) {
+            for (layer, rows) in layers.by_ref().take(network.layers_of(level)) {
                 *rows = computed;
                 layer.recomputed += computed;
             }

@@ -291,8 +291,9 @@ impl Engine {
     fn count_rows(&mut self) {
         let mut layers = self.log.layers.iter_mut().zip(&mut self.rows).zip(&mut self.recomputed);
         for level in 0..self.network.levels() {
-            let count = self.network.level(level).blocks.len() + usize::from(level > 0);
-            for ((LayerLog { counters: layer, .. }, rows), before) in layers.by_ref().take(count) {
+            for ((LayerLog { counters: layer, .. }, rows), before) in
+                layers.by_ref().take(self.network.layers_of(level))
+            {
                 *rows = layer.recomputed - *before;
                 *before = layer.recomputed;
                 layer.kept += (self.step.nodes(level) as u64).saturating_sub(*rows);
@@ -364,8 +365,7 @@ fn logs(network: &Network, sensor: Sensor, record: bool, memory: &mut Memory) ->
     let events = Window::slots_for(network.parts().capacity);
     let pooled = Shape::all(network, sensor).0;
     let slots = [events].into_iter().chain(pooled.iter().map(Shape::slots));
-    let layers = |level: usize| network.level(level).blocks.len() + usize::from(level > 0);
-    let of_levels = slots.enumerate().flat_map(|(level, slots)| vec![slots; layers(level)]);
+    let of_levels = slots.enumerate().flat_map(|(level, slots)| vec![slots; network.layers_of(level)]);
     let log = |slots| LayerLog { rows: record.then(|| memory.room(slots)), ..LayerLog::default() };
     // No more room than is told.
     let mut logs = Vec::with_capacity(network.layers().len());

@@ -109,6 +109,14 @@ impl Network {
         if level == 0 { &self.parts.events } else { &self.parts.pooled[level - 1].1 }
     }
 
+    /// How many of [`Self::layers`] belong to level `level`: its blocks, and its pooling.
+    ///
+    /// # Panics
+    /// If there is no such level.
+    pub fn layers_of(&self, level: usize) -> usize {
+        self.level(level).blocks.len() + usize::from(level > 0)
+    }
+
     /// Channels of each feature of level `level`.
     ///
     /// # Panics

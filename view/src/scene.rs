@@ -31,8 +31,7 @@ pub fn write(engine: &Engine, to: &mut FrameWriter) {
 
 /// The level of each of the layers that compute rows.
 fn levels_of_layers(network: &Network) -> Vec<usize> {
-    let layers = |level: usize| network.level(level).blocks.len() + usize::from(level > 0);
-    (0..network.levels()).flat_map(|level| vec![level; layers(level)]).collect()
+    (0..network.levels()).flat_map(|level| vec![level; network.layers_of(level)]).collect()
 }
 
 fn wave(engine: &Engine, to: &mut Bytes<'_>) {

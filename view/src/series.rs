@@ -35,7 +35,7 @@ impl Series {
 
     /// Adds a prediction at `t_us` from the first event.
     pub fn add(&mut self, t_us: i64, values: &[f32]) {
-        let point = self.points.entry(t_us.div_euclid(self.part_us)).or_default();
+        let point = self.points.entry(self.part(t_us)).or_default();
         point.0 = t_us;
         point.1.clear();
         point.1.extend_from_slice(values);

@@ -62,8 +62,7 @@ impl Engine {
         let mut out = Vec::with_capacity(self.log.layers.len());
         for level in 0..self.network.levels() {
             let place = self.place_of_slot(level);
-            let count = self.network.level(level).blocks.len() + usize::from(level > 0);
-            for log in layers.by_ref().take(count) {
+            for log in layers.by_ref().take(self.network.layers_of(level)) {
                 let rows = log.rows.as_ref().map_or(&[][..], |rows| &rows[..]);
                 let present = rows.iter().filter_map(|&(slot, changed)| Some((place(slot)?, changed)));
                 let mut rows: Vec<_> = present.map(|(row, changed)| ComputedRow { row, changed }).collect();
