@@ -17,8 +17,9 @@ mod registers;
 mod simd128;
 pub(crate) mod vector;
 
-pub(crate) use panel::{Taps, accumulate, accumulate_in_four, accumulate_taps, accumulate_wide};
+pub(crate) use panel::{Taps, accumulate, accumulate_in_four, accumulate_taps, accumulate_wide, begin, end};
 pub use portable::{Portable, fused};
+pub(crate) use vector::Sum;
 pub use vector::{Divisor, Exponent, Simd, Task, Vector};
 
 use crate::lanes::{LANES, Lanes, Wide};

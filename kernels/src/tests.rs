@@ -311,7 +311,7 @@ mod portable {
     use proptest::prelude::*;
 
     use crate::isa::portable::{fused, fused_each};
-    use crate::isa::{Isa, Simd, Task, Vector};
+    use crate::isa::{Isa, Simd, Task, Vector, accumulate};
     use crate::lanes::{LANES, Lanes};
 
     /// c + a b of eight lanes, and of two registers.
@@ -327,6 +327,49 @@ mod portable {
             c.add_product(a, b).store(&mut out);
             out.0
         }
+    }
+
+    /// c + a0 b0 + a1 b1 and so on, of eight lanes of b.
+    struct AddProducts<'a> {
+        values: &'a [f32],
+        weights: &'a [Lanes],
+        first: Lanes,
+    }
+
+    impl Task for AddProducts<'_> {
+        type Output = [f32; LANES];
+
+        #[inline(always)]
+        fn run<S: Simd>(self, simd: S) -> [f32; LANES] {
+            let mut acc = [[S::V8::load(simd, &self.first)]];
+            accumulate::<S, S::V8, 1, 1, 0, 1>(simd, &mut acc, self.values, 0, [self.weights]);
+            let mut out = Lanes::ZERO;
+            acc[0][0].store(&mut out);
+            out.0
+        }
+    }
+
+    /// Values as those of trained networks, and values of which sums are often half-way between two
+    /// f32.
+    fn ordinary() -> BoxedStrategy<f32> {
+        let few_bits = (-9i32..10, -30i32..30).prop_map(|(v, e)| v as f32 * 2f32.powi(e));
+        let some = prop::sample::select(vec![0.0, -0.0, 1.0, 1.0 + f32::EPSILON, f32::EPSILON / 2.0]);
+        prop_oneof![2 => -1.0f32..1.0, 1 => few_bits, 1 => some].boxed()
+    }
+
+    /// Values of which sums may be too small or too large beside them.
+    fn any_factor() -> BoxedStrategy<f32> {
+        let edges = [-51, -52, -75, -126, -149, 49, 50, 63, 127].map(|e| 2f32.powi(e));
+        let edges = (prop::sample::select(edges.to_vec()), 0.5f32..1.0, any::<bool>())
+            .prop_map(|(edge, part, whole)| if whole { edge } else { part * edge });
+        prop_oneof![8 => ordinary(), 1 => edges, 1 => operand()].boxed()
+    }
+
+    /// Values, weights and first values of a sum.
+    fn sum(of: fn() -> BoxedStrategy<f32>) -> impl Strategy<Value = (Vec<(f32, Lanes)>, Lanes)> {
+        let lanes = || prop::array::uniform8(of()).prop_map(Lanes);
+        let first = prop_oneof![3 => Just(Lanes::ZERO), 1 => lanes()];
+        (prop::collection::vec((of(), lanes()), 1..12), first)
     }
 
     /// Any bits, values of similar size, and values that nearly cancel.
@@ -372,6 +415,64 @@ mod portable {
             let (one, tail) = (1.0 + f32::EPSILON, f32::EPSILON / 2.0);
             check(one, tail, 1.0)?;
             check(one * a, tail, a)?;
+        }
+    }
+
+    fn check_sum(values: &[f32], weights: &[Lanes], first: Lanes) -> Result<(), TestCaseError> {
+        for isa in Isa::available() {
+            let got = isa.run(AddProducts { values, weights, first });
+            for (lane, got) in got.into_iter().enumerate() {
+                let products = values.iter().zip(weights);
+                let want = products.fold(first.0[lane], |sum, (a, b)| a.mul_add(b.0[lane], sum));
+                prop_assert!(
+                    got.to_bits() == want.to_bits() || (got.is_nan() && want.is_nan()),
+                    "{} {values:?} {weights:?} {first:?}: {got:e}, not {want:e}",
+                    isa.name()
+                );
+            }
+        }
+        Ok(())
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(20_000))]
+
+        #[test]
+        fn each_product_of_a_sum_is_rounded_once_with_it(
+            (products, first) in prop_oneof![2 => sum(ordinary), 1 => sum(any_factor)],
+        ) {
+            let (values, weights): (Vec<f32>, Vec<Lanes>) = products.into_iter().unzip();
+            check_sum(&values, &weights, first)?;
+        }
+    }
+
+    #[test]
+    fn sums_at_the_edges_of_f64_sums_are_rounded_once() {
+        let tiny = 2f32.powi(-51);
+        let half = f32::EPSILON / 2.0;
+        let below = |x: f32| f32::from_bits(x.to_bits() - 1);
+        for (values, weights, first) in [
+            // Half-way, to even in both directions.
+            (vec![1.0, half], vec![1.0, 1.0], 0.0),
+            (vec![1.0, half], vec![1.0 + f32::EPSILON, 1.0], 0.0),
+            (vec![1.0, half, half * half], vec![1.0, 1.0, half], 0.0),
+            // The smallest factors that are summed in f64, and smaller ones, down to subnormal sums.
+            (vec![tiny, tiny, tiny], vec![tiny, -tiny, tiny], 0.0),
+            (vec![below(tiny), tiny], vec![tiny, below(tiny)], 0.0),
+            (vec![2f32.powi(-75), 1.0], vec![2f32.powi(-75), 2f32.powi(-149)], f32::from_bits(3)),
+            // A sum that leaves f32 and would come back.
+            (vec![2f32.powi(64), 2f32.powi(64)], vec![2f32.powi(64), -2f32.powi(64)], 0.0),
+            (vec![1.0, 1.0], vec![f32::MAX, -f32::MAX], f32::MAX),
+            // Signs of zero.
+            (vec![0.0], vec![-1.0], 0.0),
+            (vec![0.0], vec![-1.0], -0.0),
+            (vec![1.0, 0.0], vec![1.0, -1.0], -1.0),
+            // What is no number.
+            (vec![f32::NAN], vec![1.0], 0.0),
+            (vec![f32::INFINITY, 1.0], vec![1.0, f32::NEG_INFINITY], 0.0),
+        ] {
+            let weights: Vec<Lanes> = weights.into_iter().map(|w| Lanes([w; LANES])).collect();
+            check_sum(&values, &weights, Lanes([first; LANES])).expect("one rounding each");
         }
     }
 

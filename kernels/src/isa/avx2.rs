@@ -75,6 +75,7 @@ exponent!(
 
 impl Vector<Avx2> for [F32x8; 2] {
     type Memory = Wide;
+    type Sum = Self;
     const LANES: usize = 2 * LANES;
     const ZEROS: Wide = Wide::ZERO;
 

@@ -3,7 +3,7 @@
 //! Sizes are checked once, before the loop: checks inside, and their registers, would halve the
 //! speed.
 
-use crate::isa::vector::{Simd, Vector};
+use crate::isa::vector::{Simd, Sum, Vector};
 use crate::lanes::{LANES, Wide};
 
 const WIDE: usize = 2 * LANES;
@@ -33,22 +33,50 @@ pub(crate) fn accumulate<
     assert!(weights.iter().all(|w| w.len() == count), "weights must have one length");
     let last = stride.checked_mul(R - 1).and_then(|first| first.checked_add(count));
     assert!(last.is_some_and(|last| last <= values.len()), "there must be a value for each weight");
-    // A local variable, so that it stays in registers.
-    let mut sums = *acc;
+    // SAFETY: every slice of weights has `count` of them; (R - 1) stride + count is at most the
+    // length of `values`.
+    unsafe {
+        if !add_steps::<S, V::Sum, R, B, FIRST, STEP>(simd, acc, values, stride, weights) {
+            add_steps::<S, V, R, B, FIRST, STEP>(simd, acc, values, stride, weights);
+        }
+    }
+}
+
+/// [`accumulate`] in the form A. Returns whether `acc` is right; if not, it is as before.
+///
+/// # Safety
+/// Every slice of weights has the length of the first, and `values` have (R - 1) `stride` and as
+/// many more.
+#[inline(always)]
+unsafe fn add_steps<
+    S: Simd,
+    A: Sum<S>,
+    const R: usize,
+    const B: usize,
+    const FIRST: usize,
+    const STEP: usize,
+>(
+    simd: S,
+    acc: &mut [[A::Vector; B]; R],
+    values: &[f32],
+    stride: usize,
+    weights: [&[Memory<S, A>]; B],
+) -> bool {
+    let (mut sums, mut doubt) = begin::<S, A, R, B>(simd, acc);
     let mut k = FIRST;
-    while k < count {
-        // SAFETY: k < count, the length of every slice of weights.
-        let weights: [V; B] = unsafe { loaded(simd, &weights, k) };
+    while k < weights[0].len() {
+        // SAFETY: k is less than the length of every slice of weights.
+        let weights: [A::Factor; B] = unsafe { factors::<S, A, B>(simd, &weights, k, &mut doubt) };
         for (r, sums) in sums.iter_mut().enumerate() {
-            // SAFETY: r <= R - 1 and k < count: below (R - 1) stride + count, within `values`.
-            let value = V::splat(simd, *unsafe { values.get_unchecked(r * stride + k) });
+            // SAFETY: r <= R - 1 and k is less than the number of weights: within `values`.
+            let value = A::factor_of_all(simd, *unsafe { values.get_unchecked(r * stride + k) }, &mut doubt);
             for (sum, &weight) in sums.iter_mut().zip(&weights) {
-                *sum = sum.add_product(value, weight);
+                *sum = sum.plus_product(value, weight, &mut doubt);
             }
         }
         k += STEP;
     }
-    *acc = sums;
+    end(&sums, doubt, acc)
 }
 
 /// acc(r, b) += sum over k < the weights' number, ascending, of values(k / 16 apart + r)[k mod 16]
@@ -70,26 +98,48 @@ pub(crate) fn accumulate_wide<S: Simd, V: Vector<S>, const R: usize, const B: us
     assert!(weights.iter().all(|w| w.len() == total), "weights must have one length");
     let last = ((total - 1) / WIDE).checked_mul(apart).and_then(|at| at.checked_add(R));
     assert!(last.is_some_and(|last| last <= values.len()), "there must be a value for each weight");
-    // A local variable, so that it stays in registers.
-    let mut sums = *acc;
+    // SAFETY: every slice of weights has `total` of them; there are R `values` for the last.
+    unsafe {
+        if !add_wide::<S, V::Sum, R, B>(simd, acc, values, apart, weights) {
+            add_wide::<S, V, R, B>(simd, acc, values, apart, weights);
+        }
+    }
+}
+
+/// [`accumulate_wide`] in the form A, as [`add_steps`].
+///
+/// # Safety
+/// Every slice of weights has the length of the first, n > 0, and `values` have (n - 1) / 16 `apart`
+/// and R more.
+#[inline(always)]
+unsafe fn add_wide<S: Simd, A: Sum<S>, const R: usize, const B: usize>(
+    simd: S,
+    acc: &mut [[A::Vector; B]; R],
+    values: &[Wide],
+    apart: usize,
+    weights: [&[Memory<S, A>]; B],
+) -> bool {
+    let total = weights[0].len();
+    let (mut sums, mut doubt) = begin::<S, A, R, B>(simd, acc);
     let (mut first, mut at) = (0, 0);
     while first < total {
         let count = (total - first).min(WIDE);
         for k in 0..count {
             // SAFETY: first + k < total, the length of every slice of weights.
-            let weights: [V; B] = unsafe { loaded(simd, &weights, first + k) };
+            let weights = unsafe { factors::<S, A, B>(simd, &weights, first + k, &mut doubt) };
             for (r, sums) in sums.iter_mut().enumerate() {
                 // SAFETY: at = first / 16 apart, first <= total - 1, r < R: at + r < last; k < 16.
-                let value = V::splat(simd, *unsafe { values.get_unchecked(at + r).0.get_unchecked(k) });
+                let value = *unsafe { values.get_unchecked(at + r).0.get_unchecked(k) };
+                let value = A::factor_of_all(simd, value, &mut doubt);
                 for (sum, &weight) in sums.iter_mut().zip(&weights) {
-                    *sum = sum.add_product(value, weight);
+                    *sum = sum.plus_product(value, weight, &mut doubt);
                 }
             }
         }
         first += count;
         at += apart;
     }
-    *acc = sums;
+    end(&sums, doubt, acc)
 }
 
 /// acc(p, b) += sum of values(k) weights(b, k) over k mod 4 = p: one row in four partial sums.
@@ -103,20 +153,74 @@ pub(crate) fn accumulate_in_four<S: Simd, V: Vector<S>, const B: usize>(
 ) {
     let count = values.len();
     assert!(weights.iter().all(|w| w.len() == count), "there must be a value for each weight");
-    let mut sums = *acc;
+    // SAFETY: there is a value for each weight.
+    unsafe {
+        if !add_in_four::<S, V::Sum, B>(simd, acc, values, weights) {
+            add_in_four::<S, V, B>(simd, acc, values, weights);
+        }
+    }
+}
+
+/// [`accumulate_in_four`] in the form A, as [`add_steps`].
+///
+/// # Safety
+/// Every slice of weights has the length of `values`.
+#[inline(always)]
+unsafe fn add_in_four<S: Simd, A: Sum<S>, const B: usize>(
+    simd: S,
+    acc: &mut [[A::Vector; B]; 4],
+    values: &[f32],
+    weights: [&[Memory<S, A>]; B],
+) -> bool {
+    let count = values.len();
+    let (mut sums, mut doubt) = begin::<S, A, 4, B>(simd, acc);
     let mut k = 0;
     while k + 4 <= count {
         for (p, sums) in sums.iter_mut().enumerate() {
             // SAFETY: k + p < k + 4 <= count, the length of `values` and of every slice of weights.
-            unsafe { add_products(simd, sums, values, &weights, k + p) };
+            unsafe { add_products::<S, A, B>(simd, sums, values, &weights, k + p, &mut doubt) };
         }
         k += 4;
     }
     for (p, sums) in sums.iter_mut().enumerate().take(count - k) {
         // SAFETY: p < count - k.
-        unsafe { add_products(simd, sums, values, &weights, k + p) };
+        unsafe { add_products::<S, A, B>(simd, sums, values, &weights, k + p, &mut doubt) };
     }
-    *acc = sums;
+    end(&sums, doubt, acc)
+}
+
+/// What vectors of A are in memory.
+type Memory<S, A> = <<A as Sum<S>>::Vector as Vector<S>>::Memory;
+
+/// Sums in the form A that begin at `acc`: a local variable of the caller, so that they stay in
+/// registers.
+#[inline(always)]
+pub(crate) fn begin<S: Simd, A: Sum<S>, const R: usize, const B: usize>(
+    simd: S,
+    acc: &[[A::Vector; B]; R],
+) -> ([[A; B]; R], A::Doubt) {
+    let mut doubt = A::no_doubt(simd);
+    let mut sums = [[A::from_vector(simd, A::Vector::splat(simd, 0.0), &mut doubt); B]; R];
+    for (sum, &acc) in sums.as_flattened_mut().iter_mut().zip(acc.as_flattened()) {
+        *sum = A::from_vector(simd, acc, &mut doubt);
+    }
+    (sums, doubt)
+}
+
+/// Writes the sums to `acc` if they are right, and returns whether they are.
+#[inline(always)]
+pub(crate) fn end<S: Simd, A: Sum<S>, const R: usize, const B: usize>(
+    sums: &[[A; B]; R],
+    doubt: A::Doubt,
+    acc: &mut [[A::Vector; B]; R],
+) -> bool {
+    if !A::is_right(doubt) {
+        return false;
+    }
+    for (acc, sum) in acc.as_flattened_mut().iter_mut().zip(sums.as_flattened()) {
+        *acc = sum.to_vector();
+    }
+    true
 }
 
 /// weights(b, k) of every b. No `map`: in a closure that stays a call, instructions do too.
@@ -124,17 +228,19 @@ pub(crate) fn accumulate_in_four<S: Simd, V: Vector<S>, const B: usize>(
 /// # Safety
 /// k is less than the length of every slice of weights.
 #[inline(always)]
-unsafe fn loaded<S: Simd, V: Vector<S>, const B: usize>(
+unsafe fn factors<S: Simd, A: Sum<S>, const B: usize>(
     simd: S,
-    weights: &[&[V::Memory]; B],
+    weights: &[&[Memory<S, A>]; B],
     k: usize,
-) -> [V; B] {
-    let mut loaded = [V::splat(simd, 0.0); B];
-    for (vector, weights) in loaded.iter_mut().zip(weights) {
+    doubt: &mut A::Doubt,
+) -> [A::Factor; B] {
+    let mut factors = [A::factor(simd, A::Vector::splat(simd, 0.0), doubt); B];
+    for (factor, weights) in factors.iter_mut().zip(weights) {
         // SAFETY: the caller's promise.
-        *vector = V::load(simd, unsafe { weights.get_unchecked(k) });
+        let weights = A::Vector::load(simd, unsafe { weights.get_unchecked(k) });
+        *factor = A::factor(simd, weights, doubt);
     }
-    loaded
+    factors
 }
 
 /// sums(b) += values(k) weights(b, k). Not a closure, as above.
@@ -142,18 +248,19 @@ unsafe fn loaded<S: Simd, V: Vector<S>, const B: usize>(
 /// # Safety
 /// k is less than the length of `values` and of every slice of weights.
 #[inline(always)]
-unsafe fn add_products<S: Simd, V: Vector<S>, const B: usize>(
+unsafe fn add_products<S: Simd, A: Sum<S>, const B: usize>(
     simd: S,
-    sums: &mut [V; B],
+    sums: &mut [A; B],
     values: &[f32],
-    weights: &[&[V::Memory]; B],
+    weights: &[&[Memory<S, A>]; B],
     k: usize,
+    doubt: &mut A::Doubt,
 ) {
     // SAFETY: the caller's promise.
-    let (value, weights) = unsafe { (*values.get_unchecked(k), loaded(simd, weights, k)) };
-    let value = V::splat(simd, value);
+    let (value, weights) = unsafe { (*values.get_unchecked(k), factors::<S, A, B>(simd, weights, k, doubt)) };
+    let value = A::factor_of_all(simd, value, doubt);
     for (sum, weight) in sums.iter_mut().zip(weights) {
-        *sum = sum.add_product(value, weight);
+        *sum = sum.plus_product(value, weight, doubt);
     }
 }
 
@@ -186,28 +293,48 @@ pub(crate) fn accumulate_taps<S: Simd, V: Vector<S>, const O: usize, const B: us
     let last = plane.checked_mul(weights.len() / 9 - 1).zip(stride.checked_mul(2));
     let end = last.and_then(|(plane, rows)| plane.checked_add(rows)?.checked_add(2 + B * V::LANES));
     assert!(end.is_some_and(|end| end <= values.len()), "there must be a value for each tap");
-    // A local variable, so that it stays in registers.
-    let mut sums = *acc;
+    // SAFETY: the number of weights is a multiple of nine, and there are values for the last.
+    unsafe {
+        if !add_taps::<S, V::Sum, O, B>(simd, acc, taps, weights) {
+            add_taps::<S, V, O, B>(simd, acc, taps, weights);
+        }
+    }
+}
+
+/// [`accumulate_taps`] in the form A, as [`add_steps`].
+///
+/// # Safety
+/// There are nine `weights` for each of some channels, and for the last channel B vectors of values
+/// from the window's last place on.
+#[inline(always)]
+unsafe fn add_taps<S: Simd, A: Sum<S>, const O: usize, const B: usize>(
+    simd: S,
+    acc: &mut [[A::Vector; B]; O],
+    Taps { values, stride, plane }: Taps<'_>,
+    weights: &[[f32; O]],
+) -> bool {
+    let lanes = A::Vector::LANES;
+    let (mut sums, mut doubt) = begin::<S, A, O, B>(simd, acc);
     let (mut channel, mut k) = (0, 0);
     while k < weights.len() {
         let mut row = channel;
         for _ in 0..3 {
             for dx in 0..3 {
                 // Not by `from_fn`: where a closure stays a call, so do the instructions in it.
-                let mut x = [V::splat(simd, 0.0); B];
+                let mut x = [A::factor(simd, A::Vector::splat(simd, 0.0), &mut doubt); B];
                 for (b, x) in x.iter_mut().enumerate() {
-                    let at = row + dx + b * V::LANES;
-                    // SAFETY: `row` <= (channels - 1) plane + 2 stride and dx <= 2: at + LANES <=
-                    // `end`, within `values`.
-                    *x = V::load_slice(simd, unsafe { values.get_unchecked(at..at + V::LANES) });
+                    let at = row + dx + b * lanes;
+                    // SAFETY: `row` <= (channels - 1) plane + 2 stride and dx <= 2: within `values`.
+                    let values = unsafe { values.get_unchecked(at..at + lanes) };
+                    *x = A::factor(simd, A::Vector::load_slice(simd, values), &mut doubt);
                 }
                 // SAFETY: k counts nine weights a turn of the outer loop, and their number is a
                 // multiple of nine.
                 let weights = unsafe { weights.get_unchecked(k) };
                 for (sums, &weight) in sums.iter_mut().zip(weights) {
-                    let weight = V::splat(simd, weight);
+                    let weight = A::factor_of_all(simd, weight, &mut doubt);
                     for (sum, &x) in sums.iter_mut().zip(&x) {
-                        *sum = sum.add_product(weight, x);
+                        *sum = sum.plus_product(weight, x, &mut doubt);
                     }
                 }
                 k += 1;
@@ -216,5 +343,5 @@ pub(crate) fn accumulate_taps<S: Simd, V: Vector<S>, const O: usize, const B: us
         }
         channel += plane;
     }
-    *acc = sums;
+    end(&sums, doubt, acc)
 }

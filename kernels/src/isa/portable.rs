@@ -23,6 +23,7 @@ macro_rules! array {
     ($n:expr, $memory:ty) => {
         impl Vector<Portable> for [f32; $n] {
             type Memory = $memory;
+            type Sum = Self;
             const LANES: usize = $n;
             const ZEROS: $memory = <$memory>::ZERO;
 

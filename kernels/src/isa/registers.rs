@@ -5,6 +5,7 @@ macro_rules! register {
     ($simd:ty, $vector:ident, $n:expr, $memory:ty, [$set1:ident, $load:ident, $store:ident], [$add:ident, $sub:ident, $mul:ident, $fused:ident, $max:ident], [$at_most:expr, $differs:expr]) => {
         impl Vector<$simd> for $vector {
             type Memory = $memory;
+            type Sum = Self;
             const LANES: usize = $n;
             const ZEROS: $memory = <$memory>::ZERO;
 

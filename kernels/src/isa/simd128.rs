@@ -7,13 +7,14 @@
 use std::arch::wasm32::{
     f32x4_add, f32x4_demote_f64x2_zero, f32x4_div, f32x4_le, f32x4_mul, f32x4_pmax, f32x4_splat, f32x4_sub,
     f64x2_add, f64x2_gt, f64x2_lt, f64x2_mul, f64x2_promote_low_f32x4, f64x2_splat, f64x2_sub, i32x4_add,
-    i32x4_bitmask, i32x4_eq, i32x4_lt, i32x4_ne, i32x4_shl, i32x4_shr, i32x4_shuffle, i32x4_splat, i64x2_add,
-    i64x2_eq, i64x2_shr, i64x2_splat, u8x16, u8x16_swizzle, v128, v128_and, v128_any_true, v128_bitselect,
-    v128_load, v128_or, v128_store, v128_xor,
+    i32x4_bitmask, i32x4_eq, i32x4_lt, i32x4_ne, i32x4_shl, i32x4_shr, i32x4_shuffle, i32x4_splat, i32x4_sub,
+    i64x2_add, i64x2_eq, i64x2_shl, i64x2_shr, i64x2_splat, u8x16, u8x16_swizzle, u32x4_ge, u32x4_lt,
+    u32x4_max, u32x4_min, v128, v128_and, v128_any_true, v128_bitselect, v128_load, v128_or, v128_store,
+    v128_xor,
 };
 use std::array;
 
-use super::vector::{Exponent, Simd, Task, Vector};
+use super::vector::{Exponent, Simd, Sum, Task, Vector};
 use crate::lanes::{LANES, Lanes, Wide};
 
 /// f32 in a register.
@@ -61,6 +62,7 @@ macro_rules! vector {
     ($n:expr, $memory:ty) => {
         impl Vector<Simd128> for Registers<$n> {
             type Memory = $memory;
+            type Sum = Doubles<{ 2 * $n }>;
             const LANES: usize = FOUR * $n;
             const ZEROS: $memory = <$memory>::ZERO;
 
@@ -154,6 +156,124 @@ macro_rules! vector {
 vector!(2, Lanes);
 vector!(4, Wide);
 
+/// Sums of products in N registers of two f64, each of them the value of an f32.
+///
+/// The product of two f32 is exact in f64, its sum s with a third value is rounded to f64, and that
+/// to 24 bits without a conversion, which costs more than all else: with q = (2^29 + 1) s,
+/// q + (s - q) is s rounded to nearest (Boldo 2006, "Pitfalls of a full floating-point proof",
+/// section 4), in some direction if it is half-way: such sums are rounded by [`half_way`]. It is the
+/// f32 of the exact sum if
+///
+/// - factors other than 0 are from 2^-51 on: sums are multiples of 2^-148 then, so that those below
+///   2^-126 are exact, and subnormal f32 have all their bits,
+/// - factors and the first value are below 2^50, so that no sum of 2^26 products leaves f32,
+/// - the first value is not -0, whose sign q + (s - q) loses. No sum is -0 else.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Doubles<const N: usize>([v128; N]);
+
+/// What all factors and first values were.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Doubt {
+    /// Twice the least magnitude of a factor other than 0, less one, as unsigned integers.
+    least: v128,
+    /// Twice the largest magnitude, as unsigned integers; all bits if a first value is -0.
+    largest: v128,
+}
+
+/// Bits of twice a magnitude of 2^`exponent`.
+const fn twice(exponent: i32) -> i32 {
+    (127 + exponent) << 24
+}
+
+macro_rules! doubles {
+    ($n:expr) => {
+        impl Sum<Simd128> for Doubles<{ 2 * $n }> {
+            type Vector = Registers<$n>;
+            type Factor = [v128; 2 * $n];
+            type Doubt = Doubt;
+
+            #[inline(always)]
+            fn no_doubt(_: Simd128) -> Doubt {
+                Doubt { least: i32x4_splat(-1), largest: i32x4_splat(0) }
+            }
+            #[inline(always)]
+            fn is_right(Doubt { least, largest }: Doubt) -> bool {
+                let small = u32x4_lt(least, i32x4_splat(twice(-51) - 1));
+                let large = u32x4_ge(largest, i32x4_splat(twice(50)));
+                !v128_any_true(v128_or(small, large))
+            }
+            #[inline(always)]
+            fn from_vector(_: Simd128, vector: Registers<$n>, doubt: &mut Doubt) -> Self {
+                for of in vector.0 {
+                    let zero = i32x4_eq(of, i32x4_splat(i32::MIN));
+                    doubt.largest = u32x4_max(doubt.largest, v128_or(i32x4_shl(of, 1), zero));
+                }
+                Self(vector.in_doubles())
+            }
+            #[inline(always)]
+            fn to_vector(self) -> Registers<$n> {
+                Registers(array::from_fn(|i| rounded([self.0[2 * i], self.0[2 * i + 1]])))
+            }
+            #[inline(always)]
+            fn factor(_: Simd128, vector: Registers<$n>, doubt: &mut Doubt) -> Self::Factor {
+                for of in vector.0 {
+                    doubt.meet(of);
+                }
+                vector.in_doubles()
+            }
+            #[inline(always)]
+            fn factor_of_all(_: Simd128, value: f32, doubt: &mut Doubt) -> Self::Factor {
+                doubt.meet(f32x4_splat(value));
+                [f64x2_splat(f64::from(value)); 2 * $n]
+            }
+            #[inline(always)]
+            fn plus_product(self, a: Self::Factor, b: Self::Factor, _: &mut Doubt) -> Self {
+                let sums: [v128; 2 * $n] = array::from_fn(|i| f64x2_add(f64x2_mul(a[i], b[i]), self.0[i]));
+                let below = |sum| i64x2_eq(i64x2_shl(sum, 64 - 29), i64x2_splat(i64::MIN));
+                if v128_any_true(sums.into_iter().fold(i32x4_splat(0), |any, sum| v128_or(any, below(sum)))) {
+                    return Self(array::from_fn(|i| half_way(f64x2_mul(a[i], b[i]), self.0[i], sums[i])));
+                }
+                Self(sums.map(|sum| {
+                    let more = f64x2_mul(sum, f64x2_splat(f64::from((1 << 29) + 1)));
+                    f64x2_add(more, f64x2_sub(sum, more))
+                }))
+            }
+        }
+
+        impl Registers<$n> {
+            /// The same values in twice as many registers.
+            #[inline(always)]
+            fn in_doubles(self) -> [v128; 2 * $n] {
+                array::from_fn(|i| if i % 2 == 0 { low(self.0[i / 2]) } else { high(self.0[i / 2]) })
+            }
+        }
+    };
+}
+
+doubles!(2);
+doubles!(4);
+
+impl Doubt {
+    #[inline(always)]
+    fn meet(&mut self, factors: v128) {
+        let twice = i32x4_shl(factors, 1);
+        self.least = u32x4_min(self.least, i32x4_sub(twice, i32x4_splat(1)));
+        self.largest = u32x4_max(self.largest, twice);
+    }
+}
+
+/// The first two values in f64.
+#[inline(always)]
+fn low(x: v128) -> v128 {
+    f64x2_promote_low_f32x4(x)
+}
+
+/// The last two values in f64.
+#[inline(always)]
+fn high(x: v128) -> v128 {
+    f64x2_promote_low_f32x4(i32x4_shuffle::<2, 3, 2, 3>(x, x))
+}
+
 const _: () = assert!(LANES == 2 * FOUR);
 
 /// a b + c of the first or last two lanes in f64: the products are exact, the sums are rounded.
@@ -166,8 +286,6 @@ struct Halves {
 impl Halves {
     #[inline(always)]
     fn new(a: v128, b: v128, c: v128) -> Self {
-        let high = |x| f64x2_promote_low_f32x4(i32x4_shuffle::<2, 3, 2, 3>(x, x));
-        let low = |x| f64x2_promote_low_f32x4(x);
         let (products, c) = ([f64x2_mul(low(a), low(b)), f64x2_mul(high(a), high(b))], [low(c), high(c)]);
         Self { products, c, sums: array::from_fn(|i| f64x2_add(products[i], c[i])) }
     }
@@ -204,6 +322,12 @@ fn add_product(a: v128, b: v128, c: v128) -> (v128, v128) {
 fn exact(a: v128, b: v128, c: v128) -> v128 {
     let Halves { products, c, sums } = Halves::new(a, b, c);
     rounded(array::from_fn(|i| to_odd(products[i], c[i], sums[i])))
+}
+
+/// The f32 of an exact sum as f64, always: by way of the sum rounded to odd.
+#[inline(never)]
+fn half_way(product: v128, c: v128, sum: v128) -> v128 {
+    f64x2_promote_low_f32x4(f32x4_demote_f64x2_zero(to_odd(product, c, sum)))
 }
 
 /// The sum of two f64, rounded to odd; `sum` is it rounded to nearest.

@@ -30,6 +30,8 @@ pub trait Simd: Copy {
 pub trait Vector<S>: Copy {
     /// Representation in memory.
     type Memory: Copy + AsMut<[f32]>;
+    /// A sum of many products as it grows.
+    type Sum: Sum<S, Vector = Self>;
     /// Number of elements.
     const LANES: usize;
     /// Zeros in memory.
@@ -91,6 +93,67 @@ pub trait Vector<S>: Copy {
             *value = f(*value);
         }
         Self::load(simd, &values)
+    }
+}
+
+/// A sum of products as it grows, in the form in which the next is added fastest. With a fused
+/// product this is the vector itself. Another form may be in doubt at the end whether each product
+/// was rounded once with the sum: then the sum is to be made again, of vectors.
+pub trait Sum<S>: Copy {
+    /// What it is at the beginning and at the end.
+    type Vector: Vector<S>;
+    /// A factor of products.
+    type Factor: Copy;
+    /// What is known of all sums and factors that met it.
+    type Doubt: Copy;
+
+    /// Knows of nothing yet.
+    fn no_doubt(simd: S) -> Self::Doubt;
+    /// Whether the sums are right.
+    fn is_right(doubt: Self::Doubt) -> bool;
+    /// The sum before the first product.
+    fn from_vector(simd: S, vector: Self::Vector, doubt: &mut Self::Doubt) -> Self;
+    /// The sum after the last.
+    fn to_vector(self) -> Self::Vector;
+    /// Factors, element by element.
+    fn factor(simd: S, vector: Self::Vector, doubt: &mut Self::Doubt) -> Self::Factor;
+    /// One factor of all elements.
+    fn factor_of_all(simd: S, value: f32, doubt: &mut Self::Doubt) -> Self::Factor;
+    /// self + a b.
+    #[must_use]
+    fn plus_product(self, a: Self::Factor, b: Self::Factor, doubt: &mut Self::Doubt) -> Self;
+}
+
+impl<S: Copy, V: Vector<S>> Sum<S> for V {
+    type Vector = V;
+    type Factor = V;
+    type Doubt = ();
+
+    #[inline(always)]
+    fn no_doubt(_: S) -> Self::Doubt {}
+    #[inline(always)]
+    fn is_right((): Self::Doubt) -> bool {
+        true
+    }
+    #[inline(always)]
+    fn from_vector(_: S, vector: V, (): &mut Self::Doubt) -> Self {
+        vector
+    }
+    #[inline(always)]
+    fn to_vector(self) -> V {
+        self
+    }
+    #[inline(always)]
+    fn factor(_: S, vector: V, (): &mut Self::Doubt) -> V {
+        vector
+    }
+    #[inline(always)]
+    fn factor_of_all(simd: S, value: f32, (): &mut Self::Doubt) -> V {
+        V::splat(simd, value)
+    }
+    #[inline(always)]
+    fn plus_product(self, a: V, b: V, (): &mut Self::Doubt) -> Self {
+        self.add_product(a, b)
     }
 }
 

@@ -2,7 +2,7 @@
 
 use super::SplineConv;
 use crate::graph::{GraphRow, Neighbour};
-use crate::isa::{Simd, Vector, flat, flat_mut};
+use crate::isa::{Simd, Sum, Vector, begin, end, flat, flat_mut};
 use crate::lanes::{LANES, Lanes, Wide};
 use crate::matrix::Matrix;
 
@@ -97,22 +97,39 @@ pub(super) fn eight_slots_of_few_channels<S: Simd, const C: usize>(
     features: &Matrix,
     sums: &mut [Lanes],
 ) {
-    let mut acc = [S::V8::splat(simd, 0.0); C];
-    for n in neighbours {
-        let x = &features.row(n.row as usize)[0].0;
-        let basis = S::V8::load(simd, &spline_basis(n.u));
-        for (acc, &x) in acc.iter_mut().zip(x) {
-            *acc = acc.add_product(basis, S::V8::splat(simd, x));
-        }
+    let mut acc = [[S::V8::splat(simd, 0.0); C]];
+    if !add_few::<S, <S::V8 as Vector<S>>::Sum, C>(simd, neighbours, features, &mut acc) {
+        add_few::<S, S::V8, C>(simd, neighbours, features, &mut acc);
     }
     let sums = flat_mut(sums);
-    for (c, acc) in acc.into_iter().enumerate() {
+    for (c, acc) in acc[0].into_iter().enumerate() {
         let mut slots = Lanes::ZERO;
         acc.store(&mut slots);
         for (slot, sum) in slots.0.into_iter().enumerate() {
             sums[slot * C + c] = sum;
         }
     }
+}
+
+/// Adds B(e, s) x(c) of each edge to sum c, in the form A, as
+/// [`accumulate`](crate::isa::accumulate) does.
+#[inline(always)]
+fn add_few<S: Simd, A: Sum<S, Vector = S::V8>, const C: usize>(
+    simd: S,
+    neighbours: &[Neighbour],
+    features: &Matrix,
+    acc: &mut [[S::V8; C]; 1],
+) -> bool {
+    let (mut sums, mut doubt) = begin::<S, A, 1, C>(simd, acc);
+    for n in neighbours {
+        let x = &features.row(n.row as usize)[0].0;
+        let basis = A::factor(simd, S::V8::load(simd, &spline_basis(n.u)), &mut doubt);
+        for (sum, &x) in sums[0].iter_mut().zip(x) {
+            let x = A::factor_of_all(simd, x, &mut doubt);
+            *sum = sum.plus_product(basis, x, &mut doubt);
+        }
+    }
+    end(&sums, doubt, acc)
 }
 
 /// Sums of a 2 x 2 x 2 kernel over whole lanes of channels: slot after slot.
@@ -159,18 +176,8 @@ fn eight_slots_of_lanes<S: Simd, V: Vector<S>, const B: usize>(
 ) {
     let stride = sums.len() / 8;
     let mut acc = [[V::splat(simd, 0.0); B]; 8];
-    for (n, basis) in neighbours.iter().zip(basis) {
-        let row = &flat(features.row(n.row as usize))[lane * LANES..][..B * V::LANES];
-        let mut x = [V::splat(simd, 0.0); B];
-        for (b, x) in x.iter_mut().enumerate() {
-            *x = V::load_slice(simd, &row[b * V::LANES..]);
-        }
-        for (acc, &weight) in acc.iter_mut().zip(&basis.0) {
-            let weight = V::splat(simd, weight);
-            for (acc, &x) in acc.iter_mut().zip(&x) {
-                *acc = acc.add_product(weight, x);
-            }
-        }
+    if !add_slots::<S, V::Sum, B>(simd, neighbours, features, basis, lane, &mut acc) {
+        add_slots::<S, V, B>(simd, neighbours, features, basis, lane, &mut acc);
     }
     for (slot, acc) in acc.into_iter().enumerate() {
         let to = &mut flat_mut(sums)[(slot * stride + lane) * LANES..][..B * V::LANES];
@@ -178,6 +185,35 @@ fn eight_slots_of_lanes<S: Simd, V: Vector<S>, const B: usize>(
             acc.store_slice(&mut to[b * V::LANES..]);
         }
     }
+}
+
+/// Adds B(e, s) x of each edge to the sums of slot s, in the form A, as
+/// [`accumulate`](crate::isa::accumulate) does.
+#[inline(always)]
+fn add_slots<S: Simd, A: Sum<S>, const B: usize>(
+    simd: S,
+    neighbours: &[Neighbour],
+    features: &Matrix,
+    basis: &[Lanes],
+    lane: usize,
+    acc: &mut [[A::Vector; B]; 8],
+) -> bool {
+    let lanes = A::Vector::LANES;
+    let (mut sums, mut doubt) = begin::<S, A, 8, B>(simd, acc);
+    for (n, basis) in neighbours.iter().zip(basis) {
+        let row = &flat(features.row(n.row as usize))[lane * LANES..][..B * lanes];
+        let mut x = [A::factor(simd, A::Vector::splat(simd, 0.0), &mut doubt); B];
+        for (b, x) in x.iter_mut().enumerate() {
+            *x = A::factor(simd, A::Vector::load_slice(simd, &row[b * lanes..]), &mut doubt);
+        }
+        for (sums, &weight) in sums.iter_mut().zip(&basis.0) {
+            let weight = A::factor_of_all(simd, weight, &mut doubt);
+            for (sum, &x) in sums.iter_mut().zip(&x) {
+                *sum = sum.plus_product(weight, x, &mut doubt);
+            }
+        }
+    }
+    end(&sums, doubt, acc)
 }
 
 /// Slot and fraction along one axis: the lower of the two slots, and the weight of the upper one.
