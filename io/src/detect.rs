@@ -3,7 +3,8 @@
 //! AEDAT, Event Stream, npy and pictures start with a magic number. Prophesee's files have a text
 //! header that names the encoding. A text is of electrodes if its header names electrodes, and of
 //! events if it has a header of events or a first line of four numbers; any other text with a comma
-//! in its first line is tried as events. N-MNIST has no mark and is tried last.
+//! in its first line is tried as events, unless it begins like JSON. N-MNIST has no mark and is
+//! tried last.
 
 use std::fs::File;
 use std::io::{self, Read};
@@ -16,7 +17,7 @@ use crate::format::{Foreign, Format, ImageFormat, Kind, beginning};
 #[cfg(feature = "hdf5")]
 use crate::hdf5;
 use crate::prophesee::{Header, has_header};
-use crate::text::{content_lines, text_start};
+use crate::text::{content_lines, is_json, text_start};
 use crate::{aedat2, aedat3, aedat4, es, nmnist, npy};
 
 /// The formats whose files start with a mark.
@@ -40,7 +41,7 @@ impl Kind {
     ///
     /// A gzip file and a zip archive are foreign here: [`crate::read`] and [`crate::decode`] look
     /// into them. A text that is neither clearly of events nor clearly of electrodes, such as a
-    /// list of pictures, is unknown. O(1), for N-MNIST O(n).
+    /// list of pictures or JSON, is unknown. O(1), for N-MNIST O(n).
     pub fn of(bytes: &[u8]) -> Option<Self> {
         let marked = MARKS.iter().find(|(mark, _)| bytes.starts_with(mark));
         if let Some(&(_, format)) = marked {
@@ -60,7 +61,8 @@ impl Kind {
                 None => {}
             }
         }
-        if let Some(line) = text_start(bytes).and_then(|text| content_lines(text).next()) {
+        let line = text_start(bytes).and_then(|text| content_lines(text).next());
+        if let Some(line) = line.filter(|line| !is_json(line)) {
             if names_electrodes(line) {
                 return Some(Self::Electrodes);
             }

@@ -120,6 +120,11 @@ pub(crate) fn is_comment(line: &[u8]) -> bool {
     line.starts_with(b"#") || line.starts_with(b"%")
 }
 
+/// Whether a text whose first line is `line` may be a list or an object in JSON, and no table.
+pub(crate) fn is_json(line: &[u8]) -> bool {
+    line.starts_with(b"[") || line.starts_with(b"{")
+}
+
 /// The first 4 KiB of `bytes` without the byte order mark, if they have no control characters.
 pub(crate) fn text_start(bytes: &[u8]) -> Option<&[u8]> {
     let start = &bytes[..bytes.len().min(4096)];

@@ -7,7 +7,7 @@ use meissner_engine::Sensor;
 
 use crate::error::{IoError, shown};
 use crate::format::{POLARITY, UnknownName, X, Y};
-use crate::text::{Line, Number, Separator, content_lines, text_start};
+use crate::text::{Line, Number, Separator, content_lines, is_json, text_start};
 
 /// The letters of an order of columns.
 const LETTERS: [char; 4] = ['t', 'x', 'y', 'p'];
@@ -214,12 +214,15 @@ pub(crate) fn is_of_events(line: &[u8]) -> bool {
 }
 
 /// Whether `bytes` may be a text of events: no control characters, and the first line after a size
-/// has a comma or can only be an event or a header.
+/// has a comma or can only be an event or a header, and does not begin like JSON.
 pub(crate) fn is_csv(bytes: &[u8]) -> bool {
     let Some(text) = text_start(bytes) else { return false };
     let mut lines = content_lines(text);
     let Some(first) = lines.next() else { return text.starts_with(b"#") };
     let numbers = |line: &[u8]| Separator::Blanks.fields(line).all(|field| Number::parse(field).is_some());
     let is_size = Separator::Blanks.fields(first).count() == 2 && numbers(first);
-    first.contains(&b',') || is_of_events(first) || (is_size && lines.next().is_some_and(is_of_events))
+    !is_json(first)
+        && (first.contains(&b',')
+            || is_of_events(first)
+            || (is_size && lines.next().is_some_and(is_of_events)))
 }

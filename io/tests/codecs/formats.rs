@@ -182,6 +182,21 @@ fn a_list_of_pictures_is_no_recording() {
     }
 }
 
+#[test]
+fn json_is_no_table_of_events_or_electrodes_whatever_names_it_has() {
+    let electrodes: Vec<String> = (1..=24).map(|i| format!("\"ff_e{i}\"")).collect();
+    for text in [
+        "[\"a\",\"t\",\"x\",\"y\",\"p\",\"b\"]\n".to_owned(),
+        "[{\"name\":\"a\",\"sensor\":[1,2]}]\n".to_owned(),
+        "{\"on\":1,\"off\":2}\n".to_owned(),
+        format!("\n[\"a\",{},\"b\"]\n", electrodes.join(",")),
+    ] {
+        assert_eq!(Kind::of(text.as_bytes()), None, "{text}");
+        assert_eq!(detect(text.as_bytes()), None, "{text}");
+        assert!(matches!(decode(text.as_bytes()), Err(IoError::UnknownFormat { .. })), "{text}");
+    }
+}
+
 /// The index and field of the refusal, and that nothing was written.
 fn refusal(format: Format, sensor: Option<Sensor>, events: &[Event]) -> (usize, &'static str) {
     let mut bytes = Vec::new();
