@@ -21,6 +21,7 @@
 mod line;
 
 use std::f64::consts::TAU;
+use std::fmt;
 
 use libm::{cbrt, cos, hypot, sin};
 use meissner_engine::frames::{Convolution, FrameOptions, Skip};
@@ -107,6 +108,21 @@ pub struct Variation {
     pub delays: Delays,
 }
 
+impl fmt::Display for Variation {
+    /// What is varied, in words.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { tolerance, delays: Delays { slower, stale_us, lost } } = *self;
+        let parts = [
+            tolerance.map(|tolerance| format!("tolerance {tolerance}")),
+            (slower != 1.0).then(|| format!("{slower} times slower")),
+            (stale_us > 0).then(|| format!("{} ms later", stale_us as f64 / 1e3)),
+            (lost > 0.0).then(|| format!("{:.0} % lost", 100.0 * lost)),
+        ];
+        let parts: Vec<String> = parts.into_iter().flatten().collect();
+        f.pad(&if parts.is_empty() { "as it is".to_owned() } else { parts.join(", ") })
+    }
+}
+
 /// Errors and times of all loops, with the keys of the JSON report.
 #[derive(Serialize)]
 #[expect(missing_docs, reason = "the keys of the JSON report")]
@@ -138,6 +154,8 @@ pub struct NetworkReport {
 #[derive(Clone, Debug, Serialize)]
 #[expect(missing_docs, reason = "the keys of the JSON report")]
 pub struct Row {
+    /// What is varied, or `the truth`.
+    pub name: String,
     #[serde(flatten)]
     pub variation: Variation,
     /// Mean distance from the goal, in the goal's unit.
@@ -159,7 +177,7 @@ pub struct Row {
     /// Whether no other loop has both a smaller run time and a smaller error.
     pub on_front: bool,
     /// At each picture: time in seconds, goal, truth. For a marble, the distance from the middle.
-    #[serde(skip)]
+    #[serde(serialize_with = "crate::thinned::trace")]
     pub trace: Vec<(f64, f64, f64)>,
 }
 
@@ -293,6 +311,7 @@ fn drive(
     let mean = |values: &[f64]| MeanStd::of(values).map(|found| found.mean);
     let squares = MeanStd::over(&errors, |error| error * error).map_or(0.0, |found| found.mean);
     Ok(Row {
+        name: if network.is_some() { variation.to_string() } else { "the truth".to_owned() },
         variation,
         error: mean(&errors).unwrap_or(0.0),
         rms: squares.sqrt(),

@@ -109,7 +109,7 @@ pub struct ForceFigures {
     /// Figures of the trainings; `None` for a file without recordings.
     pub figures: Option<Judged>,
     /// Of the first trial and of each recording: true and predicted force at the end of each frame.
-    #[serde(skip)]
+    #[serde(rename = "pairs", serialize_with = "crate::thinned::of_all")]
     pub traces: Vec<Vec<(f64, f64)>>,
 }
 

@@ -57,6 +57,7 @@ pub mod presses;
 pub mod regression;
 pub mod slip;
 pub mod streams;
+mod thinned;
 pub mod trainings;
 mod trials;
 mod units;

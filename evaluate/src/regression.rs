@@ -114,7 +114,7 @@ pub struct PressFigures {
     /// Figures of the trainings; `None` for a file without presses.
     pub figures: Option<Judged>,
     /// True and predicted values at the end of each press, for each output of the first training.
-    #[serde(skip)]
+    #[serde(rename = "pairs", serialize_with = "crate::thinned::of_each")]
     pub scatter: Vec<Vec<(f64, f64)>>,
     /// A point for each press, from the first training's readout, where it was asked for.
     #[serde(skip)]

@@ -141,6 +141,8 @@ pub struct CaseResult {
     pub infinite: u64,
     /// Values of layers that are infinite where a prediction was given.
     pub infinite_inside: u64,
+    /// Largest relative error of a prediction that is promised; `None` where an overflow is.
+    pub within: Option<f64>,
     /// Differences of predictions from f64; `None` without predictions.
     pub prediction: Option<Errors>,
     /// The layer with the largest relative difference, of networks over events.
@@ -206,6 +208,7 @@ impl CaseResult {
         {
             broken.push(format!("relative error {:.1e}, expected at most {within:.0e}", errors.relative));
         }
+        self.within = (expect == Expect::Finite).then_some(within);
         self.broken = broken;
         self
     }

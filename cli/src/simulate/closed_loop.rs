@@ -128,19 +128,6 @@ impl LoopArgs {
     }
 }
 
-/// What is varied, in words.
-fn name(variation: &Variation) -> String {
-    let Variation { tolerance, delays: Delays { slower, stale_us, lost } } = *variation;
-    let parts = [
-        tolerance.map(|tolerance| format!("tolerance {tolerance}")),
-        (slower != 1.0).then(|| format!("{slower} times slower")),
-        (stale_us > 0).then(|| format!("{} ms later", stale_us as f64 / 1e3)),
-        (lost > 0.0).then(|| format!("{:.0} % lost", 100.0 * lost)),
-    ];
-    let parts: Vec<String> = parts.into_iter().flatten().collect();
-    if parts.is_empty() { "as it is".to_owned() } else { parts.join(", ") }
-}
-
 /// All rows with the number and name of their network.
 fn rows(report: &Report) -> impl Iterator<Item = (usize, &str, &Row)> {
     report.networks.iter().enumerate().flat_map(|(index, network)| {
@@ -179,9 +166,9 @@ fn table(out: &mut dyn Write, report: &Report) -> io::Result<()> {
     };
     let networks = rows(report).map(|(_, network, row)| {
         let mark = if row.on_front { " *" } else { "" };
-        cells(format!("{network}, {}{mark}", name(&row.variation)), row)
+        cells(format!("{network}, {}{mark}", row.name), row)
     });
-    Table::section(out, &headings, networks.chain([cells("the truth".to_owned(), &report.truth)]))?;
+    Table::section(out, &headings, networks.chain([cells(report.truth.name.clone(), &report.truth)]))?;
     writeln!(out, "\n* on the front: no other loop has both a smaller run time and a smaller error.")
 }
 
@@ -201,7 +188,7 @@ fn about(report: &Report) -> String {
 fn svg(report: &Report) -> String {
     let unit = report.goal.unit();
     let point = |(network, of, row): (usize, &str, &Row)| {
-        let (name, run_us) = (name(&row.variation), row.run_us?);
+        let (name, run_us) = (row.name.clone(), row.run_us?);
         Some(Setting {
             network,
             time: run_us / 1e3,
@@ -223,7 +210,7 @@ fn svg(report: &Report) -> String {
     let first =
         |network: &NetworkReport| Some((network.card.network.name.clone(), network.rows.first()?.clone()));
     let all = report.networks.iter().filter_map(first);
-    let panels = all.chain([("the truth".to_owned(), report.truth.clone())]).map(|(name, row)| {
+    let panels = all.chain([(report.truth.name.clone(), report.truth.clone())]).map(|(name, row)| {
         let series = |name: &str, colour: usize, style: Style, of: fn(&(f64, f64, f64)) -> f64| Series {
             name: name.to_owned(),
             colour,

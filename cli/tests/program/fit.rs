@@ -55,6 +55,7 @@ fn a_fitted_network_runs_with_the_bits_of_an_engine() {
     let x = &report["outputs"][0];
     assert_eq!((&x["name"], &x["unit"], &x["in_events"]), (&"x".into(), &"mm".into(), &true.into()));
     assert!(x["error"]["mean"].as_f64() < x["constant"]["mean"].as_f64(), "{x}");
+    assert_eq!(report["pairs"][0].as_array().map(Vec::len), Some(12), "{}", report["pairs"]);
     let files: Vec<&str> =
         report["files"].as_array().expect("files").iter().filter_map(Value::as_str).collect();
     let of = |end: &str| files.iter().copied().find(|file| file.ends_with(end)).expect(end);

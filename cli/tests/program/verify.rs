@@ -245,6 +245,9 @@ fn every_promise_holds_under_stress() {
             assert_eq!((&case["different"], &case["not_numbers"]), (&0.into(), &0.into()), "{name}");
             assert!(case["compared"].as_u64().is_some_and(|compared| compared >= 12), "{name}: {case}");
             let bound = if name.contains("denormal") { denormal } else { bound };
+            // A bound is promised where no overflow is.
+            let overflows = ["refused", "infinite", "infinite_inside"].iter().any(|key| case[key] != 0);
+            assert_eq!(case["within"].is_null(), overflows, "{name}: {case}");
             if let Some(relative) = case["prediction"]["relative"].as_f64() {
                 assert!(relative <= bound, "{name}: {relative:e}, expected at most {bound:e}");
             } else {

@@ -45,7 +45,7 @@ pub struct Figures {
     /// Median time of a picture in microseconds.
     pub update_us: f64,
     /// True and predicted total forces.
-    #[serde(skip)]
+    #[serde(rename = "pairs", serialize_with = "crate::thinned::pairs")]
     pub scatter: Vec<(f64, f64)>,
 }
 

@@ -34,7 +34,7 @@ pub struct Report {
     /// Ends of presses that were held out: rows are true classes, columns predicted ones.
     pub confusion: Option<Confusion>,
     /// True and predicted values at the ends of presses that were held out, for each output.
-    #[serde(skip)]
+    #[serde(rename = "pairs", serialize_with = "crate::thinned::of_each")]
     pub scatter: Vec<Vec<(f64, f64)>>,
 }
 
