@@ -26,7 +26,7 @@ use meissner_evaluate::metrics::{Confusion, MeanStd};
 use meissner_evaluate::regression::Work;
 use meissner_evaluate::trainings::{Evaluation, seed_name};
 use meissner_evaluate::{EvaluateError, NetworkReport, ProgressHandle, Workers};
-use meissner_plot::{Matrix, Panel, Series, Style};
+use meissner_plot::{Matrix, Panel, percent};
 use meissner_run::predictor::Mode;
 use meissner_run::text::{grouped, span_us};
 use serde::Serialize;
@@ -36,7 +36,7 @@ use crate::error::CliError;
 use crate::output::{self, ReportArgs};
 use crate::progress::Progress;
 use crate::stderr::tell;
-use crate::text::{Table, cell, columns, duration, percent};
+use crate::text::{Table, cell, columns, duration};
 
 /// `meissner eval`.
 #[derive(Debug, clap::Args)]
@@ -245,11 +245,6 @@ fn shown(times: usize, most: usize, first: usize) -> impl Iterator<Item = usize>
 /// Mean and deviation in percent.
 fn spread(figure: MeanStd) -> [String; 2] {
     [percent(figure.mean), cell(figure.std, percent)]
-}
-
-/// The dashed line on which predicted and true values are equal.
-fn equal(low: f64, high: f64) -> Series {
-    Series::new("equal", 5, Style::Dashed, vec![(low, low), (high, high)])
 }
 
 /// Writes the `confusion` of `classes` with the title `name`, in percent of each row: a sum over

@@ -298,20 +298,15 @@ fn svg(name: &str, report: &Report) -> String {
 }
 
 fn scatter(of: &OutputFigures, points: &[(f64, f64)]) -> Panel<'static> {
-    let truth = || points.iter().map(|point| point.0);
-    let (low, high) = (truth().fold(f64::INFINITY, f64::min), truth().fold(f64::NEG_INFINITY, f64::max));
     let dots = Series::new(
         format!("mean absolute error {} {}", short(of.error.mean), of.unit),
         0,
         Style::Dots,
         points.to_vec(),
     );
-    let equal = Series::new("equal", 5, Style::Dashed, vec![(low, low), (high, high)]);
-    let axes = ["true", "predicted"].map(|values| format!("{values} ({})", of.unit));
     Panel::Plane(Plane {
         about: "at the end of presses that were held out".to_owned(),
-        series: vec![equal, dots],
-        ..Plane::new(of.name.clone(), axes.each_ref().map(String::as_str))
+        ..Plane::predicted(of.name.clone(), &of.unit, vec![dots])
     })
 }
 

@@ -20,7 +20,7 @@ use crate::stderr::tell;
 /// At the end of the long help.
 const METHOD: &str = "\
 What it shows:
-  The page begins with an answer: how good, how fast, whether promises hold. Then come pictures and tables: predictions over time with the truth where it is known, rows that each layer computed and kept, latencies, skips, learning curves, confusions, run time against error, the drawing of the network, and how the result was made: command, machine, versions, weights. Several results are compared.
+  The page begins with an answer: how good, how fast, whether promises hold. Then come pictures and tables: predictions over time with the truth where it is known, predicted over true values, rows that each layer computed and kept, latencies, skips, learning curves, confusions, run time against error, errors beside their bounds, goal and course of control, the drawing of the network, and how the result was made: command, machine, versions, weights. Several results are compared.
   The page is one file of at most 3 MB without scripts. It loads nothing, prints well, and follows the light or dark scheme of the reader.
   Streams of predictions are read in bounded memory, however long they are; lines keep their peaks. A last line that is cut short is left out and told.
   A table of labels (--truth) is one that `fit` and `prepare presses` read, with times of the sensor: CSV with the column t_us, a column for each output by its name, and where it is of several recordings the column recording.
@@ -37,7 +37,8 @@ Examples:
 pub(crate) struct ReportArgs {
     /// Result in JSON; - reads it from standard input.
     ///
-    /// It is what run, play, bench, eval, pareto, verify --soak or fit wrote with --json or --out.
+    /// It is what run, play, bench, eval, fit, pareto, verify or simulate loop wrote with --json or
+    /// --out.
     #[arg(value_name = "RESULT", required = true)]
     results: Vec<PathBuf>,
     /// Table of what was true (CSV), to compare predictions with.

@@ -4,6 +4,8 @@ use std::ffi::OsStr;
 use std::io::{self, Write};
 use std::path::Path;
 
+use meissner_plot::percent;
+
 /// Largest width of a line: the columns of a small terminal.
 pub(crate) const WIDTH: usize = 80;
 
@@ -33,11 +35,6 @@ pub(crate) fn columns(text: &str) -> Vec<&str> {
 /// `bytes` in units of 2^20.
 pub(crate) fn mebibytes(bytes: u64) -> String {
     format!("{:.1} MiB", bytes as f64 / f64::from(1 << 20))
-}
-
-/// `share` in percent.
-pub(crate) fn percent(share: f64) -> String {
-    format!("{:.2}", 100.0 * share)
 }
 
 /// An interval of shares in percent.

@@ -46,7 +46,7 @@ pub use network::{Network, Node};
 pub use plane::{Plane, Series, Style};
 pub use rows::{Parts, Quantiles};
 pub use svg::{PALETTE, escaped};
-pub use text::grouped;
+pub use text::{grouped, percent};
 pub use trade_off::{Errors, Setting, TradeOff};
 
 use svg::{GREY, Svg};

@@ -1,6 +1,6 @@
 //! Lines and dots between two linear axes, such as errors against time.
 
-use crate::axes::{Axis, Field, widened};
+use crate::axes::{Axis, Field, ends, widened};
 use crate::svg::{Area, ORDERED, Place, Svg, WHITE, colour};
 use crate::text::{heading, legend};
 
@@ -74,6 +74,17 @@ impl Plane {
         let [x_title, y_title] = [x_title, y_title].map(str::to_owned);
         let (title, about, series) = (title.into(), String::new(), Vec::new());
         Self { title, about, x_title, y_title, from_zero: false, compact: false, ordered: false, series }
+    }
+
+    /// Predicted over true values in `unit`: `dots` of a true and a predicted value each, on the
+    /// dashed line where both are equal.
+    pub fn predicted(title: impl Into<String>, unit: &str, dots: Vec<Series>) -> Self {
+        let axes = ["true", "predicted"].map(|values| format!("{values} ({unit})"));
+        let truth = ends(dots.iter().flat_map(|dots| &dots.points).map(|point| point.0));
+        let line = truth.map(|(low, high)| vec![(low, low), (high, high)]);
+        let equal = Series::new("equal", 5, Style::Dashed, line.unwrap_or_default());
+        let series = std::iter::once(equal).chain(dots).collect();
+        Self { series, ..Self::new(title, axes.each_ref().map(String::as_str)) }
     }
 
     /// Draws the panel. Returns its width and height with the space to the next panel.

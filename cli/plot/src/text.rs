@@ -115,3 +115,14 @@ pub fn grouped(number: u64) -> String {
     let comma = |i: usize| i > 0 && (digits.len() - i).is_multiple_of(3);
     digits.char_indices().flat_map(|(i, c)| comma(i).then_some(',').into_iter().chain([c])).collect()
 }
+
+/// A share in percent, without the sign: two decimals, and `<0.01` for a share that is not 0 and
+/// would be shown as 0.
+pub fn percent(share: f64) -> String {
+    let text = format!("{:.2}", 100.0 * share);
+    match text.as_str() {
+        "0.00" | "-0.00" if share > 0.0 => "<0.01".to_owned(),
+        "-0.00" => "0.00".to_owned(),
+        _ => text,
+    }
+}

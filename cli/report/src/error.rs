@@ -56,4 +56,4 @@ pub enum ReportError {
 }
 
 /// What a page can show.
-const RESULTS: &str = "run, play, bench, eval, pareto, verify --soak or fit";
+const RESULTS: &str = "run, play, bench, eval, pareto, verify, simulate loop or fit";

@@ -33,6 +33,12 @@ pub(crate) fn numbers(value: &Value, path: &str) -> Vec<f64> {
     list(value, path).iter().map(|value| value.as_f64().unwrap_or(f64::NAN)).collect()
 }
 
+/// A list of pairs of numbers; what is no pair is left out.
+pub(crate) fn pairs(list: &Value) -> Vec<(f64, f64)> {
+    let pair = |pair: &Value| Some((pair.get(0)?.as_f64()?, pair.get(1)?.as_f64()?));
+    list.as_array().into_iter().flatten().filter_map(pair).collect()
+}
+
 /// The rows of a matrix of counts.
 pub(crate) fn counts(value: &Value, path: &str) -> Vec<Vec<u64>> {
     let row =

@@ -1,8 +1,8 @@
 //! One page of HTML from results of the `meissner` program, to keep, to print and to send.
 //!
-//! Enters: the JSON that `run`, `play`, `bench`, `eval`, `pareto`, `verify --soak` and `fit` write
-//! (`docs/json.md`), and what was true where a table says it. Leaves: one page that needs nothing
-//! else, neither network nor scripts. Equal results give equal bytes.
+//! Enters: the JSON that `run`, `play`, `bench`, `eval`, `pareto`, `verify`, `simulate loop` and
+//! `fit` write (`docs/json.md`), and what was true where a table says it. Leaves: one page that
+//! needs nothing else, neither network nor scripts. Equal results give equal bytes.
 //!
 //! | file | contents |
 //! |---|---|

@@ -1,8 +1,9 @@
 //! Parts of the section of a result, before they are HTML.
 
-use meissner_plot::{Panel, Parts, Plane, Quantiles, Series, figure};
+use meissner_plot::{Panel, Parts, Plane, Quantiles, Series, Style, figure};
 
 use crate::json::QUANTILES;
+use crate::words::count;
 
 /// What is told of a result.
 #[derive(Default)]
@@ -96,6 +97,30 @@ pub(crate) fn quantiles(title: &str, about: &str, rows: Vec<(String, Vec<f64>)>)
 /// A panel of lines in the size of a page.
 pub(crate) fn plane(title: &str, axes: [&str; 2], series: Vec<Series>) -> Plane {
     Plane { compact: true, series, ..Plane::new(title, axes) }
+}
+
+/// Adds predicted over true values, unless the truth is always the same: `what` they are, and how
+/// `many` there are in all.
+pub(crate) fn predicted(
+    section: &mut Section,
+    title: &str,
+    unit: &str,
+    points: Vec<(f64, f64)>,
+    (what, many): (&str, f64),
+) {
+    if points.iter().all(|point| point.0 == points[0].0) {
+        return;
+    }
+    let few = points.len() as f64;
+    let share = if few < many {
+        format!(" {} of {} are drawn, with those farthest off.", count(few), count(many))
+    } else {
+        String::new()
+    };
+    let caption = format!("Predicted over true values, {what}. On the dashed line they are equal.{share}");
+    let dots = Series::new("predicted", 0, Style::Dots, points);
+    let panel = Plane { compact: true, ..Plane::predicted(title, unit, vec![dots]) };
+    section.draw(caption, &Panel::Plane(panel));
 }
 
 /// A panel of bars, each of which is divided into shares.

@@ -1,12 +1,15 @@
 //! What is told of each kind of result.
 
 mod bench;
+mod closed_loop;
 mod eval;
 mod fit;
 mod layers;
 mod pareto;
+mod regressions;
 mod soak;
 mod stream;
+mod verify;
 
 use crate::parts::Section;
 use crate::read::{Body, Outcome};
@@ -20,6 +23,10 @@ pub(crate) fn section(outcome: &Outcome) -> Section {
             "fit" => fit::section(object),
             "pareto" => pareto::section(object),
             "soak" => soak::section(outcome, object),
+            "verify" => verify::section(outcome, object),
+            "stress" => verify::stress(object),
+            "simulate loop" => closed_loop::section(object),
+            of @ ("eval angle" | "eval force" | "eval area") => regressions::section(of, object),
             _ => eval::section(&outcome.command, object),
         },
     }

@@ -188,6 +188,13 @@ impl Stream {
         }
     }
 
+    /// True and predicted values of an output, where its line is drawn and the truth is known.
+    pub(crate) fn pairs(&self, value: &Valued) -> Vec<(f64, f64)> {
+        let Some(first_us) = self.first_us.filter(|_| self.along == Along::Time) else { return Vec::new() };
+        let truth = |x: f64| value_at(&value.points, (first_us + 1e3 * x).round());
+        value.line.points().into_iter().filter_map(|(x, found)| Some((truth(x)?, found))).collect()
+    }
+
     fn take_values(&mut self, line: &Line<'_>, t_us: Option<f64>, x: f64) {
         if let Some(area) = line.area_mm2 {
             // Over pictures, outputs are pixels of a map: what is predicted of it is not listed.

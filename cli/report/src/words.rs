@@ -1,6 +1,7 @@
 //! Numbers and times as people read them.
 
 use meissner_plot::grouped;
+pub(crate) use meissner_plot::percent;
 
 /// A number with three or four digits, and a comma between thousands.
 pub(crate) fn number(value: f64) -> String {
@@ -47,12 +48,6 @@ fn digits(value: f64) -> String {
         _ => format!("{value:.2}"),
     };
     text.strip_suffix(".00").or(text.strip_suffix(".0")).map_or(text.clone(), str::to_owned)
-}
-
-/// A share as a percentage.
-pub(crate) fn percent(share: f64) -> String {
-    let percent = 100.0 * share;
-    if percent > 0.0 && percent < 0.05 { "<0.1 %".to_owned() } else { format!("{percent:.1} %") }
 }
 
 /// A number of bytes.

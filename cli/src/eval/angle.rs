@@ -11,9 +11,7 @@ use meissner_evaluate::regression::{
 use meissner_plot::{Panel, Plane, Series, Style, page};
 use meissner_run::text::grouped;
 
-use super::{
-    OutputArgs, PredictionArgs, StrideArg, equal, judged, networks, part, seeds, shown, work, write,
-};
+use super::{OutputArgs, PredictionArgs, StrideArg, judged, networks, part, seeds, shown, work, write};
 use crate::error::CliError;
 use crate::tasks::PressTask;
 use crate::text::{Table, cell, columns, file_name};
@@ -210,17 +208,12 @@ fn curves(report: &Report, unit: &str) -> Panel<'static> {
 fn scatters(network: &NetworkReport<PressFigures>) -> impl Iterator<Item = Panel<'static>> {
     let outputs = network.result.figures.iter().flat_map(|figures| &figures.mean.outputs);
     outputs.zip(&network.result.scatter).enumerate().map(|(colour, (output, points))| {
-        let (low, high) = ends_of(points.iter().map(|point| point.0));
         let name = format!("mean absolute error {:.2} {}", output.mean_absolute.mean, output.unit);
         let dots = Series::new(name, colour, Style::Dots, points.clone());
-        let axes = ["true", "predicted"].map(|values| format!("{values} ({})", output.unit));
+        let title = format!("{}, {}", network.card.network.name, output.name);
         Panel::Plane(Plane {
             about: "at the end of each press".to_owned(),
-            series: vec![equal(low, high), dots],
-            ..Plane::new(
-                format!("{}, {}", network.card.network.name, output.name),
-                axes.each_ref().map(String::as_str),
-            )
+            ..Plane::predicted(title, &output.unit, vec![dots])
         })
     })
 }

@@ -10,7 +10,7 @@ use meissner_evaluate::trainings::seed_name;
 use meissner_plot::{Bar, Bars, Panel, Plane, Series, Style, page};
 use meissner_run::text::grouped;
 
-use super::{OutputArgs, doubts, equal, networks, write};
+use super::{OutputArgs, doubts, networks, write};
 use crate::args::APPROXIMATIONS;
 use crate::error::CliError;
 use crate::tasks::AreaTask;
@@ -160,14 +160,12 @@ fn svg(report: &Report) -> String {
     let names: Vec<_> = report.data.iter().map(|data| file_name(&data.file)).collect();
     let row = |index: usize| {
         let panel = |(colour, (name, figures)): (usize, (String, &Figures))| {
-            let most = figures.scatter.iter().map(|&(expected, _)| expected).fold(0.0, f64::max);
             let error = format!("mean absolute error {} N", mean(figures.force_n));
             let dots = Series::new(error, colour, Style::Dots, figures.scatter.clone());
             Panel::Plane(Plane {
                 about: format!("total force; IoU {:.3}", figures.iou.mean),
                 from_zero: true,
-                series: vec![equal(0.0, most), dots],
-                ..Plane::new(format!("{name}, {}", names[index]), ["true (N)", "predicted (N)"])
+                ..Plane::predicted(format!("{name}, {}", names[index]), "N", vec![dots])
             })
         };
         let with_force = figures(report, index).filter(|(_, figures)| !figures.scatter.is_empty());

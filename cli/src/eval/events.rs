@@ -11,7 +11,7 @@ use meissner_evaluate::events::Digits;
 use meissner_evaluate::events::{EventTask, Judged, Options, Report, evaluate};
 use meissner_evaluate::events::{TouchContainers, TouchLetters, TouchObjects};
 use meissner_evaluate::judge::TrainingFigures;
-use meissner_plot::{AccuracyCurve, Curves, Panel, page};
+use meissner_plot::{AccuracyCurve, Curves, Panel, page, percent};
 use meissner_run::text::grouped;
 
 use super::{
@@ -20,7 +20,7 @@ use super::{
 };
 use crate::error::CliError;
 use crate::tasks::{DigitsTask, EventNetworks, TouchData, TouchSet, TouchTask};
-use crate::text::{Table, cell, columns, file_name, interval, percent};
+use crate::text::{Table, cell, columns, file_name, interval};
 
 /// Largest number of rows of the table of accuracies against time. JSON has all times.
 const MAX_TIMES: usize = 40;

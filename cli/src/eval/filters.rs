@@ -4,12 +4,13 @@ use std::io::{self, Write};
 use std::path::PathBuf;
 
 use meissner_evaluate::filters::{Kept, Report, judge};
+use meissner_plot::percent;
 use meissner_run::text::grouped;
 
 use crate::args::FilterArgs;
 use crate::error::CliError;
 use crate::output::{self, ReportArgs};
-use crate::text::{Table, cell, columns, percent};
+use crate::text::{Table, cell, columns};
 
 /// At the end of the long help.
 const METHOD: &str = "\

@@ -7,13 +7,13 @@ use meissner_evaluate::NetworkReport;
 use meissner_evaluate::slip::{Report, SetReport, SlipFigures, evaluate};
 use meissner_evaluate::trainings::Scheme;
 use meissner_models::systems::slip::{CLASSES, ObjectSet, WORDS};
-use meissner_plot::{Bar, Bars, Panel, page};
+use meissner_plot::{Bar, Bars, Panel, page, percent};
 use meissner_run::text::grouped;
 
 use super::{OutputArgs, accuracy_of, confusion, doubts, matrix, networks, spread, write};
 use crate::error::CliError;
 use crate::tasks::SlipTask;
-use crate::text::{NONE, Table, cell, columns, file_name, percent};
+use crate::text::{NONE, Table, cell, columns, file_name};
 
 /// At the end of the long help.
 const METHOD: &str = "\

@@ -106,6 +106,8 @@ fn presses_are_simulated_and_judged_with_errors_over_time_as_text_json_and_pictu
         assert_eq!(output["mean_absolute_at"][6], output["mean_absolute"]);
     }
     assert!(figures["work"]["multiply_adds"].as_u64() > Some(0));
+    let pairs = network["pairs"].as_array().expect("a list of each output");
+    assert!(pairs.len() == 2 && pairs.iter().all(|of| of.as_array().map(Vec::len) == Some(2)), "{pairs:?}");
 }
 
 #[test]
@@ -155,6 +157,17 @@ fn grasps_are_simulated_and_judged_by_phase_and_size_as_text_json_and_picture() 
     let figures = &report["networks"][0]["figures"];
     assert_eq!(figures["parts"].as_array().map(Vec::len), Some(7));
     assert!(figures["parts"][0]["mse"]["mean"].as_f64() > Some(0.0));
+    // A pair for each frame, in the order of the truth.
+    let pairs = report["networks"][0]["pairs"].as_array().expect("a list");
+    assert!(pairs.len() == 123 && pairs.is_sorted_by_key(|pair| pair[0].as_f64()), "{pairs:?}");
+    let page = folder.path().join("force.html");
+    assert!(meissner(&["report", argument(&json), "--out", argument(&page)]).status.success());
+    let page = std::fs::read_to_string(&page).expect("it was written");
+    for expected in
+        ["always to say the mean force has", "force-tdnn, holding", "predicted (N)", "Bhattacharyya"]
+    {
+        assert!(page.contains(expected), "{expected}: {page}");
+    }
 
     // Leave-one-out: each training has not seen the recordings that it names, and together they
     // name each one once.

@@ -7,7 +7,9 @@ use std::path::{Path, PathBuf};
 use tempfile::TempDir;
 
 use crate::exit_status::fails;
-use crate::support::{argument, default_recording, meissner, meissner_reading, message, text};
+use crate::support::{
+    argument, default_recording, meissner, meissner_reading, message, picture_network, text,
+};
 
 /// Writes what `command` prints into a file of `folder`.
 fn result(folder: &Path, name: &str, command: &[&str]) -> PathBuf {
@@ -71,6 +73,35 @@ fn a_soak_and_a_study_have_their_pages() {
 }
 
 #[test]
+fn a_verification_stress_and_a_loop_have_their_pages() {
+    let folder = TempDir::new().expect("a folder");
+    let at = folder.path();
+    let verify = result(at, "verify.json", &["verify", "tactigraph-past", "--cases", "2", "--json"]);
+    let only = ["--only", "one instant", "--only", "ordinary", "--only", "tanh"];
+    let stress = [&["verify", "--stress", "--quick", "--json"], &only[..]].concat();
+    let stress = result(at, "stress.json", &stress);
+    let [network, weights] = picture_network(at);
+    let weights = ["--network", argument(&network), "--weights", argument(&weights)];
+    let of_loop =
+        [&["simulate", "loop", "--seconds", "2", "--stale", "80ms", "--json"], &weights[..]].concat();
+    let of_loop = result(at, "loop.json", &of_loop);
+    let page = page(at, &[argument(&verify), argument(&stress), argument(&of_loop)]);
+    for expected in [
+        "3 results compared",
+        "tactigraph-past equals full recomputation bit for bit at",
+        "Every promise held in",
+        "streams: error by condition",
+        "Error by layer",
+        "units in the last place",
+        "the force is off its saw-tooth by",
+        "80 ms later",
+        "distance from the goal",
+    ] {
+        assert!(page.contains(expected), "{expected}: {page}");
+    }
+}
+
+#[test]
 fn a_table_says_what_was_true_of_a_run_from_standard_input() {
     let folder = TempDir::new().expect("a folder");
     let recording = default_recording();
@@ -82,6 +113,12 @@ fn a_table_says_what_was_true_of_a_run_from_standard_input() {
     assert!(output.status.success(), "{}", message(&output));
     let page = fs::read_to_string(&out).expect("a page");
     assert!(page.contains("Against the truth it is off by") && page.contains("pitch, true"), "{page}");
+    // A truth that never changes has no picture over true values.
+    assert!(!page.contains("predicted (degrees)"), "{page}");
+    fs::write(&labels, "t_us,roll_deg,pitch_deg\n0,0,-1.85\n300000,9,-1.85\n").expect("it is written");
+    assert!(meissner_reading(&words, &text(&run)).status.success());
+    let page = fs::read_to_string(&out).expect("a page");
+    assert_eq!(page.matches(">predicted (degrees)<").count(), 1, "{page}");
     fs::write(&labels, "recording,class\na,b\n").expect("it is written");
     fails(&meissner_reading(&words, &text(&run)), 2, &["labels.csv", "times of the sensor"]);
 }

@@ -150,8 +150,8 @@ mod labels {
 mod plane {
     use roxmltree::Document;
 
-    use crate::Panel;
     use crate::plane::{Plane, SIZE, Series, Style};
+    use crate::{Panel, figure};
 
     fn page(series: Vec<Series>) -> String {
         let [title, about, x_title, y_title] = ["a", "b", "x", "y"].map(str::to_owned);
@@ -197,6 +197,19 @@ mod plane {
         // Nothing at all is an empty field.
         assert!(Document::parse(&page(Vec::new())).is_ok());
     }
+
+    #[test]
+    fn predicted_over_true_values_have_a_line_from_the_least_truth_to_the_greatest() {
+        let dots = |points: Vec<(f64, f64)>| vec![Series::new("a", 0, Style::Dots, points)];
+        let plane = Plane::predicted("force", "N", dots(vec![(2.0, 9.0), (1.0, -3.0), (f64::NAN, 0.0)]));
+        assert_eq!((&*plane.x_title, &*plane.y_title), ("true (N)", "predicted (N)"));
+        assert_eq!(plane.series[0].points, [(1.0, 1.0), (2.0, 2.0)]);
+        let (svg, _) = figure("dots", &Panel::Plane(plane));
+        assert_eq!((svg.matches("<polyline").count(), svg.matches("fill-opacity").count()), (1, 2), "{svg}");
+        let empty = Plane::predicted("force", "N", dots(Vec::new()));
+        assert!(empty.series[0].points.is_empty());
+        figure("nothing", &Panel::Plane(empty));
+    }
 }
 
 mod svg {
@@ -218,7 +231,7 @@ mod svg {
 }
 
 mod text {
-    use crate::text::{grouped, width, wrapped};
+    use crate::text::{grouped, percent, width, wrapped};
 
     #[test]
     fn lines_are_as_wide_as_their_room_and_words_stay_whole() {
@@ -233,5 +246,12 @@ mod text {
             [0, 999, 1000, 221_216, 1_234_567].map(grouped).join(" "),
             "0 999 1,000 221,216 1,234,567"
         );
+    }
+
+    #[test]
+    fn percentages_have_two_decimals_and_what_is_not_0_is_not_shown_as_0() {
+        let shown = [0.0, -0.0, 0.00004, 0.0001, 0.1234, 1.0, 1.5, -0.25, -0.000_001].map(percent);
+        assert_eq!(shown, ["0.00", "0.00", "<0.01", "0.01", "12.34", "100.00", "150.00", "-25.00", "0.00"]);
+        assert_eq!(percent(f64::NAN), "NaN");
     }
 }

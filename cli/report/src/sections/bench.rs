@@ -95,7 +95,7 @@ fn deadline(section: &mut Section, object: &Value) {
         let holds = if load < 1.0 { "keeps up with" } else { "is slower than" };
         section
             .answer
-            .push(format!("It {holds} this recording: its work takes {} of the time.", percent(load)));
+            .push(format!("It {holds} this recording: its work takes {} % of the time.", percent(load)));
         section.figure("times as fast as the input", Some(1.0 / load));
     }
     if let (Some(missed), Some(periods), Some(period)) =
@@ -121,7 +121,7 @@ fn stages(section: &mut Section, object: &Value) {
         return;
     }
     let cells = stages.iter().map(|(name, us, share)| vec![name.clone(), time(*us), percent(*share)]);
-    let table = Table::new("Stages", &["stage", "time for an event", "share"], cells.collect());
+    let table = Table::new("Stages", &["stage", "time for an event", "share (%)"], cells.collect());
     let rows = stages.into_iter().map(|(name, us, _)| (name, us)).collect();
     section.draw(
         "Mean time for an event, with a clock around each stage: the clocks make it slower than it is.",

@@ -1,10 +1,10 @@
-//! Evaluations on labelled data: classes over time and by set, errors of presses, forces, areas.
+//! Evaluations on labelled data: classes over time and by set, and what filters pass.
 
-use meissner_plot::{AccuracyCurve, Bar, Bars, Curves, Matrix, Panel, Series, Style};
+use meissner_plot::{AccuracyCurve, Bar, Bars, Curves, Matrix, Panel};
 use serde_json::Value;
 
 use crate::json::{counts, list, number, numbers, quantiles, text, texts};
-use crate::parts::{Section, Table, bars, plane, shares};
+use crate::parts::{Section, Table, shares};
 use crate::words::{count, counted, number as shown, percent};
 
 /// The section of an evaluation by `command`.
@@ -12,9 +12,6 @@ pub(crate) fn section(command: &str, object: &Value) -> Section {
     let mut section = Section::default();
     match command {
         "eval slip" => slip(&mut section, object),
-        "eval angle" => angle(&mut section, object),
-        "eval force" => force(&mut section, object),
-        "eval area" => area(&mut section, object),
         "eval filters" => filters(&mut section, object),
         _ => events(&mut section, object),
     }
@@ -23,12 +20,12 @@ pub(crate) fn section(command: &str, object: &Value) -> Section {
 }
 
 /// The networks with their names.
-fn networks(object: &Value) -> impl Iterator<Item = (&str, &Value)> {
+pub(super) fn networks(object: &Value) -> impl Iterator<Item = (&str, &Value)> {
     list(object, "networks").iter().map(|of| (text(of, "network/name").unwrap_or("?"), of))
 }
 
 /// The mean of a figure, and its standard deviation behind it where there is one.
-fn spread(value: &Value, path: &str, factor: f64) -> String {
+pub(super) fn spread(value: &Value, path: &str, factor: f64) -> String {
     let Some(mean) = number(value, &format!("{path}/mean")) else { return String::new() };
     let std = number(value, &format!("{path}/std"));
     let std = std.map(|std| format!(" \u{b1} {}", shown(factor * std))).unwrap_or_default();
@@ -59,11 +56,11 @@ fn events(section: &mut Section, object: &Value) {
             let recordings = number(judged, "recordings").unwrap_or(0.0);
             let ends = numbers(judged, "interval_95");
             let interval = match ends.as_slice() {
-                [low, high] => format!("{} to {}", percent(*low), percent(*high)),
+                [low, high] => format!("{} to {} %", percent(*low), percent(*high)),
                 _ => String::new(),
             };
             section.answer.push(format!(
-                "{name} is right about {} of {} ({title}; 95 %: {interval}).",
+                "{name} is right about {} % of {} ({title}; 95 %: {interval}).",
                 percent(accuracy),
                 counted(recordings, "recording", "recordings")
             ));
@@ -140,8 +137,14 @@ fn slip(section: &mut Section, object: &Value) {
         y_title: "accuracy (%)".to_owned(),
         note: "Basic was trained on".to_owned(),
     };
-    section.draw("Right windows by set of objects.", &Panel::Bars(panel));
-    let mut rows = Vec::new();
+    let others = list(object, "references").iter();
+    let others = others.filter_map(|other| {
+        let (name, about) = (text(other, "name")?, text(other, "about")?);
+        Some(format!("{name}: {about}."))
+    });
+    let caption = std::iter::once("Right windows by set of objects.".to_owned()).chain(others);
+    section.draw(caption.collect::<Vec<_>>().join(" "), &Panel::Bars(panel));
+    let (mut rows, mut validated, mut unlike) = (Vec::new(), Vec::new(), Vec::new());
     for (name, of) in networks(object) {
         let mut unseen = Vec::new();
         for set in list(of, "sets") {
@@ -149,14 +152,14 @@ fn slip(section: &mut Section, object: &Value) {
             let accuracy = number(set, "accuracy/mean").unwrap_or(f64::NAN);
             let is_trained = set.get("trained_on").and_then(Value::as_bool) == Some(true);
             if !is_trained {
-                unseen.push(format!("{} ({title})", percent(accuracy)));
+                unseen.push(format!("{} % ({title})", percent(accuracy)));
                 section.figure(&format!("{name}, {title}: right (%)"), Some(100.0 * accuracy));
             }
             let trained = if is_trained { " (trained on)" } else { "" };
-            let cells = ["accuracy", "precision", "recall", "f1"].map(|key| spread(set, key, 100.0));
-            rows.push(
-                [format!("{name}, {title}{trained}"), count(windows)].into_iter().chain(cells).collect(),
-            );
+            let cells = SCORES.map(|(key, _)| spread(set, key, 100.0));
+            let first = [format!("{name}, {title}{trained}"), count(windows), cell(set, "trainings")];
+            rows.push(first.into_iter().chain(cells).collect());
+            unlike.push((format!("{name}, {title}{trained}"), set));
             matrix(
                 section,
                 format!("{name}, {title}{trained}"),
@@ -169,141 +172,56 @@ fn slip(section: &mut Section, object: &Value) {
             let unseen = unseen.join(", ");
             section.answer.push(format!("{name} is right about {unseen} of the windows of unseen objects."));
         }
-    }
-    let headings = ["network, set", "windows", "accuracy (%)", "precision (%)", "recall (%)", "F1 (%)"];
-    section.table(Table::new("By set", &headings, rows));
-}
-
-fn angle(section: &mut Section, object: &Value) {
-    let times: Vec<f64> = numbers(object, "times_us").into_iter().map(|t_us| t_us / 1e3).collect();
-    let mut series: Vec<(String, Series)> = Vec::new();
-    let mut rows = Vec::new();
-    for (name, of) in networks(object) {
-        let Some(figures) = of.get("figures").filter(|figures| !figures.is_null()) else { continue };
-        let presses = counted(number(figures, "presses").unwrap_or(0.0), "press", "presses");
-        let all = figures.get("angles").filter(|angles| !angles.is_null());
-        for output in list(figures, "outputs").iter().chain(all) {
-            let (what, unit) =
-                (text(output, "name").unwrap_or("?"), text(output, "unit").unwrap_or_default());
-            let (unit, _) = crate::words::shown_unit(unit);
-            let error = number(output, "mean_absolute/mean").unwrap_or(f64::NAN);
-            let is_main = all.is_none() || text(output, "name") == all.and_then(|all| text(all, "name"));
-            if is_main {
-                section.answer.push(format!(
-                    "{name} is off by {} {unit} in {what} at the end of {presses}, in the mean.",
-                    shown(error)
-                ));
-                section.figure(&format!("{name}: error of {what} ({unit})"), Some(error));
-            }
-            rows.push(vec![
-                format!("{name}, {what}"),
-                unit.to_owned(),
-                spread(output, "mean_absolute", 1.0),
-                spread(output, "std", 1.0),
-                spread(output, "newest", 1.0),
-            ]);
-            let at = list(output, "mean_absolute_at").iter().map(|at| number(at, "mean").unwrap_or(f64::NAN));
-            let points = times.iter().copied().zip(at).collect();
-            let colour = series.iter().filter(|(of, _)| of == unit).count();
-            series
-                .push((unit.to_owned(), Series::new(format!("{name}, {what}"), colour, Style::Line, points)));
+        for validation in list(of, "cross_validation") {
+            let cells = SCORES.map(|(key, _)| spread(validation, key, 100.0));
+            let scheme = format!("{name}, by {}", text(validation, "scheme").unwrap_or("?"));
+            let first = [scheme, cell(validation, "windows"), cell(validation, "trainings")];
+            validated.push(first.into_iter().chain(cells).collect());
         }
     }
-    let mut units: Vec<String> = series.iter().map(|(unit, _)| unit.clone()).collect();
-    units.sort_unstable();
-    units.dedup();
-    for unit in units {
-        let shown = series.iter().filter(|(of, _)| *of == unit).map(|(_, series)| series.clone());
-        let axes = ["time since contact (ms)", &format!("error ({unit})")];
-        let mut panel = plane("Mean absolute error against time", axes, shown.collect());
-        panel.from_zero = true;
-        section.draw("After the end of a press its last error stands.", &Panel::Plane(panel));
-    }
-    let headings =
-        ["at the end of a press", "unit", "mean absolute error", "std", "with the latency of this machine"];
-    section.table(Table::new("Errors", &headings, rows));
-    let doubts = networks(object).filter_map(|(name, of)| {
-        let found = |key: &str| number(of, &format!("figures/doubts/{key}"));
-        let (bad, seen) = (found("bad")?, found("bad_unlike")?);
-        Some(vec![
-            name.to_owned(),
-            count(found("predictions")?),
-            count(found("unlike")?),
-            count(bad),
-            count(seen),
-        ])
-    });
-    let headings = ["network", "predictions", "unlike the training", "bad", "bad and unlike"];
-    section.table(Table::new("Doubts since contact", &headings, doubts.collect()));
-}
-
-fn force(section: &mut Section, object: &Value) {
-    let mut rows = Vec::new();
-    let mut errors = Vec::new();
-    for (name, of) in networks(object) {
-        for part in list(of, "figures/parts") {
-            let what = text(part, "part").unwrap_or("?");
-            let mae = number(part, "mae/mean").unwrap_or(f64::NAN);
-            if what == "all" {
-                let frames = counted(number(part, "frames").unwrap_or(0.0), "frame", "frames");
-                section.answer.push(format!("{name} is off by {} N over {frames}, in the mean.", shown(mae)));
-                section.figure(&format!("{name}: error (N)"), Some(mae));
-            }
-            errors.push((format!("{name}, {what}"), mae));
-            rows.push(vec![
-                format!("{name}, {what}"),
-                count(number(part, "frames").unwrap_or(0.0)),
-                spread(part, "mae", 1.0),
-                spread(part, "mse", 1.0),
-            ]);
+    for other in list(object, "references") {
+        for set in &sets {
+            let Some(share) = number(other, &format!("accuracy/{set}")) else { continue };
+            let name = format!("{}, {set} (reference)", text(other, "name").unwrap_or("?"));
+            let empty = std::iter::repeat_n(String::new(), 3);
+            let cells = [name, String::new(), String::new(), shown(100.0 * share)];
+            rows.push(cells.into_iter().chain(empty).collect());
         }
     }
-    section.draw(
-        "By phase of the grasp and by bolt.",
-        &Panel::Parts(bars("Mean absolute error", "error (N)", errors)),
-    );
-    let headings = ["network, part", "frames", "mean absolute error (N)", "mean squared error (N^2)"];
-    section.table(Table::new("Errors", &headings, rows));
+    let headings = |first| -> Vec<&str> {
+        [first, "windows", "trainings"].into_iter().chain(SCORES.map(|(_, heading)| heading)).collect()
+    };
+    let about =
+        "By set: mean over the trainings and its deviation; precision, recall and F1 over the classes";
+    section.table(Table::new(about, &headings("network, set"), rows));
+    section.table(Table::new("Cross-validation on Basic", &headings("network, scheme"), validated));
+    doubts(section, unlike);
 }
 
-fn area(section: &mut Section, object: &Value) {
-    let files: Vec<&str> = list(object, "data").iter().map(|of| text(of, "file").unwrap_or("?")).collect();
-    let mut rows = Vec::new();
-    let mut ious = Vec::new();
-    for (name, of) in networks(object) {
-        for training in list(of, "trainings") {
-            for (set, file) in list(training, "sets").iter().zip(&files) {
-                let file = crate::words::file_name(file);
-                let mean = |key: &str| number(set, &format!("{key}/mean"));
-                let pictures = counted(number(set, "pictures").unwrap_or(0.0), "picture", "pictures");
-                if let Some(iou) = mean("iou") {
-                    let force = mean("force_n")
-                        .map(|force| format!(" and a force that is off by {} N", shown(force)));
-                    section.answer.push(format!(
-                        "{name} finds the contact in {pictures} of {file} with an IoU of {}{}.",
-                        shown(iou),
-                        force.unwrap_or_default()
-                    ));
-                    section.figure(&format!("{name}, {file}: IoU"), Some(iou));
-                    ious.push((format!("{name}, {file}"), iou));
-                }
-                let cells = ["iou", "force_n", "centroid_mm", "area_mm2"].map(|key| spread(set, key, 1.0));
-                rows.push(std::iter::once(format!("{name}, {file}")).chain(cells).collect());
-                let kinds = set.get("kinds").and_then(Value::as_object).into_iter().flatten();
-                rows.extend(kinds.map(|(kind, of)| {
-                    let cells = ["iou", "force_n"].map(|key| spread(of, key, 1.0));
-                    let empty = [String::new(), String::new()];
-                    std::iter::once(format!("{name}, {kind}")).chain(cells).chain(empty).collect()
-                }));
-            }
-        }
-    }
-    section.draw(
-        "How much of predicted and true contact is common to both.",
-        &Panel::Parts(bars("Intersection over union", "IoU", ious)),
-    );
-    let headings = ["network, pictures", "IoU", "force (N)", "centroid (mm)", "area (mm2)"];
-    section.table(Table::new("Errors", &headings, rows));
+/// The scores of classes: keys and headings.
+const SCORES: [(&str, &str); 4] = [
+    ("accuracy", "accuracy (%)"),
+    ("precision", "precision (%)"),
+    ("recall", "recall (%)"),
+    ("f1", "F1 (%)"),
+];
+
+/// A count, if there is one.
+pub(super) fn cell(value: &Value, path: &str) -> String {
+    number(value, path).map_or_else(String::new, count)
+}
+
+/// Adds a table of predictions of input unlike the training's, for each name and what is judged.
+pub(super) fn doubts(section: &mut Section, judged: Vec<(String, &Value)>) {
+    let row = |(name, of): (String, &Value)| {
+        let found = |key: &str| number(of, &format!("doubts/{key}"));
+        let keys = ["predictions", "unlike", "bad", "bad_unlike"];
+        let cells = keys.iter().map(|key| found(key).map(count)).collect::<Option<Vec<_>>>()?;
+        Some(std::iter::once(name).chain(cells).collect())
+    };
+    let rows = judged.into_iter().filter_map(row).collect();
+    let headings = ["", "predictions", "unlike the training", "bad", "bad and unlike"];
+    section.table(Table::new("Doubts", &headings, rows));
 }
 
 fn filters(section: &mut Section, object: &Value) {
@@ -314,7 +232,9 @@ fn filters(section: &mut Section, object: &Value) {
     };
     let causes: Vec<(String, f64, f64)> = causes.iter().filter_map(found).collect();
     for (cause, events, passed) in &causes {
-        section.answer.push(format!("{} of the events by {cause} pass.", percent(passed / events.max(1.0))));
+        section
+            .answer
+            .push(format!("{} % of the events by {cause} pass.", percent(passed / events.max(1.0))));
         section.figure(&format!("{cause}: passed (%)"), Some(100.0 * passed / events.max(1.0)));
     }
     let rows = causes
@@ -330,24 +250,18 @@ fn filters(section: &mut Section, object: &Value) {
     let cells = causes.iter().map(|(cause, events, passed)| {
         vec![cause.clone(), count(*events), count(*passed), percent(passed / events.max(1.0))]
     });
-    section.table(Table::new("Events", &["cause", "events", "passed", "share"], cells.collect()));
+    section.table(Table::new("Events", &["cause", "events", "passed", "share (%)"], cells.collect()));
 }
 
 /// Times and work of predictions, where they were measured.
-fn work(section: &mut Section, object: &Value) {
+pub(super) fn work(section: &mut Section, object: &Value) {
     let mut times = Vec::new();
     let mut rows = Vec::new();
     for (name, of) in networks(object) {
         let Some(work) = of.get("figures").and_then(|figures| figures.get("work")) else { continue };
         times.extend(quantiles(work, "update_us").map(|of| (name.to_owned(), of)));
-        let cell = |key: &str| number(work, key).map_or_else(String::new, count);
-        rows.push(vec![
-            name.to_owned(),
-            cell("events"),
-            cell("predictions"),
-            cell("rows"),
-            cell("multiply_adds"),
-        ]);
+        let cells = ["events", "predictions", "rows", "multiply_adds"].map(|key| cell(work, key));
+        rows.push(std::iter::once(name.to_owned()).chain(cells).collect());
     }
     section.times = times.first().cloned();
     section.latencies(

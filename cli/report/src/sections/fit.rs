@@ -3,8 +3,8 @@
 use meissner_plot::{Matrix, Panel, Series, Style};
 use serde_json::Value;
 
-use crate::json::{counts, list, number, numbers, text, texts};
-use crate::parts::{Section, Table, plane};
+use crate::json::{counts, list, number, numbers, pairs, text, texts};
+use crate::parts::{Section, Table, plane, predicted};
 use crate::words::{count, counted, number as shown, percent, shown_unit};
 
 /// The section of a fit.
@@ -34,7 +34,7 @@ pub(crate) fn section(object: &Value) -> Section {
             )
         } else {
             format!(
-                "{} of the presses that were held out get the right class. The most frequent class is right in {}.",
+                "{} % of the presses that were held out get the right class. The most frequent class is right in {} %.",
                 percent(1.0 - error),
                 percent(1.0 - constant)
             )
@@ -54,6 +54,17 @@ pub(crate) fn section(object: &Value) -> Section {
     }
     section.answer.extend(outputs.iter().filter_map(|of| Some(sentence(text(of, "advice")?))));
     section.figure("presses", Some(presses));
+    for (of, points) in outputs.iter().zip(list(object, "pairs")) {
+        let (unit, _) = shown_unit(text(of, "unit").unwrap_or_default());
+        let title = text(of, "name").unwrap_or("?");
+        predicted(
+            &mut section,
+            title,
+            unit,
+            pairs(points),
+            ("at the end of presses that were held out", presses),
+        );
+    }
     outputs.iter().for_each(|of| curves(&mut section, of));
     let headings = ["output", "unit", "error", "95 %", "constant", "before the fit"];
     section.table(Table::new("Errors at the end of presses that were held out", &headings, rows));

@@ -109,7 +109,7 @@ fn layers(section: &mut Section, found: &[Value], kinds: &[Kind], what: &str) {
     let parts: Vec<(&str, usize)> = used.iter().map(|kind| (kind.name, kind.colour)).collect();
     let panel = shares(title, &format!("share of the {what} (%)"), &parts, rows.clone());
     section.draw(caption, &Panel::Parts(panel));
-    let headings: Vec<&str> = std::iter::once("layer").chain(names).chain(["computed of all"]).collect();
+    let headings: Vec<&str> = std::iter::once("layer").chain(names).chain(["computed of all (%)"]).collect();
     let cells = rows.into_iter().map(|(name, values)| {
         let work: f64 =
             used.iter().zip(&values).filter(|(kind, _)| kind.is_work).map(|(_, value)| value).sum();

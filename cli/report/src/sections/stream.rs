@@ -6,7 +6,7 @@ use serde_json::Value;
 use super::layers;
 use crate::decimated::Decimated;
 use crate::json::{list, number, quantiles, text};
-use crate::parts::{Section, Table, bars, plane};
+use crate::parts::{Section, Table, bars, plane, predicted};
 use crate::read::Outcome;
 use crate::stream::{Along, Named, Stream, Valued};
 use crate::words::{count, counted, file_name, percent, time};
@@ -34,6 +34,10 @@ pub(crate) fn section(outcome: &Outcome, of: &Stream) -> Section {
     let summary = of.summary.as_ref();
     answer(&mut section, outcome, of);
     values(&mut section, of);
+    for value in of.values.iter().take(MAX_SERIES) {
+        let what = ("along the stream", value.errors.1);
+        predicted(&mut section, &value.name, &value.unit, of.pairs(value), what);
+    }
     classes(&mut section, of);
     let along = axis(of);
     let line = |line: &Decimated, name: &str, colour| Series::new(name, colour, Style::Line, line.points());
@@ -122,7 +126,7 @@ fn answer(section: &mut Section, outcome: &Outcome, of: &Stream) {
     }
     if let Some(unlike) = found("unlike_training").filter(|&unlike| unlike > 0.0) {
         let share = percent(unlike / (of.predictions.max(1)) as f64);
-        section.answer.push(format!("{share} of the predictions rest on input unlike the training's."));
+        section.answer.push(format!("{share} % of the predictions rest on input unlike the training's."));
     }
     for (name, key) in [
         ("events", "events"),
@@ -214,7 +218,7 @@ fn classes(section: &mut Section, of: &Stream) {
         "How often each class was the most probable one.",
         &Panel::Parts(bars("Predicted classes", "predictions", rows)),
     );
-    section.table(Table::new("Predicted classes", &["class", "predictions", "share"], cells));
+    section.table(Table::new("Predicted classes", &["class", "predictions", "share (%)"], cells));
 }
 
 fn rows(section: &mut Section, of: &Stream, names: &[&str]) {
