@@ -25,7 +25,7 @@ use crate::kind::NetworkKind;
 use crate::predictions::{About, Report, TableKind};
 #[cfg(test)]
 pub(crate) use args::OPTIONS_OF_KINDS;
-pub(crate) use args::RunArgs;
+pub(crate) use args::{RunArgs, Video, video};
 
 /// Runs the network as `args` say, and writes the results to standard output.
 pub(crate) fn run(args: &RunArgs, given: &Given) -> Result<(), CliError> {

@@ -165,7 +165,7 @@ impl RunError {
     }
 
     /// `network` is a frame network; a network over events was expected.
-    pub(crate) fn is_frame_network(network: &str) -> Self {
+    pub fn is_frame_network(network: &str) -> Self {
         Self::other_network(network, "a network over events", "a frame network")
     }
 

@@ -214,10 +214,10 @@ impl FrameFeed {
     }
 
     /// Decides about events that wait for others: there will be none.
-    pub(crate) fn settle<E>(
-        &mut self,
-        mut sink: impl FnMut(FeedOutput<'_>) -> Result<(), E>,
-    ) -> Result<(), E> {
+    ///
+    /// # Errors
+    /// The first error of `sink`, which is not called again after it.
+    pub fn settle<E>(&mut self, mut sink: impl FnMut(FeedOutput<'_>) -> Result<(), E>) -> Result<(), E> {
         let decision = self.watch.end(self.gate.now_us());
         self.carry_out(&decision, &mut sink).map(drop)
     }

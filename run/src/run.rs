@@ -42,10 +42,10 @@ use crate::losses::{InputLosses, LossWarning, LossWatch};
 use crate::predictor::Mode;
 use crate::schedule::Every;
 use crate::source::Source;
-pub use electrodes::{ElectrodeOptions, ElectrodeRun};
+pub use electrodes::{ElectrodeOptions, ElectrodeRun, PERIOD_US, Readings, open_readings};
 pub use events::EventRun;
 pub use frames::FrameRun;
-pub use pictures::{BLUR_RADIUS, ContactPredictor, PictureOptions, PictureRun};
+pub use pictures::{BLUR_RADIUS, ContactPredictor, PictureOptions, PictureRun, open_pictures};
 pub use prediction::{
     ElectrodePrediction, EventPrediction, FramePrediction, Observer, PicturePrediction, Prediction,
     ReportPrediction, ReportState,
@@ -158,7 +158,7 @@ impl<S: Steps> StreamRun<S> {
 }
 
 /// The default for the predictions of networks over events.
-pub(crate) const EVERY: Every = Every::StreamUs(10_000);
+pub const EVERY: Every = Every::StreamUs(10_000);
 
 /// Options of a run over events. `Default` runs all events, exactly.
 #[derive(Clone, Debug, Default)]

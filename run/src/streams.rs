@@ -109,7 +109,7 @@ pub(crate) fn open(path: &Path) -> Result<interrupt::Input> {
 }
 
 /// The lines of the stream `path`. A datagram ends a line; one that is too long is cut.
-pub(crate) fn lines(path: &Path) -> Result<Box<dyn BufRead>> {
+pub(crate) fn lines(path: &Path) -> Result<Box<dyn BufRead + Send>> {
     if is_of_packets(path) {
         let source = io::Error::other("expected a stream of text, found one of AEDAT4 packets");
         return Err(RunError::file("read", name(path), source));

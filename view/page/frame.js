@@ -42,6 +42,27 @@ const readers = {
     const [grids, columns, rows] = [r.u32(), r.u32(), r.u32()];
     return { grids, columns, rows, values: r.f32s(grids * columns * rows) };
   },
+  LAYR: r => r.many(r.u32(), () => ({ computed: r.u32(), kept: r.u32(), absorbed: r.u32() })),
+  DIFF(r) {
+    const [columns, rows] = [r.u32(), r.u32()], words = r.u32s((r.end - r.at) / 4), set = [];
+    words.forEach((word, i) => { for (let rest = word; rest; rest &= rest - 1) set.push(32 * i + 31 - Math.clz32(rest & -rest)); });
+    return { columns, rows, set };
+  },
+  PICT(r) {
+    const [columns, rows] = [r.u32(), r.u32()];
+    return { columns, rows, rgb: new Uint8Array(r.view.buffer, r.view.byteOffset + r.at, 3 * columns * rows) };
+  },
+  FORC(r) {
+    const [columns, rows, x, y, threshold, area] = [r.u32(), r.u32(), r.f32(), r.f32(), r.f32(), r.f32()], values = r.f32s(columns * rows);
+    let [most, pixels] = [0, 0];
+    for (const value of values) { most = Math.max(most, value); pixels += value > threshold; }
+    return { columns, rows, centre: [x, y], threshold, area, values, most, pixels };
+  },
+  ELEC: r => r.many(r.u32(), () => ({ begins: r.u32(), values: r.f32s(24) })),
+  SPAR(r) {
+    const [channels, rows, columns] = [r.u32(), r.u32(), r.u32()];
+    return { channels, rows, columns, list: r.many((r.end - r.at) / 8, () => [r.u32(), r.f32()]) };
+  },
   PRED(r) {
     const [outputs, nodes, unlike, took] = [r.u32(), r.u32(), r.f32(), r.f32()];
     return { nodes, unlike, took, values: r.f32s(outputs), truth: r.f32s(outputs) };

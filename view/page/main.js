@@ -3,6 +3,7 @@
 import { begin, colour, fit, forget } from "./colours.js";
 import { overlay, painter, viewOf } from "./events.js";
 import { decode } from "./frame.js";
+import { drawInput, drawLayers, inputText } from "./frames.js";
 import * as panels from "./panels.js";
 import { drawCells, drawLatency, drawPrediction, timeAt } from "./plots.js";
 import { openSource } from "./source.js";
@@ -41,6 +42,7 @@ function tell(text, bad = false) {
 function take(next) {
   facts = next;
   panels.describeInput(facts);
+  panels.showKind(facts.kind);
   $("network").replaceChildren(...facts.networks.map(name => new Option(name, name, false, name === facts.network)));
   $("network").value = facts.network;
   for (const part of document.querySelectorAll("footer > :not(#state, #clock), #compare")) part.hidden = !facts.controls;
@@ -64,20 +66,25 @@ function render(now) {
   if (!dirty && phase === drawn) return;
   const whole = dirty;
   [dirty, drawn] = [false, phase];
-  const { width, height } = fit($("overlay")), view = viewOf(facts.sensor, facts.span_us, width, height);
-  overlay($("overlay"), frame, view, { graph: $("graph").checked, grid: $("grid").checked, phase });
-  drawWave($("wave"), facts, frame.WAVE, phase);
+  if (frame.EVNT) {
+    const { width, height } = fit($("overlay")), view = viewOf(facts.sensor, facts.span_us, width, height);
+    overlay($("overlay"), frame, view, { graph: $("graph").checked, grid: $("grid").checked, phase });
+    if (whole) paint(frame.EVNT, view);
+  } else if (whole) {
+    drawInput($("overlay"), facts, frame, { contact: $("graph").checked });
+  }
+  if (frame.WAVE) drawWave($("wave"), facts, frame.WAVE, phase);
+  if (frame.LAYR) drawLayers($("wave"), facts, frame.LAYR, phase);
   if (!whole) return;
-  paint(frame.EVNT, view);
-  panels.describeWindow(facts, frame);
+  panels.describeWindow(facts, frame, inputText);
   panels.describeValues(facts, frame);
-  panels.describeClock(frame);
-  panels.describeCounts(frame);
-  panels.describeComparison(frame.INFO);
-  panels.say("work", workText(frame.WORK));
+  panels.describeClock(facts, frame);
+  panels.describeCounts(facts, frame);
+  panels.describeComparison(facts, frame.INFO);
+  panels.say("work", frame.WORK ? workText(facts, frame.WORK) : "");
   drawPrediction($("prediction"), facts, frame);
   drawLatency($("latency"), frame.LATE);
-  drawCells($("cells"), facts, frame);
+  if (frame.CELL) drawCells($("cells"), facts, frame);
   if ($("speed").value !== `${+frame.TIME.speed.toPrecision(4)}`) $("speed").value = `${+frame.TIME.speed.toPrecision(4)}`;
   if (frame.INFO.error) tell(frame.INFO.error, true); else if (frame.TIME.seeking) tell("Going there…"); else if (facts.controls && $("state").textContent) tell("");
   remember();
@@ -85,10 +92,12 @@ function render(now) {
 
 /** How many layers the wave of the newest event has reached. */
 function phaseAt(now) {
-  const layers = frame.WAVE.length, slowness = Number($("slowness").value), { taken, playing } = frame.TIME;
+  const layers = (frame.WAVE ?? frame.LAYR ?? []).length, { taken, playing } = frame.TIME;
+  // Many layers of frames take as long as four of events.
+  const slowness = Number($("slowness").value) * (frame.LAYR ? 4 / layers : 1);
   if (taken !== waveOf) [waveOf, waveBegan] = [taken, now];
   // Faster than a wave, all of it shows.
-  const fast = playing && frame.TIME.speed > 0.002;
+  const fast = playing && (frame.LAYR || frame.TIME.speed > 0.002);
   if (still.matches || !slowness || fast) return layers;
   return Math.min(layers, (now - waveBegan) / slowness);
 }
@@ -112,7 +121,7 @@ function theme(name) {
 
 const actions = {
   play: () => send({ do: frame?.TIME.playing ? "pause" : "play" }),
-  step: events => send({ do: "step", events }),
+  step: (by, far) => send({ do: "step", events: by * (far ? panels.far(facts) : 1) }),
   compare: () => send({ do: "compare", on: !frame?.INFO.comparing }),
   theme: () => theme(document.documentElement.dataset.theme === "dark" ? undefined : "dark"),
   again() { waveBegan = performance.now(); dirty = true; },
@@ -187,8 +196,8 @@ function picture() {
 
 $("speed").append(...SPEEDS.map(speed => new Option(speed < 1 ? `1/${Math.round(1 / speed).toLocaleString("en-US")}` : `${speed}`, `${speed}`)));
 $("play").onclick = actions.play;
-$("back").onclick = event => actions.step(event.shiftKey ? -100 : -1);
-$("forth").onclick = event => actions.step(event.shiftKey ? 100 : 1);
+$("back").onclick = event => actions.step(-1, event.shiftKey);
+$("forth").onclick = event => actions.step(1, event.shiftKey);
 $("compare").onclick = actions.compare;
 $("theme").onclick = actions.theme;
 $("shot").onclick = actions.shot;
@@ -206,7 +215,7 @@ addEventListener("keydown", event => {
   const on = event.target, typing = on.matches?.("select, dialog[open] *") || event.ctrlKey || event.metaKey || event.altKey;
   if (typing && !(event.key === "?" && !on.matches("select"))) return;
   const keys = {
-    " ": () => actions.play(), ArrowLeft: () => actions.step(event.shiftKey ? -100 : -1), ArrowRight: () => actions.step(event.shiftKey ? 100 : 1),
+    " ": () => actions.play(), ArrowLeft: () => actions.step(-1, event.shiftKey), ArrowRight: () => actions.step(1, event.shiftKey),
     Home: () => send({ do: "seek_event", event: 0 }), End: () => send({ do: "seek_event", event: frame.TIME.events }),
     ",": () => actions.speed(-1), ".": () => actions.speed(1), w: actions.again, b: actions.compare, d: actions.theme, s: actions.shot,
     g: () => actions.toggle("graph"), c: () => actions.toggle("grid"), n: () => $("network").focus(), "?": actions.help,

@@ -25,35 +25,44 @@ export function drawPrediction(canvas, facts, frame) {
   const values = i => facts.classes ? softmax(numbers.subarray(i * stride + 1, (i + 1) * stride)) : numbers.subarray(i * stride + 1, (i + 1) * stride);
   const rows = Array.from({ length: points }, (_, i) => [numbers[i * stride], values(i)]);
   const shown = facts.classes ? best(softmax(frame.PRED.values), 3) : Array.from({ length: Math.min(outputs, 4) }, (_, i) => i);
-  let [low, high] = facts.classes ? [0, 1] : [Infinity, -Infinity];
-  if (!facts.classes) {
-    const all = rows.flatMap(([, v]) => shown.map(i => v[i])).concat(facts.truth.flatMap(t => t.points.map(([, v]) => v)));
-    for (const v of all) if (Number.isFinite(v) && v !== null) [low, high] = [Math.min(low, v), Math.max(high, v)];
-    if (low > high) [low, high] = [-1, 1];
-    const margin = (high - low || 1) * 0.08;
-    [low, high] = [low - margin, high + margin];
-  }
-  const [from, until] = extent(frame), bottom = height - BOTTOM;
-  const x = t => LEFT + (t - from) / (until - from) * (width - LEFT - RIGHT), y = v => 6 + (high - v) / (high - low) * (bottom - 6);
-  axes(to, width, bottom, [low, high], y, [from, until], x);
-  to.save();
-  to.beginPath();
-  to.rect(LEFT, 0, width - LEFT - RIGHT, bottom);
-  to.clip();
-  for (const { output, points } of facts.truth) {
-    if (output >= 4) continue;
-    [to.strokeStyle, to.lineWidth, to.globalAlpha] = [colour(LINES[output]), 5, 0.28];
-    path(to, points, x, y);
-  }
-  to.globalAlpha = 1;
-  shown.forEach((output, k) => {
-    to.strokeStyle = colour(LINES[facts.classes ? k : output]);
-    to.lineWidth = 1.8;
-    to.setLineDash(DASHES[facts.classes ? k : output]);
-    path(to, rows.map(([t, v]) => [t, v[output]]), x, y);
+  // Of several units, each has an axis of its own.
+  const units = facts.classes ? [""] : [...new Set(shown.map(output => facts.units[output]))], deep = height / units.length;
+  units.forEach((unit, at) => {
+    const own = facts.classes ? shown : shown.filter(output => facts.units[output] === unit), truths = facts.truth.filter(of => own.includes(of.output));
+    let [low, high] = facts.classes ? [0, 1] : [Infinity, -Infinity];
+    if (!facts.classes) {
+      const all = rows.flatMap(([, v]) => own.map(i => v[i])).concat(truths.flatMap(t => t.points.map(([, v]) => v)));
+      for (const v of all) if (Number.isFinite(v) && v !== null) [low, high] = [Math.min(low, v), Math.max(high, v)];
+      if (low > high) [low, high] = [-1, 1];
+      const margin = (high - low || 1) * 0.08;
+      [low, high] = [low - margin, high + margin];
+    }
+    const [from, until] = extent(frame), top = at * deep + 6, bottom = (at + 1) * deep - BOTTOM, last = at + 1 === units.length;
+    const x = t => LEFT + (t - from) / (until - from) * (width - LEFT - RIGHT), y = v => top + (high - v) / (high - low) * (bottom - top);
+    axes(to, width, bottom, [low, high], y, [from, until], x, units.length > 1 ? 3 : 4, last);
+    if (units.length > 1) {
+      to.textAlign = "left";
+      to.fillText(unit, LEFT + 5, top + 5);
+    }
+    to.save();
+    to.beginPath();
+    to.rect(LEFT, top - 6, width - LEFT - RIGHT, bottom - top + 6);
+    to.clip();
+    for (const { output, points } of truths) {
+      [to.strokeStyle, to.lineWidth, to.globalAlpha] = [colour(LINES[output]), 5, 0.28];
+      path(to, points, x, y);
+    }
+    to.globalAlpha = 1;
+    for (const output of own) {
+      const line = facts.classes ? shown.indexOf(output) : output;
+      to.strokeStyle = colour(LINES[line]);
+      to.lineWidth = 1.8;
+      to.setLineDash(DASHES[line]);
+      path(to, rows.map(([t, v]) => [t, v[output]]), x, y);
+    }
+    to.restore();
+    cursor(to, x(frame.TIME.now / 1e3), top - 6, bottom);
   });
-  to.restore();
-  cursor(to, x(frame.TIME.now / 1e3), bottom);
 }
 
 function path(to, points, x, y) {
@@ -67,18 +76,18 @@ function path(to, points, x, y) {
   to.stroke();
 }
 
-function axes(to, width, bottom, [low, high], y, [from, until], x) {
+function axes(to, width, bottom, [low, high], y, [from, until], x, count, times) {
   to.strokeStyle = colour("line");
   to.fillStyle = colour("quiet");
   to.lineWidth = 1;
-  for (const v of ticks(low, high, 4)) {
+  for (const v of ticks(low, high, count)) {
     const at = Math.round(y(v)) + 0.5;
     to.beginPath(); to.moveTo(LEFT, at); to.lineTo(width - RIGHT, at); to.stroke();
     to.textAlign = "right";
     to.fillText(tickText(v), LEFT - 6, at);
   }
   to.textAlign = "center";
-  for (const t of ticks(from, until, Math.max(2, width / 110))) {
+  for (const t of !times ? [] : ticks(from, until, Math.max(2, width / 110))) {
     const text = until - from >= 4000 ? `${+(t / 1e3).toFixed(2)} s` : `${Math.round(t)} ms`;
     to.fillText(text, Math.min(Math.max(x(t), LEFT + 14), width - 22), bottom + 10);
   }
@@ -93,10 +102,10 @@ function ticks(low, high, count) {
   return all;
 }
 
-function cursor(to, x, bottom) {
+function cursor(to, x, top, bottom) {
   [to.strokeStyle, to.lineWidth] = [colour("ink"), 1.2];
   to.setLineDash([]);
-  to.beginPath(); to.moveTo(x, 0); to.lineTo(x, bottom); to.stroke();
+  to.beginPath(); to.moveTo(x, top); to.lineTo(x, bottom); to.stroke();
 }
 
 /** The histogram of latencies over a logarithmic axis, with p50 and p99. */

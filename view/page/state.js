@@ -1,6 +1,6 @@
 // What the address holds after the #, so that a copied address shows the same.
 
-const KEYS = ["event", "network", "speed", "theme", "compare", "grid", "graph", "slowness", "playing"];
+const KEYS = ["event", "network", "speed", "theme", "compare", "grid", "graph", "slowness", "playing", "sensor"];
 let written = "", wanted = "", waiting = 0;
 
 /** The state of the address: texts by key. */

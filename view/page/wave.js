@@ -38,10 +38,11 @@ function reason(facts, layer) {
 }
 
 /** All work so far against full recomputation at each prediction. */
-export function workText(work) {
+export function workText(facts, work) {
   const sum = of => work.layers.reduce((total, layer) => total + layer[of], 0);
   const [computed, kept, unchanged] = [sum("computed"), sum("kept"), sum("unchanged")];
   if (!computed) return "";
   const share = computed / (computed + kept) * 100;
+  if (facts.frames) return `Since the start: ${grouped(computed)} pixels of layers, ${share < 0.1 ? share.toFixed(3) : share.toFixed(1)} % of full recomputation.`;
   return `Since the start: ${grouped(computed)} rows, ${share < 0.1 ? share.toFixed(3) : share.toFixed(1)} % of full recomputation; ${grouped(unchanged)} came out equal; ${grouped(work.reused)} predictions needed nothing.`;
 }

@@ -1,7 +1,9 @@
 //! What can go wrong with a session.
 
 use meissner_engine::EngineError;
+use meissner_engine::representations::RepresentationError;
 use meissner_models::ModelError;
+use meissner_models::systems::contact_area::ContactError;
 use thiserror::Error;
 
 /// Why a session cannot do what it was asked.
@@ -40,6 +42,15 @@ pub enum ViewError {
     /// The engine refuses.
     #[error(transparent)]
     Engine(#[from] EngineError),
+    /// A picture does not fit, or a force is not finite.
+    #[error(transparent)]
+    Contact(#[from] ContactError),
+    /// A reading does not fit.
+    #[error(transparent)]
+    Reading(#[from] RepresentationError),
+    /// An item is of another kind or size than the network reads.
+    #[error("an item of another kind or size than the network reads")]
+    Shape,
     /// Another reason, of a caller's own networks.
     #[error("network {name}: {reason}")]
     Other {

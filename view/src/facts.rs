@@ -13,6 +13,9 @@ use crate::networks::Chosen;
 pub struct Facts {
     /// Counts changes of the network.
     pub version: u64,
+    /// What the engine takes: "events", "pictures", "electrodes", "frames" of events, or events of
+    /// several "sensors".
+    pub kind: &'static str,
     /// Name of the input.
     pub input: String,
     /// Columns and rows of the sensor.
@@ -43,6 +46,21 @@ pub struct Facts {
     pub layers: Vec<LayerFacts>,
     /// What is true, over the whole input.
     pub truth: Vec<TruthFacts>,
+    /// Of a network over frames.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub frames: Option<FrameFacts>,
+}
+
+/// Facts of a network over frames.
+#[derive(Clone, Debug, Serialize)]
+#[non_exhaustive]
+pub struct FrameFacts {
+    /// Frames after which the state begins anew, if it does.
+    pub steps: Option<usize>,
+    /// Whether a prediction depends on earlier frames.
+    pub remembers: bool,
+    /// Column and row of each electrode.
+    pub electrodes: Vec<[usize; 2]>,
 }
 
 /// A layer that computes rows.
@@ -57,6 +75,9 @@ pub struct LayerFacts {
     pub pooling: bool,
     /// Channels of a row.
     pub channels: usize,
+    /// The word of a layer over frames in a file: "conv".
+    #[serde(skip_serializing_if = "str::is_empty")]
+    pub word: &'static str,
 }
 
 /// What is true of one output, over time.
@@ -70,7 +91,7 @@ pub struct TruthFacts {
 }
 
 /// Small things that change: the section INFO.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Default, Serialize)]
 #[non_exhaustive]
 pub struct Info {
     /// Events that did not enter the window, by reason.
@@ -132,17 +153,10 @@ impl Facts {
             let first = usize::from(level == 0);
             for (i, &channels) in network.channels(level).iter().enumerate().skip(first) {
                 let name = names.get(layers.len()).copied().unwrap_or_default().to_owned();
-                layers.push(LayerFacts { name, level, pooling: i == 0, channels });
+                layers.push(LayerFacts { name, level, pooling: i == 0, channels, word: "" });
             }
         }
         Self {
-            version: 0,
-            input: input.to_owned(),
-            sensor: [sensor.width, sensor.height],
-            live: true,
-            controls: false,
-            networks: vec![name.to_owned()],
-            network: name.to_owned(),
             span_us: parts.span_us,
             capacity: parts.capacity,
             neighbours: parts.graph.reach.most(),
@@ -151,11 +165,32 @@ impl Facts {
                 Candidates::Past(Lifetime::Window) => "past",
                 Candidates::Past(Lifetime::Frozen) => "frozen",
             },
+            layers,
+            ..Self::empty(input, [sensor.width, sensor.height], name, chosen)
+        }
+    }
+
+    /// The same without what networks over events alone have.
+    pub(crate) fn empty<N>(input: &str, sensor: [u16; 2], name: &str, chosen: &Chosen<N>) -> Self {
+        Self {
+            version: 0,
+            kind: "events",
+            input: input.to_owned(),
+            sensor,
+            live: true,
+            controls: false,
+            networks: vec![name.to_owned()],
+            network: name.to_owned(),
+            span_us: 0,
+            capacity: 0,
+            neighbours: 0,
+            candidates: "",
             outputs: chosen.outputs.clone(),
             units: chosen.units.clone(),
             classes: chosen.classes,
-            layers,
+            layers: Vec::new(),
             truth: Vec::new(),
+            frames: None,
         }
     }
 }
@@ -168,11 +203,7 @@ impl Info {
             dropped: dropped.filter(|(_, count)| *count > 0).collect(),
             expired: counters.expired,
             evicted: counters.evicted,
-            queue: None,
-            forgotten: 0,
-            comparing: false,
-            compared: None,
-            error: None,
+            ..Self::default()
         }
     }
 }

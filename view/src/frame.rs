@@ -27,6 +27,18 @@
 //!   (u16 x, u16 y, u32 age in cells, f32 root mean square of its channels).
 //! - `READ` u32 grids, newest first, u32 columns, u32 rows; then for each cell, row by row, (f32
 //!   root mean square of its channels).
+//! - `LAYR` of frame networks, for the newest prediction: u32 layers; for each (u32 pixels computed,
+//!   u32 kept, u32 taken from the output for zeros).
+//! - `DIFF` pixels in which the newest frame differs from the one before: u32 columns, u32 rows;
+//!   then one bit each, row by row, the first in the lowest bit of a u32.
+//! - `PICT` the newest picture: u32 columns, u32 rows, then u8 red, green, blue.
+//! - `FORC` the predicted forces: u32 columns, u32 rows, f32 column and f32 row of the contact's
+//!   centre (NaN: no contact), f32 force in N on a pixel above which it is in contact, f32 area of
+//!   a pixel in mm^2; then f32 N on each pixel.
+//! - `ELEC` the newest readings, oldest first: u32 readings; for each (u32 1 if it follows none, then
+//!   f32 for each electrode).
+//! - `SPAR` the newest frame of events: u32 channels, u32 rows, u32 columns; then what is not 0: (u32
+//!   index in channels, rows, columns; f32 value).
 //! - `PRED` u32 outputs, u32 events in the window, f32 unlike (NaN: not known), f32 time of the
 //!   newest push and prediction in us (NaN: not measured); for each output (f32 value), then for
 //!   each (f32 truth; NaN: there is none).
@@ -86,7 +98,7 @@ impl FrameWriter {
     pub fn json(&mut self, tag: [u8; 4], value: &impl serde::Serialize) {
         // Numbers, texts and lists of them always serialise.
         let text = serde_json::to_string(value).unwrap_or_default();
-        self.section(tag, |bytes| bytes.0.extend_from_slice(text.as_bytes()));
+        self.section(tag, |bytes| bytes.bytes(text.as_bytes()));
     }
 
     /// The bytes.
@@ -115,6 +127,11 @@ impl Bytes<'_> {
     /// Appends a number of things as a u32; more than fit are as many as fit.
     pub fn count(&mut self, count: usize) {
         self.u32(u32::try_from(count).unwrap_or(u32::MAX));
+    }
+
+    /// Appends bytes as they are.
+    pub fn bytes(&mut self, bytes: &[u8]) {
+        self.0.extend_from_slice(bytes);
     }
 
     /// Appends values.

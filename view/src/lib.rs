@@ -8,8 +8,10 @@
 //! | module | contents |
 //! |---|---|
 //! | [`frame`] | the bytes of a frame, one by one |
-//! | [`scene`] | what a frame shows of an engine over events |
-//! | [`session`] | a network over events with a cursor in time: play, step, seek, compare |
+//! | [`session`] | a network over items with a cursor in time: play, step, seek, compare |
+//! | [`subject`] | what a session runs: an engine, and its items |
+//! | [`events`], [`scene`] | an engine over events, and what a frame shows of it |
+//! | [`frames`] | an engine over pictures, readings of electrodes or frames of events |
 //! | [`command`] | what a page may ask |
 //! | [`facts`] | what frames say in JSON |
 //! | [`networks`] | networks by name |
@@ -27,7 +29,7 @@
 //!
 //! let events = (0..100).map(|i| Event::new(500 * i, 40 + i as u16, 30, true)).collect();
 //! let input = Input { sensor: Sensor::new(346, 260), events, ..Input::default() };
-//! let mut session = Session::new(input, Box::new(Shipped), "tactigraph-past", || 0.0)?;
+//! let mut session: Session = Session::new(input, Box::new(Shipped), "tactigraph-past", || 0.0)?;
 //! session.command(r#"{"do": "seek_event", "event": 60}"#)?;
 //! let frame = session.step(1e6).expect("the cursor has moved");
 //! assert_eq!(&frame[..4], b"MSN1");
@@ -41,8 +43,10 @@ pub mod bystander;
 pub mod clock;
 pub mod command;
 mod error;
+pub mod events;
 pub mod facts;
 pub mod frame;
+pub mod frames;
 pub mod latency;
 pub mod networks;
 pub mod scene;
@@ -50,6 +54,7 @@ pub mod series;
 #[cfg(feature = "server")]
 pub mod server;
 pub mod session;
+pub mod subject;
 pub mod truth;
 #[cfg(feature = "server")]
 pub mod watch;

@@ -7,17 +7,29 @@ use meissner_models::{Description, Weights};
 
 use crate::error::ViewError;
 
-/// A network, and what its outputs are.
-#[derive(Clone, Debug)]
-pub struct Chosen {
+/// A network, by default one over events, and what its outputs are.
+#[derive(Debug)]
+pub struct Chosen<N = Network> {
     /// The network.
-    pub network: Arc<Network>,
+    pub network: Arc<N>,
     /// Names of the outputs.
     pub outputs: Vec<String>,
     /// The unit of each output.
     pub units: Vec<String>,
     /// Whether the outputs are logits of classes.
     pub classes: bool,
+}
+
+impl<N> Clone for Chosen<N> {
+    fn clone(&self) -> Self {
+        let Self { network, outputs, units, classes } = self;
+        Self {
+            network: Arc::clone(network),
+            outputs: outputs.clone(),
+            units: units.clone(),
+            classes: *classes,
+        }
+    }
 }
 
 impl Chosen {
@@ -34,7 +46,7 @@ impl Chosen {
 }
 
 /// The networks that a page may choose.
-pub trait Networks {
+pub trait Networks<N = Network> {
     /// Their names.
     fn names(&self) -> Vec<String>;
 
@@ -42,7 +54,7 @@ pub trait Networks {
     ///
     /// # Errors
     /// There is none, or its weights do not fit.
-    fn load(&self, name: &str) -> Result<Chosen, ViewError>;
+    fn load(&self, name: &str) -> Result<Chosen<N>, ViewError>;
 }
 
 /// The networks over events that come with the program and can run incrementally.
@@ -68,25 +80,27 @@ impl Networks for Shipped {
     }
 }
 
-/// The shipped networks, and one of a caller's own, which may have the name of a shipped one.
-#[derive(Clone, Debug)]
-pub struct Own {
+/// Other networks, and one of a caller's own, which may have the name of one of them.
+#[derive(Debug)]
+pub struct Own<N = Network, O = Shipped> {
     /// Its name.
     pub name: String,
     /// The network.
-    pub chosen: Chosen,
+    pub chosen: Chosen<N>,
+    /// The others.
+    pub others: O,
 }
 
-impl Networks for Own {
+impl<N, O: Networks<N>> Networks<N> for Own<N, O> {
     fn names(&self) -> Vec<String> {
-        let mut names = Shipped.names();
+        let mut names = self.others.names();
         if !names.contains(&self.name) {
             names.insert(0, self.name.clone());
         }
         names
     }
 
-    fn load(&self, name: &str) -> Result<Chosen, ViewError> {
-        if name == self.name { Ok(self.chosen.clone()) } else { Shipped.load(name) }
+    fn load(&self, name: &str) -> Result<Chosen<N>, ViewError> {
+        if name == self.name { Ok(self.chosen.clone()) } else { self.others.load(name) }
     }
 }

@@ -1,42 +1,40 @@
-//! A network over events, with a cursor in time that a page moves.
+//! A network over events or other items, with a cursor in time that a page moves.
 //!
-//! Enters: commands, live events, and calls of [`Session::step`]. Leaves: frames. Invariant: after
-//! a step, the engine has taken the events before the cursor and nothing else, and a prediction was
-//! read before the newest of them and after it, so the rows that a frame shows are those that one
-//! event changed.
+//! Enters: commands, live items, and calls of [`Session::step`]. Leaves: frames. Invariant: after a
+//! step, the engine is as if it had taken the items before the cursor and nothing else, and a
+//! prediction was read before the newest of them and after it, so what a frame shows as recomputed
+//! is what one item changed.
 
 mod compare;
 mod history;
 mod shown;
 
-use meissner_engine::{Engine, Event, Options, Sensor};
+use meissner_engine::{Event, Sensor};
 
 use crate::clock::Clock;
 use crate::command::Command;
 use crate::error::ViewError;
+use crate::events::EventGraph;
 use crate::latency::Latency;
 use crate::networks::{Chosen, Networks};
 use crate::series::Series;
+use crate::subject::{Item, Subject};
 use crate::truth::Truth;
 use compare::Comparison;
 use history::History;
 
-/// Speed at first: events come in milliseconds, and are to be watched.
-const SLOW: f64 = 0.1;
 /// Slowest and fastest speed.
 const SPEEDS: [f64; 2] = [1e-6, 1e6];
-/// Rows of a live history are kept for this many events; older ones are forgotten in halves.
-const MAX_HISTORY: usize = 1 << 21;
 
-/// What a session shows.
+/// What a session shows: by default, events of a sensor.
 #[derive(Clone, Debug)]
-pub struct Input {
+pub struct Input<P = Sensor, I = Event> {
     /// Name, for people.
     pub name: String,
     /// The sensor.
-    pub sensor: Sensor,
-    /// The events so far.
-    pub events: Vec<Event>,
+    pub sensor: P,
+    /// The events, or other items, so far.
+    pub events: Vec<I>,
     /// Whether more will come ([`Session::push`]).
     pub live: bool,
     /// What is true, if that is known.
@@ -59,18 +57,18 @@ enum Course {
     Asked,
 }
 
-/// A network over events, with a cursor.
-pub struct Session {
+/// A network over items, by default events, with a cursor.
+pub struct Session<S: Subject = EventGraph> {
     name: String,
-    sensor: Sensor,
+    sensor: S::Sensor,
     live: bool,
     truth: Truth,
-    networks: Box<dyn Networks + Send>,
+    networks: Box<dyn Networks<S::Network> + Send>,
     clock: Clock,
     network: String,
-    chosen: Chosen,
-    engine: Engine,
-    history: History,
+    chosen: Chosen<S::Network>,
+    subject: S,
+    history: History<S::Item>,
     latency: Latency,
     series: Series,
     comparison: Comparison,
@@ -92,20 +90,23 @@ pub struct Session {
     queue: Option<(u64, u64)>,
 }
 
-impl Session {
-    /// A session before the first event of `input`, playing, with the network called `network`.
+impl<S: Subject> Session<S> {
+    /// A session before the first item of `input`, playing, with the network called `network`.
     ///
     /// # Errors
     /// The network cannot be loaded, or the engine refuses it.
     pub fn new(
-        input: Input,
-        networks: Box<dyn Networks + Send>,
+        input: Input<S::Sensor, S::Item>,
+        networks: Box<dyn Networks<S::Network> + Send>,
         network: &str,
         clock: Clock,
     ) -> Result<Self, ViewError> {
         let Input { name, sensor, events, live, truth } = input;
         let chosen = networks.load(network)?;
-        let engine = engine(&chosen, sensor)?;
+        let mut subject = S::new(&chosen, &sensor)?;
+        if let Some(first) = events.first() {
+            subject.learn(first);
+        }
         let history = History::new(events);
         let length_us = (!live).then(|| history.end_us());
         Ok(Self {
@@ -116,7 +117,7 @@ impl Session {
             target: 0,
             course: Course::Due,
             playing: true,
-            speed: if live { 1.0 } else { SLOW },
+            speed: if live { 1.0 } else { S::Item::SPEED },
             anchor: (clock(), 0.0),
             prediction: Vec::new(),
             unlike: None,
@@ -132,20 +133,24 @@ impl Session {
             networks,
             clock,
             chosen,
-            engine,
+            subject,
             history,
         })
     }
 
-    /// Adds live events to the end of the history. Of a very long one, the oldest half is
+    /// Adds live items to the end of the history. Of a very long one, the oldest half is
     /// forgotten: the cursor cannot go back there.
-    pub fn push(&mut self, events: &[Event]) {
-        if events.is_empty() {
+    pub fn push(&mut self, items: Vec<S::Item>) {
+        if items.is_empty() {
             return;
         }
-        self.history.extend(events);
-        if self.history.len() > MAX_HISTORY {
-            let forgotten = self.history.forget(MAX_HISTORY / 2);
+        if self.history.is_new() {
+            self.subject.learn(&items[0]);
+        }
+        let most = items[0].kept();
+        self.history.extend(items);
+        if self.history.len() > most {
+            let forgotten = self.history.forget(most / 2);
             self.target = self.target.saturating_sub(forgotten);
             if self.history.cursor == 0 {
                 self.restart();
@@ -218,7 +223,9 @@ impl Session {
 
     fn choose(&mut self, name: &str) -> Result<(), ViewError> {
         let chosen = self.networks.load(name)?;
-        self.engine = engine(&chosen, self.sensor)?;
+        let mut subject = S::new(&chosen, &self.sensor)?;
+        subject.inherit(&self.subject);
+        self.subject = subject;
         (self.chosen, self.network) = (chosen, name.to_owned());
         self.latency = Latency::default();
         self.series.clear();
@@ -231,25 +238,29 @@ impl Session {
         Ok(())
     }
 
-    /// Starts again with the engine, without events.
+    /// Starts again, without items.
     fn restart(&mut self) {
         // It was made once with the same arguments.
-        match engine(&self.chosen, self.sensor) {
-            Ok(engine) => self.engine = engine,
-            Err(error) => self.error = Some(error.to_string()),
+        if let Err(error) = self.subject.begin() {
+            self.error = Some(error.to_string());
         }
         self.history.cursor = 0;
         self.prediction.clear();
         self.took_us = None;
     }
 
-    /// Moves the cursor to just after `event` events; the next steps carry it out.
+    /// Moves the cursor to just after `event` items; the next steps carry it out.
     fn go_to(&mut self, event: usize) {
         self.target = event.min(self.history.len());
-        // A prediction is read before the newest event, so it is taken again.
+        // A prediction is read before the newest item, so it is taken again.
         let before = self.target.saturating_sub(1);
         let returns = self.target <= self.history.cursor;
-        if returns || self.history.has_state_between(self.history.cursor, before) {
+        if let Some(first) = self.subject.depends_from(self.history.first(before)) {
+            if returns || first > self.history.cursor {
+                self.restart();
+                self.history.cursor = first;
+            }
+        } else if returns || self.history.has_state_between(self.history.cursor, before) {
             self.restore(before);
         }
         self.course = if self.history.cursor == self.target { Course::Due } else { Course::Asked };
@@ -259,13 +270,10 @@ impl Session {
     /// Returns to the last known state at or before `event`.
     fn restore(&mut self, event: usize) {
         let Some((cursor, bytes)) = self.history.state_before(event) else { return self.restart() };
-        match self.engine.restore_bytes(bytes) {
+        // It computes again, so that the next item shows what it alone changes.
+        match self.subject.restore(bytes) {
             Ok(()) => self.history.cursor = cursor,
-            Err(_) => return self.restart(),
-        }
-        // It computes rows again, which the next event does not change.
-        if let Err(error) = self.engine.predict() {
-            self.error = Some(error.to_string());
+            Err(_) => self.restart(),
         }
     }
 
@@ -299,8 +307,10 @@ impl Session {
             self.set_anchor();
         }
         if arrived && self.comparison.is_due(self.history.cursor, self.playing, self.clock) {
-            let events = (self.history.forgotten == 0).then(|| self.history.taken());
-            self.comparison.compare(&self.engine, self.history.cursor, events, self.clock);
+            let taken = self.history.taken();
+            let is_known = self.history.forgotten == 0 || self.subject.depends_from(taken).is_some();
+            let items = is_known.then_some(taken);
+            self.comparison.compare(&self.subject, self.history.cursor, items, self.clock);
             self.changed = true;
         }
         self.changed
@@ -323,7 +333,7 @@ impl Session {
         self.target = self.target.max(self.history.until_us(due_us));
     }
 
-    /// Takes events up to the target while there is time: one by one if that is fast enough, else
+    /// Takes items up to the target while there is time: one by one if that is fast enough, else
     /// in slices with a prediction after each.
     fn advance(&mut self, deadline: f64, budget_us: f64) {
         let waiting = self.target - self.history.cursor;
@@ -345,41 +355,37 @@ impl Session {
         }
     }
 
-    /// Takes the events up to `end` and reads a prediction.
+    /// Takes the items up to `end` and reads a prediction.
     fn take(&mut self, end: usize) {
-        let events = self.history.slice(end);
-        let (one, start) = (events.len() == 1, (self.clock)());
-        match *events {
-            [event] => drop(self.engine.push(event)),
-            _ => drop(self.engine.push_slice(events)),
-        }
-        let predicted = self.engine.predict();
+        let items = self.history.slice(end);
+        let (one, start) = (items.len() == 1, (self.clock)());
+        let predicted = self.subject.take(items);
         let took_us = (self.clock)() - start;
         let t_us = self.history.time_of(end) as i64;
+        let is_read = matches!(predicted, Ok(Some(_)));
         match predicted {
-            Ok(prediction) => {
-                self.unlike = prediction.unlike;
-                self.prediction.clear();
-                self.prediction.extend_from_slice(prediction.values);
-                self.series.add(t_us, &self.prediction);
+            Ok(predicted) => {
+                if let Some(predicted) = predicted {
+                    self.unlike = predicted.unlike;
+                    self.prediction.clear();
+                    self.prediction.extend_from_slice(predicted.values);
+                    self.series.add(t_us, &self.prediction);
+                }
                 self.error = None;
             }
             Err(error) => self.error = Some(error.to_string()),
         }
-        self.took_us = one.then_some(took_us);
-        if one {
+        self.took_us = (one && is_read).then_some(took_us);
+        if one && is_read {
             self.latency.record(took_us);
         }
         self.history.cursor = end;
-        if self.history.wants_state() {
-            self.history.keep_state(self.engine.to_bytes());
+        if self.history.wants_state()
+            && let Some(state) = self.subject.state()
+        {
+            self.history.keep_state(state);
         }
     }
-}
-
-fn engine(chosen: &Chosen, sensor: Sensor) -> Result<Engine, ViewError> {
-    let options = Options::new().with_record_rows(true);
-    Ok(Engine::with_options(std::sync::Arc::clone(&chosen.network), sensor, options)?)
 }
 
 fn finite(command: &'static str, value: f64) -> Result<f64, ViewError> {

@@ -1,5 +1,6 @@
 //! Sessions over the embedded press and over little streams, and the bytes of their frames.
 
+mod frame_networks;
 mod frames;
 mod servers;
 mod sessions;
@@ -9,6 +10,7 @@ use std::cell::Cell;
 
 use meissner_engine::{Event, Sensor};
 
+use crate::subject::Subject;
 use crate::{Input, Session, Shipped, Truth};
 
 thread_local! {
@@ -54,7 +56,7 @@ fn session(input: Input, network: &str) -> Session {
 }
 
 /// The frame after `command`, once the session has nothing left to do.
-fn after(session: &mut Session, command: &str) -> Vec<u8> {
+fn after<S: Subject>(session: &mut Session<S>, command: &str) -> Vec<u8> {
     session.command(command).expect("a command");
     let mut frame = session.step(f64::INFINITY).expect("a frame");
     while let Some(next) = session.step(f64::INFINITY) {

@@ -4,17 +4,14 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::thread;
 use std::time::{Duration, Instant};
 
-use meissner_engine::Event;
-
 use crate::server::Server;
 use crate::session::Session;
+use crate::subject::{Item, Subject};
 
 /// Time between two frames.
 const FRAME: Duration = Duration::from_millis(33);
 /// The part of it that the engine may take.
 const BUDGET_US: f64 = 22_000.0;
-/// Live events that wait for the session; more are lost and counted.
-const MAX_WAITING: usize = 1 << 20;
 
 /// Microseconds since the first call.
 pub fn clock() -> f64 {
@@ -22,25 +19,25 @@ pub fn clock() -> f64 {
     START.get_or_init(Instant::now).elapsed().as_secs_f64() * 1e6
 }
 
-/// Live events between the thread that reads them and the session.
-#[derive(Debug, Default)]
-pub struct Waiting(Mutex<(Vec<Event>, u64)>);
+/// Live items between the thread that reads them and the session.
+#[derive(Debug)]
+pub struct Waiting<I>(Mutex<(Vec<I>, u64)>);
 
-impl Waiting {
-    /// Reads `events` to their end in a thread of its own. What the session has no room for is lost
+impl<I: Item + Send + 'static> Waiting<I> {
+    /// Reads `items` to their end in a thread of its own. What the session has no room for is lost
     /// and counted; the reader never waits for the session.
     ///
     /// # Errors
     /// There is no thread.
     pub fn read<E: std::fmt::Display>(
-        events: impl Iterator<Item = Result<Event, E>> + Send + 'static,
+        items: impl Iterator<Item = Result<I, E>> + Send + 'static,
     ) -> std::io::Result<Arc<Self>> {
-        let waiting = Arc::new(Self::default());
+        let waiting = Arc::new(Self(Mutex::default()));
         let to = Arc::clone(&waiting);
         thread::Builder::new().name("view: events".to_owned()).spawn(move || {
-            for event in events {
-                match event {
-                    Ok(event) => to.take(event),
+            for item in items {
+                match item {
+                    Ok(item) => to.take(item),
                     Err(error) => return tracing::warn!("{error}"),
                 }
             }
@@ -48,29 +45,37 @@ impl Waiting {
         Ok(waiting)
     }
 
-    fn take(&self, event: Event) {
+    fn take(&self, item: I) {
         let mut state = self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        if state.0.len() < MAX_WAITING { state.0.push(event) } else { state.1 += 1 }
+        // Half of what a history keeps.
+        if state.0.len() < item.kept() / 2 { state.0.push(item) } else { state.1 += 1 }
     }
 
     /// What waits, and how many were lost so far.
-    fn all(&self) -> (Vec<Event>, u64) {
+    fn all(&self) -> (Vec<I>, u64) {
         let mut state = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         (std::mem::take(&mut state.0), state.1)
     }
 }
 
 /// Runs `session` for the pages of `server` until `ends`. Without a page, a recording waits; live
-/// events are taken nevertheless.
-pub fn watch(mut session: Session, server: &Server, live: Option<&Waiting>, ends: impl Fn() -> bool) {
+/// items are taken nevertheless.
+pub fn watch<S: Subject>(
+    mut session: Session<S>,
+    server: &Server,
+    live: Option<&Waiting<S::Item>>,
+    ends: impl Fn() -> bool,
+) where
+    S::Item: Send + 'static,
+{
     let hub = server.hub();
     let mut facts = None;
     while !ends() {
         let begun = Instant::now();
         if let Some(live) = live {
-            let (events, lost) = live.all();
-            session.set_queue(events.len() as u64, lost);
-            session.push(&events);
+            let (items, lost) = live.all();
+            session.set_queue(items.len() as u64, lost);
+            session.push(items);
         }
         while let Some(command) = hub.command() {
             // The next frame tells the page.

@@ -3,7 +3,9 @@
 import assert from "node:assert/strict";
 import { spawn } from "node:child_process";
 import { createRequire } from "node:module";
-import { readFileSync } from "node:fs";
+import { mkdtempSync, readFileSync, writeFileSync } from "node:fs";
+import { tmpdir } from "node:os";
+import { join } from "node:path";
 
 const { chromium } = createRequire(new URL("../../target/view/", import.meta.url))("playwright-core");
 const pictures = new URL("../../target/view/pictures/", import.meta.url).pathname;
@@ -16,7 +18,7 @@ const blindness = {
   tritanopia: matrix([[1.255528, -0.076749, -0.178779], [-0.078411, 0.930809, 0.147602], [0.004733, 0.691367, 0.3039]]),
 };
 const browser = await chromium.launch({ executablePath, args: ["--no-sandbox", "--enable-unsafe-swiftshader"] });
-const programs = [];
+const programs = [], folder = mkdtempSync(join(tmpdir(), "meissner-view-"));
 // Also where a claim does not hold.
 process.on("exit", () => { for (const program of programs) program.kill("SIGINT"); });
 
@@ -190,6 +192,102 @@ await claim("without WebGL it draws on a canvas", async () => {
   await close();
 });
 
+// Pictures of a ball that comes and goes, as raw video. It only has to be a contact.
+const video = join(folder, "ball.rgb"), clip = Buffer.alloc(12 * 320 * 240 * 3);
+for (let n = 0; n < 12; n++) {
+  const radius = 34 * Math.sin(Math.PI * n / 11);
+  for (let i = 0; i < 320 * 240; i++) {
+    const [x, y] = [i % 320 - 150 - 2 * n, Math.floor(i / 320) - 110], far = Math.hypot(x, y) / Math.max(radius, 1e-3);
+    const slope = far < 1 ? 60 * far * Math.exp(-2 * (far - 0.6) ** 2) : 0, away = Math.atan2(y, x);
+    [0, 2.1, 4.2].forEach((light, c) => { clip[(n * 320 * 240 + i) * 3 + c] = 110 + slope * Math.cos(away - light); });
+  }
+}
+writeFileSync(video, clip);
+
+await claim("pictures show the contact, its pressure, and what was recomputed", async () => {
+  const { page, complaints, close } = await open(`${await view(video, "--network", "canf-plain", "--video", "320x240@25")}#event=6&playing=0`);
+  await taken(page, 6);
+  const shown = await page.evaluate(() => {
+    const { PICT, FORC, DIFF, LAYR, PRED } = window.meissner.frame;
+    return { picture: [PICT.columns, PICT.rows, PICT.rgb.length], forces: FORC.values.every(Number.isFinite), changed: DIFF.set.length, layers: LAYR.length, kept: LAYR.reduce((sum, layer) => sum + layer.kept, 0), values: [...PRED.values] };
+  });
+  assert.deepEqual(shown.picture, [320, 240, 3 * 320 * 240]);
+  assert.ok(shown.forces && shown.changed > 100 && shown.layers > 10 && shown.kept > 10_000 && shown.values.every(Number.isFinite), JSON.stringify(shown));
+  assert.match(await page.locator("#values").textContent(), /area.*mm².*force.*N/);
+  assert.match(await page.locator("#clock").textContent(), /picture 6 of 12/);
+  assert.ok(await page.locator("#cells-panel").isHidden() && await page.locator("#grid").isHidden());
+  assert.ok(await coloured(page, "overlay") > 10_000, "pictures are drawn");
+  await page.keyboard.press("ArrowRight");
+  await taken(page, 7);
+  await page.keyboard.press("Shift+ArrowLeft");
+  await taken(page, 0);
+  await page.keyboard.press("End");
+  await taken(page, 12);
+  await page.keyboard.press("b");
+  await page.locator("#verdict.good").waitFor({ timeout: 60_000 });
+  assert.match(await page.locator("#verdict").textContent(), /All bits of 76,800 values agree at picture 12/);
+  await page.locator("#network").selectOption("canf");
+  await until(page, () => window.meissner.facts.network === "canf" && window.meissner.frame.TIME.taken === 12 && !window.meissner.frame.TIME.seeking);
+  assert.deepEqual(complaints, []);
+  await close();
+});
+
+// Readings of 24 electrodes, which turn at the half and have a line that is none.
+const csv = join(folder, "readings.csv"), names = Array.from({ length: 24 }, (_, e) => `ff_e${e + 1}`);
+const reading = n => names.map((_, e) => Math.round(3000 + 40 * Math.sin(e + (n < 100 ? n / 15 : n / 3))));
+writeFileSync(csv, [names, ...Array.from({ length: 200 }, (_, n) => n === 50 ? ["a line that is none"] : reading(n))].map(row => row.join(",")).join("\n"));
+const slip = await view(csv, "--network", "slip-lstm");
+
+await claim("electrodes show their newest readings, and the classes over time", async () => {
+  const { page, complaints, close } = await open(`${slip}#event=150&playing=0`);
+  await taken(page, 150);
+  const shown = await page.evaluate(() => ({ readings: window.meissner.frame.ELEC.length, gaps: window.meissner.frame.ELEC.filter(reading => reading.begins).length, steps: window.meissner.facts.frames.steps, layers: window.meissner.frame.LAYR.length }));
+  assert.deepEqual(shown, { readings: 150, gaps: 2, steps: 5, layers: 6 });
+  assert.equal(await page.locator("#values div").count(), 3, "the best three classes");
+  assert.match(await page.locator("#clock").textContent(), /reading 150 of 199/);
+  assert.ok(await coloured(page, "overlay") > 10_000, "electrodes are drawn");
+  await page.keyboard.press("b");
+  await page.locator("#verdict.good").waitFor({ timeout: 60_000 });
+  await page.locator("#network").selectOption("slip-best");
+  await until(page, () => window.meissner.facts.network === "slip-best" && window.meissner.frame.TIME.taken === 150);
+  await page.keyboard.press("Home");
+  await taken(page, 0);
+  await page.locator("#empty").waitFor();
+  const plot = await page.locator("#prediction").boundingBox();
+  await page.mouse.click(plot.x + plot.width * 0.5, plot.y + 40);
+  await until(page, () => window.meissner.frame.TIME.taken > 60 && !window.meissner.frame.TIME.seeking);
+  await page.keyboard.press("Space");
+  await until(page, () => window.meissner.frame.TIME.playing);
+  assert.deepEqual(complaints, []);
+  await close();
+});
+
+await claim("frames of events show what the network reads", async () => {
+  const { page, complaints, close } = await open(`${await view("--network", "force-lstm")}#event=20&playing=0`);
+  await taken(page, 20);
+  const shown = await page.evaluate(() => ({ channels: window.meissner.frame.SPAR.channels, set: window.meissner.frame.SPAR.list.length, values: [...window.meissner.frame.PRED.values] }));
+  assert.ok(shown.channels === 2 && shown.set > 10 && shown.values.every(Number.isFinite), JSON.stringify(shown));
+  assert.ok(await coloured(page, "overlay") > 100, "the frame is drawn");
+  await page.keyboard.press("b");
+  await page.locator("#verdict.good").waitFor({ timeout: 60_000 });
+  assert.deepEqual(complaints, []);
+  await close();
+});
+
+await claim("at 1280 and 390 pixels nothing of a frame network is cut off", async () => {
+  for (const [kind, address, event] of [["electrodes", slip, 150], ["pictures", await view(video, "--network", "canf", "--video", "320x240@25"), 6]]) {
+    for (const [width, height] of [[1280, 900], [390, 844]]) {
+      const { page, complaints, close } = await open(`${address}#event=${event}&playing=0`, { width, height });
+      await taken(page, event);
+      await page.waitForTimeout(2000);
+      assert.ok(await page.evaluate(() => document.documentElement.scrollWidth <= innerWidth), `${kind}, ${width} pixels`);
+      await page.screenshot({ path: `${pictures}${kind}-${width}.png`, fullPage: true });
+      assert.deepEqual(complaints, []);
+      await close();
+    }
+  }
+});
+
 await claim("at 1280 and 390 pixels nothing is cut off", async () => {
   for (const [width, height] of [[1280, 900], [390, 844]]) {
     for (const theme of ["", "&theme=dark"]) {
@@ -225,16 +323,16 @@ await browser.close();
 for (const program of programs) program.removeAllListeners("exit");
 process.exit(0);
 
-/** Pixels of the events that are no ground. */
-function coloured(page) {
-  return page.evaluate(async () => {
+/** Pixels of a canvas that are no ground. */
+function coloured(page, id = "events") {
+  return page.evaluate(async id => {
     await new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)));
-    const canvas = document.getElementById("events"), copy = document.createElement("canvas");
+    const canvas = document.getElementById(id), copy = document.createElement("canvas");
     [copy.width, copy.height] = [canvas.width, canvas.height];
     const to = copy.getContext("2d");
     to.drawImage(canvas, 0, 0);
     return to.getImageData(0, 0, copy.width, copy.height).data.filter((value, i) => i % 4 === 3 && value > 40).length;
-  });
+  }, id);
 }
 
 function linear(hex) {

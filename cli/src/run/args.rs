@@ -178,7 +178,15 @@ pub(super) struct ElectrodeArgs {
 
 /// A raw video: its format, and the pictures in a second.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Video(VideoFormat, Option<f64>);
+pub(crate) struct Video(VideoFormat, Option<f64>);
+
+impl Video {
+    /// The options of this video; if it is `strict`, what is left over is an error.
+    pub(crate) fn options(self, strict: bool) -> VideoOptions {
+        let Self(format, rate) = self;
+        VideoOptions { format, rate, strict }
+    }
+}
 
 /// The names of algorithms for 3 x 3 convolutions, with their help.
 const CONVOLUTIONS: &[(&str, &str, Convolution)] = &[
@@ -249,8 +257,7 @@ impl RunArgs {
 
     /// The options of a raw video, if the input is one.
     pub(super) fn video(&self) -> Option<VideoOptions> {
-        let Video(format, rate) = self.frames.video?;
-        Some(VideoOptions { format, rate, strict: self.input.read.strict })
+        Some(self.frames.video?.options(self.input.read.strict))
     }
 
     /// Adds the path of the state file to `error`.

@@ -38,7 +38,7 @@ use crate::model::FrameModel;
 use crate::{interrupt, streams};
 
 /// Time from one reading to the next, in microseconds.
-const PERIOD_US: u64 = 10_000;
+pub const PERIOD_US: u64 = 10_000;
 
 /// Options of a run over electrodes.
 #[derive(Clone, Debug)]
@@ -56,7 +56,7 @@ pub struct ElectrodeOptions {
 /// A network over electrodes with its readings, before the run.
 pub struct ElectrodeRun {
     live: bool,
-    rows: Electrodes<Box<dyn BufRead>>,
+    rows: Readings,
     /// The next row, read before anything is shown, so that a wrong header is found early.
     next: Option<Result<Reading, IoError>>,
     refusals: LineErrors,
@@ -65,6 +65,9 @@ pub struct ElectrodeRun {
     steps: usize,
     windows: Windows,
 }
+
+/// Readings of electrodes, from a file or a stream.
+pub type Readings = Electrodes<Box<dyn BufRead + Send>>;
 
 /// Makes windows from readings, predictions from windows, and decisions from predictions.
 struct Windows {
@@ -95,12 +98,10 @@ impl ElectrodeRun {
             _ => return Err(RunError::is_frame_network(network)),
         };
         let name = streams::name(path);
-        // A pipe or a serial port is live, like standard input.
-        let live = streams::is_live(path) || fs::metadata(path).is_ok_and(|file| !file.is_file());
         let window = TactileWindow::new(readings.steps, readings.sampling, readings.scaling, form)
             .map_err(|source| RunError::Frames { network: network.clone(), source })?;
         let predictor = FramePredictor::new(model.network.clone(), frame_options, &model.card.outputs)?;
-        let mut rows = Electrodes::new(open(path)?, ElectrodeSettings::default());
+        let (mut rows, live) = open_readings(path)?;
         interrupt::listen();
         let next = next(&mut rows, &name)?;
         let classes = Classes::new(model.card.classes.clone());
@@ -252,7 +253,18 @@ impl Windows {
     }
 }
 
-fn open(path: &Path) -> Result<Box<dyn BufRead>> {
+/// The readings in the file at `path`, or on the stream of this name, and whether they arrive while
+/// they are read.
+///
+/// # Errors
+/// It cannot be opened, or is something else.
+pub fn open_readings(path: &Path) -> Result<(Readings, bool)> {
+    // A pipe or a serial port is live, like standard input.
+    let live = streams::is_live(path) || fs::metadata(path).is_ok_and(|file| !file.is_file());
+    Ok((Electrodes::new(open(path)?, ElectrodeSettings::default()), live))
+}
+
+fn open(path: &Path) -> Result<Box<dyn BufRead + Send>> {
     if streams::is_live(path) {
         return streams::lines(path);
     }

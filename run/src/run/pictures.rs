@@ -85,6 +85,32 @@ struct Measure {
     arrival: Latency,
 }
 
+/// The pictures in the file, folder or list at `path`, or of the raw video there or on this stream,
+/// with their paths or numbers, and whether they arrive while they are read.
+///
+/// # Errors
+/// They cannot be opened, or a video comes in datagrams.
+pub fn open_pictures(
+    path: &Path,
+    video: Option<VideoOptions>,
+    limit: usize,
+) -> Result<(impl Iterator<Item = Result<(PathBuf, Image)>> + Send + 'static, bool)> {
+    let source = if let Some(video) = video {
+        Source::video(path, video, limit)?
+    } else {
+        let pictures = ImageSequence::open(path)?;
+        Source::Files { count: pictures.len() as u64, pictures, first: None }
+    };
+    let is_live = matches!(&source, Source::Video { video, .. } if !video.is_recorded);
+    Ok((source.take(limit).map(|taken| taken.map(|taken| (taken.path, taken.image))), is_live))
+}
+
+impl Source {
+    fn video(path: &Path, options: VideoOptions, limit: usize) -> Result<Self> {
+        Ok(Self::Video { video: Video::open(path, options, limit)?, period: options.period() })
+    }
+}
+
 impl PictureRun {
     /// A run of `model` over the picture, the folder of pictures or the list of pictures at `path`,
     /// or over the raw video in this file or on this stream.
@@ -103,7 +129,7 @@ impl PictureRun {
         let (source, measure) = if let Some(video) = options.video {
             let measure = Measure::new(model, frame_options, options, &[])?;
             measure.check_video(video)?;
-            let source = Source::Video { video: Video::open(path, video, limit)?, period: video.period() };
+            let source = Source::video(path, video, limit)?;
             interrupt::listen();
             (source, measure)
         } else {

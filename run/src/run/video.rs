@@ -48,7 +48,7 @@ pub struct VideoOptions {
 
 impl VideoOptions {
     /// Time from one picture to the next.
-    pub(super) fn period(&self) -> Option<Duration> {
+    pub fn period(&self) -> Option<Duration> {
         self.rate.map(|rate| Duration::try_from_secs_f64(1.0 / rate).unwrap_or(Duration::MAX))
     }
 }

@@ -7,7 +7,7 @@ macro_rules! files {
     };
 }
 
-static FILES: [(&str, &[u8]); 12] = files!(
+static FILES: [(&str, &[u8]); 13] = files!(
     "index.html",
     "style.css",
     "main.js",
@@ -15,6 +15,7 @@ static FILES: [(&str, &[u8]); 12] = files!(
     "frame.js",
     "state.js",
     "events.js",
+    "frames.js",
     "wave.js",
     "plots.js",
     "panels.js",

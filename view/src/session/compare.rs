@@ -1,11 +1,8 @@
-//! The engine's rows beside those of full recomputation, bit by bit.
-
-use std::sync::Arc;
-
-use meissner_engine::{BatchEngine, Engine, EngineError, Event, Search, Trace};
+//! When an engine is compared with full recomputation, and what came of it.
 
 use crate::clock::Clock;
-use crate::facts::{Compared, ComparedLayer};
+use crate::facts::Compared;
+use crate::subject::Subject;
 
 /// While playing, comparisons take at most this share of the time.
 const SHARE: f64 = 0.25;
@@ -40,12 +37,18 @@ impl Comparison {
         self.on && cursor > 0 && is_new && (!playing || clock() >= self.next)
     }
 
-    /// Compares `engine` after `cursor` `events`, whose prediction has been read. `None`: some of
-    /// them are not known any more.
-    pub(super) fn compare(&mut self, engine: &Engine, cursor: usize, events: Option<&[Event]>, clock: Clock) {
+    /// Compares `subject` after `cursor` items, whose prediction has been read. `None`: some of them
+    /// are not known any more.
+    pub(super) fn compare<S: Subject>(
+        &mut self,
+        subject: &S,
+        cursor: usize,
+        items: Option<&[S::Item]>,
+        clock: Clock,
+    ) {
         let start = clock();
-        let compared = events.ok_or_else(|| FORGOTTEN.to_owned());
-        let compared = compared.and_then(|events| layers(engine, events).map_err(|error| error.to_string()));
+        let compared = items.ok_or_else(|| FORGOTTEN.to_owned());
+        let compared = compared.and_then(|items| subject.compare(items).map_err(|error| error.to_string()));
         let batch_us = clock() - start;
         self.next = clock() + batch_us * (1.0 / SHARE - 1.0);
         let (layers, error) = match compared {
@@ -54,40 +57,4 @@ impl Comparison {
         };
         self.newest = Some(Compared { event: cursor as u64, batch_us, layers, error });
     }
-}
-
-/// The events, each layer and the readout, compared.
-fn layers(engine: &Engine, events: &[Event]) -> Result<Vec<ComparedLayer>, EngineError> {
-    let batch = BatchEngine::new(Arc::clone(engine.network()), engine.sensor())?;
-    let mut batch = batch.with_search(Search::Grid).with_bounded_memory();
-    batch.push_slice(events);
-    let trace = batch.trace()?;
-    let names = std::iter::once("events").chain(engine.network().layers()).map(str::to_owned);
-    let rows = features(engine, &trace);
-    let mut layers: Vec<_> =
-        names.zip(rows).map(|(name, (rows, differ))| ComparedLayer { name, rows, differ }).collect();
-    let readout = trace.readout;
-    let cells = (0..readout.rows()).map(|cell| readout.values(cell).collect::<Vec<f32>>());
-    let (rows, differ) = differing(&engine.readout(), cells);
-    layers.push(ComparedLayer { name: "readout".to_owned(), rows, differ });
-    Ok(layers)
-}
-
-/// For the events and each layer: its rows, and those of other bits.
-fn features(engine: &Engine, trace: &Trace) -> Vec<(u64, u64)> {
-    let mut out = Vec::new();
-    for (l, level) in trace.levels.iter().enumerate() {
-        for (f, feature) in level.features.iter().enumerate() {
-            let expected = (level.first..feature.rows()).map(|row| feature.values(row).collect());
-            out.push(differing(&engine.feature(l, f), expected));
-        }
-    }
-    out
-}
-
-fn differing(found: &[Vec<f32>], expected: impl ExactSizeIterator<Item = Vec<f32>>) -> (u64, u64) {
-    let rows = found.len().max(expected.len());
-    let bits = |row: &[f32]| row.iter().map(|value| value.to_bits()).collect::<Vec<u32>>();
-    let equal = found.iter().zip(expected).filter(|(found, expected)| bits(found) == bits(expected)).count();
-    (rows as u64, (rows - equal) as u64)
 }

@@ -1,49 +1,52 @@
-//! The events of a session, a cursor between them, and states of the engine to return to.
+//! The items of a session, a cursor between them, and states of the engine to return to.
 //!
-//! Invariant: states are of the engine after the events before them, and take a bounded number of
+//! Invariant: states are of the engine after the items before them, and take a bounded number of
 //! bytes: when they become too many, every second one goes, and those to come are further apart.
 
-use meissner_engine::Event;
+use crate::subject::Item;
 
 /// Bytes of all states.
 const MAX_BYTES: usize = 64 << 20;
-/// Events between two states at first.
-const APART: usize = 8192;
 
-/// Events with a cursor.
+/// Items with a cursor.
 #[derive(Debug)]
-pub(super) struct History {
-    events: Vec<Event>,
-    /// Time of the first event of all.
+pub(super) struct History<I> {
+    items: Vec<I>,
+    /// Time of the first item of all.
     first_us: i64,
-    /// Number of events before the cursor.
+    /// Number of items before the cursor.
     pub(super) cursor: usize,
-    /// Events that were forgotten.
+    /// Items that were forgotten.
     pub(super) forgotten: u64,
     states: Vec<(usize, Vec<u8>)>,
     apart: usize,
 }
 
-impl History {
-    pub(super) fn new(events: Vec<Event>) -> Self {
-        let first_us = events.first().map_or(0, |event| event.t_us);
-        Self { events, first_us, cursor: 0, forgotten: 0, states: Vec::new(), apart: APART }
+impl<I: Item> History<I> {
+    pub(super) fn new(items: Vec<I>) -> Self {
+        let first_us = items.first().map_or(0, Item::t_us);
+        Self { items, first_us, cursor: 0, forgotten: 0, states: Vec::new(), apart: I::APART }
     }
 
     pub(super) fn len(&self) -> usize {
-        self.events.len()
+        self.items.len()
     }
 
-    pub(super) fn extend(&mut self, events: &[Event]) {
-        if self.events.is_empty() && self.forgotten == 0 {
-            self.first_us = events.first().map_or(0, |event| event.t_us);
+    /// Whether there was no item yet.
+    pub(super) fn is_new(&self) -> bool {
+        self.items.is_empty() && self.forgotten == 0
+    }
+
+    pub(super) fn extend(&mut self, items: Vec<I>) {
+        if self.is_new() {
+            self.first_us = items.first().map_or(0, Item::t_us);
         }
-        self.events.extend_from_slice(events);
+        self.items.extend(items);
     }
 
-    /// Forgets the oldest `count` events; returns how many.
+    /// Forgets the oldest `count` items; returns how many.
     pub(super) fn forget(&mut self, count: usize) -> usize {
-        self.events.drain(..count);
+        self.items.drain(..count);
         self.forgotten += count as u64;
         self.cursor = self.cursor.saturating_sub(count);
         self.states.retain_mut(|(event, _)| {
@@ -54,25 +57,30 @@ impl History {
         count
     }
 
-    /// The events from the cursor to `end`.
-    pub(super) fn slice(&self, end: usize) -> &[Event] {
-        &self.events[self.cursor..end]
+    /// The items from the cursor to `end`.
+    pub(super) fn slice(&self, end: usize) -> &[I] {
+        &self.items[self.cursor..end]
     }
 
-    /// The events before the cursor.
-    pub(super) fn taken(&self) -> &[Event] {
-        &self.events[..self.cursor]
+    /// The first `count` items.
+    pub(super) fn first(&self, count: usize) -> &[I] {
+        &self.items[..count]
+    }
+
+    /// The items before the cursor.
+    pub(super) fn taken(&self) -> &[I] {
+        self.first(self.cursor)
     }
 
     /// Time of the last event in microseconds from the first.
     pub(super) fn end_us(&self) -> i64 {
-        self.time_of(self.events.len()) as i64
+        self.time_of(self.items.len()) as i64
     }
 
     /// Time of the last of the first `count` events in microseconds from the first event.
     pub(super) fn time_of(&self, count: usize) -> f64 {
-        let last = count.checked_sub(1).and_then(|last| self.events.get(last));
-        last.map_or(0.0, |event| event.t_us.saturating_sub(self.first_us) as f64)
+        let last = count.checked_sub(1).and_then(|last| self.items.get(last));
+        last.map_or(0.0, |item| item.t_us().saturating_sub(self.first_us) as f64)
     }
 
     /// The absolute time of `t_us` from the first event.
@@ -82,7 +90,7 @@ impl History {
 
     /// Number of events until `t_us` from the first event, if times ascend.
     pub(super) fn until_us(&self, t_us: f64) -> usize {
-        self.events.partition_point(|event| event.t_us.saturating_sub(self.first_us) as f64 <= t_us)
+        self.items.partition_point(|item| item.t_us().saturating_sub(self.first_us) as f64 <= t_us)
     }
 
     /// Whether a state at the cursor is worth keeping.
@@ -106,7 +114,7 @@ impl History {
 
     pub(super) fn forget_states(&mut self) {
         self.states.clear();
-        self.apart = APART;
+        self.apart = I::APART;
     }
 
     /// The last state after at most `event` events.

@@ -3,9 +3,9 @@
 use super::{Course, Session};
 use crate::facts::{Facts, Info, TruthFacts};
 use crate::frame::FrameWriter;
-use crate::scene;
+use crate::subject::Subject;
 
-impl Session {
+impl<S: Subject> Session<S> {
     /// Counts changes of [`Self::facts`]: where it has changed, a page needs them again.
     pub fn facts_version(&self) -> u64 {
         self.facts
@@ -25,7 +25,7 @@ impl Session {
             controls: true,
             networks: self.networks.names(),
             truth: self.truths(),
-            ..Facts::of(&self.name, self.sensor, &self.network, &self.chosen)
+            ..S::facts(&self.name, &self.sensor, &self.network, &self.chosen)
         }
     }
 
@@ -51,13 +51,13 @@ impl Session {
             comparing: self.comparison.is_on(),
             compared: self.comparison.newest.clone(),
             error: self.error.clone(),
-            ..Info::of(self.engine.event_counters())
+            ..self.subject.info()
         }
     }
 
     /// The frame of this moment.
     pub(super) fn frame(&self) -> Vec<u8> {
-        let (history, outputs) = (&self.history, self.chosen.network.outputs());
+        let (history, outputs) = (&self.history, self.chosen.outputs.len());
         let now_us = history.time_of(history.cursor);
         let at_end = history.cursor == history.len();
         let flags = [self.playing, at_end, self.live, self.course == Course::Asked];
@@ -71,14 +71,14 @@ impl Session {
             to.f32(self.speed as f32);
             to.u32(flags);
         });
-        scene::write(&self.engine, &mut to);
+        self.subject.write(history.taken(), &mut to);
         let truths = self.truth.columns(&self.chosen.outputs, &self.chosen.units);
         let truth = truths.iter().map(|column| {
             column.map_or(f32::NAN, |column| self.truth.at(column, history.absolute_us(now_us)) as f32)
         });
         to.section(*b"PRED", |to| {
             to.count(outputs);
-            to.count(self.engine.nodes());
+            to.count(self.subject.nodes());
             to.f32(self.unlike.unwrap_or(f32::NAN));
             to.f32(self.took_us.map_or(f32::NAN, |us| us as f32));
             (0..outputs).for_each(|i| to.f32(self.prediction.get(i).copied().unwrap_or(f32::NAN)));
@@ -86,7 +86,7 @@ impl Session {
         });
         to.section(*b"SERS", |to| self.series.write(outputs, to));
         to.section(*b"LATE", |to| self.latency.write(to));
-        to.section(*b"WORK", |to| scene::work(&self.engine.counters(), to));
+        to.section(*b"WORK", |to| self.subject.work(to));
         to.json(*b"INFO", &self.info());
         to.finish()
     }

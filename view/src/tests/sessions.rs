@@ -143,14 +143,19 @@ fn a_command_that_cannot_be_carried_out_changes_nothing_and_is_told() {
 
 #[test]
 fn live_events_are_followed_and_wait_while_it_is_paused() {
-    let mut session =
-        Session::new(digits(Vec::new(), true), Box::new(Shipped), "digits-past", clock).expect("a session");
+    let mut session = Session::<crate::events::EventGraph>::new(
+        digits(Vec::new(), true),
+        Box::new(Shipped),
+        "digits-past",
+        clock,
+    )
+    .expect("a session");
     let events = line(600);
     assert_eq!(session.step(1e9).map(|frame| time(&frame).0), Some(0));
-    session.push(&events[..400]);
+    session.push(events[..400].to_vec());
     assert_eq!(session.step(1e9).map(|frame| time(&frame).0), Some(400));
     after(&mut session, r#"{"do": "pause"}"#);
-    session.push(&events[400..]);
+    session.push(events[400..].to_vec());
     assert_eq!(session.step(1e9).map(|frame| time(&frame).0), Some(400));
     let back = after(&mut session, r#"{"do": "step", "events": -200}"#);
     assert_eq!(time(&back).0, 200);
@@ -160,11 +165,16 @@ fn live_events_are_followed_and_wait_while_it_is_paused() {
 
 #[test]
 fn an_endless_live_input_is_forgotten_from_its_start() {
-    let mut session =
-        Session::new(digits(Vec::new(), true), Box::new(Shipped), "digits-frozen", clock).expect("a session");
+    let mut session = Session::<crate::events::EventGraph>::new(
+        digits(Vec::new(), true),
+        Box::new(Shipped),
+        "digits-frozen",
+        clock,
+    )
+    .expect("a session");
     let events = vec![line(1)[0]; 1 << 20];
     for _ in 0..3 {
-        session.push(&events);
+        session.push(events.clone());
     }
     let mut time = section(&after(&mut session, r#"{"do": "compare", "on": true}"#), "TIME").0.to_vec();
     time.truncate(32);
