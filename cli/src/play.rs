@@ -9,16 +9,19 @@ use meissner_engine::filters::{BackgroundActivity, Chain, Filter, RateLimit, Ref
 use meissner_engine::{EngineError, Sensor};
 use meissner_live::{Overload, QueueOptions, cores};
 use meissner_run::mcap;
+use meissner_run::model::describe;
 use meissner_run::play::{Play, PlayInput, PlayOptions};
 use meissner_run::provenance::{InputCard, ModelCard};
 use meissner_run::streams;
 use meissner_run::text::span_us;
+use meissner_view::Chosen;
 
-use crate::args::{INPUT, Input, JsonArgs, PREDICTIONS, QUEUE, REUSES, length, period, speed};
+use crate::args::{INPUT, Input, JsonArgs, OUTPUT, PREDICTIONS, QUEUE, REUSES, length, period, speed};
 use crate::error::CliError;
 use crate::given::Given;
 use crate::output::LogArgs;
 use crate::predictions::{About, Report, TableKind};
+use crate::view::sensors;
 
 /// Plays the recordings as `args` say, and writes the reports to standard output.
 pub(crate) fn play(args: &PlayArgs, given: &Given) -> Result<(), CliError> {
@@ -33,6 +36,10 @@ pub(crate) fn play(args: &PlayArgs, given: &Given) -> Result<(), CliError> {
     });
     let cards = cards.collect();
     let sensors: Vec<_> = inputs.iter().map(|input| input.sensor).collect();
+    let named: Vec<_> = inputs.iter().map(|input| (input.source.name.clone(), input.sensor)).collect();
+    let network = args.input.network();
+    let chosen = Chosen::new(model.network.clone(), &describe(network)?.0);
+    let page = sensors::sensors(args.view, &named, model.network.parts().span_us, network, &chosen)?;
     let policy = inputs[0].overload.name().replace('_', " ");
     let play = Play::new(&model, inputs, args.options())?;
     let about = About {
@@ -48,7 +55,9 @@ pub(crate) fn play(args: &PlayArgs, given: &Given) -> Result<(), CliError> {
     };
     let log = args.log.begin(&model.card, &sensors, args.input.recording.is_none() && sensors.len() == 1)?;
     let mut report = Report::begin(about)?;
-    let (ended, logged) = mcap::observe(log, &mut report, |observer| play.run(observer));
+    let (ended, logged) = mcap::observe(log, &mut report, |observer| {
+        sensors::observe(page, observer, |observer| play.run(observer))
+    });
     let mut ended = ended?;
     if let [Err(_)] = ended[..]
         && let Some(Err(error)) = ended.pop()
@@ -99,6 +108,7 @@ Examples:
   meissner play burst.raw --sensor 640x480 --overload filter:1250us --verify
   meissner play burst.raw --sensor 640x480 --overload drop-newest --speed 0.1
   meissner play thumb.dat index.dat ring.dat --pin 0,1 --report-every 1ms --deadline 3ms
+  meissner play thumb.dat index.dat ring.dat --repeat 100 --view 8080
   meissner play udp://127.0.0.1:5000 --sensor 346x260 --report-every 1ms --deadline 500us";
 
 /// `meissner play`.
@@ -190,6 +200,13 @@ pub(crate) struct PlayArgs {
     pub(crate) format: JsonArgs,
     #[command(flatten)]
     pub(crate) log: LogArgs,
+    /// Show all sensors side by side on a page of this port.
+    ///
+    /// It is a page as of `meissner view`, on 127.0.0.1; without PORT, on any free one. Its address goes
+    /// to standard error. It reads no engine: it shows what is reported,
+    /// at most 20 times a second, and only while a page is open.
+    #[arg(long, value_name = "PORT", num_args = 0..=1, default_missing_value = "0", help_heading = OUTPUT)]
+    pub(crate) view: Option<u16>,
 }
 
 /// An overload policy, before the sensor is known.

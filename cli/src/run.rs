@@ -8,7 +8,7 @@ use meissner_engine::Sensor;
 use meissner_models::systems::slip::DecisionFilter;
 use meissner_run::interrupt;
 use meissner_run::mcap::{self, McapLog};
-use meissner_run::model::{FrameModel, describe_any};
+use meissner_run::model::{FrameModel, describe, describe_any};
 use meissner_run::predictor::Mode;
 use meissner_run::provenance::{InputCard, ModelCard};
 use meissner_run::run::{
@@ -17,15 +17,20 @@ use meissner_run::run::{
 use meissner_run::source::Source;
 use meissner_run::streams;
 use meissner_run::text::grouped;
+use meissner_view::Chosen;
 
 use crate::error::CliError;
 use crate::given::Given;
 use crate::input::advice;
 use crate::kind::NetworkKind;
 use crate::predictions::{About, Report, TableKind};
+use crate::view::sensors;
 #[cfg(test)]
 pub(crate) use args::OPTIONS_OF_KINDS;
 pub(crate) use args::{RunArgs, Video, video};
+
+/// Events of networks over frames are shown for so long.
+const SHOWN_US: i64 = 100_000;
 
 /// Runs the network as `args` say, and writes the results to standard output.
 pub(crate) fn run(args: &RunArgs, given: &Given) -> Result<(), CliError> {
@@ -76,7 +81,9 @@ fn run_events(args: &RunArgs, given: &Given) -> Result<(), CliError> {
     };
     let stream = (run.source().is_live(), run.total());
     let about = args.about(TableKind::Events, input, (&model.card, mode.to_owned()), stream);
-    report(about, log, |report| run.run(report))
+    let chosen = Chosen::new(model.network.clone(), &describe(args.input.network())?.0);
+    let page = args.page(run.source(), sensor, model.network.parts().span_us, &chosen)?;
+    report(about, log, |report| sensors::observe(page, report, |report| run.run(report)))
 }
 
 /// Runs a network over frames of events.
@@ -88,7 +95,9 @@ fn run_frames(args: &RunArgs, model: &FrameModel) -> Result<(), CliError> {
     let run = run.map_err(|error| args.refused(error))?;
     let stream = (run.source().is_live(), run.total());
     let about = args.about_frames(TableKind::Frames, input, (model, options), stream);
-    report(about, log, |report| run.run(report))
+    let chosen = Chosen::framed(model.network.clone(), &model.description, model.source);
+    let page = args.page(run.source(), sensor, SHOWN_US, &chosen)?;
+    report(about, log, |report| sensors::observe(page, report, |report| run.run(report)))
 }
 
 /// Runs a network over electrodes.

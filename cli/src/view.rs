@@ -1,6 +1,7 @@
 //! `meissner view`: a network over a recording or live input, on a page in a browser.
 
 mod frames;
+pub(crate) mod sensors;
 
 use std::io::Write;
 use std::path::PathBuf;
@@ -170,7 +171,7 @@ impl ViewArgs {
         S: Subject,
         S::Item: Send + 'static,
     {
-        let server = Server::open(self.port).map_err(|source| CliError::Port { port: self.port, source })?;
+        let server = serve(self.port)?;
         let waiting = live.map(Waiting::read).transpose()?;
         let url = server.url();
         print(self.format.json, &Opened { url: url.clone() }, |out| {
@@ -194,11 +195,16 @@ pub(crate) fn bystander(
     name: &str,
     model: &Model,
 ) -> Result<Bystander, CliError> {
-    let server = Server::open(port).map_err(|source| CliError::Port { port, source })?;
+    let server = serve(port)?;
     tell(format_args!("page: {}", server.url()));
     let chosen = Chosen::new(model.network.clone(), &describe(name)?.0);
     let (input, sensor) = input.about();
     Ok(Bystander::new(server, input, sensor, name, &chosen))
+}
+
+/// A server at `port`.
+fn serve(port: u16) -> Result<Server, CliError> {
+    Server::open(port).map_err(|source| CliError::Port { port, source })
 }
 
 /// Opens the page in the browser of whoever sits here, if anybody does.

@@ -94,21 +94,22 @@ export function overlay(canvas, frame, view, { graph, grid, phase }) {
   to.lineWidth = 1;
   to.strokeStyle = colour("line");
   to.strokeRect(view.left + 0.5, view.top + 0.5, view.width - 1, view.height - 1);
+  const near = frame.NEAR ?? [], wave = frame.WAVE ?? [];
   if (grid && frame.READ) lines(to, view, frame.CELL.at(0) ?? frame.READ);
   if (!events.count) return;
   const newest = events.count - 1, place = i => view.place(events.x(i), events.y(i)), [x, y] = place(newest);
   if (graph) {
     for (const [width, stroke] of [[4, "panel"], [1.5, "ink"]]) {
       to.beginPath();
-      for (const i of frame.NEAR) { to.moveTo(x, y); to.lineTo(...place(i)); }
+      for (const i of near) { to.moveTo(x, y); to.lineTo(...place(i)); }
       [to.lineWidth, to.strokeStyle] = [width, colour(stroke)];
       to.stroke();
     }
     to.fillStyle = colour("ink");
-    for (const i of frame.NEAR) { const [u, v] = place(i); to.beginPath(); to.arc(u, v, 3, 0, 7); to.fill(); }
+    for (const i of near) { const [u, v] = place(i); to.beginPath(); to.arc(u, v, 3, 0, 7); to.fill(); }
   }
   // Of the layers of events that the wave has reached, the last.
-  const reached = frame.WAVE.slice(0, Math.ceil(phase)).filter(layer => layer.level === 0).at(-1);
+  const reached = wave.slice(0, Math.ceil(phase)).filter(layer => layer.level === 0).at(-1);
   if (reached && reached.list.length < 2000) {
     to.lineWidth = 1.5;
     for (const { row, changed } of reached.list) {
@@ -117,7 +118,7 @@ export function overlay(canvas, frame, view, { graph, grid, phase }) {
       to.strokeRect(u - 4, v - 4, 8, 8);
     }
   }
-  if (graph && view.width > 260) lens(to, frame, view, [x, y]);
+  if (graph && near.length && view.width > 260) lens(to, frame, view, [x, y]);
   for (const [width, stroke] of [[6, "panel"], [2.5, "ink"]]) {
     to.beginPath();
     to.arc(x, y, 9, 0, 7);

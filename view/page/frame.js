@@ -63,6 +63,14 @@ const readers = {
     const [channels, rows, columns] = [r.u32(), r.u32(), r.u32()];
     return { channels, rows, columns, list: r.many((r.end - r.at) / 8, () => [r.u32(), r.f32()]) };
   },
+  TIPS(r) {
+    const [count, selected, outputs] = [r.u32(), r.u32(), r.u32()];
+    const list = r.many(count, () => {
+      const [state, p50, p99, took, taken, dropped, lost] = [r.u32(), r.f32(), r.f32(), r.f32(), r.f64(), r.f64(), r.f64()];
+      return { state, p50, p99, took, taken, dropped, lost, values: r.f32s(outputs), events: r.u32s(2 * r.u32()) };
+    });
+    return { selected, list };
+  },
   PRED(r) {
     const [outputs, nodes, unlike, took] = [r.u32(), r.u32(), r.f32(), r.f32()];
     return { nodes, unlike, took, values: r.f32s(outputs), truth: r.f32s(outputs) };

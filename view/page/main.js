@@ -6,6 +6,7 @@ import { decode } from "./frame.js";
 import { drawInput, drawLayers, inputText } from "./frames.js";
 import * as panels from "./panels.js";
 import { drawCells, drawLatency, drawPrediction, timeAt } from "./plots.js";
+import { drawSensors } from "./sensors.js";
 import { openSource } from "./source.js";
 import * as state from "./state.js";
 import { drawWave, workText } from "./wave.js";
@@ -33,6 +34,8 @@ const send = command => { if (facts?.controls) source.send(command); };
 // For tests and for people who look behind the page.
 window.meissner = { send, get frame() { return frame; }, get facts() { return facts; } };
 
+const select = sensor => source.send({ do: "select", sensor: Math.max(0, Math.min(facts.sensors.length - 1, sensor)) });
+
 function tell(text, bad = false) {
   panels.say("state", text);
   $("state").className = bad ? "bad" : "";
@@ -49,7 +52,8 @@ function take(next) {
   if (begun) return;
   begun = true;
   asked = state.read();
-  if (!facts.controls) return tell("Another program runs this engine; the page only watches.");
+  if (facts.sensors && asked.sensor) select(Number(asked.sensor));
+  if (!facts.controls) return tell(facts.sensors ? "" : "Another program runs this engine; the page only watches.");
   if (asked.network && asked.network !== facts.network) send({ do: "network", name: asked.network });
   if (asked.speed) send({ do: "speed", times: Number(asked.speed) });
   if (asked.compare === "1") send({ do: "compare", on: true });
@@ -66,8 +70,11 @@ function render(now) {
   if (!dirty && phase === drawn) return;
   const whole = dirty;
   [dirty, drawn] = [false, phase];
+  // They decide how much room the rest has.
+  if (frame.TIPS && whole) drawSensors($("sensors"), facts, frame.TIPS, select);
   if (frame.EVNT) {
-    const { width, height } = fit($("overlay")), view = viewOf(facts.sensor, facts.span_us, width, height);
+    const size = facts.sensors ? facts.sensors[frame.TIPS.selected].size : facts.sensor;
+    const { width, height } = fit($("overlay")), view = viewOf(size, facts.span_us, width, height);
     overlay($("overlay"), frame, view, { graph: $("graph").checked, grid: $("grid").checked, phase });
     if (whole) paint(frame.EVNT, view);
   } else if (whole) {
@@ -105,7 +112,7 @@ function phaseAt(now) {
 function remember() {
   const { taken, playing, speed, live } = frame.TIME;
   state.write({
-    event: playing || live ? undefined : taken, network: facts.network, speed: +speed.toPrecision(4),
+    sensor: frame.TIPS?.selected || undefined, event: playing || live ? undefined : taken, network: facts.network, speed: +speed.toPrecision(4),
     playing: playing ? undefined : 0, theme: document.documentElement.dataset.theme, compare: frame.INFO.comparing ? 1 : undefined,
     grid: $("grid").checked ? 1 : undefined, graph: $("graph").checked ? undefined : 0,
     slowness: $("slowness").value === "300" ? undefined : $("slowness").value,
@@ -121,7 +128,7 @@ function theme(name) {
 
 const actions = {
   play: () => send({ do: frame?.TIME.playing ? "pause" : "play" }),
-  step: (by, far) => send({ do: "step", events: by * (far ? panels.far(facts) : 1) }),
+  step: (by, far) => facts.sensors ? select(frame.TIPS.selected + by) : send({ do: "step", events: by * (far ? panels.far(facts) : 1) }),
   compare: () => send({ do: "compare", on: !frame?.INFO.comparing }),
   theme: () => theme(document.documentElement.dataset.theme === "dark" ? undefined : "dark"),
   again() { waveBegan = performance.now(); dirty = true; },
@@ -155,11 +162,18 @@ function picture() {
   to.translate(-box.left, head - box.top);
   for (const section of document.querySelectorAll("main > section:not([hidden])")) {
     const { left, top, width, height } = section.getBoundingClientRect();
-    [to.fillStyle, to.strokeStyle] = [colour("panel"), colour("line")];
+    [to.fillStyle, to.strokeStyle, to.lineWidth] = [colour("panel"), colour("line"), 1];
     to.beginPath();
     to.roundRect(left, top, width, height, 9);
     to.fill();
     to.stroke();
+    for (const part of section.querySelectorAll(".tip")) {
+      const at = part.getBoundingClientRect(), chosen = part.getAttribute("aria-pressed") === "true";
+      to.beginPath();
+      to.roundRect(at.left, at.top, at.width, at.height, 6);
+      [to.strokeStyle, to.lineWidth] = [colour(chosen ? "ink" : "line"), chosen ? 2 : 1];
+      to.stroke();
+    }
     for (const part of section.querySelectorAll("canvas")) {
       const at = part.getBoundingClientRect();
       to.drawImage(part, at.left, at.top, at.width, at.height);
@@ -175,11 +189,11 @@ function picture() {
     const texts = document.createTreeWalker(section, NodeFilter.SHOW_TEXT);
     for (let text = texts.nextNode(); text; text = texts.nextNode()) {
       const parent = text.parentElement, style = getComputedStyle(parent);
-      if (!text.data.trim() || parent.closest("button, label, [hidden]")) continue;
+      if (!text.data.trim() || parent.closest("button:not(.tip), label, [hidden]")) continue;
       [to.font, to.fillStyle, to.textBaseline] = [`${style.fontWeight} ${style.fontSize} ${style.fontFamily}`, style.color, "middle"];
-      const range = document.createRange();
+      const range = document.createRange(), room = parent.closest(".tip") ? parent.clientWidth : undefined;
       let line = "", at = null;
-      const flush = () => { if (line.trim()) to.fillText(line, at.left, at.top + at.height / 2); };
+      const flush = () => { if (line.trim()) to.fillText(line, at.left, at.top + at.height / 2, room); };
       for (let i = 0; i < text.length; i++) {
         range.setStart(text, i);
         range.setEnd(text, i + 1);

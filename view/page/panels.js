@@ -14,6 +14,7 @@ const KINDS = {
   events: { one: "event", many: "events", title: "Events", empty: "No events yet.", changed: "What the newest event changed" },
   pictures: { one: "picture", many: "pictures", title: "Picture and pressure", empty: "No picture yet.", changed: "What this picture recomputed" },
   electrodes: { one: "reading", many: "readings", title: "Electrodes", empty: "No reading yet.", changed: "What this window recomputed" },
+  sensors: { one: "report", many: "reports", title: "Events", empty: "No events yet.", changed: "" },
   frames: { one: "frame", many: "frames", title: "Frame of events", empty: "No frame yet.", changed: "What this frame recomputed" },
 };
 
@@ -36,6 +37,11 @@ export function showKind(kind) {
 export const far = facts => facts.frames ? 10 : 100;
 
 export function describeInput(facts) {
+  if (facts.sensors) {
+    say("input", `${facts.input} · live`);
+    document.title = `${facts.network} · Meissner`;
+    return;
+  }
   const [columns, rows] = facts.sensor;
   say("input", `${facts.input} · ${facts.kind === "electrodes" ? `${facts.frames.electrodes.length} electrodes` : `${columns} × ${rows} pixels`}${facts.live ? " · live" : ""}`);
   document.title = `${facts.network} · Meissner`;
@@ -48,8 +54,12 @@ export function describeWindow(facts, frame, inputText) {
     $("overlay").setAttribute("aria-label", `${KINDS[facts.kind].title}. ${$("window").textContent}`);
     return;
   }
-  const { EVNT: events, NEAR: near } = frame, span = time(facts.span_us);
-  say("window", events.count ? `${grouped(events.count)} events of the last ${span}; the newest reads ${near.length} of at most ${facts.neighbours} neighbours (${{ all: "any event of the window", past: "earlier events", frozen: "earlier events, and rows never change" }[facts.candidates]}).` : "");
+  const { EVNT: events, NEAR: near = [] } = frame, span = time(facts.span_us);
+  if (facts.sensors) {
+    const { name, size: [columns, rows] } = facts.sensors[frame.TIPS.selected];
+    say("events-title", `Events of ${name}`);
+    say("window", `The newest ${grouped(events.count)} events on ${columns} × ${rows} pixels.`);
+  } else say("window", events.count ? `${grouped(events.count)} events of the last ${span}; the newest reads ${near.length} of at most ${facts.neighbours} neighbours (${{ all: "any event of the window", past: "earlier events", frozen: "earlier events, and rows never change" }[facts.candidates]}).` : "");
   $("empty").hidden = events.count > 0;
   $("overlay").setAttribute("aria-label", `${events.count} events of the window`);
 }
@@ -77,7 +87,7 @@ export function describeValues(facts, { PRED: of, TIME: now }) {
 }
 
 export function describeClock(facts, { TIME: now }) {
-  const { one } = KINDS[facts.kind];
+  const one = facts.sensors ? "event" : KINDS[facts.kind].one;
   const digits = now.end < 1e7 ? 3 : 1, ms = us => (us / 1e3).toFixed(digits);
   say("clock", now.live ? `${ms(now.now)} ms · ${one} ${grouped(now.taken)}` : `${ms(now.now)} of ${(now.end / 1e3).toFixed(0)} ms · ${one} ${grouped(now.taken)} of ${grouped(now.events)}`);
   const scrubber = $("scrubber");
@@ -93,9 +103,9 @@ export function describeClock(facts, { TIME: now }) {
 }
 
 export function describeCounts(facts, { LATE: late, INFO: info, PRED: prediction }) {
-  say("rate", late.measured ? `${late.rate < 10 ? late.rate.toFixed(1) : grouped(late.rate)} ${KINDS[facts.kind].many} a second on one core` : "");
+  say("rate", facts.sensors ? "from the request to the prediction" : late.measured ? `${late.rate < 10 ? late.rate.toFixed(1) : grouped(late.rate)} ${KINDS[facts.kind].many} a second on one core` : "");
   const counts = [["newest", time(prediction.took)], ["p50", time(late.p50)], ["p99", time(late.p99)], ["largest", time(late.most)]];
-  if (!facts.frames) counts.push(["expired", grouped(info.expired)]);
+  if (facts.kind === "events") counts.push(["expired", grouped(info.expired)]);
   if (info.evicted) counts.push(["evicted: the window was full", grouped(info.evicted)]);
   for (const [reason, count] of Object.entries(info.dropped)) counts.push([`dropped: ${reason.replaceAll("_", " ")}`, grouped(count)]);
   if (info.queue) counts.push(["waiting", grouped(info.queue[0])], ["lost in the queue", grouped(info.queue[1])]);

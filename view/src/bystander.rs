@@ -3,22 +3,17 @@
 //! Enters: that engine, after any event. Leaves: frames, where a page waits for one and the last is
 //! old enough. Invariant: while no page waits, an event costs one load; the engine is read only.
 
-use std::time::{Duration, Instant};
-
 use meissner_engine::{Engine, Sensor};
 
 use crate::facts::{Facts, Info};
-use crate::frame::FrameWriter;
+use crate::frame::{FrameWriter, LIVE, PLAYING};
 use crate::latency::Latency;
 use crate::networks::Chosen;
+use crate::pace::Pace;
 use crate::scene;
 use crate::series::Series;
 use crate::server::Server;
 
-/// Least time between two frames.
-const FRAME: Duration = Duration::from_millis(50);
-/// Frames take at most one part in so many of the engine's time.
-const SHARE: u32 = 100;
 /// While a page waits, the clock is read after so many events: that takes tens of nanoseconds.
 const EVENTS: u32 = 64;
 
@@ -28,8 +23,7 @@ pub struct Bystander {
     server: Server,
     outputs: usize,
     series: Series,
-    /// When the next frame may be made.
-    next: Instant,
+    pace: Pace,
     /// Events since the clock was read, while a page waits.
     events: u32,
 }
@@ -41,7 +35,7 @@ impl Bystander {
         to.json(*b"FACT", &Facts::of(input, sensor, name, chosen));
         server.hub().set_facts(to.finish());
         let outputs = chosen.network.outputs();
-        Self { server, outputs, series: Series::new(None), next: Instant::now(), events: 0 }
+        Self { server, outputs, series: Series::new(None), pace: Pace::default(), events: 0 }
     }
 
     /// Looks at `engine` if a page waits. An engine shows the rows that it computed only with
@@ -59,12 +53,10 @@ impl Bystander {
 
     #[cold]
     fn look_closer(&mut self, engine: &Engine) {
-        let begun = Instant::now();
-        if begun < self.next {
-            return;
+        if self.pace.is_due() {
+            self.show(engine);
+            self.pace.done();
         }
-        self.show(engine);
-        self.next = begun + FRAME.max(begun.elapsed() * SHARE);
     }
 
     fn show(&mut self, engine: &Engine) {
@@ -98,7 +90,3 @@ impl Bystander {
         self.server.hub().publish(to.finish());
     }
 }
-
-/// Flags of the section TIME.
-const PLAYING: u32 = 1;
-const LIVE: u32 = 4;

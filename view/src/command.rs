@@ -40,6 +40,11 @@ pub enum Command {
         /// Whether.
         on: bool,
     },
+    /// Show this one of several sensors in detail.
+    Select {
+        /// Its number, from 0.
+        sensor: usize,
+    },
     /// A page has opened: it needs a frame although nothing has changed.
     Show,
 }

@@ -49,6 +49,19 @@ pub struct Facts {
     /// Of a network over frames.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub frames: Option<FrameFacts>,
+    /// Of several sensors side by side.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub sensors: Vec<SensorFacts>,
+}
+
+/// One of several sensors.
+#[derive(Clone, Debug, Serialize)]
+#[non_exhaustive]
+pub struct SensorFacts {
+    /// Name of its input.
+    pub name: String,
+    /// Columns and rows.
+    pub size: [u16; 2],
 }
 
 /// Facts of a network over frames.
@@ -191,6 +204,7 @@ impl Facts {
             layers: Vec::new(),
             truth: Vec::new(),
             frames: None,
+            sensors: Vec::new(),
         }
     }
 }

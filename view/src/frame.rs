@@ -39,6 +39,10 @@
 //!   f32 for each electrode).
 //! - `SPAR` the newest frame of events: u32 channels, u32 rows, u32 columns; then what is not 0: (u32
 //!   index in channels, rows, columns; f32 value).
+//! - `TIPS` of several sensors: u32 sensors, u32 selected, u32 outputs; for each (u32 0 fresh, 1
+//!   behind, 2 old; f32 p50, f32 p99, f32 newest latency in us; f64 events taken, f64 dropped by the
+//!   queue, f64 by the engine; for each output f32; u32 events shown, then these as in EVNT). The
+//!   other sections are about the selected one.
 //! - `PRED` u32 outputs, u32 events in the window, f32 unlike (NaN: not known), f32 time of the
 //!   newest push and prediction in us (NaN: not measured); for each output (f32 value), then for
 //!   each (f32 truth; NaN: there is none).
@@ -56,6 +60,11 @@ use crate::facts::{Facts, Info};
 
 /// The first bytes of a frame.
 pub const MAGIC: [u8; 4] = *b"MSN1";
+
+/// Flag of the section TIME: it plays.
+pub const PLAYING: u32 = 1;
+/// Flag of the section TIME: more may come.
+pub const LIVE: u32 = 4;
 
 /// Writes a frame, section by section.
 ///

@@ -27,6 +27,17 @@ impl Latency {
         self.measured += 1;
     }
 
+    /// How many were measured.
+    pub fn measured(&self) -> u64 {
+        self.measured
+    }
+
+    /// The newest in microseconds; `None` before the first measurement.
+    pub fn newest_us(&self) -> Option<f32> {
+        let last = (self.next + NEWEST - 1) % NEWEST;
+        self.newest_us.get(last).copied()
+    }
+
     /// The mean in microseconds; `None` before the first measurement.
     pub fn mean_us(&self) -> Option<f64> {
         let sum: f64 = self.newest_us.iter().map(|&us| f64::from(us)).sum();

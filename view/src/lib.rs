@@ -18,6 +18,7 @@
 //! | [`truth`] | what is true at a time |
 //! | `server` | with the feature `server`: the page on the loopback address |
 //! | `watch`, `bystander` | with it too: a session in a thread; an engine of someone else's |
+//! | `sensors` | with it too: several sensors side by side, whose engines others run |
 //! | [`series`], [`latency`] | predictions over time; durations of the newest events |
 //!
 //! A session knows no file, thread, socket or clock: events and the clock are arguments. It runs
@@ -49,7 +50,11 @@ pub mod frame;
 pub mod frames;
 pub mod latency;
 pub mod networks;
+#[cfg(feature = "server")]
+mod pace;
 pub mod scene;
+#[cfg(feature = "server")]
+pub mod sensors;
 pub mod series;
 #[cfg(feature = "server")]
 pub mod server;

@@ -216,7 +216,7 @@ impl<S: Subject> Session<S> {
             }
             Command::Network { name } => self.choose(&name)?,
             Command::Compare { on } => self.comparison.switch(on),
-            Command::Show => {}
+            Command::Show | Command::Select { .. } => {}
         }
         Ok(())
     }

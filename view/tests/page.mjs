@@ -33,6 +33,17 @@ async function view(...options) {
   });
 }
 
+/** What a new program says of itself. */
+async function started(options, pattern) {
+  const program = spawn(process.env.MEISSNER, options, { stdio: ["ignore", "ignore", "pipe"] });
+  programs.push(program);
+  let printed = "";
+  return new Promise((found, failed) => {
+    program.on("exit", code => failed(new Error(`the program ended with ${code}: ${printed}`)));
+    program.stderr.on("data", data => { printed += data; const match = pattern.exec(printed); if (match) found(match[1]); });
+  });
+}
+
 /** A page of this width, and what it complained about. */
 async function open(url, { width = 1280, height = 900, init, ...options } = {}) {
   const context = await browser.newContext({ viewport: { width, height }, acceptDownloads: true, ...options });
@@ -47,7 +58,7 @@ async function open(url, { width = 1280, height = 900, init, ...options } = {}) 
 }
 
 const time = page => page.evaluate(() => window.meissner.frame.TIME);
-const until = (page, what, argument) => page.waitForFunction(what, argument, { timeout: 20_000 });
+const until = (page, what, argument) => page.waitForFunction(what, argument, { timeout: 60_000 });
 const taken = (page, event) => until(page, event => window.meissner.frame.TIME.taken === event && !window.meissner.frame.TIME.seeking, event);
 
 async function claim(name, check) {
@@ -301,6 +312,42 @@ await claim("at 1280 and 390 pixels nothing is cut off", async () => {
       await close();
     }
   }
+});
+
+// Twenty fingertips: the press, over and over, and one sensor on which too much happens.
+const press = new URL("../../run/assets/dome_press.evt3", import.meta.url).pathname;
+const fingertips = Array.from({ length: 20 }, (_, i) => join(folder, `${i}.csv`));
+for (const [i, path] of fingertips.entries()) {
+  const events = Array.from({ length: 6000 }, (_, n) => { const turn = n / 300 + i; return [100 * n, Math.round(173 + (30 + 3 * i) * Math.cos(turn) + n % 7), Math.round(130 + (30 + 3 * i) * Math.sin(turn) + n % 5), n % 2]; });
+  writeFileSync(path, `# sensor 346x260\n${events.map(event => event.join(",")).join("\n")}\n`);
+}
+
+await claim("twenty fingertips are side by side, and one of them in detail", async () => {
+  const play = await started(["play", press, ...fingertips.slice(1), "--sensor", "346x260", "--repeat", "1000", "--speed", "0.2", "--report-every", "10ms", "--json", "--view"], /page: (\S+)/);
+  const { page, complaints, close } = await open(play);
+  await until(page, () => window.meissner.frame.TIPS?.list.every(tip => tip.taken > 500 && tip.values.every(Number.isFinite)));
+  assert.equal(await page.locator(".tip").count(), 20);
+  assert.match(await page.locator(".tip").first().textContent(), /dome_press.*rad.*s.*(events|dropped)/s);
+  await page.locator(".tip").nth(7).click();
+  await until(page, () => window.meissner.frame.TIPS.selected === 7 && document.querySelectorAll(".tip")[7].getAttribute("aria-pressed") === "true");
+  assert.match(await page.locator("#events-title").textContent(), /Events of 7/);
+  await page.keyboard.press("ArrowRight");
+  await until(page, () => window.meissner.frame.TIPS.selected === 8);
+  await page.locator(".tip").nth(3).focus();
+  await page.keyboard.press("Enter");
+  await until(page, () => window.meissner.frame.TIPS.selected === 3);
+  assert.match(page.url(), /sensor=/);
+  assert.ok(await page.locator("#wave-panel").isHidden() && await page.locator("#scrubber").isHidden());
+  assert.ok(await coloured(page) > 100, "events are drawn");
+  for (const [width, height] of [[1280, 900], [390, 844]]) {
+    await page.setViewportSize({ width, height });
+    await page.waitForTimeout(800);
+    assert.ok(await page.evaluate(() => document.documentElement.scrollWidth <= innerWidth), `${width} pixels`);
+    await page.screenshot({ path: `${pictures}sensors-${width}.png`, fullPage: true });
+  }
+  assert.deepEqual(complaints, []);
+  await close();
+  programs.at(-1).kill("SIGINT");
 });
 
 await claim("live events arrive", async () => {

@@ -13,7 +13,10 @@ use meissner_run::model::FrameModel;
 use meissner_run::predictor::Mode;
 use meissner_run::provenance::{InputCard, ModelCard};
 use meissner_run::run::{RunOptions, SaveState, VideoOptions};
+use meissner_run::source::Source;
 use meissner_run::text::span_us;
+use meissner_view::Chosen;
+use meissner_view::sensors::Sensors;
 
 use crate::args::{
     ELECTRODES, Every, FRAMES, Input, JsonArgs, MODES, OUTPUT, PREDICTIONS, READING, REMEMBERS, REUSES,
@@ -24,6 +27,7 @@ use crate::given::Given;
 use crate::kind::NetworkKind::{self, Electrodes, EventFrames, EventGraph, Pictures};
 use crate::output::LogArgs;
 use crate::predictions::{About, TableKind};
+use crate::view::sensors;
 
 /// Examples, at the end of the long help.
 const EXAMPLES: &str = "\
@@ -84,6 +88,13 @@ pub(crate) struct RunArgs {
     pub(super) svg: Option<PathBuf>,
     #[command(flatten)]
     pub(super) log: LogArgs,
+    /// Show events and predictions on a page of this port.
+    ///
+    /// It is a page as of `meissner view`, on 127.0.0.1; without PORT, on any free one. Its address goes
+    /// to standard error. It is for networks over events or their frames; `meissner view` shows more, at the pace of a
+    /// page.
+    #[arg(long, value_name = "PORT", num_args = 0..=1, default_missing_value = "0", help_heading = OUTPUT)]
+    pub(super) view: Option<u16>,
     #[command(flatten)]
     pub(super) state: StateArgs,
     #[command(flatten)]
@@ -260,6 +271,17 @@ impl RunArgs {
         Some(self.frames.video?.options(self.input.read.strict))
     }
 
+    /// The page, if one is wanted, of events of `source`.
+    pub(super) fn page<N>(
+        &self,
+        source: &Source,
+        sensor: Sensor,
+        span_us: i64,
+        chosen: &Chosen<N>,
+    ) -> Result<Option<Sensors>, CliError> {
+        sensors::sensors(self.view, &[(source.name.clone(), sensor)], span_us, self.input.network(), chosen)
+    }
+
     /// Adds the path of the state file to `error`.
     pub(super) fn refused(&self, error: RunError) -> CliError {
         match (error, &self.state.resume) {
@@ -390,7 +412,7 @@ pub(crate) const OPTIONS_OF_KINDS: &[(&[&str], &[NetworkKind])] = &[
     (&["--sensor", "--from", "--for", "--late", "--restart", "--every"], &[EventGraph, EventFrames]),
     (STATES, &[EventGraph, EventFrames]),
     (READING, &[EventGraph, EventFrames]),
-    (&["--mcap"], &[EventGraph, EventFrames]),
+    (&["--mcap", "--view"], &[EventGraph, EventFrames]),
     (&["--strict"], &[EventGraph, EventFrames, Electrodes, Pictures]),
     (&["--span", "--capacity", "--mode", "--neighbours"], &[EventGraph]),
     (REMEMBERS, &[EventGraph]),

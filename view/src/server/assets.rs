@@ -7,7 +7,7 @@ macro_rules! files {
     };
 }
 
-static FILES: [(&str, &[u8]); 13] = files!(
+static FILES: [(&str, &[u8]); 14] = files!(
     "index.html",
     "style.css",
     "main.js",
@@ -16,6 +16,7 @@ static FILES: [(&str, &[u8]); 13] = files!(
     "state.js",
     "events.js",
     "frames.js",
+    "sensors.js",
     "wave.js",
     "plots.js",
     "panels.js",

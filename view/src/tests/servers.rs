@@ -7,9 +7,14 @@ use std::time::{Duration, Instant};
 
 use tungstenite::{Message, WebSocket, client::IntoClientRequest};
 
+use meissner_engine::{Event, Sensor};
+
+use super::frames::{json, prediction, section};
 use super::{after, press, session};
 use crate::frame::sections;
+use crate::sensors::{Report, Sensors, State};
 use crate::server::Server;
+use crate::{Networks, Shipped};
 
 fn server() -> Server {
     Server::open(0).expect("a free port")
@@ -236,4 +241,64 @@ fn without_a_page_no_frame_is_wanted_and_after_the_end_nobody_listens() {
     drop(server);
     assert!(soon(|| TcpStream::connect_timeout(&address, Duration::from_millis(100)).is_err()));
     drop(socket);
+}
+
+/// A frame after reports of twenty sensors, once this one is selected.
+fn reported(socket: &mut WebSocket<TcpStream>, sensors: &mut Sensors, selected: u32) -> Vec<u8> {
+    socket.get_mut().set_read_timeout(Some(Duration::from_millis(60))).expect("a time");
+    for _ in 0..200 {
+        for i in 0..20_u16 {
+            let values = [f32::from(i), 0.5];
+            let (state, dropped) = if i == 7 { (State::Behind, 3) } else { (State::Fresh, 0) };
+            let report = Report { elapsed_us: 5000, values: &values, took_us: 100.0, ..Report::default() };
+            sensors.report(usize::from(i), &Report { state, dropped, ..report });
+        }
+        if let Ok(Message::Binary(bytes)) = socket.read() {
+            let mut tips = section(&bytes, "TIPS");
+            if (tips.u32(), tips.u32()) == (20, selected) {
+                return bytes.to_vec();
+            }
+        }
+    }
+    panic!("sensor {selected} was not selected")
+}
+
+#[test]
+fn sensors_are_side_by_side_and_a_page_selects_one() {
+    let server = server();
+    let mut socket = own(&server);
+    let named: Vec<_> = (0..20).map(|i| (format!("{i:02}.npy"), Sensor::new(34 + i, 34))).collect();
+    let chosen = Shipped.load("tactigraph-past").expect("a network");
+    let mut sensors = Sensors::new(server, &named, 1000, "tactigraph-past", &chosen);
+    for i in 0..20_i64 {
+        (0..3000).for_each(|n| sensors.event(i as usize, Event::new(n + i, 1, 2, n % 2 == 0)));
+    }
+    // A sensor that is not there is passed over.
+    sensors.event(20, Event::new(0, 0, 0, true));
+    sensors.report(20, &Report::default());
+    let facts = json(&frame(&mut socket), "FACT");
+    assert_eq!((&facts["kind"], &facts["controls"]), (&"sensors".into(), &false.into()));
+    assert_eq!(facts["sensors"][19], serde_json::json!({"name": "19.npy", "size": [53, 34]}));
+    let first = reported(&mut socket, &mut sensors, 0);
+    socket.send(Message::text(r#"{"do": "select", "sensor": 7}"#)).expect("it is connected");
+    let shown = reported(&mut socket, &mut sensors, 7);
+    assert_eq!(prediction(&first), [0.0_f32, 0.5].map(f32::to_bits));
+    assert_eq!(prediction(&shown), [7.0_f32, 0.5].map(f32::to_bits));
+    assert_eq!(json(&first, "INFO")["queue"], serde_json::json!([0, 0]));
+    assert!(json(&shown, "INFO")["queue"][1].as_u64() >= Some(3));
+    // Of the newest millisecond, and of one that is not selected a few.
+    assert_eq!(section(&shown, "EVNT").0.len(), 1001 * 8);
+    let mut tips = section(&shown, "TIPS");
+    assert_eq!((tips.u32(), tips.u32(), tips.u32()), (20, 7, 2));
+    for i in 0..20_u16 {
+        assert_eq!(tips.u32(), u32::from(i == 7));
+        assert_eq!((tips.f32(), tips.f32(), tips.f32()), (100.0, 100.0, 100.0));
+        assert_eq!((tips.f64(), tips.f64() > 0.0, tips.f64()), (3000.0, i == 7, 0.0));
+        assert_eq!((tips.f32(), tips.f32()), (f32::from(i), 0.5));
+        let events = tips.u32();
+        assert_eq!(events, 400);
+        for n in (0..events).rev() {
+            assert_eq!((tips.u16(), tips.u16(), tips.u32() >> 1), (1, 2, n));
+        }
+    }
 }
