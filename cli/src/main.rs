@@ -31,6 +31,7 @@ mod kind;
 mod manual;
 mod networks;
 mod output;
+mod page;
 mod pareto;
 mod play;
 mod predictions;

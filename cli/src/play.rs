@@ -20,8 +20,8 @@ use crate::args::{INPUT, Input, JsonArgs, OUTPUT, PREDICTIONS, QUEUE, REUSES, le
 use crate::error::CliError;
 use crate::given::Given;
 use crate::output::LogArgs;
+use crate::page;
 use crate::predictions::{About, Report, TableKind};
-use crate::view::sensors;
 
 /// Plays the recordings as `args` say, and writes the reports to standard output.
 pub(crate) fn play(args: &PlayArgs, given: &Given) -> Result<(), CliError> {
@@ -39,7 +39,7 @@ pub(crate) fn play(args: &PlayArgs, given: &Given) -> Result<(), CliError> {
     let named: Vec<_> = inputs.iter().map(|input| (input.source.name.clone(), input.sensor)).collect();
     let network = args.input.network();
     let chosen = Chosen::new(model.network.clone(), &describe(network)?.0);
-    let page = sensors::sensors(args.view, &named, model.network.parts().span_us, network, &chosen)?;
+    let page = page::sensors(args.view, &named, model.network.parts().span_us, network, &chosen)?;
     let policy = inputs[0].overload.name().replace('_', " ");
     let play = Play::new(&model, inputs, args.options())?;
     let about = About {
@@ -56,7 +56,7 @@ pub(crate) fn play(args: &PlayArgs, given: &Given) -> Result<(), CliError> {
     let log = args.log.begin(&model.card, &sensors, args.input.recording.is_none() && sensors.len() == 1)?;
     let mut report = Report::begin(about)?;
     let (ended, logged) = mcap::observe(log, &mut report, |observer| {
-        sensors::observe(page, observer, |observer| play.run(observer))
+        page::observe(page, observer, |observer| play.run(observer))
     });
     let mut ended = ended?;
     if let [Err(_)] = ended[..]
@@ -202,9 +202,9 @@ pub(crate) struct PlayArgs {
     pub(crate) log: LogArgs,
     /// Show all sensors side by side on a page of this port.
     ///
-    /// It is a page as of `meissner view`, on 127.0.0.1; without PORT, on any free one. Its address goes
-    /// to standard error. It reads no engine: it shows what is reported,
-    /// at most 20 times a second, and only while a page is open.
+    /// It is a page as of `meissner view`, on 127.0.0.1; without PORT, on any free one. Its address
+    /// goes to standard error. It reads no engine: it shows what is reported, at most 20 times a
+    /// second, and only while a page is open.
     #[arg(long, value_name = "PORT", num_args = 0..=1, default_missing_value = "0", help_heading = OUTPUT)]
     pub(crate) view: Option<u16>,
 }

@@ -23,8 +23,8 @@ use crate::error::CliError;
 use crate::given::Given;
 use crate::input::advice;
 use crate::kind::NetworkKind;
+use crate::page;
 use crate::predictions::{About, Report, TableKind};
-use crate::view::sensors;
 #[cfg(test)]
 pub(crate) use args::OPTIONS_OF_KINDS;
 pub(crate) use args::{RunArgs, Video, video};
@@ -83,7 +83,7 @@ fn run_events(args: &RunArgs, given: &Given) -> Result<(), CliError> {
     let about = args.about(TableKind::Events, input, (&model.card, mode.to_owned()), stream);
     let chosen = Chosen::new(model.network.clone(), &describe(args.input.network())?.0);
     let page = args.page(run.source(), sensor, model.network.parts().span_us, &chosen)?;
-    report(about, log, |report| sensors::observe(page, report, |report| run.run(report)))
+    report(about, log, |report| page::observe(page, report, |report| run.run(report)))
 }
 
 /// Runs a network over frames of events.
@@ -97,7 +97,7 @@ fn run_frames(args: &RunArgs, model: &FrameModel) -> Result<(), CliError> {
     let about = args.about_frames(TableKind::Frames, input, (model, options), stream);
     let chosen = Chosen::framed(model.network.clone(), &model.description, model.source);
     let page = args.page(run.source(), sensor, SHOWN_US, &chosen)?;
-    report(about, log, |report| sensors::observe(page, report, |report| run.run(report)))
+    report(about, log, |report| page::observe(page, report, |report| run.run(report)))
 }
 
 /// Runs a network over electrodes.

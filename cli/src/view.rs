@@ -1,7 +1,6 @@
 //! `meissner view`: a network over a recording or live input, on a page in a browser.
 
 mod frames;
-pub(crate) mod sensors;
 
 use std::io::Write;
 use std::path::PathBuf;
@@ -15,7 +14,6 @@ use meissner_run::model::{FrameModel, Model, describe, describe_any};
 use meissner_run::{RunError, interrupt, press};
 use meissner_view::bystander::Bystander;
 use meissner_view::frames::{Frames, ShippedFrames};
-use meissner_view::server::Server;
 use meissner_view::subject::Subject;
 use meissner_view::watch::{Waiting, clock, watch};
 use meissner_view::{Chosen, Input, Own, Session, Shipped, Truth};
@@ -25,6 +23,7 @@ use crate::args::{FRAMES, JsonArgs, NETWORK, NetworkWeights, OUTPUT, PartArgs, R
 use crate::error::CliError;
 use crate::kind::NetworkKind;
 use crate::output::print;
+use crate::page::serve;
 use crate::run::{Video, video};
 use crate::stderr::tell;
 
@@ -44,8 +43,8 @@ Examples:
 pub(crate) struct ViewArgs {
     /// Recording or live input, as of `run` [default: a small built-in recording].
     ///
-    /// Events, and pictures or readings of electrodes for networks that read them. Pictures in files
-    /// have no times: 25 a second are shown at a speed of 1.
+    /// Events, and pictures or readings of electrodes for networks that read them. Pictures in
+    /// files have no times: 25 a second are shown at a speed of 1.
     ///
     /// The page is on this machine alone (127.0.0.1), and its address has a token: whoever does not
     /// know it sees nothing. No network is needed, and nothing leaves the machine.
@@ -200,11 +199,6 @@ pub(crate) fn bystander(
     let chosen = Chosen::new(model.network.clone(), &describe(name)?.0);
     let (input, sensor) = input.about();
     Ok(Bystander::new(server, input, sensor, name, &chosen))
-}
-
-/// A server at `port`.
-fn serve(port: u16) -> Result<Server, CliError> {
-    Server::open(port).map_err(|source| CliError::Port { port, source })
 }
 
 /// Opens the page in the browser of whoever sits here, if anybody does.

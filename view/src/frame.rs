@@ -27,22 +27,22 @@
 //!   (u16 x, u16 y, u32 age in cells, f32 root mean square of its channels).
 //! - `READ` u32 grids, newest first, u32 columns, u32 rows; then for each cell, row by row, (f32
 //!   root mean square of its channels).
-//! - `LAYR` of frame networks, for the newest prediction: u32 layers; for each (u32 pixels computed,
-//!   u32 kept, u32 taken from the output for zeros).
+//! - `LAYR` of frame networks, for the newest prediction: u32 layers; for each (u32 pixels
+//!   computed, u32 kept, u32 taken from the output for zeros).
 //! - `DIFF` pixels in which the newest frame differs from the one before: u32 columns, u32 rows;
 //!   then one bit each, row by row, the first in the lowest bit of a u32.
 //! - `PICT` the newest picture: u32 columns, u32 rows, then u8 red, green, blue.
 //! - `FORC` the predicted forces: u32 columns, u32 rows, f32 column and f32 row of the contact's
 //!   centre (NaN: no contact), f32 force in N on a pixel above which it is in contact, f32 area of
 //!   a pixel in mm^2; then f32 N on each pixel.
-//! - `ELEC` the newest readings, oldest first: u32 readings; for each (u32 1 if it follows none, then
-//!   f32 for each electrode).
-//! - `SPAR` the newest frame of events: u32 channels, u32 rows, u32 columns; then what is not 0: (u32
-//!   index in channels, rows, columns; f32 value).
+//! - `ELEC` the newest readings, oldest first: u32 readings; for each (u32 1 if it follows none,
+//!   then f32 for each electrode).
+//! - `SPAR` the newest frame of events: u32 channels, u32 rows, u32 columns; then what is not 0:
+//!   (u32 index in channels, rows, columns; f32 value).
 //! - `TIPS` of several sensors: u32 sensors, u32 selected, u32 outputs; for each (u32 0 fresh, 1
-//!   behind, 2 old; f32 p50, f32 p99, f32 newest latency in us; f64 events taken, f64 dropped by the
-//!   queue, f64 by the engine; for each output f32; u32 events shown, then these as in EVNT). The
-//!   other sections are about the selected one.
+//!   behind, 2 old; f32 p50, f32 p99, f32 newest latency in us; f64 events taken, f64 dropped by
+//!   the queue, f64 by the engine; for each output f32; u32 events shown, then these as in EVNT).
+//!   The other sections are about the selected one.
 //! - `PRED` u32 outputs, u32 events in the window, f32 unlike (NaN: not known), f32 time of the
 //!   newest push and prediction in us (NaN: not measured); for each output (f32 value), then for
 //!   each (f32 truth; NaN: there is none).

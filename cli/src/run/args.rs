@@ -26,8 +26,8 @@ use crate::error::CliError;
 use crate::given::Given;
 use crate::kind::NetworkKind::{self, Electrodes, EventFrames, EventGraph, Pictures};
 use crate::output::LogArgs;
+use crate::page;
 use crate::predictions::{About, TableKind};
-use crate::view::sensors;
 
 /// Examples, at the end of the long help.
 const EXAMPLES: &str = "\
@@ -90,9 +90,9 @@ pub(crate) struct RunArgs {
     pub(super) log: LogArgs,
     /// Show events and predictions on a page of this port.
     ///
-    /// It is a page as of `meissner view`, on 127.0.0.1; without PORT, on any free one. Its address goes
-    /// to standard error. It is for networks over events or their frames; `meissner view` shows more, at the pace of a
-    /// page.
+    /// It is a page as of `meissner view`, on 127.0.0.1; without PORT, on any free one. Its address
+    /// goes to standard error. It is for networks over events or their frames; `meissner view`
+    /// shows more, at the pace of a page.
     #[arg(long, value_name = "PORT", num_args = 0..=1, default_missing_value = "0", help_heading = OUTPUT)]
     pub(super) view: Option<u16>,
     #[command(flatten)]
@@ -279,7 +279,7 @@ impl RunArgs {
         span_us: i64,
         chosen: &Chosen<N>,
     ) -> Result<Option<Sensors>, CliError> {
-        sensors::sensors(self.view, &[(source.name.clone(), sensor)], span_us, self.input.network(), chosen)
+        page::sensors(self.view, &[(source.name.clone(), sensor)], span_us, self.input.network(), chosen)
     }
 
     /// Adds the path of the state file to `error`.

@@ -32,8 +32,8 @@ impl Framed {
 }
 
 impl Chosen<Framed> {
-    /// `network` with the frames and the outputs of its `description`. Of forces on pixels, the area
-    /// of the contact and the sum of its forces are shown.
+    /// `network` with the frames and the outputs of its `description`. Of forces on pixels, the
+    /// area of the contact and the sum of its forces are shown.
     pub fn framed(network: Arc<FrameNetwork>, description: &FrameDescription, source: FrameSource) -> Self {
         let of = |name: &str| description.layers().iter().find(|layer| layer.name == name);
         let channels = |shape| match shape {

@@ -37,8 +37,8 @@ impl Comparison {
         self.on && cursor > 0 && is_new && (!playing || clock() >= self.next)
     }
 
-    /// Compares `subject` after `cursor` items, whose prediction has been read. `None`: some of them
-    /// are not known any more.
+    /// Compares `subject` after `cursor` items, whose prediction has been read. `None`: some of
+    /// them are not known any more.
     pub(super) fn compare<S: Subject>(
         &mut self,
         subject: &S,

@@ -1,4 +1,4 @@
-//! What `play` and `run` tell their observer, on the page.
+//! The page of other subcommands than `view`: what `play` and `run` tell their observer.
 
 use std::io;
 use std::path::Path;
@@ -7,10 +7,18 @@ use meissner_engine::{Event, Sensor};
 use meissner_run::run::{Observer, Prediction, ReportState};
 use meissner_view::Chosen;
 use meissner_view::sensors::{Report, Sensors, State};
+use meissner_view::server::Server;
 
-use super::serve;
 use crate::error::CliError;
 use crate::stderr::tell;
+
+/// A server at `port`.
+///
+/// # Errors
+/// The port is in use.
+pub(crate) fn serve(port: u16) -> Result<Server, CliError> {
+    Server::open(port).map_err(|source| CliError::Port { port, source })
+}
 
 /// The page at `port`, if one is wanted, for inputs with these names and sensors.
 ///
