@@ -1,8 +1,9 @@
-//! Admission of events: the sensor's bounds, the clock, the epoch.
+//! Admission of events: the sensor's bounds, the clock, the epoch, the filters of a network.
 
+use crate::filters::{Chain, EventFilter, FilterRule};
 use crate::metric::Node;
 use crate::restart::Decision;
-use crate::{DropReason, Event, EventCounters, Sensor};
+use crate::{DropReason, EngineError, Event, EventCounters, Sensor};
 
 /// How an event earlier than the newest time is handled.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -23,13 +24,38 @@ pub struct Admission {
     late: LatePolicy,
     /// Epoch, and `now` relative to it.
     clock: Option<(i64, i64)>,
+    filters: Chain,
     counters: EventCounters,
 }
 
 impl Admission {
     /// An admission check for `sensor` that has not seen an event.
     pub fn new(sensor: Sensor, late: LatePolicy) -> Self {
-        Self { sensor, late, clock: None, counters: EventCounters::default() }
+        Self { sensor, late, clock: None, filters: Chain::default(), counters: EventCounters::default() }
+    }
+
+    /// The same with another policy for late events.
+    pub(crate) fn with_late(self, late: LatePolicy) -> Self {
+        Self { late, ..self }
+    }
+
+    /// The same with the filters of `rules`, which drop events that would be admitted otherwise.
+    /// They see such events alone, at their admitted times; a dropped event moves no clock.
+    ///
+    /// # Errors
+    /// As [`FilterRule::filter`].
+    pub fn with_filters(self, rules: &[FilterRule]) -> Result<Self, EngineError> {
+        Ok(Self { filters: Chain::of_rules(rules, self.sensor)?, ..self })
+    }
+
+    /// The filters.
+    pub fn filters(&self) -> &Chain {
+        &self.filters
+    }
+
+    /// The filters, to take over what others [remembered](Chain::remember).
+    pub fn filters_mut(&mut self) -> &mut Chain {
+        &mut self.filters
     }
 
     /// Counts so far.
@@ -73,7 +99,8 @@ impl Admission {
 
     /// The time at which `event` would enter; `None` if it would be dropped.
     pub fn arrival_us(&self, event: Event) -> Option<i64> {
-        self.arrival(event).ok().map(|(epoch, t)| epoch + t)
+        let t_us = self.arrival(event).ok().map(|(epoch, t)| epoch.wrapping_add(t));
+        t_us.filter(|&t_us| self.filters.passes(Event { t_us, ..event }))
     }
 
     /// The epoch, and the time relative to it, at which `event` would enter.
@@ -106,7 +133,12 @@ impl Admission {
                 return Err(reason);
             }
         };
-        self.counters.clamped += u64::from(epoch.wrapping_add(t) != event.t_us);
+        let t_us = epoch.wrapping_add(t);
+        if !self.filters.is_empty() && !self.filters.admit(Event { t_us, ..event }) {
+            self.counters.filtered += 1;
+            return Err(DropReason::Filtered);
+        }
+        self.counters.clamped += u64::from(t_us != event.t_us);
         self.counters.accepted += 1;
         self.clock = Some((epoch, t));
         Ok(Node::new(event, t))
@@ -125,13 +157,15 @@ impl Admission {
         }
     }
 
-    /// Takes over the epoch and current time of another clock, not earlier. Counts are kept.
+    /// Takes over the epoch and current time of another clock, not earlier. Counts are kept, and
+    /// what filters remember.
     pub fn resume(&mut self, epoch_us: i64, now_us: i64) {
         self.clock = Some((epoch_us, now_us.checked_sub(epoch_us).map_or(0, |t| t.max(0))));
     }
 
-    /// Resets the clock; the next event sets a new epoch. Counts are kept.
+    /// Resets the clock and the filters; the next event sets a new epoch. Counts are kept.
     pub fn reset(&mut self) {
         self.clock = None;
+        self.filters.reset();
     }
 }

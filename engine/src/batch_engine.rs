@@ -60,15 +60,16 @@ impl BatchEngine {
     /// remembers all events since the last reset.
     ///
     /// # Errors
-    /// [`EngineError::Sensor`] for a sensor without pixels.
+    /// [`EngineError::Sensor`] for a sensor without pixels, [`EngineError::Option`] for more pixels
+    /// than a filter of the network takes.
     pub fn new(network: impl Into<Arc<Network>>, sensor: Sensor) -> Result<Self, EngineError> {
         let network = network.into();
         let (parts, layers) = (network.parts(), network.layers().len());
         Ok(Self {
             most_events: if parts.graph.is_frozen() { usize::MAX } else { parts.capacity },
             watch: ClockWatch::new(RestartPolicy::default(), sensor, parts.span_us),
+            admission: Admission::new(sensor, LatePolicy::default()).with_filters(network.filters())?,
             batch: Batch::new(network, sensor)?,
-            admission: Admission::new(sensor, LatePolicy::default()),
             events: Vec::new(),
             nodes: 0,
             newest_us: None,
@@ -81,7 +82,7 @@ impl BatchEngine {
     /// The same with another policy for late events; before the first event only.
     #[must_use]
     pub fn with_late(self, late: LatePolicy) -> Self {
-        Self { admission: Admission::new(self.batch.sensor(), late), ..self }
+        Self { admission: self.admission.with_late(late), ..self }
     }
 
     /// The same with another policy for restarts; before the first event only.

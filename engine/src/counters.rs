@@ -16,6 +16,8 @@ pub enum DropReason {
     TimeOutOfRange,
     /// Its time is far ahead of the events before and after it.
     Outlier,
+    /// A filter that the network states dropped it ([`crate::Network::filters`]).
+    Filtered,
 }
 
 names!(DropReason {
@@ -23,6 +25,7 @@ names!(DropReason {
     Late => "late",
     TimeOutOfRange => "time_out_of_range",
     Outlier => "outlier",
+    Filtered => "filtered",
 });
 
 /// Result of pushing an event.
@@ -51,6 +54,8 @@ pub struct EventCounters {
     pub time_out_of_range: u64,
     /// Dropped: a single time far ahead.
     pub outliers: u64,
+    /// Dropped: by a filter that the network states.
+    pub filtered: u64,
     /// Late events that were accepted with the newest time, under the clamping policy.
     pub clamped: u64,
     /// Events that left because they were older than the span.
@@ -63,7 +68,7 @@ pub struct EventCounters {
 
 impl EventCounters {
     /// Number of reasons in [`Self::dropped`].
-    pub const DROP_REASONS: usize = 4;
+    pub const DROP_REASONS: usize = 5;
 
     /// Dropped events by reason.
     pub fn dropped(&self) -> [(DropReason, u64); Self::DROP_REASONS] {
@@ -72,6 +77,7 @@ impl EventCounters {
             (DropReason::Late, self.late),
             (DropReason::TimeOutOfRange, self.time_out_of_range),
             (DropReason::Outlier, self.outliers),
+            (DropReason::Filtered, self.filtered),
         ]
     }
 }
@@ -234,7 +240,8 @@ counts!(EventCounters {
     clamped,
     expired,
     evicted,
-    restarts
+    restarts,
+    filtered
 });
 counts!(LayerCounters { recomputed, unchanged, within_tolerance, kept });
 counts!(PredictionCounters {

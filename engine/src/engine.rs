@@ -11,6 +11,7 @@ use std::time::Duration;
 use crate::admission::Admission;
 use crate::counters::{Counters, EventCounters, LayerLog, Log, Outcome, Stage};
 use crate::error::option;
+use crate::filters::FilterRule;
 use crate::memory::Memory;
 use crate::network::{Network, Normalisation};
 use crate::options::Options;
@@ -88,8 +89,9 @@ impl Engine {
     ///
     /// # Errors
     /// [`EngineError::NotIncremental`] for per-graph normalisation, [`EngineError::Sensor`] for a
-    /// sensor without pixels, [`EngineError::Option`] for a tolerance below 0 or not finite,
-    /// [`EngineError::Memory`] if the state would exceed the limit.
+    /// sensor without pixels, [`EngineError::Option`] for a tolerance below 0 or not finite, and
+    /// for more pixels than a filter of the network takes, [`EngineError::Memory`] if the state
+    /// would exceed the limit.
     pub fn with_options(
         network: impl Into<Arc<Network>>,
         sensor: Sensor,
@@ -109,6 +111,7 @@ impl Engine {
         let needed = Memory::needed(|memory| {
             StageState::new(Arc::clone(&network), sensor, &options, memory);
             logs(&network, sensor, options.record_rows, memory);
+            network.filters().iter().for_each(|_| memory.add(FilterRule::bytes(sensor)));
         });
         let of_layers = layers * (size_of::<LayerLog>() + 2 * size_of::<u64>());
         let bytes = needed.saturating_add(of_layers as u128);
@@ -126,7 +129,7 @@ impl Engine {
             step: StageState::new(Arc::clone(&network), sensor, &options, &mut Memory::default()),
             bytes,
             watch: ClockWatch::new(options.restart, sensor, network.parts().span_us),
-            admission: Admission::new(sensor, options.late),
+            admission: Admission::new(sensor, options.late).with_filters(network.filters())?,
             log: Log { layers: logs, ..Log::default() },
             newest_us: None,
             rows: vec![0; layers],
@@ -154,7 +157,8 @@ impl Engine {
     }
 
     /// Inserts an event. Dropped and counted are events outside the sensor, late events (unless
-    /// clamped), and those whose distance from the epoch does not fit 64 bits. Arrival orders equal
+    /// clamped), those whose distance from the epoch does not fit 64 bits, and those that the
+    /// [filters of the network](Network::filters) drop. Arrival orders equal
     /// times. Older events than the span expire first; if the window is full, the oldest is
     /// evicted.
     ///

@@ -10,12 +10,34 @@
 //! | [`RateLimit`] | as many events as a rate allows | token bucket (the mirror of Turner 1986) |
 //! | [`BackgroundActivity`] | events with a recent neighbour | Delbruck 2008 |
 //! | [`Refractory`] | at most one event of a pixel in a time | the refractory filter of jAER |
+//! | [`HotPixel`] | what is no pixel that fires all the time | leaky bucket (ITU-T I.371) |
+//!
+//! A network states what it needs before it as [`FilterRule`]s; engines apply them.
 //!
 //! Times are compared by the magnitude of their difference as u64, which cannot overflow. Each
 //! filter says how it treats an event that is earlier than one before.
 
+/// The name and the counters of a filter with a field `counters`.
+macro_rules! reports {
+    ($name:literal) => {
+        fn counters(&self) -> $crate::filters::FilterCounters {
+            self.counters
+        }
+
+        fn name(&self) -> &'static str {
+            $name
+        }
+    };
+}
+
+mod hot_pixel;
+mod rule;
+
 use crate::error::in_range;
-use crate::{EngineError, Event, Network, Sensor};
+use crate::{EngineError, Event, Sensor};
+
+pub use hot_pixel::HotPixel;
+pub use rule::FilterRule;
 
 /// Decides, event by event, which events pass.
 pub trait EventFilter {
@@ -45,19 +67,6 @@ impl FilterCounters {
         self.dropped += u64::from(!passed);
         passed
     }
-}
-
-/// The name and the counters of a filter with a field `counters`.
-macro_rules! reports {
-    ($name:literal) => {
-        fn counters(&self) -> $crate::filters::FilterCounters {
-            self.counters
-        }
-
-        fn name(&self) -> &'static str {
-            $name
-        }
-    };
 }
 
 /// Passes the first of every `n` events, whatever their times and pixels.
@@ -164,6 +173,8 @@ impl EventFilter for RateLimit {
     reports!("rate_limit");
 }
 
+/// Longest time of a filter in microseconds: that of a network's span.
+pub(crate) const MAX_US: i64 = 1 << 40;
 /// Pixels of the largest sensor: 1 GiB of stamps.
 const MAX_PIXELS: i64 = 1 << 26;
 
@@ -191,6 +202,12 @@ impl BackgroundActivity {
     pub fn new(sensor: Sensor, us: i64) -> Result<Self, EngineError> {
         let stamps = Stamps::new(sensor, us, "time of the activity filter in microseconds")?;
         Ok(Self { stamps, counters: FilterCounters::default() })
+    }
+
+    /// Whether `event` would pass.
+    fn passes(&self, event: Event) -> bool {
+        let near = |stamp| event.t_us.abs_diff(stamp) <= self.stamps.us;
+        self.stamps.place(event).is_none_or(|place| self.stamps.any_around(place, near))
     }
 }
 
@@ -231,6 +248,12 @@ impl Refractory {
         let stamps = Stamps::new(sensor, us, "refractory time in microseconds")?;
         Ok(Self { stamps, counters: FilterCounters::default() })
     }
+
+    /// Whether `event` would pass.
+    fn passes(&self, event: Event) -> bool {
+        let rested = |stamp| event.t_us.abs_diff(stamp) >= self.stamps.us;
+        self.stamps.place(event).is_none_or(|place| self.stamps.times[place].is_none_or(rested))
+    }
 }
 
 impl EventFilter for Refractory {
@@ -266,11 +289,11 @@ struct Stamps {
 impl Stamps {
     /// No stamps; `what` is the name of the time `us` in an error.
     fn new(sensor: Sensor, us: i64, what: &'static str) -> Result<Self, EngineError> {
-        in_range(what, us, 1, Network::MAX_SPAN_US)?;
+        in_range(what, us, 1, MAX_US)?;
         let pixels = i64::from(sensor.width) * i64::from(sensor.height);
         in_range("pixels of a filter's sensor", pixels, 0, MAX_PIXELS)?;
         let stride = usize::from(sensor.width) + 2;
-        let times = vec![None; stride * (usize::from(sensor.height) + 2)];
+        let times = vec![None; Self::places(sensor)];
         Ok(Self { sensor, us: us.unsigned_abs(), stride, times })
     }
 
@@ -305,6 +328,8 @@ pub enum Filter {
     BackgroundActivity(BackgroundActivity),
     /// At most one event of a pixel in a time.
     Refractory(Refractory),
+    /// No pixel that fires all the time.
+    HotPixel(HotPixel),
 }
 
 /// Evaluates an expression for the filter inside a [`Filter`].
@@ -315,6 +340,7 @@ macro_rules! inner {
             Filter::RateLimit($filter) => $value,
             Filter::BackgroundActivity($filter) => $value,
             Filter::Refractory($filter) => $value,
+            Filter::HotPixel($filter) => $value,
         }
     };
 }
@@ -348,6 +374,11 @@ impl Chain {
     /// `filters`, the first of which sees every event.
     pub fn new(filters: Vec<Filter>) -> Self {
         Self { filters, counters: FilterCounters::default() }
+    }
+
+    /// Whether there is no filter.
+    pub fn is_empty(&self) -> bool {
+        self.filters.is_empty()
     }
 
     /// The filters, in order.

@@ -10,6 +10,7 @@ pub(crate) mod parts;
 use std::sync::OnceLock;
 
 use crate::error::in_range;
+use crate::filters::{self, FilterRule};
 use crate::fingerprint::{Fingerprint, activation_code};
 use crate::unlikeness::{TrainingWindows, WindowStatistics};
 use crate::{EngineError, Sensor};
@@ -19,6 +20,8 @@ pub use parts::{
     Normalisation, Pooling, Position, Reach, Readout,
 };
 
+const _: () = assert!(Network::MAX_SPAN_US == filters::MAX_US, "descriptions have one range of times");
+
 /// Parts of time that a sum over the span has.
 pub(crate) const SUM_PARTS: i64 = 8;
 
@@ -27,6 +30,7 @@ pub(crate) const SUM_PARTS: i64 = 8;
 pub struct Network {
     parts: NetworkParts,
     channels: Vec<Vec<usize>>,
+    filters: Vec<FilterRule>,
     training_windows: Option<TrainingWindows>,
     fingerprint: OnceLock<u64>,
 }
@@ -48,7 +52,24 @@ impl Network {
     /// for a layer whose input does not exist or has other channels.
     pub fn new(parts: NetworkParts) -> Result<Self, EngineError> {
         let channels = check::channels(&parts)?;
-        Ok(Self { parts, channels, training_windows: None, fingerprint: OnceLock::new() })
+        let (filters, fingerprint) = (Vec::new(), OnceLock::new());
+        Ok(Self { parts, channels, filters, training_windows: None, fingerprint })
+    }
+
+    /// The same network behind the filters of `rules`, the first of which sees every event. Engines
+    /// apply them; a window that is given as a whole is taken as it is.
+    ///
+    /// # Errors
+    /// As [`FilterRule::filter`] on any sensor.
+    pub fn with_filters(self, rules: impl Into<Vec<FilterRule>>) -> Result<Self, EngineError> {
+        let filters = rules.into();
+        filters.iter().try_for_each(|rule| rule.filter(Sensor::new(0, 0)).map(drop))?;
+        Ok(Self { filters, fingerprint: OnceLock::new(), ..self })
+    }
+
+    /// The filters that it needs before it.
+    pub fn filters(&self) -> &[FilterRule] {
+        &self.filters
     }
 
     /// The same network with what the windows of its training were like. Predictions then say how
@@ -84,10 +105,10 @@ impl Network {
         &self.parts.name
     }
 
-    /// Hash of structure, names and the bits of all parameters as used. Different networks collide
-    /// only by chance; deliberate collisions are not resisted. O(parameters) on the first call.
+    /// Hash of structure, names, filters and the bits of all parameters as used. Different networks
+    /// collide only by chance; deliberate collisions are not resisted. O(parameters) on the first call.
     pub fn fingerprint(&self) -> u64 {
-        *self.fingerprint.get_or_init(|| fingerprint_of(&self.parts))
+        *self.fingerprint.get_or_init(|| fingerprint_of(&self.parts, &self.filters))
     }
 
     /// Number of values in a prediction.
@@ -190,13 +211,13 @@ impl Network {
     }
 
     fn changed(self, change: impl FnOnce(&mut NetworkParts)) -> Result<Self, EngineError> {
-        let Self { mut parts, training_windows, .. } = self;
+        let Self { mut parts, filters, training_windows, .. } = self;
         change(&mut parts);
-        Ok(Self::new(parts)?.with_training_windows(training_windows))
+        Self::new(parts)?.with_training_windows(training_windows).with_filters(filters)
     }
 }
 
-fn fingerprint_of(parts: &NetworkParts) -> u64 {
+fn fingerprint_of(parts: &NetworkParts, filters: &[FilterRule]) -> u64 {
     let mut to = Fingerprint::new();
     to.text(&parts.name);
     to.word(parts.span_us as u64);
@@ -241,6 +262,7 @@ fn fingerprint_of(parts: &NetworkParts) -> u64 {
     if let Some(cell) = parts.place {
         cell.into_iter().for_each(|size| to.word(fraction(size)));
     }
+    filters.iter().for_each(|rule| rule.fingerprint(&mut to));
     to.finish()
 }
 

@@ -19,7 +19,7 @@ use std::fmt;
 
 use thiserror::Error;
 
-use crate::Sensor;
+use crate::{EngineError, Sensor};
 
 pub use consecutive::{Consecutive, ConsecutiveFrames};
 pub use sliding::SlidingSigned;
@@ -208,6 +208,9 @@ pub enum RepresentationError {
         /// What becomes 1.
         maximum: f32,
     },
+    /// A filter before it refuses the sensor.
+    #[error(transparent)]
+    Filter(#[from] EngineError),
 }
 
 impl RepresentationError {

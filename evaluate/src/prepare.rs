@@ -12,8 +12,9 @@ mod windows;
 use std::collections::BTreeMap;
 use std::path::Path;
 
+use meissner_engine::filters::{Chain, EventFilter, FilterRule};
 use meissner_engine::representations::{ELECTRODES, Scaling};
-use meissner_engine::{Batch, Edges, Event, Graph, Search, Stream};
+use meissner_engine::{Batch, Edges, EngineError, Event, Graph, Search, Sensor, Stream};
 use meissner_io::Reading;
 use meissner_io::datasets::{SlipRecording, Split};
 use meissner_models::systems::slip;
@@ -188,7 +189,7 @@ pub fn graphs(events: &Path, description: &Description, pool: &ThreadPool) -> Re
 }
 
 /// The graphs of `streams`, each from a reset to its last event, as a network of `description`
-/// builds them. `meissner prepare graphs --help` lists the tensors.
+/// builds them behind its filters. `meissner prepare graphs --help` lists the tensors.
 ///
 /// # Errors
 /// The streams do not fit.
@@ -197,13 +198,18 @@ pub fn graphs_of(streams: &Streams, description: &Description) -> Result<Prepare
     let network = description.network(&draw(description, 0)).map_err(weights_error("drawn weights"))?;
     let batch = Batch::new(network, streams.sensor)?.with_search(Search::Grid);
     let parts = streams.parts();
-    let graph = |&events: &&[Event]| batch.graph(Stream::new(events));
-    let graphs: Vec<Graph> = parts.par_iter().map(graph).collect::<Result<_, _>>()?;
+    let graph = |&events: &&[Event]| {
+        let kept = passing(events, description.filters(), streams.sensor)?;
+        let events: Vec<Event> = kept.iter().map(|&at| events[at]).collect();
+        Ok::<_, EngineError>((kept, batch.graph(Stream::new(&events))?))
+    };
+    let graphs: Vec<(Vec<usize>, Graph)> = parts.par_iter().map(graph).collect::<Result<_, _>>()?;
 
     let mut levels: Vec<Level> = (0..batch.network().levels()).map(|_| Level::default()).collect();
     let (mut event, mut readout) = (Vec::new(), Vec::new());
-    for (graph, end) in graphs.iter().zip(streams.ends()) {
-        event.extend((end - graph.levels[0].edges.rows()..end).map(|event| event as i32));
+    for (((kept, graph), end), part) in graphs.iter().zip(streams.ends()).zip(&parts) {
+        let rows = &kept[kept.len() - graph.levels[0].edges.rows()..];
+        event.extend(rows.iter().map(|&at| (end - part.len() + at) as i32));
         for (level, (to, trace)) in levels.iter_mut().zip(&graph.levels).enumerate() {
             let first = to.start_stream(&trace.edges);
             to.index.extend(trace.cells.iter().flatten().map(|&i| i as i32));
@@ -223,6 +229,12 @@ pub fn graphs_of(streams: &Streams, description: &Description) -> Result<Prepare
     }
     let (count, rows) = (grouped(graphs.len() as u64), grouped(event.len() as u64));
     Ok(Prepared { file, contents: format!("graphs of {count} streams, {rows} rows at the event level") })
+}
+
+/// The places of the `events` that the filters of `rules` pass.
+fn passing(events: &[Event], rules: &[FilterRule], sensor: Sensor) -> Result<Vec<usize>, EngineError> {
+    let mut filters = Chain::of_rules(rules, sensor)?;
+    Ok((0..events.len()).filter(|&at| filters.admit(events[at])).collect())
 }
 
 impl Level {

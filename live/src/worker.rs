@@ -81,7 +81,10 @@ pub(crate) fn run<P: Predictor<Input: Item>>(
                 answer.error = None;
                 (answer.covered, answer.covered_us) = (task.covered, covered_us);
                 answer.losses = Losses {
-                    dropped: (events.pushed - before.pushed) - (events.accepted - before.accepted),
+                    // What the network's filters drop is no loss: the prediction is without it.
+                    dropped: (events.pushed - before.pushed)
+                        - (events.accepted - before.accepted)
+                        - (events.filtered - before.filtered),
                     held: given.saturating_sub(events.pushed - before.pushed),
                     restarts: events.restarts - before.restarts,
                 };

@@ -9,6 +9,7 @@ mod any;
 pub mod convolution;
 mod document;
 mod file;
+pub(crate) mod filters;
 pub mod frames;
 mod layer;
 pub(crate) mod preparation;
@@ -22,6 +23,7 @@ mod wiring;
 
 use std::sync::Arc;
 
+use meissner_engine::filters::FilterRule;
 use meissner_engine::frames::{Convolution, FrameLayer as Part, FrameNetwork, FrameNetworkParts};
 use meissner_engine::{
     Block, DenseLayer, EngineError, Fraction, GraphRule, Level, Network, NetworkParts, Normalisation,
@@ -71,6 +73,8 @@ pub struct Description {
     graph: GraphRule,
     #[serde(skip)]
     scale: f32,
+    #[serde(serialize_with = "filters::serialize", skip_serializing_if = "Vec::is_empty")]
+    filters: Vec<FilterRule>,
     layers: Vec<Layer>,
     head: Vec<FrameLayer>,
     outputs: Vec<String>,
@@ -126,6 +130,11 @@ impl Description {
     /// Input channels: an event's polarity, and its place along x and y with [`Self::place`].
     pub fn inputs(&self) -> usize {
         if self.place.is_some() { 3 } else { 1 }
+    }
+
+    /// The filters before it, in the order in which events meet them.
+    pub fn filters(&self) -> &[FilterRule] {
+        &self.filters
     }
 
     /// Rule of the event graph.
@@ -193,7 +202,7 @@ impl Description {
     pub fn network_ignoring_preparation(&self, weights: &Weights) -> Result<Network, ModelError> {
         let mut tensors = Tensors::new(&self.name, &self.needed(), weights)?;
         let parts = self.parts(&mut tensors)?;
-        let network = Network::new(tensors.finish(parts)?)?;
+        let network = Network::new(tensors.finish(parts)?)?.with_filters(&*self.filters)?;
         Ok(network.with_training_windows(weights.training_windows()?))
     }
 

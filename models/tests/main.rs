@@ -3,6 +3,7 @@
 mod convolutions;
 mod descriptions;
 mod features;
+mod filters;
 mod frame_vectors;
 mod frames;
 mod heads;

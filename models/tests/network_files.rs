@@ -216,6 +216,19 @@ max = 4
 candidates = "all"
 scale = 0.5
 
+[[filter]]
+kind = "hot_pixel"
+period_us = 10000
+burst = 16
+
+[[filter]]
+kind = "refractory"
+time_us = 1000
+
+[[filter]]
+kind = "activity_filter"
+time_us = 1250
+
 [[layer]]
 name = "grid"
 kind = "readout"
@@ -365,7 +378,7 @@ fn every_example_of_the_page_is_accepted() {
     let blocks: Vec<&str> =
         PAGE.split("```toml\n").skip(1).filter_map(|text| text.split("```").next()).collect();
     let (whole, parts): (Vec<&str>, Vec<&str>) = blocks.iter().partition(|text| text.contains("[network]"));
-    assert_eq!((whole.len(), parts.len()), (3, 1));
+    assert_eq!((whole.len(), parts.len()), (3, 2));
     for text in &whole {
         AnyDescription::parse(text).unwrap_or_else(|error| panic!("{error}\n{text}"));
     }
@@ -373,6 +386,7 @@ fn every_example_of_the_page_is_accepted() {
     let head = whole.iter().find(|text| text.contains("[[head]]")).expect("an example with a head");
     let (before, _) = head.split_once("[output]").expect("an output");
     AnyDescription::parse(&(before.to_owned() + parts[0])).expect("the part instead of an output");
+    AnyDescription::parse(&(parts[1].to_string() + head)).expect("filters before a network");
 }
 
 #[test]
@@ -398,6 +412,19 @@ fn the_keys_values_and_defaults_of_networks_over_events_are_those_that_the_parse
     let mut kinds = choices("Networks over events", "any", "kind");
     kinds.extend(choices("Networks over events", "block", "conv"));
     kinds.extend(["[network]", "[graph]", "[output]"].map(str::to_owned));
+    assert_eq!(found, kinds.into_iter().collect(), "what the tables are of, and what there is");
+}
+
+#[test]
+fn the_keys_values_and_defaults_of_filters_are_those_that_the_parser_asks_for() {
+    let all = [
+        case(RADIUS, "kind = \"hot_pixel\"", &["any", "hot_pixel"], &[]),
+        case(RADIUS, "kind = \"refractory\"", &["any", "refractory"], &[]),
+        case(RADIUS, "kind = \"activity_filter\"", &["any", "activity_filter"], &[]),
+    ];
+    compare("Filters", &all);
+    let kinds = choices("Filters", "any", "kind");
+    let found = groups("Filters");
     assert_eq!(found, kinds.into_iter().collect(), "what the tables are of, and what there is");
 }
 

@@ -80,13 +80,16 @@ pub struct FeedState {
     /// The same of events that wait until it is clear whether the clock has restarted.
     #[serde(default)]
     held: Vec<(i64, u16, u16, bool)>,
+    /// What each filter of the network remembers: column, row and time of pixels.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    filters: Vec<Vec<(u16, u16, i64)>>,
 }
 
 impl FeedState {
     /// The state of a feed whose clock, and with it the first consecutive window, begins at `t_us`.
     pub fn beginning(t_us: i64) -> Self {
-        let (events, held) = (Vec::new(), Vec::new());
-        Self { epoch_us: t_us, now_us: t_us, accepted: 0, open_us: Some(t_us), events, held }
+        let (events, held, filters) = (Vec::new(), Vec::new(), Vec::new());
+        Self { epoch_us: t_us, now_us: t_us, accepted: 0, open_us: Some(t_us), events, held, filters }
     }
 
     /// Refuses frames that are not made as `expected`, and the first field of `state` that a feed
@@ -100,7 +103,8 @@ impl FeedState {
         if found != expected {
             return misfit("frames", expected.to_owned(), found.chars().take(200).collect());
         }
-        let Some(&Self { epoch_us, now_us, accepted, open_us, ref events, ref held }) = state else {
+        let Some(&Self { epoch_us, now_us, accepted, open_us, ref events, ref held, ref filters }) = state
+        else {
             return Ok(());
         };
         if now_us.checked_sub(epoch_us).is_none_or(|span_us| span_us < 0) {
@@ -117,6 +121,13 @@ impl FeedState {
         }
         if let Some((_, x, y, _)) = held.iter().find(|&&(_, x, y, _)| !sensor.contains(x, y)) {
             return misfit("held event in the note", format!("a pixel of {sensor}"), format!("({x}, {y})"));
+        }
+        if let Some((x, y, _)) = filters.iter().flatten().find(|&&(x, y, _)| !sensor.contains(x, y)) {
+            return misfit(
+                "filtered pixel in the note",
+                format!("a pixel of {sensor}"),
+                format!("({x}, {y})"),
+            );
         }
         let mut least_us = open_us.unwrap_or(epoch_us);
         for &(t_us, x, y, _) in events {
@@ -157,7 +168,7 @@ impl FrameFeed {
         let start_us = state.and_then(|state| state.open_us);
         let Some(windows) = Windows::new(description, sensor, every, start_us)? else { return Ok(None) };
         let mut feed = Self {
-            gate: Admission::new(sensor, late),
+            gate: Admission::new(sensor, late).with_filters(description.filters())?,
             watch: ClockWatch::new(restart, sensor, windows.length_us().max(MIN_RESTART_US)),
             windows,
             silence,
@@ -181,6 +192,8 @@ impl FrameFeed {
         }
         self.windows.resume(events, state.epoch_us, state.now_us, state.accepted);
         self.gate.resume(state.epoch_us, state.now_us);
+        // A feed that begins has none; a state was checked.
+        let _ = self.gate.filters_mut().remember(&state.filters);
         self.watch.hold(&state.held.iter().map(event).collect::<Vec<_>>(), Some(state.now_us));
         self.before = state.accepted;
         self.outside_before = -(self.windows.outside_crop() as i64);
@@ -308,10 +321,12 @@ impl FrameFeed {
     /// The state of the feed; `None` before the first event, and if events are not kept.
     pub(crate) fn state(&mut self) -> Option<FeedState> {
         let tuple = |e: &Event| (e.t_us, e.x, e.y, e.on);
+        let now_us = self.gate.now_us()?;
         Some(FeedState {
+            filters: self.gate.filters().remembered(now_us),
             events: self.kept.as_ref()?.iter().map(tuple).collect(),
             epoch_us: self.gate.epoch_us()?,
-            now_us: self.gate.now_us()?,
+            now_us,
             accepted: self.before.saturating_add(self.gate.counters().accepted),
             open_us: self.windows.open_us(),
             held: self.watch.held().iter().map(tuple).collect(),

@@ -51,7 +51,7 @@ struct Note {
     feed: Option<FeedState>,
     silence: u64,
     newest_us: Option<i64>,
-    dropped: [u64; EventCounters::DROP_REASONS],
+    dropped: Vec<u64>,
     caller: Vec<u8>,
 }
 
@@ -89,7 +89,7 @@ impl LiveFrames {
             feed: self.feed.state(),
             silence: self.feed.silence(),
             newest_us: self.frames.newest_us,
-            dropped: self.dropped().map(|(_, count)| count),
+            dropped: self.dropped().map(|(_, count)| count).to_vec(),
             caller: note.to_vec(),
         };
         self.frames.engine.to_bytes_with(&note.written())

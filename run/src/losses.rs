@@ -1,8 +1,9 @@
 //! Unintended loss of input, and truncated recordings.
 //!
 //! Enters: counts. Leaves: a warning for each reason that lost more than one percent of the input,
-//! with the likely cause. What a filter or a queue drops was asked for. Of a live stream, losses
-//! are told after the first thousand events and then every second.
+//! with the likely cause. What a filter of the command or a queue drops was asked for; what the
+//! filters of the network drop is told. Of a live stream, losses are told after the first thousand
+//! events and then every second.
 
 use std::fmt;
 use std::time::{Duration, Instant};
@@ -31,6 +32,8 @@ pub enum LossReason {
     TimeOutOfRange,
     /// Events that are far ahead of those before and after them.
     Outlier,
+    /// Events that the filters of the network drop.
+    Filtered,
     /// Everything before a restart of the sensor's clock: the network began anew.
     Restart,
     /// Accepted events outside the part of the sensor that frames cover.
@@ -46,6 +49,7 @@ impl LossReason {
             Self::Late => "late",
             Self::TimeOutOfRange => "too far from the first event",
             Self::Outlier => "far ahead of the others",
+            Self::Filtered => "dropped by the network's filters",
             Self::Restart => "before a restart of the clock",
             Self::OutsideCrop => "outside the frames",
             Self::LinesRefused => "lines that cannot be read",
@@ -194,6 +198,7 @@ impl InputLosses {
                     order than t,x,y,p (a header names them), the recording is not sorted by time, or the clock has been set \
                     back";
         let outlier = "events are far ahead of those before and after them and are dropped: their times are probably damaged";
+        let filtered = "events are dropped by the filters that the network states: a pixel of the sensor may fire all the time";
         let range = "events are too far in time from the first one and are dropped: times may not be in microseconds, or \
                      the first one is wrong";
         let crop = "events are outside the part of the sensor that the network's frames show: the network may be made for \
@@ -204,6 +209,7 @@ impl InputLosses {
             (LossReason::Late, events.late, events.pushed, late),
             (LossReason::TimeOutOfRange, events.time_out_of_range, events.pushed, range),
             (LossReason::Outlier, events.outliers, events.pushed, outlier),
+            (LossReason::Filtered, events.filtered, events.pushed, filtered),
             (LossReason::OutsideCrop, outside_crop, events.accepted, crop),
             (LossReason::LinesRefused, lines_refused, events.pushed + lines_refused, lines),
         ];

@@ -6,6 +6,7 @@ use std::path::Path;
 use std::sync::{Arc, LazyLock};
 use std::time::Duration;
 
+use meissner_engine::filters::FilterRule;
 use meissner_engine::frames::{
     Convolution, Frame, FrameEngine, FrameNetwork, FrameOptions, Skip, TimedFrames,
 };
@@ -51,14 +52,26 @@ fn options() -> impl Strategy<Value = Options> {
     })
 }
 
+/// Filters that a network states, mostly none.
+fn filters() -> impl Strategy<Value = Vec<FilterRule>> {
+    let rule = prop_oneof![
+        2 => (1i64..400, 1u32..4).prop_map(|(period_us, burst)| FilterRule::HotPixel { period_us, burst }),
+        1 => (1i64..400).prop_map(|us| FilterRule::Refractory { us }),
+        1 => (1i64..4_000).prop_map(|us| FilterRule::BackgroundActivity { us }),
+    ];
+    prop_oneof![2 => Just(Vec::new()), 1 => prop::collection::vec(rule, 1..3)]
+}
+
 proptest! {
     #![proptest_config(cases(400))]
 
     #[test]
     fn an_engine_over_events(
-        shape in strategies::network(), script in script(), cuts in cuts(), options in options(), place in 0.0f64..1.0, bit in 0u32..8,
+        shape in strategies::network(), filters in filters(), script in script(), cuts in cuts(), options in options(),
+        place in 0.0f64..1.0, bit in 0u32..8,
     ) {
-        let (network, steps) = (Arc::new(shape.build()), &script.steps);
+        let (network, steps) = (shape.build().with_filters(filters).expect("admissible"), &script.steps);
+        let network = Arc::new(network);
         let cut = (steps.len() as f64 * place) as usize;
         let engine = || Engine::with_options(Arc::clone(&network), script.sensor, options).expect("admissible");
         let batch = || BatchEngine::new(Arc::clone(&network), script.sensor).expect("pixels").with_late(options.late);

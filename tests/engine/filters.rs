@@ -1,7 +1,8 @@
 //! Event filters against their slow twin, and what each promises.
 
 use meissner_engine::filters::{
-    BackgroundActivity, Chain, EventFilter, Filter, FilterCounters, RateLimit, Refractory, Stride,
+    BackgroundActivity, Chain, EventFilter, Filter, FilterCounters, FilterRule, HotPixel, RateLimit,
+    Refractory, Stride,
 };
 use meissner_engine::{EngineError, Event, Sensor};
 use meissner_tests::event_filters::{Rule, pass};
@@ -18,6 +19,7 @@ fn filter(rule: Rule) -> Filter {
             Filter::BackgroundActivity(BackgroundActivity::new(SENSOR, us).expect(ADMISSIBLE))
         }
         Rule::Refractory(us) => Filter::Refractory(Refractory::new(SENSOR, us).expect(ADMISSIBLE)),
+        Rule::HotPixel(us, burst) => Filter::HotPixel(HotPixel::new(SENSOR, us, burst).expect(ADMISSIBLE)),
     }
 }
 
@@ -28,6 +30,17 @@ fn rule() -> impl Strategy<Value = Rule> {
             .prop_map(Rule::RateLimit),
         prop_oneof![1i64..100, Just(1_250), Just(1 << 40)].prop_map(Rule::BackgroundActivity),
         prop_oneof![1i64..100, Just(1_000), Just(1 << 40)].prop_map(Rule::Refractory),
+        (prop_oneof![1i64..300, Just(10_000), Just(1 << 40)], prop_oneof![1u32..4, Just(1 << 16)])
+            .prop_map(|(us, burst)| Rule::HotPixel(us, burst)),
+    ]
+}
+
+/// A filter that a network can state.
+fn pixel_rule() -> impl Strategy<Value = FilterRule> {
+    prop_oneof![
+        (1i64..300).prop_map(|us| FilterRule::BackgroundActivity { us }),
+        (1i64..300).prop_map(|us| FilterRule::Refractory { us }),
+        (1i64..300, 1u32..4).prop_map(|(period_us, burst)| FilterRule::HotPixel { period_us, burst }),
     ]
 }
 
@@ -100,6 +113,41 @@ proptest! {
     }
 
     #[test]
+    fn of_a_pixel_no_more_than_a_burst_and_the_periods_of_any_time_pass(
+        us in 1i64..300, burst in 1u32..5, events in events(),
+    ) {
+        let mut filter = HotPixel::new(SENSOR, us, burst).expect("admissible");
+        // Nothing is owed beyond the end of time.
+        let counts = |e: &Event| SENSOR.contains(e.x, e.y) && e.t_us < i64::MAX / 2;
+        let mut events: Vec<Event> = events.into_iter().filter(counts).collect();
+        events.sort_by_key(|event| event.t_us);
+        events.retain(|&event| filter.admit(event));
+        for (i, first) in events.iter().enumerate() {
+            let of_pixel = events[i..].iter().filter(|e| (e.x, e.y) == (first.x, first.y));
+            for (count, last) in (1u64..).zip(of_pixel) {
+                prop_assert!(count <= u64::from(burst) + last.t_us.abs_diff(first.t_us) / us.unsigned_abs());
+            }
+        }
+    }
+
+    #[test]
+    fn what_a_chain_remembers_is_all_that_decides_about_later_events(
+        rules in proptest::collection::vec(pixel_rule(), 0..4), before in events(), after in events(),
+    ) {
+        let mut chain = Chain::of_rules(&rules, SENSOR).expect("admissible");
+        run(&mut chain, &before);
+        let now_us = before.iter().map(|event| event.t_us).max().unwrap_or(i64::MIN);
+        let remembered = chain.remembered(now_us);
+        let mut other = Chain::of_rules(&rules, SENSOR).expect("admissible");
+        // What it saw is forgotten.
+        run(&mut other, &after);
+        prop_assert!(other.remember(&remembered));
+        prop_assert_eq!(other.remembered(now_us), remembered);
+        let later: Vec<Event> = after.into_iter().filter(|event| event.t_us >= now_us).collect();
+        prop_assert_eq!(run(&mut other, &later), run(&mut chain, &later));
+    }
+
+    #[test]
     fn two_events_of_a_pixel_that_pass_are_never_closer_than_the_refractory_time(
         us in 1i64..200, events in events(),
     ) {
@@ -166,10 +214,49 @@ fn a_dropped_event_does_not_prolong_the_silence_of_its_pixel() {
 
 #[test]
 fn an_event_outside_the_sensor_is_left_to_the_engine() {
-    for rule in [Rule::BackgroundActivity(10), Rule::Refractory(10)] {
+    for rule in [Rule::BackgroundActivity(10), Rule::Refractory(10), Rule::HotPixel(10, 1)] {
         let mut filter = filter(rule);
         assert_eq!(run(&mut filter, &[at(0, 6, 0), at(0, 6, 0), at(1, 0, 5)]), [true; 3], "{rule:?}");
     }
+}
+
+#[test]
+fn a_pixel_that_fires_faster_than_its_period_is_muted_until_it_has_been_silent() {
+    let mut filter = HotPixel::new(SENSOR, 100, 3).expect("admissible");
+    // One event in 90 us: the debt rises by 10 an event from 100 on, and exceeds 300 with the 22nd.
+    let fast: Vec<Event> = (0..200).map(|i| at(90 * i, 2, 2)).collect();
+    assert_eq!(run(&mut filter, &fast), (0..200).map(|i| i < 21).collect::<Vec<_>>());
+    // One in 100 us or more leaves the debt as it is, or pays it off.
+    let slow: Vec<Event> = (0..200).map(|i| at(100 * i, 3, 3)).collect();
+    assert_eq!(passed(&mut filter, &slow), 200);
+    let end_us = fast[199].t_us;
+    // At most twice the burst is owed: 600 us less the pause, and 100 for the event itself.
+    let pauses = [399, 2, 601].iter().scan(end_us, |t_us, pause| {
+        *t_us += pause;
+        Some(at(*t_us, 2, 2))
+    });
+    assert_eq!(run(&mut filter, &pauses.collect::<Vec<_>>()), [false, false, true]);
+    assert!(filter.admit(at(end_us, 2, 3)), "another pixel");
+}
+
+#[test]
+fn a_clock_that_jumped_back_mutes_a_pixel_for_no_more_than_the_largest_debt() {
+    let mut filter = HotPixel::new(SENSOR, 100, 3).expect("admissible");
+    assert!(filter.admit(at(1_000_000, 2, 2)));
+    assert!(!filter.admit(at(0, 2, 2)), "a million microseconds are owed");
+    assert!(filter.admit(at(600, 2, 2)));
+}
+
+#[test]
+fn an_unfit_memory_is_refused() {
+    let rules = [FilterRule::Refractory { us: 10 }, FilterRule::HotPixel { period_us: 10, burst: 2 }];
+    let mut chain = Chain::of_rules(&rules, SENSOR).expect("admissible");
+    for unfit in [vec![vec![(0, 0, 5)]], vec![vec![(6, 0, 5)], vec![]], vec![vec![], vec![(0, 5, 5)]]] {
+        assert!(!chain.remember(&unfit), "{unfit:?}");
+    }
+    assert!(chain.remembered(0).iter().all(Vec::is_empty));
+    let mut none = Chain::default();
+    assert!(none.remember(&[]) && !none.remember(&[vec![(0, 0, 5)]]));
 }
 
 #[test]
@@ -182,6 +269,9 @@ fn settings_out_of_range_are_refused() {
         BackgroundActivity::new(SENSOR, 0).err(),
         BackgroundActivity::new(SENSOR, i64::MAX).err(),
         Refractory::new(SENSOR, -1).err(),
+        HotPixel::new(SENSOR, 0, 8).err(),
+        HotPixel::new(SENSOR, 10, 0).err(),
+        HotPixel::new(SENSOR, 10, u32::MAX).err(),
     ];
     assert!(refused.iter().all(|error| matches!(error, Some(EngineError::Option { .. }))), "{refused:?}");
 }

@@ -217,7 +217,10 @@ fn every_event_is_counted_as_pushed_and_as_accepted_or_dropped() {
     let counters = engine.counters().events;
     assert_eq!((counters.pushed, counters.accepted), (5, 3));
     let dropped = counters.dropped().map(|(reason, count)| (reason.name(), count));
-    assert_eq!(dropped, [("outside_sensor", 1), ("late", 1), ("time_out_of_range", 0), ("outlier", 0)]);
+    assert_eq!(
+        dropped,
+        [("outside_sensor", 1), ("late", 1), ("time_out_of_range", 0), ("outlier", 0), ("filtered", 0)]
+    );
 }
 
 #[test]

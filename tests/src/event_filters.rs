@@ -14,6 +14,8 @@ pub enum Rule {
     BackgroundActivity(i64),
     /// Silence for so many microseconds.
     Refractory(i64),
+    /// One event in so many microseconds, and so many at once.
+    HotPixel(i64, u32),
 }
 
 /// Whether each of `events` passes `rule`.
@@ -25,6 +27,7 @@ pub fn pass(rule: Rule, sensor: Sensor, events: &[Event]) -> Vec<bool> {
             Rule::RateLimit(rate) => allowed(rate, &events[..=i], &passed),
             Rule::BackgroundActivity(us) => supported(sensor, us, &events[..=i]),
             Rule::Refractory(us) => rested(sensor, us, &events[..=i], &passed),
+            Rule::HotPixel(us, burst) => calm(sensor, us, burst, &events[..=i]),
         };
         passed.push(passes);
     }
@@ -75,4 +78,19 @@ fn rested(sensor: Sensor, us: i64, events: &[Event], passed: &[bool]) -> bool {
         passed[i] && (e.x, e.y) == (event.x, event.y)
     });
     !sensor.contains(event.x, event.y) || before.is_none_or(|i| apart(event, events[i]) >= i128::from(us))
+}
+
+/// Whether the debt of the last event's pixel, over all its events, is at most `burst` periods.
+fn calm(sensor: Sensor, us: i64, burst: u32, events: &[Event]) -> bool {
+    let event = events[events.len() - 1];
+    let (period, most) = (i128::from(us), i128::from(burst) * i128::from(us));
+    let (mut debt, mut kept, mut last) = (0, 0, i128::from(i64::MIN));
+    for e in events.iter().filter(|e| (e.x, e.y) == (event.x, event.y)) {
+        let t = i128::from(e.t_us);
+        // Nothing is paid off after the end of time.
+        debt = ((kept - (t - last)).max(0) + period).min(i128::from(i64::MAX) - t);
+        kept = debt.min(2 * most);
+        last = t;
+    }
+    !sensor.contains(event.x, event.y) || debt <= most
 }

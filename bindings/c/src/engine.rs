@@ -139,7 +139,7 @@ pub struct meissner_prediction {
 // SAFETY: `repr(C)` with numbers alone, the first of which is the size.
 unsafe impl Versioned for meissner_prediction {}
 
-/// Counts of events since the engine was made. `pushed` is the sum of `accepted` and of the four
+/// Counts of events since the engine was made. `pushed` is the sum of `accepted` and of the five
 /// reasons for which events are dropped.
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
@@ -170,6 +170,8 @@ pub struct meissner_counters {
     pub outliers: u64,
     /// Restarts of the sensor's clock, each of which reset the engine.
     pub restarts: u64,
+    /// Dropped: by a filter that the network states, such as one for pixels that fire all the time.
+    pub filtered: u64,
 }
 
 impl From<EventCounters> for meissner_counters {
@@ -188,6 +190,7 @@ impl From<EventCounters> for meissner_counters {
             reused: 0,
             outliers: found.outliers,
             restarts: found.restarts,
+            filtered: found.filtered,
         }
     }
 }

@@ -61,6 +61,7 @@ pub(crate) fn warnings_of_losses(events: &EventCounters, sensor: Sensor) -> Vec<
     );
     let late = "earlier than one before them: the events may not be sorted by time, or the clock of the sensor went back";
     let outlier = "far ahead of those before and after them: their times are probably damaged";
+    let filtered = "by the filters that the network states: a pixel of the sensor may fire all the time";
     let range =
         "too far in time from the first one: times may not be in microseconds, or the first one is wrong";
     let counts = [
@@ -68,6 +69,7 @@ pub(crate) fn warnings_of_losses(events: &EventCounters, sensor: Sensor) -> Vec<
         (events.late, late),
         (events.time_out_of_range, range),
         (events.outliers, outlier),
+        (events.filtered, filtered),
     ];
     let is_large = |count: u64| u128::from(count) * 100 > u128::from(events.pushed);
     let large = counts.into_iter().filter(|&(count, _)| is_large(count));

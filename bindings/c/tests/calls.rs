@@ -220,6 +220,7 @@ impl Predictor for Spoken {
             expired: counters.expired,
             evicted: counters.evicted,
             restarts: counters.restarts,
+            filtered: counters.filtered,
         }
     }
 }
@@ -345,6 +346,23 @@ fn pushing_advancing_and_predicting_allocate_nothing() {
         }
     }
     assert_eq!(COUNT.get() - before, 0);
+}
+
+#[test]
+fn the_filters_of_a_network_drop_and_count_what_they_do_in_rust() {
+    let handle = Handle::new(0, MEISSNER_RESTART_RESET);
+    let mut engine = Engine::new(NETWORK.clone(), SENSOR).expect("an engine");
+    // Between the events of a stream, one pixel fires 10,000 times a second.
+    let hot = |event: meissner_event| [event, meissner_event { x: 20, y: 15, ..event }];
+    let events: Vec<meissner_event> = stream(3_000).into_iter().flat_map(hot).collect();
+    let (status, accepted) = handle.push_events(&events);
+    assert_eq!(status, OK);
+    assert_eq!(accepted, engine.push_all(events.iter().map(rust_event)));
+    let (counters, expected) = (handle.counters(), *engine.event_counters());
+    assert_eq!((counters.pushed, counters.filtered), (6_000, expected.filtered));
+    assert!((2_900..3_000).contains(&counters.filtered), "{counters:?}");
+    let bits: Vec<u32> = engine.predict().expect("numbers").values.iter().map(|v| v.to_bits()).collect();
+    assert_eq!(handle.predict(), (OK, bits.try_into().expect("as many")));
 }
 
 /// A stream, the same with the clock at 0 again, and a single time far ahead.

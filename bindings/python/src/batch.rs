@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use meissner::filters::{Chain, EventFilter};
 use meissner::{BatchEngine, Event, Search, Stream};
 use numpy::{PyArray1, PyArrayMethods};
 use pyo3::prelude::*;
@@ -85,7 +86,8 @@ impl Batch {
 
     /// Predictions of independent streams, each an argument of `push`: float32 (streams, outputs).
     ///
-    /// The state of this batch is neither used nor changed. Events must lie on the sensor, and
+    /// The state of this batch is neither used nor changed; each stream passes the network's
+    /// filters. Events must lie on the sensor, and
     /// times must not step back. Raises `InputError`, `NotANumberError`.
     fn predict_all<'py>(
         slf: &Bound<'_, Self>,
@@ -103,8 +105,12 @@ impl Batch {
             taken.clear();
             Ok(py.check_signals()?)
         };
+        let mut filters = Chain::of_rules(this.engine.network().filters(), batch.sensor())?;
         for stream in streams.try_iter()? {
-            taken.push(Events::new(&stream?)?.to_vec_clamped());
+            let mut events = Events::new(&stream?)?.to_vec_clamped();
+            filters.reset();
+            events.retain(|&event| filters.admit(event));
+            taken.push(events);
             if taken.len() == STREAMS {
                 run(&mut taken)?;
             }

@@ -212,6 +212,7 @@ pub(crate) fn event_counters(py: Python<'_>, of: EventCounters) -> PyResult<Boun
         ("late", of.late),
         ("time_out_of_range", of.time_out_of_range),
         ("outliers", of.outliers),
+        ("filtered", of.filtered),
         ("clamped", of.clamped),
         ("expired", of.expired),
         ("evicted", of.evicted),

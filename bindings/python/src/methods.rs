@@ -247,6 +247,7 @@ pub(crate) fn rows_of_events(events: EventCounters) -> Vec<[String; 2]> {
         ("late, dropped", events.late),
         ("time out of range, dropped", events.time_out_of_range),
         ("far ahead, dropped", events.outliers),
+        ("by the network's filters, dropped", events.filtered),
         ("late, with the newest time", events.clamped),
         ("restarts of the sensor's clock", events.restarts),
     ];

@@ -54,6 +54,7 @@ fn counted<'py>(py: Python<'py>, of: &EventCounters, outside_crop: u64) -> PyRes
         ("outside_crop", outside_crop),
         ("late", of.late),
         ("time_out_of_range", of.time_out_of_range),
+        ("filtered", of.filtered),
         ("expired", of.expired),
         ("evicted", of.evicted),
     ];
@@ -378,7 +379,10 @@ pub(crate) fn frames_for(py: Python<'_>, network: &Bound<'_, PyAny>, sensor: Pix
     let FrameShape::Image { width, height, .. } = frames.input() else { return Err(of_events()) };
     let side = |side: usize| u16::try_from(side).map_err(|_| of_events());
     let (width, height) = (side(width)?, side(height)?);
-    let consecutive = |frames: ConsecutiveFrames| Ok(Py::new(py, EventFrames { frames })?.into_any());
+    let consecutive = |made: ConsecutiveFrames| {
+        let frames = made.with_filters(frames.filters())?;
+        Ok(Py::new(py, EventFrames { frames })?.into_any())
+    };
     let (FrameSource::EventCounts { place, .. } | FrameSource::Signed { place, .. }) = *frames.source()
     else {
         return Err(of_events());
@@ -394,6 +398,7 @@ pub(crate) fn frames_for(py: Python<'_>, network: &Bound<'_, PyAny>, sensor: Pix
         }
         FrameSource::Signed { timing: SignedTiming::Sliding { span_us }, rule, .. } => {
             let window = SlidingSigned::new(sensor, crop, rule, span_us, SlidingSigned::DEFAULT_CAPACITY)?;
+            let window = window.with_filters(frames.filters())?;
             Ok(Py::new(py, SlidingFrame { window })?.into_any())
         }
         _ => Err(of_events()),

@@ -70,6 +70,30 @@ def test_incremental_equals_batch_bit_for_bit(name, events, cuts, pause):
     assert len(engine) == len(batch)
 
 
+def test_the_filters_of_a_network_do_what_filters_before_it_do():
+    refractory = {**SMALL, "filter": [{"kind": "refractory", "time_us": 900}]}
+    hot = {**SMALL, "filter": [{"kind": "hot_pixel", "period_us": 1_000, "burst": 8}]}
+    weights = meissner.Weights.draw(SMALL, 5)
+    events = make_events(900)
+    events["x"][::3], events["y"][::3] = 5, 5
+    before = meissner.Filters(SENSOR, refractory_us=900)
+    passed = before.push(events)
+    expected = meissner.Engine(SMALL, SENSOR, weights)
+    expected.push(passed)
+    for kind in (meissner.Engine, meissner.Batch):
+        of = kind(refractory, SENSOR, weights)
+        with pytest.warns(meissner.MeissnerWarning, match="filters"):
+            assert of.push(events) == len(passed)
+        assert of.counters["events"]["filtered"] == len(events) - len(passed) > 100
+        assert bits(of.predict()) == bits(expected.predict())
+        of = kind(hot, SENSOR, weights)
+        with pytest.warns(meissner.MeissnerWarning, match="may fire all the time"):
+            of.push(events)
+        assert of.counters["events"]["filtered"] > 280
+    batch = meissner.Batch(hot, SENSOR, weights)
+    assert batch.predict_all([events])[0].tobytes() == bits(of.predict())
+
+
 STREAMS = json.loads((Path(__file__).parents[3] / "tests/golden/streams.json").read_text())
 
 

@@ -214,3 +214,19 @@ def test_a_crop_shows_its_pixels_and_counts_the_others(events):
     for bad in [(0, 0, 65, 48), (0, 0, 0, 1)]:
         with pytest.raises(meissner.InputError, match="crop: expected a rectangle"):
             meissner.EventFrames(SENSOR, crop=bad)
+
+
+def test_frames_for_a_network_are_those_behind_its_filters():
+    filtered = {**NETWORK, "filter": [{"kind": "refractory", "time_us": 700}]}
+    events = make_events(300, sensor=(8, 6), every_us=50)
+    makes, before = meissner.frames_for(filtered, (8, 6)), meissner.Filters((8, 6), refractory_us=700)
+    done, passed = makes.push(events), before.push(events)
+    counts, starts = meissner.event_frames(passed, (8, 6), period_us=1000, maximum=4)
+    for frame, values, start in zip(done, counts, starts, strict=False):
+        assert np.array_equal(frame, values) and frame.start_us == start
+    assert makes.counters["filtered"] == len(events) - len(passed) > 20
+    sliding = {**NETWORK["input"], "channels": 1, "frames": "signed", "span_us": 5_000}
+    del sliding["period_us"], sliding["maximum"]
+    window = meissner.frames_for({**filtered, "input": sliding}, (8, 6))
+    window.push(events)
+    assert window.counters["filtered"] == len(events) - len(passed)

@@ -44,6 +44,8 @@ impl Origin<'_> {
 
 /// Bytes per event.
 const EVENT: usize = 13;
+/// Bytes per pixel that a filter remembers.
+const PIXEL: usize = 12;
 
 impl Stored for Engine {
     const KIND: Kind = Kind::Events;
@@ -123,6 +125,7 @@ impl Engine {
         (0..self.network.levels()).for_each(|level| self.write_rows(level, &mut to));
         to.size(self.held().len());
         self.held().iter().for_each(|event| write_event(&mut to, event.t_us, event.x, event.y, event.on));
+        self.write_filters(&mut to);
         to.finish(note)
     }
 
@@ -147,6 +150,7 @@ impl Engine {
         restored.read_window(&mut from, now)?;
         (0..self.network.levels()).try_for_each(|level| restored.read_rows(level, &mut from))?;
         restored.read_held(&mut from)?;
+        restored.read_filters(&mut from)?;
         from.end()?;
         restored.step.stopwatch = self.step.stopwatch.clone();
         *self = restored;
@@ -183,14 +187,19 @@ impl Engine {
     }
 
     fn write_counters(&self, to: &mut Writer) {
-        to.counts(self.admission.counters().to_array());
+        // Only a network with filters counts what they drop: `write_filters`.
+        let [counts @ .., _] = self.admission.counters().to_array();
+        to.counts(counts);
         to.size(self.log.layers.len());
         self.log.layers.iter().for_each(|log| to.counts(log.counters.to_array()));
         to.counts(self.log.predictions.to_array());
     }
 
     fn read_counters(&mut self, from: &mut Reader<'_>) -> Result<EventCounters, EngineError> {
-        let events = EventCounters::from_array(from.counts("count of events")?);
+        let mut counts = EventCounters::default().to_array();
+        let [taken @ .., _] = &mut counts;
+        *taken = from.counts("count of events")?;
+        let events = EventCounters::from_array(counts);
         from.exactly("number of layers", self.log.layers.len())?;
         for (log, counted) in self.log.layers.iter_mut().zip(&mut self.recomputed) {
             log.counters = LayerCounters::from_array(from.counts("count of rows")?);
@@ -266,13 +275,23 @@ impl Engine {
         from: &mut Reader<'_>,
         what: std::fmt::Arguments<'_>,
     ) -> Result<(u16, u16, bool), EngineError> {
+        let (x, y) = self.read_place(from, what)?;
+        Ok((x, y, from.flag(format_args!("polarity of {what}"))?))
+    }
+
+    /// Reads the pixel called `what`.
+    fn read_place(
+        &self,
+        from: &mut Reader<'_>,
+        what: std::fmt::Arguments<'_>,
+    ) -> Result<(u16, u16), EngineError> {
         let x = from.u16(format_args!("column of {what}"))?;
         let y = from.u16(format_args!("row of {what}"))?;
         if !self.sensor.contains(x, y) {
             let expected = format!("a pixel of {}", self.sensor);
             return Err(from.refuse(what, 4, expected, format_args!("({x}, {y})")));
         }
-        Ok((x, y, from.flag(format_args!("polarity of {what}"))?))
+        Ok((x, y))
     }
 
     fn read_held(&mut self, from: &mut Reader<'_>) -> Result<(), EngineError> {
@@ -289,6 +308,44 @@ impl Engine {
             let expected = "times that the clock does not agree with, of one run";
             return Err(from.refuse("held events", count * EVENT, expected, format_args!("{count} others")));
         }
+        Ok(())
+    }
+
+    /// Writes what the filters of the network dropped and remember; nothing if it has none.
+    fn write_filters(&self, to: &mut Writer) {
+        let filters = self.admission.filters();
+        if filters.is_empty() {
+            return;
+        }
+        to.u64(self.admission.counters().filtered);
+        for pixels in filters.remembered(self.now_us().unwrap_or(i64::MIN)) {
+            to.size(pixels.len());
+            for (x, y, t_us) in pixels {
+                to.i64(t_us);
+                to.u16(x);
+                to.u16(y);
+            }
+        }
+    }
+
+    fn read_filters(&mut self, from: &mut Reader<'_>) -> Result<(), EngineError> {
+        if self.admission.filters().is_empty() {
+            return Ok(());
+        }
+        [self.admission.counters_mut().filtered] = from.counts("count of filtered events")?;
+        let pixels = usize::from(self.sensor.width) * usize::from(self.sensor.height);
+        let mut remembered = Vec::with_capacity(self.network.filters().len());
+        for filter in self.network.filters() {
+            let count = from.length(format_args!("pixels of {filter:?}"), pixels, PIXEL)?;
+            let mut times = Vec::with_capacity(count);
+            for i in 0..count {
+                let t_us = from.i64(format_args!("time of pixel {i} of {filter:?}"))?;
+                let (x, y) = self.read_place(from, format_args!("pixel {i} of {filter:?}"))?;
+                times.push((x, y, t_us));
+            }
+            remembered.push(times);
+        }
+        assert!(self.admission.filters_mut().remember(&remembered), "as many filters, pixels of the sensor");
         Ok(())
     }
 

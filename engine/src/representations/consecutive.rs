@@ -6,6 +6,7 @@
 //! `touched_before`.
 
 use crate::admission::Admission;
+use crate::filters::FilterRule;
 use crate::representations::{Completed, Crop, EmptyRun, EventFrame, RepresentationError, SignedRule};
 use crate::rows::RowSet;
 use crate::{Event, EventCounters, LatePolicy, Outcome, Sensor};
@@ -111,6 +112,14 @@ impl ConsecutiveFrames {
         };
         frames.begin();
         Ok(frames)
+    }
+
+    /// The same behind the filters of `rules`, which drop and count events as a network's.
+    ///
+    /// # Errors
+    /// A filter refuses the sensor.
+    pub fn with_filters(self, rules: &[FilterRule]) -> Result<Self, RepresentationError> {
+        Ok(Self { admission: self.admission.with_filters(rules)?, ..self })
     }
 
     /// The shape of every frame: (channels, height, width).

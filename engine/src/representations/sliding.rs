@@ -7,6 +7,7 @@
 use std::collections::VecDeque;
 
 use crate::admission::Admission;
+use crate::filters::FilterRule;
 use crate::representations::consecutive::sign;
 use crate::representations::{Crop, EventFrame, RepresentationError, SignedRule};
 use crate::rows::RowSet;
@@ -80,6 +81,14 @@ impl SlidingSigned {
             events: [0; 2],
             outside_crop: 0,
         })
+    }
+
+    /// The same behind the filters of `rules`, which drop and count events as a network's.
+    ///
+    /// # Errors
+    /// A filter refuses the sensor.
+    pub fn with_filters(self, rules: &[FilterRule]) -> Result<Self, RepresentationError> {
+        Ok(Self { admission: self.admission.with_filters(rules)?, ..self })
     }
 
     /// The shape of every frame: (1, height, width).

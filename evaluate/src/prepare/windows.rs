@@ -12,7 +12,7 @@ use meissner_run::RunError;
 use meissner_run::text::grouped;
 use rayon::prelude::*;
 
-use super::Prepared;
+use super::{Prepared, passing};
 use crate::error::{EvaluateError, RequestPart, Result};
 use crate::streams::Streams;
 
@@ -78,7 +78,9 @@ pub fn training_windows(
         }
         let times = times.of(&streams);
         let of_stream = |(events, times): (&&[Event], &Vec<i64>)| {
-            let events: Vec<Event> = events.iter().copied().step_by(card.stride).collect();
+            let taken: Vec<Event> = events.iter().copied().step_by(card.stride).collect();
+            let kept = passing(&taken, description.filters(), own)?;
+            let events: Vec<Event> = kept.into_iter().map(|at| taken[at]).collect();
             let window = |&now_us: &i64| {
                 let oldest = now_us.saturating_sub(description.span_us());
                 let range = [oldest, now_us.saturating_add(1)]
@@ -89,10 +91,10 @@ pub fn training_windows(
                 let statistics = WindowStatistics::of(events, own, now_us);
                 (!events.is_empty()).then(|| statistics.features(own, description.span_us()))
             };
-            times.iter().filter_map(window).collect::<Vec<_>>()
+            Ok::<_, EvaluateError>(times.iter().filter_map(window).collect::<Vec<_>>())
         };
         let parts = streams.parts();
-        let found: Vec<_> = parts.par_iter().zip(&times).map(of_stream).collect();
+        let found: Vec<_> = parts.par_iter().zip(&times).map(of_stream).collect::<Result<_>>()?;
         windows.extend(found.into_iter().flatten());
     }
     let described = TrainingWindows::of(&windows).ok_or_else(|| {

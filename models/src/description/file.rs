@@ -10,12 +10,12 @@ use meissner_engine::{
 use meissner_kernels::{Activation, SplineConv};
 use toml::de::DeValue;
 
-use super::Description;
 use super::convolution::KINDS as CONVOLUTIONS;
 use super::document::{HEAD, LAYER, ParsedLayer, layers, output};
 use super::frames::{FrameKind, read_head};
 use super::layer::{Cell, LayerKind, activations};
 use super::table::{NAME, Spanned, Table, integer, name};
+use super::{Description, filters};
 
 /// The input of a network: the name that layers refer to it by.
 pub(super) const EVENTS: &str = "events";
@@ -65,6 +65,7 @@ pub(super) fn read(root: &mut Table<'_, '_>) -> File {
         place: None,
         graph: GraphRule { reach: Reach::Knn { k: 1 }, candidates: Candidates::All },
         scale: 1.0,
+        filters: Vec::new(),
         layers: Vec::new(),
         head: Vec::new(),
         outputs: Vec::new(),
@@ -82,6 +83,7 @@ pub(super) fn read(root: &mut Table<'_, '_>) -> File {
     if let Some(table) = root.table("graph", "a table with the rule of the event graph") {
         graph(table, &mut network);
     }
+    network.filters = filters::read(root);
     let output = output(root);
     network.units = output.units;
     let layers = layers(root, LAYER, EVENTS, REFERENCE, &KINDS, |word, table, layer| {

@@ -8,11 +8,13 @@ mod layer;
 mod shapes;
 mod source;
 
+use meissner_engine::filters::FilterRule;
 use meissner_engine::frames::{FrameLayer as Part, FrameLayerKind as Kind, FrameNetworkParts, FrameShape};
 use meissner_kernels::Activation;
 use serde::Serialize;
 
 use crate::description::document::{EVENT_NETWORK, FRAME_NETWORK, INPUT, output};
+use crate::description::filters;
 use crate::description::problem::ProblemKind;
 use crate::description::references::Scope;
 use crate::description::table::{self, NAME, Table};
@@ -33,6 +35,8 @@ pub struct FrameDescription {
     #[serde(serialize_with = "serialize_shape")]
     input: FrameShape,
     source: FrameSource,
+    #[serde(serialize_with = "filters::serialize", skip_serializing_if = "Vec::is_empty")]
+    filters: Vec<FilterRule>,
     layers: Vec<FrameLayer>,
     outputs: Vec<String>,
     units: Vec<String>,
@@ -54,6 +58,7 @@ impl FrameDescription {
         }
         let input = root.table(INPUT, "a table with a frame's shape and source");
         let (shape, source) = input.map_or((None, None), file::read);
+        let filters = file::read_filters(&mut root, source.as_ref());
         let output = output(&mut root);
         let layers = file::read_layers(&mut root);
         let problems = root.finish();
@@ -68,7 +73,7 @@ impl FrameDescription {
         let layers = check(stack, problems);
         report_shared(layers.iter().map(|layer| (&*layer.name, layer.line, layer.tensors())), problems);
         let (outputs, units) = (output.names?.value, output.units);
-        Some(Self { name, input: shape?, source: source?, layers, outputs, units })
+        Some(Self { name, input: shape?, source: source?, filters, layers, outputs, units })
     }
 
     /// Name, for reports.
@@ -84,6 +89,11 @@ impl FrameDescription {
     /// The source of the frames.
     pub fn source(&self) -> &FrameSource {
         &self.source
+    }
+
+    /// The filters of the events that frames are made of, in the order in which events meet them.
+    pub fn filters(&self) -> &[FilterRule] {
+        &self.filters
     }
 
     /// The layers, each after those it reads; the last one predicts.

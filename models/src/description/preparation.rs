@@ -10,7 +10,8 @@
 //! ```
 //!
 //! `scales` of edge attributes, level by level, are missing with "per-graph". `cells` are the
-//! poolings'. `place` stands for an input of places in cells. `lifetime` may be missing: both give
+//! poolings'. `place` stands for an input of places in cells, `filters` for the filters before the
+//! network, as their tables have them. `lifetime` may be missing: both give
 //! the same graph until an event leaves. The published contact-angle checkpoint has no metadata and
 //! counts as `graphres-published`.
 //!
@@ -21,17 +22,20 @@
 //! {"frames":"electrodes","steps":5,"scaling":["reading",[1911.0,3743.0]]}
 //! ```
 //!
+//! For one over frames of events they are its filters, `{"filters":[...]}`, if it has any.
+//!
 //! Sampling does not count: training windows without overlap may slide when they run.
 //!
 //! Weights that state another preparation make no network, unless asked for. Those without a
 //! statement are accepted, and `agreement` reports it.
 
+use meissner_engine::filters::FilterRule;
 use meissner_engine::{Normalisation, Reach};
 use serde_json::{Map, Value, json};
 
-use super::Description;
 use super::frames::{FrameDescription, FrameSource};
 use super::layer::{LayerKind, normalisation_word};
+use super::{Description, filters};
 use crate::error::ModelError;
 use crate::weights::Weights;
 
@@ -114,6 +118,7 @@ impl Description {
         text.extend(
             self.place.map(|place| format!("\"place\":{}", json!(place.map(|size| size.to_string())))),
         );
+        text.extend(filtered(&self.filters));
         format!("{{{}}}", text.join(","))
     }
 
@@ -129,10 +134,13 @@ impl Description {
 }
 
 impl FrameDescription {
-    /// The metadata `preparation` of weights trained for it: frames, steps and scaling in the words
-    /// of `[input]`, as JSON; `None` where frames do not come from electrodes.
+    /// The metadata `preparation` of weights trained for it, as JSON: of readings of electrodes
+    /// frames, steps and scaling in the words of `[input]`, of events the filters; `None` for
+    /// pictures, and without filters.
     pub fn preparation(&self) -> Option<String> {
-        let (FrameSource::TactileImage(_) | FrameSource::Electrodes(_)) = self.source() else { return None };
+        let (FrameSource::TactileImage(_) | FrameSource::Electrodes(_)) = self.source() else {
+            return filtered(self.filters()).map(|filters| format!("{{{filters}}}"));
+        };
         let settings = serde_json::to_value(self.source()).unwrap_or_default();
         let entries = READING_KEYS.iter().filter_map(|&key| Some(format!("{key:?}:{}", settings.get(key)?)));
         Some(format!("{{{}}}", entries.collect::<Vec<_>>().join(",")))
@@ -147,6 +155,11 @@ impl FrameDescription {
     pub(super) fn check_preparation(&self, weights: &Weights) -> Result<(), ModelError> {
         check(self.name(), self.preparation(), self.source().word(), weights)
     }
+}
+
+/// The entry of filters, if there are any.
+fn filtered(rules: &[FilterRule]) -> Option<String> {
+    (!rules.is_empty()).then(|| format!("\"filters\":{}", filters::json(rules)))
 }
 
 /// `Ok` if `weights` state the preparation that `network` expects, or none. Without one, a network
@@ -179,9 +192,10 @@ fn entries(text: &str) -> Option<Map<String, Value>> {
     Some(counting.map(|(key, value)| (key, rounded(value))).collect())
 }
 
-/// `value` with its numbers, also those of nested lists, as f32.
+/// `value` with its numbers, also those of nested lists and objects, as f32.
 fn rounded(value: Value) -> Value {
     match value {
+        Value::Object(entries) => entries.into_iter().map(|(key, value)| (key, rounded(value))).collect(),
         // The parser limits the depth of lists to 128.
         Value::Array(list) => list.into_iter().map(rounded).collect(),
         value => value.as_f64().map_or(value, |number| Value::from(number as f32)),

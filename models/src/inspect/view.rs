@@ -7,6 +7,7 @@ use std::fmt::Write;
 
 use meissner_engine::Aggregation;
 
+use crate::description::filters;
 use crate::description::frames::{FRAME, FrameDescription, FrameKind, FrameLayer};
 use crate::description::{Cost, CostUnit, Description, FieldStart, Layer, LayerKind, Needed, ReceptiveField};
 
@@ -71,6 +72,9 @@ impl Description {
         if graph.scale.is_none() {
             head.push(("normalised", "per graph: batch only".to_owned()));
         }
+        if !self.filters().is_empty() {
+            head.push(("filters", filters::line(self.filters())));
+        }
         head.push(("output", self.labelled_outputs()));
         let events = self.layers().iter().filter(|layer| layer.level == Some(0));
         let cost: usize = events.map(|layer| layer.cost.multiply_adds).sum();
@@ -124,6 +128,15 @@ impl Description {
 impl FrameDescription {
     pub(crate) fn view(&self) -> View<'_> {
         let word = self.source().word();
+        let mut head = vec![
+            ("network", self.name().to_owned()),
+            ("input", self.input().to_string()),
+            ("frames", self.source().to_string()),
+        ];
+        if !self.filters().is_empty() {
+            head.push(("filters", filters::line(self.filters())));
+        }
+        head.push(("output", format!("{}, {}", self.labelled_outputs(), self.output())));
         View {
             name: self.name(),
             about: format!(
@@ -131,12 +144,7 @@ impl FrameDescription {
                 count(self.parameters()),
                 count(self.multiply_adds())
             ),
-            head: vec![
-                ("network", self.name().to_owned()),
-                ("input", self.input().to_string()),
-                ("frames", self.source().to_string()),
-                ("output", format!("{}, {}", self.labelled_outputs(), self.output())),
-            ],
+            head,
             headings: ["multiply-adds", "state"],
             foot: vec![
                 sizes(self.parameters(), &self.needed()),

@@ -340,7 +340,8 @@ impl Passes<'_> {
     /// Runs a new engine over `events`, in periods of `period_us`.
     fn deadline(&mut self, events: &[Event], period_us: i64) -> Result<Deadline> {
         let mut engine = self.engine(false)?;
-        let mut gate = Admission::new(self.sensor, self.options.late);
+        let gate = Admission::new(self.sensor, self.options.late);
+        let mut gate = gate.with_filters(self.network.filters())?;
         let mut schedule = Schedule::new(Every::StreamUs(period_us));
         let mut deadline = Deadline::new(period_us);
         let mut waiting = Vec::new();

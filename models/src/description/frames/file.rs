@@ -4,12 +4,14 @@
 
 use std::ops::RangeInclusive;
 
+use meissner_engine::filters::FilterRule;
 use meissner_engine::frames::FrameShape;
 use meissner_engine::representations::{Sampling, Scaling, SignedRule};
 use meissner_kernels::Activation;
 use toml::de::DeValue;
 
 use crate::description::document::{LAYER, ParsedLayer, layers};
+use crate::description::filters;
 use crate::description::frames::layer::{CHANNELS, FRAME, FrameKind, SIDES};
 use crate::description::frames::source::{CropPlace, FrameSource, PictureSettings, Readings, SignedTiming};
 use crate::description::layer::activations;
@@ -40,6 +42,17 @@ const KINDS: [&str; 13] = [
 pub(super) fn read_layers(root: &mut Table<'_, '_>) -> Vec<ParsedLayer<FrameKind>> {
     let reference = "the name of a layer, or \"frame\"";
     layers(root, LAYER, FRAME, reference, &KINDS, |word, table, layer| keys(word, reference, table, layer))
+}
+
+/// Reads the filters of the events that frames of `source` are made of; others have none.
+pub(super) fn read_filters(root: &mut Table<'_, '_>, source: Option<&FrameSource>) -> Vec<FilterRule> {
+    match source {
+        Some(FrameSource::EventCounts { .. } | FrameSource::Signed { .. }) | None => filters::read(root),
+        Some(_) => {
+            root.inapplicable("filter", "frames of events");
+            Vec::new()
+        }
+    }
 }
 
 /// Reads the tables `list` of a head, in which no layer may have the name `input`.
