@@ -102,11 +102,11 @@ mod preparation {
     fn the_preparation_of_an_event_network_has_the_words_of_its_file() {
         assert_eq!(
             shipped("digits-past").preparation(),
-            r#"{"kind":"knn","k":8,"candidates":"past","lifetime":"window","normalisation":"fixed","scales":[0.1,0.1176],"span_us":300000,"cells":[["1/8","1/8","1/3"]]}"#
+            r#"{"kind":"knn","k":8,"candidates":"past","lifetime":"window","normalisation":"fixed","scales":[0.1,0.1176],"span_us":300000,"cells":[["1/8","1/8","1/3"]],"filters":[{"kind":"hot_pixel","period_us":10000,"burst":16}]}"#
         );
         assert_eq!(
             shipped("graphres-published").preparation(),
-            r#"{"kind":"knn","k":16,"candidates":"all","normalisation":"per-graph","span_us":150000,"cells":[["16/346","12/260"]]}"#
+            r#"{"kind":"knn","k":16,"candidates":"all","normalisation":"per-graph","span_us":150000,"cells":[["16/346","12/260"]],"filters":[{"kind":"hot_pixel","period_us":10000,"burst":8}]}"#
         );
     }
 
@@ -123,6 +123,9 @@ mod preparation {
             ("150000", "100000"),
             ("16/346", "1/8"),
             ("\"k\":16,", ""),
+            ("\"burst\":8", "\"burst\":9"),
+            ("\"hot_pixel\"", "\"refractory\""),
+            (",\"filters\":[{\"kind\":\"hot_pixel\",\"period_us\":10000,\"burst\":8}]", ""),
         ] {
             let found = own.replace(from, to);
             assert_ne!(found, own, "{from}");
@@ -190,7 +193,11 @@ mod preparation {
             of("slip-tuned", "[0, 3488.1]"),
             r#"{"frames":"tactile-image","steps":5,"scaling":[0.0,3488.1]}"#
         );
-        assert_eq!(FrameDescription::shipped("force-lstm").expect("shipped").preparation(), None);
+        assert_eq!(
+            FrameDescription::shipped("force-lstm").expect("shipped").preparation().as_deref(),
+            Some(r#"{"filters":[{"kind":"hot_pixel","period_us":10000,"burst":32}]}"#)
+        );
+        assert_eq!(FrameDescription::shipped("canf").expect("shipped").preparation(), None);
     }
 
     #[test]
@@ -245,6 +252,11 @@ mod preparation {
     fn a_network_over_events_refuses_weights_for_readings() {
         let force = FrameDescription::shipped("force-tdnn").expect("shipped");
         let error = built(&force, Some("{}")).unwrap_err().to_string();
+        assert!(error.contains("hot_pixel"), "{error}");
+        let text = include_str!("../networks/force-tdnn.toml").split("[[filter]]\n").collect::<Vec<_>>();
+        let (_, layers) = text[1].split_once("\n\n").expect("layers");
+        let without = FrameDescription::parse(&format!("{}{layers}", text[0])).expect("consistent");
+        let error = built(&without, Some("{}")).unwrap_err().to_string();
         assert!(error.contains("event-counts"), "{error}");
     }
 }

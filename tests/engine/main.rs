@@ -9,6 +9,7 @@ mod filters;
 mod frames;
 mod golden_frames;
 mod golden_networks;
+mod hot_pixels;
 mod house;
 mod incremental;
 mod inspection;

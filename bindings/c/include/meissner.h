@@ -170,7 +170,7 @@ typedef struct meissner_prediction {
   float unlike;
 } meissner_prediction;
 
-// Counts of events since the engine was made. `pushed` is the sum of `accepted` and of the four
+// Counts of events since the engine was made. `pushed` is the sum of `accepted` and of the five
 // reasons for which events are dropped.
 typedef struct meissner_counters {
   // `sizeof(meissner_counters)`, set by the caller.
@@ -199,6 +199,8 @@ typedef struct meissner_counters {
   uint64_t outliers;
   // Restarts of the sensor's clock, each of which reset the engine.
   uint64_t restarts;
+  // Dropped: by a filter that the network states, such as one for pixels that fire all the time.
+  uint64_t filtered;
 } meissner_counters;
 
 // Counts of rows of a layer, or of its pixels in a frame network, since the engine was made.

@@ -10,10 +10,11 @@ use crate::exit_status::fails;
 use crate::frames::OwnNetwork;
 use crate::support::{INCREMENTAL, argument, lines, meissner};
 
-/// Events on 30 x 30 pixels: bursts, equal stamps, a gap.
+/// Events on 30 x 30 pixels: bursts, equal stamps, a gap, and a pixel that fires all the time.
 fn events() -> Vec<Event> {
     let at = |i: i64| 777 + i / 3 * 400 + 90_000 * (i / 150);
-    (0..400).map(|i| Event::new(at(i), (i * 37 % 30) as u16, (i * 11 % 30) as u16, i % 4 > 1)).collect()
+    let pixel = |i: i64| if i % 3 == 1 { (7, 7) } else { ((i * 37 % 30) as u16, (i * 11 % 30) as u16) };
+    (0..400).map(|i| Event::new(at(i), pixel(i).0, pixel(i).1, i % 4 > 1)).collect()
 }
 
 /// A folder with the first events, the others, all of them, and whatever else will be there.
@@ -61,8 +62,11 @@ fn halves(folder: &Path, arguments: &[String]) -> (Vec<Value>, Vec<Value>) {
     std::fs::write(path("nothing"), "# sensor 30x30\nt,x,y,p\n").expect("it can be written");
     let (mut last, _) = run("nothing", &resume[..2]);
     parts.append(&mut last);
-    let events = |summary: &Value| summary["accepted"].as_u64().expect("a count");
-    assert_eq!(events(&first) + events(&rest), events(&summary), "each run counts its own events");
+    for count in ["/accepted", "/dropped/filtered"] {
+        let of = |summary: &Value| summary.pointer(count).and_then(Value::as_u64).expect("a count");
+        assert_eq!(of(&first) + of(&rest), of(&summary), "each run counts its own events");
+        assert!(of(&summary) > 20, "{count}: {summary}");
+    }
     (told(&parts), told(&whole))
 }
 
@@ -116,6 +120,8 @@ fn two_halves_print_what_one_run_prints_over_frames_of_events_too() {
     let consecutive =
         FRAMES.replace("CHANNELS", "2\nframes = \"event-counts\"\nperiod_us = 1000\nmaximum = 8");
     let sliding = FRAMES.replace("CHANNELS", "1\nframes = \"signed\"\nspan_us = 3000");
+    let filter = "[[filter]]\nkind = \"hot_pixel\"\nperiod_us = 2000\nburst = 4\n";
+    let (consecutive, sliding) = (consecutive + filter, sliding + filter);
     for (description, every) in
         [(&consecutive, &["1000us", "3000us"][..]), (&sliding, &["event", "7", "1500us"][..])]
     {

@@ -63,7 +63,6 @@ mod streams {
 }
 
 mod press {
-    use meissner_engine::filters::{Chain, EventFilter, Filter, Refractory};
     use meissner_engine::{Engine, Event, Sensor};
     use meissner_models::{Description, Weights};
 
@@ -72,43 +71,49 @@ mod press {
 
     const SENSOR: Sensor = Sensor { width: 346, height: 260 };
 
-    /// How far `tactigraph-past` is off at the end of the press, in degrees, if a pixel in the
-    /// middle sends `rate` more events per second. The filter drops events of a pixel within
-    /// `refractory_us` after its last one.
-    fn error_with_hot_pixel(rate: i64, refractory_us: Option<i64>) -> f64 {
+    /// The angles that `tactigraph-past` says at the end of the press, in degrees, and how many
+    /// events its filter drops, if each of `pixels` sends `rate` more events per second. Without
+    /// `filters`, the network has none.
+    fn angles_with_hot_pixels(rate: i64, pixels: &[(u16, u16)], filters: bool) -> ([f64; 2], u64) {
         let press = Press::embedded().expect("it can be read");
         let mut events = embedded().expect("it can be read").events;
         events.retain(|event| event.t_us <= press.end_us);
         let more = (press.end_us - press.first_us) * rate / 1_000_000;
-        let times = (0..more).map(|i| press.first_us + i * 1_000_000 / rate);
-        events.extend(times.map(|t_us| Event::new(t_us, 173, 130, t_us % 2 == 0)));
+        for &(x, y) in pixels {
+            let times = (0..more).map(|i| press.first_us + i * 1_000_000 / rate);
+            events.extend(times.map(|t_us| Event::new(t_us, x, y, t_us % 2 == 0)));
+        }
         events.sort_by_key(|event| event.t_us);
         let description = Description::shipped("tactigraph-past").expect("it is shipped");
         let weights = Weights::shipped("tactigraph-past").expect("they are shipped");
-        let network = description.network(&weights).expect("they fit");
-        let mut engine = Engine::new(network, SENSOR).expect("the sensor has pixels");
-        let refractory = |us| Filter::Refractory(Refractory::new(SENSOR, us).expect("a positive time"));
-        let mut filters = Chain::new(refractory_us.map(refractory).into_iter().collect());
-        for event in events {
-            if filters.admit(event) {
-                engine.push(event);
-            }
+        let mut network = description.network(&weights).expect("they fit");
+        if !filters {
+            network = network.with_filters([]).expect("none");
         }
+        let mut engine = Engine::new(network, SENSOR).expect("the sensor has pixels");
+        engine.push_slice(&events);
         let found = engine.predict().expect("numbers").values;
-        let off = press
-            .angles
-            .iter()
-            .zip(found)
-            .map(|(&truth, &value)| (truth - f64::from(value)).abs().to_degrees());
-        off.fold(0.0, f64::max)
+        let found = [found[0], found[1]].map(|value| f64::from(value).to_degrees());
+        (found, engine.event_counters().filtered)
     }
 
     #[test]
-    fn a_refractory_filter_of_a_millisecond_bounds_what_a_hot_pixel_does_to_the_angles() {
-        assert!(error_with_hot_pixel(16_000, None) > 5.0, "the network sums over events");
-        for rate in [0, 1_000, 16_000, 200_000] {
-            let off = error_with_hot_pixel(rate, Some(1_000));
-            assert!(off < 1.0, "{rate} events per second: {off} degrees");
+    fn a_hot_pixel_of_any_rate_moves_the_angles_by_less_than_0_3_degrees() {
+        let moved = |rate, pixels: &[(u16, u16)], filters| {
+            let ([roll, pitch], _) = angles_with_hot_pixels(1, &[], false);
+            let (found, filtered) = angles_with_hot_pixels(rate, pixels, filters);
+            ((found[0] - roll).abs().max((found[1] - pitch).abs()), filtered)
+        };
+        assert_eq!(moved(1, &[], true), (0.0, 0), "the filter drops nothing of the press");
+        let (most, _) = moved(16_000, &[(173, 130)], false);
+        assert!(most > 5.0, "the network sums over events: {most} degrees");
+        // Rates below the filter's, just above it, and far above; in the contact and beside it.
+        for rate in [95, 110, 1_000, 16_000, 200_000] {
+            for pixels in [&[(173, 130)][..], &[(20, 20)], &[(173, 130), (100, 90), (250, 180)]] {
+                let (most, filtered) = moved(rate, pixels, true);
+                assert!(most < 0.3, "{rate} events per second of {pixels:?}: {most} degrees");
+                assert!(rate < 1_000 || filtered > 0, "{rate} events per second of {pixels:?}");
+            }
         }
     }
 
