@@ -106,7 +106,8 @@ impl Network {
     }
 
     /// Hash of structure, names, filters and the bits of all parameters as used. Different networks
-    /// collide only by chance; deliberate collisions are not resisted. O(parameters) on the first call.
+    /// collide only by chance; deliberate collisions are not resisted. O(parameters) on the first
+    /// call.
     pub fn fingerprint(&self) -> u64 {
         *self.fingerprint.get_or_init(|| fingerprint_of(&self.parts, &self.filters))
     }

@@ -4,7 +4,9 @@ use meissner_engine::filters::FilterRule;
 use meissner_models::{Description, ModelError, Weights, draw};
 
 fn stating(description: &Description, preparation: &str) -> Weights {
-    draw(description, 1).with_metadata([("preparation".to_owned(), preparation.to_owned())].into())
+    let metadata = [("preparation".to_owned(), preparation.to_owned())].into();
+    let bytes = draw(description, 1).to_file(metadata).into_bytes();
+    Weights::from_bytes(&bytes).expect("weights")
 }
 
 #[test]
