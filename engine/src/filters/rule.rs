@@ -112,9 +112,9 @@ impl Chain {
         self.filters.iter().map(of).collect()
     }
 
-    /// Forgets all events and takes over what the filters of an equal chain [remembered]
-    /// (Self::remembered). `false`, and nothing is changed, if there are more or fewer filters, or
-    /// pixels outside the sensor.
+    /// Forgets all events and takes over what the filters of an equal chain
+    /// [remembered](Self::remembered). `false`, and nothing is changed, if there are more or fewer
+    /// filters, or pixels outside the sensor.
     #[must_use]
     pub fn remember(&mut self, remembered: &[Vec<(u16, u16, i64)>]) -> bool {
         let Some(&Stamps { sensor, .. }) = self.filters.iter().find_map(Filter::stamps) else {
