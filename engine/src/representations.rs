@@ -210,7 +210,13 @@ pub enum RepresentationError {
     },
     /// A filter before it refuses the sensor.
     #[error(transparent)]
-    Filter(#[from] EngineError),
+    Filter(Box<EngineError>),
+}
+
+impl From<EngineError> for RepresentationError {
+    fn from(error: EngineError) -> Self {
+        Self::Filter(Box::new(error))
+    }
 }
 
 impl RepresentationError {

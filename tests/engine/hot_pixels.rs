@@ -65,7 +65,7 @@ static PRESS: LazyLock<Scene> = LazyLock::new(|| {
     Scene::new(Sensor::new(346, 260), events, press.end_us)
 });
 
-/// Pins that spread and shift, as those of a TacTip in a tap.
+/// Pins that spread and shift, as those of a soft fingertip in a tap.
 static TAP: LazyLock<Scene> = LazyLock::new(|| {
     let sensor = Sensor::new(128, 128);
     let times: Vec<i64> = (0..=20).map(|i| i * 10_000).collect();

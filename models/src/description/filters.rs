@@ -78,7 +78,7 @@ pub(super) fn json(rules: &[FilterRule]) -> String {
     serde_json::to_string(&Summary::all(rules)).expect("numbers and words are JSON")
 }
 
-/// `rules` in one line, as "hot_pixel, period_us = 10000, burst = 16".
+/// `rules` in one line, as `hot_pixel, period_us = 10000, burst = 16`.
 pub(crate) fn line(rules: &[FilterRule]) -> String {
     let one = |rule| match rule {
         Summary::HotPixel { period_us, burst } => {
