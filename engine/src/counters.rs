@@ -25,7 +25,7 @@ names!(DropReason {
     Late => "late",
     TimeOutOfRange => "time_out_of_range",
     Outlier => "outlier",
-    Filtered => "filtered",
+    Filtered => "network_filter",
 });
 
 /// Result of pushing an event.

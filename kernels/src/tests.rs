@@ -456,7 +456,7 @@ mod portable {
             (vec![1.0, half], vec![1.0, 1.0], 0.0),
             (vec![1.0, half], vec![1.0 + f32::EPSILON, 1.0], 0.0),
             (vec![1.0, half, half * half], vec![1.0, 1.0, half], 0.0),
-            // The smallest factors that are summed in f64, and smaller ones, down to subnormal sums.
+            // The smallest factors that are summed in f64, and smaller ones.
             (vec![tiny, tiny, tiny], vec![tiny, -tiny, tiny], 0.0),
             (vec![below(tiny), tiny], vec![tiny, below(tiny)], 0.0),
             (vec![2f32.powi(-75), 1.0], vec![2f32.powi(-75), 2f32.powi(-149)], f32::from_bits(3)),

@@ -32,7 +32,8 @@ use crate::{Asked, Input, Item, Live, LiveError, Predictor, QueueOptions, TimedA
 /// let fingertips: Result<Vec<_>, EngineError> = (0..3).map(|_| fingertip()).collect();
 ///
 /// let (mut inputs, mut fleet) = Fleet::spawn(fingertips?)?;
-/// inputs[1].push_slice(&[Event::new(0, 120, 90, true); 100])?;
+/// let events: Vec<Event> = (0..100).map(|x| Event::new(0, x, 90, true)).collect();
+/// inputs[1].push_slice(&events)?;
 /// let mut nodes = [0; 3];
 /// fleet.predict(Duration::from_secs(60), 0..3, |sensor, timely| {
 ///     nodes[sensor] = timely.map_or(0, |timely| timely.nodes);

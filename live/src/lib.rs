@@ -29,7 +29,8 @@
 //!
 //! let options = QueueOptions::new().with_capacity(8192).with_overload(Overload::DropOldest);
 //! let (mut input, mut live) = Live::spawn(engine, options)?;
-//! let sensor = std::thread::spawn(move || input.push_slice(&[Event::new(0, 120, 90, true); 100]));
+//! let events: Vec<Event> = (0..100).map(|x| Event::new(0, x, 90, true)).collect();
+//! let sensor = std::thread::spawn(move || input.push_slice(&events));
 //! sensor.join().expect("the sensor's thread does not panic")?;
 //!
 //! let timely = live.predict(Duration::MAX)?; // a controller would give it a few milliseconds

@@ -219,7 +219,7 @@ fn every_event_is_counted_as_pushed_and_as_accepted_or_dropped() {
     let dropped = counters.dropped().map(|(reason, count)| (reason.name(), count));
     assert_eq!(
         dropped,
-        [("outside_sensor", 1), ("late", 1), ("time_out_of_range", 0), ("outlier", 0), ("filtered", 0)]
+        [("outside_sensor", 1), ("late", 1), ("time_out_of_range", 0), ("outlier", 0), ("network_filter", 0)]
     );
 }
 

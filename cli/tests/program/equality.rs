@@ -201,7 +201,7 @@ fn events_that_a_filter_drops_are_counted_by_filter_and_never_enter() {
 fn a_filtered_stream_predicts_what_the_remaining_events_do() {
     let rows = |keep: i64| {
         let rows = (0..2_000_i64).filter(|i| i % keep == 0);
-        let row = |i: i64| format!("{},{},{},{}\n", i * 90, i * 7 % 40, i * 3 % 30, i % 2);
+        let row = |i: i64| format!("{},{},{},{}\n", i * 90, i * 7 % 40, i / 40 % 30, i % 2);
         rows.map(row).fold("# sensor 40x30\n".to_owned(), |all, row| all + &row)
     };
     let (_folder, all) = file("all.csv", rows(1));

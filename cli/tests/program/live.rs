@@ -125,7 +125,7 @@ fn standard_input_and_a_file_give_the_same_predictions() {
 
 #[test]
 fn people_see_every_prediction_of_a_live_stream() {
-    let events: Vec<String> = (0..100).map(|i| format!("{i},1,1,1\n")).collect();
+    let events: Vec<String> = (0..100).map(|i| format!("{i},{},{},1\n", i % 8, i / 8 % 8)).collect();
     let events = events.concat();
     let output = meissner_reading(&["run", "-", "--sensor", "8x8", "--every", "event"], &events);
     let text = crate::support::text(&output);

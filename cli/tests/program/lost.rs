@@ -90,7 +90,7 @@ fn a_live_stream_is_told_while_it_goes_on() {
         .expect("the program starts");
     let mut input = child.stdin.take().expect("standard input is piped");
     let mut said = BufReader::new(child.stderr.take().expect("standard error is piped")).lines();
-    let line = |i: u32| format!("{i},{},1,1\n", i % 16 * 43);
+    let line = |i: u32| format!("{i},{},{},1\n", i % 16 * 43, i / 16);
     let events: String = (0..1000).map(line).collect();
     input.write_all(events.as_bytes()).expect("the program reads");
     // This would wait forever if it were told at the end alone.

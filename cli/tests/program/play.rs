@@ -41,7 +41,7 @@ fn under_every_policy_each_report_is_made_and_the_end_equals_batch() {
     // 2,000 events in 20 ms at a hundred times their speed, through a queue of 100: most will not
     // find room.
     let events: Vec<String> =
-        (0..2000).map(|i| format!("{},{},{},{}\n", i * 10, i * 7 % 32, i / 9 % 24, i % 2)).collect();
+        (0..2000).map(|i| format!("{},{},{},{}\n", i * 10, i * 7 % 32, i / 32 % 24, i % 2)).collect();
     let (_folder, path) = file("events.csv", events.concat());
     for policy in POLICIES {
         let output = meissner(&[
@@ -189,7 +189,7 @@ fn recordings_of_an_overload_miss_no_report() {
 /// Writes `count` events, one every `period_us`, beginning at `first_us`.
 fn recording(folder: &Path, name: &str, first_us: i64, period_us: i64, count: i64) -> PathBuf {
     let event =
-        |i: i64| format!("{},{},{},{}\n", first_us + i * period_us, i * 7 % 32, i * i / 9 % 24, i % 3 % 2);
+        |i: i64| format!("{},{},{},{}\n", first_us + i * period_us, i * 7 % 32, i / 32 % 24, i % 3 % 2);
     let path = folder.join(name);
     let events = (0..count).map(event).collect::<String>();
     std::fs::write(&path, format!("t,x,y,p\n{events}")).expect("it can be written");

@@ -62,7 +62,7 @@ fn halves(folder: &Path, arguments: &[String]) -> (Vec<Value>, Vec<Value>) {
     std::fs::write(path("nothing"), "# sensor 30x30\nt,x,y,p\n").expect("it can be written");
     let (mut last, _) = run("nothing", &resume[..2]);
     parts.append(&mut last);
-    for count in ["/accepted", "/dropped/filtered"] {
+    for count in ["/accepted", "/dropped/network_filter"] {
         let of = |summary: &Value| summary.pointer(count).and_then(Value::as_u64).expect("a count");
         assert_eq!(of(&first) + of(&rest), of(&summary), "each run counts its own events");
         assert!(of(&summary) > 20, "{count}: {summary}");

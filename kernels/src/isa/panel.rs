@@ -109,8 +109,8 @@ pub(crate) fn accumulate_wide<S: Simd, V: Vector<S>, const R: usize, const B: us
 /// [`accumulate_wide`] in the form A, as [`add_steps`].
 ///
 /// # Safety
-/// Every slice of weights has the length of the first, n > 0, and `values` have (n - 1) / 16 `apart`
-/// and R more.
+/// Every slice of weights has the length of the first, n > 0, and `values` have
+/// (n - 1) / 16 `apart` and R more.
 #[inline(always)]
 unsafe fn add_wide<S: Simd, A: Sum<S>, const R: usize, const B: usize>(
     simd: S,
@@ -324,7 +324,7 @@ unsafe fn add_taps<S: Simd, A: Sum<S>, const O: usize, const B: usize>(
                 let mut x = [A::factor(simd, A::Vector::splat(simd, 0.0), &mut doubt); B];
                 for (b, x) in x.iter_mut().enumerate() {
                     let at = row + dx + b * lanes;
-                    // SAFETY: `row` <= (channels - 1) plane + 2 stride and dx <= 2: within `values`.
+                    // SAFETY: `row` <= (channels - 1) plane + 2 stride, dx <= 2: within `values`.
                     let values = unsafe { values.get_unchecked(at..at + lanes) };
                     *x = A::factor(simd, A::Vector::load_slice(simd, values), &mut doubt);
                 }

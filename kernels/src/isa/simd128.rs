@@ -161,8 +161,8 @@ vector!(4, Wide);
 /// The product of two f32 is exact in f64, its sum s with a third value is rounded to f64, and that
 /// to 24 bits without a conversion, which costs more than all else: with q = (2^29 + 1) s,
 /// q + (s - q) is s rounded to nearest (Boldo 2006, "Pitfalls of a full floating-point proof",
-/// section 4), in some direction if it is half-way: such sums are rounded by [`half_way`]. It is the
-/// f32 of the exact sum if
+/// section 4), in some direction if it is half-way: such sums are rounded by [`half_way`]. It is
+/// the f32 of the exact sum if
 ///
 /// - factors other than 0 are from 2^-51 on: sums are multiples of 2^-148 then, so that those below
 ///   2^-126 are exact, and subnormal f32 have all their bits,

@@ -130,6 +130,8 @@ struct Behind<'a> {
 struct Tables {
     network: Table,
     graph: Value,
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    filter: Vec<Value>,
     layer: Vec<Value>,
     #[serde(skip_serializing_if = "Vec::is_empty")]
     head: Vec<Value>,
@@ -153,8 +155,8 @@ impl Description {
         let mut root: Table = text.parse().expect("a description is a table");
         let mut part = |key: &str| root.remove(key).unwrap_or_else(|| Value::from(Table::new()));
         let (network, graph) = (part("network"), part("graph"));
-        let [mut layer, mut head] =
-            ["layer", "head"].map(|key| part(key).as_array().cloned().unwrap_or_default());
+        let [filter, mut layer, mut head] =
+            ["filter", "layer", "head"].map(|key| part(key).as_array().cloned().unwrap_or_default());
         let mut network = network.as_table().cloned().unwrap_or_default();
         network.insert("name".to_owned(), Value::from(refit.name));
         network.extend(refit.span_us.map(|span_us| ("span_us".to_owned(), Value::from(span_us))));
@@ -235,7 +237,7 @@ impl Description {
             dense_names.push(numbered(&own, number));
             to.push(Value::from(dense));
         }
-        let tables = Tables { network, graph, layer, head, output: refit.outputs.table() };
+        let tables = Tables { network, graph, filter, layer, head, output: refit.outputs.table() };
         let text = toml::to_string(&tables).expect("tables of plain values");
         let description = Self::parse(&text)?;
         Ok(Refitted { text, description, counts, dense: dense_names, added })

@@ -218,12 +218,13 @@ pub(crate) fn events(shape: &Shape, count: usize) -> Vec<Event> {
     events
 }
 
-/// The shipped network `name` with capacity [`CAPACITY`].
+/// The shipped network `name` with capacity [`CAPACITY`], without its filters: they would keep most
+/// of what stresses it away.
 pub(crate) fn network(name: &str, weights: &Weights) -> Result<Network, VerifyError> {
     let (description, _) = meissner_run::model::describe(name)?;
     let network =
         description.network(weights).map_err(|source| RunError::weights(name.to_owned(), source))?;
-    Ok(network.with_capacity(CAPACITY)?)
+    Ok(network.with_capacity(CAPACITY)?.with_filters(Vec::new())?)
 }
 
 /// The shipped weights of `name`.
