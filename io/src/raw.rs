@@ -327,8 +327,11 @@ impl<R: BufRead> RawEvents<R> {
                 if self.odd.is_some_and(|odd| odd.at < sure) {
                     self.pass_over();
                 }
-                self.sure = sure;
-                self.give(sure, decoder);
+                // Time words behind an odd one vouch for nothing before it, until they vouch for it.
+                if self.odd.is_none() {
+                    self.sure = sure;
+                    self.give(sure, decoder);
+                }
             }
             // After each word, so that how bytes come in pieces changes nothing.
             if self.odd.is_some_and(|odd| odd.at < before(self.at())) {
