@@ -327,7 +327,7 @@ impl<R: BufRead> RawEvents<R> {
                 if self.odd.is_some_and(|odd| odd.at < sure) {
                     self.pass_over();
                 }
-                // Time words behind an odd one vouch for nothing before it, until they vouch for it.
+                // Until time words vouch for an odd word, they vouch for nothing before it.
                 if self.odd.is_none() {
                     self.sure = sure;
                     self.give(sure, decoder);

@@ -145,14 +145,16 @@ fn a_state_is_written_as_time_passes() {
     let state = path("state");
     let run = |input: &str, more: &[&str]| {
         let own = ["run", &path(input), "--network", "tactigraph-past", "--every", "event", "--json"];
-        lines(&meissner(&[&own, more].concat())).0
+        lines(&meissner(&[&own, more].concat()))
     };
     run("first", &["--save-state", &state, "--save-every", "5ms"]);
     let first = std::fs::read(&state).expect("it was written");
     // Over the same events again all but those at the last time are late.
-    assert!(run("first", &["--resume", &state, "--save-state", &state]).len() < 4);
-    let rest = run("second", &["--resume", &state]);
-    assert_eq!(rest.len(), 200);
+    assert!(run("first", &["--resume", &state, "--save-state", &state]).0.len() < 4);
+    let (rest, summary) = run("second", &["--resume", &state]);
+    let count = |of: &str| summary.pointer(of).and_then(Value::as_u64).expect("a count");
+    assert_eq!(rest.len() as u64, count("/accepted"));
+    assert_eq!(count("/accepted") + count("/dropped/network_filter"), 200);
     assert_ne!(std::fs::read(&state).expect("it was written"), first);
 }
 
