@@ -69,10 +69,8 @@ unsafe fn add_steps<
         let weights: [A::Factor; B] = unsafe { factors::<S, A, B>(simd, &weights, k, &mut doubt) };
         for (r, sums) in sums.iter_mut().enumerate() {
             // SAFETY: r <= R - 1 and k is less than the number of weights: within `values`.
-            let value = A::factor_of_all(simd, *unsafe { values.get_unchecked(r * stride + k) }, &mut doubt);
-            for (sum, &weight) in sums.iter_mut().zip(&weights) {
-                *sum = sum.plus_product(value, weight, &mut doubt);
-            }
+            let value = *unsafe { values.get_unchecked(r * stride + k) };
+            add_products(simd, sums, value, &weights, &mut doubt);
         }
         k += STEP;
     }
@@ -130,10 +128,7 @@ unsafe fn add_wide<S: Simd, A: Sum<S>, const R: usize, const B: usize>(
             for (r, sums) in sums.iter_mut().enumerate() {
                 // SAFETY: at = first / 16 apart, first <= total - 1, r < R: at + r < last; k < 16.
                 let value = *unsafe { values.get_unchecked(at + r).0.get_unchecked(k) };
-                let value = A::factor_of_all(simd, value, &mut doubt);
-                for (sum, &weight) in sums.iter_mut().zip(&weights) {
-                    *sum = sum.plus_product(value, weight, &mut doubt);
-                }
+                add_products(simd, sums, value, &weights, &mut doubt);
             }
         }
         first += count;
@@ -178,13 +173,18 @@ unsafe fn add_in_four<S: Simd, A: Sum<S>, const B: usize>(
     while k + 4 <= count {
         for (p, sums) in sums.iter_mut().enumerate() {
             // SAFETY: k + p < k + 4 <= count, the length of `values` and of every slice of weights.
-            unsafe { add_products::<S, A, B>(simd, sums, values, &weights, k + p, &mut doubt) };
+            let (value, weights) = unsafe {
+                (*values.get_unchecked(k + p), factors::<S, A, B>(simd, &weights, k + p, &mut doubt))
+            };
+            add_products(simd, sums, value, &weights, &mut doubt);
         }
         k += 4;
     }
     for (p, sums) in sums.iter_mut().enumerate().take(count - k) {
         // SAFETY: p < count - k.
-        unsafe { add_products::<S, A, B>(simd, sums, values, &weights, k + p, &mut doubt) };
+        let (value, weights) =
+            unsafe { (*values.get_unchecked(k + p), factors::<S, A, B>(simd, &weights, k + p, &mut doubt)) };
+        add_products(simd, sums, value, &weights, &mut doubt);
     }
     end(&sums, doubt, acc)
 }
@@ -243,23 +243,17 @@ unsafe fn factors<S: Simd, A: Sum<S>, const B: usize>(
     factors
 }
 
-/// sums(b) += values(k) weights(b, k). Not a closure, as above.
-///
-/// # Safety
-/// k is less than the length of `values` and of every slice of weights.
+/// sums(b) += value weights(b). Not a closure, as above.
 #[inline(always)]
-unsafe fn add_products<S: Simd, A: Sum<S>, const B: usize>(
+fn add_products<S: Simd, A: Sum<S>, const B: usize>(
     simd: S,
     sums: &mut [A; B],
-    values: &[f32],
-    weights: &[&[Memory<S, A>]; B],
-    k: usize,
+    value: f32,
+    weights: &[A::Factor; B],
     doubt: &mut A::Doubt,
 ) {
-    // SAFETY: the caller's promise.
-    let (value, weights) = unsafe { (*values.get_unchecked(k), factors::<S, A, B>(simd, weights, k, doubt)) };
     let value = A::factor_of_all(simd, value, doubt);
-    for (sum, weight) in sums.iter_mut().zip(weights) {
+    for (sum, &weight) in sums.iter_mut().zip(weights) {
         *sum = sum.plus_product(value, weight, doubt);
     }
 }
