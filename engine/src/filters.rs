@@ -213,11 +213,10 @@ impl BackgroundActivity {
 
 impl EventFilter for BackgroundActivity {
     fn admit(&mut self, event: Event) -> bool {
-        let us = self.stamps.us;
-        let passes = self.stamps.place(event).is_none_or(|place| {
+        let passes = self.passes(event);
+        if let Some(place) = self.stamps.place(event) {
             self.stamps.times[place] = Some(event.t_us);
-            self.stamps.any_around(place, |stamp| event.t_us.abs_diff(stamp) <= us)
-        });
+        }
         self.counters.count(passes)
     }
 
@@ -258,15 +257,10 @@ impl Refractory {
 
 impl EventFilter for Refractory {
     fn admit(&mut self, event: Event) -> bool {
-        let us = self.stamps.us;
-        let passes = self.stamps.place(event).is_none_or(|place| {
-            let last = &mut self.stamps.times[place];
-            let passes = last.is_none_or(|stamp| event.t_us.abs_diff(stamp) >= us);
-            if passes {
-                *last = Some(event.t_us);
-            }
-            passes
-        });
+        let passes = self.passes(event);
+        if let Some(place) = self.stamps.place(event).filter(|_| passes) {
+            self.stamps.times[place] = Some(event.t_us);
+        }
         self.counters.count(passes)
     }
 

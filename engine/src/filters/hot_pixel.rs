@@ -26,7 +26,7 @@ use crate::{EngineError, Event, Sensor};
 #[derive(Clone, Debug)]
 pub struct HotPixel {
     /// When each pixel will have no debt. `us` is the period.
-    calm: Stamps,
+    pub(super) calm: Stamps,
     burst_us: i64,
     counters: FilterCounters,
 }
@@ -63,14 +63,6 @@ impl HotPixel {
     pub(super) fn passes(&self, event: Event) -> bool {
         let place = self.calm.place(event);
         place.is_none_or(|place| self.is_within(event.t_us, self.calm_after(place, event.t_us)))
-    }
-
-    pub(super) fn stamps(&self) -> &Stamps {
-        &self.calm
-    }
-
-    pub(super) fn stamps_mut(&mut self) -> &mut Stamps {
-        &mut self.calm
     }
 }
 

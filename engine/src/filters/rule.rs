@@ -74,7 +74,7 @@ impl Filter {
         match self {
             Self::BackgroundActivity(filter) => Some(&filter.stamps),
             Self::Refractory(filter) => Some(&filter.stamps),
-            Self::HotPixel(filter) => Some(filter.stamps()),
+            Self::HotPixel(filter) => Some(&filter.calm),
             Self::Stride(_) | Self::RateLimit(_) => None,
         }
     }
@@ -83,7 +83,7 @@ impl Filter {
         match self {
             Self::BackgroundActivity(filter) => Some(&mut filter.stamps),
             Self::Refractory(filter) => Some(&mut filter.stamps),
-            Self::HotPixel(filter) => Some(filter.stamps_mut()),
+            Self::HotPixel(filter) => Some(&mut filter.calm),
             Self::Stride(_) | Self::RateLimit(_) => None,
         }
     }

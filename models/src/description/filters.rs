@@ -13,7 +13,7 @@ use super::table::{Spanned, Table};
 
 const FILTER: &str = "filter";
 /// Most filters of a network.
-const MOST: usize = 8;
+const MAX_FILTERS: usize = 8;
 /// The ranges that the engine accepts.
 const TIMES_US: RangeInclusive<i64> = 1..=Network::MAX_SPAN_US;
 const BURSTS: RangeInclusive<i64> = 1..=HotPixel::MAX_BURST;
@@ -36,7 +36,7 @@ pub(super) fn read(root: &mut Table<'_, '_>) -> Vec<FilterRule> {
     let tables = root.optional(FILTER, "tables [[filter]]", DeValue::as_array);
     let Some(Spanned { value: tables, .. }) = tables else { return Vec::new() };
     let mut rules = Vec::new();
-    for value in tables.iter().take(MOST) {
+    for value in tables.iter().take(MAX_FILTERS) {
         let Some(mut table) = root.layer(FILTER, value) else { continue };
         // The keys of an unknown kind are unknown.
         if let Some(read) = table.choice("kind", &KINDS) {
@@ -44,9 +44,9 @@ pub(super) fn read(root: &mut Table<'_, '_>) -> Vec<FilterRule> {
             table.finish();
         }
     }
-    if let Some(more) = tables.get(MOST) {
+    if let Some(more) = tables.get(MAX_FILTERS) {
         let line = root.line_at(more);
-        root.refuse(line, FILTER, format!("at most {MOST} filters"), tables.len().to_string());
+        root.refuse(line, FILTER, format!("at most {MAX_FILTERS} filters"), tables.len().to_string());
     }
     rules
 }
