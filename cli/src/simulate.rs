@@ -10,7 +10,7 @@ use clap::{Arg, Subcommand, ValueEnum};
 use meissner_engine::Sensor;
 use meissner_evaluate::EvaluateError;
 use meissner_evaluate::prepare::{
-    self, DOME_KINDS, GelPlan, Shapes, dome_presses, film_images, film_markers, gel_presses,
+    self, DOME_KINDS, GelPlan, Shapes, dome_presses, film_images, film_markers, gel_presses, measured_optics,
 };
 use meissner_io::{Format, ImageSequence};
 use meissner_run::RunError;
@@ -188,7 +188,7 @@ struct GelArgs {
     /// Presses, with an indenter, a place and a force each.
     #[arg(long, value_name = "N", default_value_t = 100, value_parser = clap::value_parser!(u32).range(1..), help_heading = MEASUREMENT)]
     presses: u32,
-    /// Pictures of a press, while the force rises and falls.
+    /// Pictures of a press, while the force rises and falls as a squared sine.
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u16).range(1..), help_heading = MEASUREMENT)]
     pictures: u16,
     /// The sensor: its gel, lights, lens and scale.
@@ -197,6 +197,23 @@ struct GelArgs {
     /// The indenters; no kind and no letter is in both.
     #[arg(long, value_enum, default_value_t = ShapesArg::Seen, help_heading = INPUT)]
     indenters: ShapesArg,
+    /// Range of the greatest force of a press, in N.
+    ///
+    /// An indenter that reaches 60 % of the gel's thickness before presses less.
+    #[arg(long, value_name = "LOW..HIGH", default_value = "0.2..20", value_parser = range, help_heading = INPUT)]
+    newtons: Range,
+    /// How often the force rises and falls linearly in a press, instead of a sine.
+    #[arg(long, value_name = "N", default_value_t = 0, help_heading = INPUT)]
+    saw_teeth: u16,
+    /// Colours of slopes that were measured on a real sensor, instead of its camera.
+    ///
+    /// The array NAME of the archive FILE, F32 (3 colours, B angles of the slope, B directions, 6),
+    /// as the calibration of Taxim makes them. The contact stays that of --sensor.
+    #[arg(long, value_name = "FILE.npz:NAME", value_parser = optics, help_heading = INPUT)]
+    optics: Option<OpticsArg>,
+    /// Width of the surface that the picture shows, in mm, instead of the sensor's.
+    #[arg(long, value_name = "MM", help_heading = INPUT)]
+    width: Option<f64>,
     /// Size of a picture in pixels.
     #[arg(long, value_name = "WxH", default_value = "320x240", value_parser = sensor, help_heading = INPUT)]
     size: Sensor,
@@ -218,6 +235,39 @@ enum ShapesArg {
     Seen,
     /// Rings, edges, squares of balls, and letters L to Z.
     Unseen,
+    /// Flat blocks that reach beyond the picture.
+    Larger,
+    /// Flat rings that reach beyond the picture.
+    LargerUnseen,
+    /// Five irregular bodies, one after another.
+    Irregular,
+}
+
+/// Least and greatest.
+#[derive(Clone, Copy, Debug)]
+struct Range([f64; 2]);
+
+/// A range such as `0.2..20`.
+fn range(text: &str) -> Result<Range, String> {
+    let number = |text: &str| text.parse::<f64>().ok();
+    let parsed = text.split_once("..").and_then(|(low, high)| Some([number(low)?, number(high)?]));
+    match parsed {
+        Some([low, high]) if 0.0 < low && low <= high && high.is_finite() => Ok(Range([low, high])),
+        _ => Err("expected two numbers above 0, such as 0.2..20, the least first".to_owned()),
+    }
+}
+
+/// An archive and the name of an array in it.
+#[derive(Clone, Debug)]
+struct OpticsArg {
+    path: PathBuf,
+    name: String,
+}
+
+/// `FILE.npz:NAME`.
+fn optics(text: &str) -> Result<OpticsArg, String> {
+    let (path, name) = text.rsplit_once(':').ok_or("expected FILE.npz:NAME")?;
+    Ok(OpticsArg { path: path.into(), name: name.to_owned() })
 }
 
 /// Parameters of the camera; those that are missing are the default's or, with --ideal, the ideal
@@ -371,12 +421,21 @@ fn dome(args: &DomeArgs) -> Result<String, CliError> {
 
 fn gel(args: &GelArgs) -> Result<String, CliError> {
     args.file.check()?;
+    let optics =
+        args.optics.as_ref().map(|OpticsArg { path, name }| measured_optics(path, name)).transpose()?;
     let plan = GelPlan {
         sensor: args.sensor.fixed(),
+        optics: optics.as_ref(),
+        width_mm: args.width,
         shapes: match args.indenters {
             ShapesArg::Seen => Shapes::Seen,
             ShapesArg::Unseen => Shapes::Unseen,
+            ShapesArg::Larger => Shapes::Larger,
+            ShapesArg::LargerUnseen => Shapes::LargerUnseen,
+            ShapesArg::Irregular => Shapes::Irregular,
         },
+        force_n: args.newtons.0,
+        saw_teeth: args.saw_teeth.into(),
         presses: args.presses as usize,
         pictures: args.pictures.into(),
         size: [args.size.width.into(), args.size.height.into()],

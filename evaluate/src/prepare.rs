@@ -32,7 +32,7 @@ use crate::streams::Streams;
 pub use dome::{DOME_KINDS, dome_presses};
 pub use filmed::{film_images, film_markers, grasps, with_causes};
 pub use frames::training_frames;
-pub use gel::{GelPlan, Shapes, gel_presses};
+pub use gel::{GelPlan, Shapes, gel_presses, measured_optics};
 pub use presses::labelled_presses;
 pub use windows::{Ages, training_windows};
 

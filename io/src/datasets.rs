@@ -9,7 +9,7 @@ mod gelsight;
 mod neutouch;
 mod presses;
 
-pub use gelsight::{Ball, BallPictures};
+pub use gelsight::{Ball, BallPictures, SlopeColours};
 pub use neutouch::NeutouchSet;
 pub use presses::PressFile;
 

@@ -14,8 +14,11 @@
 //! times the difference of two pressures (Ciavarella 1998, "The generalized Cattaneo partial slip
 //! plane contact problem", Eq. 16; Jaeger 1998). The gel relaxes by one Prony term.
 //!
-//! Left out: large strains, for which a gel is stiffer; adhesion; friction under the normal load;
-//! the coupling of shear and pressure; the sides of the gel.
+//! Under large pressures a gel gets stiffer ([`Strain::Logarithmic`]): a contact is then one of
+//! small strains with heights that are bent as the surface is.
+//!
+//! Left out: adhesion; friction under the normal load; the coupling of shear and pressure; the sides
+//! of the gel; how a strain at one place stiffens the places beside it.
 //!
 //! ```
 //! use meissner_simulator::gel::{Gel, GelCamera, GelSolver, Grid, Indenter, Load, Placed};
@@ -31,18 +34,28 @@
 //! ```
 
 mod indenters;
+mod optics;
 mod picture;
 mod response;
 
 use crate::error::{Result, SimulatorError, setting};
 pub use indenters::{Indenter, LETTERS, Placed};
+pub use optics::MeasuredOptics;
 pub use picture::GelSensor;
 pub use picture::{Drift, GelCamera, Lens, Light, picture_bytes};
 use response::Convolution;
-pub use response::{Gel, Grid, Relaxation};
+pub use response::{Gel, Grid, Relaxation, Strain};
 
-/// Greatest depth as a share of the thickness: beyond it a linear gel is too soft.
-pub const MAX_DEPTH_SHARE: f64 = 0.3;
+/// Greatest depth as a share of the thickness.
+///
+/// Beyond it a gel of small strains is too soft, and one of logarithmic strains is a model of a
+/// material that nobody compresses as far.
+pub fn max_depth_share(strain: Strain) -> f64 {
+    match strain {
+        Strain::Small => 0.3,
+        Strain::Logarithmic => 0.6,
+    }
+}
 
 /// How an indenter is pressed.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -81,6 +94,8 @@ pub struct Slide {
 
 /// Change of the pressure in one iteration, relative to its sum, at which a contact is found.
 const TOLERANCE: f64 = 1e-7;
+/// Change of the depth in shares of the thickness at which a contact of large strains is found.
+const DEPTH_TOLERANCE: f64 = 1e-6;
 /// Most iterations; contacts on 320 x 240 pixels take 10 to 50.
 const MAX_ITERATIONS: usize = 5000;
 
@@ -129,7 +144,10 @@ impl GelSolver {
     /// # Panics
     /// Where there is not a pressure for each pixel.
     pub fn displacement(&mut self, pressure_mpa: &[f64]) -> Vec<f64> {
-        self.convolution.apply(pressure_mpa)
+        let Gel { strain, thickness_mm, .. } = self.gel;
+        let mut moved = self.convolution.apply(pressure_mpa);
+        moved.iter_mut().for_each(|moved| *moved = strain.moved(thickness_mm, *moved));
+        moved
     }
 
     /// The contact with an indenter of these heights in millimetres, row by row
@@ -141,9 +159,53 @@ impl GelSolver {
     /// found.
     pub fn press(&mut self, heights_mm: &[f64], load: Load) -> Result<Contact> {
         self.check(heights_mm, load)?;
+        let Gel { strain, thickness_mm, .. } = self.gel;
+        if strain == Strain::Small || !thickness_mm.is_finite() {
+            return self.touch(heights_mm, load, self.first_guess(heights_mm, load));
+        }
+        // Small strains find the contact where each height is bent as the surface is.
+        let bent = |depth_mm: f64| -> Vec<f64> {
+            let deepest = strain.linear(thickness_mm, depth_mm);
+            heights_mm.iter().map(|height| deepest - strain.linear(thickness_mm, depth_mm - height)).collect()
+        };
+        match load {
+            Load::Depth(depth_mm) => {
+                setting("depth", "below the gel's thickness", depth_mm, depth_mm < thickness_mm)?;
+                let (heights, load) = (bent(depth_mm), Load::Depth(strain.linear(thickness_mm, depth_mm)));
+                self.touch(&heights, load, self.first_guess(&heights, load))
+            }
+            Load::Force(_) => {
+                // How the heights are bent depends on the depth, which the force tells only then: the
+                // secant method on the difference between the depth that is found and that depth.
+                let mut contact = self.touch(heights_mm, load, self.first_guess(heights_mm, load))?;
+                let (mut assumed_mm, mut last, mut iterations) = (contact.depth_mm, None, contact.iterations);
+                while iterations < MAX_ITERATIONS {
+                    contact = self.touch(&bent(assumed_mm), load, contact.pressure_mpa)?;
+                    iterations += contact.iterations;
+                    let off_mm = contact.depth_mm - assumed_mm;
+                    if off_mm.abs() <= DEPTH_TOLERANCE * thickness_mm {
+                        return Ok(Contact { iterations, ..contact });
+                    }
+                    let next_mm = match last {
+                        Some((before_mm, off_before)) if off_mm != off_before => {
+                            assumed_mm - off_mm * (assumed_mm - before_mm) / (off_mm - off_before)
+                        }
+                        _ => contact.depth_mm,
+                    };
+                    last = Some((assumed_mm, off_mm));
+                    assumed_mm =
+                        if (0.0..thickness_mm).contains(&next_mm) { next_mm } else { contact.depth_mm };
+                }
+                Err(SimulatorError::NoContact { iterations })
+            }
+        }
+    }
+
+    /// The contact for small strains, from a guess of the pressure on; its surface and depth are bent.
+    fn touch(&mut self, heights_mm: &[f64], load: Load, guess: Vec<f64>) -> Result<Contact> {
         let pixels = self.grid.pixels();
         let area = self.grid.pitch_mm * self.grid.pitch_mm;
-        let mut pressure = self.first_guess(heights_mm, load);
+        let mut pressure = guess;
         let (mut direction, mut last_norm, mut is_conjugate) = (vec![0.0; pixels], 1.0, false);
         for iterations in 0..MAX_ITERATIONS {
             let total: f64 = pressure.iter().sum();
@@ -207,8 +269,10 @@ impl GelSolver {
         Err(SimulatorError::NoContact { iterations: MAX_ITERATIONS })
     }
 
-    fn contact(&mut self, pressure_mpa: Vec<f64>, depth_mm: f64, iterations: usize) -> Contact {
-        let displacement_mm = self.convolution.apply(&pressure_mpa);
+    /// The contact under this pressure, at the depth that small strains would have.
+    fn contact(&mut self, pressure_mpa: Vec<f64>, linear_mm: f64, iterations: usize) -> Contact {
+        let displacement_mm = self.displacement(&pressure_mpa);
+        let depth_mm = self.gel.strain.moved(self.gel.thickness_mm, linear_mm);
         let force_n = pressure_mpa.iter().sum::<f64>() * self.grid.pitch_mm * self.grid.pitch_mm;
         Contact { pressure_mpa, displacement_mm, force_n, depth_mm, iterations }
     }

@@ -3,22 +3,26 @@
 //! Enters: a [`GelPlan`]. Leaves: pictures, the picture of the sensor at rest, maps of force.
 
 use std::f64::consts::{PI, TAU};
+use std::path::Path;
 
 use libm::sin;
+use meissner_io::datasets::SlopeColours;
 use meissner_kernels::random::Random;
 use meissner_models::TensorFile;
 use meissner_run::text::grouped;
 use meissner_simulator::SimulatorError;
 use meissner_simulator::gel::{
-    Contact, Drift, GelSensor, GelSolver, Indenter, LETTERS, Load, MAX_DEPTH_SHARE, Placed, picture_bytes,
+    Contact, Drift, GelCamera, GelSensor, GelSolver, Indenter, LETTERS, Lens, Load, MeasuredOptics, Placed,
+    max_depth_share, picture_bytes,
 };
 use rayon::ThreadPool;
 use rayon::prelude::*;
 use serde_json::json;
 
 use super::{Prepared, metadata};
+use crate::error::Result;
 
-/// Indenters of a set of presses.
+/// Indenters of a set of presses. Flat ones are pressed parallel to the gel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Shapes {
     /// Balls, cylinders, punches, blocks, cones, irregular bodies, polygons, wires, half of
@@ -27,18 +31,37 @@ pub enum Shapes {
     /// Rings, edges, squares of balls, and the second half of [`LETTERS`]: nothing that
     /// [`Self::Seen`] has.
     Unseen,
+    /// Flat blocks that reach beyond the picture along both sides.
+    Larger,
+    /// Flat rings that reach beyond the picture: the hole is all that does not press.
+    LargerUnseen,
+    /// [`IRREGULAR`] rounded bodies with waves, the same in every file, one after another. Of
+    /// [`Self::Seen`], none.
+    Irregular,
 }
+
+/// Bodies of [`Shapes::Irregular`], each a kind by itself.
+const IRREGULAR: [&str; 5] = ["body 1", "body 2", "body 3", "body 4", "body 5"];
 
 /// What is pressed, on what, and how often.
 #[derive(Clone, Copy, Debug)]
 #[expect(missing_docs, reason = "the names say it")]
-pub struct GelPlan {
+pub struct GelPlan<'a> {
     /// The sensor of all presses; `None`: another one for each press ([`GelSensor::drawn`]).
     pub sensor: Option<GelSensor>,
+    /// Measured optics instead of the sensor's camera.
+    pub optics: Option<&'a MeasuredOptics>,
+    /// Width of the surface that the picture shows, in millimetres, instead of the sensor's.
+    pub width_mm: Option<f64>,
     pub shapes: Shapes,
     pub presses: usize,
-    /// Pictures of a press, at least 1: the force is greatest in the middle.
+    /// Pictures of a press, at least 1.
     pub pictures: usize,
+    /// Range of the greatest force of a press, in newtons. An indenter that reaches
+    /// [`max_depth_share`] before presses less.
+    pub force_n: [f64; 2],
+    /// How often the force rises and falls linearly in a press; 0: once, as a squared sine.
+    pub saw_teeth: usize,
     /// Width and height of a picture in pixels.
     pub size: [usize; 2],
     /// Pixels of the picture for each one of the grid of contacts, along a side: at least 1. With
@@ -48,8 +71,19 @@ pub struct GelPlan {
     pub seed: u64,
 }
 
-/// Range of the greatest force of a press, in newtons.
-const FORCE_N: [f64; 2] = [0.2, 8.0];
+impl GelPlan<'_> {
+    /// The share of the greatest force in picture number `picture` of a press.
+    fn share(&self, picture: usize) -> f64 {
+        let done = (picture + 1) as f64 / (self.pictures + 1) as f64;
+        if self.saw_teeth == 0 {
+            let rise = sin(PI * done);
+            return rise * rise;
+        }
+        let tooth = done * self.saw_teeth as f64;
+        1.0 - (2.0 * (tooth - tooth.floor()) - 1.0).abs()
+    }
+}
+
 /// Pictures of the presses of `plan`.
 ///
 /// | tensor | type and shape | values |
@@ -67,7 +101,7 @@ const FORCE_N: [f64; 2] = [0.2, 8.0];
 ///
 /// # Errors
 /// As [`GelSolver::press`]; for shapes and forces of a plan, never seen.
-pub fn gel_presses(plan: &GelPlan, pool: &ThreadPool) -> Result<Prepared, SimulatorError> {
+pub fn gel_presses(plan: &GelPlan<'_>, pool: &ThreadPool) -> Result<Prepared, SimulatorError> {
     let [width, height] = plan.size;
     let presses: Vec<Press> =
         pool.install(|| (0..plan.presses).into_par_iter().map(|i| press(plan, i)).collect::<Result<_, _>>())?;
@@ -103,25 +137,35 @@ struct Press {
     indenter: &'static str,
 }
 
-fn press(plan: &GelPlan, i: usize) -> Result<Press, SimulatorError> {
+fn press(plan: &GelPlan<'_>, i: usize) -> Result<Press, SimulatorError> {
     // A sequence of its own for each press, so that presses can be computed in any order.
     let mut random = Random::new(Random::new(plan.seed ^ (i as u64) << 32).bits());
     let random = &mut random;
-    let sensor = plan.sensor.unwrap_or_else(|| GelSensor::drawn(random));
+    let mut sensor = plan.sensor.unwrap_or_else(|| GelSensor::drawn(random));
+    sensor.width_mm = plan.width_mm.unwrap_or(sensor.width_mm);
+    if plan.optics.is_some() {
+        sensor.camera.lens = Lens::default();
+    }
     let [width, height] = plan.size.map(|side| (side / plan.coarseness).max(1));
     let grid = sensor.grid(width, height);
-    let (indenter, name) = indenter(plan.shapes, random);
+    let (indenter, name) = indenter(plan.shapes, i, random);
     let height_mm = grid.height as f64 * grid.pitch_mm;
     let at_mm = [sensor.width_mm, height_mm].map(|side| between(random, [-0.3, 0.3]) * side);
     let turn = TAU * random.uniform();
-    let tilts = [(); 2].map(|()| between(random, [-0.04, 0.04]));
+    let mut tilts = [(); 2].map(|()| between(random, [-0.04, 0.04]));
+    if is_flat(&indenter) {
+        tilts = [0.0; 2];
+    }
     let heights = Placed { indenter, at_mm, turn, tilts }.heights(&grid);
     let mut solver = GelSolver::new(sensor.gel, grid)?;
-    let most_n = between(random, FORCE_N);
+    let most_n = between(random, plan.force_n);
     let peak = deepest(&mut solver, &heights, most_n)?;
     let drift = Drift::drawn(random);
-    let at_rest = vec![0.0; grid.pixels()];
-    let reference = sensor.camera.picture(&grid, &at_rest, plan.size, Some(random))?;
+    let shown = |displacement_mm: &[f64], random: &mut Random| match plan.optics {
+        Some(optics) => optics.picture(&grid, displacement_mm, plan.size, Some(random)),
+        None => sensor.camera.picture(&grid, displacement_mm, plan.size, Some(random)),
+    };
+    let reference = shown(&vec![0.0; grid.pixels()], random)?;
     let mut press = Press {
         pictures: Vec::new(),
         forces: Vec::new(),
@@ -131,13 +175,12 @@ fn press(plan: &GelPlan, i: usize) -> Result<Press, SimulatorError> {
         indenter: name,
     };
     for picture in 0..plan.pictures {
-        let rise = sin(PI * (picture + 1) as f64 / (plan.pictures + 1) as f64);
         let contact = if plan.pictures == 1 {
             peak.clone()
         } else {
-            solver.press(&heights, Load::Force(peak.force_n * rise * rise))?
+            solver.press(&heights, Load::Force(peak.force_n * plan.share(picture)))?
         };
-        let seen = sensor.camera.picture(&grid, &contact.displacement_mm, plan.size, Some(random))?;
+        let seen = shown(&contact.displacement_mm, random)?;
         press.pictures.extend(picture_bytes(&seen, plan.size, Some(&drift)));
         let forces = sensor.camera.lens.forces(&grid, &contact.pressure_mpa, plan.size);
         press.forces.extend(forces.iter().map(|&force| force as f32));
@@ -146,56 +189,84 @@ fn press(plan: &GelPlan, i: usize) -> Result<Press, SimulatorError> {
     Ok(press)
 }
 
-/// The contact at this force, or at [`MAX_DEPTH_SHARE`] where that comes first.
+/// The optics `name` in the archive at `path` ([`SlopeColours::read`]), with the noise of the fitted
+/// sensor: the table has none.
+///
+/// # Errors
+/// The archive cannot be read, or what it has are no optics.
+pub fn measured_optics(path: &Path, name: &str) -> Result<MeasuredOptics> {
+    let SlopeColours { bins, table } = SlopeColours::read(path, name)?;
+    Ok(MeasuredOptics::new(table, bins, GelCamera::default().noise)?)
+}
+
+/// The contact at this force, or at the greatest depth where that comes first.
 fn deepest(solver: &mut GelSolver, heights: &[f64], force_n: f64) -> Result<Contact, SimulatorError> {
-    let deepest_mm = MAX_DEPTH_SHARE * solver.gel().thickness_mm;
+    let deepest_mm = max_depth_share(solver.gel().strain) * solver.gel().thickness_mm;
     let contact = solver.press(heights, Load::Depth(deepest_mm))?;
     if contact.force_n <= force_n { Ok(contact) } else { solver.press(heights, Load::Force(force_n)) }
 }
 
-/// An indenter of these shapes, and the name of its kind. Lengths are in millimetres.
-fn indenter(shapes: Shapes, random: &mut Random) -> (Indenter, &'static str) {
+/// Whether the underside is flat: such an indenter is pressed parallel to the gel.
+fn is_flat(indenter: &Indenter) -> bool {
+    use Indenter::{Block, Letter, Polygon, Punch, Ring};
+    matches!(indenter, Block { .. } | Letter { .. } | Polygon { .. } | Punch { .. } | Ring { .. })
+}
+
+/// The indenter of press number `i`, and the name of its kind. Lengths are in millimetres.
+fn indenter(shapes: Shapes, i: usize, random: &mut Random) -> (Indenter, &'static str) {
     let seed = random.bits();
     let mut draw = |low: f64, high: f64| between(random, [low, high]);
     let mut letter = |half: usize| {
         let index = half * LETTERS.len() / 2 + (seed % (LETTERS.len() as u64 / 2)) as usize;
         let letter = LETTERS.as_bytes()[index] as char;
-        (Indenter::Letter { letter, size_mm: draw(4.0, 9.0) }, "letter")
+        (Indenter::Letter { letter, size_mm: draw(5.0, 14.0) }, "letter")
     };
     let kinds = match shapes {
         Shapes::Seen => 9,
         Shapes::Unseen => 4,
+        Shapes::Larger | Shapes::LargerUnseen | Shapes::Irregular => 1,
     };
     // Bits that the letter does not use.
     let kind = (seed >> 32) % kinds;
     match (shapes, kind) {
         (Shapes::Seen, 0) => letter(0),
         (Shapes::Unseen, 0) => letter(1),
-        (Shapes::Seen, 1) => (Indenter::Ball { radius_mm: draw(2.0, 6.0) }, "ball"),
+        (Shapes::Seen, 1) => (Indenter::Ball { radius_mm: draw(2.0, 12.0) }, "ball"),
         (Shapes::Seen, 2) => {
-            (Indenter::Cylinder { radius_mm: draw(1.5, 5.0), length_mm: draw(3.0, 14.0) }, "cylinder")
+            (Indenter::Cylinder { radius_mm: draw(1.5, 8.0), length_mm: draw(3.0, 20.0) }, "cylinder")
         }
-        (Shapes::Seen, 3) => (Indenter::Punch { radius_mm: draw(1.0, 4.0) }, "punch"),
+        (Shapes::Seen, 3) => (Indenter::Punch { radius_mm: draw(1.5, 9.0) }, "punch"),
         (Shapes::Seen, 4) => {
-            (Indenter::Block { width_mm: draw(2.0, 7.0), length_mm: draw(2.0, 7.0) }, "block")
+            (Indenter::Block { width_mm: draw(3.0, 22.0), length_mm: draw(3.0, 22.0) }, "block")
         }
-        (Shapes::Seen, 5) => (Indenter::Cone { half_angle: draw(0.9, 1.3) }, "cone"),
-        (Shapes::Seen, 6) => (Indenter::Polygon { seed, radius_mm: draw(2.0, 6.0) }, "polygon"),
+        (Shapes::Seen, 5) => (Indenter::Cone { half_angle: draw(0.9, 1.4) }, "cone"),
+        (Shapes::Seen, 6) => (Indenter::Polygon { seed, radius_mm: draw(3.0, 11.0) }, "polygon"),
         (Shapes::Seen, 7) => {
-            let (radius_mm, bend_mm) = (draw(0.3, 1.2), draw(2.0, 12.0));
-            (Indenter::Wire { radius_mm, bend_mm, arc: (draw(4.0, 12.0) / bend_mm).min(PI) }, "wire")
+            let (radius_mm, bend_mm) = (draw(0.3, 2.0), draw(2.0, 12.0));
+            (Indenter::Wire { radius_mm, bend_mm, arc: (draw(4.0, 16.0) / bend_mm).min(PI) }, "wire")
         }
-        (Shapes::Seen, _) => (Indenter::Irregular { seed, radius_mm: draw(5.0, 15.0) }, "irregular"),
+        (Shapes::Seen, _) => (Indenter::Irregular { seed, radius_mm: draw(5.0, 20.0) }, "irregular"),
         (Shapes::Unseen, 1) => {
-            let radius_mm = draw(2.0, 4.5);
+            let radius_mm = draw(2.5, 8.0);
             (Indenter::Ring { radius_mm, hole_mm: radius_mm * draw(0.4, 0.75) }, "ring")
         }
         (Shapes::Unseen, 2) => {
-            (Indenter::Edge { half_angle: draw(0.7, 1.2), length_mm: draw(4.0, 14.0) }, "edge")
+            (Indenter::Edge { half_angle: draw(0.7, 1.4), length_mm: draw(4.0, 18.0) }, "edge")
         }
         (Shapes::Unseen, _) => {
-            let (radius_mm, spacing_mm) = (draw(0.6, 1.2), draw(2.4, 3.5));
+            let (radius_mm, spacing_mm) = (draw(0.6, 2.0), draw(2.4, 4.5));
             (Indenter::Dots { radius_mm, spacing_mm, side: 2 + (seed >> 8) as u8 % 3 }, "dots")
+        }
+        (Shapes::Larger, _) => {
+            (Indenter::Block { width_mm: draw(40.0, 60.0), length_mm: draw(40.0, 60.0) }, "larger block")
+        }
+        (Shapes::LargerUnseen, _) => {
+            (Indenter::Ring { radius_mm: 40.0, hole_mm: draw(1.5, 5.0) }, "larger ring")
+        }
+        (Shapes::Irregular, _) => {
+            let body = i % IRREGULAR.len();
+            // Seeds of their own: those of the bodies that are seen are drawn.
+            (Indenter::Irregular { seed: body as u64, radius_mm: 6.0 + 3.0 * body as f64 }, IRREGULAR[body])
         }
     }
 }
@@ -203,3 +274,6 @@ fn indenter(shapes: Shapes, random: &mut Random) -> (Indenter, &'static str) {
 fn between(random: &mut Random, [low, high]: [f64; 2]) -> f64 {
     low + random.uniform() * (high - low)
 }
+
+#[cfg(test)]
+mod tests;

@@ -1,5 +1,5 @@
-//! Balls pressed on a `GelSight` sensor: pictures with the circle of contact, from arrays in a
-//! `NumPy` archive.
+//! `GelSight` sensors, from arrays in a `NumPy` archive: pictures of balls pressed on one with the
+//! circle of contact, and tables of the colours of slopes.
 
 use std::path::Path;
 
@@ -86,5 +86,45 @@ impl BallPictures {
         let balls =
             balls.map(|(difference, &circle)| Ball { picture: picture(difference), circle }).collect();
         Ok(Self { width: width as usize, height: height as usize, background, balls })
+    }
+}
+
+/// How the colour of a pixel changes with the slope of the surface, as measured on a sensor.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SlopeColours {
+    /// Bins of the slope's angle, from 0 to a right angle, and of its direction, a full turn.
+    pub bins: usize,
+    /// (3 colours, angles, directions, 6): the factors of x^2, y^2, x y, x, y and 1, with column and
+    /// row in a picture of 640 x 480 pixels.
+    pub table: Vec<f32>,
+}
+
+impl SlopeColours {
+    /// Reads the array `sensor`, `<f4` (3, bins, bins, 6), of the archive (npz) at `path`. O(bytes).
+    ///
+    /// # Errors
+    /// [`IoError`], with the path, where the archive cannot be read, or has no such array.
+    pub fn read(path: impl AsRef<Path>, sensor: &str) -> Result<Self, IoError> {
+        let path = path.as_ref();
+        let bytes = std::fs::read(path).map_err(IoError::file("read", path))?;
+        let (mut found, mut names) = (None, Vec::new());
+        zip::for_each(&bytes, |name, content| {
+            let name = name.trim_end_matches(".npy");
+            if name == sensor {
+                let npy::Array { shape, values, .. } = npy::array_of::<4, 4>(content, "<f4")?;
+                found = Some((shape, values.iter().map(|&bytes| f32::from_le_bytes(bytes)).collect()));
+            }
+            names.push(name.to_owned());
+            Ok(())
+        })
+        .map_err(IoError::content(path))?;
+        let Some(([colours, bins, directions, terms], table)) = found else {
+            return Err(IoError::unfit(path, format!("an array {sensor}"), names.join(", ")));
+        };
+        if [colours, directions, terms] != [3, bins, 6] {
+            let found = format!("{:?}", [colours, bins, directions, terms]);
+            return Err(IoError::unfit(path, format!("{sensor} (3, bins, bins, 6)"), found));
+        }
+        Ok(Self { bins: bins as usize, table })
     }
 }

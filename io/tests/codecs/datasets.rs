@@ -279,7 +279,10 @@ mod digits {
 mod gelsight {
     //! Pictures of balls: arrays in a `NumPy` archive.
 
-    use meissner_io::datasets::BallPictures;
+    use std::path::Path;
+
+    use meissner_io::IoError;
+    use meissner_io::datasets::{BallPictures, SlopeColours};
 
     use crate::packed::zip;
     use crate::shared_files::shared;
@@ -309,11 +312,40 @@ mod gelsight {
         ]
     }
 
-    fn read(arrays: &[(&str, Vec<u8>)]) -> Result<BallPictures, String> {
+    /// What `read` makes of an archive of these arrays.
+    fn archived<T>(
+        arrays: &[(&str, Vec<u8>)],
+        read: impl Fn(&Path) -> Result<T, IoError>,
+    ) -> Result<T, String> {
         let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("balls.npz");
+        let path = folder.path().join("arrays.npz");
         std::fs::write(&path, zip(arrays.iter().map(|(name, content)| (*name, content.clone())))).unwrap();
-        BallPictures::read(&path).map_err(|error| chain(&error))
+        read(&path).map_err(|error| chain(&error))
+    }
+
+    fn read(arrays: &[(&str, Vec<u8>)]) -> Result<BallPictures, String> {
+        archived(arrays, |path| BallPictures::read(path))
+    }
+
+    #[test]
+    fn colours_of_slopes_are_those_of_the_sensor_that_is_asked_for() {
+        let values: Vec<u8> = (0..72).flat_map(|value| (value as f32).to_le_bytes()).collect();
+        let arrays = [
+            ("other.npy", npy("<f4", "(3, 1, 1, 6)", &values[..72])),
+            ("sensor.npy", npy("<f4", "(3, 2, 2, 6)", &values)),
+            ("skewed.npy", npy("<f4", "(3, 2, 1, 6)", &values[..144])),
+            ("wide.npy", npy("<f8", "(3, 1, 1, 6)", &values[..144])),
+        ];
+        let read = |sensor: &str| archived(&arrays, |path| SlopeColours::read(path, sensor));
+        let found = read("sensor").unwrap();
+        assert_eq!((found.bins, found.table.len(), found.table[71]), (2, 72, 71.0));
+        assert_eq!(read("other").unwrap().bins, 1);
+        let missing = read("third").unwrap_err();
+        assert!(missing.contains("expected an array third, found other, sensor, skewed, wide"), "{missing}");
+        let skewed = read("skewed").unwrap_err();
+        assert!(skewed.contains("expected skewed (3, bins, bins, 6), found [3, 2, 1, 6]"), "{skewed}");
+        let wide = read("wide").unwrap_err();
+        assert!(wide.contains("<f4") && wide.contains("<f8"), "{wide}");
     }
 
     #[test]

@@ -14,7 +14,7 @@ use meissner_kernels::random::Random;
 
 use crate::camera::normal_pair;
 use crate::error::{Result, SimulatorError};
-use crate::gel::{Gel, Grid};
+use crate::gel::{Gel, Grid, Strain};
 
 /// A light beside a gel.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -89,17 +89,7 @@ impl GelCamera {
         };
         let mut levels: Vec<_> = (0..size[0] * size[1]).map(level).collect();
         self.lens.blur(size, &mut levels);
-        let noisy = |level: [f64; 3]| {
-            match &mut random {
-                None => level,
-                Some(random) => {
-                    let [[red, green], [blue, _]] = [normal_pair(random), normal_pair(random)];
-                    [0, 1, 2].map(|channel| level[channel] + self.noise * [red, green, blue][channel])
-                }
-            }
-            .map(|level| level.clamp(0.0, 255.0) as f32)
-        };
-        Ok(levels.into_iter().map(noisy).collect())
+        Ok(levels.into_iter().map(|level| noisy(level, self.noise, random.as_deref_mut())).collect())
     }
 
     /// This camera on a picture that lies on its side: of a surface that was turned by a quarter
@@ -162,6 +152,18 @@ impl GelCamera {
     }
 }
 
+/// Red, green and blue with noise of this standard deviation, from 0 to 255.
+pub(super) fn noisy(level: [f64; 3], deviation: f64, random: Option<&mut Random>) -> [f32; 3] {
+    match random {
+        None => level,
+        Some(random) => {
+            let [[red, green], [blue, _]] = [normal_pair(random), normal_pair(random)];
+            [0, 1, 2].map(|channel| level[channel] + deviation * [red, green, blue][channel])
+        }
+    }
+    .map(|level| level.clamp(0.0, 255.0) as f32)
+}
+
 /// A surface with its slopes, between pixels too.
 struct Surface<'a> {
     grid: &'a Grid,
@@ -171,7 +173,7 @@ struct Surface<'a> {
 }
 
 /// The slopes along columns and rows: half the difference of the neighbours within.
-fn slopes(grid: &Grid, displacement_mm: &[f64], column: usize, row: usize) -> [f64; 2] {
+pub(super) fn slopes(grid: &Grid, displacement_mm: &[f64], column: usize, row: usize) -> [f64; 2] {
     let at = |column: usize, row: usize| displacement_mm[row * grid.width + column];
     let slope = |index: usize, count: usize, at: &dyn Fn(usize) -> f64| {
         let (before, after) = (index.saturating_sub(1), (index + 1).min(count - 1));
@@ -314,7 +316,8 @@ impl Default for GelSensor {
     fn default() -> Self {
         // The fitted pictures have 120 columns and 160 rows.
         let camera = GelCamera { lens: Lens { blur: 0.002, ..Lens::default() }, ..GelCamera::default() };
-        Self { gel: Gel::default(), camera: camera.turned(120.0 / 160.0), width_mm: 19.2 }
+        let gel = Gel { strain: Strain::Logarithmic, ..Gel::default() };
+        Self { gel, camera: camera.turned(120.0 / 160.0), width_mm: 19.2 }
     }
 }
 

@@ -14,9 +14,49 @@
 use std::f64::consts::PI;
 use std::sync::Arc;
 
-use libm::{asinh, cosh, expm1, fabs, j0, sinh, sqrt};
+use libm::{asinh, cosh, expm1, fabs, j0, log1p, sinh, sqrt};
 use rustfft::num_complex::Complex;
 use rustfft::{Fft, FftPlannerScalar};
+
+/// How far a gel moves under large pressures.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Strain {
+    /// In proportion to the pressure. A gel of finite thickness is too soft from a third of it on.
+    #[default]
+    Small,
+    /// Logarithmic: a surface that would move by `w` moves by `H (1 - exp(-w / H))` in a gel of
+    /// thickness H, which gets stiffer the more it is compressed, and is never pressed through.
+    ///
+    /// A wide, thin layer of Hencky's material (Hencky 1928; Anand 1979, "On H. Hencky's
+    /// approximate strain-energy function for moderate deformations"), whose stress is linear in
+    /// the logarithm of the stretch, moves exactly so. Anywhere else the law is a model: it keeps
+    /// the small-strain field of a point load, and bends each place by itself.
+    Logarithmic,
+}
+
+impl Strain {
+    /// How far the surface of a layer of this thickness moves that would move by `linear_mm`.
+    pub fn moved(self, thickness_mm: f64, linear_mm: f64) -> f64 {
+        match self {
+            Self::Logarithmic if thickness_mm.is_finite() => -thickness_mm * expm1(-linear_mm / thickness_mm),
+            _ => linear_mm,
+        }
+    }
+
+    /// The inverse of [`Self::moved`]: infinite for a layer that is pressed through.
+    pub fn linear(self, thickness_mm: f64, moved_mm: f64) -> f64 {
+        match self {
+            Self::Logarithmic if thickness_mm.is_finite() => {
+                if moved_mm < thickness_mm {
+                    -thickness_mm * log1p(-moved_mm / thickness_mm)
+                } else {
+                    f64::INFINITY
+                }
+            }
+            _ => moved_mm,
+        }
+    }
+}
 
 /// Material and thickness of a gel. The default is a soft silicone of 4 mm.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -29,11 +69,12 @@ pub struct Gel {
     /// Thickness above the plate that it is bonded to, in millimetres; infinite: a half-space.
     pub thickness_mm: f64,
     pub friction: f64,
+    pub strain: Strain,
 }
 
 impl Default for Gel {
     fn default() -> Self {
-        Self { modulus_mpa: 0.15, poisson: 0.48, thickness_mm: 4.0, friction: 0.8 }
+        Self { modulus_mpa: 0.15, poisson: 0.48, thickness_mm: 4.0, friction: 0.8, strain: Strain::Small }
     }
 }
 

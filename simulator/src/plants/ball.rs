@@ -6,7 +6,7 @@ use meissner_kernels::random::Random;
 
 use crate::error::Result;
 use crate::gel::{
-    Contact, Drift, GelSensor, GelSolver, Grid, Indenter, Load, MAX_DEPTH_SHARE, Placed, picture_bytes,
+    Contact, Drift, GelSensor, GelSolver, Grid, Indenter, Load, Placed, max_depth_share, picture_bytes,
 };
 
 /// Pixels of the picture for each one of the grid of contacts, along a side: a ball is smooth.
@@ -59,7 +59,8 @@ impl BallOnGel {
     /// As [`GelSolver::press`].
     pub fn move_by(&mut self, [deeper_mm, x_mm, y_mm]: [f64; 3]) -> Result<[f64; 3]> {
         let grid = self.solver.grid();
-        let deepest_mm = MAX_DEPTH_SHARE * self.sensor.gel.thickness_mm;
+        let gel = self.sensor.gel;
+        let deepest_mm = max_depth_share(gel.strain) * gel.thickness_mm;
         let depth_mm = (self.depth_mm + deeper_mm).clamp(-deepest_mm, deepest_mm);
         let reach = [grid.width, grid.height].map(|side| side as f64 * grid.pitch_mm * WITHIN / 2.0);
         let at_mm = [

@@ -3,10 +3,13 @@
 use std::f64::consts::{PI, TAU};
 
 use meissner_simulator::SimulatorError;
-use meissner_simulator::gel::{Contact, Gel, GelSolver, Grid, Indenter, LETTERS, Load, Placed, Relaxation};
+use meissner_simulator::gel::{
+    Contact, Gel, GelSolver, Grid, Indenter, LETTERS, Load, Placed, Relaxation, Strain,
+};
 use proptest::prelude::*;
 
-const HALF_SPACE: Gel = Gel { modulus_mpa: 0.2, poisson: 0.5, thickness_mm: f64::INFINITY, friction: 0.6 };
+const HALF_SPACE: Gel =
+    Gel { modulus_mpa: 0.2, poisson: 0.5, thickness_mm: f64::INFINITY, friction: 0.6, strain: Strain::Small };
 const GRID: Grid = Grid { width: 72, height: 64, pitch_mm: 0.05 };
 
 /// `E / (1 - nu^2)`.
@@ -97,7 +100,7 @@ fn a_thin_layer_is_as_stiff_as_a_column_and_a_thick_one_a_half_space() {
     let ones = vec![1e-3; grid.pixels()];
     let middle = 24 * 48 + 24;
     for poisson in [0.0, 0.3, 0.45] {
-        let gel = Gel { modulus_mpa: 0.2, poisson, thickness_mm: 1.0, friction: 0.0 };
+        let gel = Gel { modulus_mpa: 0.2, poisson, thickness_mm: 1.0, friction: 0.0, strain: Strain::Small };
         // A uniform pressure far and wide compresses columns that cannot widen.
         let column = (1.0 + poisson) * (1.0 - 2.0 * poisson) / (0.2 * (1.0 - poisson)) * 1e-3;
         near(solver(gel, grid).displacement(&ones)[middle], column, 0.01);
@@ -112,6 +115,95 @@ fn a_thin_layer_is_as_stiff_as_a_column_and_a_thick_one_a_half_space() {
         solver(gel, GRID).press(&heights, Load::Depth(0.15)).unwrap().force_n
     });
     assert!(forces.is_sorted_by(|a, b| a > b), "{forces:?}");
+}
+
+/// Displacements of the nodes at the top of a finite-element gel, 5.5 mm thick and slightly domed,
+/// that is loaded in one node: distance in mm, mean of the nodes of a ring as a share of the loaded
+/// one's, and their standard deviation. Computed from the published field of Taxim (Si and Yuan
+/// 2022), which states neither load nor material.
+const FINITE_ELEMENTS: [[f64; 3]; 6] = [
+    [0.763, 0.1384, 0.0311],
+    [1.058, 0.0874, 0.0129],
+    [1.404, 0.0580, 0.0083],
+    [1.805, 0.0377, 0.0051],
+    [2.259, 0.0240, 0.0036],
+    [2.756, 0.0146, 0.0022],
+];
+
+#[test]
+fn a_point_load_has_the_shape_of_a_finite_element_gel() {
+    let grid = Grid { width: 65, height: 65, pitch_mm: 0.1 };
+    let mut pressure = vec![0.0; grid.pixels()];
+    pressure[32 * 65 + 32] = 0.01;
+    let gel = Gel { thickness_mm: 5.5, ..Gel::default() };
+    let moved = solver(gel, grid).displacement(&pressure);
+    // Along a row: rings of 1.4 mm are 14 pixels from the middle.
+    let at = |away_mm: f64| grid.between([32.0 + away_mm / grid.pitch_mm, 32.0], |i| moved[i]);
+    let [reference_mm, reference, _] = FINITE_ELEMENTS[2];
+    let scale = reference / at(reference_mm);
+    for [away_mm, share, deviation] in FINITE_ELEMENTS {
+        let found = scale * at(away_mm);
+        assert!(
+            (found - share).abs() < deviation,
+            "{found} at {away_mm} mm, expected {share} +- {deviation}"
+        );
+    }
+}
+
+/// The default gel under large pressures.
+const STIFFENING: Gel =
+    Gel { modulus_mpa: 0.15, poisson: 0.48, thickness_mm: 4.0, friction: 0.8, strain: Strain::Logarithmic };
+
+#[test]
+fn a_thin_layer_under_a_large_pressure_is_a_column_of_hencky() {
+    let grid = Grid { width: 48, height: 48, pitch_mm: 0.5 };
+    let middle = 24 * 48 + 24;
+    let gel = Gel { poisson: 0.3, thickness_mm: 1.0, ..STIFFENING };
+    let confined_mpa = 0.15 * 0.7 / (1.3 * 0.4);
+    for pressure in [0.01_f64, 0.1, 0.3] {
+        // The stress is the modulus times the logarithm of the stretch 1 - moved / thickness.
+        let expected = 1.0 - (-pressure / confined_mpa).exp();
+        near(solver(gel, grid).displacement(&vec![pressure; grid.pixels()])[middle], expected, 0.01);
+    }
+}
+
+#[test]
+fn a_stiffening_gel_touches_where_it_presses_and_never_lies_beyond_the_indenter() {
+    for indenter in indenters() {
+        let heights = Placed { tilts: [0.02, -0.01], ..Placed::upright(indenter) }.heights(&GRID);
+        let mut gel = solver(Gel { thickness_mm: 1.0, ..STIFFENING }, GRID);
+        let contact = gel.press(&heights, Load::Depth(0.5)).unwrap();
+        assert_eq!(contact.depth_mm, gel.gel().strain.moved(1.0, gel.gel().strain.linear(1.0, 0.5)));
+        for (i, height) in heights.iter().enumerate() {
+            let gap = contact.displacement_mm[i] - (contact.depth_mm - height);
+            assert!(gap > -2e-4, "{indenter:?}: {gap} at {i}");
+            assert!(contact.pressure_mpa[i] == 0.0 || gap.abs() < 2e-4, "{indenter:?}: {gap} at {i}");
+        }
+        // The force that a depth takes leads to that depth.
+        let again = gel.press(&heights, Load::Force(contact.force_n)).unwrap();
+        near(again.depth_mm, 0.5, 1e-3);
+        near(again.force_n, contact.force_n, 1e-9);
+    }
+}
+
+#[test]
+fn a_stiffening_gel_is_one_of_small_strains_at_first_and_then_stiffer() {
+    let heights = GRID.heights(ball(2.0));
+    let force = |strain: Strain, depth_mm: f64| {
+        solver(Gel { strain, thickness_mm: 1.0, ..STIFFENING }, GRID)
+            .press(&heights, Load::Depth(depth_mm))
+            .unwrap()
+            .force_n
+    };
+    near(force(Strain::Logarithmic, 0.005), force(Strain::Small, 0.005), 0.01);
+    let ratios =
+        [0.1, 0.3, 0.6].map(|depth_mm| force(Strain::Logarithmic, depth_mm) / force(Strain::Small, depth_mm));
+    assert!(ratios[0] > 1.03 && ratios.is_sorted(), "{ratios:?}");
+    // A half-space has no thickness to be compressed.
+    let half_space = |strain: Strain| Gel { strain, ..HALF_SPACE };
+    let [small, large] = [Strain::Small, Strain::Logarithmic]
+        .map(|strain| solver(half_space(strain), GRID).press(&heights, Load::Depth(0.1)).unwrap());
+    assert_eq!(small, large);
 }
 
 #[test]
@@ -265,6 +357,8 @@ fn what_cannot_be_is_refused_by_name() {
     for (load, name) in [(Load::Depth(-1.0), "depth is -1"), (Load::Force(f64::NAN), "force is NaN")] {
         assert!(gel.press(&heights, load).unwrap_err().to_string().starts_with(name));
     }
+    let too_deep = solver(STIFFENING, GRID).press(&heights, Load::Depth(4.0)).unwrap_err().to_string();
+    assert_eq!(too_deep, "depth is 4, expected below the gel's thickness");
     let mut broken = heights;
     broken[7] = f64::NAN;
     assert!(gel.press(&broken, Load::Depth(0.1)).unwrap_err().to_string().starts_with("height is NaN"));

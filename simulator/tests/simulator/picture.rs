@@ -1,9 +1,11 @@
 //! Pictures of a gel: the fitted lights against their twin in Python, and what a picture shows.
 
+use std::f64::consts::{FRAC_PI_2, PI};
+
 use meissner_kernels::random::Random;
 use meissner_simulator::SimulatorError;
 use meissner_simulator::gel::{
-    Gel, GelCamera, GelSensor, GelSolver, Grid, Indenter, Lens, Light, Load, Placed,
+    Gel, GelCamera, GelSensor, GelSolver, Grid, Indenter, Lens, Light, Load, MeasuredOptics, Placed,
 };
 
 /// The size of the pictures that the lights were fitted to.
@@ -34,6 +36,49 @@ fn slopes_have_the_levels_of_the_fit() {
             near(picture[place], expected, 0.1);
         }
     }
+}
+
+/// Optics of 5 bins a side whose red follows the slope along columns, green that along rows, and
+/// blue the column of the picture.
+fn optics() -> MeasuredOptics {
+    let bins = 5;
+    let mut table = vec![0.0; 3 * bins * bins * 6];
+    for (angle, direction) in (0..bins * bins).map(|bin| (bin / bins, bin % bins)) {
+        let (steep, turn) = (angle as f64 / 4.0, PI * (direction as f64 / 2.0 - 1.0));
+        let mut set = |colour: usize, term: usize, value: f64| {
+            table[((colour * bins + angle) * bins + direction) * 6 + term] = value as f32;
+        };
+        set(0, 5, 100.0 * steep * turn.cos());
+        set(1, 5, 100.0 * steep * turn.sin());
+        set(2, 3, 0.1);
+    }
+    MeasuredOptics::new(table, bins, 0.0).unwrap()
+}
+
+#[test]
+fn measured_optics_show_in_which_direction_a_surface_rises_and_nothing_where_it_is_flat() {
+    let shown = |along_x: f64, along_y: f64| {
+        let plane = GRID.heights(|x, y| along_x * x + along_y * y);
+        optics().picture(&GRID, &plane, SIZE, None).unwrap()[80 * GRID.width + 60]
+    };
+    // At 45 degrees: half of the way to a right angle. The column is 322.2 of 640.
+    let blue = 128.0 + 32.22;
+    near(shown(1.0, 0.0), [178.0, 128.0, blue], 0.1);
+    near(shown(-1.0, 0.0), [78.0, 128.0, blue], 0.1);
+    near(shown(0.0, 1.0), [128.0, 178.0, blue], 0.1);
+    near(shown(0.0, -1.0), [128.0, 78.0, blue], 0.1);
+    near(shown(0.0, 0.0), [128.0; 3], 1e-3);
+    // Half-way up to the angle from which the table alone is true.
+    near(shown(0.06_f64.tan(), 0.0), [128.0 + 100.0 * 0.06 / FRAC_PI_2 as f32, 128.0, 128.0 + 16.11], 0.1);
+}
+
+#[test]
+fn optics_that_cannot_be_are_refused_by_name() {
+    let refused = |table: Vec<f32>, bins| MeasuredOptics::new(table, bins, 1.0).unwrap_err().to_string();
+    assert_eq!(refused(vec![], 1), "bins is 1, expected at least 2");
+    assert_eq!(refused(vec![0.0; 71], 2), "values of optics is 71, expected 3 x bins x bins x 6");
+    assert_eq!(refused(vec![f32::NAN; 72], 2), "optics is NaN, expected finite values");
+    assert!(matches!(optics().picture(&GRID, &[0.0], SIZE, None), Err(SimulatorError::Pixels { .. })));
 }
 
 #[test]

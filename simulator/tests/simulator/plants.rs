@@ -69,13 +69,14 @@ fn a_ball_stays_on_the_sensor_and_within_its_depth() {
     assert_eq!(at_rest.len(), 64 * 48 * 3);
     assert_eq!(plant.truth().force_n, 0.0);
     let moved = plant.move_by([-5.0, 0.0, 0.0]).unwrap();
-    assert!((moved[0] + 1.2).abs() < 1e-12 && plant.truth().middle_mm.is_none());
+    // 60 % of a gel of 4 mm.
+    assert!((moved[0] + 2.4).abs() < 1e-12 && plant.truth().middle_mm.is_none());
     assert_eq!(plant.picture().unwrap().len(), at_rest.len());
     let moved = plant.move_by([1e9, 1e9, -1e9]).unwrap();
-    assert!((moved[0] - 2.4).abs() < 1e-12 && (moved[1] - 5.76).abs() < 1e-9 && moved[2] < -4.0, "{moved:?}");
+    assert!((moved[0] - 4.8).abs() < 1e-12 && (moved[1] - 5.76).abs() < 1e-9 && moved[2] < -4.0, "{moved:?}");
     assert!(plant.truth().force_n > 1.6);
     let deep = plant.truth().force_n;
-    plant.move_by([0.8 - 1.2, -5.76, 0.0]).unwrap();
+    plant.move_by([-0.4, -5.76, 0.0]).unwrap();
     assert!(plant.truth().force_n < deep);
 }
 

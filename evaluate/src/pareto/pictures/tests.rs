@@ -53,6 +53,10 @@ impl Folder {
     fn presses(&self, name: &str, presses: usize, pictures: usize) -> PathBuf {
         let plan = GelPlan {
             sensor: None,
+            optics: None,
+            width_mm: None,
+            force_n: [0.2, 20.0],
+            saw_teeth: 0,
             shapes: Shapes::Unseen,
             presses,
             pictures,
