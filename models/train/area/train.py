@@ -1,4 +1,4 @@
-"""Trains `canf` or `canf-plain` on pictures of `meissner simulate gel`.
+"""Trains `canf`, `canf-plain` or `canf-live` on pictures of `meissner simulate gel`.
 
     python train.py TRAIN... --valid VALID --balls BALLS.npz --network canf --statistics --out FOLDER
 
@@ -25,7 +25,7 @@ FORCE_SHARE = 0.05
 # The cross entropy of contact: the share in the loss, and the pressure in UNIT_MPA that takes the odds from even to e.
 CONTACT_SHARE, SOFTNESS = 0.2, 0.1
 CHECK, PICTURES = 250, 64
-DATA = "pictures of meissner simulate gel, sensors drawn, indenters seen; lights fitted to 20 real pictures"
+DATA = "pictures of meissner simulate gel, sensors drawn or the optics of one GelSight, indenters seen; lights fitted to 20 real pictures"
 LEARNED = ", which are learned from too"
 
 
@@ -71,21 +71,34 @@ def begun(network, seed, start):
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("train", type=Path, nargs="+")
-    parser.add_argument("--network", choices=("canf", "canf-plain"), default="canf")
+    parser.add_argument("--network", choices=("canf", "canf-plain", "canf-live"), default="canf")
     parser.add_argument("--balls", type=Path, help="real pictures, as lights.py reads them")
     parser.add_argument("--start", type=Path, help="weights to start from, of the same network or of canf-plain")
+    parser.add_argument("--teacher", type=Path, help="weights of canf: half of the target is what it says of the same picture")
+    parser.add_argument("--whole", action="store_true", help="learn from whole pictures instead of parts of them")
     parser.add_argument("--statistics", action="store_true", help="batch norm gets its statistics from whole pictures at the end")
-    for name, default in {"valid": None, "out": None, "steps": 4500, "rate": 1e-3, "seed": 0}.items():
+    parser.add_argument("--valid", type=Path, nargs="+", required=True)
+    for name, default in {"out": None, "steps": 4500, "rate": 1e-3, "seed": 0}.items():
         parser.add_argument(f"--{name}", type=Path if default is None else type(default), default=default, required=default is None)
     args = parser.parse_args()
     path, check = args.out / f"{args.network}.{args.seed}.safetensors", min(CHECK, args.steps)
-    module, train, valid = begun(args.network, args.seed, args.start), Pictures(args.train, args.balls, CROP, check), Pictures([args.valid])
+    crop = None if args.whole else CROP
+    module, train, valid = begun(args.network, args.seed, args.start), Pictures(args.train, args.balls, crop, check), Pictures(args.valid)
+    teacher = args.teacher and begun("canf", args.seed, args.teacher).eval()
+
+    def learn(network, images, target):
+        if teacher:
+            with torch.no_grad():
+                target = torch.cat([(target[:, :1] + teacher(images).float().clamp_min(0)) / 2, target[:, 1:]], 1)
+        return loss(network, images, target)
+
     settings = {"epochs": args.steps // check, "rate": args.rate, "decay": 1e-4, "check": 1, "seed": args.seed, "precision": torch.bfloat16}
-    fit(module, train, loss=loss, valid=lambda each: validated(each, valid, 24), checkpoint=path.with_suffix(".state"), **settings)
+    fit(module, train, loss=learn, valid=lambda each: validated(each, valid, 36), checkpoint=path.with_suffix(".state"), **settings)
     if args.statistics:
         whole = Pictures(args.train, args.balls, None, PICTURES // BATCH)
         gather_statistics(module, whole, np.random.default_rng(args.seed), loss=loss)
-    recipe = {"steps": args.steps, "rate": args.rate, "start": args.start and args.start.name, "crop": CROP, "batch": BATCH}
+    recipe = {"steps": args.steps, "rate": args.rate, "start": args.start and args.start.name, "crop": crop, "batch": BATCH}
+    recipe |= {"teacher": args.teacher.name} if args.teacher else {}
     about = f"trained on simulated pictures; validation {validated(module, valid, 10**6)[1]}"
     said = {"seed": args.seed, "recipe": recipe, "sensor": [320, 240], "trained_on": DATA + (LEARNED if args.balls else ""), "about": about}
     save(module, path, said, half=True)
