@@ -17,8 +17,8 @@
 //! Under large pressures a gel gets stiffer ([`Strain::Logarithmic`]): a contact is then one of
 //! small strains with heights that are bent as the surface is.
 //!
-//! Left out: adhesion; friction under the normal load; the coupling of shear and pressure; the sides
-//! of the gel; how a strain at one place stiffens the places beside it.
+//! Left out: adhesion; friction under the normal load; the coupling of shear and pressure; the
+//! sides of the gel; how a strain at one place stiffens the places beside it.
 //!
 //! ```
 //! use meissner_simulator::gel::{Gel, GelCamera, GelSolver, Grid, Indenter, Load, Placed};
@@ -175,8 +175,8 @@ impl GelSolver {
                 self.touch(&heights, load, self.first_guess(&heights, load))
             }
             Load::Force(_) => {
-                // How the heights are bent depends on the depth, which the force tells only then: the
-                // secant method on the difference between the depth that is found and that depth.
+                // How the heights are bent depends on the depth, which the force tells only then.
+                // The secant method finds where the depth of the contact is the one assumed.
                 let mut contact = self.touch(heights_mm, load, self.first_guess(heights_mm, load))?;
                 let (mut assumed_mm, mut last, mut iterations) = (contact.depth_mm, None, contact.iterations);
                 while iterations < MAX_ITERATIONS {
@@ -201,7 +201,7 @@ impl GelSolver {
         }
     }
 
-    /// The contact for small strains, from a guess of the pressure on; its surface and depth are bent.
+    /// The contact for small strains, from a guess of the pressure on. Surface and depth are bent.
     fn touch(&mut self, heights_mm: &[f64], load: Load, guess: Vec<f64>) -> Result<Contact> {
         let pixels = self.grid.pixels();
         let area = self.grid.pitch_mm * self.grid.pitch_mm;

@@ -189,8 +189,8 @@ fn press(plan: &GelPlan<'_>, i: usize) -> Result<Press, SimulatorError> {
     Ok(press)
 }
 
-/// The optics `name` in the archive at `path` ([`SlopeColours::read`]), with the noise of the fitted
-/// sensor: the table has none.
+/// The optics `name` in the archive at `path` ([`SlopeColours::read`]), with the noise of the
+/// fitted sensor: the table has none.
 ///
 /// # Errors
 /// The archive cannot be read, or what it has are no optics.

@@ -94,13 +94,14 @@ impl BallPictures {
 pub struct SlopeColours {
     /// Bins of the slope's angle, from 0 to a right angle, and of its direction, a full turn.
     pub bins: usize,
-    /// (3 colours, angles, directions, 6): the factors of x^2, y^2, x y, x, y and 1, with column and
-    /// row in a picture of 640 x 480 pixels.
+    /// (3 colours, angles, directions, 6): the factors of x^2, y^2, x y, x, y and 1, with column
+    /// and row in a picture of 640 x 480 pixels.
     pub table: Vec<f32>,
 }
 
 impl SlopeColours {
-    /// Reads the array `sensor`, `<f4` (3, bins, bins, 6), of the archive (npz) at `path`. O(bytes).
+    /// Reads the array `sensor`, `<f4` (3, bins, bins, 6), of the archive (npz) at `path`.
+    /// O(bytes).
     ///
     /// # Errors
     /// [`IoError`], with the path, where the archive cannot be read, or has no such array.

@@ -10,7 +10,7 @@ UNIT_MPA, UNIT_LEVELS, PIXEL_MM, THRESHOLD_N = 0.1, 25.5, 0.06, 1e-4
 # Real pictures: how often they come, and the pressure in the middle of a contact in UNIT_MPA, that of the default gel under a ball
 # whose radius is 1.25 times that of the contact.
 REAL_EVERY, MIDDLE = 8, 1.2
-CROP, BATCH = (160, 120), 4
+CROP, BATCH = (160, 128), 4
 # Drift of the light that is added to a picture in training, in grey levels, for each term of a quadratic in the place, and the spread of
 # each colour's gain.
 DRIFT, GAIN = (12.0, 12.0, 12.0, 7.0, 7.0, 7.0), 0.1
@@ -20,10 +20,10 @@ class Pictures:
     """The pictures of files, read when they are needed, and real ones, turned and enlarged as the program does, with a pressure after Hertz
     in the circle that was marked by hand. An epoch has so many `steps`."""
 
-    def __init__(self, paths, balls=None, crop=CROP, steps=1):
+    def __init__(self, paths, balls=None, crop=CROP, steps=1, batch=BATCH):
         files = [safe_open(path, "np") for path in paths]
         self.slices = [{name: file.get_slice(name) for name in ("picture", "reference", "force")} for file in files]
-        self.pictures, self.balls, self.crop, self.steps = [], [], crop, steps
+        self.pictures, self.balls, self.crop, self.steps, self.batch = [], [], crop, steps, batch
         for number, file in enumerate(files):
             start, pixel = file.get_tensor("start"), file.get_tensor("pixel_mm")
             press = np.repeat(np.arange(len(start) - 1), np.diff(start))
@@ -61,7 +61,7 @@ class Pictures:
     def epoch(self, _, random):
         for step in range(self.steps):
             made = []
-            for i in random.integers(len(self.pictures), size=BATCH):
+            for i in random.integers(len(self.pictures), size=self.batch):
                 if self.balls and random.integers(REAL_EVERY) == 0:
                     difference, pressure, area = self.balls[random.integers(len(self.balls))]
                     flips = np.s_[:: random.choice((-1, 1)), :: random.choice((-1, 1))]
