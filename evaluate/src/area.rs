@@ -4,8 +4,10 @@
 //! Leaves: a [`Report`] and the maps of force. Each press begins with a reset, so that the number
 //! of threads changes no bit, except in measured times.
 
+mod baselines;
 pub(crate) mod figures;
 pub(crate) mod pictures;
+mod stereo;
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -24,10 +26,12 @@ use crate::judge::{Judge, JudgedTrial, NetworkReport, judge};
 use crate::trainings::{EvaluatedNetwork, Evaluation, Request, Task, Training, candidates, seed_name};
 use crate::trials::{Cases, Trial};
 use crate::workers::Workers;
-pub use figures::{BaselineFigures, Figures, KindFigures};
-use figures::{Outcome, PressOptions, baseline};
+pub use baselines::BaselineFigures;
+pub use figures::{Figures, KindFigures};
+use figures::{Outcome, PressOptions};
 pub use pictures::Source;
 use pictures::{Press, Set};
+use stereo::Stereo;
 
 /// The task of contact area and normal force.
 #[derive(Clone, Copy, Debug)]
@@ -83,8 +87,11 @@ pub struct DataReport {
     pub pictures: usize,
     /// Least and greatest total force in N; `None` where the file has no forces.
     pub force_n: Option<[f64; 2]>,
-    /// Where a picture differs from the picture at rest.
+    /// Where a picture differs from the picture at rest, in grey levels.
     pub difference: BaselineFigures,
+    /// Where the depth by photometric stereo exceeds a threshold, in mm, with a force in proportion
+    /// to the depth there.
+    pub stereo: BaselineFigures,
 }
 
 /// Figures of a network.
@@ -117,7 +124,8 @@ pub fn evaluate(
     let sets = options.data.iter().map(|path| Set::read(path)).collect::<Result<Vec<_>, _>>()?;
     let of_area = OfArea { sets: &sets, frames: options.frames };
     let judged = judge(&of_area, &candidates, TensorFile::new(BTreeMap::new()), workers, done)?;
-    let data = sets.iter().map(|set| data_report(set, workers)).collect::<Result<Vec<_>, _>>()?;
+    let stereo = Stereo::calibrated(workers)?;
+    let data = sets.iter().map(|set| data_report(set, &stereo, workers)).collect::<Result<Vec<_>, _>>()?;
     let names = options.data.iter().map(|path| path.display().to_string()).collect::<Vec<_>>().join(", ");
     let header = Header::of_many("eval area", InputCard::other(&names, "pictures"));
     Ok(judged.evaluation(|networks| Report { header, data, notes, networks }))
@@ -185,9 +193,9 @@ impl Judge for OfArea<'_> {
         AreaFigures { trainings: judged.into_iter().map(training).collect() }
     }
 
-    /// Image differences see each press once.
+    /// Each of two baselines sees each press once, and one of them its own presses twice.
     fn more_cases(&self) -> usize {
-        self.presses().count()
+        2 * (self.presses().count() + Stereo::PRESSES)
     }
 }
 
@@ -200,7 +208,7 @@ pub(crate) fn model(
     Ok(FrameModel::of(description, weights, convolution, false)?)
 }
 
-fn data_report(set: &Set, workers: &Workers) -> Result<DataReport> {
+fn data_report(set: &Set, stereo: &Stereo, workers: &Workers) -> Result<DataReport> {
     let forces =
         || set.presses.iter().flat_map(|press| &press.pictures).filter_map(pictures::Labelled::force_n);
     let ends = forces().fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], n| [low.min(n), high.max(n)]);
@@ -210,7 +218,8 @@ fn data_report(set: &Set, workers: &Workers) -> Result<DataReport> {
         presses: set.presses.len(),
         pictures: set.pictures(),
         force_n: (ends[0] <= ends[1]).then_some(ends),
-        difference: baseline(set, workers)?,
+        difference: baselines::difference(set, workers)?,
+        stereo: stereo.figures(set, workers)?,
     })
 }
 

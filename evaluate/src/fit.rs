@@ -24,7 +24,7 @@
 //! Everything follows from the input and the seed; the number of threads changes no bit.
 
 mod basis;
-mod cholesky;
+pub(crate) mod cholesky;
 mod dense;
 mod figures;
 mod heads;

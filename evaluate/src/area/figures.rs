@@ -1,26 +1,24 @@
 //! Figures of maps of force against what is true.
 //!
 //! A map of a network is scaled to the pixels of the sensor that took the picture. A pixel is truly
-//! in contact where the pressure exceeds [`CONTACT_MPA`].
+//! in contact where the pressure exceeds [`CONTACT_MPA`]. The published label differs: it spreads
+//! the force evenly over all pixels that are pressed at all ([`Figures::iou_even`]).
 
 use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 
 use meissner_engine::frames::FrameOptions;
-use meissner_models::systems::contact_area::{
-    Centroid, ContactReport, DifferenceBaseline, DifferenceSettings, PixelSize, iou,
-};
+use meissner_models::systems::contact_area::{Centroid, ContactError, ContactReport, PixelSize, iou};
 use meissner_run::RunError;
 use meissner_run::latency::microseconds;
 use meissner_run::model::{FrameModel, LayerCost};
-use meissner_run::run::{BLUR_RADIUS, ContactPredictor};
+use meissner_run::run::ContactPredictor;
 use serde::Serialize;
 
-use crate::area::pictures::{Labelled, Press, Set, Truth};
+use crate::area::pictures::{Labelled, Press, Truth};
 use crate::doubts::{BAD, Doubts};
 use crate::error::Result;
 use crate::metrics::MeanStd;
-use crate::workers::Workers;
 
 /// Figures of a network on a file of pictures.
 #[derive(Serialize)]
@@ -29,6 +27,10 @@ pub struct Figures {
     pub pictures: usize,
     /// Intersection over union of the pixels in contact; 1 where there are none in both.
     pub iou: MeanStd,
+    /// The same against the published label, under which all pixels that are pressed at all bear an
+    /// equal share of the force: they are in contact where this share exceeds the threshold.
+    /// `None` where no force is known.
+    pub iou_even: Option<MeanStd>,
     /// Absolute error of the total force, in N.
     pub force_n: Option<MeanStd>,
     /// Distance of the centroids in mm, over pictures with contact in both.
@@ -58,20 +60,6 @@ pub struct KindFigures {
     pub force_n: Option<MeanStd>,
 }
 
-/// Figures of the pixels at which pictures differ from the sensor at rest.
-#[derive(Serialize)]
-#[expect(missing_docs, reason = "the keys of the JSON report")]
-pub struct BaselineFigures {
-    /// Of twelve thresholds in grey levels, that of the highest `IoU`: the baseline is favoured.
-    pub threshold: f32,
-    pub iou: MeanStd,
-    pub centroid_mm: Option<MeanStd>,
-    pub area_mm2: MeanStd,
-}
-
-/// Thresholds that are tried for image differences, in grey levels.
-const THRESHOLDS: [f32; 12] = [5.0, 8.0, 10.0, 12.0, 15.0, 18.0, 22.0, 26.0, 30.0, 36.0, 44.0, 52.0];
-
 /// What a network made of the pictures of a press.
 pub(crate) struct Outcome {
     kind: String,
@@ -81,12 +69,14 @@ pub(crate) struct Outcome {
     pub(crate) maps: Vec<f32>,
 }
 
-struct Contact {
-    iou: f64,
+/// A contact that was found in a picture, compared with what is true.
+pub(super) struct Contact {
+    pub(super) iou: f64,
+    pub(super) iou_even: Option<f64>,
     /// True and predicted.
     force_n: Option<(f64, f64)>,
-    centroid_mm: Option<f64>,
-    area_mm2: f64,
+    pub(super) centroid_mm: Option<f64>,
+    pub(super) area_mm2: f64,
     unlike: Option<f32>,
     update_us: f64,
 }
@@ -102,25 +92,22 @@ impl Outcome {
         run.begin(press);
         let own_mm = run.predictor.pixel().sides_mm()[0];
         let pixel_mm = press.pixel_mm.unwrap_or(own_mm);
-        let (scale, pixel) = ((pixel_mm / own_mm) * (pixel_mm / own_mm), PixelSize::new(pixel_mm, pixel_mm));
-        let pixel = pixel.map_err(RunError::from)?;
+        let scale = (pixel_mm / own_mm) * (pixel_mm / own_mm);
         let mut outcome =
             Self { kind: press.kind.clone(), pictures: Vec::new(), multiply_adds: 0, maps: Vec::new() };
         for picture in &press.pictures {
             let Answer { report, push_predict, .. } = run.measure(&picture.rgb)?;
             let predictor = &run.predictor;
             let update_us = microseconds(push_predict);
-            let mask = true_mask(&picture.truth, pixel_mm);
-            let found = predictor.mask();
-            let width = predictor.size().width;
-            outcome.pictures.push(Contact {
-                iou: iou(found, &mask).map_err(RunError::from)?,
-                force_n: picture.force_n().map(|force| (force, report.force_n * scale)),
-                centroid_mm: distance(report.centroid, centroid(&picture.truth, &mask, width), pixel_mm),
-                area_mm2: (pixel.area_mm2(report.pixels) - pixel.area_mm2(count(&mask))).abs(),
-                unlike: predictor.unlike(),
-                update_us,
-            });
+            let found = Found {
+                mask: predictor.mask(),
+                pixels: report.pixels,
+                centroid: report.centroid,
+                force_n: Some(report.force_n * scale),
+            };
+            let contact = Known::of(picture, pixel_mm, predictor.size().width).contact(&found, pixel_mm);
+            let contact = contact.map_err(RunError::from)?;
+            outcome.pictures.push(Contact { unlike: predictor.unlike(), update_us, ..contact });
             outcome.maps.extend(predictor.force().iter().map(|force| (f64::from(*force) * scale) as f32));
         }
         let counters = run.predictor.counters();
@@ -162,11 +149,10 @@ impl Figures {
         Self {
             pictures: all.len(),
             iou,
+            iou_even: known(&all, |contact| contact.iou_even),
             doubts,
             force_n: force_error(&all),
-            centroid_mm: MeanStd::of(
-                &all.iter().filter_map(|contact| contact.centroid_mm).collect::<Vec<_>>(),
-            ),
+            centroid_mm: known(&all, |contact| contact.centroid_mm),
             area_mm2: over(&all, |contact| contact.area_mm2),
             kinds: kinds.into_iter().map(|(name, contacts)| (name, kind(contacts))).collect(),
             multiply_adds: work / all.len().max(1) as u64,
@@ -176,96 +162,102 @@ impl Figures {
     }
 }
 
-pub(crate) fn baseline(set: &Set, workers: &Workers) -> Result<BaselineFigures> {
-    let judge = |(): &mut (), press: &Press| -> Result<Vec<Vec<Contact>>, RunError> {
-        let pixel_mm = press.pixel_mm.unwrap_or(1.0);
-        let pixel = PixelSize::new(pixel_mm, pixel_mm)?;
-        let masks: Vec<_> =
-            press.pictures.iter().map(|picture| true_mask(&picture.truth, pixel_mm)).collect();
-        let at = |threshold: f32| {
-            let settings = DifferenceSettings { size: set.size, pixel, threshold, blur_radius: BLUR_RADIUS };
-            let mut baseline = DifferenceBaseline::new(&press.reference, settings)?;
-            let contact = |(picture, mask): (&Labelled, &Vec<bool>)| {
-                let report = baseline.measure(&picture.rgb)?;
-                Ok(Contact {
-                    iou: iou(baseline.mask(), mask)?,
-                    force_n: None,
-                    centroid_mm: distance(
-                        report.centroid,
-                        centroid(&picture.truth, mask, set.size.width),
-                        pixel_mm,
-                    ),
-                    area_mm2: (report.area_mm2 - pixel.area_mm2(count(mask))).abs(),
-                    unlike: None,
-                    update_us: 0.0,
-                })
-            };
-            press.pictures.iter().zip(&masks).map(contact).collect()
-        };
-        THRESHOLDS.into_iter().map(at).collect()
-    };
-    let presses = workers.for_each(&(), &set.presses, judge)?;
-    let figures = THRESHOLDS.iter().enumerate().map(|(index, &threshold)| {
-        let contacts: Vec<&Contact> = presses.iter().flat_map(|press| &press[index]).collect();
-        BaselineFigures {
-            threshold,
-            iou: over(&contacts, |contact| contact.iou),
-            centroid_mm: MeanStd::of(
-                &contacts.iter().filter_map(|contact| contact.centroid_mm).collect::<Vec<_>>(),
-            ),
-            area_mm2: over(&contacts, |contact| contact.area_mm2),
-        }
-    });
-    let best = figures.max_by(|a, b| a.iou.mean.total_cmp(&b.iou.mean));
-    Ok(best.expect("there are thresholds"))
-}
-
 /// Pressure of a contact: the published 1e-4 N on a pixel of 0.06 mm of the shipped networks.
 const CONTACT_MPA: f64 = 1e-4 / (0.06 * 0.06);
 
-/// The pixels in contact: marked, or under more pressure than [`CONTACT_MPA`].
-fn true_mask(truth: &Truth, pixel_mm: f64) -> Vec<bool> {
-    let least_n = CONTACT_MPA * pixel_mm * pixel_mm;
-    match truth {
-        Truth::Force(force) => force.iter().map(|&force| f64::from(force) > least_n).collect(),
-        Truth::Contact(mask) => mask.clone(),
+/// Share of the greatest force on a pixel from which a pixel is pressed. The solver of contacts has
+/// exact zeros outside, but a picture's pixel between two of its own takes a part of each.
+const RIM: f64 = 0.01;
+
+/// What is true of a picture, for comparisons.
+pub(super) struct Known {
+    /// The pixels in contact.
+    mask: Vec<bool>,
+    /// The same by the published label, where forces are known.
+    even: Option<Vec<bool>>,
+    /// The middle of the pixels in contact, weighted by force where known; `None` without contact.
+    centroid: Option<[f64; 2]>,
+    force_n: Option<f64>,
+}
+
+/// The contact that was found in a picture.
+pub(super) struct Found<'a> {
+    pub(super) mask: &'a [bool],
+    /// How many of them are in contact.
+    pub(super) pixels: usize,
+    pub(super) centroid: Option<Centroid>,
+    /// `None` for a method that finds no force.
+    pub(super) force_n: Option<f64>,
+}
+
+impl Known {
+    pub(super) fn of(picture: &Labelled, pixel_mm: f64, width: usize) -> Self {
+        let least_n = CONTACT_MPA * pixel_mm * pixel_mm;
+        let (mask, even) = match &picture.truth {
+            Truth::Force(force) => (above(force, least_n), Some(even(force, least_n))),
+            Truth::Contact(mask) => (mask.clone(), None),
+        };
+        let (mut sum, mut at) = (0.0, [0.0; 2]);
+        for i in (0..mask.len()).filter(|&i| mask[i]) {
+            let weight = match &picture.truth {
+                Truth::Force(force) => f64::from(force[i]),
+                Truth::Contact(_) => 1.0,
+            };
+            sum += weight;
+            at[0] += weight * (i % width) as f64;
+            at[1] += weight * (i / width) as f64;
+        }
+        let centroid = (sum > 0.0).then(|| at.map(|at| at / sum));
+        Self { mask, even, centroid, force_n: picture.force_n() }
     }
+
+    /// Compares what was found on pixels of this width.
+    pub(super) fn contact(&self, found: &Found<'_>, pixel_mm: f64) -> Result<Contact, ContactError> {
+        let pixel = PixelSize::new(pixel_mm, pixel_mm)?;
+        let even = self.even.as_ref().map(|even| iou(found.mask, even)).transpose()?;
+        let distance = |found: Centroid, [x, y]: [f64; 2]| (found.x_px - x).hypot(found.y_px - y) * pixel_mm;
+        Ok(Contact {
+            iou: iou(found.mask, &self.mask)?,
+            iou_even: even,
+            force_n: self.force_n.zip(found.force_n),
+            centroid_mm: found.centroid.zip(self.centroid).map(|(found, known)| distance(found, known)),
+            area_mm2: (pixel.area_mm2(found.pixels) - pixel.area_mm2(count(&self.mask))).abs(),
+            unlike: None,
+            update_us: 0.0,
+        })
+    }
+}
+
+/// The pixels with more force than this.
+fn above(force: &[f32], least_n: f64) -> Vec<bool> {
+    force.iter().map(|&force| f64::from(force) > least_n).collect()
+}
+
+/// The pixels that are pressed, if the force would be more than this on each under equal shares.
+fn even(force: &[f32], least_n: f64) -> Vec<bool> {
+    let [sum, most] = force.iter().fold([0.0, 0.0_f64], |[sum, most], &force| {
+        let force = f64::from(force);
+        [sum + force, most.max(force)]
+    });
+    let pressed = above(force, RIM * most);
+    if sum > least_n * count(&pressed) as f64 { pressed } else { vec![false; force.len()] }
 }
 
 fn count(mask: &[bool]) -> usize {
     mask.iter().filter(|&&touches| touches).count()
 }
 
-/// The middle of the pixels in contact, weighted by force where known; `None` without contact.
-fn centroid(truth: &Truth, mask: &[bool], width: usize) -> Option<[f64; 2]> {
-    let (mut sum, mut at) = (0.0, [0.0; 2]);
-    for i in (0..mask.len()).filter(|&i| mask[i]) {
-        let weight = match truth {
-            Truth::Force(force) => f64::from(force[i]),
-            Truth::Contact(_) => 1.0,
-        };
-        sum += weight;
-        at[0] += weight * (i % width) as f64;
-        at[1] += weight * (i / width) as f64;
-    }
-    (sum > 0.0).then(|| at.map(|at| at / sum))
+pub(super) fn force_error(contacts: &[&Contact]) -> Option<MeanStd> {
+    known(contacts, |contact| contact.force_n.map(|(expected, found)| (found - expected).abs()))
 }
 
-fn distance(found: Option<Centroid>, expected: Option<[f64; 2]>, pixel_mm: f64) -> Option<f64> {
-    let (found, [x, y]) = (found?, expected?);
-    Some((found.x_px - x).hypot(found.y_px - y) * pixel_mm)
-}
-
-fn force_error(contacts: &[&Contact]) -> Option<MeanStd> {
-    let errors = contacts
-        .iter()
-        .filter_map(|contact| contact.force_n)
-        .map(|(expected, found)| (found - expected).abs());
-    MeanStd::of(&errors.collect::<Vec<_>>())
+/// Over the pictures that have the figure.
+pub(super) fn known(contacts: &[&Contact], figure: impl Fn(&Contact) -> Option<f64>) -> Option<MeanStd> {
+    MeanStd::of(&contacts.iter().filter_map(|contact| figure(contact)).collect::<Vec<_>>())
 }
 
 /// Of no pictures, 0.
-fn over(contacts: &[&Contact], figure: impl Fn(&Contact) -> f64) -> MeanStd {
+pub(super) fn over(contacts: &[&Contact], figure: impl Fn(&Contact) -> f64) -> MeanStd {
     MeanStd::over(contacts, |contact| figure(contact)).unwrap_or(MeanStd { mean: 0.0, std: None })
 }
 

@@ -63,7 +63,7 @@ fn figures_are_those_of_the_maps_computed_the_slow_way() {
         (floats(&truth.tensor("force").unwrap()), floats(&truth.tensor("pixel_mm").unwrap()));
     let rgb = [truth.tensor("picture").unwrap(), truth.tensor("reference").unwrap()];
     let pixels = 24 * 32;
-    let (mut ious, mut errors) = (Vec::new(), Vec::new());
+    let (mut ious, mut evens, mut errors) = (Vec::new(), Vec::new(), Vec::new());
     for picture in 0..12 {
         let side = f64::from(pixel[picture / 3]);
         let scale = side * side / 0.36;
@@ -81,13 +81,30 @@ fn figures_are_those_of_the_maps_computed_the_slow_way() {
             expected += true_n;
         }
         ious.push(if either == 0 { 1.0 } else { both as f64 / either as f64 });
+        // Equal shares of all that is pressed.
+        let own = picture * pixels..(picture + 1) * pixels;
+        let greatest = force[own.clone()].iter().copied().fold(0.0, f32::max);
+        let pressed: Vec<bool> = force[own.clone()].iter().map(|&n| n > 0.01 * greatest).collect();
+        let share = expected / pressed.iter().filter(|&&is_pressed| is_pressed).count() as f64;
+        let is_contact = |is_pressed: bool| is_pressed && share > 1e-4 / 0.0036 * side * side;
+        let touches = maps[own].iter().map(|&n| f64::from(n) > 0.001 * scale);
+        let pairs: Vec<_> =
+            touches.zip(pressed).map(|(touches, is_pressed)| (touches, is_contact(is_pressed))).collect();
+        let both = pairs.iter().filter(|&&pair| pair == (true, true)).count();
+        let either = pairs.iter().filter(|&&pair| pair != (false, false)).count();
+        evens.push(if either == 0 { 1.0 } else { both as f64 / either as f64 });
         errors.push((found - expected).abs());
     }
     let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len() as f64;
     assert!((figures.iou.mean - mean(&ious)).abs() < 1e-9, "{} {}", figures.iou.mean, mean(&ious));
+    assert!((figures.iou_even.unwrap().mean - mean(&evens)).abs() < 1e-9);
+    assert_ne!(figures.iou.mean.to_bits(), figures.iou_even.unwrap().mean.to_bits());
     assert!((figures.force_n.unwrap().mean - mean(&errors)).abs() < 1e-5);
     assert_eq!(figures.kinds.values().map(|kind| kind.pictures).sum::<usize>(), 12);
-    assert!(report.data[0].difference.iou.mean > 0.0 && figures.multiply_adds > 0);
+    let data = &report.data[0];
+    assert!(data.difference.iou.mean > 0.0 && data.difference.force_n.is_none());
+    assert!(data.stereo.iou.mean > 0.0 && data.stereo.force_n.is_some());
+    assert!(figures.multiply_adds > 0);
 }
 
 #[test]

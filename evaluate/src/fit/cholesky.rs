@@ -19,10 +19,10 @@ const TILE: usize = 32;
 
 /// The lower triangle of a factor.
 #[derive(Clone, Debug)]
-pub(super) struct Factor(Array2<f64>);
+pub(crate) struct Factor(Array2<f64>);
 
 /// The part of a matrix with these rows and columns.
-pub(super) fn block(
+pub(crate) fn block(
     mut of: ArrayView2<'_, f64>,
     rows: Range<usize>,
     columns: Range<usize>,
@@ -44,7 +44,7 @@ pub(super) fn block_mut(
 }
 
 /// Adds the products of all pairs of columns of `part` to the lower triangle of `sums`.
-pub(super) fn add_products(sums: &mut Array2<f64>, part: ArrayView2<'_, f64>) {
+pub(crate) fn add_products(sums: &mut Array2<f64>, part: ArrayView2<'_, f64>) {
     let height = part.nrows();
     tiles(sums.view_mut(), |rows, tile| {
         let (left, right) = (block(part, 0..height, rows.clone()), block(part, 0..height, 0..rows.end));
@@ -62,7 +62,7 @@ fn tiles(mut of: ArrayViewMut2<'_, f64>, work: impl Fn(Range<usize>, ArrayViewMu
 impl Factor {
     /// The factor of the matrix with the lower triangle of `of` plus `shift` on its diagonal;
     /// `None` where that is not positive definite. O(size^3).
-    pub(super) fn new(mut of: Array2<f64>, shift: f64) -> Option<Self> {
+    pub(crate) fn new(mut of: Array2<f64>, shift: f64) -> Option<Self> {
         of.diag_mut().iter_mut().for_each(|value| *value += shift);
         let size = of.nrows();
         for begin in (0..size).step_by(TILE) {
@@ -92,7 +92,7 @@ impl Factor {
     }
 
     /// Replaces each row b of `of` by the x with A x = b. O(size^2) a row.
-    pub(super) fn solve(&self, of: &mut Array2<f64>) {
+    pub(crate) fn solve(&self, of: &mut Array2<f64>) {
         self.forward(of);
         self.backward(of);
     }

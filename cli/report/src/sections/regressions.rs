@@ -199,13 +199,17 @@ fn area(section: &mut Section, object: &Value) {
         }
     }
     for of in data {
-        let Some(iou) = number(of, "difference/iou/mean") else { continue };
-        let threshold = number(of, "difference/threshold").map_or_else(String::new, shown);
-        let name = format!("image difference above {threshold}, {}", file(of));
-        let cells = MEASURES.map(|(key, _)| spread(of, &format!("difference/{key}"), 1.0));
-        ious.push((format!("image difference, {}", file(of)), iou));
-        let empty = [String::new(), String::new()];
-        rows.push([name, cell(of, "pictures")].into_iter().chain(cells).chain(empty).collect());
+        for (key, name, limit, unit) in
+            [("difference", "image difference", " above ", ""), ("stereo", "stereo", ", deeper than ", " mm")]
+        {
+            let Some(iou) = number(of, &format!("{key}/iou/mean")) else { continue };
+            let threshold = number(of, &format!("{key}/threshold")).map_or_else(String::new, shown);
+            let cells = MEASURES.map(|(measure, _)| spread(of, &format!("{key}/{measure}"), 1.0));
+            ious.push((format!("{name}, {}", file(of)), iou));
+            let empty = [String::new(), String::new()];
+            let name = format!("{name}{limit}{threshold}{unit}, {}", file(of));
+            rows.push([name, cell(of, "pictures")].into_iter().chain(cells).chain(empty).collect());
+        }
     }
     section.draw(
         "How much of predicted and true contact is common to both.",
@@ -224,5 +228,10 @@ fn area(section: &mut Section, object: &Value) {
 }
 
 /// Figures of contacts: keys and headings.
-const MEASURES: [(&str, &str); 4] =
-    [("iou", "IoU"), ("force_n", "force (N)"), ("centroid_mm", "centroid (mm)"), ("area_mm2", "area (mm2)")];
+const MEASURES: [(&str, &str); 5] = [
+    ("iou", "IoU"),
+    ("iou_even", "even IoU"),
+    ("force_n", "force (N)"),
+    ("centroid_mm", "centroid (mm)"),
+    ("area_mm2", "area (mm2)"),
+];

@@ -230,7 +230,7 @@ fn regressions_show_what_was_predicted_over_what_was_true() {
     let area = of(
         "eval area",
         &format!(
-            r#""data":[{{"file":"a/b.npz","pictures":3,"difference":{{"threshold":12,"iou":{{"mean":0.3,"std":0.1}},"centroid_mm":{{"mean":1.5,"std":null}},"area_mm2":{{"mean":9,"std":null}}}}}}],"networks":[{{"network":{{"name":"canf"}},"trainings":[{{"seed":1,"sets":[{{"pictures":3,"iou":{{"mean":0.7,"std":0.2}},"force_n":{{"mean":0.8,"std":null}},"centroid_mm":{{"mean":0.4,"std":null}},"area_mm2":{{"mean":2,"std":null}},"kinds":{{"ball":{{"pictures":3,"iou":{{"mean":0.7,"std":0.2}},"force_n":null}}}},"multiply_adds":5000000,"update_us":3500,"pairs":{pairs},{doubts}}}]}}]}}]"#
+            r#""data":[{{"file":"a/b.npz","pictures":3,"difference":{{"threshold":12,"iou":{{"mean":0.3,"std":0.1}},"centroid_mm":{{"mean":1.5,"std":null}},"area_mm2":{{"mean":9,"std":null}}}},"stereo":{{"threshold":0.06,"iou":{{"mean":0.4,"std":0.1}},"iou_even":null,"force_n":{{"mean":1.25,"std":null}},"centroid_mm":null,"area_mm2":{{"mean":8,"std":null}}}}}}],"networks":[{{"network":{{"name":"canf"}},"trainings":[{{"seed":1,"sets":[{{"pictures":3,"iou":{{"mean":0.7,"std":0.2}},"iou_even":{{"mean":0.65,"std":0.3}},"force_n":{{"mean":0.8,"std":null}},"centroid_mm":{{"mean":0.4,"std":null}},"area_mm2":{{"mean":2,"std":null}},"kinds":{{"ball":{{"pictures":3,"iou":{{"mean":0.7,"std":0.2}},"force_n":null}}}},"multiply_adds":5000000,"update_us":3500,"pairs":{pairs},{doubts}}}]}}]}}]"#
         ),
     );
     holds(
@@ -238,7 +238,10 @@ fn regressions_show_what_was_predicted_over_what_was_true() {
         &[
             "an IoU of 0.7 and a force that is off by 0.8 N",
             "image difference above 12, b.npz",
+            "stereo, deeper than 0.06 mm, b.npz",
+            "1.25",
             "0.7 \u{b1} 0.2",
+            "0.65 \u{b1} 0.3",
             "3.50 ms",
             "predicted (N)",
             "canf, b.npz, ball",
