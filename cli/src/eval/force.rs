@@ -4,7 +4,7 @@ use std::io::{self, Write};
 
 use clap::Arg;
 use meissner_evaluate::NetworkReport;
-use meissner_evaluate::force::{ForceErrors, ForceFigures, Options, Report, evaluate};
+use meissner_evaluate::force::{ForceErrors, ForceFigures, Options, PartErrors, Report, evaluate};
 use meissner_evaluate::metrics::MeanStd;
 use meissner_plot::{Panel, Plane, Series, Style, page};
 use meissner_run::text::grouped;
@@ -16,7 +16,7 @@ use crate::text::{NONE, Table, cell, columns, file_name};
 
 /// Recordings in the picture.
 const DRAWN: usize = 3;
-/// What the paper reports of its `ConvLSTM` over all phases, in square newtons.
+/// What the paper reports of its `ConvLSTM` over all frames with a force, in square newtons.
 const PAPER_MSE: f64 = 0.145;
 
 /// At the end of the long help.
@@ -24,7 +24,8 @@ const METHOD: &str = "\
 How it judges:
   EVENTS has streams as `meissner simulate grasp` writes them, with the label force along time, and perhaps phase and bolt. The engine is reset before each recording. The force at the end of each frame of 10 ms counts, for every kind of network; frames begin with the first time of the labels.
   MSE and MAE are means over the frames of all recordings. Their deviations are standard deviations of the recordings' own MSE and MAE.
-  DTW: the mean over recordings of the distance of dynamic time warping between predicted and true force, in N (Sakoe and Chiba 1978; absolute differences, no window). Bhattacharyya: the distance between the histograms of all predicted and all true forces, in bins of 0.1 N.
+  contact: the frames whose true force is not 0, which are all that the paper judges.
+  DTW: the mean over recordings of the distance of dynamic time warping between predicted and true force, in N (Sakoe and Chiba 1978; absolute differences, no window). Bhattacharyya: the distance between the histograms of all predicted and all true forces, in bins of 0.1 N. Both are of a part's own frames.
   newest: at every millisecond, the squared error of the newest prediction that a reader has, latency included, against the truth at that millisecond. A frame network has a new one every 10 ms, a network over events every TIME (--every).
   input unlike the training: the part of the predictions, and of bad ones, whose windows or frames are farther from those of the training than 999 of 1,000 of its own. A bad prediction has an error of more than three times the MAE.
   The paper: Baghaei Naeini et al. 2020, on recordings of its own sensor.
@@ -73,8 +74,15 @@ fn table(out: &mut dyn Write, report: &Report) -> io::Result<()> {
     networks(out, &report.networks, &data.notes)?;
     let figures = judged(&report.networks, |result: &ForceFigures| result.figures.as_ref());
     let all: Vec<_> = figures.iter().map(|&(name, judged)| (name, &judged.mean)).collect();
-    parts(out, &all)?;
+    errors(out, "frames", &all, |errors| &errors.parts, None)?;
+    let mse = format!("{PAPER_MSE:.3}");
+    let paper = ["the paper, its own sensor: ConvLSTM, all", NONE, &mse, NONE, NONE, NONE];
+    errors(out, "contact", &all, |errors| &errors.contact, Some(paper.map(str::to_owned)))?;
     distances(out, &all)?;
+    let newest = all.iter().map(|(name, errors)| {
+        [(*name).to_owned(), cell(errors.newest, |newest| format!("{:.4}", newest.mean))]
+    });
+    Table::section(out, &["newest", "MSE (N^2)"], newest)?;
     doubts(out, all.iter().map(|(name, errors)| ((*name).to_owned(), errors.doubts)))?;
     seeds(out, ["each seed", "MSE (N^2)", "MAE (N)"], &figures, |name, one| {
         let first = one.figures.parts.first();
@@ -84,28 +92,43 @@ fn table(out: &mut dyn Write, report: &Report) -> io::Result<()> {
     work(out, "recording", all.iter().map(|&(name, errors)| (name, &errors.work)))
 }
 
-/// Rows as in the paper: a row for each network and part.
-fn parts(out: &mut dyn Write, judged: &[(&str, &ForceErrors<MeanStd>)]) -> io::Result<()> {
-    let headings = columns("frames | count | MSE (N^2) | std | MAE (N) | std");
+/// Rows as in the paper: a row for each network and part, then perhaps the paper's.
+fn errors(
+    out: &mut dyn Write,
+    heading: &str,
+    judged: &[(&str, &ForceErrors<MeanStd>)],
+    of: fn(&ForceErrors<MeanStd>) -> &[PartErrors<MeanStd>],
+    paper: Option<[String; 6]>,
+) -> io::Result<()> {
+    let headings = [heading, "count", "MSE (N^2)", "std", "MAE (N)", "std"];
     let rows = judged.iter().flat_map(|(name, errors)| {
-        errors.parts.iter().map(move |part| {
+        of(errors).iter().map(move |part| {
             let [mse, mse_std, mae, mae_std] =
                 [part.mse, part.mse_std, part.mae, part.mae_std].map(|figure| format!("{:.4}", figure.mean));
             [format!("{name}, {}", part.part), grouped(part.frames), mse, mse_std, mae, mae_std]
         })
     });
-    let (paper, mse) = ("the paper, its own sensor: ConvLSTM, all", format!("{PAPER_MSE:.3}"));
-    let paper = [paper, NONE, &mse, NONE, NONE, NONE].map(str::to_owned);
-    Table::section(out, &headings, rows.chain([paper]))
+    Table::section(out, &headings, rows.chain(paper))
 }
 
+/// A row for each network and part; a part may have no frames in contact.
 fn distances(out: &mut dyn Write, judged: &[(&str, &ForceErrors<MeanStd>)]) -> io::Result<()> {
-    let optional = |figure: Option<MeanStd>| cell(figure, |figure| format!("{:.4}", figure.mean));
-    let rows = judged.iter().map(|(name, errors)| {
-        let warping = format!("{:.3}", errors.time_warping.mean);
-        [(*name).to_owned(), warping, optional(errors.bhattacharyya), optional(errors.newest)]
+    let headings = columns("distances | DTW (N) | contact | Bhattacharyya | contact");
+    let rows = judged.iter().flat_map(|(name, errors)| {
+        errors.parts.iter().map(move |part| {
+            let touched = errors.contact.iter().find(|touched| touched.part == part.part);
+            let warping = |of: Option<MeanStd>| cell(of, |figure| format!("{:.3}", figure.mean));
+            let shared = |of: Option<MeanStd>| cell(of, |figure| format!("{:.4}", figure.mean));
+            [
+                format!("{name}, {}", part.part),
+                warping(Some(part.time_warping)),
+                warping(touched.map(|touched| touched.time_warping)),
+                shared(part.bhattacharyya),
+                shared(touched.and_then(|touched| touched.bhattacharyya)),
+            ]
+        })
     });
-    Table::section(out, &["distances", "DTW (N)", "Bhattacharyya", "MSE of the newest (N^2)"], rows)
+    Table::section(out, &headings, rows)
 }
 
 /// The picture: for each network, predicted and true force over the time of some recordings.

@@ -145,6 +145,7 @@ fn grasps_are_simulated_and_judged_by_phase_and_size_as_text_json_and_picture() 
         "force-tdnn, holding",
         "force-tdnn, 16 mm 41",
         "DTW",
+        "contact",
         "the paper",
     ] {
         assert!(said.contains(expected), "{expected}: {said}");

@@ -88,10 +88,8 @@ pub struct ForceErrors<T = f64> {
     pub recordings: u64,
     /// All frames, those of each phase, and those of each bolt.
     pub parts: Vec<PartErrors<T>>,
-    /// Mean distance of dynamic time warping between predicted and true force, in newtons.
-    pub time_warping: T,
-    /// Bhattacharyya's distance of predicted and true forces; `None` where they share no bin.
-    pub bhattacharyya: Option<T>,
+    /// The same of the frames whose true force is not 0, which are all that the paper judges.
+    pub contact: Vec<PartErrors<T>>,
     /// Mean squared error in N^2 of a reader's newest prediction at each millisecond, if any.
     pub newest: Option<T>,
     /// What predictions at the ends of frames say about their input, where the weights say what
@@ -116,26 +114,18 @@ pub struct PartErrors<T = f64> {
     pub mae: T,
     /// Standard deviation of the recordings' own mean absolute errors; 0 for a single recording.
     pub mae_std: T,
+    /// Mean over the recordings with such frames of the distance of dynamic time warping between
+    /// predicted and true force, in newtons.
+    pub time_warping: T,
+    /// Bhattacharyya's distance of predicted and true forces; `None` where they share no bin.
+    pub bhattacharyya: Option<T>,
 }
 
 impl ForceErrors {
     /// The figures of these `outcomes`; `None` for none.
     pub(super) fn new(outcomes: &[Outcome]) -> Option<Self> {
-        let mut parts = vec![PartErrors::of("all", outcomes, |_, _| true)?];
-        for (number, phase) in Phase::ALL.into_iter().enumerate() {
-            let is_in = |outcome: &Outcome, frame: usize| outcome.phases[frame] == Some(number);
-            parts.extend(PartErrors::of(phase.name(), outcomes, is_in));
-        }
-        let mut bolts: Vec<f64> = outcomes.iter().filter_map(|outcome| outcome.bolt_mm).collect();
-        bolts.sort_unstable_by(f64::total_cmp);
-        bolts.dedup();
-        for bolt in bolts {
-            let is_of = |outcome: &Outcome, _| outcome.bolt_mm == Some(bolt);
-            parts.extend(PartErrors::of(&format!("{bolt} mm"), outcomes, is_of));
-        }
-        let warped = |outcome: &Outcome| time_warping(&outcome.values, &outcome.truth);
-        let all = |of: fn(&Outcome) -> &[f64]| outcomes.iter().flat_map(of).copied().collect::<Vec<f64>>();
-        let mean = parts[0].mae;
+        let parts = parts(outcomes, |_, _| true);
+        let mean = parts.first()?.mae;
         let frames = outcomes.iter().flat_map(|outcome| {
             let errors = outcome.values.iter().zip(&outcome.truth);
             let bad = errors.map(move |(value, truth)| (value - truth).abs() > BAD * mean);
@@ -148,12 +138,7 @@ impl ForceErrors {
         Some(Self {
             recordings: outcomes.len() as u64,
             parts,
-            time_warping: MeanStd::over(outcomes, warped)?.mean,
-            bhattacharyya: bhattacharyya(
-                &all(|outcome| &outcome.values),
-                &all(|outcome| &outcome.truth),
-                BIN_N,
-            ),
+            contact: self::parts(outcomes, |outcome, frame| outcome.truth[frame] != 0.0),
             newest: MeanStd::of(&newest).map(|newest| newest.mean),
             doubts,
             work,
@@ -168,26 +153,70 @@ impl PartErrors {
         outcomes: &[Outcome],
         is_in: impl Fn(&Outcome, usize) -> bool,
     ) -> Option<Self> {
-        let (mut squares, mut absolutes) = (Vec::new(), Vec::new());
+        let (mut values, mut truths, mut warped) = (Vec::new(), Vec::new(), Vec::new());
         let (mut own_squares, mut own_absolutes) = (Vec::new(), Vec::new());
         for outcome in outcomes {
-            let errors = outcome.values.iter().zip(&outcome.truth).enumerate();
-            let errors = errors.filter(|&(frame, _)| is_in(outcome, frame));
-            let errors: Vec<f64> = errors.map(|(_, (value, truth))| value - truth).collect();
-            own_squares.extend(MeanStd::over(&errors, |error| error * error).map(|own| own.mean));
+            let pairs = outcome.values.iter().zip(&outcome.truth).enumerate();
+            let pairs = pairs.filter(|&(frame, _)| is_in(outcome, frame));
+            let (value, truth): (Vec<f64>, Vec<f64>) =
+                pairs.map(|(_, (value, truth))| (value, truth)).unzip();
+            let errors = errors(&value, &truth);
+            let Some(squares) = MeanStd::over(&errors, |error| error * error) else { continue };
+            own_squares.push(squares.mean);
             own_absolutes.extend(MeanStd::over(&errors, |error| error.abs()).map(|own| own.mean));
-            squares.extend(errors.iter().map(|error| error * error));
-            absolutes.extend(errors.iter().map(|error| error.abs()));
+            warped.push(time_warping(&value, &truth));
+            values.extend(value);
+            truths.extend(truth);
         }
+        let errors = errors(&values, &truths);
         Some(Self {
             part: part.to_owned(),
-            frames: squares.len() as u64,
-            mse: MeanStd::of(&squares)?.mean,
+            frames: errors.len() as u64,
+            mse: MeanStd::over(&errors, |error| error * error)?.mean,
             mse_std: MeanStd::of(&own_squares)?.std.unwrap_or(0.0),
-            mae: MeanStd::of(&absolutes)?.mean,
+            mae: MeanStd::over(&errors, |error| error.abs())?.mean,
             mae_std: MeanStd::of(&own_absolutes)?.std.unwrap_or(0.0),
+            time_warping: MeanStd::of(&warped)?.mean,
+            bhattacharyya: bhattacharyya(&values, &truths, BIN_N),
         })
     }
+
+    fn mean(each: &[&Self]) -> Option<PartErrors<MeanStd>> {
+        let first = each.first()?;
+        let shared = each.iter().filter_map(|part| part.bhattacharyya).collect::<Vec<_>>();
+        Some(PartErrors {
+            part: first.part.clone(),
+            frames: first.frames,
+            mse: MeanStd::over(each, |part| part.mse)?,
+            mse_std: MeanStd::over(each, |part| part.mse_std)?,
+            mae: MeanStd::over(each, |part| part.mae)?,
+            mae_std: MeanStd::over(each, |part| part.mae_std)?,
+            time_warping: MeanStd::over(each, |part| part.time_warping)?,
+            bhattacharyya: MeanStd::of(&shared),
+        })
+    }
+}
+
+fn errors(values: &[f64], truths: &[f64]) -> Vec<f64> {
+    values.iter().zip(truths).map(|(value, truth)| value - truth).collect()
+}
+
+/// The errors of the frames of `outcomes` that are `within`: of all, of each phase, of each bolt.
+fn parts(outcomes: &[Outcome], within: impl Fn(&Outcome, usize) -> bool) -> Vec<PartErrors> {
+    let mut parts = Vec::from_iter(PartErrors::of("all", outcomes, &within));
+    for (number, phase) in Phase::ALL.into_iter().enumerate() {
+        let is_in =
+            |outcome: &Outcome, frame: usize| outcome.phases[frame] == Some(number) && within(outcome, frame);
+        parts.extend(PartErrors::of(phase.name(), outcomes, is_in));
+    }
+    let mut bolts: Vec<f64> = outcomes.iter().filter_map(|outcome| outcome.bolt_mm).collect();
+    bolts.sort_unstable_by(f64::total_cmp);
+    bolts.dedup();
+    for bolt in bolts {
+        let is_of = |outcome: &Outcome, frame: usize| outcome.bolt_mm == Some(bolt) && within(outcome, frame);
+        parts.extend(PartErrors::of(&format!("{bolt} mm"), outcomes, is_of));
+    }
+    parts
 }
 
 impl Figures for ForceErrors {
@@ -197,26 +226,20 @@ impl Figures for ForceErrors {
         let first = each.first()?;
         let mut work = Work::default();
         each.iter().for_each(|one| work.add(&one.work));
-        let part = |i: usize| {
-            let parts: Vec<&PartErrors> = each.iter().filter_map(|one| one.parts.get(i)).collect();
-            Some(PartErrors {
-                part: first.parts[i].part.clone(),
-                frames: first.parts[i].frames,
-                mse: MeanStd::over(&parts, |part| part.mse)?,
-                mse_std: MeanStd::over(&parts, |part| part.mse_std)?,
-                mae: MeanStd::over(&parts, |part| part.mae)?,
-                mae_std: MeanStd::over(&parts, |part| part.mae_std)?,
-            })
+        // Trainings that were judged on other recordings may have other parts.
+        let parts = |of: fn(&Self) -> &[PartErrors]| {
+            let mean = |part: &PartErrors| {
+                let own = each.iter().filter_map(|one| of(one).iter().find(|own| own.part == part.part));
+                PartErrors::mean(&own.collect::<Vec<_>>())
+            };
+            of(first).iter().map(mean).collect::<Option<Vec<_>>>()
         };
-        let of = |figure: fn(&Self) -> Option<f64>| {
-            MeanStd::of(&each.iter().filter_map(|one| figure(one)).collect::<Vec<_>>())
-        };
+        let newest: Vec<f64> = each.iter().filter_map(|one| one.newest).collect();
         Some(ForceErrors {
             recordings: first.recordings,
-            parts: (0..first.parts.len()).map(part).collect::<Option<_>>()?,
-            time_warping: MeanStd::over(each, |one| one.time_warping)?,
-            bhattacharyya: of(|one| one.bhattacharyya),
-            newest: of(|one| one.newest),
+            parts: parts(|one| &one.parts)?,
+            contact: parts(|one| &one.contact)?,
+            newest: MeanStd::of(&newest),
             doubts: Doubts::sum(each.iter().map(|one| one.doubts)),
             work,
         })

@@ -6,7 +6,7 @@ use meissner_run::predictor::Mode;
 use rayon::ThreadPoolBuilder;
 
 use super::{Options, PERIOD_US, Report, evaluate};
-use crate::metrics::MeanStd;
+use crate::metrics::{MeanStd, time_warping};
 use crate::prepare::grasps;
 use crate::streams::Streams;
 use crate::trainings::{Evaluation, Request};
@@ -80,6 +80,21 @@ fn frame_networks_see_each_frame_once_and_their_errors_are_those_of_the_frames()
         assert_eq!([sum(0..1), sum(1..4), sum(4..7)], [41 * RECORDINGS as u64; 3]);
         let weighted: f64 = figures.parts[1..4].iter().map(|part| part.mse.mean * part.frames as f64).sum();
         assert!((weighted / (41.0 * RECORDINGS as f64) - mean).abs() < 1e-9);
+        // In contact are the frames with a force, of the part's own recordings and times.
+        let traces = &report.networks[0].result.traces;
+        let touched = |trace: &[(f64, f64)]| -> Vec<(f64, f64)> {
+            trace.iter().copied().filter(|pair| pair.0 != 0.0).collect()
+        };
+        let small = touched(&traces[0]);
+        let found = figures.contact.iter().find(|part| part.part == "8 mm").expect("its bolt");
+        let absolute: f64 = small.iter().map(|(truth, found)| (found - truth).abs()).sum();
+        let (truth, values): (Vec<f64>, Vec<f64>) = small.iter().copied().unzip();
+        assert!(found.frames == small.len() as u64 && found.frames < 41);
+        assert!((found.mae.mean - absolute / small.len() as f64).abs() < 1e-12);
+        assert!((found.time_warping.mean - time_warping(&values, &truth)).abs() < 1e-9);
+        let frames = traces.iter().map(|trace| touched(trace).len() as u64).sum::<u64>();
+        assert_eq!(figures.contact[0].frames, frames);
+        assert_eq!(figures.contact[1..4].iter().map(|part| part.frames).sum::<u64>(), frames);
     }
 }
 

@@ -92,7 +92,8 @@ fn angle(section: &mut Section, object: &Value) {
 
 /// Forces of grasps.
 fn force(section: &mut Section, object: &Value) {
-    let (mut rows, mut errors, mut dots, mut distances) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+    let (mut rows, mut errors, mut dots, mut newest) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+    let mut touched = Vec::new();
     let variance = number(object, "data/variance");
     for (name, of) in networks(object) {
         let Some(figures) = of.get("figures").filter(|figures| !figures.is_null()) else { continue };
@@ -116,11 +117,10 @@ fn force(section: &mut Section, object: &Value) {
                 dots.push((name, pairs(of.get("pairs").unwrap_or(&Value::Null)), frames));
             }
             errors.push((format!("{name}, {what}"), mae));
-            let cells = ["mae", "mae_std", "mse", "mse_std"].map(|key| spread(part, key, 1.0));
-            rows.push([format!("{name}, {what}"), count(frames)].into_iter().chain(cells).collect());
         }
-        let cells = ["time_warping", "bhattacharyya", "newest"].map(|key| spread(figures, key, 1.0));
-        distances.push(std::iter::once(name.to_owned()).chain(cells).collect());
+        rows.extend(list(figures, "parts").iter().map(|part| force_cells(name, part)));
+        touched.extend(list(figures, "contact").iter().map(|part| force_cells(name, part)));
+        newest.push(vec![name.to_owned(), spread(figures, "newest", 1.0)]);
     }
     section.draw(
         "By phase of the grasp and by bolt.",
@@ -142,14 +142,25 @@ fn force(section: &mut Section, object: &Value) {
         "std over recordings",
         "mean squared error (N^2)",
         "std over recordings",
+        "time warping (N)",
+        "Bhattacharyya",
     ];
     section.table(Table::new("Errors by phase and by bolt", &headings, rows));
-    let headings = ["network", "time warping (N)", "Bhattacharyya", "squared error of the newest (N^2)"];
-    section.table(Table::new("Distances of predicted and true forces", &headings, distances));
+    section.table(Table::new("The same of the frames whose force is not 0", &headings, touched));
+    let headings = ["network", "squared error (N^2)"];
+    section.table(Table::new("The newest prediction at each millisecond", &headings, newest));
     doubts(
         section,
         networks(object).filter_map(|(name, of)| Some((name.to_owned(), of.get("figures")?))).collect(),
     );
+}
+
+/// The row of a network's errors on a part of the frames.
+fn force_cells(name: &str, part: &Value) -> Vec<String> {
+    let what = format!("{name}, {}", text(part, "part").unwrap_or("?"));
+    let figures = ["mae", "mae_std", "mse", "mse_std", "time_warping", "bhattacharyya"];
+    let cells = figures.map(|key| spread(part, key, 1.0));
+    [what, count(number(part, "frames").unwrap_or(0.0))].into_iter().chain(cells).collect()
 }
 
 /// Contacts in pictures: area, force, middle.

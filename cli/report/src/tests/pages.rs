@@ -203,16 +203,17 @@ fn regressions_show_what_was_predicted_over_what_was_true() {
     let part = |name: &str| {
         let figure = r#"{"mean":0.25,"std":0.02}"#;
         format!(
-            r#"{{"part":"{name}","frames":99,"mse":{figure},"mse_std":{{"mean":0.0625,"std":null}},"mae":{figure},"mae_std":{figure}}}"#
+            r#"{{"part":"{name}","frames":99,"mse":{figure},"mse_std":{{"mean":0.0625,"std":null}},"mae":{figure},"mae_std":{figure},"time_warping":{{"mean":1.7,"std":null}},"bhattacharyya":{{"mean":0.07,"std":null}}}}"#
         )
     };
     let doubts = r#""doubts":{"predictions":99,"unlike":9,"bad":8,"bad_unlike":7}"#;
     let force = of(
         "eval force",
         &format!(
-            r#""data":{{"variance":0.81}},"networks":[{{"network":{{"name":"force-tdnn"}},"pairs":{pairs},"figures":{{"trainings":5,"parts":[{},{}],"time_warping":{{"mean":1.7,"std":null}},"bhattacharyya":{{"mean":0.07,"std":null}},"newest":null,{doubts}}}}}]"#,
+            r#""data":{{"variance":0.81}},"networks":[{{"network":{{"name":"force-tdnn"}},"pairs":{pairs},"figures":{{"trainings":5,"parts":[{},{}],"contact":[{}],"newest":null,{doubts}}}}}]"#,
             part("all"),
-            part("holding")
+            part("holding"),
+            part("touched")
         ),
     );
     holds(
@@ -222,8 +223,10 @@ fn regressions_show_what_was_predicted_over_what_was_true() {
             "3 of 99 are drawn, with those farthest off.",
             "predicted (N)",
             "force-tdnn, holding",
+            "force-tdnn, touched",
             "0.0625",
             "Bhattacharyya",
+            "0.07",
             "bad and unlike",
         ],
     );
