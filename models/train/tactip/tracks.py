@@ -1,6 +1,7 @@
 """Tracks of the pins of presses, as `meissner simulate markers` reads them, with labels along time. `presses.py` says what a press is like."""
 
 import numpy as np
+from pins import SHALLOW
 
 # The rest differs, so that a press begins anywhere within a cell in time.
 REST_US, HOLD_US = (10_000, 60_000), 20_000
@@ -15,15 +16,18 @@ def risen(shares):
     return shares * shares * (3 - 2 * shares)
 
 
-def taps(field, pose, seen, random):
-    """The tracks of presses without a move."""
+def taps(field, pose, residual, random):
+    """The tracks of presses without a move, at whose end the pins are off the field by `residual`. On the way they are off by as much as
+    in another image: from rest on growing with the depth until images begin, and from the middle on turning into `residual`. Weights whose
+    squares sum to 1 keep the mean square of what is off."""
     times = knots(random, len(pose), DURATION_US)
-    # Whatever the field misses of a real image grows with the depth. A pin that was not seen ends where the field says.
-    residual = np.nan_to_num(seen - field(pose))
+    other = random.permutation(residual)
     states = []
-    for rise in risen(np.linspace(0, 1, STEPS + 1)):
-        at = pose * (rise, 1, 1)
-        states.append((at, field(at) + rise * residual))
+    for share in np.linspace(0, 1, STEPS + 1):
+        at = pose * (risen(share), 1, 1)
+        turned = np.pi / 2 * risen(max(2 * share - 1, 0))
+        off = np.cos(turned) * other + np.sin(turned) * residual
+        states.append((at, field(at) + np.minimum(at[:, :1, None] / SHALLOW, 1) * off))
     return tracks(times, states)
 
 
