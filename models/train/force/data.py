@@ -2,8 +2,8 @@
 
     python models/train/force/data.py /tmp/force
 
-Writes train.safetensors (900 recordings) and valid.safetensors (100), which are the parts of one run, and test.safetensors (92 of another
-seed). All are as `meissner simulate grasp` writes them.
+Writes train.safetensors (900 recordings) and valid.safetensors (100), which are the parts of one run, test.safetensors (92 of another
+seed), and few.safetensors (35 of a third), as many as the force paper had. All are as `meissner simulate grasp` writes them.
 """
 
 import sys
@@ -21,7 +21,7 @@ PARTS = {"train": range(900), "valid": range(900, 1000)}
 
 def main(folder):
     folder.mkdir(parents=True, exist_ok=True)
-    for name, recordings, seed in ("all", 1000, 1), ("test", 92, 2):
+    for name, recordings, seed in ("all", 1000, 1), ("test", 92, 2), ("few", 35, 3):
         if not (folder / f"{name}.safetensors").exists():
             meissner("simulate", "grasp", "--recordings", recordings, "--seed", seed, "--out", folder / f"{name}.safetensors")
     for part, chosen in PARTS.items():

@@ -1,5 +1,7 @@
 """Grasps as `meissner simulate grasp` writes them, as frames of event counts with the force at the end of each."""
 
+from copy import copy
+
 import numpy as np
 import torch
 from meissner.torch import Film
@@ -14,8 +16,8 @@ class Grasps:
     def __init__(self, path, module, first, chosen):
         film = Film(path)
         ends, size, read = np.arange(1, FRAMES + 1) * PERIOD_US, FRAMES * 2 * SIDE * SIDE, []
-        presses = np.arange(len(film))[chosen]
-        for press in presses:
+        self.presses = np.arange(len(film))[chosen]
+        for press in self.presses:
             t_us, x, y, on = film.events[press].T.astype(np.int64)
             value = ((2 * (t_us // PERIOD_US) + on) * SIDE + y) * SIDE + x
             counts = torch.from_numpy(np.bincount(value, minlength=size).astype(np.uint8).reshape(FRAMES, 2, SIDE, SIDE))
@@ -23,7 +25,14 @@ class Grasps:
                 read.append(counts if first == "frame" else module.values(counts[None] / MAXIMUM, first)[0])
         self.values, self.first = torch.stack(read), first
         self.settings = None  # every so many pixels, recordings of an epoch, recordings of a step
-        self.force = torch.from_numpy(np.stack([film.at(["force"], press, ends)[:, 0] for press in presses]).astype(np.float32))
+        self.bolt = np.array([film.labels["bolt"][press][0] for press in self.presses])
+        self.force = torch.from_numpy(np.stack([film.at(["force"], press, ends)[:, 0] for press in self.presses]).astype(np.float32))
+
+    def part(self, chosen):
+        """Some of these recordings, by their index here."""
+        part = copy(self)
+        part.presses, part.bolt, part.values, part.force = (each[chosen] for each in (self.presses, self.bolt, self.values, self.force))
+        return part
 
     def of(self, chosen, every, random=None):
         """Frames of some recordings, of every so many pixels from a random one on, mirrored at random."""

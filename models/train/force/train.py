@@ -4,8 +4,11 @@
     python models/train/force/train.py /tmp/force --network force-graph force-tdnn force-lstm force-cnnlstm force-convlstm
 
 FOLDER has train.safetensors and valid.safetensors. Writes NETWORK.SEED.safetensors; what is there already is not trained again, and a
-training that was cut off goes on. Then `meissner eval force` says what it is worth. `--folds 92 --share 0.1` learns from the 92 recordings of
-test.safetensors instead, with a tenth of the steps, and leaves one of them out each time: NETWORK.SEED.K.safetensors.
+training that was cut off goes on. Then `meissner eval force` says what it is worth.
+
+`--folds one` learns from the 35 recordings of few.safetensors as the force paper did, and leaves each out once: NETWORK.SEED.K.safetensors.
+Three of the others, one of each bolt, say when to stop, and 31 are learned from. `--folds medium` learns from small and large bolts. Both
+know the networks whose first layers are computed once.
 """
 
 import math
@@ -28,7 +31,7 @@ PLACES = 23
 FORGET = 2.0  # a forget gate that begins almost open keeps what came before (Jozefowicz et al. 2015, section 3.2)
 GAIN = {"force-tdnn": {"fc1": 0.01}}  # sums of thousands of counts are learned in units of a hundred
 # The layer whose values are computed once: what is in front of it does not learn.
-FIRST = {"force-tdnn": "total", "force-lstm": "pool", "force-cnnlstm": "flat"}
+FIRST = {"force-tdnn": "total", "force-lstm": "pool", "force-cnnlstm": "pool4"}
 # Of each frame network: stages of (every so many pixels, recordings, rate, recordings of a step, validations).
 RECIPES = {
     "force-tdnn": [(1, 180_000, 0.003, 16, 10)],
@@ -36,6 +39,14 @@ RECIPES = {
     "force-cnnlstm": [(1, 45_000, 0.002, 16, 10)],
     "force-convlstm": [(5, 5_400, 0.01, 8, 10), (5, 21_600, 0.01, 8, 10), (1, 64, 0.002, 1, 2), (1, 256, 0.002, 1, 2)],
 }
+# Of folds: the most epochs, each of so many passes over the recordings; epochs without a better validation until the end; rate; recordings
+# of a step; decay.
+FOLDS = {
+    "force-tdnn": (200, 4, 20, 0.003, 4, 0.001),
+    "force-lstm": (200, 4, 20, 0.002, 4, 0.001),
+    "force-cnnlstm": (200, 4, 20, 0.002, 4, 0.001),
+}
+SIZES = 8, 12, 16  # mm, of the bolts
 GRAPH = {"mirrors": {"columns": [], "rows": []}, "passes": 4, "batch": 8, "strides": [3, 3], "times": 8, "youngest": 0.0}
 GRAPH = {"films": ["."], "unit": 1.0, "stride": 3, "presses": GRAPH}
 STAGES = {"first": GRAPH | {"fit": {"epochs": 3}}, "second": GRAPH | {"fit": {"epochs": 14, "rate": 0.002}, "start": ["first"]}}
@@ -90,16 +101,13 @@ def schedule(done):
     return min(1.0, 20 * done + 0.05) * (0.02 + 0.98 * (1 + math.cos(math.pi * done)) / 2)
 
 
-def train(network, args, fold, path):
+def train(network, args, path):
     torch.manual_seed(args.seed)
     module, first = begun(network, args.seed), FIRST.get(network, "frame")
     trained = Coarse(module) if network == "force-convlstm" else module
-    held_out = [] if fold is None else list(range(fold, 92, args.folds))
-    seen = np.setdiff1d(np.arange(92), held_out) if held_out else slice(args.quick)
-    train = Grasps(args.data / ("test.safetensors" if held_out else "train.safetensors"), module, first, seen)
-    valid = Grasps(args.data / "valid.safetensors", module, first, slice(args.quick))
+    train, valid = (Grasps(args.data / f"{part}.safetensors", module, first, slice(args.quick)) for part in ("train", "valid"))
     for number, (every, recordings, rate, batch, checks) in enumerate(RECIPES[network]):
-        recordings = max(int(recordings * args.share) // checks, batch)
+        recordings = max(recordings // checks, batch)
         most = 12 if first == "frame" and every == 1 else 100
         settings = {"epochs": checks, "rate": rate, "schedule": schedule, "loss": loss, "keep": "best", "check": 1}
         settings |= {"seed": args.seed + number, "learn": None if first == "frame" else ["lstm", "fc"]}
@@ -108,22 +116,49 @@ def train(network, args, fold, path):
         fit(trained, train, **settings)
     if network == "force-convlstm":
         module.load({"fc.weight": trained.grown(SIDE, SIDE), "fc.bias": module["fc.bias"]}, ["fc"])
-    said = {"seed": args.seed, "recipe": RECIPES[network], "recordings": len(train.force), "sensor": [SIDE, SIDE], "maximum": str(MAXIMUM)}
-    said |= {"trained_on": "test, without those held out" if held_out else "train", "source": f"simulate grasp --seed {2 if held_out else 1}"}
-    said |= REMARKS | {"valid_mse": f"{valid.error(trained, 1, 100):.4f}"}
-    held_out = {"held_out": [str(each) for each in held_out]} if held_out else {}
-    save(module, path, said | held_out, half=network != "force-tdnn")
+    said = {"recipe": RECIPES[network], "recordings": len(train.force), "trained_on": "train", "source": "simulate grasp --seed 1"}
+    keep(network, module, path, args.seed, said | {"valid_mse": f"{valid.error(trained, 1, 100):.4f}"})
+
+
+def train_fold(network, args, grasps, fold, path):
+    """Learns from some of the few recordings, until the others that are not held out are followed no better."""
+    torch.manual_seed(args.seed)
+    module, (epochs, passes, patience, rate, batch, decay) = begun(network, args.seed), FOLDS[network]
+    held_out = grasps.bolt == 12 if fold == "medium" else grasps.presses == fold
+    left = np.random.default_rng(0 if fold == "medium" else fold).permutation(np.flatnonzero(~held_out))
+    by_size = [left[grasps.bolt[left] == size] for size in SIZES]
+    judged = np.concatenate([those[:1] for those in by_size])
+    train, valid = grasps.part(np.setdiff1d(left, judged)), grasps.part(judged)
+    train.settings = 1, passes * len(train.force), batch
+    settings = {"epochs": epochs, "patience": patience, "rate": rate, "decay": decay, "schedule": schedule, "loss": loss}
+    settings |= {"keep": "best", "check": 1, "seed": args.seed, "valid": lambda each: valid.error(each, 1, 100)}
+    fit(module, train, learn=["lstm", "fc"], **settings, log=lambda _: None)
+    said = {"recipe": FOLDS[network], "recordings": len(train.force), "held_out": [str(each) for each in grasps.presses[held_out]]}
+    said |= {"trained_on": "few, without those held out", "source": "simulate grasp --seed 3"}
+    keep(network, module, path, args.seed, said | {"valid_mse": f"{valid.error(module, 1, 100):.4f}"})
+
+
+def keep(network, module, path, seed, said):
+    said = {"seed": seed, "sensor": [SIDE, SIDE], "maximum": str(MAXIMUM)} | said | REMARKS
+    save(module, path, said, half=network != "force-tdnn")
 
 
 def main():
-    more = {"work": Path("/tmp/stages"), "device": "cpu", "folds": 0, "share": 1.0}
+    more = {"work": Path("/tmp/stages"), "device": "cpu", "folds": ""}
     args = shared.arguments(__doc__, ["force-graph", *RECIPES], "force", "folder of data.py", **more)
     for network in args.network:
-        if network == "force-graph":
+        if args.folds and network in FOLDS:
+            grasps = Grasps(args.data / "few.safetensors", begun(network, args.seed), FIRST[network], slice(None))
+            folds = ["medium"] if args.folds == "medium" else range(len(grasps.force))
+            for fold, path in shared.missing(args, network, args.seed, folds):
+                train_fold(network, args, grasps, fold, path)
+        elif args.folds:
+            print(f"{network}: no settings for folds")
+        elif network == "force-graph":
             stages.run(network, STAGES, args, REMARKS)
-            continue
-        for fold, path in shared.missing(args, network, args.seed, range(args.folds)):
-            train(network, args, fold, path)
+        else:
+            for _, path in shared.missing(args, network, args.seed, []):
+                train(network, args, path)
 
 
 if __name__ == "__main__":
