@@ -55,8 +55,9 @@ static EVENTS: [Shipped; 15] = [
 ];
 
 /// Frame networks. Of several trainings, the weights are those of seed 0.
-static FRAMES: [Shipped; 12] = [
+static FRAMES: [Shipped; 13] = [
     shipped!("canf", "area/canf.0"),
+    shipped!("canf-live", "area/canf-live.0"),
     shipped!("canf-plain", "area/canf-plain.0"),
     shipped!("event-frame-cnn", "angle/event-frame-cnn.0"),
     shipped!("force-cnnlstm", "force/force-cnnlstm.0"),

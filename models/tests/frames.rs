@@ -12,8 +12,9 @@ use meissner_models::{
 use support::{SMALL, SMALL_FRAMES, changed_frames, shared};
 
 /// Parameters as `PyTorch` counts them, and tensors in a state dict without counters of batches.
-const REFERENCE: [(&str, usize, usize); 12] = [
+const REFERENCE: [(&str, usize, usize); 13] = [
     ("canf", 1_940_577, 92),
+    ("canf-live", 433_401, 70),
     ("canf-plain", 1_927_009, 78),
     ("event-frame-cnn", 1_850_818, 20),
     ("force-cnnlstm", 23_510, 14),
@@ -60,6 +61,7 @@ fn every_shipped_network_has_the_parameters_and_tensors_of_its_reference() {
 fn every_shipped_network_predicts_what_its_reference_does() {
     for (name, output, outputs, unit) in [
         ("canf", "1 x 240 x 320", 1, "N/pixel"),
+        ("canf-live", "1 x 240 x 320", 1, "N/pixel"),
         ("canf-plain", "1 x 240 x 320", 1, "N/pixel"),
         ("event-frame-cnn", "2 values", 2, "rad, rad"),
         ("force-cnnlstm", "1 values", 1, "N"),

@@ -19,7 +19,7 @@ use crate::weights::Weights;
 
 /// A network over frames with its recurrent state. What no change reaches is not recomputed.
 ///
-/// Frames of a gel, for `canf` and `canf-plain`, are (3, height, width): red, green and blue, each
+/// Frames of a gel, for `canf` and its kin, are (3, height, width): red, green and blue, each
 /// ((picture - rest) / 255 - mean) / std, with the picture `rest` without contact, and mean and std
 /// of the description. A prediction times `force_std` plus `force_mean` is the force on each pixel
 /// in N.

@@ -150,7 +150,7 @@ pub(super) struct FrameArgs {
     ///
     /// The output then also has the area and the centroid of the region in which a picture differs
     /// from this one by more than 10 of 255 levels, averaged over 5 x 5 pixels. Networks whose
-    /// pictures enter as differences, canf and canf-plain among them, take it instead of the first
+    /// pictures enter as differences, canf among them, take it instead of the first
     /// picture.
     #[arg(long, value_name = "IMAGE", help_heading = FRAMES)]
     pub(super) reference: Option<PathBuf>,

@@ -98,7 +98,7 @@ fn an_input_of_another_kind_is_named_with_the_networks_that_read_it() {
             fails(&meissner(&["run", argument(path), "--network", network]), 1, &of_events);
         }
     }
-    let of_pictures = ["picture", "canf", "canf-plain"];
+    let of_pictures = ["picture", "canf", "canf-live", "canf-plain"];
     let of_electrodes = ["readings of electrodes", "slip-best", "slip-regularised"];
     for network in ["tactigraph-past", "force-lstm"] {
         let run = |path| meissner(&["run", path, "--sensor", "8x8", "--network", network]);

@@ -1,7 +1,7 @@
 //! Contacts without a network: depth by photometric stereo, and a force in proportion to it.
 //!
 //! The slopes of the surface are a regression on how the colours of a pixel differ from the sensor
-//! at rest, in place of the usual table of colours (Yuan, Dong and Adelson 2017, "GelSight:
+//! at rest, in place of the usual table of colours (Yuan, Dong and Adelson 2017, "`GelSight`:
 //! High-resolution robot tactile sensors for estimating geometry and force", section 3.2). It is
 //! fitted to balls pressed into the simulated sensor, whatever sensor took the pictures.
 //!

@@ -229,7 +229,7 @@ fn networks_are_those_that_read_the_same_input() {
         let description = description(network);
         ShippedFrames { source: *description.source(), shape: description.input() }.names()
     };
-    assert_eq!(of("canf"), ["canf", "canf-plain"]);
+    assert_eq!(of("canf"), ["canf", "canf-live", "canf-plain"]);
     assert_eq!(of("slip-best"), ["slip-best", "slip-lstm", "slip-regularised", "slip-tuned"]);
     assert!(of("force-lstm").contains(&"force-tdnn".to_owned()));
     assert!(!of("force-lstm").contains(&"event-frame-cnn".to_owned()));

@@ -18,12 +18,11 @@ fn slow_integral(slopes: &Array2<f64>, ImageSize { width, height }: ImageSize) -
             // asks for the negative of this height, so that the height between them is 0.
             let here = [slope(column, row, 0), slope(column, row, 1)];
             let (mut asked, mut weight) = (0.0, 0.0);
-            let mut ask = |to: Option<(usize, usize)>, axis: usize, sign: f64| match to {
-                Some((column, row)) => {
+            let mut ask = |to: Option<(usize, usize)>, axis: usize, sign: f64| {
+                if let Some((column, row)) = to {
                     asked += z[[row, column]] - sign * (here[axis] + slope(column, row, axis)) / 2.0;
                     weight += 1.0;
-                }
-                None => {
+                } else {
                     asked -= sign * here[axis];
                     weight += 2.0;
                 }
