@@ -32,7 +32,7 @@ def ours(file, name, runs, recordings):
 
 
 def main():
-    names = ["canf", "canf-plain", "slip-tuned", "slip-regularised", "slip-lstm", "force-convlstm", "event-frame-cnn"]
+    names = ["canf", "canf-live", "canf-plain", "slip-tuned", "slip-regularised", "slip-lstm", "force-convlstm", "event-frame-cnn"]
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--json", action="store_true", help="print one JSON object a line instead of a table")
     parser.add_argument("--python", type=pathlib.Path, help="use an existing environment's interpreter")

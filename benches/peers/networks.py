@@ -147,9 +147,34 @@ class Canf(nn.Module):
         return self.head(x)
 
 
+class Once(nn.Module):
+    """Convolution, batch norm, ReLU."""
+
+    def __init__(self, inputs, outputs, kernel=3):
+        super().__init__()
+        self.conv, self.bn = nn.Conv2d(inputs, outputs, kernel, padding=kernel // 2, bias=False), nn.BatchNorm2d(outputs)
+
+    def forward(self, x):
+        return self.bn(self.conv(x)).relu()
+
+
+class CanfLive(Canf):
+    """U-Net of 16, 32, 64 and 128 channels at half resolution, between 8 channels at full resolution."""
+
+    def __init__(self):
+        nn.Module.__init__(self)
+        sizes = [3, 8, 16, 32, 64, 128]
+        self.down = nn.ModuleList(Once(a, b) if b < 32 else Twice(a, b, False) for a, b in zip(sizes, sizes[1:]))
+        rising = list(zip(sizes[:1:-1], sizes[-2:0:-1]))
+        self.lift = nn.ModuleList(nn.ConvTranspose2d(a, b, 2, 2) for a, b in rising)
+        self.up = nn.ModuleList(Once(a, b, 1 if b == 8 else 3) for a, b in rising)
+        self.head = nn.Conv2d(8, 1, 1)
+
+
 # Name: (constructor, shape of an input without the batch).
 NETWORKS = {
     "canf": (lambda: Canf(True), (3, 240, 320)),
+    "canf-live": (CanfLive, (3, 240, 320)),
     "canf-plain": (lambda: Canf(False), (3, 240, 320)),
     "slip-tuned": (lambda: SlipConvLstm(True), (5, 1, 12, 11)),
     "slip-regularised": (lambda: SlipConvLstm(False), (5, 1, 12, 11)),

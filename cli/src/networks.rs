@@ -37,7 +37,7 @@ pub(crate) const SYSTEMS: [&str; 6] = [ANGLE, FORCE, SLIP, AREA, DIGITS, TOUCH];
 /// Name, system and purpose of each shipped network.
 pub(crate) const PURPOSES: &[(&str, &str, &str)] = &[
     ("canf", AREA, "U-Net with squeeze-and-excitation, as published"),
-    ("canf-live", AREA, "a twentieth of its work: for controllers"),
+    ("canf-live", AREA, "a U-Net at half resolution, with a twentieth of the work"),
     ("canf-plain", AREA, "the same U-Net without squeeze-and-excitation"),
     ("digits-all", DIGITS, "nodes read from all nodes of the window"),
     ("digits-frozen", DIGITS, "nodes read from earlier nodes, chosen on arrival"),
