@@ -18,12 +18,13 @@ DRIFT, GAIN = (12.0, 12.0, 12.0, 7.0, 7.0, 7.0), 0.1
 
 class Pictures:
     """The pictures of files, read when they are needed, and real ones, turned and enlarged as the program does, with a pressure after Hertz
-    in the circle that was marked by hand. An epoch has so many `steps`."""
+    in the circle that was marked by hand. An epoch has so many `steps`. With `others`, half of the pictures are those of another sensor: seen
+    in a mirror along either axis, and with its colours in another order."""
 
-    def __init__(self, paths, balls=None, crop=CROP, steps=1, batch=BATCH):
+    def __init__(self, paths, balls=None, crop=CROP, steps=1, batch=BATCH, others=False):
         files = [safe_open(path, "np") for path in paths]
         self.slices = [{name: file.get_slice(name) for name in ("picture", "reference", "force")} for file in files]
-        self.pictures, self.balls, self.crop, self.steps, self.batch = [], [], crop, steps, batch
+        self.pictures, self.balls, self.crop, self.steps, self.batch, self.others = [], [], crop, steps, batch, others
         for number, file in enumerate(files):
             start, pixel = file.get_tensor("start"), file.get_tensor("pixel_mm")
             press = np.repeat(np.arange(len(start) - 1), np.diff(start))
@@ -68,6 +69,9 @@ class Pictures:
                     difference, pressure = difference[flips], pressure[flips]
                 else:
                     difference, pressure, area = self.read(i)
+                if self.others and random.random() < 0.5:
+                    flips = np.s_[:: random.choice((-1, 1)), :: random.choice((-1, 1))]
+                    difference, pressure = difference[flips][..., random.permutation(3)], pressure[flips]
                 if self.crop:
                     part = self.cut(pressure, random)
                     difference, pressure = difference[part], pressure[part]

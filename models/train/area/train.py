@@ -77,6 +77,7 @@ def main():
     parser.add_argument("--start", type=Path, help="weights to start from, of the same network or of canf-plain")
     parser.add_argument("--teacher", type=Path, help="weights of canf: half of the target is what it says of the same picture")
     parser.add_argument("--whole", action="store_true", help="learn from whole pictures instead of parts of them")
+    parser.add_argument("--others", action="store_true", help="half of the pictures in a mirror and with other colours")
     parser.add_argument("--statistics", action="store_true", help="batch norm gets its statistics from whole pictures at the end")
     parser.add_argument("--valid", type=Path, nargs="+", required=True)
     for name, default in {"out": None, "steps": 4500, "batch": BATCH, "rate": 1e-3, "seed": 0}.items():
@@ -84,7 +85,7 @@ def main():
     args = parser.parse_args()
     path, check = args.out / f"{args.network}.{args.seed}.safetensors", min(CHECK, args.steps)
     crop = None if args.whole else CROP
-    module, train, valid = begun(args.network, args.seed, args.start), Pictures(args.train, args.balls, crop, check, args.batch), Pictures(args.valid)
+    module, train, valid = begun(args.network, args.seed, args.start), Pictures(args.train, args.balls, crop, check, args.batch, args.others), Pictures(args.valid)
     teacher = args.teacher and begun("canf", args.seed, args.teacher).eval()
 
     def learn(network, images, target):
@@ -99,7 +100,7 @@ def main():
         whole = Pictures(args.train, args.balls, None, PICTURES // BATCH)
         gather_statistics(module, whole, np.random.default_rng(args.seed), loss=loss)
     recipe = {"steps": args.steps, "rate": args.rate, "start": args.start and args.start.name, "crop": crop, "batch": args.batch}
-    recipe |= {"teacher": args.teacher.name} if args.teacher else {}
+    recipe |= {"others": args.others} | ({"teacher": args.teacher.name} if args.teacher else {})
     about = f"trained on simulated pictures; validation {validated(module, valid, 10**6)[1]}"
     said = {"seed": args.seed, "recipe": recipe, "sensor": [320, 240], "trained_on": DATA + (LEARNED if args.balls else ""), "about": about}
     save(module, path, said, half=True)
