@@ -55,6 +55,7 @@ STAGES = {
         "fifth": stage(8, 0.0012, ["fourth"]),
         "sixth": stage(16, 0.002, ["fifth"], list("2345")),
         "head": head(45, ["sixth"], "012345", dropout=0.0),
+        "way": head(24, ["head"], "02", 0.002, dropout=0.0),
     },
     "tactip": {"first": stage(4, 0.001, ["/tactip-past.fifth"])},
     "tactip-frames": {"first": stage(24, 0.001)},
