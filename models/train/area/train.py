@@ -75,7 +75,6 @@ def main():
     parser.add_argument("--network", choices=("canf", "canf-plain", "canf-live"), default="canf")
     parser.add_argument("--balls", type=Path, help="real pictures, as lights.py reads them")
     parser.add_argument("--start", type=Path, help="weights to start from, of the same network or of canf-plain")
-    parser.add_argument("--teacher", type=Path, help="weights of canf: half of the target is what it says of the same picture")
     parser.add_argument("--whole", action="store_true", help="learn from whole pictures instead of parts of them")
     parser.add_argument("--others", action="store_true", help="half of the pictures in a mirror and with other colours")
     parser.add_argument("--statistics", action="store_true", help="batch norm gets its statistics from whole pictures at the end")
@@ -86,21 +85,13 @@ def main():
     path, check = args.out / f"{args.network}.{args.seed}.safetensors", min(CHECK, args.steps)
     crop = None if args.whole else CROP
     module, train, valid = begun(args.network, args.seed, args.start), Pictures(args.train, args.balls, crop, check, args.batch, args.others), Pictures(args.valid)
-    teacher = args.teacher and begun("canf", args.seed, args.teacher).eval()
-
-    def learn(network, images, target):
-        if teacher:
-            with torch.no_grad():
-                target = torch.cat([(target[:, :1] + teacher(images).float().clamp_min(0)) / 2, target[:, 1:]], 1)
-        return loss(network, images, target)
-
     settings = {"epochs": args.steps // check, "rate": args.rate, "decay": 1e-4, "check": 1, "seed": args.seed, "precision": torch.bfloat16}
-    fit(module, train, loss=learn, valid=lambda each: validated(each, valid, 36), checkpoint=path.with_suffix(".state"), **settings)
+    fit(module, train, loss=loss, valid=lambda each: validated(each, valid, 36), checkpoint=path.with_suffix(".state"), **settings)
     if args.statistics:
         whole = Pictures(args.train, args.balls, None, PICTURES // BATCH)
         gather_statistics(module, whole, np.random.default_rng(args.seed), loss=loss)
     recipe = {"steps": args.steps, "rate": args.rate, "start": args.start and args.start.name, "crop": crop, "batch": args.batch}
-    recipe |= {"others": args.others} | ({"teacher": args.teacher.name} if args.teacher else {})
+    recipe |= {"others": True} if args.others else {}
     about = f"trained on simulated pictures; validation {validated(module, valid, 10**6)[1]}"
     said = {"seed": args.seed, "recipe": recipe, "sensor": [320, 240], "trained_on": DATA + (LEARNED if args.balls else ""), "about": about}
     save(module, path, said, half=True)
