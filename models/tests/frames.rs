@@ -189,8 +189,9 @@ fn drawn_values_have_the_bits_that_another_implementation_gives() {
 #[test]
 #[cfg_attr(no_shared, ignore = "no ../shared")]
 fn the_references_weights_fit_their_descriptions_under_their_prefix() {
-    // The project's own: their twins in PyTorch stand in `models/train/{slip,angle}`.
-    let own = ["slip-best", "tactip-frames"];
+    // The project's own: their twins in PyTorch stand in `models/train/{slip,angle}` and in
+    // `benches/peers`.
+    let own = ["canf-live", "slip-best", "tactip-frames"];
     for (name, _, _) in REFERENCE.into_iter().filter(|(name, _, _)| !own.contains(name)) {
         let file = name.replace('-', "_");
         let path = shared(&format!("golden/{file}.safetensors"));

@@ -84,7 +84,8 @@ def main():
     args = parser.parse_args()
     path, check = args.out / f"{args.network}.{args.seed}.safetensors", min(CHECK, args.steps)
     crop = None if args.whole else CROP
-    module, train, valid = begun(args.network, args.seed, args.start), Pictures(args.train, args.balls, crop, check, args.batch, args.others), Pictures(args.valid)
+    module, valid = begun(args.network, args.seed, args.start), Pictures(args.valid)
+    train = Pictures(args.train, args.balls, crop, check, args.batch, args.others)
     settings = {"epochs": args.steps // check, "rate": args.rate, "decay": 1e-4, "check": 1, "seed": args.seed, "precision": torch.bfloat16}
     fit(module, train, loss=loss, valid=lambda each: validated(each, valid, 36), checkpoint=path.with_suffix(".state"), **settings)
     if args.statistics:
