@@ -35,12 +35,12 @@ pub enum Shapes {
     Larger,
     /// Flat rings that reach beyond the picture: the hole is all that does not press.
     LargerUnseen,
-    /// [`IRREGULAR`] rounded bodies with waves, the same in every file, one after another. Of
+    /// Five rounded bodies with waves, the same in every file, one after another. Of
     /// [`Self::Seen`], none.
     Irregular,
 }
 
-/// Bodies of [`Shapes::Irregular`], each a kind by itself.
+/// Kinds of [`Shapes::Irregular`]: each body is one.
 const IRREGULAR: [&str; 5] = ["body 1", "body 2", "body 3", "body 4", "body 5"];
 
 /// What is pressed, on what, and how often.
