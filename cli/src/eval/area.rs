@@ -103,38 +103,40 @@ fn set(out: &mut dyn Write, report: &Report, index: usize, data: &DataReport) ->
         "IoU | std | even IoU | force (N) | std | centroid (mm) | area (mm2) | million multiply-adds | time (ms)",
     );
     let headings = [&[file], &figures_of[..]].concat();
-    let baseline = |name: String, figures: &BaselineFigures| {
+    // What networks and baselines have in common, then what only networks have.
+    let row = |name, iou, even, force_n, centroid_mm, area_mm2: MeanStd, [work, time]: [String; 2]| {
         [
             name,
-            mean(Some(figures.iou)),
-            deviation(Some(figures.iou)),
-            mean(figures.iou_even),
-            mean(figures.force_n),
-            deviation(figures.force_n),
-            mean(figures.centroid_mm),
-            format!("{:.2}", figures.area_mm2.mean),
-            NONE.to_owned(),
-            NONE.to_owned(),
+            mean(Some(iou)),
+            deviation(Some(iou)),
+            mean(even),
+            mean(force_n),
+            deviation(force_n),
+            mean(centroid_mm),
+            format!("{:.2}", area_mm2.mean),
+            work,
+            time,
         ]
+    };
+    let baseline = |name: String, of: &BaselineFigures| {
+        row(
+            name,
+            of.iou,
+            of.iou_even,
+            of.force_n,
+            of.centroid_mm,
+            of.area_mm2,
+            [NONE, NONE].map(str::to_owned),
+        )
     };
     let (difference, stereo) = (&data.difference, &data.stereo);
     let baselines = [
         baseline(format!("image difference above {}", difference.threshold), difference),
         baseline(format!("stereo, deeper than {} mm", stereo.threshold), stereo),
     ];
-    let rows = figures(report, index).map(|(name, figures)| {
-        [
-            name,
-            mean(Some(figures.iou)),
-            deviation(Some(figures.iou)),
-            mean(figures.iou_even),
-            mean(figures.force_n),
-            deviation(figures.force_n),
-            mean(figures.centroid_mm),
-            format!("{:.2}", figures.area_mm2.mean),
-            grouped(figures.multiply_adds / 1_000_000),
-            format!("{:.1}", figures.update_us / 1e3),
-        ]
+    let rows = figures(report, index).map(|(name, of)| {
+        let work = [grouped(of.multiply_adds / 1_000_000), format!("{:.1}", of.update_us / 1e3)];
+        row(name, of.iou, of.iou_even, of.force_n, of.centroid_mm, of.area_mm2, work)
     });
     Table::section(out, &headings, rows.chain(baselines))?;
     let kinds = figures(report, index).flat_map(|(name, figures)| {

@@ -77,13 +77,7 @@ impl MeasuredOptics {
         size: [usize; 2],
         mut random: Option<&mut Random>,
     ) -> Result<Vec<[f32; 3]>> {
-        let (expected, found) = (surface.pixels(), displacement_mm.len());
-        if found != expected {
-            return Err(SimulatorError::Pixels { expected, found });
-        }
-        let slopes: Vec<_> = (0..expected)
-            .map(|i| slopes(surface, displacement_mm, i % surface.width, i / surface.width))
-            .collect();
+        let slopes = slopes(surface, displacement_mm)?;
         let [width, height] = size.map(|side| side as f64);
         let level = |i: usize| {
             let pixel = [(i % size[0]) as f64 + 0.5, (i / size[0]) as f64 + 0.5];

@@ -75,12 +75,7 @@ impl GelCamera {
         size: [usize; 2],
         mut random: Option<&mut Random>,
     ) -> Result<Vec<[f32; 3]>> {
-        let (expected, found) = (surface.pixels(), displacement_mm.len());
-        if found != expected {
-            return Err(SimulatorError::Pixels { expected, found });
-        }
-        let slope = |i: usize| slopes(surface, displacement_mm, i % surface.width, i / surface.width);
-        let slopes: Vec<_> = (0..expected).map(slope).collect();
+        let slopes = slopes(surface, displacement_mm)?;
         let highest_mm = displacement_mm.iter().copied().fold(f64::NEG_INFINITY, f64::max);
         let surface = Surface { grid: surface, displacement_mm, highest_mm, slopes: &slopes };
         let level = |i: usize| {
@@ -172,8 +167,15 @@ struct Surface<'a> {
     slopes: &'a [[f64; 2]],
 }
 
-/// The slopes along columns and rows: half the difference of the neighbours within.
-pub(super) fn slopes(grid: &Grid, displacement_mm: &[f64], column: usize, row: usize) -> [f64; 2] {
+/// The slopes along columns and rows at each pixel: half the difference of the neighbours within.
+///
+/// # Errors
+/// [`SimulatorError::Pixels`] where there is not a displacement for each pixel.
+pub(super) fn slopes(grid: &Grid, displacement_mm: &[f64]) -> Result<Vec<[f64; 2]>> {
+    let (expected, found) = (grid.pixels(), displacement_mm.len());
+    if found != expected {
+        return Err(SimulatorError::Pixels { expected, found });
+    }
     let at = |column: usize, row: usize| displacement_mm[row * grid.width + column];
     let slope = |index: usize, count: usize, at: &dyn Fn(usize) -> f64| {
         let (before, after) = (index.saturating_sub(1), (index + 1).min(count - 1));
@@ -183,7 +185,14 @@ pub(super) fn slopes(grid: &Grid, displacement_mm: &[f64], column: usize, row: u
             (at(after) - at(before)) / ((after - before) as f64 * grid.pitch_mm)
         }
     };
-    [slope(column, grid.width, &|column| at(column, row)), slope(row, grid.height, &|row| at(column, row))]
+    let of = |i: usize| {
+        let (column, row) = (i % grid.width, i / grid.width);
+        [
+            slope(column, grid.width, &|column| at(column, row)),
+            slope(row, grid.height, &|row| at(column, row)),
+        ]
+    };
+    Ok((0..expected).map(of).collect())
 }
 
 /// Standard deviations of the drift of the light from the picture at rest, in grey levels, for each
