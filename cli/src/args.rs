@@ -410,10 +410,10 @@ pub(crate) fn number(text: &str) -> Result<f32, String> {
     number.ok_or_else(|| "expected a finite number of at least 0, such as 0.01".to_owned())
 }
 
-/// Reads a positive factor.
-pub(crate) fn speed(text: &str) -> Result<f64, String> {
-    let speed = text.parse().ok().filter(|speed: &f64| (1e-6..=1e6).contains(speed));
-    speed.ok_or_else(|| "expected a number from 0.000001 to 1000000, such as 0.5".to_owned())
+/// Reads a positive number.
+pub(crate) fn positive(text: &str) -> Result<f64, String> {
+    let number = text.parse().ok().filter(|number: &f64| (1e-6..=1e6).contains(number));
+    number.ok_or_else(|| "expected a number from 0.000001 to 1000000, such as 0.5".to_owned())
 }
 
 /// Reads a part of a whole.

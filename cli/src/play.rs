@@ -16,7 +16,7 @@ use meissner_run::streams;
 use meissner_run::text::span_us;
 use meissner_view::Chosen;
 
-use crate::args::{INPUT, Input, JsonArgs, OUTPUT, PREDICTIONS, QUEUE, REUSES, length, period, speed};
+use crate::args::{INPUT, Input, JsonArgs, OUTPUT, PREDICTIONS, QUEUE, REUSES, length, period, positive};
 use crate::error::CliError;
 use crate::given::Given;
 use crate::output::LogArgs;
@@ -133,7 +133,7 @@ pub(crate) struct PlayArgs {
     ///
     /// Events of a stream are taken when they arrive. The time of its first event is that of its
     /// arrival; from there, X seconds of stream time are taken to pass in a second.
-    #[arg(long, value_name = "X", default_value_t = 1.0, value_parser = speed, help_heading = QUEUE)]
+    #[arg(long, value_name = "X", default_value_t = 1.0, value_parser = positive, help_heading = QUEUE)]
     pub(crate) speed: f64,
     /// Capacity of the queue between the reader and the engine, in events.
     ///

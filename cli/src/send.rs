@@ -8,7 +8,7 @@ use meissner_run::send::{SendOptions, SendSummary, send as send_events};
 use meissner_run::streams;
 use meissner_run::text::grouped;
 
-use crate::args::{OUTPUT, PartArgs, QUEUE, ReadArgs, speed};
+use crate::args::{OUTPUT, PartArgs, QUEUE, ReadArgs, positive};
 use crate::error::CliError;
 use crate::stderr::tell;
 
@@ -43,7 +43,7 @@ pub(crate) struct SendArgs {
     #[command(flatten)]
     part: PartArgs,
     /// Seconds of the recording that are sent in one second.
-    #[arg(long, value_name = "X", value_parser = speed, default_value = "1", help_heading = QUEUE)]
+    #[arg(long, value_name = "X", value_parser = positive, default_value = "1", help_heading = QUEUE)]
     speed: f64,
     /// Send records of 16 bytes instead of lines of text.
     ///

@@ -17,7 +17,7 @@ use meissner_run::RunError;
 use meissner_run::text::{grouped, span_us};
 use meissner_simulator::{CameraSettings, MarkerScene};
 
-use crate::args::{GelSensorArg, INPUT, MEASUREMENT, Threads, sensor};
+use crate::args::{GelSensorArg, INPUT, MEASUREMENT, Threads, positive, sensor};
 use crate::error::CliError;
 use crate::output::OutArgs;
 use crate::progress::Progress;
@@ -212,7 +212,7 @@ struct GelArgs {
     #[arg(long, value_name = "FILE.npz:NAME", value_parser = optics, help_heading = INPUT)]
     optics: Option<OpticsArg>,
     /// Width of the surface that the picture shows, in mm, instead of the sensor's.
-    #[arg(long, value_name = "MM", help_heading = INPUT)]
+    #[arg(long, value_name = "MM", value_parser = positive, help_heading = INPUT)]
     width: Option<f64>,
     /// Size of a picture in pixels.
     #[arg(long, value_name = "WxH", default_value = "320x240", value_parser = sensor, help_heading = INPUT)]

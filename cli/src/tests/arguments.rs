@@ -59,7 +59,7 @@ mod given {
 mod play {
     use std::time::Duration;
 
-    use crate::args::speed;
+    use crate::args::positive;
     use crate::args::{length, period};
     use crate::play::Policy;
 
@@ -82,7 +82,7 @@ mod play {
         assert_eq!(length("10ms"), Ok(Duration::from_millis(10)));
         assert_eq!(length("0us"), Ok(Duration::ZERO));
         assert!(period("0ms").is_err() && period("5").is_err());
-        assert!(speed("0").is_err() && speed("nan").is_err() && speed("0.5") == Ok(0.5));
+        assert!(positive("0").is_err() && positive("nan").is_err() && positive("0.5") == Ok(0.5));
     }
 }
 

@@ -206,3 +206,50 @@ fn a_loop_has_a_row_for_each_variation_of_each_network() {
         &["--network", "networks over pictures"],
     );
 }
+
+#[test]
+fn a_gel_is_pressed_as_told_and_what_cannot_be_pressed_is_refused_by_its_option() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let out = folder.path().join("gel.safetensors");
+    let gel = |more: &[&str]| {
+        let common = ["simulate", "gel", "--presses", "1", "--size", "32x24", "--out", argument(&out)];
+        meissner(&[&common[..], more].concat())
+    };
+    let teeth = [
+        "--indenters",
+        "larger",
+        "--newtons",
+        "3..3",
+        "--saw-teeth",
+        "1",
+        "--pictures",
+        "3",
+        "--width",
+        "16",
+    ];
+    let output = gel(&teeth);
+    assert!(output.status.success(), "{}", message(&output));
+    let bytes = std::fs::read(&out).expect("it was written");
+    let file = SafeTensors::deserialize(&bytes).expect("a valid file");
+    let floats = |name: &str| -> Vec<f32> {
+        let data = file.tensor(name).expect("it is there").data();
+        data.as_chunks().0.iter().map(|&bytes| f32::from_le_bytes(bytes)).collect()
+    };
+    assert_eq!(floats("pixel_mm"), [0.5]);
+    let forces: Vec<f32> = floats("force").chunks_exact(32 * 24).map(|map| map.iter().sum()).collect();
+    let expected = [1.5, 3.0, 1.5];
+    assert!(forces.iter().zip(expected).all(|(found, newtons)| (found - newtons).abs() < 0.03), "{forces:?}");
+
+    for (option, wrong) in [
+        ("--newtons", "5..1"),
+        ("--newtons", "0..2"),
+        ("--newtons", "1..inf"),
+        ("--width", "0"),
+        ("--width", "nan"),
+        ("--optics", "sensor"),
+    ] {
+        fails(&gel(&["--force", option, wrong]), 2, &[option, wrong]);
+    }
+    let missing = folder.path().join("optics.npz");
+    fails(&gel(&["--force", "--optics", &format!("{}:a", argument(&missing))]), 1, &["optics.npz"]);
+}
