@@ -48,10 +48,13 @@ mod error;
 mod fleet;
 mod input;
 mod intake;
+#[cfg(all(test, meissner_loom))]
+mod interleavings;
 mod live;
 mod overload;
 mod shared;
-#[cfg(test)]
+mod sync;
+#[cfg(all(test, not(meissner_loom)))]
 mod tests;
 mod worker;
 

@@ -2,13 +2,13 @@
 
 use std::any::Any;
 use std::sync::{Arc, mpsc};
-use std::thread::{self, JoinHandle};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use meissner_engine::EventCounters;
 
 use crate::intake::{Intake, Item};
 use crate::shared::{Answer, Losses, Request, Shared};
+use crate::sync::{Instant, JoinHandle, thread};
 use crate::{Input, LiveError, Overload, Predictor, QueueCounters, QueueOptions, worker};
 
 /// An engine that runs in its own thread, and its newest prediction.
@@ -16,7 +16,7 @@ use crate::{Input, LiveError, Overload, Predictor, QueueCounters, QueueOptions, 
 /// Dropping it ends the worker after the current batch or prediction; waiting events are discarded.
 #[derive(Debug)]
 pub struct Live<P: Predictor<Input: Item>> {
-    shared: Arc<Shared<P::Input>>,
+    pub(crate) shared: Arc<Shared<P::Input>>,
     /// None after it was joined.
     worker: Option<JoinHandle<P>>,
     /// Panic message, if the worker ended by itself.

@@ -9,12 +9,13 @@
 //! | offering thread, under `Block` | half of the queue to be free | worker; the end |
 //! | requesting thread | its answer, until its deadline | worker; the end |
 
-use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
-use std::time::{Duration, Instant};
+use std::sync::PoisonError;
+use std::time::Duration;
 
 use meissner_engine::{EngineError, EventCounters, Prediction};
 
 use crate::intake::{Intake, Item};
+use crate::sync::{Condvar, Instant, Mutex, MutexGuard};
 
 /// A call of `predict`.
 #[derive(Clone, Copy, Debug)]
@@ -210,6 +211,7 @@ impl<T: Item> Shared<T> {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
+    #[cfg_attr(all(test, meissner_loom), track_caller)]
     fn wake_worker(&self, state: &mut State<T>) {
         if std::mem::take(&mut state.idle) {
             self.work.notify_one();
@@ -234,8 +236,9 @@ impl<T: Item> Shared<T> {
             let start = Instant::now();
             state.blocked = true;
             // A wake-up for every batch taken would cost more than the batch.
-            let has_no_room = |state: &mut State<T>| state.intake.is_crowded() && !state.is_closed();
-            state = self.room.wait_while(state, has_no_room).unwrap_or_else(PoisonError::into_inner);
+            while state.intake.is_crowded() && !state.is_closed() {
+                state = self.room.wait(state).unwrap_or_else(PoisonError::into_inner);
+            }
             state.blocked = false;
             state.intake.counters_mut().blocked += start.elapsed();
         }
@@ -333,6 +336,14 @@ impl<T: Item> Shared<T> {
         write(&mut state.answer);
         state.request.take_if(|waiting| waiting.number == request);
         self.answered.notify_all();
+    }
+
+    /// Moves the clock of a checked case, and wakes who may wait until that time.
+    #[cfg(all(test, meissner_loom))]
+    pub(crate) fn move_clock(&self, now: Duration) {
+        let _state = self.lock();
+        Instant::set(now);
+        self.answered.time_out();
     }
 
     /// Asks the worker to end, and wakes every waiting thread.

@@ -3,11 +3,12 @@
 //! Input: batches of events, requests. Output: answers. Invariant: a request is answered as soon as
 //! all events that it must cover have been inserted, or as late as its deadline allows.
 
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use crate::Predictor;
 use crate::intake::Item;
 use crate::shared::{Losses, Shared};
+use crate::sync::Instant;
 
 /// Records the end of the worker when dropped, however it ends.
 struct End<'a, T: Item>(&'a Shared<T>);
