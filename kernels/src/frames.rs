@@ -19,3 +19,8 @@ pub use pool::{SqueezeExcite, SqueezeScratch, average_pool, global_average, max_
 pub use shape::Region;
 pub use weights::ConvParts;
 pub use winograd::{ConvScratch, WinogradConv3x3, WinogradTile};
+
+/// An empty vector with room for `bytes` of values.
+fn room<T>(bytes: u128) -> Vec<T> {
+    Vec::with_capacity(bytes as usize / size_of::<T>())
+}

@@ -24,7 +24,7 @@ const STYLES: [Style; 6] = [
 ];
 
 #[test]
-fn frames_after_the_first_few_allocate_nothing() {
+fn frames_allocate_nothing_after_new() {
     let _alone = ALONE.lock();
     let committees = [false, true].map(|vector| Style::Committee { vector });
     let size = [2, 32, 48];
@@ -38,7 +38,7 @@ fn frames_after_the_first_few_allocate_nothing() {
             let options = FrameOptions::new().with_sparse(sparse);
             let mut engine = FrameEngine::with_options(network, options).expect("options in range");
             let frames = sequence(40, size, 2);
-            let mut pass = || {
+            let pass = |engine: &mut FrameEngine| {
                 let before = COUNT.get();
                 for frame in &frames {
                     engine.push(frame).expect("a frame that fits");
@@ -47,14 +47,16 @@ fn frames_after_the_first_few_allocate_nothing() {
                 engine.reset();
                 COUNT.get() - before
             };
-            pass();
-            assert_eq!(pass(), 0, "{style:?}, {convolution:?}, sparse {sparse}");
+            let start = engine.snapshot();
+            assert_eq!(pass(&mut engine), 0, "{style:?}, {convolution:?}, sparse {sparse}");
+            engine.restore(&start).expect("a state of its own");
+            assert_eq!(pass(&mut engine), 0, "{style:?}, {convolution:?}, sparse {sparse}: restored");
         }
     }
 }
 
 #[test]
-fn a_frame_engine_takes_at_most_what_is_foreseen_and_at_least_half_of_it() {
+fn a_frame_engine_takes_at_most_what_is_foreseen_and_at_least_99_percent_of_it() {
     let _alone = ALONE.lock();
     let tolerant = Skip::Tolerance(0.01);
     for style in STYLES {
@@ -71,16 +73,20 @@ fn a_frame_engine_takes_at_most_what_is_foreseen_and_at_least_half_of_it() {
                 FrameOptions::new().with_skip(skip).with_sparse(sparse).with_two_threads(two_threads);
             let foreseen = network.engine_bytes(options);
             let frames = sequence(12, size, 2);
-            let ((), [_, peak]) = measured(|| {
-                let mut engine = FrameEngine::with_options(network, options).expect("options in range");
+            let run = || {
+                let mut engine =
+                    FrameEngine::with_options(Arc::clone(&network), options).expect("options in range");
                 for frame in &frames {
                     engine.push(frame).expect("a frame that fits");
                     engine.predict().expect("finite");
                 }
-            });
+            };
+            // The threads that all engines share begin with the first engine that needs them.
+            run();
+            let ((), [_, peak]) = measured(run);
             let peak = u128::from(peak);
             println!("{style:?}, {convolution:?}, {skip:?}: {peak} bytes at most, {foreseen} foreseen");
-            assert!(peak <= foreseen && foreseen <= 2 * peak, "{style:?}, {convolution:?}, {skip:?}");
+            assert!(peak <= foreseen && 100 * peak >= 99 * foreseen, "{style:?}, {convolution:?}, {skip:?}");
         }
     }
 }

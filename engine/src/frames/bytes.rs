@@ -13,10 +13,24 @@ use super::network::FrameShape;
 use super::options::{FrameOptions, Skip};
 use crate::counters::FrameLayerCounters;
 
-/// Largest ratio of the capacity of a growing vector to its length.
-const GROWTH: u128 = 2;
 /// Number of whole-map sets of marks that exist while a layer runs.
 const MARKS: u128 = 5;
+
+/// Bytes of the working space that all layers share: the most that any of them needs of each part.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct ScratchBytes {
+    pub(super) winograd: [u128; 3],
+    /// On each of two threads.
+    pub(super) pooled: [u128; 2],
+    pub(super) squeeze: [u128; 2],
+    pub(super) kn2row: [u128; 2],
+    /// Values of an image, or of a row of it.
+    pub(super) values: u128,
+    /// Values that a layer's result is compared with.
+    pub(super) compared: u128,
+    /// One set of marks.
+    pub(super) marks: u128,
+}
 
 impl FrameNetwork {
     /// Upper bound in bytes of a [`FrameEngine`](super::FrameEngine)'s memory, without the shared
@@ -55,43 +69,49 @@ impl FrameNetwork {
         self.values[unit.from].shape
     }
 
-    /// Largest number of values in a row of blocks that a layer's result is compared with.
-    pub(super) fn compared(&self) -> usize {
-        let units = self.units.iter().zip(&self.values[1..]);
-        units.map(|(unit, value)| of_block(unit, value.shape)).max().unwrap_or(0)
-    }
-
-    /// Bytes of the working space that all layers share, and of the prediction.
+    /// Bytes of the working space, and of the prediction.
     fn scratch_bytes(&self, options: FrameOptions) -> u128 {
-        let marks = self.values.iter().map(|value| of_changes(value.shape)).max().unwrap_or(0);
-        let mut parts = [0; 7];
-        for (unit, value) in self.units.iter().zip(&self.values[1..]) {
-            let needed = of_scratch(unit, self.read_by(unit), value.shape, options);
-            parts.iter_mut().zip(needed).for_each(|(part, needed)| *part = needed.max(*part));
-        }
-        let compared = if options.skip == Skip::Nothing { 0 } else { of_values(self.compared()) };
-        let growing = MARKS * marks + parts.iter().sum::<u128>() + compared;
-        GROWTH * growing + of_values(self.output().values())
+        let ScratchBytes { winograd, pooled, squeeze: [mean, middle], kn2row, values, compared, marks } =
+            self.scratch(options);
+        let parts = winograd.iter().chain(&kn2row).chain(&pooled).sum::<u128>() + 2 * mean + middle;
+        MARKS * marks + parts + values + compared + of_values(self.output().values())
     }
-}
 
-/// Bytes of each part of the working space of a layer.
-fn of_scratch(unit: &CompiledLayer, from: FrameShape, to: FrameShape, options: FrameOptions) -> [u128; 7] {
-    let ([_, height, width], [.., read]) = (to.sides(), from.sides());
-    match &unit.kernel {
-        Kernel::Winograd(conv) => {
-            let [patch, inputs, sums] = conv.scratch_bytes(height, width);
-            [patch, inputs, sums, 0, 0, 0, 0]
+    /// Bytes of each part of the working space.
+    pub(super) fn scratch(&self, options: FrameOptions) -> ScratchBytes {
+        let mut most = ScratchBytes::default();
+        let raise = |part: &mut u128, needed: u128| *part = needed.max(*part);
+        self.values.iter().for_each(|value| raise(&mut most.marks, of_changes(value.shape)));
+        for (unit, value) in self.units.iter().zip(&self.values[1..]) {
+            let from = self.read_by(unit);
+            let ([_, height, width], [.., read]) = (value.shape.sides(), from.sides());
+            if options.skip != Skip::Nothing {
+                raise(&mut most.compared, of_values(of_block(unit, value.shape)));
+            }
+            match &unit.kernel {
+                Kernel::Winograd(conv) => {
+                    let needed = conv.scratch_bytes(height, width);
+                    most.winograd.iter_mut().zip(needed).for_each(|(part, needed)| raise(part, needed));
+                }
+                Kernel::PooledConv(_) => {
+                    let threads = if options.two_threads { 2 } else { 1 };
+                    let used = most.pooled.iter_mut().take(threads);
+                    used.for_each(|part| raise(part, PooledConv3x3::scratch_bytes(width)));
+                }
+                Kernel::SqueezeExcite(squeeze) => {
+                    let needed = squeeze.scratch_bytes();
+                    most.squeeze.iter_mut().zip(needed).for_each(|(part, needed)| raise(part, needed));
+                }
+                Kernel::Kn2row(conv) => {
+                    let needed = conv.scratch_bytes(height * width);
+                    most.kn2row.iter_mut().zip(needed).for_each(|(part, needed)| raise(part, needed));
+                }
+                Kernel::Sum => raise(&mut most.values, of_values(from.values())),
+                Kernel::AveragePool(_) => raise(&mut most.values, of_values(read)),
+                _ => {}
+            }
         }
-        Kernel::PooledConv(_) => {
-            let threads = if options.two_threads { 2 } else { 1 };
-            [0, 0, 0, threads * PooledConv3x3::scratch_bytes(width), 0, 0, 0]
-        }
-        Kernel::SqueezeExcite(squeeze) => [0, 0, 0, 0, squeeze.scratch_bytes(), 0, 0],
-        Kernel::Sum => [0, 0, 0, 0, 0, of_values(from.values()), 0],
-        Kernel::AveragePool(_) => [0, 0, 0, 0, 0, of_values(read), 0],
-        Kernel::Kn2row(conv) => [0, 0, 0, 0, 0, 0, conv.scratch_bytes(height * width)],
-        _ => [0; 7],
+        most
     }
 }
 

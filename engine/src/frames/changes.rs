@@ -21,8 +21,11 @@ pub(crate) struct Changes {
 }
 
 impl Clone for Changes {
+    /// A clone has the same room.
     fn clone(&self) -> Self {
-        Self { bits: self.bits.clone(), ..*self }
+        let mut bits = Vec::with_capacity(self.bits.capacity());
+        bits.extend_from_slice(&self.bits);
+        Self { bits, ..*self }
     }
 
     /// Allocates only if there is no room; the derived implementation always allocates.
@@ -36,6 +39,11 @@ impl Changes {
     pub(crate) fn none(height: usize, width: usize) -> Self {
         let words = width.div_ceil(WORD);
         Self { height, width, words, bits: vec![0; height * words] }
+    }
+
+    /// Room for `bytes` of marks.
+    pub(super) fn with_bytes(bytes: u128) -> Self {
+        Self { bits: Vec::with_capacity(bytes as usize / size_of::<u64>()), ..Self::default() }
     }
 
     /// No marks on an image; empty for a vector.

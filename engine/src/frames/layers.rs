@@ -7,6 +7,7 @@ use meissner_kernels::{
 };
 
 use super::buffer::Buffer;
+use super::bytes::ScratchBytes;
 use super::changes::{Changes, Pending};
 use super::compile::{CompiledLayer, ConvLstm, FrameNetwork, Kernel, Value};
 use super::network::FrameShape;
@@ -87,9 +88,10 @@ impl Memory {
     }
 }
 
-/// Working space that all layers share.
-#[derive(Clone, Debug, Default)]
+/// Working space that all layers share. It keeps nothing from one run to the next.
+#[derive(Debug)]
 pub(super) struct Scratch {
+    bytes: ScratchBytes,
     conv: ConvScratch,
     kn2row: Kn2rowScratch,
     pooled: [PooledScratch; 2],
@@ -100,10 +102,26 @@ pub(super) struct Scratch {
     values: Vec<f32>,
 }
 
+impl Clone for Scratch {
+    fn clone(&self) -> Self {
+        Self::new(self.bytes)
+    }
+}
+
 impl Scratch {
-    /// Working space for `compared` values of a row of blocks; the rest grows with the frames.
-    pub(super) fn new(compared: usize) -> Self {
-        Self { patch: PatchScratch::new(compared), ..Self::default() }
+    /// All that any layer needs: no frame takes more.
+    pub(super) fn new(bytes: ScratchBytes) -> Self {
+        Self {
+            bytes,
+            conv: ConvScratch::with_bytes(bytes.winograd),
+            kn2row: Kn2rowScratch::with_bytes(bytes.kn2row),
+            pooled: bytes.pooled.map(PooledScratch::with_bytes),
+            squeeze: SqueezeScratch::with_bytes(bytes.squeeze),
+            patch: PatchScratch::with_bytes(bytes.marks, bytes.compared),
+            dirty: Changes::with_bytes(bytes.marks),
+            tiles: Changes::with_bytes(bytes.marks),
+            values: Vec::with_capacity(bytes.values as usize / size_of::<f32>()),
+        }
     }
 }
 

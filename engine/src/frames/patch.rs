@@ -133,16 +133,17 @@ pub(super) struct Patch<'a, W> {
     pub(super) rectangles: bool,
 }
 
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug)]
 pub(super) struct PatchScratch {
     todo: Changes,
     old: Vec<f32>,
 }
 
 impl PatchScratch {
-    /// Working space for `most` values of a row of blocks.
-    pub(super) fn new(most: usize) -> Self {
-        Self { todo: Changes::default(), old: Vec::with_capacity(most) }
+    /// Room for so many bytes of marks, and of the values of a row of blocks.
+    pub(super) fn with_bytes(marks: u128, compared: u128) -> Self {
+        let old = Vec::with_capacity(compared as usize / size_of::<f32>());
+        Self { todo: Changes::with_bytes(marks), old }
     }
 }
 

@@ -96,14 +96,15 @@ impl State {
             pixels.set_all();
             Pending { pixels, any: true }
         });
+        let scratch = network.scratch(options);
         Ok(Self {
             memories: network.units.iter().map(|unit| Memory::new(unit, network)).collect(),
             pending: pending.collect(),
             buffers,
             background: None,
-            scratch: Scratch::new(if options.skip == Skip::Nothing { 0 } else { network.compared() }),
-            changed: Changes::default(),
-            tiles: Changes::default(),
+            scratch: Scratch::new(scratch),
+            changed: Changes::with_bytes(scratch.marks),
+            tiles: Changes::with_bytes(scratch.marks),
             prediction: vec![0.0; network.output().values()],
             stale: true,
             frames: 0,

@@ -11,6 +11,7 @@
 use crate::error::KernelError;
 use crate::frames::feature_map::{Band, Target, View};
 use crate::frames::layer::{Layer, PAIR, sources};
+use crate::frames::room;
 use crate::frames::shape::Region;
 use crate::frames::weights::{ConvParts, Layout, Packed};
 use crate::isa::Isa;
@@ -194,6 +195,13 @@ pub struct PooledConv3x3 {
 #[derive(Clone, Debug, Default)]
 pub struct PooledScratch {
     halves: Vec<Wide>,
+}
+
+impl PooledScratch {
+    /// Room for the layers that need no more bytes: their runs allocate nothing.
+    pub fn with_bytes(bytes: u128) -> Self {
+        Self { halves: room(bytes) }
+    }
 }
 
 impl PooledConv3x3 {

@@ -12,6 +12,7 @@ use super::layer::{Tiles, in_tiles, store_some};
 use super::shape::Region;
 use super::weights::{BLOCK, ConvParts, Layout, Packed};
 use crate::error::{KernelError, MAX_CHANNELS};
+use crate::frames::room;
 use crate::isa::{Isa, Simd, Task, Vector, accumulate};
 use crate::lanes::Wide;
 
@@ -34,6 +35,13 @@ pub struct Kn2rowScratch {
     inputs: Vec<f32>,
     /// Where the products of each pixel begin.
     starts: Vec<usize>,
+}
+
+impl Kn2rowScratch {
+    /// Room for the layers that need no more bytes of each part: their runs allocate nothing.
+    pub fn with_bytes([inputs, starts]: [u128; 2]) -> Self {
+        Self { inputs: room(inputs), starts: room(starts) }
+    }
 }
 
 impl Kn2rowConv3x3 {
@@ -80,10 +88,11 @@ impl Kn2rowConv3x3 {
         PLACES * self.outputs
     }
 
-    /// Largest number of bytes of scratch for `pixels` changed pixels.
-    pub fn scratch_bytes(&self, pixels: usize) -> u128 {
-        let each = self.products.inputs[0] * size_of::<f32>() + size_of::<usize>();
-        each as u128 * pixels as u128
+    /// Largest number of bytes of scratch for `pixels` changed pixels: their inputs, and where their
+    /// products begin.
+    pub fn scratch_bytes(&self, pixels: usize) -> [u128; 2] {
+        [self.products.inputs[0] * size_of::<f32>(), size_of::<usize>()]
+            .map(|bytes| bytes as u128 * pixels as u128)
     }
 
     /// Computes the products of `pixels`, each (y, x), alone. O(pixels x 9 x C x O).

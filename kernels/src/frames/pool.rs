@@ -8,6 +8,7 @@ use crate::dense::{Activation, Dense};
 use crate::error::{KernelError, check_sizes};
 use crate::frames::feature_map::{Band, View};
 use crate::frames::layer::store_some;
+use crate::frames::room;
 use crate::frames::shape::Region;
 use crate::isa::{Isa, Simd, Task, Vector, flat, flat_mut, prefetch};
 use crate::lanes::{LANES, Lanes};
@@ -175,6 +176,13 @@ pub struct SqueezeScratch {
     scale: Vec<Lanes>,
 }
 
+impl SqueezeScratch {
+    /// Room for the layers that need no more bytes of each part: their runs allocate nothing.
+    pub fn with_bytes([mean, middle]: [u128; 2]) -> Self {
+        Self { mean: room(mean), middle: room(middle), scale: room(mean) }
+    }
+}
+
 impl SqueezeExcite {
     /// A layer for `channels` channels. `down` is (reduced, channels), `up` (channels, reduced).
     ///
@@ -186,10 +194,10 @@ impl SqueezeExcite {
         Ok(Self { down, up })
     }
 
-    /// Bytes of scratch that the layer needs.
-    pub fn scratch_bytes(&self) -> u128 {
-        let lanes = 2 * Lanes::count(self.down.inputs()) + Lanes::count(self.down.outputs());
-        lanes as u128 * size_of::<Lanes>() as u128
+    /// Bytes of scratch that the layer needs: for the means, for the factors as many, and between.
+    pub fn scratch_bytes(&self) -> [u128; 2] {
+        [self.down.inputs(), self.down.outputs()]
+            .map(|values| Lanes::count(values) as u128 * size_of::<Lanes>() as u128)
     }
 
     /// Scales every channel of `input` into `out`. O(values).

@@ -4,6 +4,7 @@ use std::marker::PhantomData;
 
 use crate::frames::feature_map::{Target, View};
 use crate::frames::layer::{MAX, Tiles, in_tiles, most, store_some};
+use crate::frames::room;
 use crate::frames::shape::Region;
 use crate::frames::weights::{BLOCK, Packed};
 use crate::isa::{Simd, Task, Vector, accumulate_wide, flat_wide_mut};
@@ -24,6 +25,13 @@ pub struct ConvScratch {
     inputs: Vec<Wide>,
     /// Sums: places, tiles, outputs of a block.
     sums: Vec<Wide>,
+}
+
+impl ConvScratch {
+    /// Room for the layers that need no more bytes of each part: their runs allocate nothing.
+    pub fn with_bytes([patch, inputs, sums]: [u128; 3]) -> Self {
+        Self { patch: room(patch), inputs: room(inputs), sums: room(sums) }
+    }
 }
 
 pub(super) struct Job<'a, T, const N: usize> {
