@@ -11,8 +11,9 @@ use meissner_engine::frames::{
     Convolution, Frame, FrameEngine, FrameNetwork, FrameOptions, Skip, TimedFrames,
 };
 use meissner_engine::{
-    BatchEngine, Candidates, Engine, EngineError, Event, EventCounters, GraphRule, LatePolicy, Lifetime,
-    Options, Outcome, Prediction, Predictor, Reach, Search, Sensor, StaleReadout, Staleness,
+    BatchEngine, Candidates, Engine, EngineError, Event, EventCounters, GraphRule, LatePolicy, LayerCounters,
+    Lifetime, Options, Outcome, Prediction, PredictionCounters, Predictor, Reach, Search, Sensor,
+    StaleReadout, Staleness,
 };
 use meissner_kernels::WinogradTile;
 use meissner_live::{Input, Item, Live, LiveError, QueueOptions, TimedAnswer};
@@ -62,6 +63,41 @@ fn filters() -> impl Strategy<Value = Vec<FilterRule>> {
     prop_oneof![2 => Just(Vec::new()), 1 => prop::collection::vec(rule, 1..3)]
 }
 
+/// An engine that takes slices, cut where `cuts` say, has in the end the whole state of one that
+/// takes event by event, as bytes, but for the counts of work, of which a slice may save some.
+fn slices_leave_the_state(
+    make: impl Fn() -> Engine,
+    steps: &[Step<Event>],
+    cuts: &[usize],
+) -> Result<(), String> {
+    let events: Vec<Event> = steps.iter().filter_map(Step::input).copied().collect();
+    let [mut sliced, mut single] = [make(), make()];
+    events.iter().for_each(|&event| drop(single.push(event)));
+    let (mut rest, mut cuts) = (&events[..], cuts.iter().cycle());
+    while let Some(&cut) = cuts.next().filter(|_| !rest.is_empty()) {
+        let (slice, after) = rest.split_at(cut.min(rest.len()));
+        sliced.push_slice(slice);
+        rest = after;
+    }
+    let shown = |engine: &mut Engine| engine.predict().map(|p| bits(p.values));
+    if shown(&mut sliced) != shown(&mut single) {
+        return Err("another prediction".to_owned());
+    }
+    let layers = single.counters().layers.len();
+    let work = layers * size_of::<LayerCounters>() + size_of::<PredictionCounters>();
+    // Header, fingerprint, name, sensor, tolerance, policy, and the counts of events.
+    let name = single.network().name().len();
+    let start = 24 + 8 + 8 + name + 4 + 4 + 1 + size_of::<EventCounters>() - 8;
+    let (found, expected) = (sliced.to_bytes(), single.to_bytes());
+    let differs = |&i: &usize| found[i] != expected[i] && !(start..start + work).contains(&i);
+    // The last bytes are a checksum.
+    let first = (0..expected.len() - 8).find(differs);
+    if found.len() != expected.len() || first.is_some() {
+        return Err(format!("byte {first:?} of {}, counts at {start}, then {work}", expected.len()));
+    }
+    Ok(())
+}
+
 proptest! {
     #![proptest_config(cases(400))]
 
@@ -79,6 +115,7 @@ proptest! {
             prop_assert_eq!(predicts(&mut engine(), &mut batch().with_search(Search::Exhaustive), steps), Ok(()));
         }
         prop_assert_eq!(takes_slices(engine, steps, &cuts), Ok(()));
+        prop_assert_eq!(slices_leave_the_state(engine, steps, &cuts), Ok(()));
         prop_assert_eq!(forgets(engine, steps), Ok(()));
         prop_assert_eq!(resumes(engine, steps, cut), Ok(()));
         prop_assert_eq!(refuses_damage(engine, steps, place, bit), Ok(()));

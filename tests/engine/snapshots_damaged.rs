@@ -75,9 +75,17 @@ fn is_refused(engine: &mut impl Incremental, before: &[u8], wrong: &[u8], at: us
             false
         }
         Err(error) => {
-            let typed = matches!(error, EngineError::Snapshot { .. } | EngineError::SnapshotBytes { .. });
             let text = error.to_string();
-            assert!(typed && text.contains("expected") && text.contains("found"), "{at}: {text}");
+            match error {
+                // Its place is a byte of what is read, or its end.
+                EngineError::SnapshotBytes { at: place, .. } => {
+                    assert!(place <= wrong.len() && text.contains("at byte"), "{at}: {text}");
+                }
+                // Of another version, network, sensor or option, which is named.
+                EngineError::Snapshot { what, .. } => assert!(!what.is_empty(), "{at}: {text}"),
+                _ => panic!("{at}: {text}"),
+            }
+            assert!(text.contains("expected") && text.contains("found"), "{at}: {text}");
             assert!(text.len() < 1000, "{at}: {text:.600}");
             assert_eq!(engine.to_bytes(), before, "{at}: {text}");
             true

@@ -329,7 +329,8 @@ fn a_full_window_evicts_the_oldest_event() {
             stream.push(Event::new(i, (i % 7) as u16, (i % 5) as u16, i % 2 == 0));
             assert_eq!(stream.compare(), Ok(()), "{candidates:?}");
         }
-        assert_eq!(stream.engine.nodes(), 8, "{candidates:?}");
+        let times: Vec<i64> = stream.engine.events().iter().map(|event| event.t_us).collect();
+        assert_eq!(times, (12..20).collect::<Vec<_>>(), "{candidates:?}");
         assert_eq!(stream.engine.counters().events.evicted, 12, "{candidates:?}");
     }
 }
@@ -433,7 +434,9 @@ fn a_snapshot_of_another_network_is_refused_and_changes_nothing() {
     engine.push(Event::new(0, 1, 1, true));
     let other = NetworkShape { seed: 99, ..shape(ALL) }.build();
     let other = Engine::new(other, SENSOR).expect("the network is exact").snapshot();
+    let before = engine.to_bytes();
     assert!(matches!(engine.restore(&other), Err(EngineError::Snapshot { .. })));
+    assert_eq!(engine.to_bytes(), before);
     assert_eq!(engine.nodes(), 1);
 }
 

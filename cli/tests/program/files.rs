@@ -221,6 +221,21 @@ fn a_result_is_not_replaced_without_force_and_nothing_is_read_before() {
 }
 
 #[test]
+fn reports_pictures_and_states_replace_what_was_there() {
+    let (_folder, path) = file("kept", "of before");
+    for (arguments, start) in [
+        (&["inspect", "tactigraph-past", "--svg"][..], &b"<svg"[..]),
+        (&["run", "--limit", "300", "--network", "tactigraph-past", "--save-state"], b"MEISSNER"),
+        (&["verify", "tactigraph-past", "--soak", "--events", "1000", "--out"], b"{"),
+    ] {
+        std::fs::write(&path, "of before").expect("a place to write to");
+        let output = meissner(&[arguments, &[argument(&path)]].concat());
+        assert!(output.status.success(), "{arguments:?}: {}", message(&output));
+        assert!(std::fs::read(&path).expect("it is there").starts_with(start), "{arguments:?}");
+    }
+}
+
+#[test]
 fn an_empty_file_is_called_empty() {
     let (_folder, path) = file("empty.bin", "");
     let said = message(&meissner(&["info", argument(&path)]));

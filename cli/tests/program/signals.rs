@@ -85,13 +85,22 @@ fn event(i: u32) -> String {
     format!("{},{},{},1\n", 1000 + i * 100, i % 8, i / 8 % 8)
 }
 
+/// The signals that ask the program to end: all but the last one where they are ignored, as under
+/// `nohup`.
+fn signals() -> &'static [&'static str] {
+    let status = fs::read_to_string("/proc/self/status").unwrap_or_default();
+    let ignored = status.lines().find_map(|line| line.strip_prefix("SigIgn:")).unwrap_or("0");
+    let ignores_hup = u64::from_str_radix(ignored.trim(), 16).expect("a number") & 1 == 1;
+    if ignores_hup { &["INT", "TERM"] } else { &["INT", "TERM", "HUP"] }
+}
+
 #[test]
 fn a_signal_ends_a_stream_of_events_with_its_summary_and_a_state_to_go_on_from() {
     let folder = tempfile::tempdir().expect("there is a place for temporary files");
     let state = folder.path().join("state");
     let run = ["run", "-", "--sensor", "8x8", "--every", "event", "--json"];
     let whole = lines(&meissner_reading(&run, &(0..12).map(event).collect::<String>())).0;
-    for name in ["INT", "TERM"] {
+    for name in signals() {
         let mut running = Running::new(&[&run[..], &["--save-state", argument(&state)]].concat());
         for i in 0..8 {
             running.send(&event(i));
@@ -194,12 +203,7 @@ fn unread(state: &std::path::Path, json: &[&str]) -> Running {
 #[test]
 fn where_nobody_reads_the_output_the_first_signal_ends_a_run_with_its_state() {
     let folder = tempfile::tempdir().expect("there is a place for temporary files");
-    // Under `nohup` the program ignores the last one, as it should.
-    let status = fs::read_to_string("/proc/self/status").expect("a process has a status");
-    let ignored = status.lines().find_map(|line| line.strip_prefix("SigIgn:")).expect("a mask");
-    let ignores_hup = u64::from_str_radix(ignored.trim(), 16).expect("a number") & 1 == 1;
-    let names = ["INT", "TERM", "HUP"];
-    for name in &names[..if ignores_hup { 2 } else { 3 }] {
+    for name in signals() {
         let state = folder.path().join(name);
         let mut running = unread(&state, &["--json"]);
         running.signal(name);

@@ -1,6 +1,6 @@
 //! Tables of labels: what people write, and what no one should.
 
-use meissner_io::{LabelClock, LabelTable, LabelValues};
+use meissner_io::{IoError, LabelClock, LabelTable, LabelValues, Place};
 use proptest::prelude::*;
 
 fn table(text: &str) -> LabelTable {
@@ -181,7 +181,15 @@ proptest! {
                     }
                 }
             }
-            Err(error) => prop_assert!(error.to_string().contains("expected"), "{}", error),
+            Err(IoError::Malformed { place: Place::Line(line), expected, .. }) => {
+                prop_assert!(!expected.is_empty() && line > 0);
+            }
+            Err(IoError::TooLarge { place: Place::Line(line), .. }) => prop_assert!(line > 0),
+            // Of another kind as a whole.
+            Err(error) => {
+                let is_other = matches!(error, IoError::OtherKind { .. } | IoError::Unsupported { .. });
+                prop_assert!(is_other && error.to_string().contains("expected"), "{}", error);
+            }
         }
     }
 }
