@@ -14,12 +14,14 @@ CROP, BATCH = (160, 128), 4
 # Drift of the light that is added to a picture in training, in grey levels, for each term of a quadratic in the place, and the spread of
 # each colour's gain.
 DRIFT, GAIN = (12.0, 12.0, 12.0, 7.0, 7.0, 7.0), 0.1
+# Other sensors' lights: how much of each colour goes into the others, and the logarithm of a colour's strength (standard deviations).
+MIX, STRENGTH = 0.4, 0.3
 
 
 class Pictures:
     """The pictures of files, read when they are needed, and real ones, turned and enlarged as the program does, with a pressure after Hertz
     in the circle that was marked by hand. An epoch has so many `steps`. With `others`, half of the pictures are those of another sensor: seen
-    in a mirror along either axis, and with its colours in another order."""
+    in a mirror along either axis, with its colours in another order and mixed, as if its lights came from other sides."""
 
     def __init__(self, paths, balls=None, crop=CROP, steps=1, batch=BATCH, others=False):
         files = [safe_open(path, "np") for path in paths]
@@ -71,7 +73,9 @@ class Pictures:
                     difference, pressure, area = self.read(i)
                 if self.others and random.random() < 0.5:
                     flips = np.s_[:: random.choice((-1, 1)), :: random.choice((-1, 1))]
-                    difference, pressure = difference[flips][..., random.permutation(3)], pressure[flips]
+                    mixed = np.eye(3)[random.permutation(3)] + MIX * random.normal(size=(3, 3))
+                    strength = np.exp(STRENGTH * random.normal(size=(3, 1)))
+                    difference, pressure = difference[flips] @ (strength * mixed).T.astype("f4"), pressure[flips]
                 if self.crop:
                     part = self.cut(pressure, random)
                     difference, pressure = difference[part], pressure[part]

@@ -76,7 +76,7 @@ def main():
     parser.add_argument("--balls", type=Path, help="real pictures, as lights.py reads them")
     parser.add_argument("--start", type=Path, help="weights to start from, of the same network or of canf-plain")
     parser.add_argument("--whole", action="store_true", help="learn from whole pictures instead of parts of them")
-    parser.add_argument("--others", action="store_true", help="half of the pictures in a mirror and with other colours")
+    parser.add_argument("--others", action="store_true", help="half of the pictures in a mirror and under other lights")
     parser.add_argument("--statistics", action="store_true", help="batch norm gets its statistics from whole pictures at the end")
     parser.add_argument("--valid", type=Path, nargs="+", required=True)
     for name, default in {"out": None, "steps": 4500, "batch": BATCH, "rate": 1e-3, "seed": 0}.items():
