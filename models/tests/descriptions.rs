@@ -112,7 +112,7 @@ fn graphres_published_has_the_same_tensors_and_its_own_normalisation() {
 }
 
 #[test]
-fn tactigraph_has_ten_blocks_on_three_levels_and_37858_parameters() {
+fn tactigraph_has_ten_blocks_on_three_levels_a_hidden_layer_and_69794_parameters() {
     let (description, network) = shipped("tactigraph");
     assert_eq!(network.channels(0), [1, 8, 8, 16, 16]);
     assert_eq!(network.channels(1), [16, 16, 16, 32]);
@@ -123,7 +123,7 @@ fn tactigraph_has_ten_blocks_on_three_levels_and_37858_parameters() {
     assert_eq!(skip(1), [None, Some(0), None]);
     assert_eq!(skip(2), [None, None, Some(0)]);
     assert!((0..3).all(|level| network.level(level).scale == 0.5));
-    assert_eq!(description.parameters(), 37_858);
+    assert_eq!(description.parameters(), 69_794);
 }
 
 #[test]

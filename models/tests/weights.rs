@@ -444,10 +444,9 @@ fn the_published_checkpoint_is_recognised_and_graphres_refuses_it_by_name() {
 
 #[test]
 #[cfg_attr(no_shared, ignore = "no ../shared")]
-fn the_recorded_tactigraph_has_its_weights_under_a_prefix() {
-    let path = shared("golden/tactigraph.safetensors");
-    let weights = Weights::load(path).expect("readable");
-    let description = Description::shipped("tactigraph").expect("shipped");
+fn a_recorded_network_has_its_weights_under_a_prefix() {
+    let weights = Weights::load(shared("golden/pointnet.safetensors")).expect("readable");
+    let description = Description::parse(include_str!("../../tests/pointnet.toml")).expect("consistent");
     assert!(description.network(&weights).is_ok());
     let unused = description.unused_tensors(&weights).expect("one prefix");
     assert!(unused.iter().all(|name| !name.starts_with("w.")) && unused.contains(&"edge_index".to_owned()));

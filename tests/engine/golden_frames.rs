@@ -2,38 +2,65 @@
 
 use meissner_engine::frames::{Convolution, FrameEngine, FrameNetwork, FrameOptions, Skip};
 use meissner_kernels::WinogradTile;
-use meissner_models::Weights;
+use meissner_models::{FrameDescription, Weights};
 use meissner_reference::FrameReference;
-use meissner_tests::shared::{Golden, assert_close, frame_description, shared};
+use meissner_tests::shared::{Golden, assert_close, frame_description};
 use meissner_verify::bits;
 
 use crate::golden_networks::{WIDE, assert_wide};
 
 const PREDICTION: f32 = 1e-4;
 
-/// Networks with their golden files, sizes of images, and whether there is an answer for each step.
-const SLIP: [Case; 3] = [
-    ("slip-tuned", "slip_tuned", None, false),
-    ("slip-regularised", "slip_regularised", None, false),
-    ("slip-lstm", "slip_lstm", None, false),
+/// Networks, the sides of images in ../shared, and whether there is an answer for each step.
+const SLIP: [Case; 4] = [
+    ("slip-best", None, false),
+    ("slip-tuned", None, false),
+    ("slip-regularised", None, false),
+    ("slip-lstm", None, false),
 ];
 const FORCE: [Case; 4] = [
-    ("force-convlstm", "force_convlstm", Some([21, 19]), true),
-    ("force-cnnlstm", "force_cnnlstm", None, true),
-    ("force-lstm", "force_lstm", None, true),
-    ("force-tdnn", "force_tdnn", None, true),
+    ("force-convlstm", Some([21, 19]), true),
+    ("force-cnnlstm", None, true),
+    ("force-lstm", None, true),
+    ("force-tdnn", None, true),
 ];
-const EVENT_FRAMES: [Case; 1] = [("event-frame-cnn", "event_frame_cnn", None, false)];
-const U_NETS: [Case; 2] =
-    [("canf", "canf", Some([48, 64]), false), ("canf-plain", "canf_plain", Some([48, 64]), false)];
+const EVENT_FRAMES: [Case; 1] = [("event-frame-cnn", None, false)];
+const U_NETS: [Case; 3] = [
+    ("canf", Some([48, 64]), false),
+    ("canf-plain", Some([48, 64]), false),
+    ("canf-live", Some([48, 64]), false),
+];
+/// Networks without a file in ../shared.
+const SMALL_ALONE: [&str; 2] = ["slip-best", "canf-live"];
 
-type Case = (&'static str, &'static str, Option<[usize; 2]>, bool);
+type Case = (&'static str, Option<[usize; 2]>, bool);
+
+/// The golden files of a network that are at hand, with its description for their images and weights.
+fn goldens((name, size, _): Case) -> Vec<(Golden, FrameDescription, Weights)> {
+    let large = name.replace('-', "_");
+    let small = format!("{large}_small");
+    let names = if SMALL_ALONE.contains(&name) { vec![&small[..]] } else { vec![&small[..], &large[..]] };
+    let of = |(file, golden): (&str, Golden)| {
+        if Golden::is_small(file) {
+            // The dense layer of this one is for whole images.
+            let size = size.filter(|_| name != "force-convlstm");
+            (golden, frame_description(name, size), Weights::shipped(name).expect("shipped weights"))
+        } else {
+            let weights = Weights::load(Golden::path(file)).expect("readable");
+            (golden, frame_description(name, size), weights)
+        }
+    };
+    Golden::at_hand(&names).into_iter().map(of).collect()
+}
 
 /// Runs every sequence of the golden file.
-fn check((name, file, size, each): Case) {
-    let golden = Golden::load(file);
-    let weights = Weights::load(shared(&format!("golden/{file}.safetensors"))).expect("readable");
-    let description = frame_description(name, size);
+fn check(case: Case) {
+    goldens(case)
+        .iter()
+        .for_each(|(golden, description, weights)| check_one(case, golden, description, weights));
+}
+
+fn check_one((name, _, each): Case, golden: &Golden, description: &FrameDescription, weights: &Weights) {
     let (x, y) = (golden.floats("x"), golden.floats("y"));
     let sequences = golden.shape("x")[0];
     let frame = description.input().values();
@@ -47,7 +74,7 @@ fn check((name, file, size, each): Case) {
     ];
     let mut direct: Option<Vec<u32>> = None;
     for (convolution, options) in ways {
-        let parts = description.network_parts(&weights).expect("the weights fit");
+        let parts = description.network_parts(weights).expect("the weights fit");
         let network = FrameNetwork::new(parts, convolution).expect("the parts fit");
         let mut engine = FrameEngine::with_options(network, options).expect("options in range");
         let mut answers = Vec::new();
@@ -71,11 +98,14 @@ fn check((name, file, size, each): Case) {
 }
 
 /// The same in f64.
-fn check_wide((name, file, size, each): Case) {
-    let golden = Golden::load(file);
-    let weights = Weights::load(shared(&format!("golden/{file}.safetensors"))).expect("readable");
-    let description = frame_description(name, size);
-    let parts = description.network_parts(&weights).expect("the weights fit");
+fn check_wide(case: Case) {
+    goldens(case)
+        .iter()
+        .for_each(|(golden, description, weights)| wide_one(case, golden, description, weights));
+}
+
+fn wide_one((name, _, each): Case, golden: &Golden, description: &FrameDescription, weights: &Weights) {
+    let parts = description.network_parts(weights).expect("the weights fit");
     let mut reference = FrameReference::new(parts).expect("they fit");
     let x: Vec<f64> = golden.floats("x").iter().map(|&v| f64::from(v)).collect();
     let mut answers = Vec::new();
@@ -95,31 +125,26 @@ fn check_wide((name, file, size, each): Case) {
 }
 
 #[test]
-#[cfg_attr(no_shared, ignore = "no ../shared")]
 fn slip_networks_agree_with_the_reference() {
     SLIP.into_iter().for_each(check);
 }
 
 #[test]
-#[cfg_attr(no_shared, ignore = "no ../shared")]
 fn force_networks_agree_with_the_reference_step_by_step() {
     FORCE.into_iter().for_each(check);
 }
 
 #[test]
-#[cfg_attr(no_shared, ignore = "no ../shared")]
 fn the_event_frame_network_agrees_with_the_reference() {
     EVENT_FRAMES.into_iter().for_each(check);
 }
 
 #[test]
-#[cfg_attr(no_shared, ignore = "no ../shared")]
 fn the_u_nets_agree_with_the_reference() {
     U_NETS.into_iter().for_each(check);
 }
 
 #[test]
-#[cfg_attr(no_shared, ignore = "no ../shared")]
 fn frame_networks_in_f64_agree_with_the_golden_files() {
     SLIP.into_iter().chain(FORCE).chain(EVENT_FRAMES).chain(U_NETS).for_each(check_wide);
 }

@@ -16,20 +16,38 @@ use meissner_verify::bits;
 const SENSOR: Sensor = Sensor { width: 240, height: 180 };
 const LAYER: f32 = 1e-5;
 const PREDICTION: f32 = 1e-4;
+const GRAPHRES: [&str; 4] =
+    ["graphres_small", "graphres_fixed_a", "graphres_fixed_idle", "graphres_fixed_late"];
+const TACTIGRAPH: [&str; 2] = ["tactigraph_small", "tactigraph"];
+const NETS_OF_POINTS: [&str; 2] = ["pointnet_small", "pointnet"];
 
 fn events(golden: &Golden) -> Vec<Event> {
     let rows = golden.integers("events").chunks_exact(4);
     rows.map(|e| Event::new(e[0], e[1] as u16, e[2] as u16, e[3] == 1)).collect()
 }
 
-fn network(name: &str, weights: &Weights) -> Arc<Network> {
-    let description = Description::shipped(name).expect("a shipped network");
-    Arc::new(description.network_ignoring_preparation(weights).expect("the weights fit"))
+/// A shipped network with the weights of a golden file: the shipped ones, or those of ../shared.
+fn network(name: &str, golden: &str) -> Arc<Network> {
+    let weights = match name {
+        _ if Golden::is_small(golden) => Weights::shipped(name).expect("shipped weights"),
+        "tactigraph" => Weights::load(Golden::path(golden)).expect("readable weights"),
+        _ => published(),
+    };
+    let text = Description::shipped_text(name).expect("a shipped network");
+    let mut text = text.to_owned();
+    if golden == "tactigraph" {
+        // One dense layer behind the readout.
+        let (begin, end) = (text.find("[[layer]]\nname = \"hidden\""), text.find("[[layer]]\nname = \"fc\""));
+        text.replace_range(begin.expect("its hidden layer")..end.expect("its last layer"), "");
+    }
+    let description = Description::parse(&text).expect("consistent");
+    Arc::new(description.network_ignoring_preparation(&weights).expect("the weights fit"))
 }
 
-fn pointnet(weights: &Weights) -> Arc<Network> {
+fn pointnet(golden: &str) -> Arc<Network> {
+    let weights = Weights::load(Golden::path(golden)).expect("readable weights");
     let description = Description::parse(POINTNET).expect("consistent");
-    Arc::new(description.network_ignoring_preparation(weights).expect("the weights fit"))
+    Arc::new(description.network_ignoring_preparation(&weights).expect("the weights fit"))
 }
 
 fn published() -> Weights {
@@ -83,8 +101,8 @@ fn assert_graphres(name: &str, golden: &Golden, trace: &Trace) {
         let what = format!("{name}: conv{n}");
         assert_close(&what, &flat(&events.features[n]), golden.floats(&format!("conv{n}")), LAYER);
     }
-    let columns =
-        if name.contains("fixed") { 22 } else { pooled.cells.iter().map(|c| c[0]).max().unwrap_or(0) + 1 };
+    let widest = pooled.cells.iter().map(|c| c[0]).max().unwrap_or(0) + 1;
+    let columns = if name.contains("published") { widest } else { 22 };
     assert_pooled(pooled, golden, "pool", columns);
     for n in 6..=7 {
         let what = format!("{name}: conv{n}");
@@ -119,97 +137,86 @@ fn forward_on(sensor: Sensor, network: &Arc<Network>, events: &[Event], search: 
 }
 
 #[test]
-#[cfg_attr(no_shared, ignore = "no ../shared")]
 fn graphres_with_fixed_scales_agrees_with_the_reference() {
-    let weights = published();
-    let network = network("graphres", &weights);
-    for window in ["a", "idle", "late"] {
-        let name = format!("graphres_fixed_{window}");
-        let golden = Golden::load(&name);
+    for (name, golden) in Golden::at_hand(&GRAPHRES) {
+        let network = network("graphres", name);
         for search in [Search::Exhaustive, Search::Grid] {
             let trace = forward(&network, &events(&golden), search);
-            assert_graphres(&name, &golden, &trace);
-            assert_incremental(&name, &golden, &network, &trace);
+            assert_graphres(name, &golden, &trace);
+            assert_incremental(name, &golden, &network, &trace);
         }
     }
 }
 
 #[test]
-#[cfg_attr(no_shared, ignore = "no ../shared")]
 fn graphres_as_published_agrees_with_the_reference() {
-    let weights = published();
-    let network = network("graphres-published", &weights);
-    for window in ["a", "idle", "late"] {
-        let name = format!("graphres_published_{window}");
-        let golden = Golden::load(&name);
-        assert_graphres(&name, &golden, &forward(&network, &events(&golden), Search::Grid));
+    let names = [
+        "graphres_published_small",
+        "graphres_published_a",
+        "graphres_published_idle",
+        "graphres_published_late",
+    ];
+    for (name, golden) in Golden::at_hand(&names) {
+        let network = network("graphres-published", name);
+        assert_graphres(name, &golden, &forward(&network, &events(&golden), Search::Grid));
     }
 }
 
 #[test]
-#[cfg_attr(no_shared, ignore = "no ../shared")]
 fn graphres_as_published_agrees_with_the_reference_where_float32_moves_events_to_other_cells() {
-    let weights = published();
-    let network = network("graphres-published", &weights);
-    for window in ["a", "b", "c"] {
-        let name = format!("graphres_published_offgrid_{window}");
-        let golden = Golden::load(&name);
+    let names = ["small", "a", "b", "c"].map(|window| format!("graphres_published_offgrid_{window}"));
+    for (name, golden) in Golden::at_hand(&names.each_ref().map(String::as_str)) {
+        let network = network("graphres-published", name);
         for search in [Search::Exhaustive, Search::Grid] {
             let trace = forward_on(Sensor::new(346, 260), &network, &events(&golden), search);
-            assert_graphres(&name, &golden, &trace);
+            assert_graphres(name, &golden, &trace);
         }
     }
 }
 
 #[test]
-#[cfg_attr(no_shared, ignore = "no ../shared")]
 fn tactigraph_agrees_with_the_reference() {
-    let path = shared("golden/tactigraph.safetensors");
-    let golden = Golden::load("tactigraph");
-    let network = network("tactigraph", &Weights::load(&path).expect("readable weights"));
-    let trace = forward(&network, &events(&golden), Search::Exhaustive);
-    let [level0, level1, level2] = &trace.levels[..] else { panic!("tactigraph has three levels") };
-    assert_eq!(rows_of(level0), sources(&golden, level0.edges.rows()), "edge_index");
-    assert_close("level0", &flat(&level0.features[4]), golden.floats("level0"), LAYER);
-    assert_pooled(level1, &golden, "pool1", 44);
-    assert_close("level1", &flat(&level1.features[3]), golden.floats("level1"), LAYER);
-    assert_pooled(level2, &golden, "pool2", 22);
-    assert_close("level2", &flat(&level2.features[3]), golden.floats("level2"), LAYER);
-    assert_close("readout", &flat(&trace.readout), golden.floats("readout"), LAYER);
-    assert_close("y", &trace.prediction, golden.floats("y"), PREDICTION);
-    assert_incremental("tactigraph", &golden, &network, &trace);
+    for (name, golden) in Golden::at_hand(&TACTIGRAPH) {
+        let network = network("tactigraph", name);
+        let trace = forward(&network, &events(&golden), Search::Exhaustive);
+        let [level0, level1, level2] = &trace.levels[..] else { panic!("tactigraph has three levels") };
+        assert_eq!(rows_of(level0), sources(&golden, level0.edges.rows()), "{name}: edge_index");
+        assert_close("level0", &flat(&level0.features[4]), golden.floats("level0"), LAYER);
+        assert_pooled(level1, &golden, "pool1", 44);
+        assert_close("level1", &flat(&level1.features[3]), golden.floats("level1"), LAYER);
+        assert_pooled(level2, &golden, "pool2", 22);
+        assert_close("level2", &flat(&level2.features[3]), golden.floats("level2"), LAYER);
+        assert_close("readout", &flat(&trace.readout), golden.floats("readout"), LAYER);
+        assert_close("y", &trace.prediction, golden.floats("y"), PREDICTION);
+        assert_incremental(name, &golden, &network, &trace);
+    }
 }
 
 #[test]
-#[cfg_attr(no_shared, ignore = "no ../shared")]
 fn pointnet_agrees_with_the_reference() {
-    let golden = Golden::load("pointnet");
-    let weights = Weights::load(shared("golden/pointnet.safetensors")).expect("readable weights");
-    let network = pointnet(&weights);
-    for search in [Search::Exhaustive, Search::Grid] {
-        let trace = forward(&network, &events(&golden), search);
-        let [level0, level1] = &trace.levels[..] else { panic!("pointnet has two levels") };
-        assert_eq!(rows_of(level0), sources(&golden, level0.edges.rows()), "edge_index");
-        for n in 1..=3 {
-            assert_close(
-                &format!("conv{n}"),
-                &flat(&level0.features[n]),
-                golden.floats(&format!("conv{n}")),
-                LAYER,
-            );
+    for (name, golden) in Golden::at_hand(&NETS_OF_POINTS) {
+        let network = pointnet(name);
+        for search in [Search::Exhaustive, Search::Grid] {
+            let trace = forward(&network, &events(&golden), search);
+            let [level0, level1] = &trace.levels[..] else { panic!("pointnet has two levels") };
+            assert_eq!(rows_of(level0), sources(&golden, level0.edges.rows()), "{name}: edge_index");
+            for n in 1..=3 {
+                let what = format!("conv{n}");
+                assert_close(&what, &flat(&level0.features[n]), golden.floats(&what), LAYER);
+            }
+            assert_pooled(level1, &golden, "pool", 22);
+            assert_close("conv4", &flat(&level1.features[1]), golden.floats("conv4"), LAYER);
+            assert_close("readout", &flat(&trace.readout), golden.floats("readout"), LAYER);
+            assert_close("y", &trace.prediction, golden.floats("y"), PREDICTION);
+            assert_incremental(name, &golden, &network, &trace);
         }
-        assert_pooled(level1, &golden, "pool", 22);
-        assert_close("conv4", &flat(&level1.features[1]), golden.floats("conv4"), LAYER);
-        assert_close("readout", &flat(&trace.readout), golden.floats("readout"), LAYER);
-        assert_close("y", &trace.prediction, golden.floats("y"), PREDICTION);
-        assert_incremental("pointnet", &golden, &network, &trace);
     }
 }
 
 #[test]
 fn a_network_that_is_normalised_per_graph_has_no_incremental_form() {
-    let weights = Weights::shipped("graphres-published").expect("shipped weights");
-    let error = Engine::new(network("graphres-published", &weights), SENSOR).expect_err("batch only");
+    let network = network("graphres-published", "graphres_published_small");
+    let error = Engine::new(network, SENSOR).expect_err("batch only");
     assert!(error.to_string().contains("one event can change every row"), "{error}");
 }
 
@@ -225,11 +232,20 @@ fn in_edges(edges: &[(usize, usize)], rows: usize, attribute: impl Fn(usize) -> 
 }
 
 #[test]
-#[cfg_attr(no_shared, ignore = "no ../shared")]
 fn spline_convolution_agrees_with_the_reference() {
-    let kernels = [[2, 2, 2], [2, 2, 2], [5, 5, 1], [2, 3, 4], [8, 8, 8]];
-    for (n, kernel) in kernels.into_iter().enumerate() {
-        let golden = Golden::load(&format!("spline_conv_{n}"));
+    let kernels = [
+        ("spline_conv_0_small", [2, 2, 2]),
+        ("spline_conv_1_small", [2, 2, 2]),
+        ("spline_conv_2_small", [5, 5, 1]),
+        ("spline_conv_3_small", [2, 3, 4]),
+        ("spline_conv_0", [2, 2, 2]),
+        ("spline_conv_1", [2, 2, 2]),
+        ("spline_conv_2", [5, 5, 1]),
+        ("spline_conv_3", [2, 3, 4]),
+        ("spline_conv_4", [8, 8, 8]),
+    ];
+    let at_hand = Golden::at_hand(&kernels.map(|(name, _)| name));
+    for ((name, golden), (_, kernel)) in at_hand.into_iter().zip(kernels) {
         let dims = golden.shape("edge_attr")[1];
         let attributes = golden.floats("edge_attr");
         let attribute = |e: usize| {
@@ -258,15 +274,17 @@ fn spline_convolution_agrees_with_the_reference() {
             let rows: Vec<_> = (0..features.rows()).map(row).collect();
             conv.rows(isa, &features, &rows, &mut scratch, out.lanes_mut());
             let got: Vec<f32> = (0..out.rows()).flat_map(|row| out.values(row).collect::<Vec<_>>()).collect();
-            assert_close(&format!("spline_conv_{n} on {}", isa.name()), &got, golden.floats("y"), 1e-5);
+            assert_close(&format!("{name} on {}", isa.name()), &got, golden.floats("y"), 1e-5);
         }
     }
 }
 
 #[test]
-#[cfg_attr(no_shared, ignore = "no ../shared")]
 fn pooling_agrees_with_the_reference() {
-    let golden = Golden::load("voxel_pool");
+    Golden::at_hand(&["voxel_pool_small", "voxel_pool"]).iter().for_each(|(_, golden)| assert_pools(golden));
+}
+
+fn assert_pools(golden: &Golden) {
     let positions: Vec<&[f32]> = golden.floats("pos").chunks_exact(3).collect();
     // The reference's grid of 1/8 x 1/6 cells has 8 columns.
     let index = |p: &[f32]| [(p[0] * 8.0) as i64, (p[1] * 6.0) as i64];
@@ -310,13 +328,9 @@ fn wide_trace(golden: &Golden, network: Arc<Network>) -> EventTrace {
 }
 
 #[test]
-#[cfg_attr(no_shared, ignore = "no ../shared")]
 fn graphres_in_f64_agrees_with_the_golden_files() {
-    let network = network("graphres", &published());
-    for window in ["a", "idle", "late"] {
-        let name = format!("graphres_fixed_{window}");
-        let golden = Golden::load(&name);
-        let trace = wide_trace(&golden, Arc::clone(&network));
+    for (name, golden) in Golden::at_hand(&GRAPHRES) {
+        let trace = wide_trace(&golden, network("graphres", name));
         let [events, pooled] = &trace.levels[..] else { panic!("{name} has two levels") };
         for n in 1..=7 {
             let rows = if n <= 5 { &events.features[n] } else { &pooled.features[n - 5] };
@@ -329,27 +343,24 @@ fn graphres_in_f64_agrees_with_the_golden_files() {
 }
 
 #[test]
-#[cfg_attr(no_shared, ignore = "no ../shared")]
 fn tactigraph_in_f64_agrees_with_the_golden_file() {
-    let path = shared("golden/tactigraph.safetensors");
-    let golden = Golden::load("tactigraph");
-    let weights = Weights::load(&path).expect("readable weights");
-    let trace = wide_trace(&golden, network("tactigraph", &weights));
-    for (l, (level, feature)) in trace.levels.iter().zip([4, 3, 3]).enumerate() {
-        assert_rows(&format!("level{l}"), &golden, &format!("level{l}"), &level.features[feature]);
+    for (name, golden) in Golden::at_hand(&TACTIGRAPH) {
+        let trace = wide_trace(&golden, network("tactigraph", name));
+        for (l, (level, feature)) in trace.levels.iter().zip([4, 3, 3]).enumerate() {
+            assert_rows(&format!("level{l}"), &golden, &format!("level{l}"), &level.features[feature]);
+        }
+        assert_wide(name, golden.floats("y"), &trace.prediction, WIDE);
     }
-    assert_wide("y", golden.floats("y"), &trace.prediction, WIDE);
 }
 
 #[test]
-#[cfg_attr(no_shared, ignore = "no ../shared")]
 fn pointnet_in_f64_agrees_with_the_golden_file() {
-    let golden = Golden::load("pointnet");
-    let weights = Weights::load(shared("golden/pointnet.safetensors")).expect("readable weights");
-    let trace = wide_trace(&golden, pointnet(&weights));
-    for (n, rows) in trace.levels[0].features.iter().enumerate().skip(1) {
-        assert_rows(&format!("conv{n}"), &golden, &format!("conv{n}"), rows);
+    for (name, golden) in Golden::at_hand(&NETS_OF_POINTS) {
+        let trace = wide_trace(&golden, pointnet(name));
+        for (n, rows) in trace.levels[0].features.iter().enumerate().skip(1) {
+            assert_rows(&format!("conv{n}"), &golden, &format!("conv{n}"), rows);
+        }
+        assert_rows("conv4", &golden, "conv4", &trace.levels[1].features[1]);
+        assert_wide(name, golden.floats("y"), &trace.prediction, WIDE);
     }
-    assert_rows("conv4", &golden, "conv4", &trace.levels[1].features[1]);
-    assert_wide("y", golden.floats("y"), &trace.prediction, WIDE);
 }

@@ -1,6 +1,7 @@
 //! The folder of golden files and recordings beside the project, which may be absent.
 
 use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
 
 use meissner_models::FrameDescription;
 use safetensors::{Dtype, SafeTensors};
@@ -21,12 +22,12 @@ pub struct Golden {
 }
 
 impl Golden {
-    /// Reads `golden/NAME.safetensors`.
+    /// Reads a golden file.
     ///
     /// # Panics
     /// If it is not there, or not as described.
     pub fn load(name: &str) -> Self {
-        let bytes = std::fs::read(shared(&format!("golden/{name}.safetensors"))).expect("a readable file");
+        let bytes = std::fs::read(Self::path(name)).expect("a readable file");
         let file = SafeTensors::deserialize(&bytes).expect("a safetensors file");
         let (mut floats, mut integers) = (BTreeMap::new(), BTreeMap::new());
         for (name, tensor) in file.tensors() {
@@ -34,6 +35,8 @@ impl Golden {
             if tensor.dtype() == Dtype::I64 {
                 let values = data.chunks_exact(8).map(|b| i64::from_le_bytes(b.try_into().expect("8 bytes")));
                 integers.insert(name, (shape, values.collect()));
+            } else if tensor.dtype() == Dtype::U8 {
+                floats.insert(name, (shape, data.iter().map(|&count| f32::from(count)).collect()));
             } else {
                 assert_eq!(tensor.dtype(), Dtype::F32, "{name}");
                 let values = data.chunks_exact(4).map(|b| f32::from_le_bytes(b.try_into().expect("4 bytes")));
@@ -41,6 +44,27 @@ impl Golden {
             }
         }
         Self { floats, integers }
+    }
+
+    /// The file of a golden file: in `tests/golden` those with small graphs and images, which end
+    /// with `_small`, in `../shared/golden` the others.
+    pub fn path(name: &str) -> PathBuf {
+        if Self::is_small(name) {
+            return Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("golden/{name}.safetensors"));
+        }
+        shared(&format!("golden/{name}.safetensors"))
+    }
+
+    /// Whether a golden file comes with the project. Where it holds no weights, it is of the
+    /// shipped ones.
+    pub fn is_small(name: &str) -> bool {
+        name.ends_with("_small")
+    }
+
+    /// Those of `names` that are at hand: all where there is `../shared`, else the small ones.
+    pub fn at_hand<'a>(names: &[&'a str]) -> Vec<(&'a str, Self)> {
+        let at_hand = names.iter().filter(|name| Self::is_small(name) || !cfg!(no_shared));
+        at_hand.map(|&name| (name, Self::load(name))).collect()
     }
 
     /// Shape and values of a float tensor, if the file has it.

@@ -18,16 +18,16 @@ LAMPS, ALL = ["on", "off"], ["on", "off", "off-used", "on-used"]
 MIRRORS = ["columns", "rows"]
 
 
-def stage(epochs, rate=0.003, start=(), films=LAMPS, stride=1, blocks=False, **presses):
+def stage(epochs, rate=0.003, start=(), films=LAMPS, stride=1, blocks=False, decay=0.001, **presses):
     """All layers: in each epoch every press once, mirrored and shifted, read at random ages and at its end."""
     presses = {"mirrors": MIRRORS, "strides": [stride, stride]} | presses
     said = {"films": films, "unit": 0.1, "stride": stride, "blocks": blocks, "start": list(start)}
-    return said | {"presses": presses, "fit": {"epochs": epochs, "rate": rate}}
+    return said | {"presses": presses, "fit": {"epochs": epochs, "rate": rate, "decay": decay}}
 
 
-def head(epochs, rate, decay, start, films, valid, ages, ends, seed=0):
+def head(epochs, rate, decay, start, films, valid, ages, ends, seed=0, mirrors=MIRRORS):
     """The layers behind the readout, on readouts that are kept."""
-    readouts = {"mirrors": MIRRORS, "ages": ages, "ends": ends, "batch": 64}
+    readouts = {"mirrors": mirrors, "ages": ages, "ends": ends, "batch": 64}
     said = {"films": films, "valid": valid, "unit": 0.1, "start": list(start), "seed": seed}
     return said | {"readouts": readouts, "fit": {"epochs": epochs, "rate": rate, "decay": decay, "check": 30}}
 
@@ -52,6 +52,8 @@ STAGES = {
         "first": stage(58, stride=4, **POOLED),
         "second": stage(6, 0.001, ["first"], **POOLED),
         "third": stage(30, 0.002, ["second"], **POOLED),
+        "head": head(400, 0.002, 0.1, ["third"], LAMPS, LAMPS, 1, 1.0, mirrors=()) | {"blocks": True},
+        "fourth": stage(9, 0.002, ["head"], decay=0.01, passes=3, **POOLED),
     },
     "tactigraph-frozen": {
         "first": stage(4, 0.001, ["/tactigraph.second"], blocks=True, **POOLED),
