@@ -1,4 +1,5 @@
-//! The binary of every fuzz target: runs the target of its file's name, so that one build under other names is all of them.
+//! The binary of every fuzz target: runs the target of its file's name, so that one build under
+//! other names is all of them.
 #![no_main]
 use std::path::Path;
 use std::sync::LazyLock;

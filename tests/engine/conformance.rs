@@ -72,7 +72,9 @@ fn slices_leave_the_state(
 ) -> Result<(), String> {
     let events: Vec<Event> = steps.iter().filter_map(Step::input).copied().collect();
     let [mut sliced, mut single] = [make(), make()];
-    events.iter().for_each(|&event| drop(single.push(event)));
+    for &event in &events {
+        single.push(event);
+    }
     let (mut rest, mut cuts) = (&events[..], cuts.iter().cycle());
     while let Some(&cut) = cuts.next().filter(|_| !rest.is_empty()) {
         let (slice, after) = rest.split_at(cut.min(rest.len()));

@@ -35,7 +35,8 @@ const SMALL_ALONE: [&str; 2] = ["slip-best", "canf-live"];
 
 type Case = (&'static str, Option<[usize; 2]>, bool);
 
-/// The golden files of a network that are at hand, with its description for their images and weights.
+/// The golden files of a network that are at hand, with its description for their images and its
+/// weights.
 fn goldens((name, size, _): Case) -> Vec<(Golden, FrameDescription, Weights)> {
     let large = name.replace('-', "_");
     let small = format!("{large}_small");

@@ -8,29 +8,13 @@ use meissner_kernels::{FeatureMap, Lanes, Planes, PooledConv3x3};
 use super::buffer::Buffer;
 use super::changes::{Changes, Pending, RECTANGLE};
 use super::compile::{CompiledLayer, FrameNetwork, Kernel};
-use super::layers::{Memory, TILE};
+use super::layers::{Memory, ScratchBytes, TILE};
 use super::network::FrameShape;
 use super::options::{FrameOptions, Skip};
 use crate::counters::FrameLayerCounters;
 
 /// Number of whole-map sets of marks that exist while a layer runs.
 const MARKS: u128 = 5;
-
-/// Bytes of the working space that all layers share: the most that any of them needs of each part.
-#[derive(Clone, Copy, Debug, Default)]
-pub(super) struct ScratchBytes {
-    pub(super) winograd: [u128; 3],
-    /// On each of two threads.
-    pub(super) pooled: [u128; 2],
-    pub(super) squeeze: [u128; 2],
-    pub(super) kn2row: [u128; 2],
-    /// Values of an image, or of a row of it.
-    pub(super) values: u128,
-    /// Values that a layer's result is compared with.
-    pub(super) compared: u128,
-    /// One set of marks.
-    pub(super) marks: u128,
-}
 
 impl FrameNetwork {
     /// Upper bound in bytes of a [`FrameEngine`](super::FrameEngine)'s memory, without the shared

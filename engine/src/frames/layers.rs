@@ -7,7 +7,6 @@ use meissner_kernels::{
 };
 
 use super::buffer::Buffer;
-use super::bytes::ScratchBytes;
 use super::changes::{Changes, Pending};
 use super::compile::{CompiledLayer, ConvLstm, FrameNetwork, Kernel, Value};
 use super::network::FrameShape;
@@ -86,6 +85,22 @@ impl Memory {
             Self::Delay(vectors) => vectors.fill(0.0),
         }
     }
+}
+
+/// Bytes of the working space that all layers share: the most that any of them needs of each part.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct ScratchBytes {
+    pub(super) winograd: [u128; 3],
+    /// On each of two threads.
+    pub(super) pooled: [u128; 2],
+    pub(super) squeeze: [u128; 2],
+    pub(super) kn2row: [u128; 2],
+    /// Values of an image, or of a row of it.
+    pub(super) values: u128,
+    /// Values that a layer's result is compared with.
+    pub(super) compared: u128,
+    /// One set of marks.
+    pub(super) marks: u128,
 }
 
 /// Working space that all layers share. It keeps nothing from one run to the next.

@@ -88,8 +88,8 @@ impl Kn2rowConv3x3 {
         PLACES * self.outputs
     }
 
-    /// Largest number of bytes of scratch for `pixels` changed pixels: their inputs, and where their
-    /// products begin.
+    /// Largest number of bytes of scratch for `pixels` changed pixels: their inputs, and where the
+    /// products of each begin.
     pub fn scratch_bytes(&self, pixels: usize) -> [u128; 2] {
         [self.products.inputs[0] * size_of::<f32>(), size_of::<usize>()]
             .map(|bytes| bytes as u128 * pixels as u128)
