@@ -1,37 +1,34 @@
 //! Locks, threads and the clock: the standard library's, or those of the model checker loom.
 //!
 //! Under `--cfg meissner_loom` loom runs every order in which threads can take the lock and wake
-//! each other (`interleavings.rs`). Its time stands still until a test moves
-//! it.
-
-#[cfg(not(all(test, meissner_loom)))]
-pub(crate) use std::sync::{Condvar, Mutex, MutexGuard};
-#[cfg(not(all(test, meissner_loom)))]
-pub(crate) use std::thread::{self, JoinHandle};
-#[cfg(not(all(test, meissner_loom)))]
-pub(crate) use std::time::Instant;
+//! each other (`interleavings.rs`). Its time stands still until a test moves it.
 
 #[cfg(all(test, meissner_loom))]
-pub(crate) use checked::{Condvar, Instant};
-#[cfg(all(test, meissner_loom))]
-pub(crate) use loom::sync::{Mutex, MutexGuard};
-#[cfg(all(test, meissner_loom))]
-pub(crate) use loom::thread::{self, JoinHandle};
+pub(crate) use checked::{Condvar, Instant, JoinHandle, Mutex, MutexGuard, thread};
+#[cfg(not(all(test, meissner_loom)))]
+pub(crate) use {
+    std::sync::{Condvar, Mutex, MutexGuard},
+    std::thread::{self, JoinHandle},
+    std::time::Instant,
+};
 
 #[cfg(all(test, meissner_loom))]
 pub(crate) mod checked {
-    //! loom's condition variables, whose wake-ups can be left out one by one, and a clock.
+    //! loom's locks and threads, condition variables whose wake-ups can be left out one by one, and
+    //! a clock.
 
     use std::collections::BTreeSet;
     use std::panic::Location;
     use std::sync::atomic::{AtomicU64, Ordering};
-    use std::sync::{LockResult, Mutex, PoisonError};
+    use std::sync::{LockResult, PoisonError};
     use std::time::Duration;
 
-    use loom::sync::MutexGuard;
+    pub(crate) use loom::sync::{Mutex, MutexGuard};
+    pub(crate) use loom::thread::{self, JoinHandle};
 
     /// Line of the caller that wakes nobody, or 0; and the lines that have woken somebody so far.
-    pub(crate) static WAKE_UPS: Mutex<(u32, BTreeSet<u32>)> = Mutex::new((0, BTreeSet::new()));
+    pub(crate) static WAKE_UPS: std::sync::Mutex<(u32, BTreeSet<u32>)> =
+        std::sync::Mutex::new((0, BTreeSet::new()));
     /// The time, in nanoseconds.
     static NOW: AtomicU64 = AtomicU64::new(0);
 
