@@ -235,6 +235,8 @@ enum ShapesArg {
     Seen,
     /// Rings, edges, squares of balls, and letters L to Z.
     Unseen,
+    /// Bodies of two to nine pins with flat ends.
+    Pins,
     /// Flat blocks that reach beyond the picture.
     Larger,
     /// Flat rings that reach beyond the picture.
@@ -430,6 +432,7 @@ fn gel(args: &GelArgs) -> Result<String, CliError> {
         shapes: match args.indenters {
             ShapesArg::Seen => Shapes::Seen,
             ShapesArg::Unseen => Shapes::Unseen,
+            ShapesArg::Pins => Shapes::Pins,
             ShapesArg::Larger => Shapes::Larger,
             ShapesArg::LargerUnseen => Shapes::LargerUnseen,
             ShapesArg::Irregular => Shapes::Irregular,

@@ -31,6 +31,8 @@ pub enum Shapes {
     /// Rings, edges, squares of balls, and the second half of [`LETTERS`]: nothing that
     /// [`Self::Seen`] has.
     Unseen,
+    /// Pins with flat ends: a body that touches in several places. No other set has them.
+    Pins,
     /// Flat blocks that reach beyond the picture along both sides.
     Larger,
     /// Flat rings that reach beyond the picture: the hole is all that does not press.
@@ -224,7 +226,7 @@ fn indenter(shapes: Shapes, i: usize, random: &mut Random) -> (Indenter, &'stati
     let kinds = match shapes {
         Shapes::Seen => 9,
         Shapes::Unseen => 4,
-        Shapes::Larger | Shapes::LargerUnseen | Shapes::Irregular => 1,
+        Shapes::Pins | Shapes::Larger | Shapes::LargerUnseen | Shapes::Irregular => 1,
     };
     // Bits that the letter does not use.
     let kind = (seed >> 32) % kinds;
@@ -257,6 +259,7 @@ fn indenter(shapes: Shapes, i: usize, random: &mut Random) -> (Indenter, &'stati
             let (radius_mm, spacing_mm) = (draw(0.6, 2.0), draw(2.4, 4.5));
             (Indenter::Dots { radius_mm, spacing_mm, side: 2 + (seed >> 8) as u8 % 3 }, "dots")
         }
+        (Shapes::Pins, _) => (Indenter::Pins { seed, radius_mm: draw(2.0, 9.0) }, "pins"),
         (Shapes::Larger, _) => {
             (Indenter::Block { width_mm: draw(40.0, 60.0), length_mm: draw(40.0, 60.0) }, "larger block")
         }

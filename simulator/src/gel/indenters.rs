@@ -64,6 +64,12 @@ pub enum Indenter {
         seed: u64,
         radius_mm: f64,
     },
+    /// Two to nine pins, round or rectangular, with flat ends of other heights: all drawn from a
+    /// seed, their middles within a radius.
+    Pins {
+        seed: u64,
+        radius_mm: f64,
+    },
     /// A round wire on its side, bent to an arc of radius `bend_mm`, at most a full turn.
     Wire {
         radius_mm: f64,
@@ -162,6 +168,23 @@ impl Indenter {
                     faced && left_of([b[0] - a[0], b[1] - a[1]], [x - a[0], y - a[1]])
                 });
                 flat(is_inside)
+            }
+            Self::Pins { seed, radius_mm } => {
+                let mut random = Random::new(seed);
+                let pins = 2 + random.bits() % 8;
+                let ends = (0..pins).map(|_| {
+                    let (away, angle) = (radius_mm * sqrt(random.uniform()), TAU * random.uniform());
+                    let (from_x, from_y) = (x - away * cos(angle), y - away * sin(angle));
+                    let turn = TAU * random.uniform();
+                    let u = cos(turn) * from_x + sin(turn) * from_y;
+                    let v = cos(turn) * from_y - sin(turn) * from_x;
+                    let [half_u, half_v] = [(); 2].map(|()| 0.5 + 1.5 * random.uniform());
+                    let is_round = random.bits().is_multiple_of(2);
+                    let is_inside =
+                        if is_round { hypot(u, v) <= half_u } else { fabs(u) <= half_u && fabs(v) <= half_v };
+                    0.2 * random.uniform() + flat(is_inside)
+                });
+                ends.fold(f64::INFINITY, f64::min)
             }
             Self::Wire { radius_mm, bend_mm, arc } => {
                 // The middle of the arc is the middle of the body.

@@ -1,6 +1,6 @@
 //! A gel under an indenter: closed forms, slow twins, and refusals.
 
-use std::f64::consts::{PI, TAU};
+use std::f64::consts::{PI, SQRT_2, TAU};
 
 use meissner_simulator::SimulatorError;
 use meissner_simulator::gel::{
@@ -377,6 +377,7 @@ fn indenters() -> Vec<Indenter> {
         Indenter::Dots { radius_mm: 0.5, spacing_mm: 0.8, side: 3 },
         Indenter::Irregular { seed: 5, radius_mm: 6.0 },
         Indenter::Polygon { seed: 7, radius_mm: 1.8 },
+        Indenter::Pins { seed: 3, radius_mm: 1.5 },
         Indenter::Wire { radius_mm: 0.5, bend_mm: 1.5, arc: 2.0 },
     ];
     all.extend(LETTERS.chars().map(|letter| Indenter::Letter { letter, size_mm: 3.0 }));
@@ -415,6 +416,36 @@ fn an_indenter_is_moved_and_turned_with_its_pixels() {
     let seeds =
         [1, 2].map(|seed| Placed::upright(Indenter::Irregular { seed, radius_mm: 4.0 }).heights(&grid));
     assert_ne!(seeds[0], seeds[1]);
+}
+
+#[test]
+fn pins_are_apart_or_overlap_within_their_radius() {
+    let grid = Grid { width: 121, height: 121, pitch_mm: 0.15 };
+    let mut counts = Vec::new();
+    for seed in 0..40 {
+        let heights = Placed::upright(Indenter::Pins { seed, radius_mm: 6.0 }).heights(&grid);
+        let mut is_left: Vec<_> = heights.iter().map(|height| height.is_finite()).collect();
+        for (pixel, height) in heights.iter().enumerate().filter(|(_, height)| height.is_finite()) {
+            let [x, y] = [pixel % 121, pixel / 121].map(|i| (i as f64 - 60.0) * 0.15);
+            // Half a diagonal of the largest end beyond the outermost middle.
+            assert!(x.hypot(y) <= 6.0 + 2.0 * SQRT_2 && (0.0..=0.2).contains(height), "{seed}: {x}, {y}");
+        }
+        // Places that touch, by filling one after another.
+        let mut places = 0;
+        while let Some(first) = is_left.iter().position(|&is| is) {
+            let mut open = vec![first];
+            places += 1;
+            while let Some(pixel) = open.pop() {
+                if is_left.get(pixel) == Some(&true) {
+                    is_left[pixel] = false;
+                    open.extend([pixel + 1, pixel + 121, pixel.wrapping_sub(1), pixel.wrapping_sub(121)]);
+                }
+            }
+        }
+        counts.push(places);
+    }
+    assert!(counts.iter().all(|places| (1..=9).contains(places)), "{counts:?}");
+    assert!(counts.iter().filter(|&&places| places > 1).count() >= 30, "{counts:?}");
 }
 
 #[test]
