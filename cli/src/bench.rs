@@ -1,6 +1,7 @@
 //! `meissner bench`: latencies, work, memory and missed deadlines.
 
 mod frame_table;
+mod sweep;
 mod table;
 
 use std::path::PathBuf;
@@ -41,6 +42,9 @@ pub(crate) const FOR_EVENTS: &[&str] = &[
 
 /// Runs the benchmark that `args` describe, and writes the report to standard output.
 pub(crate) fn bench(args: &BenchArgs, given: &Given) -> Result<(), CliError> {
+    if let Some(quantities) = &args.sweep {
+        return sweep::run(args, quantities, given);
+    }
     let _shared = args.threads.shared()?;
     match (describe_any(args.input.network())?, &args.compare) {
         ((AnyDescription::Frames(_), _), _) => bench_frames(args, given),
@@ -172,6 +176,16 @@ pub(crate) struct BenchArgs {
     /// Names in --compare-weights that stand for others, as --map has them.
     #[arg(long, value_name = "OLD=NEW|FILE", requires = "compare_weights", help_heading = NETWORK)]
     pub(crate) compare_map: Vec<String>,
+    /// Measure how the cost of an event grows with QUANTITY [default: all].
+    ///
+    /// Instead of a recording, events are drawn: uniform over the sensor (--sensor, 346x260 by
+    /// default), evenly spaced in time. Where they are not varied, 10,000 are in the window.
+    /// Weights are drawn too, and filters are left out. Only --network, --sensor, --limit and
+    /// --json fit: --limit is the number of events that are timed for each value, with a prediction
+    /// after each (2,000 by default).
+    #[arg(long, value_name = "QUANTITY,...", value_enum, num_args = 0.., require_equals = true, value_delimiter = ',',
+          help_heading = MEASUREMENT)]
+    sweep: Option<Vec<sweep::QuantityArg>>,
     /// Period of the deadline report, in stream time [default: 1ms].
     ///
     /// Not for frame networks: their periods are the times from frame to frame.

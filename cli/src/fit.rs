@@ -8,7 +8,7 @@ use meissner_evaluate::fit::{
     self, DEFAULT_AGES, DEFAULT_FOLDS, Figure, Head, Options, OutputFigures, Report,
 };
 use meissner_evaluate::{ProgressHandle, Workers};
-use meissner_plot::{Panel, Plane, Series, Style, page};
+use meissner_plot::{Panel, Plane, Scale, Series, Style, page};
 use meissner_run::RunError;
 use meissner_run::model::describe;
 use meissner_run::text::{date_now, grouped, span_us};
@@ -319,7 +319,7 @@ fn curve(of: &OutputFigures) -> Panel<'static> {
     let title = format!("error ({})", of.unit);
     Panel::Plane(Plane {
         about: "mean over presses that were held out".to_owned(),
-        from_zero: true,
+        scale: Scale::FromZero,
         series: vec![
             Series::new("constant, at the end", 5, Style::Dashed, constant.unwrap_or_default()),
             Series::new("fitted", 0, Style::Line, points),

@@ -28,9 +28,15 @@ impl Given {
         names.iter().find_map(find).map(|(_, shown)| shown.as_str())
     }
 
+    /// What was given first of all but `names`, as [`Self::first`] shows it.
+    pub(crate) fn beyond(&self, names: &[&str]) -> Option<&str> {
+        let is_other = |(given, _): &&(String, String)| !names.contains(&given.as_str());
+        self.0.iter().find(is_other).map(|(_, shown)| shown.as_str())
+    }
+
     /// Whether nothing was given except some of `names`.
     pub(crate) fn is_within(&self, names: &[&str]) -> bool {
-        self.0.iter().all(|(given, _)| names.contains(&given.as_str()))
+        self.beyond(names).is_none()
     }
 }
 

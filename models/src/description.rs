@@ -16,6 +16,7 @@ pub(crate) mod preparation;
 mod problem;
 mod references;
 mod refit;
+mod resized;
 mod shapes;
 mod table;
 pub(crate) mod tensors;
@@ -41,6 +42,7 @@ pub use layer::{Cell, Cost, CostUnit, FieldStart, FieldStep, Layer, LayerKind, R
 pub use preparation::Agreement;
 pub use problem::{DescriptionError, Problem, ProblemKind};
 pub use refit::{KeptHead, Outputs, Refit, Refitted};
+pub use resized::Sizes;
 pub(crate) use tensors::{Needed, Role};
 
 use document::{EVENT_NETWORK, FRAME_NETWORK, INPUT};

@@ -17,5 +17,6 @@ mod network_files;
 mod problems;
 mod properties;
 mod refits;
+mod sizes;
 mod support;
 mod weights;

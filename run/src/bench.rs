@@ -5,6 +5,7 @@
 //! | [`EventBench`] | a network over events: latencies by phase, work, stages, deadlines |
 //! | [`bench_frames`] | a frame network: latencies with skipping and without, deadlines |
 //! | [`compare`] | a network over events against a frame network, over the same stream |
+//! | [`sweep`](sweep()) | a network over events, as events, neighbours, channels or pixels become more |
 //!
 //! All events are read before the first pass. Every pass begins with a new engine.
 
@@ -14,6 +15,7 @@ mod events;
 mod frame_passes;
 mod frames;
 mod phases;
+mod sweep;
 
 use std::collections::BTreeMap;
 use std::fmt;
@@ -38,6 +40,7 @@ pub use events::{
 use frame_passes::PredictionTimes;
 pub use frame_passes::{EventFrameModel, Field, FrameLatencies};
 pub use frames::{FrameModeReport, FrameReport, PixelReport, bench_frames};
+pub use sweep::{Curve, Point, Quantity, Slopes, SweepOptions, SweepReport, sweep};
 
 /// Options of a benchmark.
 #[derive(Clone, Debug, Default)]

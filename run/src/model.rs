@@ -1,5 +1,6 @@
 //! Loads networks by name or from files, with their weights and with options that change them.
 
+use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -151,6 +152,19 @@ pub fn describe_any(network: &str) -> Result<(AnyDescription, bool)> {
             Some(format) => RunError::IsRecording { network, format },
             None => RunError::description(network, source),
         }),
+    }
+}
+
+/// The text of the description of a network over events: the shipped one, or the file `network`.
+///
+/// # Errors
+/// The file cannot be read.
+pub fn description_text(network: &str, shipped: bool) -> Result<String> {
+    let unread =
+        |source| RunError::description(network.to_owned(), ModelError::Read { path: network.into(), source });
+    match Description::shipped_text(network).filter(|_| shipped) {
+        Some(text) => Ok(text.to_owned()),
+        None => fs::read_to_string(network).map_err(unread),
     }
 }
 

@@ -11,7 +11,7 @@
 //! | [`Matrix`] | a confusion matrix |
 //! | [`TradeOff`] | run time against error, with fronts and labels |
 //! | [`Network`] | the layers of a network |
-//! | [`Plane`] | lines and dots between linear axes |
+//! | [`Plane`] | lines and dots between two axes |
 //! | [`Parts`], [`Quantiles`] | a bar of parts, or the quantiles of times, for each row |
 //!
 //! [`figure`] draws one panel for a page of HTML.
@@ -43,7 +43,7 @@ mod trade_off;
 pub use accuracy::{AccuracyCurve, Bar, Bars, Curves, Matrix};
 pub use latency::{Distribution, LatencyCurve};
 pub use network::{Network, Node};
-pub use plane::{Plane, Series, Style};
+pub use plane::{Plane, Scale, Series, Style};
 pub use rows::{Parts, Quantiles};
 pub use svg::{PALETTE, escaped};
 pub use text::{grouped, percent};

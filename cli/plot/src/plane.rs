@@ -1,4 +1,4 @@
-//! Lines and dots between two linear axes, such as errors against time.
+//! Lines and dots between two axes, such as errors against time.
 
 use crate::axes::{Axis, Field, ends, widened};
 use crate::svg::{Area, ORDERED, Place, Svg, WHITE, colour};
@@ -27,14 +27,25 @@ pub struct Plane {
     pub x_title: String,
     /// Title of the vertical axis, with its unit.
     pub y_title: String,
-    /// Whether the vertical axis begins at 0.
-    pub from_zero: bool,
+    /// What its axes show.
+    pub scale: Scale,
     /// Whether the panel is small, for a page.
     pub compact: bool,
     /// Whether the numbers of colours are steps of a quantity: colours then go from dark to light.
     pub ordered: bool,
     /// In the order in which they are drawn.
     pub series: Vec<Series>,
+}
+
+/// The axes of a [`Plane`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Scale {
+    /// Linear, as far as the values reach.
+    Fitting,
+    /// Linear; the vertical axis begins at 0.
+    FromZero,
+    /// Both logarithmic, of values above 0.
+    Logarithmic,
 }
 
 /// One line of a [`Plane`], or its dots.
@@ -73,7 +84,7 @@ impl Plane {
     pub fn new(title: impl Into<String>, [x_title, y_title]: [&str; 2]) -> Self {
         let [x_title, y_title] = [x_title, y_title].map(str::to_owned);
         let (title, about, series) = (title.into(), String::new(), Vec::new());
-        Self { title, about, x_title, y_title, from_zero: false, compact: false, ordered: false, series }
+        Self { title, about, x_title, y_title, scale: Scale::Fitting, compact: false, ordered: false, series }
     }
 
     /// Predicted over true values in `unit`: `dots` of a true and a predicted value each, on the
@@ -120,12 +131,17 @@ impl Plane {
 
     fn draw_field(&self, svg: &mut Svg, area: Area) {
         let points = || self.series.iter().flat_map(|series| series.points.iter());
-        let (low, high) = widened(points().map(|point| point.1), 0.1);
-        let field = Field {
-            area,
-            x: Axis::linear(widened(points().map(|point| point.0), 0.1), (area.left, area.right)),
-            y: Axis::linear((if self.from_zero { 0.0 } else { low }, high), (area.bottom, area.top)),
+        let (across, down) = ((area.left, area.right), (area.bottom, area.top));
+        let [x, y] = if self.scale == Scale::Logarithmic {
+            let x = widened(points().map(|point| point.0.log10()), 0.3);
+            let y = widened(points().map(|point| point.1.log10()), 0.3);
+            [Axis::logarithmic(x, across), Axis::logarithmic(y, down)]
+        } else {
+            let (low, high) = widened(points().map(|point| point.1), 0.1);
+            let x = Axis::linear(widened(points().map(|point| point.0), 0.1), across);
+            [x, Axis::linear((if self.scale == Scale::FromZero { 0.0 } else { low }, high), down)]
         };
+        let field = Field { area, x, y };
         field.draw(svg, &self.x_title, &self.y_title);
         for series in &self.series {
             let finite = series.points.iter().filter(|(x, y)| x.is_finite() && y.is_finite());

@@ -10,8 +10,8 @@ use roxmltree::{Document, Node};
 use crate::svg::Area;
 use crate::text::{bold_width, width};
 use crate::{
-    Bar, Bars, Distribution, LatencyCurve, Matrix, Network, Panel, Plane, Series, Setting, Style, TradeOff,
-    page,
+    Bar, Bars, Distribution, LatencyCurve, Matrix, Network, Panel, Plane, Scale, Series, Setting, Style,
+    TradeOff, page,
 };
 
 /// The attribute of `node` as a number.
@@ -106,7 +106,7 @@ fn plane(names: &[&str]) -> Panel<'static> {
         about: LONG.to_owned(),
         x_title: "time (s)".to_owned(),
         y_title: "error (degrees)".to_owned(),
-        from_zero: true,
+        scale: Scale::FromZero,
         compact: false,
         ordered: false,
         series: series.collect(),

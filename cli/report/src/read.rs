@@ -21,8 +21,8 @@ const START: usize = 80 << 10;
 /// Newest version of the keys that this page knows.
 const MAX_SCHEMA: f64 = 1.0;
 /// Commands whose results have a page; those of `eval` all begin alike.
-const COMMANDS: [&str; 9] =
-    ["run", "play", "bench", "fit", "pareto", "verify", "stress", "soak", "simulate loop"];
+const COMMANDS: [&str; 10] =
+    ["run", "play", "bench", "sweep", "fit", "pareto", "verify", "stress", "soak", "simulate loop"];
 
 /// A result of the program.
 #[derive(Clone, Debug)]

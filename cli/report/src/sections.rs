@@ -9,6 +9,7 @@ mod pareto;
 mod regressions;
 mod soak;
 mod stream;
+mod sweep;
 mod verify;
 
 use crate::parts::Section;
@@ -26,6 +27,7 @@ pub(crate) fn section(outcome: &Outcome) -> Section {
             "verify" => verify::section(outcome, object),
             "stress" => verify::stress(object),
             "simulate loop" => closed_loop::section(object),
+            "sweep" => sweep::section(object),
             of @ ("eval angle" | "eval force" | "eval area") => regressions::section(of, object),
             _ => eval::section(&outcome.command, object),
         },

@@ -8,7 +8,7 @@ use meissner_evaluate::metrics::MeanStd;
 use meissner_evaluate::regression::{
     Errors, Options, OutputErrors, PressDoubts, PressFigures, Report, evaluate,
 };
-use meissner_plot::{Panel, Plane, Series, Style, page};
+use meissner_plot::{Panel, Plane, Scale, Series, Style, page};
 use meissner_run::text::grouped;
 
 use super::{OutputArgs, PredictionArgs, StrideArg, judged, networks, part, seeds, shown, work, write};
@@ -195,7 +195,7 @@ fn curves(report: &Report, unit: &str) -> Panel<'static> {
     });
     Panel::Plane(Plane {
         about: "after the end of a press its last error stands".to_owned(),
-        from_zero: true,
+        scale: Scale::FromZero,
         series: series.collect(),
         ..Plane::new(
             "Mean absolute error against time",

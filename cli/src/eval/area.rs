@@ -9,7 +9,7 @@ use meissner_evaluate::area::{
 };
 use meissner_evaluate::metrics::MeanStd;
 use meissner_evaluate::trainings::seed_name;
-use meissner_plot::{Bar, Bars, Panel, Plane, Series, Style, page};
+use meissner_plot::{Bar, Bars, Panel, Plane, Scale, Series, Style, page};
 use meissner_run::text::grouped;
 
 use super::{OutputArgs, doubts, networks, write};
@@ -180,7 +180,7 @@ fn svg(report: &Report) -> String {
             let dots = Series::new(error, colour, Style::Dots, figures.scatter.clone());
             Panel::Plane(Plane {
                 about: format!("total force; IoU {:.3}", figures.iou.mean),
-                from_zero: true,
+                scale: Scale::FromZero,
                 ..Plane::predicted(format!("{name}, {}", names[index]), "N", vec![dots])
             })
         };

@@ -6,7 +6,7 @@ use clap::Arg;
 use meissner_evaluate::NetworkReport;
 use meissner_evaluate::force::{ForceErrors, ForceFigures, Options, PartErrors, Report, evaluate};
 use meissner_evaluate::metrics::MeanStd;
-use meissner_plot::{Panel, Plane, Series, Style, page};
+use meissner_plot::{Panel, Plane, Scale, Series, Style, page};
 use meissner_run::text::grouped;
 
 use super::{OutputArgs, PredictionArgs, doubts, judged, networks, seeds, work, write};
@@ -151,7 +151,7 @@ fn svg(report: &Report) -> String {
         let found = format!("predicted, MSE {mse:.3} N\u{b2}");
         Panel::Plane(Plane {
             about: "at the end of each frame".to_owned(),
-            from_zero: true,
+            scale: Scale::FromZero,
             series: vec![
                 series("true", 5, Style::Dashed, |pair| pair.0),
                 series(&found, 0, Style::Line, |pair| pair.1),

@@ -6,7 +6,7 @@ use std::path::Path;
 
 use meissner_io::ReadOptions;
 use meissner_models::DEFAULT_NETWORK as NETWORK;
-use meissner_plot::{Panel, Plane, Series, Style, page};
+use meissner_plot::{Panel, Plane, Scale, Series, Style, page};
 use meissner_run::interrupt;
 use meissner_run::latency::Quantiles;
 use meissner_run::model::Model;
@@ -178,13 +178,13 @@ fn picture(found: &[Found], true_angles: [f64; 2]) -> String {
     }
     let errors = found.iter().map(|at| (at.ms, error(at, true_angles))).collect();
     let error = Series { name: String::new(), colour: 2, style: Style::Line, points: errors };
-    let plane = |title: &str, y_title: &str, from_zero, series| {
+    let plane = |title: &str, y_title: &str, scale, series| {
         let axes = ["time since contact (ms)", y_title];
-        Panel::Plane(Plane { from_zero, series, ..Plane::new(title, axes) })
+        Panel::Plane(Plane { scale, series, ..Plane::new(title, axes) })
     };
     let rows = [vec![
-        plane("Angles of the plane", "angle (degrees)", false, series),
-        plane("Mean of both absolute errors", "error (degrees)", true, vec![error]),
+        plane("Angles of the plane", "angle (degrees)", Scale::Fitting, series),
+        plane("Mean of both absolute errors", "error (degrees)", Scale::FromZero, vec![error]),
     ]];
     page(&format!("A simulated press, as {NETWORK} sees it"), "dome and camera are simulated", &rows)
 }

@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use clap::ValueEnum;
 use meissner_evaluate::closed_loop::{Delays, Goal, NetworkReport, Plan, Report, Row, Variation, run};
 use meissner_kernels::random::Random;
-use meissner_plot::{Errors, Panel, Plane, Series, Setting, Style, TradeOff, page};
+use meissner_plot::{Errors, Panel, Plane, Scale, Series, Setting, Style, TradeOff, page};
 use meissner_run::text::{grouped, span_us};
 use meissner_simulator::gel::GelSensor;
 
@@ -223,7 +223,7 @@ fn svg(report: &Report) -> String {
         };
         Panel::Plane(Plane {
             about: format!("mean error {:.3} {unit}", row.error),
-            from_zero: true,
+            scale: Scale::FromZero,
             series: vec![
                 series("goal", 5, Style::Dashed, |at| at.1),
                 series("reached", 0, Style::Line, |at| at.2),

@@ -206,3 +206,38 @@ fn standard_input_is_read_to_its_end_and_then_measured() {
     ));
     assert_eq!((count(&report["events"]), count(&report["dropped"]["outside_sensor"])), (3, 1));
 }
+
+#[test]
+fn a_sweep_times_every_value_of_a_quantity_and_names_the_power() {
+    let arguments = ["bench", "--sweep=neighbours,channels", "--limit", "3"];
+    let sweep = |more: &[&str]| meissner(&[&arguments, more].concat());
+    let report = object(&sweep(&["--json"]));
+    assert_eq!(keys(&report), "curves events header isa rate_events_per_s seed window");
+    let names: Vec<_> = list(&report["curves"]).iter().map(|curve| &curve["quantity"]).collect();
+    assert_eq!(names, ["neighbours", "channels"]);
+    for curve in list(&report["curves"]) {
+        assert_eq!(keys(curve), "behind_at late_at points quantity slopes");
+        assert_eq!(keys(&curve["slopes"]), "p50 p99 rows state_bytes");
+        assert_eq!(curve["slopes"]["rows"], 0.0, "an event of the past costs a row a block");
+        for point in list(&curve["points"]) {
+            assert_eq!(keys(point), "latency_us nodes rate_events_per_s rows_per_event state_bytes value");
+            assert_eq!((&point["latency_us"]["count"], &point["rows_per_event"]), (&3.into(), &3.0.into()));
+        }
+    }
+    let table = text(&sweep(&[]));
+    assert!(table.contains("grows with the power") && table.contains("neighbours of an event"), "{table}");
+}
+
+#[test]
+fn a_sweep_draws_its_events_and_refuses_what_belongs_to_a_recording() {
+    for (option, more) in [
+        ("--late", &["--late", "clamp"][..]),
+        ("--compare", &["--compare", "event-frame-cnn"]),
+        ("INPUT", &["some.csv"]),
+        ("--limit", &["--limit", "0"]),
+    ] {
+        let arguments = [&["bench", "--sweep=rate"], more].concat();
+        fails(&meissner(&arguments), 2, &[option]);
+    }
+    fails(&meissner(&["bench", "--sweep", "--network", "canf-live"]), 1, &["a network over events"]);
+}

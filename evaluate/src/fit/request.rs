@@ -1,6 +1,5 @@
 //! What is asked for: a network whose layers of events are kept, labels, and how they are fitted.
 
-use std::fs;
 use std::path::PathBuf;
 
 use meissner_engine::{Aggregation, Normalisation, Sensor};
@@ -8,7 +7,7 @@ use meissner_kernels::Activation;
 use meissner_models::description::{Outputs, Refit, Refitted};
 use meissner_models::{Description, LayerKind, ModelError, Weights};
 use meissner_run::RunError;
-use meissner_run::model::{WeightsFile, describe, labelled, weights};
+use meissner_run::model::{WeightsFile, describe, description_text, labelled, weights};
 use serde::Serialize;
 
 use crate::error::{EvaluateError, RequestPart, Result};
@@ -120,12 +119,7 @@ impl Base {
         let file = options.weights.as_deref().map(|path| WeightsFile { path, map: &options.map });
         let (weights, label) = weights(name, shipped, file)?;
         let card = weights.card().map_err(|source| RunError::weights(label.clone(), source))?;
-        let unread =
-            |source| RunError::description(name.clone(), ModelError::Read { path: name.into(), source });
-        let text = match Description::shipped_text(name).filter(|_| shipped) {
-            Some(text) => text.to_owned(),
-            None => fs::read_to_string(name).map_err(unread)?,
-        };
+        let text = description_text(name, shipped)?;
         let label = labelled(label, &weights);
         let (of, stride) = (description.name().to_owned(), card.stride);
         let named = description.named(&weights);

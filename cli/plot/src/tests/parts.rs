@@ -150,7 +150,7 @@ mod labels {
 mod plane {
     use roxmltree::Document;
 
-    use crate::plane::{Plane, SIZE, Series, Style};
+    use crate::plane::{Plane, SIZE, Scale, Series, Style};
     use crate::{Panel, figure};
 
     fn page(series: Vec<Series>) -> String {
@@ -163,7 +163,7 @@ mod plane {
                 about,
                 x_title,
                 y_title,
-                from_zero: true,
+                scale: Scale::FromZero,
                 compact: false,
                 ordered: false,
                 series,
@@ -196,6 +196,25 @@ mod plane {
         assert!(line.attribute("stroke-dasharray").is_some());
         // Nothing at all is an empty field.
         assert!(Document::parse(&page(Vec::new())).is_ok());
+    }
+
+    #[test]
+    fn a_power_is_a_straight_line_between_logarithmic_axes() {
+        let points = vec![(10.0, 3.0), (100.0, 12.0), (1000.0, 48.0), (0.0, 1.0)];
+        let mut plane = Plane::new("", ["x", "y"]);
+        plane.scale = Scale::Logarithmic;
+        plane.series.push(Series::new("", 0, Style::Marks, points));
+        let (svg, _) = figure("power", &Panel::Plane(plane));
+        let document = Document::parse(&svg).expect("it is well-formed XML");
+        let circles = document.descendants().filter(|node| node.has_tag_name("circle"));
+        let number = |text: Option<&str>| text.and_then(|text| text.parse::<f64>().ok()).expect("a number");
+        let places: Vec<_> =
+            circles.map(|node| (number(node.attribute("cx")), number(node.attribute("cy")))).collect();
+        let step = |i: usize| (places[i + 1].0 - places[i].0, places[i + 1].1 - places[i].1);
+        assert!(step(0).0 > 50.0 && step(0).1 < -50.0, "{places:?}");
+        assert!((step(0).0 - step(1).0).abs() < 0.2 && (step(0).1 - step(1).1).abs() < 0.2, "{places:?}");
+        // What has no logarithm is at the end.
+        assert!((places[3].0 - 66.0).abs() < 1e-6, "{places:?}");
     }
 
     #[test]

@@ -1,6 +1,6 @@
 //! Benches: latency, work, stages, deadlines, of networks over events and over frames.
 
-use meissner_plot::{Panel, Series, Style};
+use meissner_plot::{Panel, Scale, Series, Style};
 use serde_json::Value;
 
 use super::layers;
@@ -165,7 +165,7 @@ fn bins(section: &mut Section, object: &Value) {
         series.push(Series::new("deadline", 5, Style::Dashed, ends.collect()));
     }
     let mut panel = plane("Work of a period", ["events in the period", "work (us)"], series);
-    panel.from_zero = true;
+    panel.scale = Scale::FromZero;
     section.draw(
         "Where a line crosses the deadline, events come faster than they can be taken.",
         &Panel::Plane(panel),

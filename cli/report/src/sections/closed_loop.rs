@@ -1,6 +1,6 @@
 //! Control by touch: how well the goal is followed with what a network says, and what delays cost.
 
-use meissner_plot::{Errors, Panel, Series, Setting, Style, TradeOff};
+use meissner_plot::{Errors, Panel, Scale, Series, Setting, Style, TradeOff};
 use serde_json::Value;
 
 use crate::json::{at, list, number, text};
@@ -162,7 +162,7 @@ fn course(section: &mut Section, goal: Goal, name: &str, row: &Value) {
         Series::new("reached", 0, Style::Line, along(2)),
     ];
     let mut panel = plane(name, ["time (s)", goal.axis], series);
-    panel.from_zero = true;
+    panel.scale = Scale::FromZero;
     let error = number(row, "error").map_or_else(String::new, shown);
     let caption = if name == "the truth" {
         format!(
@@ -191,7 +191,7 @@ fn errors(section: &mut Section, goal: Goal, name: &str, rows: &[Value]) {
     });
     let title = format!("{name}: distance from the goal");
     let mut panel = plane(&title, ["time (s)", &format!("error ({})", goal.unit)], series.collect());
-    panel.from_zero = true;
+    panel.scale = Scale::FromZero;
     section.draw(
         "Each line is a loop. Peaks are where the goal jumps, or the marble is pushed.",
         &Panel::Plane(panel),

@@ -1,6 +1,6 @@
 //! Fits: how good a network is for a person's own sensor, and whether more presses would help.
 
-use meissner_plot::{Matrix, Panel, Series, Style};
+use meissner_plot::{Matrix, Panel, Scale, Series, Style};
 use serde_json::Value;
 
 use crate::json::{counts, list, number, numbers, pairs, text, texts};
@@ -138,7 +138,7 @@ fn curves(section: &mut Section, of: &Value) {
         }
         let mut panel =
             plane(&format!("{name}: more presses"), ["presses that it was fitted to", &title], series);
-        panel.from_zero = true;
+        panel.scale = Scale::FromZero;
         section
             .draw("The learning curve. Where it still falls, more presses would help.", &Panel::Plane(panel));
     }
@@ -157,7 +157,7 @@ fn curves(section: &mut Section, of: &Value) {
         }
         let mut panel =
             plane(&format!("{name}: by age"), ["time since the first event (ms)", &title], series);
-        panel.from_zero = true;
+        panel.scale = Scale::FromZero;
         section.draw("How long after the first event how good it is.", &Panel::Plane(panel));
     }
 }

@@ -1,6 +1,6 @@
 //! Evaluations of predicted quantities: angles of presses, forces of grasps, contacts in pictures.
 
-use meissner_plot::{Panel, Series, Style};
+use meissner_plot::{Panel, Scale, Series, Style};
 use serde_json::Value;
 
 use super::eval::{cell, doubts, networks, spread, work};
@@ -75,7 +75,7 @@ fn angle(section: &mut Section, object: &Value) {
         let shown = series.iter().filter(|(of, _)| *of == unit).map(|(_, series)| series.clone());
         let axes = ["time since contact (ms)", &format!("error ({unit})")];
         let mut panel = plane("Mean absolute error against time", axes, shown.collect());
-        panel.from_zero = true;
+        panel.scale = Scale::FromZero;
         section.draw("After the end of a press its last error stands.", &Panel::Plane(panel));
     }
     for (title, unit, points, all) in dots {

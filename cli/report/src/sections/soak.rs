@@ -1,6 +1,6 @@
 //! Soaks: whether promises hold over a long time, and whether times and memory stay.
 
-use meissner_plot::{Panel, Series, Style};
+use meissner_plot::{Panel, Scale, Series, Style};
 use serde_json::Value;
 
 use crate::json::{list, number, quantiles, texts};
@@ -43,7 +43,7 @@ pub(crate) fn section(outcome: &Outcome, object: &Value) -> Section {
     let mut draw = |title: &str, y: &str, caption: &str, series: Vec<Series>| {
         if series.iter().any(|series| !series.points.is_empty()) {
             let mut panel = plane(title, ["events", y], series);
-            panel.from_zero = true;
+            panel.scale = Scale::FromZero;
             section.draw(caption, &Panel::Plane(panel));
         }
     };

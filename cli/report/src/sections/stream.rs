@@ -1,6 +1,6 @@
 //! Runs and plays: what the network said along time, and what it cost.
 
-use meissner_plot::{Panel, Series, Style};
+use meissner_plot::{Panel, Scale, Series, Style};
 use serde_json::Value;
 
 use super::layers;
@@ -50,7 +50,7 @@ pub(crate) fn section(outcome: &Outcome, of: &Stream) -> Section {
             [along, "distance"],
             vec![limit, line(&of.unlike, "", 3)],
         );
-        panel.from_zero = true;
+        panel.scale = Scale::FromZero;
         section.draw("Above the limit of 1, a prediction means little.", &Panel::Plane(panel));
     }
     if let Some(summary) = summary {
@@ -69,12 +69,12 @@ pub(crate) fn section(outcome: &Outcome, of: &Stream) -> Section {
     if !of.times.is_empty() {
         let series = of.times.iter().enumerate().map(|(i, (name, times))| line(times, name, i));
         let mut panel = plane("Times along the stream", [along, "time (us)"], series.collect());
-        panel.from_zero = true;
+        panel.scale = Scale::FromZero;
         section.draw("Peaks of every moment are kept, however long the stream is.", &Panel::Plane(panel));
     }
     if of.nodes.last().is_some() {
         let mut panel = plane("Events in the window", [along, "events"], vec![line(&of.nodes, "", 2)]);
-        panel.from_zero = true;
+        panel.scale = Scale::FromZero;
         section.draw("How many events the predictions rest on.", &Panel::Plane(panel));
     }
     if let Some(summary) = summary {
@@ -200,7 +200,7 @@ fn classes(section: &mut Section, of: &Stream) {
         Series::new(name.clone(), i, Style::Line, points.collect())
     });
     let mut panel = plane("Probability of the classes", [axis(of), "probability (%)"], series.collect());
-    panel.from_zero = true;
+    panel.scale = Scale::FromZero;
     let all = of.classes.len();
     let caption = if all > MAX_SERIES {
         format!("The {MAX_SERIES} classes of {all} that rise highest.")
@@ -241,7 +241,7 @@ fn rows(section: &mut Section, of: &Stream, names: &[&str]) {
     let series = shown.into_iter().enumerate();
     let series = series.map(|(i, (name, rows))| Series::new(name, i, Style::Line, rows.points()));
     let mut panel = plane("Rows that were computed for a prediction", [axis(of), "rows"], series.collect());
-    panel.from_zero = true;
+    panel.scale = Scale::FromZero;
     section.draw("Layers that computed equally many rows share a line.", &Panel::Plane(panel));
 }
 

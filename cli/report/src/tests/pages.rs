@@ -80,6 +80,7 @@ fn values_that_are_missing_or_wrong_leave_a_page() {
         "verify",
         "stress",
         "simulate loop",
+        "sweep",
         "eval slip",
         "eval angle",
         "eval force",
@@ -163,6 +164,44 @@ fn stress_leads_with_the_promises_and_shows_errors_beside_their_bounds() {
     holds(
         &page,
         &["1 promise was broken in 2 cases and 1 function.", "Broken by worse, own: relative error 1.0e-2."],
+    );
+}
+
+#[test]
+fn a_sweep_leads_with_the_powers_and_where_promises_end() {
+    let point = |value: f64, p50: f64| {
+        format!(
+            r#"{{"value":{value},"nodes":{value},"latency_us":{{"p50":{p50},"p99":{}}},"rows_per_event":3,"state_bytes":2048}}"#,
+            3.0 * p50
+        )
+    };
+    let curve = |quantity: &str, slope: f64, ends: &str| {
+        let points = [point(1e3, 1.5), point(1e5, 15.0)].join(",");
+        format!(
+            r#"{{"quantity":"{quantity}","points":[{points}],"slopes":{{"p50":{slope},"p99":0.52,"rows":0,"state_bytes":null}},{ends}}}"#
+        )
+    };
+    let curves = [
+        curve("window", 0.5, r#""behind_at":100000,"late_at":null"#),
+        curve("sensor", 0.02, r#""behind_at":null,"late_at":null"#),
+    ];
+    let keys = format!(
+        r#""events":2000,"window":10000,"rate_events_per_s":66666.7,"seed":0,"curves":[{}]"#,
+        curves.join(",")
+    );
+    let page = of("sweep", &keys);
+    holds(
+        &page,
+        &[
+            "The median hardly depends on pixels.",
+            "The median grows as the events in the window to the power of 0.50.",
+            "The engine falls behind the stream from 100,000 events in the window on.",
+            "median: power 0.50",
+            "99 %: power 0.52",
+            "Rows 0.00, memory ?.",
+            "events in the window: 1,000",
+            "66,667",
+        ],
     );
 }
 
