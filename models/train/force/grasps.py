@@ -4,7 +4,7 @@ from copy import copy
 
 import numpy as np
 import torch
-from meissner.torch import Film
+from meissner.torch import Film, Presses, errors
 
 SIDE, FRAMES, PERIOD_US = 115, 41, 10_000
 MAXIMUM = 8.0  # what counts are divided by: `maximum` of the descriptions
@@ -27,6 +27,9 @@ class Grasps:
         self.settings = None  # every so many pixels, recordings of an epoch, recordings of a step
         self.bolt = np.array([film.labels["bolt"][press][0] for press in self.presses])
         self.force = torch.from_numpy(np.stack([film.at(["force"], press, ends)[:, 0] for press in self.presses]).astype(np.float32))
+
+    def __len__(self):
+        return len(self.force)
 
     def part(self, chosen):
         """Some of these recordings, by their index here."""
@@ -56,3 +59,34 @@ class Grasps:
         """Mean squared error over all frames of at most `most` recordings."""
         parts = [slice(first, min(first + 4, most)) for first in range(0, min(len(self.force), most), 4)]
         return float(torch.cat([(module(self.of(part, every))[..., 0] - self.force[part]).square().flatten() for part in parts]).mean())
+
+
+class Streams:
+    """The same recordings as events, for a network that reads them at any time; `settings` are those of `Presses`."""
+
+    def __init__(self, path, settings):
+        self.film, self.settings = Film(path), settings
+        self.presses, self.bolt = np.arange(len(self.film)), np.array([bolt[0] for bolt in self.film.labels["bolt"]])
+
+    def part(self, chosen):
+        """Some of these recordings, by their index here."""
+        part, film = copy(self), copy(self.film)
+        film.events, film.times = ([each[i] for i in chosen] for each in (film.events, film.times))
+        film.labels = {name: [each[i] for i in chosen] for name, each in film.labels.items()}
+        film.contact_us, film.end_us = film.contact_us[chosen], film.end_us[chosen]
+        part.film, part.presses, part.bolt = film, self.presses[chosen], self.bolt[chosen]
+        return part
+
+    def __len__(self):
+        return len(self.film)
+
+    def presses_of(self, **settings):
+        """What `fit` learns from."""
+        return Presses(self.film, **self.settings | settings)
+
+    def error(self, module, _, most):
+        """As `Grasps.error`; all recordings end with their last frame."""
+        film = self.part(np.arange(min(len(self.film), most))).film
+        film.contact_us = np.zeros_like(film.end_us)  # shares of a whole recording are the ends of its frames
+        found = errors(module, Presses(film, **self.settings), np.arange(1, FRAMES + 1) / FRAMES)
+        return float(np.square(found).mean())

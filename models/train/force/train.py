@@ -7,8 +7,7 @@ FOLDER has train.safetensors and valid.safetensors. Writes NETWORK.SEED.safetens
 training that was cut off goes on. Then `meissner eval force` says what it is worth.
 
 `--folds one` learns from the 35 recordings of few.safetensors as the force paper did, and leaves each out once: NETWORK.SEED.K.safetensors.
-Three of the others, one of each bolt, say when to stop, and 31 are learned from. `--folds medium` learns from small and large bolts. Both
-know the networks whose first layers are computed once.
+Three of the others, one of each bolt, say when to stop, and 31 are learned from. `--folds medium` learns from small and large bolts.
 """
 
 import math
@@ -18,7 +17,7 @@ from pathlib import Path
 import numpy as np
 import torch
 import torch.nn.functional as F
-from grasps import MAXIMUM, SIDE, Grasps
+from grasps import MAXIMUM, SIDE, Grasps, Streams
 from torch import nn
 
 # What all trainings share lies beside their folders.
@@ -45,6 +44,7 @@ FOLDS = {
     "force-tdnn": (200, 4, 20, 0.003, 4, 0.001),
     "force-lstm": (200, 4, 20, 0.002, 4, 0.001),
     "force-cnnlstm": (200, 4, 20, 0.002, 4, 0.001),
+    "force-graph": (200, 4, 20, 0.002, 4, 0.001),
 }
 SIZES = 8, 12, 16  # mm, of the bolts
 GRAPH = {"mirrors": {"columns": [], "rows": []}, "passes": 4, "batch": 8, "strides": [3, 3], "times": 8, "youngest": 0.0}
@@ -123,18 +123,23 @@ def train(network, args, path):
 def train_fold(network, args, grasps, fold, path):
     """Learns from some of the few recordings, until the others that are not held out are followed no better."""
     torch.manual_seed(args.seed)
-    module, (epochs, passes, patience, rate, batch, decay) = begun(network, args.seed), FOLDS[network]
+    epochs, passes, patience, rate, batch, decay = FOLDS[network]
     held_out = grasps.bolt == 12 if fold == "medium" else grasps.presses == fold
     left = np.random.default_rng(0 if fold == "medium" else fold).permutation(np.flatnonzero(~held_out))
     by_size = [left[grasps.bolt[left] == size] for size in SIZES]
     judged = np.concatenate([those[:1] for those in by_size])
     train, valid = grasps.part(np.setdiff1d(left, judged)), grasps.part(judged)
-    train.settings = 1, passes * len(train.force), batch
-    settings = {"epochs": epochs, "patience": patience, "rate": rate, "decay": decay, "schedule": schedule, "loss": loss}
+    settings = {"epochs": epochs, "patience": patience, "rate": rate, "decay": decay}
     settings |= {"keep": "best", "check": 1, "seed": args.seed, "valid": lambda each: valid.error(each, 1, 100)}
-    fit(module, train, learn=["lstm", "fc"], **settings, log=lambda _: None)
-    said = {"recipe": FOLDS[network], "recordings": len(train.force), "held_out": [str(each) for each in grasps.presses[held_out]]}
+    if network == "force-graph":
+        module, train = stages.begun(network, stages.DEFAULT | GRAPH, args)[0], train.presses_of(passes=passes, batch=batch)
+    else:
+        module, train.settings = begun(network, args.seed), (1, passes * len(train), batch)
+        settings |= {"schedule": schedule, "loss": loss, "learn": ["lstm", "fc"]}
+    fit(module, train, **settings, log=lambda _: None)
+    said = {"recipe": FOLDS[network], "recordings": len(train), "held_out": [str(each) for each in grasps.presses[held_out]]}
     said |= {"trained_on": "few, without those held out", "source": "simulate grasp --seed 3"}
+    said |= {"stride": GRAPH["stride"]} if network == "force-graph" else {}
     keep(network, module, path, args.seed, said | {"valid_mse": f"{valid.error(module, 1, 100):.4f}"})
 
 
@@ -148,7 +153,9 @@ def main():
     args = shared.arguments(__doc__, ["force-graph", *RECIPES], "force", "folder of data.py", **more)
     for network in args.network:
         if args.folds and network in FOLDS:
-            grasps = Grasps(args.data / "few.safetensors", begun(network, args.seed), FIRST[network], slice(None))
+            few = args.data / "few.safetensors"
+            is_graph = network == "force-graph"
+            grasps = Streams(few, GRAPH["presses"]) if is_graph else Grasps(few, begun(network, args.seed), FIRST[network], slice(None))
             folds = ["medium"] if args.folds == "medium" else range(len(grasps.force))
             for fold, path in shared.missing(args, network, args.seed, folds):
                 train_fold(network, args, grasps, fold, path)
