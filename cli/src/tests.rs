@@ -82,6 +82,7 @@ const HEADINGS: &[(&str, &[&str])] = &[
             "period",
             "slice",
             "burst-rate",
+            "sweep",
             "repeat",
             "warmup",
             "state",

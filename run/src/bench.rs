@@ -5,7 +5,7 @@
 //! | [`EventBench`] | a network over events: latencies by phase, work, stages, deadlines |
 //! | [`bench_frames`] | a frame network: latencies with skipping and without, deadlines |
 //! | [`compare`] | a network over events against a frame network, over the same stream |
-//! | [`sweep`](sweep()) | a network over events, as events, neighbours, channels or pixels become more |
+//! | [`sweep`](sweep()) | a network over events, as one quantity of stream or network grows |
 //!
 //! All events are read before the first pass. Every pass begins with a new engine.
 

@@ -244,6 +244,7 @@ pub(crate) mod page {
     fn section(command: &str) -> (&'static str, &'static str) {
         let title = match command {
             "stress" => "verify --stress",
+            "sweep" => "bench --sweep",
             "soak" => "verify --soak",
             _ => command,
         };
@@ -328,6 +329,7 @@ pub(crate) mod page {
         let bench = ["bench", "--limit", "300", "--warmup", "0", "--json"];
         let of = |more: &[&str]| object(&meissner(&[&bench[..], more].concat()));
         are_there("bench", &[of(&[]), of(&["--network", "force-tdnn"]), of(&["--compare", "force-tdnn"])]);
+        are_there("sweep", &[object(&meissner(&["bench", "--sweep=rate", "--limit", "2", "--json"]))]);
         are_there("verify", &[object(&meissner(&["verify", "graphres", "--cases", "1", "--json"]))]);
         let recording = default_recording();
         for command in [&["info", recording.to_str().expect("text")][..], &["networks"]] {

@@ -19,7 +19,8 @@ pub struct Sizes {
 }
 
 impl Description {
-    /// The description in `text` with other `sizes`. It has no filters: every event enters its graph.
+    /// The description in `text` with other `sizes`, and without filters: every event enters its
+    /// graph.
     ///
     /// # Errors
     /// `text` is no description of a network over events, or it is inconsistent with these sizes.

@@ -1,8 +1,8 @@
 //! How the cost of an event grows: one quantity after the other is varied, the rest stays.
 //!
 //! Enters: the text of a description. Leaves: times, rows and memory for each value, and how they
-//! grow. Events are uniform over the sensor and evenly spaced in time; weights are drawn. So a value
-//! differs from the next one in nothing but itself.
+//! grow. Events are uniform over the sensor and evenly spaced in time; weights are drawn. So
+//! nothing but the value differs from one to the next.
 
 use std::time::Instant;
 
