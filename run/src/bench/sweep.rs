@@ -243,7 +243,7 @@ pub fn sweep(text: &str, options: &SweepOptions) -> Result<SweepReport> {
 fn point(value: f64, scene: &Scene, model: Model, options: &SweepOptions) -> Result<Point> {
     let mut engine = Engine::new(model.network, scene.sensor)?;
     let state_bytes = u64::try_from(engine.state_bytes()).unwrap_or(u64::MAX);
-    // A new engine's first prediction computes every row, and its first expiries come after one span.
+    // The first prediction computes every row, and nothing expires before one span is over.
     let (random, filled) = (&mut Random::new(options.seed), 2 * scene.window);
     engine.push_all(scene.events(random, 0, filled));
     engine.predict()?;
