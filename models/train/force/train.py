@@ -156,7 +156,7 @@ def main():
             few = args.data / "few.safetensors"
             is_graph = network == "force-graph"
             grasps = Streams(few, GRAPH["presses"]) if is_graph else Grasps(few, begun(network, args.seed), FIRST[network], slice(None))
-            folds = ["medium"] if args.folds == "medium" else range(len(grasps.force))
+            folds = ["medium"] if args.folds == "medium" else range(len(grasps))
             for fold, path in shared.missing(args, network, args.seed, folds):
                 train_fold(network, args, grasps, fold, path)
         elif args.folds:
