@@ -10,8 +10,12 @@ fn main() {
     println!("cargo::rustc-check-cfg=cfg(no_shared)");
     println!("cargo::rerun-if-env-changed=MEISSNER_SHARED");
     println!("cargo::rerun-if-env-changed=MEISSNER_REQUIRE_SHARED");
-    // A file: cargo would search a folder for changes. A missing one is looked for in every build.
-    println!("cargo::rerun-if-changed={}", folder.join("README.md").display());
+    // A file: cargo would search a folder for changes. With a missing one, cargo would compile the
+    // crate again in every build: a folder that comes later is seen when MEISSNER_SHARED names it.
+    let readme = folder.join("README.md");
+    if readme.exists() {
+        println!("cargo::rerun-if-changed={}", readme.display());
+    }
     if !folder.exists() && env::var_os("MEISSNER_REQUIRE_SHARED").is_none() {
         println!("cargo::rustc-cfg=no_shared");
     }

@@ -162,11 +162,14 @@ proptest! {
                     let now = history.clock().map(|(_, now)| now);
                     prop_assert_eq!(surface.at_us, now);
                     let events = history.between(i64::MIN, i64::MAX);
-                    for (i, &value) in surface.values.iter().enumerate() {
-                        let here = |event: &&Event| {
-                            place(crop, event).map(|pixel| usize::from(event.on) * crop.pixels() + pixel) == Some(i)
-                        };
-                        let age = events.iter().rfind(here).and_then(|event| Some(now? - event.t_us));
+                    let mut latest = vec![None; surface.values.len()];
+                    for event in &events {
+                        if let Some(pixel) = place(crop, event) {
+                            latest[usize::from(event.on) * crop.pixels() + pixel] = Some(event.t_us);
+                        }
+                    }
+                    for (&value, &latest) in surface.values.iter().zip(&latest) {
+                        let age = latest.and_then(|latest: i64| Some(now? - latest));
                         prop_assert_eq!(value, age.map_or(0.0, |age| decay.value(age)));
                         let age = age.map_or(f64::INFINITY, |age| age as f64 / f64::from(scale));
                         let exact = if linear { (1.0 - age).max(0.0) } else { (-age).exp() };

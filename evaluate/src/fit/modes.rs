@@ -9,7 +9,7 @@
 //! With this c, the products of Q are the squares of those of P / sqrt s, whatever basis V has
 //! (Golub and Van Loan 2013, section 7.3.2, for the iteration).
 
-use ndarray::{Array1, Array2, ArrayView2, Axis, concatenate};
+use ndarray::{Array2, ArrayView2, Axis, concatenate};
 
 use meissner_kernels::random::Random;
 
@@ -105,23 +105,24 @@ fn main_modes((coordinates, weights): (&Array2<f64>, &[f64]), count: usize, seed
     modes
 }
 
-/// The columns of `of`, each made orthogonal to those before it, twice because of rounding. Those
-/// that are left with a part of [`FAINT`] of the first one's length are 0.
+/// The columns of `of`, each made orthogonal to those before it, twice because of rounding (Giraud,
+/// Langou, Rozloznik and van den Eshof 2005). Those that are left with a part of [`FAINT`] of the
+/// first one's length are 0.
 fn orthonormal(of: ArrayView2<'_, f64>) -> Array2<f64> {
-    let (mut found, mut longest): (Array2<f64>, f64) = (Array2::zeros(of.dim()), 0.0);
+    // Rows, so that products are of matrices in order.
+    let (mut found, mut longest): (Array2<f64>, f64) = (Array2::zeros([of.ncols(), of.nrows()]), 0.0);
     for (i, column) in of.columns().into_iter().enumerate() {
-        let mut own: Array1<f64> = column.to_owned();
+        let (before, _) = found.view().split_at(Axis(0), i);
+        let mut own = column.to_owned().insert_axis(Axis(0));
         for _ in 0..2 {
-            for j in 0..i {
-                let along = own.dot(&found.column(j));
-                own.scaled_add(-along, &found.column(j));
-            }
+            own -= &own.dot(&before.t()).dot(&before);
         }
+        let own = own.remove_axis(Axis(0));
         let length = own.dot(&own).sqrt();
         longest = longest.max(length);
         if length > FAINT * longest {
-            found.column_mut(i).assign(&(own / length));
+            found.row_mut(i).assign(&(own / length));
         }
     }
-    found
+    found.reversed_axes()
 }
