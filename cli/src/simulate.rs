@@ -237,6 +237,8 @@ enum ShapesArg {
     Unseen,
     /// Bodies of two to nine pins with flat ends.
     Pins,
+    /// Plates of parallel ridges with round crests.
+    Ridges,
     /// Flat blocks that reach beyond the picture.
     Larger,
     /// Flat rings that reach beyond the picture.
@@ -433,6 +435,7 @@ fn gel(args: &GelArgs) -> Result<String, CliError> {
             ShapesArg::Seen => Shapes::Seen,
             ShapesArg::Unseen => Shapes::Unseen,
             ShapesArg::Pins => Shapes::Pins,
+            ShapesArg::Ridges => Shapes::Ridges,
             ShapesArg::Larger => Shapes::Larger,
             ShapesArg::LargerUnseen => Shapes::LargerUnseen,
             ShapesArg::Irregular => Shapes::Irregular,

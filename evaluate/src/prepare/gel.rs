@@ -33,6 +33,9 @@ pub enum Shapes {
     Unseen,
     /// Pins with flat ends: a body that touches in several places. No other set has them.
     Pins,
+    /// Plates of parallel ridges with round crests, with no contact in the valleys between. No
+    /// other set has them.
+    Ridges,
     /// Flat blocks that reach beyond the picture along both sides.
     Larger,
     /// Flat rings that reach beyond the picture: the hole is all that does not press.
@@ -226,7 +229,7 @@ fn indenter(shapes: Shapes, i: usize, random: &mut Random) -> (Indenter, &'stati
     let kinds = match shapes {
         Shapes::Seen => 9,
         Shapes::Unseen => 4,
-        Shapes::Pins | Shapes::Larger | Shapes::LargerUnseen | Shapes::Irregular => 1,
+        Shapes::Pins | Shapes::Ridges | Shapes::Larger | Shapes::LargerUnseen | Shapes::Irregular => 1,
     };
     // Bits that the letter does not use.
     let kind = (seed >> 32) % kinds;
@@ -260,6 +263,7 @@ fn indenter(shapes: Shapes, i: usize, random: &mut Random) -> (Indenter, &'stati
             (Indenter::Dots { radius_mm, spacing_mm, side: 2 + (seed >> 8) as u8 % 3 }, "dots")
         }
         (Shapes::Pins, _) => (Indenter::Pins { seed, radius_mm: draw(2.0, 9.0) }, "pins"),
+        (Shapes::Ridges, _) => (Indenter::Ridges { seed, radius_mm: draw(2.0, 11.0) }, "ridges"),
         (Shapes::Larger, _) => {
             (Indenter::Block { width_mm: draw(40.0, 60.0), length_mm: draw(40.0, 60.0) }, "larger block")
         }

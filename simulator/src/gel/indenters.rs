@@ -70,6 +70,12 @@ pub enum Indenter {
         seed: u64,
         radius_mm: f64,
     },
+    /// Parallel ridges along x with round crests on a round plate: how round and how far apart
+    /// they are is drawn from a seed. The valleys between them are deep.
+    Ridges {
+        seed: u64,
+        radius_mm: f64,
+    },
     /// A round wire on its side, bent to an arc of radius `bend_mm`, at most a full turn.
     Wire {
         radius_mm: f64,
@@ -185,6 +191,13 @@ impl Indenter {
                     0.2 * random.uniform() + flat(is_inside)
                 });
                 ends.fold(f64::INFINITY, f64::min)
+            }
+            Self::Ridges { seed, radius_mm } => {
+                let mut random = Random::new(seed);
+                let crest_mm = 0.3 + 1.7 * random.uniform();
+                let spacing_mm = crest_mm * (1.2 + 1.8 * random.uniform());
+                let across = y / spacing_mm + random.uniform();
+                dome(crest_mm, spacing_mm * (across - across.round())) + flat(hypot(x, y) <= radius_mm)
             }
             Self::Wire { radius_mm, bend_mm, arc } => {
                 // The middle of the arc is the middle of the body.

@@ -378,6 +378,7 @@ fn indenters() -> Vec<Indenter> {
         Indenter::Irregular { seed: 5, radius_mm: 6.0 },
         Indenter::Polygon { seed: 7, radius_mm: 1.8 },
         Indenter::Pins { seed: 3, radius_mm: 1.5 },
+        Indenter::Ridges { seed: 3, radius_mm: 1.5 },
         Indenter::Wire { radius_mm: 0.5, bend_mm: 1.5, arc: 2.0 },
     ];
     all.extend(LETTERS.chars().map(|letter| Indenter::Letter { letter, size_mm: 3.0 }));
@@ -446,6 +447,24 @@ fn pins_are_apart_or_overlap_within_their_radius() {
     }
     assert!(counts.iter().all(|places| (1..=9).contains(places)), "{counts:?}");
     assert!(counts.iter().filter(|&&places| places > 1).count() >= 30, "{counts:?}");
+}
+
+#[test]
+fn ridges_are_alike_and_leave_deep_valleys() {
+    for seed in 0..50 {
+        let ridges = Indenter::Ridges { seed, radius_mm: 9.0 };
+        let heights: Vec<_> = (-600..=600).map(|i| ridges.height(0.0, 0.01 * f64::from(i))).collect();
+        // Crests are where a height is below both neighbours; they are all at height 0.
+        let crests: Vec<_> =
+            (1..1200).filter(|&i| heights[i] <= heights[i - 1] && heights[i] < heights[i + 1]).collect();
+        assert!(crests.len() >= 2 && crests.iter().all(|&i| heights[i] < 1e-3), "{seed}: {crests:?}");
+        let gaps: Vec<_> = crests.windows(2).map(|pair| pair[1] - pair[0]).collect();
+        assert!(gaps.iter().all(|gap| gap.abs_diff(gaps[0]) <= 1), "{seed}: {gaps:?}");
+        let valley = heights[crests[0]..crests[1]].iter().copied().fold(0.0, f64::max);
+        assert!(valley > 0.05, "{seed}: {valley} mm");
+        assert_eq!(ridges.height(0.0, 0.3), ridges.height(4.0, 0.3));
+        assert!(ridges.height(9.1, 0.0).is_infinite());
+    }
 }
 
 #[test]
