@@ -5,6 +5,7 @@ mod book;
 mod conformance;
 mod determinism;
 mod extremes;
+mod figures;
 mod filters;
 mod frames;
 mod golden_frames;
