@@ -41,7 +41,9 @@ fn pages(folder: &Path, all: &mut Vec<PathBuf>) {
         let name = path.file_name().and_then(|name| name.to_str()).unwrap_or_default();
         if path.is_dir() && !["target", "node_modules", "results"].contains(&name) && !name.starts_with('.') {
             pages(&path, all);
-        } else if name.ends_with(".md") && !APART.iter().any(|apart| path.ends_with(apart)) {
+        } else if path.extension().is_some_and(|extension| extension == "md")
+            && !APART.iter().any(|apart| path.ends_with(apart))
+        {
             all.push(path);
         }
     }
