@@ -10,17 +10,20 @@
 //! $ meissner eval angle on/test.safetensors --network tactigraph-past -->
 //! ```
 //!
-//! Where a page has figures of weights that are not shipped, the comment begins with `figures of
-//! other weights:` and names no fingerprint.
+//! Where a page has figures of weights that are not shipped, the comment is `figures of other
+//! weights: DATE, COMMIT, MACHINE, of NETWORK, NETWORK`, without fingerprints.
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use meissner_engine::frames::{Convolution, FrameNetwork};
 use meissner_models::{AnyDescription, Weights};
 
-/// Pages without figures of shipped networks: what changed, what was tried, choices and promises.
+use crate::book::{prose, text};
+use crate::house::{files, root};
+
+/// Pages without figures of shipped networks: results of a day, what changed, what was tried,
+/// choices and promises.
 const APART: [&str; 6] = [
     "CHANGELOG.md",
     "TRIED.md",
@@ -29,25 +32,6 @@ const APART: [&str; 6] = [
     "docs/what-you-can-rely-on.md",
     "models/weights/README.md",
 ];
-
-fn root() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("..")
-}
-
-/// All pages below `folder`, without what is built or installed.
-fn pages(folder: &Path, all: &mut Vec<PathBuf>) {
-    for entry in fs::read_dir(folder).expect("a folder can be read") {
-        let path = entry.expect("an entry").path();
-        let name = path.file_name().and_then(|name| name.to_str()).unwrap_or_default();
-        if path.is_dir() && !["target", "node_modules", "results"].contains(&name) && !name.starts_with('.') {
-            pages(&path, all);
-        } else if path.extension().is_some_and(|extension| extension == "md")
-            && !APART.iter().any(|apart| path.ends_with(apart))
-        {
-            all.push(path);
-        }
-    }
-}
 
 /// A part of a page under one heading.
 #[derive(Debug, Default)]
@@ -60,27 +44,29 @@ struct Part {
 }
 
 impl Part {
-    /// The names that its comments tell, with their fingerprints; none of other weights.
+    /// The names that its comments tell, with their fingerprints.
     fn networks(&self) -> BTreeMap<&str, &str> {
         let lines = self.told.iter().filter(|line| !line.starts_with("$ ") && !line.starts_with("figures"));
         lines.flat_map(|line| line.split(',')).filter_map(|told| told.trim().split_once(' ')).collect()
     }
+
+    /// The networks whose figures are of other weights.
+    fn others(&self) -> impl Iterator<Item = &str> {
+        let lines = self.told.iter().filter_map(|line| line.strip_prefix("figures of other weights:"));
+        lines.filter_map(|line| line.split_once(", of ")).flat_map(|(_, names)| names.split(", "))
+    }
 }
 
-/// The parts of a page, blocks of code apart.
+/// The parts of a page, without its blocks of code.
 fn parts(text: &str, names: &[&str]) -> Vec<Part> {
     let mut parts = vec![Part::default()];
-    let (mut in_code, mut in_comment, mut table) = (false, false, Vec::new());
-    // What ends a table at the end of a page.
-    for line in text.lines().chain([""]) {
+    let (mut in_comment, mut table) = (false, Vec::new());
+    // The last line ends a table at the end of a page.
+    for line in prose(text).chain([""]) {
         if !line.starts_with('|') && !table.is_empty() {
             let part = parts.last_mut().expect("there is a first part");
             part.shown.extend(shown(&table, names));
             table.clear();
-        }
-        in_code ^= line.trim_start().starts_with("```");
-        if in_code {
-            continue;
         }
         if line.starts_with('#') {
             parts.push(Part { heading: line.to_owned(), ..Part::default() });
@@ -129,13 +115,13 @@ fn every_figure_of_a_network_is_of_its_shipped_weights() {
     let names: Vec<&str> = AnyDescription::shipped_names().collect();
     let expected: BTreeMap<&str, String> =
         names.iter().map(|&name| (name, format!("{:016x}", fingerprint(name))[..8].to_owned())).collect();
-    let mut all = Vec::new();
-    pages(&root(), &mut all);
+    let (results, all) = (root().join("benches/results"), files(&root(), "md"));
+    let is_apart =
+        |page: &Path| page.starts_with(&results) || APART.iter().any(|apart| page.ends_with(apart));
     let (mut faults, mut comments) = (Vec::new(), 0);
-    for page in &all {
-        let text = fs::read_to_string(page).expect("a page is text");
+    for page in all.iter().filter(|page| !is_apart(page)) {
         let at = page.strip_prefix(root()).expect("below the root").display();
-        for part in parts(&text, &names) {
+        for part in parts(&text(page), &names) {
             let place = format!("{at}, {}", part.heading);
             // Drawings of an idea show no weights.
             let shown: Vec<&String> =
@@ -147,18 +133,14 @@ fn every_figure_of_a_network_is_of_its_shipped_weights() {
             let told = part.networks();
             if part.told.is_empty() {
                 faults.push(format!("{place}: no comment says what made the figures of {shown:?}"));
+                continue;
             }
             if !part.told.iter().any(|line| line.starts_with("$ ")) {
                 faults.push(format!("{place}: no comment names a command"));
             }
-            let is_other = part.told.iter().any(|line| line.starts_with("figures of other weights:"));
-            for name in shown.into_iter().filter(|name| names.contains(&name.as_str())) {
-                if !is_other && !part.told.is_empty() && !told.contains_key(name.as_str()) {
-                    faults.push(format!(
-                        "{place}: {name} {} is missing in the comment",
-                        expected[name.as_str()]
-                    ));
-                }
+            let is_told = |name: &str| told.contains_key(name) || part.others().any(|other| other == name);
+            for name in shown.into_iter().filter(|name| names.contains(&name.as_str()) && !is_told(name)) {
+                faults.push(format!("{place}: {name} {} is missing in the comment", expected[name.as_str()]));
             }
             for (name, found) in told {
                 match expected.get(name) {
@@ -188,7 +170,7 @@ $ meissner eval area --network canf -->
 ```
 ## Next
 ![a](b/c.svg) | `canf` 5
-<!-- figures of other weights: 1 April 2026 -->
+<!-- figures of other weights: 1 April 2026, of canf, canf-live -->
 | `canf-live` | none |
 
 | figure | `canf` |
@@ -201,6 +183,6 @@ $ meissner eval area --network canf -->
     assert_eq!(page.networks(), [("canf", "0123"), ("canf-live", "4567")].into());
     assert_eq!(page.told.len(), 3);
     assert_eq!(next.shown, ["b/c.svg", "canf"].map(str::to_owned).into());
-    assert_eq!(next.told, ["figures of other weights: 1 April 2026"]);
-    assert!(next.networks().is_empty());
+    assert_eq!(next.told, ["figures of other weights: 1 April 2026, of canf, canf-live"]);
+    assert!(next.networks().is_empty() && next.others().eq(["canf", "canf-live"]));
 }

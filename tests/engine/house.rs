@@ -60,21 +60,26 @@ const MAY_USE: [(&str, &[&str]); 17] = [
 const MAX_LINES: usize = 500;
 
 /// The folder of the workspace.
-fn root() -> PathBuf {
+pub(crate) fn root() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("..")
 }
 
-/// The Rust files below `folder`, without what is built.
-fn sources(folder: &Path, all: &mut Vec<PathBuf>) {
-    for entry in fs::read_dir(folder).expect("the workspace can be read") {
-        let path = entry.expect("a folder can be read").path();
-        let name = path.file_name().and_then(|name| name.to_str()).unwrap_or_default();
-        if path.is_dir() && name != "target" && !name.starts_with('.') {
-            sources(&path, all);
-        } else if path.extension().is_some_and(|extension| extension == "rs") {
-            all.push(path);
+/// The files below `folder` with this extension, in order, without what is built or installed.
+pub(crate) fn files(folder: &Path, extension: &str) -> Vec<PathBuf> {
+    let (mut found, mut folders) = (Vec::new(), vec![folder.to_owned()]);
+    while let Some(folder) = folders.pop() {
+        for entry in fs::read_dir(folder).expect("the workspace can be read") {
+            let path = entry.expect("a folder can be read").path();
+            let name = path.file_name().and_then(|name| name.to_str()).unwrap_or_default();
+            if path.is_dir() && !["target", "node_modules"].contains(&name) && !name.starts_with('.') {
+                folders.push(path);
+            } else if path.extension().is_some_and(|own| own == extension) {
+                found.push(path);
+            }
         }
     }
+    found.sort();
+    found
 }
 
 #[test]
@@ -99,8 +104,7 @@ fn a_crate_uses_only_those_below_it() {
 
 #[test]
 fn no_file_is_longer_than_one_reads_at_a_sitting() {
-    let mut all = Vec::new();
-    sources(&root(), &mut all);
+    let all = files(&root(), "rs");
     let lines = |path: &PathBuf| fs::read_to_string(path).expect("sources are text").lines().count();
     let long: Vec<_> =
         all.iter().map(|path| (lines(path), path)).filter(|(lines, _)| *lines > MAX_LINES).collect();
@@ -109,8 +113,7 @@ fn no_file_is_longer_than_one_reads_at_a_sitting() {
 
 #[test]
 fn comments_have_at_most_100_columns() {
-    let mut all = Vec::new();
-    sources(&root(), &mut all);
+    let all = files(&root(), "rs");
     let mut long = Vec::new();
     for path in &all {
         let text = fs::read_to_string(path).expect("sources are text");
@@ -122,8 +125,7 @@ fn comments_have_at_most_100_columns() {
 
 #[test]
 fn limits_are_called_max_and_min() {
-    let mut all = Vec::new();
-    sources(&root(), &mut all);
+    let all = files(&root(), "rs");
     let is_limit = |word: &str| {
         let is_name =
             word.len() > 4 && word.chars().all(|c| c.is_ascii_uppercase() || c.is_ascii_digit() || c == '_');
