@@ -194,7 +194,7 @@ struct GelArgs {
     /// The sensor: its gel, lights, lens and scale.
     #[arg(long, value_enum, default_value_t = GelSensorArg::First, help_heading = INPUT)]
     sensor: GelSensorArg,
-    /// The indenters; no kind and no letter is in both.
+    /// The indenters; no kind and no letter is both seen and unseen.
     #[arg(long, value_enum, default_value_t = ShapesArg::Seen, help_heading = INPUT)]
     indenters: ShapesArg,
     /// Range of the greatest force of a press, in N.

@@ -33,8 +33,7 @@ pub enum Shapes {
     Unseen,
     /// Pins with flat ends: a body that touches in several places. No other set has them.
     Pins,
-    /// Plates of parallel ridges with round crests, with no contact in the valleys between. No
-    /// other set has them.
+    /// Plates of parallel ridges with round crests. No other set has them.
     Ridges,
     /// Flat blocks that reach beyond the picture along both sides.
     Larger,

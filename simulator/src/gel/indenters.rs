@@ -71,7 +71,7 @@ pub enum Indenter {
         radius_mm: f64,
     },
     /// Parallel ridges along x with round crests on a round plate: how round and how far apart
-    /// they are is drawn from a seed. The valleys between them are deep.
+    /// they are is drawn from a seed.
     Ridges {
         seed: u64,
         radius_mm: f64,

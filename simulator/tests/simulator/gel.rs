@@ -450,7 +450,7 @@ fn pins_are_apart_or_overlap_within_their_radius() {
 }
 
 #[test]
-fn ridges_are_alike_and_leave_deep_valleys() {
+fn ridges_are_alike_with_valleys_between() {
     for seed in 0..50 {
         let ridges = Indenter::Ridges { seed, radius_mm: 9.0 };
         let heights: Vec<_> = (-600..=600).map(|i| ridges.height(0.0, 0.01 * f64::from(i))).collect();
