@@ -113,8 +113,8 @@ def conv_lstm(module, layer, x):
     # Gates and state stay in f32 where convolutions are in half of it.
     peephole = module[part["peephole"]] if layer["peepholes"] else [0.0, 0.0, 0.0]
     cell, found = x.new_zeros(streams, hidden, *x.shape[3:], dtype=torch.float32), []
-    for step in range(steps):
-        gates = given[:, step]
+    # Taken apart once: the gradient of an index is as large as all steps.
+    for gates in given.unbind(1):
         if found:
             gates = gates + F.conv2d(found[-1], of_hidden, padding=1)
         i, f, g, o = gates.float().chunk(4, 1)

@@ -1,1 +1,0 @@
-../tests/shared_build.rs
