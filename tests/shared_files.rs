@@ -3,9 +3,12 @@
 
 use std::path::{Path, PathBuf};
 
-/// `path` in the folder that `MEISSNER_SHARED` names, else in `../shared`, if it is there.
+/// `path` in the folder that `MEISSNER_SHARED` names, else in `shared` beside the workspace, if it
+/// is there.
 pub fn find_shared(path: &str) -> Option<PathBuf> {
-    let beside = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared");
+    let mut folders = Path::new(env!("CARGO_MANIFEST_DIR")).ancestors();
+    let root = folders.find(|folder| folder.join("Cargo.lock").exists())?;
+    let beside = root.join("../shared");
     let file = std::env::var_os("MEISSNER_SHARED").map_or(beside, PathBuf::from).join(path);
     file.exists().then_some(file)
 }

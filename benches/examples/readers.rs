@@ -11,14 +11,10 @@ use meissner_benches::timing::median_ms;
 use meissner_engine::Event;
 use meissner_io::{Format, IoError, ReadOptions, TimeRange, read, read_with};
 
-#[allow(dead_code, reason = "the tests use more of it")]
-#[path = "../../io/tests/codecs/support.rs"]
-mod codecs;
-
-use codecs::aedat::{DAVIS346, aedat2, aedat3, davis_records};
-use codecs::aedat4::{Compression, File, event_packet};
-use codecs::mcap::{channel, file, message, mono_packet, packed_chunk, schema};
-use codecs::{SENSOR, encoded, evt2, evt2_words, evt21, evt21_words};
+use meissner_io_tests::codecs::aedat::{DAVIS346, aedat2, aedat3, davis_records};
+use meissner_io_tests::codecs::aedat4::{Compression, File, event_packet};
+use meissner_io_tests::codecs::mcap::{channel, file, message, mono_packet, packed_chunk, schema};
+use meissner_io_tests::codecs::{SENSOR, encoded, evt2, evt2_words, evt21, evt21_words};
 
 /// Events of a file.
 const EVENTS: i64 = 1_000_000;

@@ -8,19 +8,14 @@ use std::io::{self, Write};
 use flate2::write::GzEncoder;
 use meissner_fuzz::{NETWORK, corpus, snapshot_seeds};
 use meissner_io::Format;
+use meissner_io_tests::{codecs, images};
 use meissner_models::{AnyDescription, Description, TensorFile, draw};
 
-#[allow(dead_code, reason = "the tests use more of it")]
-#[path = "../../../io/tests/codecs/support.rs"]
-mod codecs;
-#[allow(dead_code, reason = "the tests use more of it")]
-#[path = "../../../io/tests/images/support.rs"]
-mod images;
 #[allow(dead_code, reason = "the tests use more of it")]
 #[path = "../../../models/tests/support/torch.rs"]
 mod torch;
 
-use codecs::aedat4::{Compression, File, event_packet};
+use meissner_io_tests::codecs::aedat4::{Compression, File, event_packet};
 use torch::{Deviation, Pickle, View, archive, state_dict};
 
 fn main() -> io::Result<()> {
@@ -150,7 +145,7 @@ fn recordings() -> io::Result<()> {
 
 /// MCAP of every encoding of events, and of every form of a picture.
 fn bags(events: &[meissner_engine::Event]) -> io::Result<()> {
-    use codecs::mcap::{Cdr, channel, chunk, file, message, packet, schema};
+    use meissner_io_tests::codecs::mcap::{Cdr, channel, chunk, file, message, packet, schema};
     let bag = |name: &str, encoding: &str, data: &[u8]| {
         let declared = [schema(1, name), channel(1, 1, "/a", encoding)].concat();
         file(&[chunk("", &[declared, message(1, 9, data)].concat())])

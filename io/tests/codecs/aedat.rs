@@ -5,8 +5,8 @@ use meissner_io::limits::JAER_HEADER_BYTES;
 use meissner_io::{Format, IoError, Place, StreamKind, decode, decode_with};
 use proptest::prelude::*;
 
-use crate::support::aedat::{DAVIS346, aedat2, davis_records, dvs128_records};
-use crate::support::{SENSOR, sorted_events, strictly};
+use meissner_io_tests::codecs::aedat::{DAVIS346, aedat2, davis_records, dvs128_records};
+use meissner_io_tests::codecs::{SENSOR, sorted_events, strictly};
 
 const CHIP: &str = "AEChip: eu.seebetter.ini.chips.davis.Davis346B";
 
@@ -129,8 +129,8 @@ mod aedat3 {
     use meissner_io::{Format, IoError, Place, StreamKind, decode, decode_with};
     use proptest::prelude::*;
 
-    use crate::support::aedat::{aedat3, aedat3_events, aedat3_header, aedat3_packet};
-    use crate::support::{SENSOR, events, sorted_events, strictly};
+    use meissner_io_tests::codecs::aedat::{aedat3, aedat3_events, aedat3_header, aedat3_packet};
+    use meissner_io_tests::codecs::{SENSOR, events, sorted_events, strictly};
 
     /// A file of a DVS128 with these packets.
     fn dvs128(packets: &[Vec<u8>]) -> Vec<u8> {

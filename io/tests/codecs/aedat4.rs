@@ -7,8 +7,8 @@ use meissner_engine::{Event, Sensor};
 use meissner_io::{Aedat4Writer, IoError, Place, StreamKind, StreamSummary, decode};
 use proptest::prelude::*;
 
-use crate::support::aedat4::{Compression, File, event_packet, outputs, sample, stream, vector};
-use crate::support::{SENSOR, any_event, events, strictly};
+use meissner_io_tests::codecs::aedat4::{Compression, File, event_packet, outputs, sample, stream, vector};
+use meissner_io_tests::codecs::{SENSOR, any_event, events, strictly};
 
 fn summary(name: &str, kind: StreamKind, packets: u64, elements: u64) -> StreamSummary {
     StreamSummary { name: name.to_owned(), kind, packets, elements }

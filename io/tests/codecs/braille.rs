@@ -8,7 +8,7 @@ use proptest::prelude::*;
 
 use crate::packed::zip;
 use crate::shared_files::shared;
-use crate::support::chain;
+use meissner_io_tests::codecs::chain;
 
 const CLASSES: [&str; 3] = ["space", "A", "B"];
 

@@ -8,7 +8,7 @@ use meissner_io::limits::LINE_BYTES;
 use meissner_io::{CsvEvents, Format, IoError, Place, decode};
 use proptest::prelude::*;
 
-use crate::support::{Endless, any_event, encoded};
+use meissner_io_tests::codecs::{Endless, any_event, encoded};
 
 fn read(text: &str) -> Result<Vec<Event>, IoError> {
     CsvEvents::new(text.as_bytes()).collect()

@@ -166,7 +166,7 @@ mod digits {
     use tempfile::TempDir;
 
     use crate::shared_files::shared;
-    use crate::support::nmnist;
+    use meissner_io_tests::codecs::nmnist;
 
     /// A recording of `count` events.
     fn digit(count: u16) -> Vec<u8> {
@@ -286,7 +286,7 @@ mod gelsight {
 
     use crate::packed::zip;
     use crate::shared_files::shared;
-    use crate::support::chain;
+    use meissner_io_tests::codecs::chain;
 
     /// A file of version 1 with this type and shape.
     fn npy(descr: &str, shape: &str, values: &[u8]) -> Vec<u8> {

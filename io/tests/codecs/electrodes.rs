@@ -8,7 +8,7 @@ use meissner_io::{ElectrodeSettings, Electrodes, IoError, Place, Reading};
 use proptest::prelude::*;
 
 use crate::shared_files::shared;
-use crate::support::Endless;
+use meissner_io_tests::codecs::Endless;
 
 /// `prefix1` to `prefix24`.
 fn header(prefix: &str) -> String {

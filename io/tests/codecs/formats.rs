@@ -10,7 +10,7 @@ use meissner_io::{
     decode, detect, encode, read, write,
 };
 
-use crate::support::{SENSOR, events, samples};
+use meissner_io_tests::codecs::{SENSOR, events, samples};
 
 #[test]
 fn every_format_is_told_by_its_content() {

@@ -9,7 +9,7 @@ use meissner_io::{
 };
 
 fn path(name: &str) -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/codecs/hdf5").join(name)
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("codecs/hdf5").join(name)
 }
 
 fn bytes(name: &str) -> Vec<u8> {

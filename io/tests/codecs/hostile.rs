@@ -5,8 +5,8 @@ use meissner_io::limits::{HEADER_BYTES, PACKET_BYTES};
 use meissner_io::{Format, IoError, ReadOptions, Recording, StreamKind, decode, decode_with};
 use proptest::prelude::*;
 
-use crate::support::aedat4::{Compression, File, event_packet, header, outputs, vector};
-use crate::support::{events, samples};
+use meissner_io_tests::codecs::aedat4::{Compression, File, event_packet, header, outputs, vector};
+use meissner_io_tests::codecs::{events, samples};
 
 /// What a reader makes of `bytes` is whole, or an error that says in brief what was expected. Of
 /// what is whole, every event is inside the sensor, nothing is salvaged, and a strict reader reads

@@ -7,11 +7,11 @@ use meissner_io::{
     TextOptions, decode, decode_with, record,
 };
 
-use crate::support::aedat::{
+use meissner_io_tests::codecs::aedat::{
     DAVIS346, aedat2, aedat3, aedat3_events, aedat3_header, aedat3_packet, davis_records,
 };
-use crate::support::aedat4::{Compression, File, event_packet};
-use crate::support::{SENSOR, encoded, events, evt2, evt2_words, evt3, nmnist, strictly};
+use meissner_io_tests::codecs::aedat4::{Compression, File, event_packet};
+use meissner_io_tests::codecs::{SENSOR, encoded, events, evt2, evt2_words, evt3, nmnist, strictly};
 
 const EVT3: &str = "% evt 3.0\n% geometry 1280x720\n% end\n";
 
@@ -213,9 +213,9 @@ fn another_stream_of_events_is_read_where_it_is_asked_for() {
     let stream = |number: u16| ReadOptions::default().stream(std::num::NonZeroU16::new(number));
     let mut file = File::new(Compression::Lz4, None);
     let declared = [(3, "left", "EVTS"), (1, "imu", "IMUS"), (4, "right", "EVTS")];
-    let declared =
-        declared.map(|(id, name, kind)| crate::support::aedat4::stream(id, name, kind, Some(SENSOR)));
-    file.xml = crate::support::aedat4::outputs(&declared.concat());
+    let declared = declared
+        .map(|(id, name, kind)| meissner_io_tests::codecs::aedat4::stream(id, name, kind, Some(SENSOR)));
+    file.xml = meissner_io_tests::codecs::aedat4::outputs(&declared.concat());
     file.push(4, &event_packet(&second));
     file.push(3, &event_packet(&first));
     let packets = [(1, &second), (7, &first)]
@@ -242,11 +242,11 @@ fn a_file_whose_writer_named_no_stream_is_read_by_its_packets() {
             if is_named { event_packet(events) } else { packet }
         };
         let mut file = File::new(compression, None);
-        file.xml = crate::support::aedat4::outputs("");
+        file.xml = meissner_io_tests::codecs::aedat4::outputs("");
         if !is_named {
             file.table = Some(vec![8, 0, 0, 0, 4, 0, 0, 0, 4, 0, 4, 0, 4, 0, 0, 0]);
         }
-        file.push(5, &crate::support::aedat4::vector(*b"IMUS", 1, &[4, 0, 0, 0]));
+        file.push(5, &meissner_io_tests::codecs::aedat4::vector(*b"IMUS", 1, &[4, 0, 0, 0]));
         file.push(0, &packet(&all[..9]));
         file.push(0, &packet(&all[9..]));
         let mut bytes = file.bytes();
@@ -260,8 +260,8 @@ fn a_file_whose_writer_named_no_stream_is_read_by_its_packets() {
         assert!(recording.assumed[0].contains("left out"), "{:?}", recording.assumed);
     }
     let mut file = File::new(Compression::Lz4, None);
-    file.xml = crate::support::aedat4::outputs("");
-    let mut other = crate::support::aedat4::vector(*b"ABCD", 3, &[7; 48]);
+    file.xml = meissner_io_tests::codecs::aedat4::outputs("");
+    let mut other = meissner_io_tests::codecs::aedat4::vector(*b"ABCD", 3, &[7; 48]);
     other[8..12].fill(0);
     file.push(0, &other);
     let error = decode(&file.bytes()).unwrap_err().to_string();

@@ -25,5 +25,4 @@ mod raw;
 mod recordings;
 #[path = "../../../tests/shared_files.rs"]
 mod shared_files;
-mod support;
 mod texts;

@@ -10,11 +10,11 @@ use meissner_io::{
 };
 use proptest::prelude::*;
 
-use crate::support::aedat4::Compression;
-use crate::support::mcap::{
+use meissner_io_tests::codecs::aedat4::Compression;
+use meissner_io_tests::codecs::mcap::{
     Cdr, channel, chunk, crc32, file, message, mono_packet, packed_chunk, packet, record, schema,
 };
-use crate::support::{SENSOR, any_event, encoded, events, evt3, strictly};
+use meissner_io_tests::codecs::{SENSOR, any_event, encoded, events, evt3, strictly};
 
 /// The records that declare channel 1 as `topic` of messages of the type `name`.
 fn declared(topic: &str, name: &str, encoding: &str) -> Vec<u8> {

@@ -8,7 +8,7 @@ use proptest::prelude::*;
 
 use crate::packed::zip;
 use crate::shared_files::shared;
-use crate::support::chain;
+use meissner_io_tests::codecs::chain;
 
 /// A file of version 1 with this type and shape.
 fn npy(descr: &str, shape: &str, values: &[f32]) -> Vec<u8> {

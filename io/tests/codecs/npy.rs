@@ -4,7 +4,7 @@ use meissner_engine::Event;
 use meissner_io::{Format, IoError, Place, decode, decode_with};
 use proptest::prelude::*;
 
-use crate::support::{SENSOR, any_event, encoded, strictly};
+use meissner_io_tests::codecs::{SENSOR, any_event, encoded, strictly};
 
 /// A file of version 1 with this dictionary and these records.
 fn npy(dictionary: &str, records: &[u8]) -> Vec<u8> {

@@ -14,7 +14,9 @@ use meissner_io::{
 use proptest::prelude::*;
 use rawzip::{CompressionMethod, ZipArchiveWriter};
 
-use crate::support::{SENSOR, any_event, encoded, events, nmnist, samples, sorted_events, strictly};
+use meissner_io_tests::codecs::{
+    SENSOR, any_event, encoded, events, nmnist, samples, sorted_events, strictly,
+};
 
 /// An archive with these entries, deflated.
 pub(crate) fn zip<'a, C: AsRef<[u8]>>(entries: impl IntoIterator<Item = (&'a str, C)>) -> Vec<u8> {

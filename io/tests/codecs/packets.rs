@@ -7,8 +7,8 @@ use meissner_io::limits::PACKET_BYTES;
 use meissner_io::{Aedat4Writer, Format, IoError, LiveEvents, ReadOptions, decode};
 use proptest::prelude::*;
 
-use crate::support::aedat4::{Compression, File, event_packet, outputs, sample, stream, vector};
-use crate::support::{SENSOR, any_event, events};
+use meissner_io_tests::codecs::aedat4::{Compression, File, event_packet, outputs, sample, stream, vector};
+use meissner_io_tests::codecs::{SENSOR, any_event, events};
 
 /// Everything that these bytes give, read in pieces.
 fn arriving(bytes: &[u8], options: ReadOptions) -> (Vec<Result<Event, IoError>>, Option<Sensor>) {

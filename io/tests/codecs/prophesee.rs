@@ -4,7 +4,7 @@ use meissner_engine::{Event, Sensor};
 use meissner_io::{EventPackets, Format, IoError, LeftOutKind, Place, decode, decode_with, encode};
 use proptest::prelude::*;
 
-use crate::support::{encoded, sorted_events, strictly};
+use meissner_io_tests::codecs::{encoded, sorted_events, strictly};
 
 /// A file with this header, type and size, and these pairs of words.
 fn dat(header: &str, kind: [u8; 2], words: &[[u32; 2]]) -> Vec<u8> {
@@ -149,7 +149,7 @@ mod evt2 {
     use meissner_io::{Format, IoError, Place, StreamKind, decode};
     use proptest::prelude::*;
 
-    use crate::support::{evt2, evt2_words, sorted_events, strictly};
+    use meissner_io_tests::codecs::{evt2, evt2_words, sorted_events, strictly};
 
     const HEADER: &str = "% evt 2.0\n";
 
@@ -225,7 +225,7 @@ mod evt21 {
     use meissner_io::{Format, IoError, LeftOutKind, Place, StreamKind, decode};
     use proptest::prelude::*;
 
-    use crate::support::{evt21, evt21_words, sorted_events, strictly};
+    use meissner_io_tests::codecs::{evt21, evt21_words, sorted_events, strictly};
 
     const LITTLE: &str = "% evt 2.1\n% endianness little\n% end\n";
     const LEGACY: &str = "% format EVT21;height=720;width=1280;endianness=legacy\n% end\n";
@@ -301,7 +301,7 @@ mod evt3 {
     use meissner_io::{Format, IoError, Place, StreamKind, decode};
     use proptest::prelude::*;
 
-    use crate::support::{encoded, evt3, sorted_events, strictly};
+    use meissner_io_tests::codecs::{encoded, evt3, sorted_events, strictly};
 
     const HEADER: &str = "% evt 3.0\n";
 

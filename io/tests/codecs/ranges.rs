@@ -11,9 +11,9 @@ use meissner_io::{
 use proptest::prelude::*;
 
 use crate::shared_files::shared;
-use crate::support::aedat::{self, DAVIS346, aedat2, davis_records};
-use crate::support::aedat4::{Compression, File, event_packet};
-use crate::support::{SENSOR, encoded, evt2, evt2_words, evt21, evt21_words, samples};
+use meissner_io_tests::codecs::aedat::{self, DAVIS346, aedat2, davis_records};
+use meissner_io_tests::codecs::aedat4::{Compression, File, event_packet};
+use meissner_io_tests::codecs::{SENSOR, encoded, evt2, evt2_words, evt21, evt21_words, samples};
 
 fn part(bytes: &[u8], range: TimeRange) -> Recording {
     decode_with(bytes, ReadOptions::default().range(range)).unwrap()

@@ -6,7 +6,7 @@ use meissner_engine::{Event, Sensor};
 use meissner_io::{Format, IoError, LiveEvents, ReadOptions, decode};
 use proptest::prelude::*;
 
-use crate::support::{evt2, evt2_words, evt3, evt21, evt21_words};
+use meissner_io_tests::codecs::{evt2, evt2_words, evt3, evt21, evt21_words};
 
 const SENSOR: Sensor = Sensor { width: 1280, height: 720 };
 

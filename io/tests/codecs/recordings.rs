@@ -6,8 +6,8 @@ use meissner_io::{
 };
 
 use crate::shared_files::shared;
-use crate::support::aedat4::{Compression, File, event_packet};
-use crate::support::{SENSOR, encoded, events, samples};
+use meissner_io_tests::codecs::aedat4::{Compression, File, event_packet};
+use meissner_io_tests::codecs::{SENSOR, encoded, events, samples};
 
 fn recording(name: &str) -> Recording {
     read(&shared(&format!("data/events/{name}"))).unwrap()

@@ -7,7 +7,7 @@ use meissner_io::{
 };
 use proptest::prelude::*;
 
-use crate::support::{any_event, strictly};
+use meissner_io_tests::codecs::{any_event, strictly};
 
 /// Events as of a moving edge, `count` of them, 40 us apart.
 fn scene(count: u16) -> Vec<Event> {

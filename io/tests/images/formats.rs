@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use meissner_io::{Image, ImageSequence, IoError, Place, decode_image, encode_png, read_image, write_png};
 use proptest::prelude::*;
 
-use crate::support::{Ihdr, jpeg, png, png_with, samples};
+use meissner_io_tests::images::{Ihdr, jpeg, png, png_with, samples};
 
 fn pixel(image: &Image, x: usize, y: usize) -> &[u8] {
     &image.data[(y * image.width + x) * Image::CHANNELS..][..Image::CHANNELS]

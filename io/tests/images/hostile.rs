@@ -7,7 +7,7 @@ use meissner_io::limits::{IMAGE_BYTES, IMAGE_PIXELS, JPEG_SCANS};
 use meissner_io::{IoError, Place, decode_image, read_image};
 use proptest::prelude::*;
 
-use crate::support::{Ihdr, chunk, jpeg, png, png_with, samples};
+use meissner_io_tests::images::{Ihdr, chunk, jpeg, png, png_with, samples};
 
 #[test]
 fn a_file_cut_at_any_length_gives_an_error() {

@@ -8,7 +8,7 @@ use meissner_io::{Format, IoError, ReadOptions, Recording, decode_with, encode};
 use proptest::prelude::*;
 
 /// An error with its sources.
-pub(crate) fn chain(error: &dyn Error) -> String {
+pub fn chain(error: &dyn Error) -> String {
     let mut text = error.to_string();
     let mut source = error.source();
     while let Some(inner) = source {
@@ -19,34 +19,37 @@ pub(crate) fn chain(error: &dyn Error) -> String {
 }
 
 /// What a strict reader makes of `bytes`: nothing odd is left out.
-pub(crate) fn strictly(bytes: &[u8]) -> Result<Recording, IoError> {
+///
+/// # Errors
+/// Those of the reader.
+pub fn strictly(bytes: &[u8]) -> Result<Recording, IoError> {
     decode_with(bytes, ReadOptions::default().strict(true))
 }
 
 /// A recording that every format but N-MNIST can hold, with all of its values told apart.
-pub(crate) fn events() -> Vec<Event> {
+pub fn events() -> Vec<Event> {
     (0..40_u16).map(|i| Event::new(1000 + i64::from(i) * 700, i * 3, 200 - i * 5, i % 3 == 0)).collect()
 }
 
 /// The sensor of [`events`].
-pub(crate) const SENSOR: Sensor = Sensor { width: 346, height: 260 };
+pub const SENSOR: Sensor = Sensor { width: 346, height: 260 };
 
 /// The file that the encoder of `format` makes.
-pub(crate) fn encoded(format: Format, sensor: Option<Sensor>, events: &[Event]) -> Vec<u8> {
+pub fn encoded(format: Format, sensor: Option<Sensor>, events: &[Event]) -> Vec<u8> {
     let mut bytes = Vec::new();
     encode(format, sensor, events, &mut bytes).expect("events that the format holds");
     bytes
 }
 
 /// A file of EVT2 with this header and these words.
-pub(crate) fn evt2(header: &str, words: &[u32]) -> Vec<u8> {
+pub fn evt2(header: &str, words: &[u32]) -> Vec<u8> {
     let mut bytes = header.as_bytes().to_vec();
     bytes.extend(words.iter().flat_map(|word| word.to_le_bytes()));
     bytes
 }
 
 /// The words of `events`, each with a time word before it where one is due.
-pub(crate) fn evt2_words(events: &[Event]) -> Vec<u32> {
+pub fn evt2_words(events: &[Event]) -> Vec<u32> {
     let mut words = Vec::new();
     let mut high = None;
     for event in events {
@@ -62,7 +65,7 @@ pub(crate) fn evt2_words(events: &[Event]) -> Vec<u32> {
 }
 
 /// A file of EVT2.1 with this header and these words, each an upper half and a lower one.
-pub(crate) fn evt21(header: &str, words: &[[u32; 2]], legacy: bool) -> Vec<u8> {
+pub fn evt21(header: &str, words: &[[u32; 2]], legacy: bool) -> Vec<u8> {
     let mut bytes = header.as_bytes().to_vec();
     let halves =
         words.iter().flat_map(|&[upper, lower]| if legacy { [upper, lower] } else { [lower, upper] });
@@ -72,7 +75,7 @@ pub(crate) fn evt21(header: &str, words: &[[u32; 2]], legacy: bool) -> Vec<u8> {
 
 /// The words of `events`, which are in order: events of a time, row and polarity whose columns rise
 /// share a word.
-pub(crate) fn evt21_words(events: &[Event]) -> Vec<[u32; 2]> {
+pub fn evt21_words(events: &[Event]) -> Vec<[u32; 2]> {
     let (mut words, mut newest): (Vec<[u32; 2]>, Option<(Event, u16)>) = (Vec::new(), None);
     let mut high = None;
     for event in events {
@@ -99,14 +102,14 @@ pub(crate) fn evt21_words(events: &[Event]) -> Vec<[u32; 2]> {
 }
 
 /// A file of EVT3 with this header and these words.
-pub(crate) fn evt3(header: &str, words: &[u16]) -> Vec<u8> {
+pub fn evt3(header: &str, words: &[u16]) -> Vec<u8> {
     let mut bytes = header.as_bytes().to_vec();
     bytes.extend(words.iter().flat_map(|word| word.to_le_bytes()));
     bytes
 }
 
 /// The bytes of `events`, on 34 x 34 pixels and before 2^23 microseconds.
-pub(crate) fn nmnist(events: &[Event]) -> Vec<u8> {
+pub fn nmnist(events: &[Event]) -> Vec<u8> {
     let bytes = events.iter().flat_map(|e| {
         let [_, high, middle, low] = (e.t_us as u32).to_be_bytes();
         [e.x as u8, e.y as u8, high | u8::from(e.on) << 7, middle, low]
@@ -115,7 +118,7 @@ pub(crate) fn nmnist(events: &[Event]) -> Vec<u8> {
 }
 
 /// A small valid file of every format, and of every compression of AEDAT4.
-pub(crate) fn samples() -> Vec<(Format, Vec<u8>)> {
+pub fn samples() -> Vec<(Format, Vec<u8>)> {
     let all = events();
     let on_34: Vec<_> = all.iter().map(|e| Event { x: e.x % 34, y: e.y % 34, ..*e }).collect();
     let mut samples = vec![
@@ -144,8 +147,9 @@ pub(crate) fn samples() -> Vec<(Format, Vec<u8>)> {
 }
 
 /// A text without a line feed that fails where more than `left` bytes of it are read.
-pub(crate) struct Endless {
-    pub(crate) left: u64,
+pub struct Endless {
+    /// Bytes that are left.
+    pub left: u64,
 }
 
 impl Read for Endless {
@@ -158,12 +162,12 @@ impl Read for Endless {
 }
 
 /// Any event with a time of `times`, on `side` x `side` pixels.
-pub(crate) fn any_event(times: impl Strategy<Value = i64>, side: u16) -> impl Strategy<Value = Event> {
+pub fn any_event(times: impl Strategy<Value = i64>, side: u16) -> impl Strategy<Value = Event> {
     (times, 0..side, 0..side, any::<bool>()).prop_map(|(t, x, y, on)| Event::new(t, x, y, on))
 }
 
 /// Events in order of time from 0 to `most`, bursts and long silences both.
-pub(crate) fn sorted_events(most: i64, side: u16) -> impl Strategy<Value = Vec<Event>> {
+pub fn sorted_events(most: i64, side: u16) -> impl Strategy<Value = Vec<Event>> {
     let times = prop_oneof![0..=most, 0..=most.min(20_000)];
     prop::collection::vec(any_event(times, side), 0..60).prop_map(|mut events| {
         events.sort_by_key(|e| e.t_us);
@@ -171,16 +175,15 @@ pub(crate) fn sorted_events(most: i64, side: u16) -> impl Strategy<Value = Vec<E
     })
 }
 
-#[path = "mcap_writer.rs"]
-pub(crate) mod mcap;
+pub mod mcap;
 
-pub(crate) mod aedat {
+pub mod aedat {
     //! Writers of AEDAT 2.0 and 3.1 for the tests.
 
     use meissner_engine::{Event, Sensor};
 
     /// A file of AEDAT 2.0 with these lines after the first, and these pairs of address and time.
-    pub(crate) fn aedat2(lines: &[&str], records: &[[u32; 2]]) -> Vec<u8> {
+    pub fn aedat2(lines: &[&str], records: &[[u32; 2]]) -> Vec<u8> {
         let mut bytes = b"#!AER-DAT2.0\r\n".to_vec();
         bytes.extend(lines.iter().flat_map(|line| format!("# {line}\r\n").into_bytes()));
         bytes.extend(records.iter().flatten().flat_map(|word| word.to_be_bytes()));
@@ -188,11 +191,10 @@ pub(crate) mod aedat {
     }
 
     /// The header's line that names a DAVIS346, and the last line.
-    pub(crate) const DAVIS346: [&str; 2] =
-        ["AEChip: eu.seebetter.ini.chips.davis.Davis346B", "End of ASCII Header"];
+    pub const DAVIS346: [&str; 2] = ["AEChip: eu.seebetter.ini.chips.davis.Davis346B", "End of ASCII Header"];
 
     /// The records of `events` of a DAVIS with this sensor.
-    pub(crate) fn davis_records(sensor: Sensor, events: &[Event]) -> Vec<[u32; 2]> {
+    pub fn davis_records(sensor: Sensor, events: &[Event]) -> Vec<[u32; 2]> {
         let address = |e: &Event| {
             let (x, y) = (sensor.width - 1 - e.x, sensor.height - 1 - e.y);
             u32::from(y) << 22 | u32::from(x) << 12 | u32::from(e.on) << 11
@@ -201,13 +203,13 @@ pub(crate) mod aedat {
     }
 
     /// The records of `events` of a DVS128.
-    pub(crate) fn dvs128_records(events: &[Event]) -> Vec<[u32; 2]> {
+    pub fn dvs128_records(events: &[Event]) -> Vec<[u32; 2]> {
         let address = |e: &Event| u32::from(127 - e.y) << 8 | u32::from(127 - e.x) << 1 | u32::from(!e.on);
         events.iter().map(|e| [address(e), e.t_us as u32]).collect()
     }
 
     /// The header of AEDAT 3.1 with one source.
-    pub(crate) fn aedat3_header(source: u16, chip: &str) -> Vec<u8> {
+    pub fn aedat3_header(source: u16, chip: &str) -> Vec<u8> {
         let start = "#Start-Time: 2017-03-21 14:12:03 (TZ+0100)";
         format!("#!AER-DAT3.1\r\n#Format: RAW\r\n#Source {source}: {chip}\r\n{start}\r\n#!END-HEADER\r\n")
             .into_bytes()
@@ -215,13 +217,7 @@ pub(crate) mod aedat {
 
     /// A packet of AEDAT 3.1: type, source, bytes of an event, overflows of the clock, and the
     /// events.
-    pub(crate) fn aedat3_packet(
-        kind: i16,
-        source: i16,
-        size: i32,
-        overflows: i32,
-        content: &[u8],
-    ) -> Vec<u8> {
+    pub fn aedat3_packet(kind: i16, source: i16, size: i32, overflows: i32, content: &[u8]) -> Vec<u8> {
         let number = content.len() as i32 / size.max(1);
         let mut bytes = [kind.to_le_bytes(), source.to_le_bytes()].concat();
         for value in [size, 4, overflows, number, number, number] {
@@ -232,7 +228,7 @@ pub(crate) mod aedat {
     }
 
     /// The content of a packet of `events`, all valid, within one period of the clock.
-    pub(crate) fn aedat3_events(events: &[Event]) -> Vec<u8> {
+    pub fn aedat3_events(events: &[Event]) -> Vec<u8> {
         let event = |e: &Event| {
             let data = u32::from(e.x) << 17 | u32::from(e.y) << 2 | u32::from(e.on) << 1 | 1;
             [data.to_le_bytes(), (e.t_us as u32 & 0x7fff_ffff).to_le_bytes()].concat()
@@ -242,7 +238,7 @@ pub(crate) mod aedat {
 
     /// A file of AEDAT 3.1 of a DAVIS346: a packet for every so many events, and where the clock
     /// passes its end.
-    pub(crate) fn aedat3(events: &[Event], most: usize) -> Vec<u8> {
+    pub fn aedat3(events: &[Event], most: usize) -> Vec<u8> {
         let mut bytes = aedat3_header(1, "DAVIS346");
         for period in events.chunk_by(|a, b| a.t_us >> 31 == b.t_us >> 31) {
             for packet in period.chunks(most) {
@@ -254,7 +250,7 @@ pub(crate) mod aedat {
     }
 }
 
-pub(crate) mod aedat4 {
+pub mod aedat4 {
     //! A writer of AEDAT4 for the tests: the container, and its tables laid out as the recorders
     //! do.
 
@@ -266,17 +262,23 @@ pub(crate) mod aedat4 {
 
     use super::{SENSOR, events};
 
+    /// How packets are compressed, by its number in the header.
     #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-    pub(crate) enum Compression {
+    pub enum Compression {
+        /// Not at all.
         None = 0,
+        /// Frames of LZ4.
         Lz4 = 1,
+        /// Frames of Zstandard.
         Zstd = 3,
     }
 
     impl Compression {
-        pub(crate) const ALL: [Self; 3] = [Self::None, Self::Lz4, Self::Zstd];
+        /// All of them.
+        pub const ALL: [Self; 3] = [Self::None, Self::Lz4, Self::Zstd];
 
-        pub(crate) fn pack(self, content: &[u8]) -> Vec<u8> {
+        /// The compressed bytes.
+        pub fn pack(self, content: &[u8]) -> Vec<u8> {
             match self {
                 Self::None => content.to_vec(),
                 Self::Lz4 => {
@@ -290,27 +292,31 @@ pub(crate) mod aedat4 {
     }
 
     /// A file to be: its packets are compressed already.
-    pub(crate) struct File {
-        pub(crate) compression: Compression,
-        pub(crate) xml: String,
-        pub(crate) packets: Vec<(i32, Vec<u8>)>,
+    pub struct File {
+        /// How all packets are compressed.
+        pub compression: Compression,
+        /// The streams, as the header names them.
+        pub xml: String,
+        /// The stream and the content of each packet.
+        pub packets: Vec<(i32, Vec<u8>)>,
         /// The content of the packet table, not compressed; `None`: the recording was not closed.
-        pub(crate) table: Option<Vec<u8>>,
+        pub table: Option<Vec<u8>>,
     }
 
     impl File {
         /// An event stream 0 with this geometry, and nothing in it.
-        pub(crate) fn new(compression: Compression, sensor: Option<Sensor>) -> Self {
+        pub fn new(compression: Compression, sensor: Option<Sensor>) -> Self {
             let xml = outputs(&stream(0, "events", "EVTS", sensor));
             Self { compression, xml, packets: Vec::new(), table: Some(vector(*b"FTAB", 0, &[])) }
         }
 
         /// Adds a packet with this content.
-        pub(crate) fn push(&mut self, stream: i32, content: &[u8]) {
+        pub fn push(&mut self, stream: i32, content: &[u8]) {
             self.packets.push((stream, self.compression.pack(content)));
         }
 
-        pub(crate) fn bytes(&self) -> Vec<u8> {
+        /// The whole file.
+        pub fn bytes(&self) -> Vec<u8> {
             let mut packets = Vec::new();
             for (stream, packet) in &self.packets {
                 packets.extend(stream.to_le_bytes());
@@ -328,12 +334,12 @@ pub(crate) mod aedat4 {
     }
 
     /// The XML around the streams' nodes.
-    pub(crate) fn outputs(streams: &str) -> String {
+    pub fn outputs(streams: &str) -> String {
         format!(r#"<dv version="2.0"><node name="outInfo" path="/outInfo/">{streams}</node></dv>"#)
     }
 
     /// A stream's node.
-    pub(crate) fn stream(id: i32, name: &str, kind: &str, sensor: Option<Sensor>) -> String {
+    pub fn stream(id: i32, name: &str, kind: &str, sensor: Option<Sensor>) -> String {
         let size = sensor.map_or(String::new(), |Sensor { width, height }| {
             format!(
                 r#"<attr key="sizeX" type="int">{width}</attr><attr key="sizeY" type="int">{height}</attr>"#
@@ -346,7 +352,7 @@ pub(crate) mod aedat4 {
     }
 
     /// Magic and header.
-    pub(crate) fn header(compression: i32, xml: &str, table: i64) -> Vec<u8> {
+    pub fn header(compression: i32, xml: &str, table: i64) -> Vec<u8> {
         let mut content = Vec::new();
         content.extend(24_u32.to_le_bytes());
         content.extend(b"IOHE");
@@ -368,7 +374,7 @@ pub(crate) mod aedat4 {
     }
 
     /// A buffer whose root has one vector of `count` elements.
-    pub(crate) fn vector(name: [u8; 4], count: u32, elements: &[u8]) -> Vec<u8> {
+    pub fn vector(name: [u8; 4], count: u32, elements: &[u8]) -> Vec<u8> {
         let mut content = Vec::new();
         content.extend(16_u32.to_le_bytes());
         content.extend(name);
@@ -386,7 +392,7 @@ pub(crate) mod aedat4 {
     }
 
     /// A packet's content: events.
-    pub(crate) fn event_packet(events: &[Event]) -> Vec<u8> {
+    pub fn event_packet(events: &[Event]) -> Vec<u8> {
         let mut elements = Vec::new();
         for event in events {
             elements.extend(event.t_us.to_le_bytes());
@@ -398,7 +404,7 @@ pub(crate) mod aedat4 {
     }
 
     /// Events in three packets between a frame, two packets of samples and one trigger.
-    pub(crate) fn sample(compression: Compression) -> Vec<u8> {
+    pub fn sample(compression: Compression) -> Vec<u8> {
         let mut file = File::new(compression, Some(SENSOR));
         let streams = [
             stream(0, "events", "EVTS", Some(SENSOR)),

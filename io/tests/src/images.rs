@@ -23,7 +23,8 @@ fn stored(data: &[u8]) -> Vec<u8> {
     stream
 }
 
-pub(crate) fn chunk(kind: [u8; 4], content: &[u8]) -> Vec<u8> {
+/// A chunk of a PNG.
+pub fn chunk(kind: [u8; 4], content: &[u8]) -> Vec<u8> {
     let mut chunk = u32::try_from(content.len()).unwrap().to_be_bytes().to_vec();
     let summed = [&kind, content].concat();
     chunk.extend(&summed);
@@ -32,16 +33,21 @@ pub(crate) fn chunk(kind: [u8; 4], content: &[u8]) -> Vec<u8> {
 }
 
 /// Sides, depth, colour type and interlacing, as IHDR has them.
-pub(crate) struct Ihdr {
-    pub(crate) width: u32,
-    pub(crate) height: u32,
-    pub(crate) depth: u8,
-    pub(crate) colour: u8,
-    pub(crate) interlaced: bool,
+pub struct Ihdr {
+    /// Columns.
+    pub width: u32,
+    /// Rows.
+    pub height: u32,
+    /// Bits of a sample.
+    pub depth: u8,
+    /// The colour type.
+    pub colour: u8,
+    /// Whether by Adam7.
+    pub interlaced: bool,
 }
 
 /// A PNG with `between` (whole chunks) before the scanlines `raw`, filter bytes included.
-pub(crate) fn png_with(ihdr: &Ihdr, between: &[(&[u8; 4], &[u8])], raw: &[u8]) -> Vec<u8> {
+pub fn png_with(ihdr: &Ihdr, between: &[(&[u8; 4], &[u8])], raw: &[u8]) -> Vec<u8> {
     let mut header = [ihdr.width.to_be_bytes(), ihdr.height.to_be_bytes()].concat();
     header.extend([ihdr.depth, ihdr.colour, 0, 0, u8::from(ihdr.interlaced)]);
     let mut file = b"\x89PNG\r\n\x1a\n".to_vec();
@@ -53,7 +59,7 @@ pub(crate) fn png_with(ihdr: &Ihdr, between: &[(&[u8; 4], &[u8])], raw: &[u8]) -
 }
 
 /// A PNG of `width` x `height` pixels that is not interlaced.
-pub(crate) fn png(width: u32, height: u32, depth: u8, colour: u8, raw: &[u8]) -> Vec<u8> {
+pub fn png(width: u32, height: u32, depth: u8, colour: u8, raw: &[u8]) -> Vec<u8> {
     png_with(&Ihdr { width, height, depth, colour, interlaced: false }, &[], raw)
 }
 
@@ -62,7 +68,7 @@ pub(crate) fn png(width: u32, height: u32, depth: u8, colour: u8, raw: &[u8]) ->
 ///
 /// All quantisers are 1. A mean's difference of `n` bits has the code `n` in 4 bits, the end of a
 /// block the code 0 in 1 bit.
-pub(crate) fn jpeg(width: u16, height: u16, blocks: &[[u8; 3]]) -> Vec<u8> {
+pub fn jpeg(width: u16, height: u16, blocks: &[[u8; 3]]) -> Vec<u8> {
     assert_eq!(blocks.len(), usize::from(width.div_ceil(8)) * usize::from(height.div_ceil(8)));
     let segment = |code: u8, content: &[u8]| {
         let length = u16::try_from(content.len() + 2).unwrap().to_be_bytes();
@@ -99,7 +105,7 @@ pub(crate) fn jpeg(width: u16, height: u16, blocks: &[[u8; 3]]) -> Vec<u8> {
 }
 
 /// One small file of each format.
-pub(crate) fn samples() -> Vec<(&'static str, Vec<u8>)> {
+pub fn samples() -> Vec<(&'static str, Vec<u8>)> {
     let interlaced = Ihdr { width: 2, height: 2, depth: 8, colour: 2, interlaced: true };
     vec![
         ("PNG", png(2, 2, 8, 2, &[0, 1, 2, 3, 4, 5, 6, 0, 7, 8, 9, 10, 11, 12])),
