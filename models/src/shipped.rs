@@ -20,55 +20,54 @@ struct Shipped {
     weights: Option<&'static [u8]>,
 }
 
-/// A network by its name, with the file of its weights.
+/// A network by its name, with its weights.
 macro_rules! shipped {
-    ($name:tt, $file:literal) => {
+    ($name:tt, $weights:path) => {
         Shipped {
             name: $name,
             description: include_str!(concat!("../networks/", $name, ".toml")),
-            weights: if cfg!(feature = $name) {
-                Some(include_bytes!(concat!("../weights/", $file, ".safetensors")))
-            } else {
-                None
-            },
+            #[cfg(feature = $name)]
+            weights: Some($weights),
+            #[cfg(not(feature = $name))]
+            weights: None,
         }
     };
 }
 
 /// Networks over events.
 static EVENTS: [Shipped; 15] = [
-    shipped!("digits-all", "digits/digits-all.0"),
-    shipped!("digits-frozen", "digits/digits-past.0"),
-    shipped!("digits-past", "digits/digits-past.0"),
-    shipped!("force-graph", "force/force-graph.0"),
-    shipped!("graphres", "angle/graphres.0"),
-    shipped!("graphres-published", "angle/graphres-published.0"),
-    shipped!("tactigraph", "angle/tactigraph.0"),
-    shipped!("tactigraph-frozen", "angle/tactigraph-frozen.0"),
-    shipped!("tactigraph-past", "angle/tactigraph-past.0"),
-    shipped!("tactip", "angle/tactip.0"),
-    shipped!("tactip-past", "angle/tactip-past.0"),
-    shipped!("tactip-shear", "angle/tactip-shear.0"),
-    shipped!("touch-containers", "touch/touch-containers.0"),
-    shipped!("touch-letters", "touch/touch-letters.0"),
-    shipped!("touch-objects", "touch/touch-objects.0"),
+    shipped!("digits-all", meissner_weights_digits::DIGITS_ALL),
+    shipped!("digits-frozen", meissner_weights_digits::DIGITS_PAST),
+    shipped!("digits-past", meissner_weights_digits::DIGITS_PAST),
+    shipped!("force-graph", meissner_weights_force::FORCE_GRAPH),
+    shipped!("graphres", meissner_weights_angle::GRAPHRES),
+    shipped!("graphres-published", meissner_weights_angle::GRAPHRES_PUBLISHED),
+    shipped!("tactigraph", meissner_weights_angle::TACTIGRAPH),
+    shipped!("tactigraph-frozen", meissner_weights_angle::TACTIGRAPH_FROZEN),
+    shipped!("tactigraph-past", meissner_weights_angle::TACTIGRAPH_PAST),
+    shipped!("tactip", meissner_weights_angle::TACTIP),
+    shipped!("tactip-past", meissner_weights_angle::TACTIP_PAST),
+    shipped!("tactip-shear", meissner_weights_angle::TACTIP_SHEAR),
+    shipped!("touch-containers", meissner_weights_touch::TOUCH_CONTAINERS),
+    shipped!("touch-letters", meissner_weights_touch::TOUCH_LETTERS),
+    shipped!("touch-objects", meissner_weights_touch::TOUCH_OBJECTS),
 ];
 
-/// Frame networks. Of several trainings, the weights are those of seed 0.
+/// Frame networks.
 static FRAMES: [Shipped; 13] = [
-    shipped!("canf", "area/canf.0"),
-    shipped!("canf-live", "area/canf-live.0"),
-    shipped!("canf-plain", "area/canf-plain.0"),
-    shipped!("event-frame-cnn", "angle/event-frame-cnn.0"),
-    shipped!("force-cnnlstm", "force/force-cnnlstm.0"),
-    shipped!("force-convlstm", "force/force-convlstm.0"),
-    shipped!("force-lstm", "force/force-lstm.0"),
-    shipped!("force-tdnn", "force/force-tdnn.0"),
-    shipped!("slip-best", "slip/slip-best.0"),
-    shipped!("slip-lstm", "slip/slip-lstm.0"),
-    shipped!("slip-regularised", "slip/slip-regularised.0"),
-    shipped!("slip-tuned", "slip/slip-tuned.0"),
-    shipped!("tactip-frames", "angle/tactip-frames.0"),
+    shipped!("canf", meissner_weights_area::CANF),
+    shipped!("canf-live", meissner_weights_area::CANF_LIVE),
+    shipped!("canf-plain", meissner_weights_area::CANF_PLAIN),
+    shipped!("event-frame-cnn", meissner_weights_angle::EVENT_FRAME_CNN),
+    shipped!("force-cnnlstm", meissner_weights_force::FORCE_CNNLSTM),
+    shipped!("force-convlstm", meissner_weights_force::FORCE_CONVLSTM),
+    shipped!("force-lstm", meissner_weights_force::FORCE_LSTM),
+    shipped!("force-tdnn", meissner_weights_force::FORCE_TDNN),
+    shipped!("slip-best", meissner_weights_slip::SLIP_BEST),
+    shipped!("slip-lstm", meissner_weights_slip::SLIP_LSTM),
+    shipped!("slip-regularised", meissner_weights_slip::SLIP_REGULARISED),
+    shipped!("slip-tuned", meissner_weights_slip::SLIP_TUNED),
+    shipped!("tactip-frames", meissner_weights_angle::TACTIP_FRAMES),
 ];
 
 static EVENT_NAMES: [&str; EVENTS.len()] = names(&EVENTS);

@@ -17,7 +17,14 @@ fn features() -> BTreeMap<String, Vec<String>> {
 fn every_shipped_network_is_a_feature_of_one_task_and_all_are_on_by_default() {
     let features = features();
     let names: BTreeSet<&str> = AnyDescription::shipped_names().collect();
-    assert!(names.iter().all(|&name| features.get(name).is_some_and(Vec::is_empty)));
+    for name in &names {
+        // A feature of the crate that has its weights, and of no other network's but one of equal weights.
+        let [weights] = &features[*name][..] else { panic!("{name}: {:?}", features[*name]) };
+        let of = if *name == "digits-frozen" { "digits-past" } else { name };
+        let task =
+            features["shipped"].iter().find(|&task| features[task].iter().any(|of_task| of_task == name));
+        assert_eq!(weights, &format!("meissner-weights-{}/{of}", task.expect("a network has a task")));
+    }
     assert_eq!(features["default"], ["shipped"]);
     let of_tasks: Vec<&str> =
         features["shipped"].iter().flat_map(|task| &features[task]).map(String::as_str).collect();

@@ -373,7 +373,7 @@ extern "C" {
 // The version of the library: 65536 times the major, 256 times the minor and the patch number.
 uint32_t meissner_version(void);
 
-// The version as text, for example "0.1.0". It stays valid.
+// The version as text, for example "0.2.0". It stays valid.
 const char *meissner_version_text(void);
 
 // Whether this library and this processor have a feature: "events", "frames" and "live" name parts

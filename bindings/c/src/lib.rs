@@ -52,7 +52,7 @@ pub extern "C" fn meissner_version() -> u32 {
         + number(env!("CARGO_PKG_VERSION_PATCH"))
 }
 
-/// The version as text, for example "0.1.0". It stays valid.
+/// The version as text, for example "0.2.0". It stays valid.
 #[unsafe(no_mangle)]
 pub extern "C" fn meissner_version_text() -> *const c_char {
     const TEXT: &str = concat!(env!("CARGO_PKG_VERSION"), "\0");
