@@ -1,5 +1,6 @@
-//! Weights of the networks for touch, as safetensors. Each is behind the feature of its network's
-//! name; `meissner-models` reads them.
+//! Weights of the networks for touch, as safetensors.
+//!
+//! Each is behind the feature of its network's name; `meissner-models` reads them.
 #![no_std]
 
 /// Of `touch-containers`.
