@@ -8,6 +8,7 @@ use std::io::{self, Write};
 use flate2::write::GzEncoder;
 use meissner_fuzz::{NETWORK, corpus, snapshot_seeds};
 use meissner_io::Format;
+use meissner_io_tests::codecs::aedat4::{Compression, File, event_packet};
 use meissner_io_tests::{codecs, images};
 use meissner_models::{AnyDescription, Description, TensorFile, draw};
 
@@ -15,7 +16,6 @@ use meissner_models::{AnyDescription, Description, TensorFile, draw};
 #[path = "../../../models/tests/support/torch.rs"]
 mod torch;
 
-use meissner_io_tests::codecs::aedat4::{Compression, File, event_packet};
 use torch::{Deviation, Pickle, View, archive, state_dict};
 
 fn main() -> io::Result<()> {

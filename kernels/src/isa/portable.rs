@@ -117,7 +117,7 @@ fn power_of_two(shifted: f32, more: i32) -> f32 {
 /// Theorem 1: 53 >= 2 * 24 + 2).
 #[inline(always)]
 pub fn fused(a: f32, b: f32, c: f32) -> f32 {
-    if cfg!(any(target_feature = "fma", target_arch = "aarch64")) {
+    if Portable::FUSED {
         return a.mul_add(b, c);
     }
     let (product, c) = (f64::from(a) * f64::from(b), f64::from(c));
@@ -139,17 +139,22 @@ const BELOW: u64 = (1 << 29) - 1;
 const HALF_WAY: u64 = 1 << 28;
 
 /// [`fused`] of each element.
+#[inline(always)]
+pub(crate) fn fused_each<const N: usize>(a: [f32; N], b: [f32; N], c: [f32; N]) -> [f32; N] {
+    if Portable::FUSED {
+        return std::array::from_fn(|i| fused(a[i], b[i], c[i]));
+    }
+    fused_in_f64(a, b, c)
+}
+
+/// [`fused_each`] without such an instruction.
 ///
 /// A sum in f64 that is not half-way between two f32 rounds to the f32 of the exact sum. This is
 /// nearly always so, and testing it needs the bits below an f32's last alone.
 ///
-/// A call: a kernel that has it in each of its sums is ten times as large, and no faster.
-#[cfg_attr(any(target_feature = "fma", target_arch = "aarch64"), inline(always))]
-#[cfg_attr(not(any(target_feature = "fma", target_arch = "aarch64")), inline(never))]
-pub(crate) fn fused_each<const N: usize>(a: [f32; N], b: [f32; N], c: [f32; N]) -> [f32; N] {
-    if cfg!(any(target_feature = "fma", target_arch = "aarch64")) {
-        return std::array::from_fn(|i| fused(a[i], b[i], c[i]));
-    }
+/// A call: with a copy in each of their sums, kernels are half as large again, and no faster.
+#[inline(never)]
+fn fused_in_f64<const N: usize>(a: [f32; N], b: [f32; N], c: [f32; N]) -> [f32; N] {
     let mut sums = [0.0; N];
     let mut hard = 0;
     for i in 0..N {
