@@ -45,6 +45,7 @@
 mod dense;
 mod elementary;
 mod error;
+pub mod floats;
 mod frames;
 mod graph;
 #[allow(

@@ -2,6 +2,7 @@
 
 mod against_naive;
 mod cells_against_naive;
+mod floats;
 mod frames_against_naive;
 mod naive;
 mod promises;

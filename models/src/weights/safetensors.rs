@@ -9,6 +9,7 @@ use std::cmp::Reverse;
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
 
+use meissner_kernels::floats;
 use safetensors::tensor::{Dtype, SafeTensors};
 use serde::Serialize;
 use serde::de::{Deserializer, Error, IgnoredAny, MapAccess, Visitor};
@@ -38,8 +39,8 @@ pub(super) fn read(bytes: &[u8]) -> Result<Contents, FormatError> {
     for (name, view) in file.iter() {
         let (dtype, shape) = (view.dtype(), view.shape().to_vec());
         let tensor = if is_float(dtype) {
-            let count = view.data().len() / (dtype.bitsize() / 8);
-            let values = (0..count).filter_map(|i| float(dtype, view.data(), i)).collect();
+            let values = floats_of(dtype, view.data());
+            let count = values.len();
             Tensor::new(shape, values).ok_or_else(|| {
                 let expected = format!("as many as shape {:?} has", view.shape());
                 FormatError::tensor(name, "values", expected, count.to_string())
@@ -112,42 +113,35 @@ impl TensorFile {
     /// # Panics
     /// Where `shape` has another number of values, or the file has an array `name` already.
     pub fn f32(&mut self, name: &str, shape: &[usize], values: &[f32]) {
-        self.add(name, Dtype::F32, shape, values.iter().copied().map(f32::to_le_bytes));
+        self.add(name, Dtype::F32, shape, floats::to_f32(values));
     }
 
     /// Adds an array of F16 if it has all `values` exactly, or else of F32, with the panics of
     /// [`Self::f32`].
     pub fn floats(&mut self, name: &str, shape: &[usize], values: &[f32]) {
-        match values.iter().copied().map(f32_to_f16).collect::<Option<Vec<u16>>>() {
-            Some(halves) => self.add(name, Dtype::F16, shape, halves.into_iter().map(u16::to_le_bytes)),
+        match floats::to_f16(values) {
+            Some(halves) => self.add(name, Dtype::F16, shape, halves),
             None => self.f32(name, shape, values),
         }
     }
 
     /// Adds an array of I32, row-major, with the panics of [`Self::f32`].
     pub fn i32(&mut self, name: &str, shape: &[usize], values: &[i32]) {
-        self.add(name, Dtype::I32, shape, values.iter().copied().map(i32::to_le_bytes));
+        self.add(name, Dtype::I32, shape, values.iter().copied().flat_map(i32::to_le_bytes).collect());
     }
 
     /// Adds an array of I64, row-major, with the panics of [`Self::f32`].
     pub fn i64(&mut self, name: &str, shape: &[usize], values: &[i64]) {
-        self.add(name, Dtype::I64, shape, values.iter().copied().map(i64::to_le_bytes));
+        self.add(name, Dtype::I64, shape, values.iter().copied().flat_map(i64::to_le_bytes).collect());
     }
 
     /// Adds an array of U8, row-major, with the panics of [`Self::f32`].
     pub fn u8(&mut self, name: &str, shape: &[usize], values: &[u8]) {
-        self.add(name, Dtype::U8, shape, values.iter().map(|&value| [value]));
+        self.add(name, Dtype::U8, shape, values.to_owned());
     }
 
-    fn add<const N: usize>(
-        &mut self,
-        name: &str,
-        dtype: Dtype,
-        shape: &[usize],
-        values: impl Iterator<Item = [u8; N]>,
-    ) {
-        let bytes: Vec<u8> = values.flatten().collect();
-        let expected = shape.iter().fold(N, |bytes, &side| bytes.saturating_mul(side));
+    fn add(&mut self, name: &str, dtype: Dtype, shape: &[usize], bytes: Vec<u8>) {
+        let expected = shape.iter().fold(dtype.bitsize() / 8, |bytes, &side| bytes.saturating_mul(side));
         assert_eq!(bytes.len(), expected, "{name}: bytes of shape {shape:?}");
         assert!(self.arrays.iter().all(|array| array.name != name), "{name}: one array of a name");
         self.arrays.push(Array { name: name.to_owned(), dtype, shape: shape.to_owned(), bytes });
@@ -234,43 +228,24 @@ pub(super) fn is_float(dtype: Dtype) -> bool {
     matches!(dtype, Dtype::F16 | Dtype::BF16 | Dtype::F32 | Dtype::F64)
 }
 
+/// All values of a floating-point type, little-endian.
+fn floats_of(dtype: Dtype, bytes: &[u8]) -> Vec<f32> {
+    match dtype {
+        Dtype::F16 => floats::from_f16(bytes),
+        Dtype::F32 => floats::from_f32(bytes),
+        _ => (0..bytes.len() / (dtype.bitsize() / 8)).filter_map(|i| float(dtype, bytes, i)).collect(),
+    }
+}
+
 /// Little-endian value `index` of a floating-point type; `None` past the end and otherwise.
 pub(crate) fn float(dtype: Dtype, bytes: &[u8], index: usize) -> Option<f32> {
     let size = dtype.bitsize() / 8;
     let bytes = bytes.get(index.checked_mul(size)?..)?.get(..size)?;
     Some(match dtype {
-        Dtype::F16 => f16_to_f32(u16::from_le_bytes(bytes.try_into().ok()?)),
+        Dtype::F16 => floats::f16_to_f32(u16::from_le_bytes(bytes.try_into().ok()?)),
         Dtype::BF16 => f32::from_bits(u32::from(u16::from_le_bytes(bytes.try_into().ok()?)) << 16),
         Dtype::F32 => f32::from_le_bytes(bytes.try_into().ok()?),
         Dtype::F64 => f64::from_le_bytes(bytes.try_into().ok()?) as f32,
         _ => return None,
     })
-}
-
-/// The smallest binary16 above 0, 2^-24.
-const UNIT: f32 = 1.0 / 16_777_216.0;
-
-/// The bits of the finite binary16 that has the value of `value` exactly, if there is one.
-pub(crate) fn f32_to_f16(value: f32) -> Option<u16> {
-    let bits = value.to_bits();
-    let magnitude = match (bits >> 23 & 0xff) as i32 - 127 + 15 {
-        ..=0 => (value.abs() / UNIT) as u32,
-        31.. => return None,
-        exponent => (exponent as u32) << 10 | bits >> 13 & 0x3ff,
-    };
-    let half = (bits >> 16 & 0x8000 | magnitude) as u16;
-    (f16_to_f32(half).to_bits() == bits).then_some(half)
-}
-
-/// IEEE 754 binary16 as f32, exactly.
-pub(crate) fn f16_to_f32(bits: u16) -> f32 {
-    let sign = u32::from(bits & 0x8000) << 16;
-    let exponent = u32::from(bits >> 10 & 0x1f);
-    let mantissa = u32::from(bits & 0x3ff);
-    let magnitude = match exponent {
-        0 => (mantissa as f32 * UNIT).to_bits(),
-        0x1f => 0x7f80_0000 | mantissa << 13,
-        _ => (exponent + 127 - 15) << 23 | mantissa << 13,
-    };
-    f32::from_bits(sign | magnitude)
 }
