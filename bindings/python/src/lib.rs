@@ -9,6 +9,7 @@
 //! | `description`, `weights` | networks, from whatever a user has |
 //! | `representations`, `filters`, `recording`, `write` | frames of events; files |
 //! | `simulate` | a membrane, markers and a camera |
+//! | `sums` | what trainings compute in Rust |
 //! | `datasets`, `evaluate`, `metrics` | labelled data sets, figures of networks on them |
 //! | `threads` | one at a time in an object; forks; long work that can be stopped |
 //! | `error`, `warned` | exceptions, warnings |
@@ -32,6 +33,7 @@ mod prediction;
 mod recording;
 mod representations;
 mod simulate;
+mod sums;
 mod threads;
 mod warned;
 mod weights;
@@ -60,6 +62,7 @@ mod _meissner {
         recording::{Blocks, Recording, Windows, open},
         representations::{EventFrame, EventFrames, SlidingFrame, TimeSurface, VoxelGrid, frames_for},
         simulate::{Camera, Press, film_markers},
+        sums::{_spline_sums, _spline_sums_gradient},
         weights::{Card, Weights},
         write::write,
     };

@@ -5,6 +5,7 @@ import importlib.util
 import inspect
 import pickle
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +18,8 @@ torch = pytest.importorskip("torch")
 pytest.importorskip("safetensors")
 
 from meissner.torch import Film, Module, Presses, Readouts, errors, fit, moved, save  # noqa: E402
-from meissner.torch._graphs import columns_of  # noqa: E402
+from meissner.torch import _layers  # noqa: E402
+from meissner.torch._graphs import Level, columns_of  # noqa: E402
 from safetensors.numpy import load_file, save_file  # noqa: E402
 
 torch.set_num_threads(1)
@@ -107,6 +109,24 @@ def test_blocks_of_all_kinds_agree_and_layers_may_have_the_names_of_methods(life
     with torch.no_grad():
         found = module(module.graphs(SENSOR, streams).batch(range(4))).numpy()
     near(found, meissner.Batch(own, SENSOR, weights).predict_all(streams))
+
+
+@pytest.mark.parametrize("channels", [1, 3, 8, 13, 24, 40])
+@pytest.mark.parametrize("kernel", [(2, 2, 2), (3, 1, 4)])
+def test_sums_over_in_edges_and_their_gradient_are_those_in_double_precision(kernel, channels):
+    torch.manual_seed(channels)
+    rows, k = 9000, 5
+    level = Level(source=torch.randint(rows, (rows, k)), there=torch.rand(rows, k) < 0.7, attribute=torch.rand(rows, k, 3))
+    level.attribute[:100].round_()
+    x, gradient = torch.randn(rows, channels, requires_grad=True), torch.randn(rows, np.prod(kernel) * channels)
+    found = _layers.spline_sums(x, level, kernel)
+    # PyTorch's gather, product and scatter.
+    doubled = replace(level, attribute=level.attribute.double())
+    expected = _layers.spline_sums(x.double(), doubled, kernel)
+    near(found.detach().numpy(), expected.detach().numpy())
+    near(*(torch.autograd.grad(sums, x, gradient.to(sums.dtype))[0].numpy() for sums in (found, expected)))
+    with pytest.raises(meissner.InputError, match=r"source: expected 0 to 9000, found 9000"):
+        _layers.spline_sums(x, replace(level, source=level.source + 1), kernel)
 
 
 @pytest.mark.filterwarnings("ignore::meissner.MeissnerWarning")

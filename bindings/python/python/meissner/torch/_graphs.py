@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 from dataclasses import dataclass, field, fields, replace
 from fractions import Fraction
+from functools import cached_property
 
 import numpy as np
 import torch
@@ -30,7 +31,7 @@ class Level:
     place: torch.Tensor | None = None  # (pooled,), the row of this level that pools each
     bases: dict = field(default_factory=dict)
 
-    @property
+    @cached_property
     def in_edges(self):
         """(rows, 1), at least 1."""
         return self.there.sum(1, keepdim=True).clamp(min=1).to(self.attribute.dtype)
@@ -47,6 +48,10 @@ class Level:
                 product = (product[:, :, None] * hats[:, None]).flatten(1, 2)
             self.bases[tuple(kernel)] = product
         return self.bases[tuple(kernel)]
+
+    def in_numpy(self):
+        """Sources, whether they are there, and attributes, as functions in Rust read them."""
+        return tuple(tensor.contiguous().numpy() for tensor in (self.source, self.there, self.attribute))
 
     def to(self, device):
         moved = {each.name: getattr(self, each.name) for each in fields(self) if each.name != "bases"}

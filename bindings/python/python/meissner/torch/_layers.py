@@ -9,6 +9,8 @@ from __future__ import annotations
 import torch
 import torch.nn.functional as F
 
+from .._meissner import _spline_sums, _spline_sums_gradient
+
 ACTIVATIONS = {"identity": lambda x: x, "elu": F.elu, "relu": F.relu, "tanh": torch.tanh, "sigmoid": torch.sigmoid}
 # The part of the first tensor's name that a layer's prefix ends before.
 FIRST = {"spline": "conv.weight", "pointnet": "conv.weight", "conv_lstm": "gates.weight", "squeeze_excite": "down.weight"}
@@ -18,14 +20,35 @@ MEMORY = ("lstm", "conv_lstm", "delay")
 def spline(module, layer, x, level):
     """Mean over the in-edges, root, bias, ELU, batch norm; without in-edges the mean is 0."""
     part = module.parts[layer["name"]]
-    read = x.index_select(0, level.source.flatten()).unflatten(0, level.source.shape)
-    sums = torch.bmm(level.basis(layer["kernel"]), read).flatten(1)
-    found = sums @ module[part["conv.weight"]].flatten(0, 1) / level.in_edges
+    found = spline_sums(x, level, layer["kernel"]) @ module[part["conv.weight"]].flatten(0, 1) / level.in_edges
     if layer["root"]:
         found = found + x @ module[part["conv.lin.weight"]].mT
     if layer["bias"]:
         found = found + module[part["conv.bias"]]
     return norm(module, layer, F.elu(found) if layer["elu"] else found)
+
+
+def spline_sums(x, level, kernel):
+    """(rows, slots x channels): what the in-edges read, summed per slot of the kernel."""
+    if x.device.type == "cpu" and x.dtype == torch.float32:
+        return SplineSums.apply(x, level, kernel)
+    read = x.index_select(0, level.source.flatten()).unflatten(0, level.source.shape)
+    return torch.bmm(level.basis(kernel), read).flatten(1)
+
+
+class SplineSums(torch.autograd.Function):
+    """`spline_sums` in Rust: PyTorch makes arrays of all in-edges for it."""
+
+    @staticmethod
+    def forward(ctx, x, level, kernel):
+        ctx.rows, ctx.level, ctx.kernel = len(x), level, kernel
+        return torch.from_numpy(_spline_sums(x.detach().contiguous().numpy(), *level.in_numpy(), kernel))
+
+    @staticmethod
+    @torch.autograd.function.once_differentiable
+    def backward(ctx, gradient):
+        gradient = gradient.contiguous().numpy()
+        return torch.from_numpy(_spline_sums_gradient(gradient, *ctx.level.in_numpy(), ctx.kernel, ctx.rows)), None, None
 
 
 def pointnet(module, layer, x, level):
