@@ -153,16 +153,19 @@ Writes, of T times one press after the other:
 #[derive(Debug, clap::Args)]
 #[command(after_long_help = DOME)]
 struct DomeArgs {
-    /// Presses for each of 10 tilts and 20 directions: N = 1 makes 200.
+    /// Presses of each plane, of 10 tilts and 20 directions: N = 1 makes 200.
     ///
     /// The shipped networks were trained on 12. The program says the time and the size before it
     /// starts.
     #[arg(long, alias = "presses", value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u16).range(1..), help_heading = MEASUREMENT)]
     each: u16,
+    /// Planes at random instead of the 200 of the plan: tilts of 0 to 9 degrees, any direction.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..), help_heading = MEASUREMENT)]
+    planes: Option<u16>,
     /// Size of the sensor in pixels.
     #[arg(long, value_name = "WxH", default_value = "346x260", value_parser = sensor, help_heading = INPUT)]
     sensor: Sensor,
-    /// Seed of depths and durations.
+    /// Seed of depths and durations, and of random planes.
     #[arg(long, value_name = "N", default_value_t = 0, help_heading = MEASUREMENT)]
     seed: u64,
     #[command(flatten)]
@@ -409,16 +412,18 @@ const FILM_BYTES: f64 = 2.6e6;
 fn dome(args: &DomeArgs) -> Result<String, CliError> {
     args.file.check()?;
     let pool = Threads::default().pool()?;
-    let presses = u64::from(args.each) * DOME_KINDS as u64;
+    let planes = args.planes.map_or(DOME_KINDS, usize::from);
+    let presses = u64::from(args.each) * planes as u64;
     let megabytes = |each: f64| grouped((presses as f64 * each / 1e6).ceil() as u64);
     tell(format_args!(
         "{} presses: about {} s of computing, {} MB; events that `simulate markers` films of them take about {} MB",
         grouped(presses),
-        grouped((DOME_KINDS as f64 * DOME_SECONDS / pool.current_num_threads() as f64) as u64),
+        grouped((planes as f64 * DOME_SECONDS / pool.current_num_threads() as f64) as u64),
         megabytes(TRACK_BYTES),
         megabytes(FILM_BYTES),
     ));
-    let prepared = dome_presses(args.each.into(), args.sensor, args.seed, &pool);
+    let prepared =
+        dome_presses(args.planes.map(usize::from), args.each.into(), args.sensor, args.seed, &pool);
     args.file.write(prepared.file.into_bytes())?;
     Ok(prepared.contents)
 }

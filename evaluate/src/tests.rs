@@ -251,9 +251,13 @@ mod truth {
 }
 
 mod dome {
-    use meissner_engine::Sensor;
+    use std::collections::BTreeSet;
+    use std::f64::consts::PI;
 
-    use crate::prepare::dome::{record, rising_time};
+    use meissner_engine::Sensor;
+    use meissner_kernels::random::Random;
+
+    use crate::prepare::dome::{planes, record, rising_time};
 
     #[test]
     fn the_depth_rises_as_the_smooth_step_says() {
@@ -262,6 +266,19 @@ mod dome {
             let share = time * time * (3.0 - 2.0 * time);
             assert!((rising_time(share) - time).abs() < 1e-9, "{share}");
         }
+    }
+
+    #[test]
+    fn planes_of_the_plan_are_200_and_others_lean_by_at_most_9_degrees_in_every_direction() {
+        let plan = planes(None, &mut Random::new(0));
+        assert_eq!((plan.len(), plan[0], plan[21].0), (200, (0.0, 0.0), PI / 180.0));
+        let others = planes(Some(1000), &mut Random::new(3));
+        let degrees = others.iter().map(|(tilt, azimuth)| (tilt.to_degrees(), azimuth.to_degrees()));
+        assert!(degrees.clone().all(|(tilt, _)| (0.0..=9.0).contains(&tilt)));
+        let tens: BTreeSet<_> = degrees.map(|(_, azimuth)| (azimuth / 10.0) as u32).collect();
+        assert!(tens.into_iter().eq(0..36));
+        assert_eq!(others, planes(Some(1000), &mut Random::new(3)));
+        assert_ne!(others, planes(Some(1000), &mut Random::new(4)));
     }
 
     #[test]

@@ -18,6 +18,7 @@ use super::{Prepared, metadata};
 
 /// The published plan: tilts from 0 to 9 degrees, directions, ranges of depth and duration.
 const TILTS: usize = 10;
+const MAX_TILT: f64 = 9.0 * PI / 180.0;
 const DIRECTIONS: usize = 20;
 const DEPTH_MM: [f64; 2] = [5.0, 15.0];
 const DURATION_US: [f64; 2] = [90_000.0, 200_000.0];
@@ -30,25 +31,28 @@ pub const DOME_KINDS: usize = TILTS * DIRECTIONS;
 /// Depth between two recorded positions, in millimetres; markers move straight between them.
 const RECORD_MM: f64 = 0.5;
 
-/// Presses of the default [`Dome`], `each` of all tilts and directions, seen by a `sensor`.
+/// Presses of the default [`Dome`], `each` of all tilts and directions, or of `planes` with a tilt
+/// of 0 to 9 degrees and a direction that `seed` determines, seen by a `sensor`.
 ///
 /// Depth rises from 0 with a smooth start and a smooth end. Presses of one tilt and direction
 /// differ in depth and duration, which `seed` determines. The result has `t_us` I64 (times),
 /// `start` I64 (presses + 1) and `position` F32 (times, markers, 2), as [`super::film_markers`]
 /// reads them, and for each time `roll`, `pitch` (radians), `depth` (mm) and `force` (N), F32
 /// (times). Roll and pitch are the angles of the plane about x and y. The threads of `pool` share
-/// the tilts.
+/// the planes.
 ///
-/// Complexity: two hundred presses to 15 mm, each about two seconds of one core.
-pub fn dome_presses(each: usize, sensor: Sensor, seed: u64, pool: &ThreadPool) -> Prepared {
-    let kinds: Vec<(f64, f64)> = (0..DOME_KINDS)
-        .map(|i| {
-            ((i / DIRECTIONS) as f64 * PI / 180.0, (i % DIRECTIONS) as f64 * 2.0 * PI / DIRECTIONS as f64)
-        })
-        .collect();
+/// Complexity: a press to 15 mm for each plane, about two seconds of one core.
+pub fn dome_presses(
+    planes: Option<usize>,
+    each: usize,
+    sensor: Sensor,
+    seed: u64,
+    pool: &ThreadPool,
+) -> Prepared {
+    let mut random = Random::new(seed);
+    let kinds = self::planes(planes, &mut random);
     let recorded: Vec<Vec<Recorded>> =
         pool.install(|| kinds.par_iter().map(|&(tilt, azimuth)| record(tilt, azimuth, sensor)).collect());
-    let mut random = Random::new(seed);
     let mut uniform = |[low, high]: [f64; 2]| low + random.uniform() * (high - low);
     let (mut t_us, mut start, mut positions) = (Vec::new(), vec![0], Vec::new());
     let mut labels = [const { Vec::new() }; 4];
@@ -87,6 +91,20 @@ pub fn dome_presses(each: usize, sensor: Sensor, seed: u64, pool: &ThreadPool) -
     }
     let presses = grouped(start.len() as u64 - 1);
     Prepared { file, contents: format!("tracks of {markers} markers in {presses} presses") }
+}
+
+/// Tilts and azimuths in radians: of the plan, or so many at random.
+pub(crate) fn planes(number: Option<usize>, random: &mut Random) -> Vec<(f64, f64)> {
+    match number {
+        None => {
+            let tilt = |i: usize| (i / DIRECTIONS) as f64 * PI / 180.0;
+            let azimuth = |i: usize| (i % DIRECTIONS) as f64 * 2.0 * PI / DIRECTIONS as f64;
+            (0..DOME_KINDS).map(|i| (tilt(i), azimuth(i))).collect()
+        }
+        Some(number) => {
+            (0..number).map(|_| (MAX_TILT * random.uniform(), 2.0 * PI * random.uniform())).collect()
+        }
+    }
 }
 
 /// A dome during a press.

@@ -13,6 +13,9 @@ and a hold after it. The parts are
     unseen         those of `test` in the directions UNSEEN
     jitter         those of `test`, every event moved by up to a pixel along each axis
 
+The cameras `on-planes` and `off-planes` film other presses to learn from: on planes of any tilt up to 9 degrees and any direction that is no
+nearer to one of UNSEEN than to others of the plan. The dome looks the same after a turn by 60 degrees, so that each computed plane is six.
+
 Cameras that are used film the first three. With `--cameras N`, further cameras of each kind, CAMERA-2 to CAMERA-N, film `train`. All files
 are as `meissner simulate markers` writes them: events, and roll, pitch, depth and force along time.
 """
@@ -32,6 +35,8 @@ from shared import meissner
 SENSOR = 346, 260
 DIRECTIONS, EACH = 20, 16  # presses of each of 10 tilts and 20 directions
 PARTS = {"train": range(10), "valid": range(10, 12), "test": range(12, 16), "unseen": range(12, 16)}
+# Planes at random that are computed for `planes`, and presses of each.
+PLANES, EACH_PLANE = 150, 16
 # 72, 108, 252 and 288 degrees: mirror images of each other, so that mirrored presses do not show them either.
 UNSEEN = 4, 6, 14, 16
 # The settings that were chosen to agree with a real stream (docs/simulated-touch.md).
@@ -51,6 +56,7 @@ def main():
     tracks = args.folder / "tracks.safetensors"
     if not tracks.exists():
         meissner("simulate", "dome", "--each", EACH, "--seed", 1, "--out", tracks)
+    film_planes(args.folder)
     for camera in range(args.cameras):
         for part in PARTS if camera == 0 else ["train"]:
             film_part(args.folder, load_file(tracks), part, camera)
@@ -72,6 +78,28 @@ def film_part(data, tracks, part, camera):
             # Only the first cameras have the same seed with the lamp on and off.
             seed = 100_000 * (number + first + 20 * camera) + 10_000 * camera * lamp
             film(shown, name, data / folder / f"{part}.safetensors", seed)
+
+
+def film_planes(data):
+    """Films presses on planes at random, each press turned by a multiple of 60 degrees."""
+    path = data / "planes.safetensors"
+    if not path.exists():
+        meissner("simulate", "dome", "--planes", PLANES, "--each", EACH_PLANE, "--seed", 2, "--out", path)
+    tracks, random = load_file(path), np.random.default_rng(2)
+    start = tracks["start"]
+    tilts = tracks["pitch"] - 1j * tracks["roll"]  # tilt, in the direction of the lean
+    places = tracks["position"] - (np.array(SENSOR, np.float32) - 1) / 2
+    places = places[..., 0] + 1j * places[..., 1]
+    for first, end in zip(start[:-1], start[1:]):
+        turns = np.exp(1j * np.pi / 3 * random.permutation(6))
+        near = np.angle(tilts[first] * turns) % (2 * np.pi) * DIRECTIONS / (2 * np.pi)
+        turn = turns[~np.isin(np.round(near) % DIRECTIONS, UNSEEN)][0]
+        tilts[first:end] *= turn
+        places[first:end] *= turn
+    tracks["roll"], tracks["pitch"] = -tilts.imag.astype(np.float32), tilts.real.astype(np.float32)
+    tracks["position"] = (np.stack([places.real, places.imag], -1) + (np.array(SENSOR) - 1) / 2).astype(np.float32)
+    for lamp in LAMPS:
+        film(tracks, lamp, data / f"{lamp}-planes" / "train.safetensors", 90_000_000)
 
 
 def film(tracks, lamp, out, seed):

@@ -15,6 +15,7 @@ import shared
 import stages
 
 LAMPS, ALL = ["on", "off"], ["on", "off", "off-used", "on-used"]
+PLANES = ["on-planes", "off-planes"]
 MIRRORS = ["columns", "rows"]
 
 
@@ -54,6 +55,7 @@ STAGES = {
         "third": stage(30, 0.002, ["second"], **POOLED),
         "head": head(400, 0.002, 0.1, ["third"], LAMPS, LAMPS, 1, 1.0, mirrors=()) | {"blocks": True},
         "fourth": stage(9, 0.002, ["head"], decay=0.01, passes=3, **POOLED),
+        "planes": stage(9, 0.002, ["fourth"], PLANES, decay=0.01, passes=3, **POOLED) | {"valid": LAMPS},
     },
     "tactigraph-frozen": {
         "first": stage(4, 0.001, ["/tactigraph.second"], blocks=True, **POOLED),
