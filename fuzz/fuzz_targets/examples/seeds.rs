@@ -6,6 +6,7 @@ use std::fs;
 use std::io::{self, Write};
 
 use flate2::write::GzEncoder;
+use meissner_engine::Event;
 use meissner_fuzz::{NETWORK, corpus, snapshot_seeds};
 use meissner_io::Format;
 use meissner_io_tests::codecs::aedat4::{Compression, File, event_packet};
@@ -20,6 +21,7 @@ use torch::{Deviation, Pickle, View, archive, state_dict};
 
 fn main() -> io::Result<()> {
     recordings()?;
+    sockets()?;
     electrodes()?;
     labels()?;
     pictures()?;
@@ -41,6 +43,25 @@ fn put(target: &str, name: &str, bytes: &[u8]) -> io::Result<()> {
     let folder = corpus::folder().join(target);
     fs::create_dir_all(&folder)?;
     fs::write(folder.join(name), bytes)
+}
+
+/// What may arrive on a socket, after a byte that chooses the protocol.
+fn sockets() -> io::Result<()> {
+    let near: Vec<_> =
+        (0..40).map(|i| Event::new(i * 1_000, i as u16 % 30, i as u16 % 7, i % 3 > 0)).collect();
+    let text = codecs::encoded(Format::Csv, None, &near);
+    let odd = String::from_utf8_lossy(&text).replace("5,", "x,").into_bytes();
+    for (choice, name, bytes) in [
+        (1, "text", text.clone()),
+        (1, "odd-lines", odd),
+        (5, "datagrams", text),
+        (2, "evt2", codecs::evt2("", &codecs::evt2_words(&near))),
+        (3, "evt3", codecs::encoded(Format::Evt3, None, &near)),
+        (4, "aedat4", codecs::encoded(Format::Aedat4, Some(codecs::SENSOR), &near).split_off(14)),
+    ] {
+        put("socket", name, &[&[choice], &bytes[..]].concat())?;
+    }
+    Ok(())
 }
 
 fn recordings() -> io::Result<()> {
@@ -94,7 +115,7 @@ fn recordings() -> io::Result<()> {
         &codecs::evt3("% format EVT3\n% end\n", &[0x8fff, 0x6fff, 0x0001, 0x2001, 0x8000, 0x6000, 0x2802]),
     )?;
     put("dat", "no-sensor", &codecs::encoded(Format::Dat, None, events))?;
-    let on_128: Vec<_> = events.iter().map(|e| meissner_engine::Event { y: e.y % 128, ..*e }).collect();
+    let on_128: Vec<_> = events.iter().map(|e| Event { y: e.y % 128, ..*e }).collect();
     let records = codecs::aedat::dvs128_records(&on_128);
     put("aedat2", "no-chip", &codecs::aedat::aedat2(&["created by hand"], &records))?;
     let words = [0, 1 << 31, 1 << 31 | 3 << 10, 1 << 10].map(|word| [word, u32::MAX]);

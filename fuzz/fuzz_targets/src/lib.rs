@@ -9,6 +9,7 @@ mod descriptions;
 mod oracle;
 mod recordings;
 mod snapshots;
+mod sockets;
 mod weights;
 
 use c_interface::c_interface;
@@ -17,6 +18,7 @@ use meissner_io::Format;
 use oracle::{graph, interleavings};
 use recordings::{any_recording, convert, csv, electrodes, image, labels, mcap, raw, recording, video};
 use snapshots::{frame_snapshot, snapshot};
+use sockets::socket;
 use weights::{pickle, weights};
 
 pub use corpus::Mutator;
@@ -42,7 +44,7 @@ pub struct Target {
 }
 
 /// All targets.
-pub const TARGETS: [Target; 31] = [
+pub const TARGETS: [Target; 32] = [
     Target { name: "aedat4", run: |bytes| recording(Format::Aedat4, bytes) },
     Target { name: "aedat3", run: |bytes| recording(Format::Aedat3, bytes) },
     Target { name: "aedat2", run: |bytes| recording(Format::Aedat2, bytes) },
@@ -53,6 +55,7 @@ pub const TARGETS: [Target; 31] = [
     Target { name: "es", run: |bytes| recording(Format::Es, bytes) },
     Target { name: "nmnist", run: |bytes| recording(Format::Nmnist, bytes) },
     Target { name: "raw", run: raw },
+    Target { name: "socket", run: socket },
     Target { name: "csv", run: csv },
     Target { name: "npy", run: |bytes| recording(Format::Npy, bytes) },
     Target { name: "hdf5", run: |bytes| recording(Format::Hdf5, bytes) },
