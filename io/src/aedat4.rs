@@ -73,6 +73,8 @@ pub(crate) fn decode(bytes: &[u8], options: ReadOptions) -> Result<Recording, Io
 
 /// What is taken for granted of a file whose header declares no stream.
 const ASSUMED: &str = "the program that wrote this file left out of its header which streams it has: their packets tell, and no sensor is named";
+/// Most streams that packets alone tell: more would take memory for ever.
+const MAX_STREAMS: usize = 1024;
 /// Bytes of a packet's content up to the end of its name.
 const NAMED: u64 = 12;
 
@@ -89,14 +91,18 @@ fn holds_events(content: Bytes<'_>) -> bool {
 }
 
 /// The places of the streams of events.
-fn of_events(kinds: &[StreamKind]) -> impl Iterator<Item = usize> {
-    kinds.iter().zip(0..).filter(|(kind, _)| **kind == StreamKind::Events).map(|(_, index)| index)
+fn of_events(streams: &[StreamSummary]) -> impl Iterator<Item = usize> {
+    streams.iter().zip(0..).filter(|(stream, _)| stream.kind == StreamKind::Events).map(|(_, index)| index)
 }
 
-/// What is known of a file before its packets are read.
+/// What is known of a file before its packets are read, and what they told.
 #[derive(Clone, Debug)]
 pub(crate) struct Container {
     header: Header,
+    /// The streams that the header declares, or those of the packets so far.
+    streams: Vec<StreamSummary>,
+    /// Those that nothing names.
+    unnamed: BTreeSet<usize>,
     /// The stream whose events are read: the first, or the chosen one, among those of events.
     main: Option<usize>,
     /// Its number among the streams of events, from 1.
@@ -111,25 +117,30 @@ pub(crate) struct Container {
 impl Container {
     fn new(header: Header, length: u64, options: ReadOptions) -> Result<Self, IoError> {
         let asked = options.stream_number();
-        let kinds: Vec<_> = header.streams.iter().map(|stream| stream.summary.kind).collect();
-        let main = of_events(&kinds).nth(asked - 1);
-        if main.is_none() && asked > 1 && !kinds.is_empty() {
-            return Err(no_stream(asked, of_events(&kinds).count()));
+        let streams: Vec<_> = header.streams.iter().map(|stream| stream.summary.clone()).collect();
+        let main = of_events(&streams).nth(asked - 1);
+        if main.is_none() && asked > 1 && !streams.is_empty() {
+            return Err(no_stream(asked, of_events(&streams).count()));
         }
         let index_of = header.streams.iter().map(|stream| stream.id).zip(0..).collect();
-        Ok(Self { header, main, asked, strict: options.strict, index_of, budget: most(length) })
+        let (unnamed, strict, budget) = (BTreeSet::new(), options.strict, most(length));
+        Ok(Self { header, streams, unnamed, main, asked, strict, index_of, budget })
     }
 
-    /// The events of `packets`.
+    /// The events of `packets`, which are all that there are.
     fn events(&self, packets: Bytes<'_>, salvage: bool) -> Result<Recording, IoError> {
-        let Header { compression, streams, .. } = &self.header;
-        let mut inflater = Inflater::new(*compression, packets);
-        let (mut main, mut index_of) = (self.main, self.index_of.clone());
-        let sensor = main.and_then(|main| streams[main].sensor);
-        let mut others: Vec<StreamSummary> = streams.iter().map(|stream| stream.summary.clone()).collect();
-        let mut passed = PassedOver::new(self.strict);
-        // Streams that nothing names.
-        let mut unnamed = BTreeSet::new();
+        let mut container = self.clone();
+        let recording = container.read(packets, salvage)?;
+        container.end()?;
+        Ok(recording)
+    }
+
+    /// The events of `packets`, after those that were read before.
+    fn read(&mut self, packets: Bytes<'_>, salvage: bool) -> Result<Recording, IoError> {
+        let Self { header, streams, unnamed, main, asked, strict, index_of, .. } = self;
+        let mut inflater = Inflater::new(header.compression, packets);
+        let sensor = main.and_then(|main| header.streams.get(main)?.sensor);
+        let mut passed = PassedOver::new(*strict);
         let (mut events, mut at, mut salvaged) = (Vec::new(), 0, None);
         while at < packets.len() {
             if salvage && !is_whole(packets, at) {
@@ -144,29 +155,32 @@ impl Container {
             let packet = packets.get("packet", at + PACKET_HEADER, size)?;
             let index = match index_of.get(&id) {
                 Some(&index) => index,
-                None if streams.is_empty() => {
+                None if header.streams.is_empty() => {
+                    if streams.len() == MAX_STREAMS {
+                        let expected = format!("at most {MAX_STREAMS} streams");
+                        return Err(packets.malformed("stream of a packet", at, expected, id));
+                    }
                     let start = inflater.prefix(packet, at, NAMED)?;
                     let name = name_of(packets.packet(at, start), "packet")?;
                     let summary = if name.iter().all(u8::is_ascii_alphanumeric) {
                         StreamSummary::new(&String::from_utf8_lossy(&name), kind_of(&name))
                     } else {
-                        unnamed.insert(others.len());
+                        unnamed.insert(streams.len());
                         let content = packets.packet(at, inflater.inflate(packet, at)?);
                         let kind = if holds_events(content) { StreamKind::Events } else { StreamKind::Other };
                         StreamSummary::new("packets without a name", kind)
                     };
-                    others.push(summary);
-                    index_of.insert(id, others.len() - 1);
-                    let kinds: Vec<_> = others.iter().map(|stream| stream.kind).collect();
-                    main = of_events(&kinds).nth(self.asked - 1);
-                    others.len() - 1
+                    streams.push(summary);
+                    index_of.insert(id, streams.len() - 1);
+                    *main = of_events(streams).nth(*asked - 1);
+                    streams.len() - 1
                 }
                 None => {
                     let expected = format!("one of the {} that the header declares", streams.len());
                     return Err(packets.malformed("stream of a packet", at, expected, id));
                 }
             };
-            let stream = &mut others[index];
+            let stream = &mut streams[index];
             let layout = match stream.kind {
                 StreamKind::Events => Some(EVENTS),
                 // Samples and triggers are tables; a vector holds their offsets of four bytes.
@@ -179,7 +193,7 @@ impl Container {
                 let content = packets.packet(at, inflater.inflate(packet, at)?);
                 let name = (!unnamed.contains(&index)).then_some(name);
                 let (start, elements) = Table::parse(content, what, name)?.vector(0, stride)?;
-                if Some(index) == main {
+                if Some(index) == *main {
                     append_events(content, (start, elements), sensor, &mut events, &mut passed)?;
                 } else {
                     stream.add((elements.len() / stride) as u64);
@@ -189,20 +203,27 @@ impl Container {
             }
             at += PACKET_HEADER + size;
         }
-        let kinds: Vec<_> = others.iter().map(|stream| stream.kind).collect();
-        if main.is_none() && self.asked > 1 {
-            return Err(no_stream(self.asked, of_events(&kinds).count()));
-        }
-        if main.is_none() && !unnamed.is_empty() {
-            return Err(IoError::Unsupported {
-                expected: "AEDAT4 whose header or packets say what they hold",
-                actual: "neither: the program that wrote this file left it out".to_owned(),
-            });
-        }
-        let assumed = if streams.is_empty() { vec![ASSUMED] } else { Vec::new() };
-        let (other_streams, left_out) = (StreamSummary::present(others), passed.end());
+        let assumed = if header.streams.is_empty() { vec![ASSUMED] } else { Vec::new() };
+        let (other_streams, left_out) = (StreamSummary::present(streams.clone()), passed.end());
         let plain = Recording::of_events(Format::Aedat4, sensor, events);
         Ok(Recording { other_streams, left_out, assumed, salvaged, ..plain })
+    }
+
+    /// Whether there were the events that were asked for, once all packets are read.
+    fn end(&self) -> Result<(), IoError> {
+        if self.main.is_some() {
+            return Ok(());
+        }
+        if self.asked > 1 {
+            return Err(no_stream(self.asked, of_events(&self.streams).count()));
+        }
+        if self.unnamed.is_empty() {
+            return Ok(());
+        }
+        Err(IoError::Unsupported {
+            expected: "AEDAT4 whose header or packets say what they hold",
+            actual: "neither: the program that wrote this file left it out".to_owned(),
+        })
     }
 }
 

@@ -87,7 +87,7 @@ impl<R: BufRead> PacketEvents<R> {
     }
 
     /// Reads a packet. At the end, there is none.
-    fn advance(&mut self, container: &Container) -> Result<(), IoError> {
+    fn advance(&mut self, container: &mut Container) -> Result<(), IoError> {
         let place = Place::Byte(self.at);
         let mut bytes = if container.header.table.is_some_and(|table| self.at >= table as u64) {
             Vec::new()
@@ -96,7 +96,7 @@ impl<R: BufRead> PacketEvents<R> {
         };
         if bytes.is_empty() {
             self.ended = true;
-            return Ok(());
+            return container.end();
         }
         let header = Bytes { format: NAME, data: &bytes, origin: place };
         let size = header.i32("header of a packet", 4)?;
@@ -107,10 +107,10 @@ impl<R: BufRead> PacketEvents<R> {
         bytes.extend(self.read(size)?);
         self.number += 1;
         let packet = Bytes { format: NAME, data: &bytes, origin: place };
-        let recording = container.events(packet, false)?;
+        let recording = container.read(packet, false)?;
         if !recording.left_out.is_empty() {
-            let strict = Container { strict: true, ..container.clone() };
-            if let Err(source) = strict.events(packet, false) {
+            let mut strict = Container { strict: true, ..container.clone() };
+            if let Err(source) = strict.read(packet, false) {
                 self.ready
                     .push_back(Err(IoError::Datagram { number: self.number, source: Box::new(source) }));
             }
@@ -133,8 +133,8 @@ impl<R: BufRead> Iterator for PacketEvents<R> {
             }
             let read = match self.container.take() {
                 None => self.begin().map(|container| self.container = Some(container)),
-                Some(container) => {
-                    let read = self.advance(&container);
+                Some(mut container) => {
+                    let read = self.advance(&mut container);
                     self.container = Some(container);
                     read
                 }

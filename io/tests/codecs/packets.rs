@@ -4,7 +4,7 @@ use std::io::{BufReader, Cursor};
 
 use meissner_engine::{Event, Sensor};
 use meissner_io::limits::PACKET_BYTES;
-use meissner_io::{Aedat4Writer, Format, IoError, LiveEvents, ReadOptions, decode};
+use meissner_io::{Aedat4Writer, Format, IoError, LiveEvents, ReadOptions, decode, decode_with};
 use proptest::prelude::*;
 
 use meissner_io_tests::codecs::aedat4::{Compression, File, event_packet, outputs, sample, stream, vector};
@@ -44,6 +44,41 @@ fn a_file_of_any_compression_gives_its_events_with_its_magic_number_and_without(
             assert_eq!(sound(&bytes[start..], ReadOptions::default()), (events(), Some(SENSOR)));
         }
     }
+}
+
+/// A packet was told by itself alone: of two streams both were read, and one whose name was damaged
+/// ended the events.
+#[test]
+fn where_the_header_declares_no_stream_packets_are_of_what_those_before_told() {
+    let mut file = File::new(Compression::Lz4, None);
+    file.xml = outputs("");
+    let mut unnamed = vector(*b"ABCD", 3, &[7; 48]);
+    unnamed[8..12].fill(0);
+    let mut damaged = event_packet(&events()[3..5]);
+    damaged[8] = 0xff;
+    for (id, packet) in [
+        (1, &unnamed),
+        (4, &event_packet(&events()[..3])),
+        (9, &event_packet(&events()[2..4])),
+        (4, &event_packet(&events()[3..])),
+    ] {
+        file.push(id, packet);
+    }
+    let options = |number| ReadOptions::default().stream(std::num::NonZeroU16::new(number));
+    assert_eq!(sound(&file.bytes(), options(1)).0, events());
+    assert_eq!(sound(&file.bytes(), options(2)).0, events()[2..4]);
+    for number in [1, 2] {
+        let whole = decode_with(&file.bytes(), options(number)).expect("a recording");
+        assert_eq!(whole.events, sound(&file.bytes(), options(number)).0);
+    }
+    let (mut items, _) = arriving(&file.bytes(), options(3));
+    let error = items.pop().expect("an item").expect_err("there are two").to_string();
+    assert!(error.contains("found 2, and stream 3 asked for"), "{error}");
+    // A stream of events stays one, whatever a packet of it is called.
+    file.push(4, &damaged);
+    let (count, error) = refused(&file.bytes());
+    let expected = decode(&file.bytes()).expect_err("the name of a packet").to_string();
+    assert_eq!((count, error), (events().len(), expected));
 }
 
 #[test]

@@ -182,6 +182,11 @@ proptest! {
             prop_assert!(found.events.len() >= least.saturating_sub(400), "{}: {}", format, found.events.len());
         }
     }
+}
+
+proptest! {
+    // Each loses a byte some 30 times in each format.
+    #![proptest_config(ProptestConfig::with_cases(50))]
 
     #[test]
     fn every_lost_byte_is_counted_and_no_event_after_it_is_wrong(seed: u64) {
