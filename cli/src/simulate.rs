@@ -159,7 +159,9 @@ struct DomeArgs {
     /// starts.
     #[arg(long, alias = "presses", value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u16).range(1..), help_heading = MEASUREMENT)]
     each: u16,
-    /// Planes at random instead of the 200 of the plan: tilts of 0 to 9 degrees, any direction.
+    /// Planes at random instead of the 200 of the plan.
+    ///
+    /// Their tilts are 0 to 9 degrees, in any direction.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..), help_heading = MEASUREMENT)]
     planes: Option<u16>,
     /// Size of the sensor in pixels.

@@ -99,6 +99,7 @@ const HEADINGS: &[(&str, &[&str])] = &[
             "soak",
             "presses",
             "each",
+            "planes",
             "pictures",
             "recordings",
             "seconds",
