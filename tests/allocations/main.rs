@@ -246,9 +246,9 @@ fn nothing_is_allocated_after_new_in_adversarial_scenes_of_every_shipped_network
     let _alone = ALONE.lock();
     for name in incremental() {
         for (sensor, capacity, events, every) in [
-            (Sensor::new(34, 34), Some(50), 600, 1),
-            (Sensor::new(240, 180), Some(700), 1_500, 100),
-            (Sensor::new(1_280, 720), None, 900, 31),
+            (Sensor::new(34, 34), Some(50), 300, 1),
+            (Sensor::new(240, 180), Some(700), 1_000, 100),
+            (Sensor::new(1_280, 720), None, 600, 31),
         ] {
             let mut engine = Engine::new(shipped(name, capacity), sensor).expect("exact");
             let count = through_all_scenes(&mut engine, events, every);

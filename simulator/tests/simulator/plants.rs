@@ -50,13 +50,14 @@ fn filming_ahead_gives_the_same_events() {
     });
     let [mut first, mut second]: [Vec<Event>; 2] = Default::default();
     for tick in 0..TAP_US / TICK_US {
+        let seen = first.len();
         while ahead.film_ahead().expect("images in order") {}
         for (tip, events) in [(&mut ahead, &mut first), (&mut late, &mut second)] {
             tip.aim([0.05, 0.02]);
             tip.tick();
             tip.take(events).expect("images in order");
         }
-        assert_eq!(first, second, "{tick}");
+        assert_eq!(first[seen..], second[seen..], "{tick}");
     }
     assert!(first.len() > 10_000 && first.is_sorted_by_key(|event| event.t_us));
     // The wrist arrived in the air, and no event is later than the state.
