@@ -198,7 +198,7 @@ fn a_hot_pixel_moves_the_angles_of_no_network_for_the_dome_by_more_than_its_mean
     for (name, degrees) in [
         ("tactigraph-past", 0.189),
         ("tactigraph-frozen", 0.529),
-        ("tactigraph", 0.784),
+        ("tactigraph", 0.738),
         ("graphres", 0.926),
         ("graphres-published", 1.46),
         ("event-frame-cnn", 0.232),
