@@ -1,10 +1,10 @@
 //! Dense layers: y = activation(W x + b).
 //!
 //! Inputs are the rows (segments) of a matrix. A segment is summed in 32 partial sums, input i into
-//! sum i mod 32, each ascending, each product rounded once with its sum; they are added as four
-//! groups of eight, (a0 + a1) + (a2 + a3), and those eight as ((0 + 4) + (2 + 6)) + ((1 + 5) + (3 +
-//! 7)). A step of 32 inputs that are all +0 is skipped: it changes no sum. Over several segments
-//! the sum is a tree, so that a changed one costs little (`segments.rs`).
+//! sum i mod 32, each ascending, each product rounded once with its sum. The partial sums are added
+//! as four groups of eight, (a0 + a1) + (a2 + a3), and the resulting eight as ((0 + 4) + (2 + 6)) +
+//! ((1 + 5) + (3 + 7)). A step of 32 inputs that are all +0 is skipped: it changes no sum. Over
+//! several segments the sum is a tree, so that a changed segment costs little (`segments.rs`).
 
 mod segments;
 
@@ -44,7 +44,7 @@ pub struct Dense {
 
 #[derive(Clone, Debug)]
 enum Weight {
-    /// Of one segment, (O, lanes of channels).
+    /// Weights of one segment, (O, lanes of channels).
     One(Vec<Lanes>),
     Several(Segments),
 }
@@ -63,7 +63,7 @@ impl Dense {
         bias: Option<&[f32]>,
         activation: Activation,
     ) -> Result<Self, KernelError> {
-        // A product that saturates is the length of no tensor.
+        // No tensor has the length of a product that saturates.
         let inputs = segments.saturating_mul(channels);
         check_sizes([("inputs", inputs), ("outputs", outputs)])?;
         check("weight", weight, inputs.saturating_mul(outputs))?;
@@ -101,7 +101,7 @@ impl Dense {
                 for row in weight.chunks_exact(Lanes::count(self.channels)) {
                     let end = values.len() + self.channels;
                     row.iter().for_each(|lanes| values.extend_from_slice(&lanes.0));
-                    // What fills the last lanes is no weight.
+                    // The padding of the last lanes contains no weights.
                     values.truncate(end);
                 }
                 values
@@ -144,8 +144,8 @@ impl Dense {
     }
 
     /// As [`Self::run`], with the same bits, from the last call's `sums` and the `changed`
-    /// segments; at first `sums` are zeros, and segments that are not all +0 changed. O(changed x
-    /// (channels + log segments) x outputs); a single segment is computed whole.
+    /// segments; at first `sums` are zeros, and all segments that are not all +0 count as changed.
+    /// O(changed x (channels + log segments) x outputs); a single segment is computed completely.
     ///
     /// # Panics
     /// If a slice does not have the sizes of this layer.
@@ -183,7 +183,7 @@ impl Task for Run<'_> {
         let inputs = flat(inputs);
         let weight = |o: usize| &flat(weight)[o * inputs.len()..][..inputs.len()];
         let mut o = 0;
-        // Several outputs share the loaded inputs, as many as there are registers for their sums.
+        // Several outputs share the loaded inputs: as many as there are registers for their sums.
         while S::WIDE && o + 4 <= dense.outputs {
             dots::<S, 4>(simd, inputs, std::array::from_fn(|i| weight(o + i)), |i, y| {
                 dense.write(o + i, y, out);
@@ -282,8 +282,8 @@ fn dots<S: Simd, const O: usize>(
     }
 }
 
-/// The last sums of a dot product. Not inlined: with the loop in sight, the compiler splits its
-/// accumulators into the pieces added here, and it takes twice as long.
+/// The last sums of a dot product. Not inlined: if the compiler sees the loop, it splits its
+/// accumulators into the pieces added here, and the loop takes twice as long.
 #[inline(never)]
 fn total(sums: &[f32; 4 * LANES]) -> f32 {
     let v: [f32; LANES] =

@@ -1,17 +1,18 @@
 //! Elementary functions of f32, with the same bits on every machine.
 //!
-//! All reduce x = n ln 2 + r, |r| <= ln 2 / 2 (Cody and Waite's two-part ln 2, whose high part
-//! times n is exact), and take expm1(r) = r + r^2 P(r), P of degree 5, a weighted minimax fit
-//! within 0.01 ULP; the rest is rounding. Branch-free, so that loops over lanes vectorise.
+//! All functions reduce x = n ln 2 + r, |r| <= ln 2 / 2 (Cody and Waite's two-part ln 2, whose high
+//! part times n is exact), and use expm1(r) = r + r^2 P(r), with P of degree 5, a weighted minimax
+//! fit within 0.01 ULP; the remaining error is rounding. Branch-free, so that loops over lanes
+//! vectorise.
 
 use crate::isa::{Exponent, Isa, Portable, Simd, Task, Vector};
-use crate::lanes::LANES;
+use crate::lanes::{LANES, Wide};
 
 const LOG2_E: f32 = std::f32::consts::LOG2_E;
 /// ln 2 to 15 bits: exact when multiplied by any n that occurs.
 const LN2_HIGH: f32 = 0.693_145_75;
 const LN2_LOW: f32 = 1.428_606_8e-6;
-/// 1.5 * 2^23: adding it rounds to an integer, ties to even, left in the low bits.
+/// 1.5 * 2^23: adding it rounds to an integer, ties to even, in the low bits.
 const ROUND: f32 = 12_582_912.0;
 const TWO_TO_MINUS_24: f32 = 5.960_464_5e-8;
 /// P, lowest power first.
@@ -24,6 +25,8 @@ fn power_of_two(n: i32) -> f32 {
 
 /// e^x. Largest error 1.1 ULP over all f32, subnormal results included; `exp(-inf)` is 0,
 /// `exp(inf)` infinite, NaN stays NaN.
+// Vectors map over it, and it vectorises only in its caller. The scalar functions below have
+// forms for vectors instead.
 #[inline(always)]
 pub fn exp(x: f32) -> f32 {
     // Beyond these the result is 0 or infinite; within, both halves of n are normal powers.
@@ -39,7 +42,6 @@ pub fn exp(x: f32) -> f32 {
 
 /// e^x - 1, accurate near 0. Largest error 1.4 ULP over all f32; `expm1(-inf)` is -1, `expm1(inf)`
 /// infinite; the sign of zero and NaN are kept.
-#[inline(always)]
 pub fn expm1(x: f32) -> f32 {
     // The other seven lanes are never read: the compiler removes them.
     expm1s(Portable, [[x; 8]])[0][0]
@@ -77,7 +79,6 @@ fn expm1s_below<S: Copy, V: Exponent<S>, const N: usize>(simd: S, mut x: [V; N])
 }
 
 /// The exponential linear unit: x for x > 0, else e^x - 1 (Clevert et al. 2016, Eq. 15).
-#[inline(always)]
 pub fn elu(x: f32) -> f32 {
     // The other seven lanes are never read: the compiler removes them.
     elus(Portable, [[x; 8]])[0][0]
@@ -85,7 +86,7 @@ pub fn elu(x: f32) -> f32 {
 
 /// [`elu`] of N vectors, interleaved: a single chain does not fill the processor's pipeline.
 #[inline(always)]
-pub(crate) fn elus<S: Copy, V: Exponent<S>, const N: usize>(simd: S, mut x: [V; N]) -> [V; N] {
+pub fn elus<S: Copy, V: Exponent<S>, const N: usize>(simd: S, mut x: [V; N]) -> [V; N] {
     // For x > 0 the values computed here are not used.
     let negative = expm1s_below(simd, x);
     for (x, negative) in x.iter_mut().zip(negative) {
@@ -96,7 +97,6 @@ pub(crate) fn elus<S: Copy, V: Exponent<S>, const N: usize>(simd: S, mut x: [V; 
 
 /// 1 / (1 + e^-x). Largest error 2.5 ULP over all f32, subnormal results included; `sigmoid(-inf)`
 /// is 0, `sigmoid(inf)` 1, NaN stays NaN.
-#[inline(always)]
 pub fn sigmoid(x: f32) -> f32 {
     // The other seven lanes are never read: the compiler removes them.
     divided(sigmoid_quotients(Portable, [[x; 8]]))[0][0]
@@ -104,7 +104,6 @@ pub fn sigmoid(x: f32) -> f32 {
 
 /// The hyperbolic tangent. Largest error 2.5 ULP over all f32; `tanh(-inf)` is -1, `tanh(inf)` 1;
 /// the sign of zero and NaN are kept.
-#[inline(always)]
 pub fn tanh(x: f32) -> f32 {
     // The other seven lanes are never read: the compiler removes them.
     divided(tanh_quotients(Portable, [[x; 8]]))[0][0]
@@ -146,7 +145,8 @@ pub(crate) fn sigmoid_quotients<S: Copy, V: Exponent<S>, const N: usize>(
 ) -> Quotients<V, N> {
     let splat = |v: f32| V::splat(simd, v);
     let one = splat(1.0);
-    // Of -|x|, so that it neither overflows nor cancels. As in `exp`, 0 is reached at -104.
+    // Computed for -|x|, so that it neither overflows nor cancels. As in `exp`, 0 is reached at
+    // -104.
     let mut shifted = x;
     for x in &mut shifted {
         *x = x.with_sign(simd, splat(-1.0)).max(splat(-104.0));
@@ -270,27 +270,19 @@ impl Task for Apply<'_> {
 
     #[inline(always)]
     fn run<S: Simd>(self, simd: S) {
-        let mut chunks = self.values.chunks_exact_mut(2 * LANES);
-        for chunk in &mut chunks {
-            vector(simd, self.function, chunk);
+        for values in self.values.chunks_mut(2 * LANES) {
+            let mut padded = Wide::ZERO;
+            padded.0[..values.len()].copy_from_slice(values);
+            let x = S::V16::load(simd, &padded);
+            let [y] = match self.function {
+                Elementary::Exp => [x.map(simd, exp)],
+                Elementary::Expm1 => expm1s(simd, [x]),
+                Elementary::Elu => elus(simd, [x]),
+                Elementary::Sigmoid => divided(sigmoid_quotients(simd, [x])),
+                Elementary::Tanh => divided(tanh_quotients(simd, [x])),
+            };
+            y.store(&mut padded);
+            values.copy_from_slice(&padded.0[..values.len()]);
         }
-        let rest = chunks.into_remainder();
-        let mut padded = [0.0; 2 * LANES];
-        padded[..rest.len()].copy_from_slice(rest);
-        vector(simd, self.function, &mut padded);
-        rest.copy_from_slice(&padded[..rest.len()]);
     }
-}
-
-#[inline(always)]
-fn vector<S: Simd>(simd: S, function: Elementary, values: &mut [f32]) {
-    let x = S::V16::load_slice(simd, values);
-    let [y] = match function {
-        Elementary::Exp => [x.map(simd, exp)],
-        Elementary::Expm1 => expm1s(simd, [x]),
-        Elementary::Elu => elus(simd, [x]),
-        Elementary::Sigmoid => divided(sigmoid_quotients(simd, [x])),
-        Elementary::Tanh => divided(tanh_quotients(simd, [x])),
-    };
-    y.store_slice(values);
 }

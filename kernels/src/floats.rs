@@ -1,4 +1,4 @@
-//! Numbers of other types as f32, little-endian, as files of tensors have them.
+//! Conversions between f32 and other types, little-endian, as in files of tensors.
 
 /// The smallest binary16 above 0, 2^-24.
 const UNIT: f32 = 1.0 / 16_777_216.0;
@@ -28,7 +28,7 @@ pub fn f32_to_f16(value: f32) -> Option<u16> {
     (f16_to_f32(half).to_bits() == bits).then_some(half)
 }
 
-/// The values of binary16 numbers; bytes that are left over are ignored, here and below.
+/// The values of binary16 numbers. Remaining bytes are ignored, here and below.
 pub fn from_f16(bytes: &[u8]) -> Vec<f32> {
     bytes.as_chunks().0.iter().map(|&bytes| f16_to_f32(u16::from_le_bytes(bytes))).collect()
 }

@@ -1,4 +1,4 @@
-//! Inputs of graph convolutions: in-edges, and the rows that they lead to.
+//! Inputs of graph convolutions: in-edges, and the rows that they belong to.
 //!
 //! Input: coordinate differences. Output: attributes and offsets of edges in f32. A difference is
 //! rounded to f32 first; nothing is rounded before.
@@ -35,7 +35,7 @@ pub struct GraphRow<'a> {
     /// [`spline_basis`](crate::spline_basis) of each in-edge, for spline convolutions that [read
     /// it](crate::SplineConv::reads_basis); if empty, it is computed.
     pub basis: &'a [Lanes],
-    /// [`offset`] of each in-edge along x, y, t, which [`crate::PointNetConv`] alone reads.
+    /// [`offset`] of each in-edge along x, y, t, which only [`crate::PointNetConv`] reads.
     pub offsets: &'a [[f32; 3]],
     /// The row's own input, C values in lanes; read only by `PointNet` and by a root weight.
     pub own: &'a [Lanes],

@@ -2,8 +2,8 @@
 //!
 //! A kernel is written once, as a [`Task`] whose `run` is generic over [`Simd`] and inlined into a
 //! thin wrapper per instruction set. Holding an [`Isa`], or a vector of one, proves that its
-//! instructions may be executed. All compute the same bits. On `aarch64`, NEON is in the baseline
-//! and therefore in the portable path.
+//! instructions may be executed. All instruction sets compute the same bits. On `aarch64`, NEON is
+//! in the baseline and therefore in the portable path.
 
 #[cfg(target_arch = "x86_64")]
 mod avx2;
@@ -19,12 +19,13 @@ pub(crate) mod vector;
 
 pub(crate) use panel::{Taps, accumulate, accumulate_in_four, accumulate_taps, accumulate_wide, begin, end};
 pub use portable::{Portable, fused};
-pub(crate) use vector::Sum;
 pub use vector::{Divisor, Exponent, Simd, Task, Vector};
+pub(crate) use vector::{Stored, Sum};
 
 use crate::lanes::{LANES, Lanes, Wide};
 
-// What every processor has that can run the build. A module with SIMD128 needs nothing else.
+// The instruction set of every processor that can run the build. A module with SIMD128 needs no
+// other.
 #[cfg(not(all(target_arch = "wasm32", target_feature = "simd128")))]
 use portable::Portable as Baseline;
 #[cfg(all(target_arch = "wasm32", target_feature = "simd128"))]
@@ -83,7 +84,7 @@ impl Isa {
     #[inline]
     pub fn run<T: Task>(self, task: T) -> T::Output {
         match self.0 {
-            Kind::Portable => task.run(Baseline),
+            Kind::Portable => Baseline.apart(task),
             #[cfg(target_arch = "x86_64")]
             Kind::Avx2(simd) => simd.enter(task),
             #[cfg(target_arch = "x86_64")]
@@ -92,7 +93,7 @@ impl Isa {
     }
 }
 
-/// Asks for `values` to be brought into the first cache; free if little is asked for at once. Does
+/// Prefetches `values` into the first-level cache; free if few values are prefetched at once. Does
 /// nothing on targets without such an instruction.
 #[inline(always)]
 pub(crate) fn prefetch(values: &[f32]) {

@@ -1,7 +1,7 @@
 //! Vectors of eight f32, the unit in which every kernel works.
 //!
-//! Plain arrays with loops over them, each one vector instruction where the instruction set has it,
-//! otherwise scalar code with the same bits.
+//! Plain arrays with loops over them. Each loop is one vector instruction if the instruction set
+//! has it, otherwise scalar code with the same bits.
 
 use std::ops::Add;
 
@@ -21,14 +21,6 @@ pub struct Wide(pub [f32; 2 * LANES]);
 impl Wide {
     /// Sixteen times +0.
     pub const ZERO: Self = Self([0.0; 2 * LANES]);
-
-    /// The values of `low`, then those of `high`.
-    pub fn join(low: Lanes, high: Lanes) -> Self {
-        let mut out = Self::ZERO;
-        out.0[..LANES].copy_from_slice(&low.0);
-        out.0[LANES..].copy_from_slice(&high.0);
-        out
-    }
 }
 
 impl Lanes {
@@ -61,8 +53,8 @@ impl Lanes {
     /// Packs `values` into lanes and pads the last with zeros.
     pub fn pack(values: &[f32]) -> Vec<Self> {
         let mut out = vec![Self::ZERO; Self::count(values.len())];
-        for (i, &v) in values.iter().enumerate() {
-            out[i / LANES].0[i % LANES] = v;
+        for (lanes, values) in out.iter_mut().zip(values.chunks(LANES)) {
+            lanes.0[..values.len()].copy_from_slice(values);
         }
         out
     }

@@ -3,7 +3,7 @@
 //! Every kernel documents its order of operations, so results have the same bits on every
 //! instruction set. Lanes run over independent outputs. A product that is added is rounded once
 //! with the sum (fused multiply-add, in software where needed). Elementary functions are the
-//! crate's own (exp without it). [`naive`] has scalar twins for the tests.
+//! crate's own (exp without it). [`naive`] contains scalar twins for the tests.
 //!
 //! | type | what it computes |
 //! |---|---|
@@ -88,5 +88,10 @@ pub use rows::{
 };
 pub use spline::{SplineConv, SplineParts, SplineScratch, spline_basis, spline_multiply_adds};
 
-#[cfg(test)]
-mod tests;
+/// Inner loops for the tests of this crate. No version promises them.
+#[doc(hidden)]
+pub mod inner {
+    pub use crate::elementary::elus;
+    pub use crate::isa::panel::{Taps, accumulate, accumulate_taps, accumulate_wide};
+    pub use crate::isa::portable::fused_each;
+}

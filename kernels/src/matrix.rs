@@ -4,7 +4,7 @@ use crate::isa::{flat, flat_mut};
 use crate::lanes::{LANES, Lanes};
 
 /// A matrix of f32 whose rows start on lane boundaries. Columns beyond `columns` are zeros, or
-/// finite values that kernels with zero weights there produce.
+/// finite values from kernels with zero weights in these columns.
 #[derive(Debug)]
 pub struct Matrix {
     columns: usize,
@@ -40,7 +40,7 @@ impl Matrix {
         Self { columns, stride, data: Vec::with_capacity(rows * stride) }
     }
 
-    /// Adds rows of zeros, up to `rows` in all. O(new rows).
+    /// Adds rows of zeros, up to `rows` rows in total. O(new rows).
     pub fn grow(&mut self, rows: usize) {
         self.data.resize(rows * self.stride, Lanes::ZERO);
     }

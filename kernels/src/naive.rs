@@ -1,6 +1,6 @@
 //! Scalar twins of the kernels: the documented order, one value at a time, for comparisons bit by
-//! bit. They use the platform's fused multiply-add, so that ours is checked too. The twins that the
-//! tests of this crate alone need are in `tests/naive.rs`.
+//! bit. They use the platform's fused multiply-add, so that ours is checked too. Twins that only
+//! the tests of this crate need are in `tests/naive.rs`.
 //!
 //! They check nothing: sizes that do not fit lead to panics.
 
@@ -86,7 +86,7 @@ pub fn spline_row(
         .collect()
 }
 
-/// A dense layer over the rows of `x` one after the other; `weight` has a row per output.
+/// A dense layer over the concatenated rows of `x`; `weight` has a row per output.
 pub fn dense(x: &[Vec<f32>], weight: &[Vec<f32>], bias: &[f32], activation: Activation) -> Vec<f32> {
     let output = |(weight, bias): (&Vec<f32>, &f32)| {
         let products = x.iter().zip(weight.chunks(x[0].len()));
@@ -119,7 +119,7 @@ fn in_32_sums(x: &[f32], weight: &[f32]) -> f32 {
     ((v[0] + v[4]) + (v[2] + v[6])) + ((v[1] + v[5]) + (v[3] + v[7]))
 }
 
-/// The sum in pairs, and the results in pairs, until one is left.
+/// The sum in pairs, then the results in pairs, until one value is left.
 fn in_pairs(sums: &[f32]) -> f32 {
     match sums {
         [sum] => *sum,

@@ -6,8 +6,8 @@
 //! ```
 //!
 //! It finds the points with e(i) <= T (1 + 2^-18). If differences are exact and nothing underflows,
-//! e(i) is within 1 +- 2^-21 of the exact value, so the `most` nearest by exact distance are found,
-//! with all points as near as the last.
+//! e(i) is within 1 +- 2^-21 of the exact value, so the `most` nearest points by exact distance are
+//! found, with all points as near as the last of them.
 
 use crate::isa::{Isa, Simd, Task, Vector};
 use crate::lanes::{LANES, Wide};
@@ -27,7 +27,7 @@ const STEP: f32 = 0.08;
 /// L + 15 S, slightly rounded up.
 const MAX: f32 = 1.61;
 
-/// Finds points near a place; owns the working space for it.
+/// Finds points near a position; owns the working space.
 #[derive(Clone, Debug)]
 pub struct Nearby {
     weights: [f32; 3],
@@ -46,7 +46,7 @@ impl Nearby {
         Self { weights, distances: Vec::new(), found: Vec::new() }
     }
 
-    /// Indices of the found `points` but `except`: up to 32 by (e rounded down to 18 bits, later
+    /// Indices of the found `points` except `except`: up to 32 by (e rounded down to 18 bits, later
     /// index first), more ascending. `None` for fewer than `most` within the last bound.
     ///
     /// `points` are x, y and t, padded to a multiple of [`Self::TOGETHER`] at infinity; O(points).
@@ -98,7 +98,7 @@ impl Task for Find<'_> {
             while bits != 0 {
                 let i = bits.trailing_zeros();
                 bits &= bits - 1;
-                // With more points than are sorted, keys are not used.
+                // If there are more points than are sorted, keys are not used.
                 let at = found.len() % ORDERED;
                 let e = four[i as usize / TOGETHER].0[i as usize % TOGETHER];
                 keys[at / TOGETHER].0[at % TOGETHER] = key(e, at);

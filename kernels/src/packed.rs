@@ -16,12 +16,16 @@ pub(crate) struct Packed {
 impl Packed {
     /// Packs `weight`, rows of `outputs` values.
     pub(crate) fn new(weight: &[f32], outputs: usize) -> Self {
-        let rows = weight.len() / outputs;
-        let lanes: Vec<Vec<Lanes>> = weight.chunks_exact(outputs).map(Lanes::pack).collect();
-        let blocks = Lanes::count(outputs) / 2;
-        let block = |b: usize| lanes.iter().map(move |row| Wide::join(row[2 * b], row[2 * b + 1]));
-        let last = lanes.iter().filter_map(|row| row.get(2 * blocks)).copied();
-        Self { rows, wide: (0..blocks).flat_map(block).collect(), last: last.collect() }
+        let (rows, lanes) = (weight.len() / outputs, Lanes::count(outputs));
+        let (mut wide, mut last) = (vec![Wide::ZERO; lanes / 2 * rows], vec![Lanes::ZERO; lanes % 2 * rows]);
+        for (r, row) in weight.chunks_exact(outputs).enumerate() {
+            for (block, values) in row.chunks(2 * LANES).enumerate() {
+                let to =
+                    if values.len() > LANES { &mut wide[block * rows + r].0[..] } else { &mut last[r].0 };
+                to[..values.len()].copy_from_slice(values);
+            }
+        }
+        Self { rows, wide, last }
     }
 
     /// Packs `weight`, (O, I) as in a linear layer.
@@ -59,7 +63,11 @@ impl Packed {
 
 /// Turns rows of `columns` values into columns.
 fn transpose(values: &[f32], columns: usize) -> Vec<f32> {
-    (0..columns).flat_map(|column| values.iter().copied().skip(column).step_by(columns)).collect()
+    let mut turned = Vec::with_capacity(values.len());
+    for column in 0..columns {
+        turned.extend(values.iter().skip(column).step_by(columns));
+    }
+    turned
 }
 
 /// Bias and batch norm after a graph convolution, one value per output.

@@ -13,8 +13,8 @@ use crate::isa::{Isa, Simd, Taps, Task, Vector, accumulate_taps};
 pub(crate) use planes::TILE;
 pub use planes::{Occupancy, Planes, TileRegion};
 
-/// The largest value of each 2 x 2 window. -0 becomes +0, as the order must not matter; NaN gives
-/// NaN. O(values).
+/// The largest value of each 2 x 2 window. -0 becomes +0, because the order must not matter; NaN
+/// gives NaN. O(values).
 ///
 /// # Panics
 /// If `out` is not (channels, height / 2, width / 2).
@@ -108,7 +108,7 @@ impl PlanarConv3x3 {
         bias: Option<&[f32]>,
         relu: bool,
     ) -> Result<Self, KernelError> {
-        // A size that saturates is the length of no tensor.
+        // No tensor has the length of a size that saturates.
         let inputs = channels[0].saturating_add(channels[1]);
         check_sizes([("channels", inputs), ("outputs", outputs)])?;
         check("weight", weight, outputs.saturating_mul(inputs).saturating_mul(TAPS))?;
@@ -143,8 +143,9 @@ impl PlanarConv3x3 {
         self.outputs
     }
 
-    /// Computes `region` of every output plane. An image that is `None`, and the first where
-    /// `occupied` says empty, counts as zeros and is not read. O(region x 9 x channels x outputs).
+    /// Computes `region` of every output plane. An image that is `None` counts as zeros and is not
+    /// read; the same holds for tiles of the first image that are empty by `occupied`. O(region x 9
+    /// x channels x outputs).
     ///
     /// # Panics
     /// If an image or `out` does not fit, or the region is out of bounds.
@@ -235,7 +236,8 @@ impl PlanarConv3x3 {
         let mut first = 0;
         for block in &self.blocks {
             let mut row = Row { block, first, relu: self.relu, images, occupied, y, tiles: tiles.clone() };
-            // As many tiles as registers allow: a tile has its sums and one more; one weight.
+            // As many tiles as registers allow: a tile needs its sums and one more register; the
+            // weight needs one.
             match block.size {
                 6 => {
                     if S::WIDE {

@@ -1,7 +1,8 @@
 //! `PointNet` convolution of one row: maximum over in-edges and the row, batch norm, skip
 //! (`PointNet++`, Qi et al. 2017, with one linear layer; on events `EvGNN`, Yang et al. 2024).
 //!
-//! Row i has in-edges e = 1..n from rows j(e), offsets d(e) = (`p_j` - `p_i`) / s; itself d = 0:
+//! Row i has in-edges e = 1..n from rows j(e) with offsets d(e) = (`p_j` - `p_i`) / s; the row
+//! itself has d = 0:
 //!
 //! ```text
 //! a(e,o) = b(o) + sum over c ascending of x(j,c) W(o,c), then over x, y, t of d(e) W(o,C + axis)
@@ -113,7 +114,6 @@ impl PointNetConv {
     ///
     /// # Panics
     /// If a row or a slice does not have the sizes of this block, or an in-edge has no offset.
-    #[inline]
     pub fn rows(
         &self,
         isa: Isa,

@@ -19,7 +19,7 @@ impl Random {
         z ^ z >> 31
     }
 
-    /// At least 0, below 1, in steps of 2^-53.
+    /// Uniform from 0 to below 1, in steps of 2^-53.
     pub fn uniform(&mut self) -> f64 {
         const STEP: f64 = 1.0 / 9_007_199_254_740_992.0;
         (self.bits() >> 11) as f64 * STEP
@@ -30,7 +30,7 @@ impl Random {
         (self.bits() >> 40) as f32 / (1 << 23) as f32 - 1.0
     }
 
-    /// Below `bound`, uniform but for the remainder of 2^64 by it.
+    /// Below `bound`; uniform except for the remainder of 2^64 divided by `bound`.
     ///
     /// # Panics
     /// If `bound` is 0.

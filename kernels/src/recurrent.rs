@@ -10,8 +10,9 @@
 //! Sigmoid and tanh are quotients (`elementary.rs`). In i squash(g) and o squash(c), numerators and
 //! denominators are multiplied, and divided once: divisions take longest.
 //!
-//! The output gate's peephole reads the cell before the step, as i's and f's do (in Shi et al. 2015
-//! the new one). A peephole's product is rounded once with its gate, f c with i squash(g).
+//! The output gate's peephole reads the cell before the step, like those of i and f (in Shi et al.
+//! 2015, it reads the new cell). A peephole's product is rounded once with its gate, and f c is
+//! rounded once with i squash(g).
 
 mod lstm;
 
@@ -101,26 +102,25 @@ impl Task for Update<'_> {
     type Output = ();
 
     #[inline(always)]
-    fn run<S: Simd>(self, simd: S) {
-        let Self { gates, peephole, squash, cell, hidden } = self;
-        let count = cell.len();
-        assert!(gates.iter().all(|g| g.len() == count), "there must be a gate for each cell");
+    fn run<S: Simd>(mut self, simd: S) {
+        let count = self.cell.len();
+        assert!(self.gates.iter().all(|g| g.len() == count), "there must be a gate for each cell");
         assert!(
-            peephole.iter().flatten().all(|p| p.len() == count),
+            self.peephole.iter().flatten().all(|p| p.len() == count),
             "there must be a peephole for each cell"
         );
-        assert_eq!(hidden.len(), count, "there must be a hidden value for each cell");
+        assert_eq!(self.hidden.len(), count, "there must be a hidden value for each cell");
         let mut at = 0;
         while S::WIDE && at + 4 * WIDTH <= count {
-            vectors::<S, 4>(simd, gates, peephole, squash, at, cell, hidden);
+            simd.apart(Vectors::<4>(&mut self, at));
             at += 4 * WIDTH;
         }
         while at + 2 * WIDTH <= count {
-            vectors::<S, 2>(simd, gates, peephole, squash, at, cell, hidden);
+            simd.apart(Vectors::<2>(&mut self, at));
             at += 2 * WIDTH;
         }
         while at + WIDTH <= count {
-            vectors::<S, 1>(simd, gates, peephole, squash, at, cell, hidden);
+            simd.apart(Vectors::<1>(&mut self, at));
             at += WIDTH;
         }
         if at < count {
@@ -129,12 +129,18 @@ impl Task for Update<'_> {
                 padded[..count - at].copy_from_slice(&from[at..]);
                 padded
             };
-            let (gates, peephole) = (gates.map(pad), peephole.map(|p| p.map(pad)));
-            let (mut c, mut h) = (pad(cell), [0.0; WIDTH]);
-            let peephole = peephole.as_ref().map(|p| p.each_ref().map(|p| &p[..]));
-            vectors::<S, 1>(simd, gates.each_ref().map(|g| &g[..]), peephole, squash, 0, &mut c, &mut h);
-            cell[at..].copy_from_slice(&c[..count - at]);
-            hidden[at..].copy_from_slice(&h[..count - at]);
+            let (gates, peephole) = (self.gates.map(pad), self.peephole.map(|p| p.map(pad)));
+            let (mut cell, mut hidden) = (pad(self.cell), [0.0; WIDTH]);
+            let mut padded = Update {
+                gates: gates.each_ref().map(|g| &g[..]),
+                peephole: peephole.as_ref().map(|p| p.each_ref().map(|p| &p[..])),
+                squash: self.squash,
+                cell: &mut cell,
+                hidden: &mut hidden,
+            };
+            simd.apart(Vectors::<1>(&mut padded, 0));
+            self.cell[at..].copy_from_slice(&cell[..count - at]);
+            self.hidden[at..].copy_from_slice(&hidden[..count - at]);
         }
     }
 }
@@ -154,30 +160,30 @@ impl Task for UpdateRows<'_> {
     }
 }
 
-/// Updates K vectors from `at` on, function by function: more at once would spill registers.
-#[inline(always)]
-fn vectors<S: Simd, const K: usize>(
-    simd: S,
-    gates: [&[f32]; 4],
-    peephole: Option<[&[f32]; 3]>,
-    squash: Squash,
-    at: usize,
-    cell: &mut [f32],
-    hidden: &mut [f32],
-) {
-    let old = load::<S, K>(simd, cell, at);
-    let i = gate(simd, gates[0], peephole.map(|p| p[0]), at, old);
-    let g = squash.of(simd, load::<S, K>(simd, gates[2], at));
-    let mut c = times(i, g);
-    let f = divided(gate(simd, gates[1], peephole.map(|p| p[1]), at, old));
-    for (c, (f, old)) in c.iter_mut().zip(f.into_iter().zip(old)) {
-        *c = c.add_product(f, old);
-    }
-    let o = gate(simd, gates[3], peephole.map(|p| p[2]), at, old);
-    let h = times(o, squash.of(simd, c));
-    for k in 0..K {
-        c[k].store_slice(&mut cell[at + k * WIDTH..]);
-        h[k].store_slice(&mut hidden[at + k * WIDTH..]);
+/// K vectors of an update, from an element on. A function of its own, which four cells share.
+struct Vectors<'a, 'b, const K: usize>(&'b mut Update<'a>, usize);
+
+impl<const K: usize> Task for Vectors<'_, '_, K> {
+    type Output = ();
+
+    /// Updates them function by function: more at once would spill registers.
+    #[inline(always)]
+    fn run<S: Simd>(self, simd: S) {
+        let Self(Update { gates, peephole, squash, cell, hidden }, at) = self;
+        let old = load::<S, K>(simd, cell, at);
+        let i = gate(simd, gates[0], peephole.map(|p| p[0]), at, old);
+        let g = squash.of(simd, load::<S, K>(simd, gates[2], at));
+        let mut c = times(i, g);
+        let f = divided(gate(simd, gates[1], peephole.map(|p| p[1]), at, old));
+        for (c, (f, old)) in c.iter_mut().zip(f.into_iter().zip(old)) {
+            *c = c.add_product(f, old);
+        }
+        let o = gate(simd, gates[3], peephole.map(|p| p[2]), at, old);
+        let h = times(o, squash.of(simd, c));
+        for k in 0..K {
+            c[k].store_slice(&mut cell[at + k * WIDTH..]);
+            h[k].store_slice(&mut hidden[at + k * WIDTH..]);
+        }
     }
 }
 
@@ -222,7 +228,8 @@ fn load<S: Simd, const K: usize>(simd: S, from: &[f32], at: usize) -> [S::V16; K
 /// A convolutional LSTM cell over planes of few channels (Shi et al. 2015, without peepholes).
 ///
 /// gates = w * [x, h] + b as in [`PlanarConv3x3`], then the gates' update, row by row. A new row of
-/// h is held back until the row below has read the old one: the state is replaced in place.
+/// h is written only after the row below has read the old one, because the state is replaced in
+/// place.
 #[derive(Clone, Debug)]
 pub struct PlanarConvLstm {
     gates: PlanarConv3x3,
@@ -271,9 +278,9 @@ impl PlanarConvLstm {
         PlanarConvLstmState { cell, row }
     }
 
-    /// One step: reads `x`, replaces `state` and `hidden`. `None` is an image of zeros. Where `x`
-    /// is `None` or `occupied` says empty, it costs less with the same bits. O(height x width x 9 x
-    /// (inputs + hidden) x 4 hidden).
+    /// One step: reads `x`, replaces `state` and `hidden`. `None` is an image of zeros. If `x` is
+    /// `None`, or a tile is empty by `occupied`, the step costs less with the same bits. O(height x
+    /// width x 9 x (inputs + hidden) x 4 hidden).
     ///
     /// # Panics
     /// If `x`, `state` or `hidden` does not have this cell's sizes.

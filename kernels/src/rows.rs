@@ -4,8 +4,8 @@ use crate::isa::{Isa, Simd, Task, Vector};
 use crate::lanes::{LANES, Lanes};
 use crate::matrix::Matrix;
 
-/// `acc = max(acc, row)` by channel, from negative infinity; end with [`clear_negative_zero`], as
-/// the order of rows affects the sign of zero. NaN members are ignored.
+/// `acc = max(acc, row)` by channel, from negative infinity; end with [`clear_negative_zero`],
+/// because the order of rows affects the sign of zero. NaN members are ignored.
 #[inline(always)]
 pub fn maximum(acc: &mut [Lanes], row: &[Lanes]) {
     for (a, r) in acc.iter_mut().zip(row) {
@@ -63,7 +63,7 @@ pub fn is_nan(row: &[Lanes]) -> bool {
 pub struct Replaced {
     /// Rows that differed from the stored ones and replaced them.
     pub changed: u32,
-    /// Rows that differed by no more than the tolerance: the stored rows are kept.
+    /// Rows that differed by at most the tolerance: the stored rows are kept.
     pub within: u32,
     /// Computed rows that hold NaN.
     pub nan: u32,

@@ -15,8 +15,8 @@
 //!
 //! Every product that is added, in S, a, r and y, is rounded once with its sum.
 //!
-//! Summing inputs per kernel slot before weights costs n s C + s C O multiply-adds, not n s C O.
-//! Four partial sums keep the adders busy; their order is part of the contract.
+//! Summing inputs per kernel slot before multiplying by weights costs n s C + s C O multiply-adds
+//! instead of n s C O. Four partial sums keep the adders busy; their order is part of the contract.
 
 mod gather;
 mod run;
@@ -66,8 +66,8 @@ pub struct SplineConv {
 impl SplineConv {
     /// Best number of rows to compute together.
     pub const GROUP: usize = 8;
-    /// Most input channels below a lane whose sums have no gap: polarity and place. `group` has a
-    /// case for each.
+    /// Maximum number of input channels, below a lane, whose sums have no gap: polarity and place.
+    /// `group` has a case for each number.
     const FEW: usize = 4;
     /// Largest number of input or output channels.
     pub const MAX_CHANNELS: usize = MAX_CHANNELS;

@@ -7,12 +7,9 @@ use meissner_kernels::{
 use proptest::prelude::*;
 
 use crate::naive;
+use crate::values::values;
 
-fn values(n: usize) -> impl Strategy<Value = Vec<f32>> {
-    proptest::collection::vec(prop_oneof![4 => -2.0f32..2.0, 1 => Just(0.0), 1 => Just(-0.0)], n)
-}
-
-/// Attributes with many at the ends, in the middle and next to them, where slots change.
+/// Attributes, many of them at the ends, in the middle and next to these, where slots change.
 fn attribute() -> impl Strategy<Value = f32> {
     prop_oneof![4 => 0.0f32..=1.0, 1 => Just(0.0), 1 => Just(1.0), 1 => Just(0.5), 1 => Just(1.0 - f32::EPSILON / 2.0)]
 }
@@ -57,7 +54,8 @@ fn case() -> impl Strategy<Value = Case> {
     })
 }
 
-/// A `PointNet` block, the rows' values, a row's in-edges with offsets, and what is added.
+/// A `PointNet` block, the rows' values, a row's in-edges with offsets, and the values that are
+/// added.
 type PointNetCase = (PointNetParts, Vec<f32>, Vec<(u32, [f32; 3])>, Option<Vec<f32>>);
 
 fn pointnet_case() -> impl Strategy<Value = PointNetCase> {
@@ -67,7 +65,7 @@ fn pointnet_case() -> impl Strategy<Value = PointNetCase> {
         let parts = (values(outputs * (inputs + 3)), values(outputs), norm)
             .prop_map(move |(weight, bias, norm)| PointNetParts { inputs, outputs, weight, bias, norm });
         let edge = (0..ROWS as u32, [offset(), offset(), offset()]);
-        // Now and then a feature that makes sums infinite or NaN.
+        // Sometimes a feature makes sums infinite or NaN.
         let features = (values(ROWS * inputs), proptest::option::weighted(0.1, 0..ROWS * inputs)).prop_map(
             |(mut features, infinite)| {
                 if let Some(at) = infinite {
@@ -97,12 +95,12 @@ proptest! {
         let mut scratch = SplineScratch::default();
         let basis: Vec<Lanes> = case.neighbours.iter().map(|n| spline_basis(n.u)).collect();
         for isa in Isa::available() {
-            // Twice with one scratch, with and without a basis: no row may reach the next.
+            // Twice with one scratch, with and without a basis: no row may affect the next.
             for basis in [&basis[..], &[]] {
                 let row = GraphRow {
                     neighbours: &case.neighbours, basis, offsets: &[], own: features.row(own), skip: skip.as_deref(),
                 };
-                // Among others that differ from it, so that tiles of every size occur.
+                // The row is among different rows, so that tiles of every size occur.
                 let neighbours = &case.neighbours[case.neighbours.len() / 2..];
                 let other = GraphRow { neighbours, basis: &[], ..row };
                 let rows: Vec<_> = (0..company).map(|i| if i == place % company { row } else { other }).collect();
@@ -143,7 +141,7 @@ proptest! {
         let expected = naive::pointnet_row(&parts, &row, x, own, skip.as_deref());
         let expected: Vec<u32> = expected.into_iter().map(bits).collect();
         let conv = PointNetConv::new(&parts).unwrap();
-        // What a row leaves behind must not reach the next.
+        // Data that a row leaves in the scratch must not affect the next.
         let mut scratch = PointNetScratch::default();
         let half = edges.len() / 2;
         let other = GraphRow { neighbours: &neighbours[half..], offsets: &offsets[half..], ..row };
@@ -177,7 +175,7 @@ proptest! {
             (channels, segments * channels, Activation::Elu));
     }
 
-    /// Some segments change from one input to the next, and all of them are told.
+    /// Some segments change from one input to the next, and all of them are reported.
     #[test]
     fn a_dense_layer_is_the_same_bits_as_its_scalar_twin(
         (segments, channels, outputs, inputs, weight, bias) in (1usize..20, 1usize..40, 1usize..40)

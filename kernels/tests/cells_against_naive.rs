@@ -9,7 +9,7 @@ use proptest::prelude::*;
 
 use crate::naive;
 
-/// Values as they occur, zeros of both signs, and values whose products vanish.
+/// Usual values, zeros of both signs, and values whose products vanish.
 fn value() -> impl Strategy<Value = f32> {
     prop_oneof![
         6 => -2.0f32..2.0,
@@ -20,14 +20,14 @@ fn value() -> impl Strategy<Value = f32> {
 }
 
 fn values(n: usize) -> impl Strategy<Value = Vec<f32>> {
-    // Whole tensors of zeros are what skipping is for.
+    // Skipping is meant for whole tensors of zeros.
     prop_oneof![
         5 => proptest::collection::vec(value(), n),
         1 => proptest::collection::vec(prop_oneof![Just(0.0f32), Just(-0.0)], n),
     ]
 }
 
-/// Images of which most is empty.
+/// Images that are mostly empty.
 fn sparse(n: usize) -> impl Strategy<Value = Vec<f32>> {
     proptest::collection::vec(prop_oneof![30 => Just(0.0), 2 => Just(-0.0), 1 => value()], n)
 }
@@ -185,7 +185,7 @@ proptest! {
             conv.run(isa, both, None, &whole, &mut out);
             prop_assert_eq!(bits_of(&out), bits(&expected), "{}", isa.name());
             prop_assert!(border_is_zero(&out));
-            // What is empty may be skipped, or left out.
+            // Empty tiles may be skipped, and an empty image may be left out.
             let mut skipped = Planes::zeros(outputs, height, width);
             conv.run(isa, both, Some(&occupied), &whole, &mut skipped);
             prop_assert_eq!(bits_of(&skipped), bits(&expected), "{}, skipping", isa.name());
@@ -263,7 +263,7 @@ proptest! {
     ) {
         let planes = Planes::from_values(size.0, size.1, size.2, &image);
         let mut occupied = Occupancy::empty(size.1, size.2);
-        // Twice, so that what was there before must go.
+        // Twice, so that the earlier flags must disappear.
         occupied.update(&Planes::from_values(size.0, size.1, size.2, &vec![1.0; image.len()]));
         occupied.update(&planes);
         let tiles = planes.tiles();

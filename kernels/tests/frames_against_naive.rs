@@ -8,12 +8,9 @@ use meissner_kernels::{
 use proptest::prelude::*;
 
 use crate::naive::frames::{self as naive, Image};
+use crate::values::values;
 
 const TILES: [WinogradTile; 2] = [WinogradTile::Two, WinogradTile::Four];
-
-fn values(n: usize) -> impl Strategy<Value = Vec<f32>> {
-    proptest::collection::vec(prop_oneof![4 => -2.0f32..2.0, 1 => Just(0.0), 1 => Just(-0.0)], n)
-}
 
 /// One or two images and a layer of `places` over them.
 fn case(places: usize, side: usize) -> impl Strategy<Value = (ConvParts, Vec<Image>)> {
@@ -64,8 +61,8 @@ fn bits(values: &[f32]) -> Vec<u32> {
 
 const UNTOUCHED: f32 = 12345.0;
 
-/// Runs `run` for the whole map and for `region`, into maps of their own and the middle channels of
-/// wider ones: `expected` bits inside the region, untouched outside.
+/// Runs `run` for the whole map and for `region`, into separate maps and into the middle channels
+/// of wider ones: `expected` bits inside the region, unchanged values outside.
 fn check(
     expected: &Image,
     region: Region,
@@ -116,7 +113,7 @@ fn maps(images: &[Image], join: bool) -> Vec<FeatureMap> {
     vec![out]
 }
 
-/// What a layer over `images` reads of `maps`.
+/// The views of `maps` that a layer over `images` reads.
 fn views<'a>(images: &[Image], maps: &'a [FeatureMap]) -> Vec<View<'a>> {
     if maps.len() == images.len() {
         return maps.iter().map(FeatureMap::view).collect();
@@ -244,7 +241,7 @@ fn a_global_average_of_any_number_of_channels_is_the_same_bits_as_its_scalar_twi
     }
 }
 
-/// More tiles than are at hand at once.
+/// More tiles than one batch holds.
 #[test]
 fn a_winograd_convolution_of_many_tiles_is_the_same_bits_as_its_scalar_twin() {
     let size = [61, 70];
@@ -265,7 +262,7 @@ fn a_winograd_convolution_of_many_tiles_is_the_same_bits_as_its_scalar_twin() {
 }
 
 proptest! {
-    /// The products of an image, of which then some pixels change.
+    /// The products of an image, before and after some pixels change.
     #[test]
     fn products_that_are_kept_give_the_same_bits_as_their_scalar_twin(
         (parts, images) in case(9, 9),

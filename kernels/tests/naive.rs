@@ -1,4 +1,4 @@
-//! Scalar twins that the tests compare with, beside those of [`meissner_kernels::naive`].
+//! Scalar twins for the tests, in addition to those of [`meissner_kernels::naive`].
 //!
 //! Images are (channels, height, width). Sizes that do not fit lead to panics.
 

@@ -1,5 +1,5 @@
-//! What kernels promise beside their bits: known answers, bands, errors, refusals; sizes that no
-//! tensor has do not overflow.
+//! Promises of kernels besides their bits: known answers, bands, errors, refusals; impossible
+//! tensor sizes do not overflow.
 
 use meissner_kernels::{
     Activation, Conv1x1, Conv3x3, ConvParts, ConvScratch, Dense, FeatureMap, Isa, KernelError, Kn2rowConv3x3,

@@ -33,7 +33,7 @@ proptest! {
         let expected = naive::nearby(weights, points, place, except, most, guess);
         for isa in Isa::available() {
             let mut nearby = Nearby::new(weights);
-            // Twice: what a search leaves behind must not reach the next.
+            // Twice: data that a search leaves behind must not affect the next.
             for _ in 0..2 {
                 let found = nearby.find(isa, points, place, except, most, guess);
                 let sorted = found.map(|found| {

@@ -1,9 +1,10 @@
-//! Sums of a dense layer over several segments, of which few change from one input to the next.
+//! Sums of a dense layer over several segments. Few segments change from one input to the next.
 //!
 //! Each segment has a partial sum of every output: from +0 over its channels, ascending, each
 //! product rounded once with the sum. They are added in pairs, (0 + 1), (2 + 3), ..., the results
-//! in pairs again; an odd last one passes on. A changed segment costs its products and one addition
-//! a level per output. A segment that is all +0 needs none: most readout cells are empty.
+//! in pairs again; an odd last sum passes to the next level. A changed segment costs its products
+//! and one addition per level and output. A segment that is all +0 needs no products: most readout
+//! cells are empty.
 
 use crate::isa::{Simd, Vector, accumulate, flat, flat_mut};
 use crate::lanes::Lanes;
@@ -28,12 +29,12 @@ impl Segments {
         self.weight.untransposed(outputs)
     }
 
-    /// Lanes of all sums: of the segments, then of the pairs, up to that of all segments.
+    /// Lanes of all sums: of the segments, then of the pairs, up to the sum of all segments.
     pub(super) fn sums(&self) -> usize {
         levels(self.count).map(|(_, count)| count).sum::<usize>() * self.lanes
     }
 
-    /// Brings `sums` up to date with the `changed` segments; returns those of all segments.
+    /// Brings `sums` up to date with the `changed` segments; returns the sums over all segments.
     #[inline(always)]
     pub(super) fn update<'a, S: Simd>(
         &self,

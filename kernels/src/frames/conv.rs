@@ -54,7 +54,7 @@ impl<const K: usize> DirectConv<K> {
         self.packed.rows * self.packed.outputs
     }
 
-    /// Computes the outputs of `region` alone. Input maps have the output's height and width, and a
+    /// Computes only the outputs of `region`. Input maps have the output's height and width, and a
     /// halo as wide as the padding. An omitted second map counts as zeros.
     ///
     /// # Errors
@@ -100,7 +100,8 @@ pub(super) fn place(inputs: &[usize], places: usize, mut row: usize) -> (usize, 
     unreachable!("a row belongs to one of the maps")
 }
 
-/// Refuses more maps than the layer reads, no map, and maps of another size or with other channels.
+/// Refuses more maps than the layer reads, an empty list, and maps of another size or with other
+/// channels.
 pub(super) fn check_inputs(
     channels: &[usize],
     inputs: &[View<'_>],
@@ -121,7 +122,7 @@ pub(super) fn check_inputs(
 #[derive(Clone, Debug)]
 pub struct TransposedConv2x2 {
     inputs: Vec<usize>,
-    /// By place: upper left, upper right, lower left, lower right.
+    /// One per place: upper left, upper right, lower left, lower right.
     places: [Packed; 4],
 }
 
@@ -184,8 +185,9 @@ impl TransposedConv2x2 {
     }
 }
 
-/// A [`Conv3x3`] fused with the 2 x 2 maximum that alone reads it, with their bits. The map between
-/// is never written: it is four times the result, and memory limits such layers.
+/// A [`Conv3x3`] fused with the 2 x 2 maximum that is its only reader, with the same bits as both.
+/// The map between them is never written: it is four times as large as the result, and memory
+/// limits such layers.
 #[derive(Clone, Debug)]
 pub struct PooledConv3x3 {
     conv: Conv3x3,
@@ -220,13 +222,13 @@ impl PooledConv3x3 {
         self.conv.inputs.iter().sum()
     }
 
-    /// Most bytes of scratch for a map whose rows have `width` pooled outputs, on one thread.
+    /// Maximum bytes of scratch for a map whose rows have `width` pooled outputs, on one thread.
     pub fn scratch_bytes(width: usize) -> u128 {
         (PAIR * size_of::<Wide>()) as u128 * width as u128
     }
 
-    /// Computes the pooled outputs of `region` alone. Input maps have a halo of at least 1 and
-    /// twice the output's height and width, or one more.
+    /// Computes only the pooled outputs of `region`. Input maps have a halo of at least 1 and twice
+    /// the output's height and width, or one more.
     ///
     /// # Errors
     /// As [`DirectConv::run`](crate::frames::DirectConv::run).

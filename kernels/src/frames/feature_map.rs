@@ -10,7 +10,8 @@ use crate::lanes::{LANES, Wide};
 #[derive(Clone, Debug)]
 pub struct FeatureMap {
     shape: Shape,
-    /// Rows of pixels with their halo, and one more vector: one can be read at every value.
+    /// Rows of pixels with their halo, and one more vector, so that a vector can be read at every
+    /// value.
     data: Vec<Wide>,
 }
 

@@ -4,7 +4,7 @@
 //! Input pixel p has nine products for each output channel, P(p, place, o) = sum over i of x(p, i)
 //! W(o, i, place), a chain from +0, i ascending. y(p, o) = relu(b(o) + P(p + place, place, o) for
 //! each place), rows before columns. A changed pixel costs its own products and nine additions for
-//! each of nine outputs, instead of nine outputs with all their products.
+//! each of nine outputs, instead of all products of nine outputs.
 
 use super::conv::{Conv1x1, check_inputs};
 use super::feature_map::{Band, FeatureMap, Target, View};
@@ -33,7 +33,7 @@ pub struct Kn2rowConv3x3 {
 pub struct Kn2rowScratch {
     /// The channels of each pixel.
     inputs: Vec<f32>,
-    /// Where the products of each pixel begin.
+    /// Start index of the products of each pixel.
     starts: Vec<usize>,
 }
 
@@ -88,14 +88,14 @@ impl Kn2rowConv3x3 {
         PLACES * self.outputs
     }
 
-    /// Largest number of bytes of scratch for `pixels` changed pixels: their inputs, and where the
-    /// products of each begin.
+    /// Largest number of bytes of scratch for `pixels` changed pixels: their inputs, and the start
+    /// indices of their products.
     pub fn scratch_bytes(&self, pixels: usize) -> [u128; 2] {
         [self.products.inputs[0] * size_of::<f32>(), size_of::<usize>()]
             .map(|bytes| bytes as u128 * pixels as u128)
     }
 
-    /// Computes the products of `pixels`, each (y, x), alone. O(pixels x 9 x C x O).
+    /// Computes only the products of `pixels`, each (y, x). O(pixels x 9 x C x O).
     ///
     /// # Errors
     /// [`KernelError::Shape`] or [`KernelError::Size`] for a map not of the output's size.
@@ -122,8 +122,13 @@ impl Kn2rowConv3x3 {
             inputs.extend_from_slice(input.pixel(y, x));
             starts.push(y * row + x * pixel);
         }
-        isa.run(Products { packed: &self.products.packed, inputs, starts, out: values });
+        self.multiply(isa, inputs, starts, values);
         Ok(())
+    }
+
+    /// Separate, because [`Self::update`] is compiled again for each kind of iterator.
+    fn multiply(&self, isa: Isa, inputs: &[f32], starts: &[usize], out: &mut [f32]) {
+        isa.run(Products { packed: &self.products.packed, inputs, starts, out });
     }
 
     /// Adds the products of `region`'s outputs; other outputs are unchanged. O(region x 9 x O).
@@ -181,7 +186,7 @@ impl Products<'_> {
         let Self { packed, inputs, starts, .. } = *self;
         let weights = std::array::from_fn(|b| packed.block(block + b));
         let mut blocks = Blocks::<S, B> { simd, packed, weights, block, inputs, starts, out: self.out };
-        in_tiles::<S>(starts.len(), 1, &mut blocks);
+        in_tiles::<S, _>(starts.len(), &mut blocks);
     }
 }
 

@@ -1,11 +1,11 @@
 //! The loop of all direct convolutions: sums over places of one or two maps, for a rectangle of
-//! outputs or the largest of each 2 x 2 of them.
+//! outputs or for the maximum of each 2 x 2 of them.
 //!
 //! y(o) = relu(b(o) + sum over maps, places, channels of x W(o)), a chain from the bias, each
-//! product rounded once with its sum. A tile of positions shares each loaded weight. Weights of a
-//! block of 32 (or 16) outputs stay in the second-level cache over a strip of rows, and the strip
-//! over the blocks. Meanwhile a tile's outputs and what only the next one reads are fetched, a few
-//! lines at a time: many at once would delay the weights.
+//! product rounded once with its sum. A tile of positions shares each loaded weight. The weights of
+//! a block of 32 (or 16) outputs stay in the second-level cache for a strip of rows, and the strip
+//! stays there for all blocks. Meanwhile a tile's outputs and the values that only the next tile
+//! reads are prefetched, a few lines at a time: many at once would delay the weights.
 
 use std::ops::Range;
 
@@ -14,10 +14,11 @@ use crate::frames::weights::{BLOCK, Packed};
 use crate::isa::{Simd, Task, Vector, accumulate, prefetch};
 use crate::lanes::Wide;
 
-/// Values of a strip of rows, inputs and outputs.
+/// Number of values of a strip of rows, inputs and outputs.
 const STRIP: usize = 1 << 16;
 
-/// Products of an output from which its tile takes long enough to fetch lines. Measured.
+/// Number of products per output from which a tile takes long enough to prefetch lines. Chosen by
+/// measurement.
 const LONG: usize = 64;
 
 const PLACES: usize = 9;
@@ -74,9 +75,10 @@ pub(super) struct Layer<'a> {
     pub(super) rows: usize,
     pub(super) columns: usize,
     pub(super) target: Target<'a>,
-    /// With it the target gets the largest of each 2 x 2 outputs, in the order of
-    /// [`max_pool_2x2`](super::max_pool_2x2): room for the larger of each two outputs of an upper
-    /// row, for [`PAIR`] blocks of two columns. Rows and columns are then even in number.
+    /// If present, the target gets the maximum of each 2 x 2 outputs, in the order of
+    /// [`max_pool_2x2`](super::max_pool_2x2). It has room for the larger of each two outputs of an
+    /// upper row, for [`PAIR`] blocks of two columns. The numbers of rows and columns are then
+    /// even.
     pub(super) halves: Option<&'a mut [Wide]>,
 }
 
@@ -88,7 +90,8 @@ impl Task for Layer<'_> {
 
     #[inline(always)]
     fn run<S: Simd>(mut self, simd: S) {
-        // Decided here: a tile that decides it keeps its sums in memory instead of registers.
+        // The decision is made here: if a tile made it, its sums would be in memory instead of
+        // registers.
         if self.halves.is_some() {
             self.strips::<S, true>(simd);
         } else {
@@ -107,36 +110,44 @@ impl Layer<'_> {
             let rows = first..self.rows.min(first + strip);
             let mut block = 0;
             while S::WIDE && block + PAIR <= self.packed.blocks() {
-                self.block::<S, PAIR, POOL>(simd, block, rows.clone());
+                simd.apart(Strip::<PAIR, POOL> { layer: self, block, rows: rows.clone() });
                 block += PAIR;
             }
             while block < self.packed.blocks() {
-                self.block::<S, 1, POOL>(simd, block, rows.clone());
+                simd.apart(Strip::<1, POOL> { layer: self, block, rows: rows.clone() });
                 block += 1;
             }
         }
     }
+}
+
+/// B blocks of outputs of a strip of rows. Run it [as a separate function](Simd::apart): the
+/// time to compile a function grows faster than its size.
+struct Strip<'a, 'b, const B: usize, const POOL: bool> {
+    layer: &'b mut Layer<'a>,
+    block: usize,
+    rows: Range<usize>,
+}
+
+impl<const B: usize, const POOL: bool> Task for Strip<'_, '_, B, POOL> {
+    type Output = ();
 
     #[inline(always)]
-    fn block<S: Simd, const B: usize, const POOL: bool>(
-        &mut self,
-        simd: S,
-        block: usize,
-        rows: Range<usize>,
-    ) {
+    fn run<S: Simd>(self, simd: S) {
+        let Self { layer, block, rows } = self;
         for y in rows {
             let mut row = Row::<S, B, POOL> {
                 simd,
-                packed: self.packed,
-                weights: std::array::from_fn(|b| self.packed.block(block + b)),
+                packed: layer.packed,
+                weights: std::array::from_fn(|b| layer.packed.block(block + b)),
                 block,
-                sources: &self.sources,
+                sources: &layer.sources,
                 y,
-                out: &mut self.target.values[y / Row::<S, B, POOL>::UNIT * self.target.row..],
-                pixel: self.target.pixel,
-                halves: self.halves.as_deref_mut().unwrap_or_default(),
+                out: &mut layer.target.values[y / Row::<S, B, POOL>::UNIT * layer.target.row..],
+                pixel: layer.target.pixel,
+                halves: layer.halves.as_deref_mut().unwrap_or_default(),
             };
-            in_tiles::<S>(self.columns, Row::<S, B, POOL>::UNIT, &mut row);
+            in_tiles::<S, _>(layer.columns, &mut row);
         }
     }
 }
@@ -154,6 +165,8 @@ struct Row<'a, S, const B: usize, const POOL: bool> {
 }
 
 impl<S: Simd, const B: usize, const POOL: bool> Tiles for Row<'_, S, B, POOL> {
+    const UNIT: usize = if POOL { 2 } else { 1 };
+
     #[inline(always)]
     fn tile<const R: usize>(&mut self, first: usize) {
         let simd = self.simd;
@@ -201,9 +214,6 @@ impl<S: Simd, const B: usize, const POOL: bool> Tiles for Row<'_, S, B, POOL> {
 }
 
 impl<S: Simd, const B: usize, const POOL: bool> Row<'_, S, B, POOL> {
-    /// Rows, and columns, that become one.
-    const UNIT: usize = if POOL { 2 } else { 1 };
-
     #[inline(always)]
     fn output(&self, sum: S::V16) -> S::V16 {
         let zero = S::V16::splat(self.simd, 0.0);
@@ -218,7 +228,8 @@ impl<S: Simd, const B: usize, const POOL: bool> Row<'_, S, B, POOL> {
         store_some(y, &mut self.out[at..][..self.packed.real(self.block + b)]);
     }
 
-    /// Keeps the larger of columns 2 x and 2 x + 1, or writes the largest with those above.
+    /// Keeps the larger of columns 2 x and 2 x + 1, or writes the maximum with the kept ones of the
+    /// row above.
     #[inline(always)]
     fn pool(&mut self, x: usize, left: [S::V16; B], right: [S::V16; B]) {
         let simd = self.simd;
@@ -237,6 +248,9 @@ impl<S: Simd, const B: usize, const POOL: bool> Row<'_, S, B, POOL> {
 
 /// Work on R adjacent positions at a time.
 pub(super) trait Tiles {
+    /// Number of positions that become one output, 1 or 2: a tile has whole ones.
+    const UNIT: usize = 1;
+
     /// Positions `first..first + R`.
     fn tile<const R: usize>(&mut self, first: usize);
 }
@@ -250,31 +264,30 @@ pub(super) fn most<S: Simd>() -> usize {
     if S::WIDE { MAX } else { 6 }
 }
 
-/// Covers `count` positions with the fewest tiles, nearly equal, multiples of `unit` (1 or 2).
+/// Covers `count` positions with the fewest tiles, nearly equal.
 #[inline(always)]
-pub(super) fn in_tiles<S: Simd>(count: usize, unit: usize, work: &mut impl Tiles) {
+pub(super) fn in_tiles<S: Simd, W: Tiles>(count: usize, work: &mut W) {
     let tiles = count.div_ceil(most::<S>());
     let mut first = 0;
     for t in 0..tiles {
-        let end = (t + 1) * (count / unit) / tiles * unit;
+        let end = (t + 1) * (count / W::UNIT) / tiles * W::UNIT;
+        // Sizes that do not occur are not compiled: the conditions are known.
         match end - first {
-            1 => work.tile::<1>(first),
+            1 if W::UNIT == 1 => work.tile::<1>(first),
             2 => work.tile::<2>(first),
-            3 => work.tile::<3>(first),
+            3 if W::UNIT == 1 => work.tile::<3>(first),
             4 => work.tile::<4>(first),
-            5 => work.tile::<5>(first),
+            5 if W::UNIT == 1 => work.tile::<5>(first),
             6 => work.tile::<6>(first),
-            size if S::WIDE => match size {
-                7 => work.tile::<7>(first),
-                8 => work.tile::<8>(first),
-                9 => work.tile::<9>(first),
-                10 => work.tile::<10>(first),
-                11 => work.tile::<11>(first),
-                12 => work.tile::<12>(first),
-                13 => work.tile::<13>(first),
-                _ => work.tile::<14>(first),
-            },
-            _ => unreachable!("a tile has at most `most` positions"),
+            7 if S::WIDE && W::UNIT == 1 => work.tile::<7>(first),
+            8 if S::WIDE => work.tile::<8>(first),
+            9 if S::WIDE && W::UNIT == 1 => work.tile::<9>(first),
+            10 if S::WIDE => work.tile::<10>(first),
+            11 if S::WIDE && W::UNIT == 1 => work.tile::<11>(first),
+            12 if S::WIDE => work.tile::<12>(first),
+            13 if S::WIDE && W::UNIT == 1 => work.tile::<13>(first),
+            14 if S::WIDE => work.tile::<14>(first),
+            _ => unreachable!("a tile has at most `most` positions, and whole outputs"),
         }
         first = end;
     }

@@ -15,7 +15,7 @@ use crate::lanes::{LANES, Lanes};
 
 const WIDE: usize = 2 * LANES;
 
-/// Outputs by which what is read is asked for early.
+/// Number of outputs by which inputs are prefetched.
 const AHEAD: usize = 8;
 
 /// Maximum of 2 x 2 pixels, stride 2, for the outputs in `region`; odd last rows are dropped.
@@ -31,8 +31,8 @@ pub fn max_pool_2x2(isa: Isa, input: View<'_>, region: Region, out: Band<'_>) ->
     Ok(())
 }
 
-/// Average of `size` x `size` pixels with that stride for the outputs in `region`, row by row; what
-/// fills no window is dropped.
+/// Average of `size` x `size` pixels with that stride for the outputs in `region`, row by row;
+/// pixels that do not fill a window are dropped.
 ///
 /// # Errors
 /// [`KernelError::Size`] for a size of zero; otherwise as [`max_pool_2x2`].
@@ -51,7 +51,8 @@ pub fn average_pool(
     Ok(())
 }
 
-/// Average of all pixels: the sum of each row from the left, and the sum of these from the top.
+/// Average of all pixels: the sum of each row from the left, then the sum of these sums from the
+/// top.
 ///
 /// # Errors
 /// [`KernelError::Length`] if `out` does not have one value per channel.
@@ -194,7 +195,8 @@ impl SqueezeExcite {
         Ok(Self { down, up })
     }
 
-    /// Bytes of scratch that the layer needs: for the means, for the factors as many, and between.
+    /// Bytes of scratch that the layer needs: for the means (the factors need as many), and for the
+    /// values between the layers.
     pub fn scratch_bytes(&self) -> [u128; 2] {
         [self.down.inputs(), self.down.outputs()]
             .map(|values| Lanes::count(values) as u128 * size_of::<Lanes>() as u128)
@@ -216,7 +218,7 @@ impl SqueezeExcite {
         input.check([height, width, channels], 0)?;
         out.check([height, width, channels], Region::all(height, width))?;
         let SqueezeScratch { mean, middle, scale } = scratch;
-        // Cleared, so that the padding is zero whatever layer used the scratch before.
+        // Cleared, so that the padding is zero even if another layer used the scratch before.
         mean.clear();
         mean.resize(Lanes::count(channels), Lanes::ZERO);
         global_average(isa, input, &mut flat_mut(mean)[..channels])?;

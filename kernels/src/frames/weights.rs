@@ -18,8 +18,8 @@ pub struct ConvParts {
     pub weight: Vec<f32>,
     /// (O).
     pub bias: Option<Vec<f32>>,
-    /// A batch norm y = scale x + shift after the convolution, (O) each. The scale is multiplied in
-    /// in f64 and rounded once, when the layer is made.
+    /// A batch norm y = scale x + shift after the convolution, (O) each. The weights are multiplied
+    /// by the scale in f64 and rounded once, when the layer is made.
     pub norm: Option<(Vec<f32>, Vec<f32>)>,
     /// Whether a rectifier follows: y where y > 0, else +0.
     pub relu: bool,

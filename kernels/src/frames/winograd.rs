@@ -1,14 +1,16 @@
 //! 3 x 3 convolution with fewer products (Winograd 1980; Lavin and Gray 2016): M x M outputs are
 //! A^t [ sum over i of (G g(i) G^t) (B^t d(i) B) ] A, d(i) the (M + 2) x (M + 2) inputs.
 //!
-//! G g G^t is computed in f64 and rounded once, when the layer is made. Order of the rest:
-//! [`Transform`] for B and A, columns of a tile before rows; for each of (M + 2)^2 places a chain
-//! from +0 over maps and channels, ascending, each product rounded once with its sum; then the
-//! bias. Tiles lie on a grid from the map's first pixel; inputs beyond the map are +0.
+//! G g G^t is computed in f64 and rounded once, when the layer is made. Order of the other
+//! operations: [`Transform`] for B and A, columns of a tile before rows; for each of (M + 2)^2
+//! places a chain from +0 over maps and channels, ascending, each product rounded once with its
+//! sum; then the bias. Tiles lie on a grid from the map's first pixel; inputs beyond the map are
+//! +0.
 //!
-//! Results are rounded otherwise than the direct kernels', so a network states its kernel. Largest
-//! difference over largest magnitude, uniform inputs and weights, 32 to 256 channels: 3e-6 for 2 x
-//! 2 tiles, 2e-5 for 4 x 4. Below about 16 input channels the direct kernels are faster.
+//! Rounding differs from that of the direct kernels, so a network states its kernel. The largest
+//! difference divided by the largest magnitude, for uniform inputs and weights and 32 to 256
+//! channels, is 3e-6 for 2 x 2 tiles, 2e-5 for 4 x 4. Below about 16 input channels the direct
+//! kernels are faster.
 
 mod run;
 
@@ -74,16 +76,16 @@ impl WinogradConv3x3 {
         self.tile
     }
 
-    /// Most bytes of each of a scratch's three parts for `height` x `width` outputs. Each grows to
-    /// the largest need of the layers that use it.
+    /// Maximum bytes of each of a scratch's three parts for `height` x `width` outputs. Each grows
+    /// to the largest need of the layers that use it.
     pub fn scratch_bytes(&self, height: usize, width: usize) -> [u128; 3] {
         let size = self.tile.size();
         let tiles = height.div_ceil(size) as u128 * width.div_ceil(size) as u128;
         run::scratch_bytes(size + 2, &self.inputs, tiles)
     }
 
-    /// Computes the outputs of `region` alone, whole tiles (the last end with the map). Input maps
-    /// have the output's height and width and a halo of 1.
+    /// Computes only the outputs of `region`, which consists of whole tiles (the last end with the
+    /// map). Input maps have the output's height and width and a halo of 1.
     ///
     /// # Errors
     /// [`KernelError::Shape`], [`KernelError::Length`] or [`KernelError::Size`] for an input that

@@ -22,7 +22,7 @@ impl Avx2 {
 
     #[inline]
     pub(super) fn enter<T: Task>(self, task: T) -> T::Output {
-        // SAFETY: `self` is made in `detect` alone, after the processor said that it has both.
+        // SAFETY: only `detect` creates `self`, after the processor reported that it has both.
         unsafe { run(self, task) }
     }
 }
@@ -33,7 +33,7 @@ fn run<T: Task>(simd: Avx2, task: T) -> T::Output {
     task.run(simd)
 }
 
-/// Eight f32 in a register. Made only from an [`Avx2`] or another `F32x8`: a proof too.
+/// Eight f32 in a register. Made only from an [`Avx2`] or another `F32x8`, so it is also a proof.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct F32x8(__m256);
 

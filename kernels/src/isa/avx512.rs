@@ -32,7 +32,7 @@ impl Avx512 {
 
     #[inline]
     pub(super) fn enter<T: Task>(self, task: T) -> T::Output {
-        // SAFETY: `self` is made in `detect` alone, after the processor said that it has them.
+        // SAFETY: only `detect` creates `self`, after the processor reported that it has them.
         unsafe { run(self, task) }
     }
 }
@@ -55,11 +55,12 @@ impl Simd for Avx512 {
     }
 }
 
-/// Eight f32 in a register. Made only from an [`Avx512`] or another `F32x8`: a proof too.
+/// Eight f32 in a register. Made only from an [`Avx512`] or another `F32x8`, so it is also a proof.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct F32x8(__m256);
 
-/// Sixteen f32 in a register. Made only from an [`Avx512`] or another `F32x16`: a proof too.
+/// Sixteen f32 in a register. Made only from an [`Avx512`] or another `F32x16`, so it is also a
+/// proof.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct F32x16(__m512);
 

@@ -1,7 +1,7 @@
 //! The inner loops of all matrix products: a few rows of values times a few vectors of weights.
 //!
-//! Sizes are checked once, before the loop: checks inside, and their registers, would halve the
-//! speed.
+//! Sizes are checked once, before the loop: checks inside the loop, and their registers, would
+//! halve the speed.
 
 use crate::isa::vector::{Simd, Sum, Vector};
 use crate::lanes::{LANES, Wide};
@@ -9,10 +9,12 @@ use crate::lanes::{LANES, Wide};
 const WIDE: usize = 2 * LANES;
 
 /// acc(r, b) += sum of values(r stride + k) weights(b, k) for k from `FIRST` in steps of `STEP`,
-/// ascending, each product rounded once with the sum. Panics if the weights differ in length, or
-/// `values` is too short.
+/// ascending, each product rounded once with the sum.
+///
+/// # Panics
+/// If the weights differ in length, or `values` is too short.
 #[inline(always)]
-pub(crate) fn accumulate<
+pub fn accumulate<
     S: Simd,
     V: Vector<S>,
     const R: usize,
@@ -33,7 +35,7 @@ pub(crate) fn accumulate<
     assert!(weights.iter().all(|w| w.len() == count), "weights must have one length");
     let last = stride.checked_mul(R - 1).and_then(|first| first.checked_add(count));
     assert!(last.is_some_and(|last| last <= values.len()), "there must be a value for each weight");
-    // SAFETY: every slice of weights has `count` of them; (R - 1) stride + count is at most the
+    // SAFETY: every slice of weights has `count` elements; (R - 1) stride + count is at most the
     // length of `values`.
     unsafe {
         if !add_steps::<S, V::Sum, R, B, FIRST, STEP>(simd, acc, values, stride, weights) {
@@ -45,8 +47,8 @@ pub(crate) fn accumulate<
 /// [`accumulate`] in the form A. Returns whether `acc` is right; if not, it is as before.
 ///
 /// # Safety
-/// Every slice of weights has the length of the first, and `values` have (R - 1) `stride` and as
-/// many more.
+/// Every slice of weights has the length of the first, and `values` has (R - 1) `stride` elements
+/// plus that length.
 #[inline(always)]
 unsafe fn add_steps<
     S: Simd,
@@ -79,10 +81,12 @@ unsafe fn add_steps<
 
 /// acc(r, b) += sum over k < the weights' number, ascending, of values(k / 16 apart + r)[k mod 16]
 /// weights(b, k), each product rounded once with the sum. The rows' constant distance is part of
-/// the instructions, so that addresses need no registers. Panics if the weights differ in length,
-/// or `values` is too short.
+/// the instructions, so that addresses need no registers.
+///
+/// # Panics
+/// If the weights differ in length, or `values` is too short.
 #[inline(always)]
-pub(crate) fn accumulate_wide<S: Simd, V: Vector<S>, const R: usize, const B: usize>(
+pub fn accumulate_wide<S: Simd, V: Vector<S>, const R: usize, const B: usize>(
     simd: S,
     acc: &mut [[V; B]; R],
     values: &[Wide],
@@ -96,7 +100,7 @@ pub(crate) fn accumulate_wide<S: Simd, V: Vector<S>, const R: usize, const B: us
     assert!(weights.iter().all(|w| w.len() == total), "weights must have one length");
     let last = ((total - 1) / WIDE).checked_mul(apart).and_then(|at| at.checked_add(R));
     assert!(last.is_some_and(|last| last <= values.len()), "there must be a value for each weight");
-    // SAFETY: every slice of weights has `total` of them; there are R `values` for the last.
+    // SAFETY: every slice of weights has `total` elements; there are R `values` for the last.
     unsafe {
         if !add_wide::<S, V::Sum, R, B>(simd, acc, values, apart, weights) {
             add_wide::<S, V, R, B>(simd, acc, values, apart, weights);
@@ -189,7 +193,7 @@ unsafe fn add_in_four<S: Simd, A: Sum<S>, const B: usize>(
     end(&sums, doubt, acc)
 }
 
-/// What vectors of A are in memory.
+/// Representation of vectors of A in memory.
 type Memory<S, A> = <<A as Sum<S>>::Vector as Vector<S>>::Memory;
 
 /// Sums in the form A that begin at `acc`: a local variable of the caller, so that they stay in
@@ -223,7 +227,8 @@ pub(crate) fn end<S: Simd, A: Sum<S>, const R: usize, const B: usize>(
     true
 }
 
-/// weights(b, k) of every b. No `map`: in a closure that stays a call, instructions do too.
+/// weights(b, k) of every b. Does not use `map`: if its closure is not inlined, the instructions in
+/// it are not either.
 ///
 /// # Safety
 /// k is less than the length of every slice of weights.
@@ -260,20 +265,22 @@ fn add_products<S: Simd, A: Sum<S>, const B: usize>(
 
 /// Taps of a 3 x 3 window: row dy, column dx, channel c is at `c plane + dy stride + dx`.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Taps<'a> {
+pub struct Taps<'a> {
     /// Values, from the first tap of the first position on.
-    pub(crate) values: &'a [f32],
+    pub values: &'a [f32],
     /// Distance between rows in values.
-    pub(crate) stride: usize,
+    pub stride: usize,
     /// Distance between channels in values.
-    pub(crate) plane: usize,
+    pub plane: usize,
 }
 
 /// acc(o, b) += sum over channels, rows and columns of the window, ascending, of weights(tap, o)
-/// values(tap + b), each product rounded once with the sum. `weights`: (channels x 9, O). Panics if
-/// `weights` are not whole windows, or there are too few values.
+/// values(tap + b), each product rounded once with the sum. `weights`: (channels x 9, O).
+///
+/// # Panics
+/// If `weights` are not whole windows, or there are too few values.
 #[inline(always)]
-pub(crate) fn accumulate_taps<S: Simd, V: Vector<S>, const O: usize, const B: usize>(
+pub fn accumulate_taps<S: Simd, V: Vector<S>, const O: usize, const B: usize>(
     simd: S,
     acc: &mut [[V; B]; O],
     taps: Taps<'_>,
@@ -314,7 +321,8 @@ unsafe fn add_taps<S: Simd, A: Sum<S>, const O: usize, const B: usize>(
         let mut row = channel;
         for _ in 0..3 {
             for dx in 0..3 {
-                // Not by `from_fn`: where a closure stays a call, so do the instructions in it.
+                // Does not use `from_fn`: if its closure is not inlined, the instructions in it are
+                // not either.
                 let mut x = [A::factor(simd, A::Vector::splat(simd, 0.0), &mut doubt); B];
                 for (b, x) in x.iter_mut().enumerate() {
                     let at = row + dx + b * lanes;
@@ -322,8 +330,8 @@ unsafe fn add_taps<S: Simd, A: Sum<S>, const O: usize, const B: usize>(
                     let values = unsafe { values.get_unchecked(at..at + lanes) };
                     *x = A::factor(simd, A::Vector::load_slice(simd, values), &mut doubt);
                 }
-                // SAFETY: k counts nine weights a turn of the outer loop, and their number is a
-                // multiple of nine.
+                // SAFETY: k counts nine weights per iteration of the outer loop, and their number
+                // is a multiple of nine.
                 let weights = unsafe { weights.get_unchecked(k) };
                 for (sums, &weight) in sums.iter_mut().zip(weights) {
                     let weight = A::factor_of_all(simd, weight, &mut doubt);

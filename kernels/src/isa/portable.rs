@@ -126,7 +126,7 @@ pub fn fused(a: f32, b: f32, c: f32) -> f32 {
     let of_c = sum - product;
     let lost = (product - (sum - of_c)) + (c - of_c);
     let bits = sum.to_bits();
-    // Away from zero if the error has the sum's sign; NaN is false, infinities stay.
+    // Away from zero if the error has the sum's sign; false for NaN, infinities stay.
     let up = (lost > 0.0 && sum > 0.0) || (lost < 0.0 && sum < 0.0);
     let down = (lost < 0.0 && sum > 0.0) || (lost > 0.0 && sum < 0.0);
     let even = 1 - (bits & 1);
@@ -140,7 +140,7 @@ const HALF_WAY: u64 = 1 << 28;
 
 /// [`fused`] of each element.
 #[inline(always)]
-pub(crate) fn fused_each<const N: usize>(a: [f32; N], b: [f32; N], c: [f32; N]) -> [f32; N] {
+pub fn fused_each<const N: usize>(a: [f32; N], b: [f32; N], c: [f32; N]) -> [f32; N] {
     if Portable::FUSED {
         return std::array::from_fn(|i| fused(a[i], b[i], c[i]));
     }
@@ -150,9 +150,9 @@ pub(crate) fn fused_each<const N: usize>(a: [f32; N], b: [f32; N], c: [f32; N]) 
 /// [`fused_each`] without such an instruction.
 ///
 /// A sum in f64 that is not half-way between two f32 rounds to the f32 of the exact sum. This is
-/// nearly always so, and testing it needs the bits below an f32's last alone.
+/// nearly always the case, and the test needs only the bits below an f32's last.
 ///
-/// A call: with a copy in each of their sums, kernels are half as large again, and no faster.
+/// Not inlined: with a copy in each of their sums, kernels are 1.5 times as large, and not faster.
 #[inline(never)]
 fn fused_in_f64<const N: usize>(a: [f32; N], b: [f32; N], c: [f32; N]) -> [f32; N] {
     let mut sums = [0.0; N];

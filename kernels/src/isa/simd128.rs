@@ -1,8 +1,8 @@
 //! SIMD128 of WebAssembly: registers of four f32, without a fused multiply-add.
 //!
-//! A module either has these instructions or cannot be loaded without them: they are there if the
-//! build has them. *Relaxed* SIMD has a fused product, but the standard lets it round once or twice
-//! as an implementation likes; it is not used.
+//! A module with these instructions cannot be loaded without support for them, so they exist if the
+//! build has them. *Relaxed* SIMD has a fused product, but the standard lets each implementation
+//! round once or twice, so it is not used.
 
 use std::arch::wasm32::{
     f32x4_add, f32x4_demote_f64x2_zero, f32x4_div, f32x4_le, f32x4_mul, f32x4_pmax, f32x4_splat, f32x4_sub,
@@ -158,20 +158,20 @@ vector!(4, Wide);
 
 /// Sums of products in N registers of two f64, each of them the value of an f32.
 ///
-/// The product of two f32 is exact in f64, its sum s with a third value is rounded to f64, and that
-/// to 24 bits without a conversion, which costs more than all else: with q = (2^29 + 1) s,
-/// q + (s - q) is s rounded to nearest (Boldo 2006, "Pitfalls of a full floating-point proof",
-/// section 4), in some direction if it is half-way: such sums are rounded by [`half_way`]. It is
+/// The product of two f32 is exact in f64. Its sum s with a third value is rounded to f64, and then
+/// to 24 bits without a conversion, which would cost more than everything else: with q = (2^29 + 1)
+/// s, q + (s - q) is s rounded to nearest (Boldo 2006, "Pitfalls of a full floating-point proof",
+/// section 4), in some direction if it is half-way: [`half_way`] rounds such sums. The result is
 /// the f32 of the exact sum if
 ///
 /// - factors other than 0 are from 2^-51 on: sums are multiples of 2^-148 then, so that those below
 ///   2^-126 are exact, and subnormal f32 have all their bits,
 /// - factors and the first value are below 2^50, so that no sum of 2^26 products leaves f32,
-/// - the first value is not -0, whose sign q + (s - q) loses. No sum is -0 else.
+/// - the first value is not -0, whose sign q + (s - q) loses. No other sum is -0.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Doubles<const N: usize>([v128; N]);
 
-/// What all factors and first values were.
+/// Bounds on all factors and first values.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Doubt {
     /// Twice the least magnitude of a factor other than 0, less one, as unsigned integers.
@@ -294,24 +294,24 @@ impl Halves {
 /// Four f64 as f32.
 #[inline(always)]
 fn rounded([low, high]: [v128; 2]) -> v128 {
-    // Not by a shuffle: the compiler would round lane by lane.
+    // Does not use a shuffle: the compiler would round lane by lane.
     let up = u8x16(16, 16, 16, 16, 16, 16, 16, 16, 0, 1, 2, 3, 4, 5, 6, 7);
     v128_or(f32x4_demote_f64x2_zero(low), u8x16_swizzle(f32x4_demote_f64x2_zero(high), up))
 }
 
-/// c + a b, and the lanes in which it may be wrong, as it is rounded twice.
+/// c + a b, and the lanes in which it may be wrong because it is rounded twice.
 ///
 /// A sum in f64 that is not half-way between two f32 rounds to the f32 of the exact sum, as in
 /// [`super::portable::fused_each`]: half-way, the 29 bits below an f32's last are a one and zeros.
-/// Where the f32 is subnormal, or the smallest that is not, half-way is elsewhere. A zero is right:
-/// sums so small are exact in f64.
+/// If the f32 is subnormal, or the smallest normal one, half-way is elsewhere. A zero is right:
+/// such small sums are exact in f64.
 #[inline(always)]
 fn add_product(a: v128, b: v128, c: v128) -> (v128, v128) {
     let sums = Halves::new(a, b, c).sums;
     let rounded = rounded(sums);
     let below = i32x4_shl(i32x4_shuffle::<0, 2, 4, 6>(sums[0], sums[1]), 3);
     let half_way = i32x4_eq(below, i32x4_splat(i32::MIN));
-    // Twice the magnitude less one, as unsigned: of a zero the largest.
+    // Twice the magnitude less one, as unsigned: the largest value for a zero.
     let magnitude = i32x4_add(i32x4_shl(rounded, 1), i32x4_splat(i32::MAX));
     let small = i32x4_lt(magnitude, i32x4_splat(i32::MIN + (1 << 24)));
     (rounded, v128_or(half_way, small))
@@ -324,19 +324,19 @@ fn exact(a: v128, b: v128, c: v128) -> v128 {
     rounded(array::from_fn(|i| to_odd(products[i], c[i], sums[i])))
 }
 
-/// The f32 of an exact sum as f64, always: by way of the sum rounded to odd.
+/// The f32 of an exact sum as f64, always: from the sum rounded to odd.
 #[inline(never)]
 fn half_way(product: v128, c: v128, sum: v128) -> v128 {
     f64x2_promote_low_f32x4(f32x4_demote_f64x2_zero(to_odd(product, c, sum)))
 }
 
-/// The sum of two f64, rounded to odd; `sum` is it rounded to nearest.
+/// The sum of two f64, rounded to odd; `sum` is the sum rounded to nearest.
 #[inline(always)]
 fn to_odd(product: v128, c: v128, sum: v128) -> v128 {
     // The error of the sum, exactly (Knuth's two-sum).
     let of_c = f64x2_sub(sum, product);
     let lost = f64x2_add(f64x2_sub(product, f64x2_sub(sum, of_c)), f64x2_sub(c, of_c));
-    // NaN is neither; an infinite sum stays.
+    // NaN satisfies neither comparison; an infinite sum stays.
     let (zero, one) = (f64x2_splat(0.0), i64x2_splat(1));
     let inexact = v128_or(f64x2_lt(lost, zero), f64x2_gt(lost, zero));
     let even = i64x2_eq(v128_and(sum, one), zero);

@@ -2,8 +2,8 @@
 
 use crate::lanes::{Lanes, Wide};
 
-/// Work compiled for several instruction sets. `run`, and all that its inner loops call, must be
-/// `#[inline(always)]`, or it runs with the build's baseline instructions.
+/// Work compiled for several instruction sets. `run`, and all functions that its inner loops call,
+/// must be `#[inline(always)]`; otherwise they run with the build's baseline instructions.
 pub trait Task {
     /// The result of the work.
     type Output;
@@ -24,6 +24,19 @@ pub trait Simd: Copy {
 
     /// Runs `task` as a separate function, so that its inner loop has all registers.
     fn apart<T: Task>(self, task: T) -> T::Output;
+}
+
+/// A vector as it is in memory, which an instruction set computes with in [`Self::Of`].
+pub(crate) trait Stored: Copy {
+    type Of<S: Simd>: Exponent<S, Memory = Self>;
+}
+
+impl Stored for Lanes {
+    type Of<S: Simd> = S::V8;
+}
+
+impl Stored for Wide {
+    type Of<S: Simd> = S::V16;
 }
 
 /// A register of f32. Every operation acts element by element and rounds to nearest, ties to even.
@@ -96,18 +109,18 @@ pub trait Vector<S>: Copy {
     }
 }
 
-/// A sum of products as it grows, in the form in which the next is added fastest. With a fused
-/// product this is the vector itself. Another form may be in doubt at the end whether each product
-/// was rounded once with the sum: then the sum is to be made again, of vectors.
+/// A sum of products as it grows, in the form to which the next product is added fastest. With a
+/// fused product this is the vector itself. With another form, it may be unclear at the end whether
+/// each product was rounded once with the sum: then the sum must be computed again with vectors.
 pub trait Sum<S>: Copy {
-    /// What it is at the beginning and at the end.
+    /// Form of the sum at the beginning and at the end.
     type Vector: Vector<S>;
     /// A factor of products.
     type Factor: Copy;
-    /// What is known of all sums and factors that met it.
+    /// What is known about all sums and factors that it was given.
     type Doubt: Copy;
 
-    /// Knows of nothing yet.
+    /// The state before any sum or factor.
     fn no_doubt(simd: S) -> Self::Doubt;
     /// Whether the sums are right.
     fn is_right(doubt: Self::Doubt) -> bool;
@@ -205,8 +218,9 @@ where
 ///   bits, computed exactly.
 /// - q + r y is off by |a / b - q| times y's relative error: <= 2.01 u^2 |a / b| <= 2.01 u ulp.
 /// - Halfway points between two f64 near a / b are odd multiples of h = ulp / 2, never a / b: a
-///   would have 54 bits. a - b times one is a multiple of h, not 0, so a / b is at least
-///   h / b >= 2^-49 ulp from it. The sum above lies on the same side, and rounds as a / b does.
+///   would have 54 bits. a minus b times a halfway point is a multiple of h, not 0, so a / b is at
+///   least h / b >= 2^-49 ulp from it. The sum above lies on the same side, and rounds as a / b
+///   does.
 #[derive(Clone, Copy, Debug)]
 pub struct Divisor {
     value: f64,

@@ -2,7 +2,8 @@
 //!
 //! A row is padded to whole [`Wide`] with at least one zero, the border on its right and on the
 //! next row's left. A row of zeros lies above and below each plane, and a `Wide` of zeros around
-//! all: a vector at any position or neighbour can be loaded. What is no pixel is always zero.
+//! all: a vector at any position or neighbour can be loaded. Values outside the pixels are always
+//! zero.
 
 use std::ops::Range;
 
@@ -136,7 +137,7 @@ impl Planes {
     }
 
     /// Converts weights on an image's values, (n, channels x height x width), to weights on
-    /// [`Self::lanes`], zero where there is no pixel.
+    /// [`Self::lanes`], which are zero outside the pixels.
     ///
     /// # Panics
     /// If the length of `weight` is not a multiple of the image's.
@@ -177,14 +178,14 @@ impl Planes {
         &mut flat_wide_mut(&mut self.data)[start..][..stride(self.width)]
     }
 
-    /// Values from (0, y, 0) on, to write; what is no pixel must be zero again afterwards.
+    /// Values from (0, y, 0) on, to write; values outside the pixels must be zero again afterwards.
     #[inline]
     pub(crate) fn onward_mut(&mut self, y: usize) -> &mut [f32] {
         let start = self.start(0, y);
         &mut flat_wide_mut(&mut self.data)[start..]
     }
 
-    /// All values from the one above and to the left of (0, y, x) on.
+    /// All values, starting with the one above and to the left of (0, y, x).
     #[inline]
     pub(crate) fn above(&self, y: usize, x: usize) -> &[f32] {
         &flat_wide(&self.data)[self.start(0, y) - stride(self.width) + x - 1..]

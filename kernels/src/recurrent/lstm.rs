@@ -59,7 +59,7 @@ impl Lstm {
     pub fn new(parts: &LstmParts<'_>) -> Result<Self, KernelError> {
         let &LstmParts { inputs, hidden, weight_ih, weight_hh, bias_ih, bias_hh, squash } = parts;
         check_sizes([("inputs", inputs), ("hidden", hidden)])?;
-        // A product that saturates is the length of no tensor.
+        // No tensor has the length of a product that saturates.
         let gates = hidden.saturating_mul(4);
         check("weight_ih", weight_ih, gates.saturating_mul(inputs))?;
         check("weight_hh", weight_hh, gates.saturating_mul(hidden))?;
@@ -112,7 +112,7 @@ impl Lstm {
         }
     }
 
-    /// One step: reads `x`, replaces `state`. O(4 H (I + H)); O(4 H H) where `x` is zero.
+    /// One step: reads `x`, replaces `state`. O(4 H (I + H)); O(4 H H) if `x` is zero.
     ///
     /// # Panics
     /// If `x` or `state` does not have this cell's sizes.
@@ -212,7 +212,7 @@ impl Task for Step<'_> {
             hidden: flat_mut(&mut state.hidden),
         }
         .run(simd);
-        // A sigmoid candidate is not zero where its gate is.
+        // A sigmoid candidate is not zero if its gate is zero.
         flat_mut(&mut state.cell)[state.count..].fill(0.0);
         flat_mut(&mut state.hidden)[state.count..].fill(0.0);
     }

@@ -89,7 +89,8 @@ pub fn spline_basis(u: [f32; 3]) -> Lanes {
     Lanes(out)
 }
 
-/// Sums of a 2 x 2 x 2 kernel over fewer channels than a lane: the channels of slot after slot.
+/// Sums of a 2 x 2 x 2 kernel over fewer channels than a lane: slot after slot, the channels of
+/// each.
 #[inline(always)]
 pub(super) fn eight_slots_of_few_channels<S: Simd, const C: usize>(
     simd: S,
@@ -249,7 +250,7 @@ fn for_each_corner(kernel: [usize; 3], u: [f32; 3], mut visit: impl FnMut(usize,
     }
 }
 
-/// Any kernel, any number of channels: writes the touched slots and their sums to `scratch`.
+/// For any kernel and any number of channels: writes the touched slots and their sums to `scratch`.
 #[inline(always)]
 pub(super) fn any_slots<S: Simd>(
     simd: S,

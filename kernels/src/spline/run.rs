@@ -1,10 +1,11 @@
 //! The rows of a spline block: sums per slot, weights, root, bias, ELU, batch norm, skip.
 
 use std::hint::black_box;
+use std::ops::Range;
 
 use crate::elementary::elus;
 use crate::graph::GraphRow;
-use crate::isa::{Exponent, Isa, Simd, Task, Vector, accumulate, accumulate_in_four, flat, flat_mut};
+use crate::isa::{Exponent, Isa, Simd, Stored, Task, Vector, accumulate, accumulate_in_four, flat, flat_mut};
 use crate::lanes::{LANES, Lanes, Wide};
 use crate::matrix::Matrix;
 use crate::packed::Packed;
@@ -53,7 +54,6 @@ impl SplineConv {
     ///
     /// # Panics
     /// If a row or a slice does not have the sizes of this block.
-    #[inline]
     pub fn rows(
         &self,
         isa: Isa,
@@ -95,17 +95,17 @@ impl SplineConv {
         while S::WIDE && lane + 4 <= self.affine.bias.len() {
             let block =
                 Block { conv: self, rows, sums, lane, weights: [self.wide(lane), self.wide(lane + 2)] };
-            block.run::<S, S::V16>(simd, wide, out);
+            block.run(simd, wide, out);
             lane += 4;
         }
         while lane + 2 <= self.affine.bias.len() {
             let block = Block { conv: self, rows, sums, lane, weights: [self.wide(lane)] };
-            block.run::<S, S::V16>(simd, wide, out);
+            block.run(simd, wide, out);
             lane += 2;
         }
         if lane < self.affine.bias.len() {
             let block = Block { conv: self, rows, sums, lane, weights: [self.last()] };
-            block.run::<S, S::V8>(simd, last, out);
+            block.run(simd, last, out);
         }
     }
 
@@ -114,34 +114,39 @@ impl SplineConv {
     fn touched<S: Simd>(&self, simd: S, row: &GraphRow<'_>, scratch: &SplineScratch, out: &mut [Lanes]) {
         let mut lane = 0;
         while lane + 2 <= self.affine.bias.len() {
-            let sum = self.over_touched::<S, S::V16>(simd, scratch, self.wide(lane));
-            self.finish(simd, [sum], self.wide(lane), std::slice::from_ref(row), lane, out);
+            self.touched_block(simd, row, scratch, self.wide(lane), lane, out);
             lane += 2;
         }
         if lane < self.affine.bias.len() {
-            let sum = self.over_touched::<S, S::V8>(simd, scratch, self.last());
-            self.finish(simd, [sum], self.last(), std::slice::from_ref(row), lane, out);
+            self.touched_block(simd, row, scratch, self.last(), lane, out);
         }
     }
 
+    /// The outputs from lane `lane`.
     #[inline(always)]
-    fn over_touched<S: Simd, V: Vector<S>>(
+    fn touched_block<S: Simd, M: Stored>(
         &self,
         simd: S,
+        row: &GraphRow<'_>,
         scratch: &SplineScratch,
-        weights: Weights<'_, V::Memory>,
-    ) -> V {
+        weights: Weights<'_, M>,
+        lane: usize,
+        out: &mut [Lanes],
+    ) {
         let stride = Lanes::count(self.inputs) * LANES;
-        let mut acc: Partial<V, 1> = [[V::splat(simd, 0.0)]; 4];
+        let mut acc: Partial<M::Of<S>, 1> = [[M::Of::splat(simd, 0.0)]; 4];
         for &slot in &scratch.touched {
             let (first, slot) = (slot as usize * self.inputs, slot as usize);
             let values = &flat(&scratch.sums)[slot * stride..][..self.inputs];
             contract_from(simd, &mut acc, values, &weights.sums[first..], first % 4);
         }
-        total(&acc)[0]
+        let mut sum = M::Of::<S>::ZEROS;
+        total(&acc)[0].store(&mut sum);
+        let rows = std::slice::from_ref(row);
+        simd.apart(Finish { conv: self, rows, totals: &[sum], step: 1, weights, lane, out });
     }
 
-    /// Applies the steps after the sums of N rows, for the outputs from lane `lane`.
+    /// Applies the steps after the sums of the first N rows, for the outputs from lane `lane`.
     #[inline(always)]
     fn finish<S: Simd, V: Exponent<S>, const N: usize>(
         &self,
@@ -212,77 +217,82 @@ struct Block<'a, M, const B: usize> {
     weights: [Weights<'a, M>; B],
 }
 
-impl<M: Copy, const B: usize> Block<'_, M, B>
-where
-    for<'a> ContractRows<'a, M, 4, B>: Task<Output = ()>,
-    for<'a> ContractRows<'a, M, 8, B>: Task<Output = ()>,
-{
+impl<M: Stored, const B: usize> Block<'_, M, B> {
     /// Computes every row, in tiles as large as registers allow, possibly beyond the last row.
     #[inline(always)]
-    fn run<S: Simd, V: Exponent<S, Memory = M>>(&self, simd: S, totals: &mut [M], out: &mut [Lanes]) {
+    fn run<S: Simd>(&self, simd: S, totals: &mut [M], out: &mut [Lanes]) {
         let mut row = 0;
         if S::WIDE && self.rows.len() > 4 {
-            self.tile::<S, V, 8>(simd, row, totals, out);
+            self.tile::<S, 8>(simd, row, totals, out);
             return;
         }
         while row + 1 < self.rows.len() {
-            self.tile::<S, V, 4>(simd, row, totals, out);
+            self.tile::<S, 4>(simd, row, totals, out);
             row += 4;
         }
         if row < self.rows.len() {
-            let mut acc: Partial<V, B> = [[V::splat(simd, 0.0); B]; 4];
+            let mut acc: Partial<M::Of<S>, B> = [[M::Of::splat(simd, 0.0); B]; 4];
             let values = &self.sums.values[row * self.sums.stride..][..self.sums.stride];
             accumulate_in_four(simd, &mut acc, values, self.weights.map(|w| w.sums));
-            for (b, sum) in total(&acc).into_iter().enumerate() {
-                self.finish(simd, [sum], row, b, out);
+            for (sum, total) in total(&acc).into_iter().zip(&mut *totals) {
+                sum.store(total);
             }
+            self.finish(simd, row..row + 1, totals, out);
         }
     }
 
-    /// Computes those of rows `row..row + R` that exist.
+    /// Computes the existing rows of `row..row + R`.
     #[inline(always)]
-    fn tile<S: Simd, V: Exponent<S, Memory = M>, const R: usize>(
-        &self,
-        simd: S,
-        row: usize,
-        totals: &mut [M],
-        out: &mut [Lanes],
-    ) where
-        for<'a> ContractRows<'a, M, R, B>: Task<Output = ()>,
-    {
+    fn tile<S: Simd, const R: usize>(&self, simd: S, row: usize, totals: &mut [M], out: &mut [Lanes]) {
         let Sums { values, stride } = self.sums;
         let weights = self.weights.map(|w| w.sums);
         simd.apart(ContractRows::<M, R, B> { values: &values[row * stride..], stride, weights, totals });
-        let rows = R.min(self.rows.len() - row);
-        // Rows are interleaved: the steps after a sum are one long chain of operations.
-        let mut r = 0;
-        while S::WIDE && r + STEP <= rows {
-            for b in 0..B {
-                let sums = std::array::from_fn::<_, STEP, _>(|i| V::load(simd, &totals[(r + i) * B + b]));
-                self.finish(simd, sums, row + r, b, out);
-            }
-            r += STEP;
-        }
-        for r in r..rows {
-            for b in 0..B {
-                self.finish(simd, [V::load(simd, &totals[r * B + b])], row + r, b, out);
-            }
-        }
+        let end = self.rows.len().min(row + R);
+        self.finish(simd, row..end, totals, out);
     }
 
+    /// Applies the steps after the sums to rows, whose B totals each are in `totals`.
     #[inline(always)]
-    fn finish<S: Simd, V: Exponent<S, Memory = M>, const N: usize>(
-        &self,
-        simd: S,
-        sums: [V; N],
-        row: usize,
-        b: usize,
-        out: &mut [Lanes],
-    ) {
-        let lanes = self.conv.affine.bias.len();
-        let lane = self.lane + b * V::LANES / LANES;
-        let rows = &self.rows[row..][..N];
-        self.conv.finish(simd, sums, self.weights[b], rows, lane, &mut out[row * lanes..][..N * lanes]);
+    fn finish<S: Simd>(&self, simd: S, rows: Range<usize>, totals: &[M], out: &mut [Lanes]) {
+        let out = &mut out[rows.start * self.conv.affine.bias.len()..];
+        for (b, &weights) in self.weights.iter().enumerate() {
+            let (rows, lane) = (&self.rows[rows.clone()], self.lane + b * M::Of::<S>::LANES / LANES);
+            let totals = &totals[b..];
+            simd.apart(Finish { conv: self.conv, rows, totals, step: B, weights, lane, out });
+        }
+    }
+}
+
+/// The steps after the sums of rows, for the outputs from lane `lane`. Total r is `r step`. Run it
+/// [as a separate function](Simd::apart): it is long, and equal for all tiles.
+struct Finish<'a, M> {
+    conv: &'a SplineConv,
+    rows: &'a [GraphRow<'a>],
+    totals: &'a [M],
+    step: usize,
+    weights: Weights<'a, M>,
+    lane: usize,
+    out: &'a mut [Lanes],
+}
+
+impl<M: Stored> Task for Finish<'_, M> {
+    type Output = ();
+
+    /// Rows are interleaved: the steps after a sum are one long chain of operations.
+    #[inline(always)]
+    fn run<S: Simd>(self, simd: S) {
+        let Self { conv, rows, totals, step, weights, lane, out } = self;
+        let lanes = conv.affine.bias.len();
+        let mut r = 0;
+        while S::WIDE && r + STEP <= rows.len() {
+            let sums = std::array::from_fn::<_, STEP, _>(|i| M::Of::load(simd, &totals[(r + i) * step]));
+            conv.finish(simd, sums, weights, &rows[r..], lane, &mut out[r * lanes..]);
+            r += STEP;
+        }
+        for r in r..rows.len() {
+            let sum = M::Of::load(simd, &totals[r * step]);
+            conv.finish(simd, [sum], weights, &rows[r..], lane, &mut out[r * lanes..]);
+        }
     }
 }
 
@@ -314,7 +324,7 @@ pub(super) fn total<S: Simd, V: Vector<S>, const B: usize>(acc: &Partial<V, B>) 
 }
 
 /// Totals of R rows, `stride` values apart, over B blocks of weights: (R, B) vectors in `totals`,
-/// which has twice the room. Run it [as a separate function](Simd::apart).
+/// which has room for twice as many. Run it [as a separate function](Simd::apart).
 pub(super) struct ContractRows<'a, M, const R: usize, const B: usize> {
     pub(super) values: &'a [f32],
     pub(super) stride: usize,
@@ -322,48 +332,32 @@ pub(super) struct ContractRows<'a, M, const R: usize, const B: usize> {
     pub(super) totals: &'a mut [M],
 }
 
-impl<const R: usize, const B: usize> Task for ContractRows<'_, Wide, R, B> {
+impl<M: Stored, const R: usize, const B: usize> Task for ContractRows<'_, M, R, B> {
     type Output = ();
 
     #[inline(always)]
     fn run<S: Simd>(self, simd: S) {
-        self.contract::<S, S::V16>(simd);
-    }
-}
-
-impl<const R: usize, const B: usize> Task for ContractRows<'_, Lanes, R, B> {
-    type Output = ();
-
-    #[inline(always)]
-    fn run<S: Simd>(self, simd: S) {
-        self.contract::<S, S::V8>(simd);
-    }
-}
-
-impl<M, const R: usize, const B: usize> ContractRows<'_, M, R, B> {
-    #[inline(always)]
-    fn contract<S: Simd, V: Vector<S, Memory = M>>(self, simd: S) {
         let Self { values, stride, weights, totals } = self;
         let (first, last) = totals[..2 * R * B].split_at_mut(R * B);
-        let zero = [[V::splat(simd, 0.0); B]; R];
-        // Each partial sum is written before the next, as both would compete for registers; a value
-        // that the compiler knew would stay in one during the loop.
+        let zero = [[M::Of::splat(simd, 0.0); B]; R];
+        // Each partial sum is written before the next is computed, because both would compete for
+        // registers; a value that the compiler knows would occupy a register during the loop.
         let mut acc = zero;
-        accumulate::<S, V, R, B, 0, 4>(simd, &mut acc, values, stride, weights);
+        accumulate::<S, M::Of<S>, R, B, 0, 4>(simd, &mut acc, values, stride, weights);
         each(&acc, first, Vector::store);
         let first = black_box(first);
         acc = zero;
-        accumulate::<S, V, R, B, 1, 4>(simd, &mut acc, values, stride, weights);
-        each(&acc, first, |sum, at| V::load(simd, at).add(sum).store(at));
+        accumulate::<S, M::Of<S>, R, B, 1, 4>(simd, &mut acc, values, stride, weights);
+        each(&acc, first, |sum, at| M::Of::load(simd, at).add(sum).store(at));
         acc = zero;
-        accumulate::<S, V, R, B, 2, 4>(simd, &mut acc, values, stride, weights);
+        accumulate::<S, M::Of<S>, R, B, 2, 4>(simd, &mut acc, values, stride, weights);
         each(&acc, last, Vector::store);
         let last = black_box(last);
         acc = zero;
-        accumulate::<S, V, R, B, 3, 4>(simd, &mut acc, values, stride, weights);
-        each(&acc, last, |sum, at| V::load(simd, at).add(sum).store(at));
+        accumulate::<S, M::Of<S>, R, B, 3, 4>(simd, &mut acc, values, stride, weights);
+        each(&acc, last, |sum, at| M::Of::load(simd, at).add(sum).store(at));
         for (first, last) in first.iter_mut().zip(last) {
-            V::load(simd, first).add(V::load(simd, last)).store(first);
+            M::Of::load(simd, first).add(M::Of::load(simd, last)).store(first);
         }
     }
 }

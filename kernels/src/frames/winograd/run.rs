@@ -46,7 +46,8 @@ pub(super) struct Job<'a, T, const N: usize> {
 }
 
 /// Layout of one place for a batch of tiles: the first vector of each tile, then the second of
-/// each, and so on, plus one vector: else places would be pages apart and compete for cache lines.
+/// each, and so on, plus one vector: otherwise places would be whole pages apart and compete for
+/// cache lines.
 #[derive(Clone, Copy)]
 struct Plane {
     tiles: usize,
@@ -84,7 +85,7 @@ impl<T: Transform<N>, const N: usize> Task for Job<'_, T, N> {
         let blocks = if S::WIDE { BLOCKS } else { 1 };
         let bytes = N * N * size_of::<Wide>() * (vectors + blocks);
         let at_hand = (AT_HAND / bytes / most::<S>()).max(1) * most::<S>();
-        // Batches of nearly equal size, so that none is too small to share the loaded weights.
+        // Batches of nearly equal size, so that no batch is too small to share the loaded weights.
         let at_hand = tiles.div_ceil(tiles.div_ceil(at_hand));
         let inputs = Plane::new(at_hand, vectors);
         let sums = Plane::new(at_hand, blocks);
@@ -97,13 +98,20 @@ impl<T: Transform<N>, const N: usize> Task for Job<'_, T, N> {
                 self.read(simd, first + t, t, inputs);
             }
             let mut block = 0;
-            while S::WIDE && block + 2 <= self.packed.blocks() {
-                self.multiply::<S, 2>(simd, block, first, count, inputs, sums);
-                block += 2;
-            }
             while block < self.packed.blocks() {
-                self.multiply::<S, 1>(simd, block, first, count, inputs, sums);
-                block += 1;
+                let end = if S::WIDE && block + 2 <= self.packed.blocks() {
+                    self.multiply::<S, 2>(simd, block, count, inputs, sums);
+                    block + 2
+                } else {
+                    self.multiply::<S, 1>(simd, block, count, inputs, sums);
+                    block + 1
+                };
+                for t in 0..count {
+                    for b in block..end {
+                        self.write(simd, first + t, b, (b - block) * sums.tiles + t, sums.place);
+                    }
+                }
+                block = end;
             }
             first += count;
         }
@@ -126,9 +134,8 @@ impl<T: Transform<N>, const N: usize> Job<'_, T, N> {
             let columns = (view.shape.width + 2 * halo - x).min(N);
             let from = view.shape.stored(y, x) + view.first;
             let (row, pixel) = (view.shape.row(), view.shape.channels);
-            if rows == N && columns == N {
-                let grid = Grid { values: &view.values[from..], row, pixel };
-                transform_inputs::<S, T, N>(simd, grid, view.channels, &mut planes[to..], plane);
+            let grid = if rows == N && columns == N {
+                Grid { values: &view.values[from..], row, pixel }
             } else {
                 let stride = view.channels.next_multiple_of(BLOCK);
                 grow(patch, N * N * stride / BLOCK);
@@ -140,20 +147,19 @@ impl<T: Transform<N>, const N: usize> Job<'_, T, N> {
                             .copy_from_slice(&view.values[from + r * row + c * pixel..][..view.channels]);
                     }
                 }
-                let grid = Grid { values: patch, row: N * stride, pixel: stride };
-                transform_inputs::<S, T, N>(simd, grid, view.channels, &mut planes[to..], plane);
-            }
+                Grid { values: patch, row: N * stride, pixel: stride }
+            };
+            transform_inputs::<S, T, N>(simd, grid, view.channels, &mut planes[to..], plane);
             to += view.channels.div_ceil(BLOCK) * plane.tiles;
         }
     }
 
-    /// Outputs of B blocks for `count` tiles.
+    /// Sums of B blocks for `count` tiles.
     #[inline(always)]
     fn multiply<S: Simd, const B: usize>(
         &mut self,
         simd: S,
         block: usize,
-        first: usize,
         count: usize,
         inputs: Plane,
         sums: Plane,
@@ -163,20 +169,14 @@ impl<T: Transform<N>, const N: usize> Job<'_, T, N> {
             *weights = self.packed.block(block + b);
         }
         for place in 0..N * N {
-            let mut product = Product::<S, B> {
-                simd,
+            simd.apart(Product {
                 values: &self.scratch.inputs[place * inputs.place..][..inputs.place],
                 tiles: inputs.tiles,
+                count,
                 maps: self.inputs,
                 weights: part(weights, place * self.channels, self.channels),
                 out: &mut self.scratch.sums[place * sums.place..][..sums.place],
-            };
-            in_tiles::<S>(count, 1, &mut product);
-        }
-        for t in 0..count {
-            for b in 0..B {
-                self.write(simd, first + t, block + b, b * sums.tiles + t, sums.place);
-            }
+            });
         }
     }
 
@@ -251,29 +251,40 @@ fn transform_inputs<S: Simd, T: Transform<N>, const N: usize>(
     }
 }
 
-/// Sums of one place: tiles times blocks of outputs.
-struct Product<'a, S, const B: usize> {
-    simd: S,
+/// Sums of one place: `count` of its tiles times blocks of outputs. Run it [as a separate
+/// function](Simd::apart): it is equal for all transforms.
+struct Product<'a, const B: usize> {
     values: &'a [Wide],
     tiles: usize,
+    count: usize,
     maps: &'a [View<'a>],
     weights: [&'a [Wide]; B],
     out: &'a mut [Wide],
 }
 
-impl<S: Simd, const B: usize> Tiles for Product<'_, S, B> {
+impl<const B: usize> Task for Product<'_, B> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<S: Simd>(self, simd: S) {
+        in_tiles::<S, _>(self.count, &mut (simd, self));
+    }
+}
+
+impl<S: Simd, const B: usize> Tiles for (S, Product<'_, B>) {
     #[inline(always)]
     fn tile<const R: usize>(&mut self, first: usize) {
-        let mut acc = [[S::V16::splat(self.simd, 0.0); B]; R];
+        let (simd, Product { values, tiles, maps, weights, out, .. }) = self;
+        let mut acc = [[S::V16::splat(*simd, 0.0); B]; R];
         let (mut at, mut row) = (first, 0);
-        for map in self.maps {
-            let weights = part(self.weights, row, map.channels);
-            accumulate_wide(self.simd, &mut acc, &self.values[at..], self.tiles, weights);
-            at += map.channels.div_ceil(BLOCK) * self.tiles;
+        for map in *maps {
+            let weights = part(*weights, row, map.channels);
+            accumulate_wide(*simd, &mut acc, &values[at..], *tiles, weights);
+            at += map.channels.div_ceil(BLOCK) * *tiles;
             row += map.channels;
         }
         for b in 0..B {
-            let out = &mut self.out[b * self.tiles + first..][..R];
+            let out = &mut out[b * *tiles + first..][..R];
             for (sums, out) in acc.iter().zip(out) {
                 sums[b].store(out);
             }
@@ -290,7 +301,7 @@ fn part<const B: usize>(mut weights: [&[Wide]; B], first: usize, count: usize) -
     weights
 }
 
-/// Most bytes of `tiles` tiles of `side` x `side` inputs of maps with `channels`: a patch,
+/// Maximum bytes of `tiles` tiles of `side` x `side` inputs of maps with `channels`: a patch,
 /// transformed inputs, sums.
 pub(super) fn scratch_bytes(side: usize, channels: &[usize], tiles: u128) -> [u128; 3] {
     let place = (side * side * size_of::<Wide>()) as u128;

@@ -1,8 +1,13 @@
-//! What is hidden behind the kernels: elementary functions and the inner loops of instruction sets.
+//! The parts of kernels: elementary functions and the inner loops of instruction sets.
+
+#![expect(
+    clippy::inline_always,
+    reason = "a task that is not inlined into the wrapper of an instruction set does not use it"
+)]
 
 mod elementary {
-    use crate::elementary::*;
-    use crate::isa::portable::Portable;
+    use meissner_kernels::inner::elus;
+    use meissner_kernels::{Portable, elu, exp, expm1, sigmoid, softmax, tanh};
 
     /// Error of `got` in units of the last place of the f32 nearest to `want`.
     fn ulps(got: f32, want: f64) -> f64 {
@@ -134,9 +139,7 @@ mod elementary {
 }
 
 mod elementwise {
-    use crate::elementary::*;
-    use crate::isa::Isa;
-    use crate::lanes::LANES;
+    use meissner_kernels::{Elementary, Isa, LANES};
 
     #[test]
     fn vectors_give_the_bits_of_the_scalar_functions_on_every_instruction_set() {
@@ -157,8 +160,7 @@ mod elementwise {
 }
 
 mod maximum {
-    use crate::lanes::Lanes;
-    use crate::rows::*;
+    use meissner_kernels::{Lanes, clear_negative_zero, maximum};
 
     fn maximum_of(rows: &[[f32; 8]]) -> [u32; 8] {
         let mut acc = [Lanes::splat(f32::NEG_INFINITY)];
@@ -179,7 +181,7 @@ mod maximum {
 }
 
 mod random {
-    use crate::random::Random;
+    use meissner_kernels::random::Random;
 
     #[test]
     fn the_generator_gives_its_published_values() {
@@ -190,10 +192,8 @@ mod random {
 }
 
 mod divisor {
+    use meissner_kernels::{Divisor, Isa, Simd, Task};
     use proptest::prelude::*;
-
-    use crate::isa::vector::{Divisor, Simd};
-    use crate::isa::{Isa, Task};
 
     struct Divide(i64, i64);
 
@@ -247,9 +247,8 @@ mod divisor {
 }
 
 mod panel {
-    use crate::isa::panel::{accumulate, accumulate_wide};
-    use crate::isa::portable::Portable;
-    use crate::lanes::{LANES, Lanes, Wide};
+    use meissner_kernels::inner::{accumulate, accumulate_wide};
+    use meissner_kernels::{LANES, Lanes, Portable, Wide};
 
     const WEIGHT: [Lanes; 2] = [Lanes::ZERO; 2];
 
@@ -279,9 +278,8 @@ mod panel {
 }
 
 mod planar {
-    use crate::isa::panel::{Taps, accumulate_taps};
-    use crate::isa::portable::Portable;
-    use crate::lanes::LANES;
+    use meissner_kernels::inner::{Taps, accumulate_taps};
+    use meissner_kernels::{LANES, Portable};
 
     fn accumulate(stride: usize, plane: usize) {
         let mut sums = [[[0.0; LANES]; 1]; 1];
@@ -308,11 +306,9 @@ mod planar {
 }
 
 mod portable {
+    use meissner_kernels::inner::{accumulate, fused_each};
+    use meissner_kernels::{Isa, LANES, Lanes, Simd, Task, Vector, fused};
     use proptest::prelude::*;
-
-    use crate::isa::portable::{fused, fused_each};
-    use crate::isa::{Isa, Simd, Task, Vector, accumulate};
-    use crate::lanes::{LANES, Lanes};
 
     /// c + a b of eight lanes, and of two registers.
     struct AddProduct([Lanes; 3]);
@@ -349,7 +345,7 @@ mod portable {
         }
     }
 
-    /// Values as those of trained networks, and values of which sums are often half-way between two
+    /// Values like those of trained networks, and values whose sums are often half-way between two
     /// f32.
     fn ordinary() -> BoxedStrategy<f32> {
         let few_bits = (-9i32..10, -30i32..30).prop_map(|(v, e)| v as f32 * 2f32.powi(e));
@@ -357,7 +353,7 @@ mod portable {
         prop_oneof![2 => -1.0f32..1.0, 1 => few_bits, 1 => some].boxed()
     }
 
-    /// Values of which sums may be too small or too large beside them.
+    /// The same, and values whose sums may be too small or too large.
     fn any_factor() -> BoxedStrategy<f32> {
         let edges = [-51, -52, -75, -126, -149, 49, 50, 63, 127].map(|e| 2f32.powi(e));
         let edges = (prop::sample::select(edges.to_vec()), 0.5f32..1.0, any::<bool>())
@@ -386,7 +382,7 @@ mod portable {
     }
 
     fn check_is(a: f32, b: f32, c: f32, expected: f32) -> Result<(), TestCaseError> {
-        // Beside lanes that are easy, and that take no part.
+        // Next to easy lanes that play no role.
         let lanes = |value: f32, other: f32| Lanes([other, other, other, value, other, other, value, other]);
         let operands = [lanes(a, 2.0), lanes(b, 3.0), lanes(c, 1.0)];
         let with = Isa::available().into_iter().map(|isa| isa.run(AddProduct(operands)));
@@ -467,7 +463,7 @@ mod portable {
             (vec![0.0], vec![-1.0], 0.0),
             (vec![0.0], vec![-1.0], -0.0),
             (vec![1.0, 0.0], vec![1.0, -1.0], -1.0),
-            // What is no number.
+            // Not a number.
             (vec![f32::NAN], vec![1.0], 0.0),
             (vec![f32::INFINITY, 1.0], vec![1.0, f32::NEG_INFINITY], 0.0),
         ] {
@@ -478,8 +474,8 @@ mod portable {
 
     #[test]
     fn a_subnormal_sum_that_f64_takes_for_half_way_is_rounded_once() {
-        // a b is a little less than half of the last place of c, so that c stays. The fused product
-        // of a platform without such an instruction can round such sums twice.
+        // a b is a little less than half of the last place of c, so c does not change. The fused
+        // product of a platform without such an instruction can round such sums twice.
         let (scale, tail) = (2f32.powi(-75), 2f32.powi(-15));
         let (a, b) = (scale * (1.0 + tail), scale * (1.0 - tail));
         for c in [(1 << 22) + 1, (1 << 23) - 1, 1 << 23, 1].map(f32::from_bits) {
