@@ -54,7 +54,7 @@ Exit status:
   1    bad input: a file that cannot be read or does not fit, or a broken promise
   2    bad usage: an unknown option, a wrong value, options that do not fit
   130  a signal (SIGINT from Ctrl-C, SIGTERM or SIGHUP) ended the program
-  run, play, send and verify --soak end their stream at the first signal, and write the summary and the state, also if nobody reads the output. The other subcommands end at once, and these four at the second signal, or when the state is written. pareto --state keeps finished measurements.
+  run, play, send and verify --soak end their stream at the first signal, and write the summary and the state, also if nobody reads the output. The other subcommands end at once, and these four at the second signal, or when the state is written. With --state, pareto keeps finished measurements, and verify --soak finished checkpoints.
 
 Environment:
   MEISSNER_LOG  off, error, warn (the default), info, debug or trace: level of messages on standard error
@@ -72,7 +72,7 @@ pub(crate) enum GelSensorArg {
 }
 
 impl GelSensorArg {
-    /// The sensor, where it is always the same.
+    /// The sensor, if it is always the same.
     pub(crate) fn fixed(self) -> Option<GelSensor> {
         match self {
             Self::First => Some(GelSensor::default()),
@@ -341,7 +341,7 @@ pub(crate) struct FilterArgs {
 }
 
 impl FilterArgs {
-    /// The filters that were asked for.
+    /// The requested filters.
     pub(crate) fn values(&self) -> Approximations {
         Approximations {
             activity_filter_us: self.activity_filter_us,
@@ -354,7 +354,7 @@ impl FilterArgs {
 }
 
 impl ApproximationArgs {
-    /// The approximations that were asked for.
+    /// The requested approximations.
     pub(crate) fn values(&self) -> Approximations {
         Approximations {
             tolerance: self.tolerance,
@@ -366,7 +366,7 @@ impl ApproximationArgs {
     }
 }
 
-/// Options of [`ReadArgs`] that are for events alone.
+/// Options of [`ReadArgs`] that apply only to events.
 pub(crate) const READING: &[&str] =
     &["--columns", "--time-unit", "--salvage", "--format", "--chip", "--stream", "--reconnect"];
 /// Approximations that make a prediction depend on earlier predictions.
@@ -465,7 +465,7 @@ impl Threads {
     }
 
     /// The pool whose two threads share the work of one engine, if there are two. The calling
-    /// thread is one of them while the pool is there.
+    /// thread is one of them while the pool exists.
     pub(crate) fn shared(self) -> Result<Option<ThreadPool>, CliError> {
         let two = || ThreadPoolBuilder::new().num_threads(2).use_current_thread().build();
         self.are_two().then(two).transpose().map_err(|source| CliError::Threads { threads: 2, source })

@@ -1,4 +1,4 @@
-//! Errors of the subcommands, hints that help against them, and the exit status.
+//! Errors of the subcommands, hints against them, and the exit status.
 
 use std::io;
 use std::path::{Path, PathBuf};
@@ -17,7 +17,7 @@ use meissner_view::ViewError;
 
 use crate::kind::readers;
 
-/// Why a subcommand ends without success.
+/// The reason why a subcommand ends without success.
 #[derive(Debug, thiserror::Error)]
 pub(crate) enum CliError {
     /// A source cannot be read, or a network cannot run.
@@ -59,7 +59,7 @@ pub(crate) enum CliError {
     /// A prediction differs in a bit from the prediction of the batch.
     #[error("--verify: expected the prediction of the batch over the accepted events, found other bits")]
     NotEqual,
-    /// A state cannot be resumed from.
+    /// A run cannot resume from a state.
     #[error("--resume {}", path.display())]
     Resume { path: PathBuf, source: EngineError },
     /// The engine differs from full recomputation.
@@ -70,7 +70,7 @@ pub(crate) enum CliError {
         name: String,
         /// The file with the minimal stream.
         file: String,
-        /// The place, and both values.
+        /// The location, and both values.
         difference: String,
     },
     /// A stream to replay cannot be read.
@@ -85,7 +85,7 @@ pub(crate) enum CliError {
     /// There is no page of results.
     #[error(transparent)]
     Report(#[from] ReportError),
-    /// Presses are odd, and none may be; the notes name each kind.
+    /// Presses are odd, but none may be; the notes name each kind.
     #[error("--strict: expected nothing odd about the presses, found {0} kinds of oddities")]
     Odd(usize),
     /// A session of the page cannot begin.
@@ -131,7 +131,6 @@ impl From<EvaluateError> for CliError {
         let usage = Self::usage;
         match error {
             Error::Run(error) => Self::Run(error),
-            Error::Write { path, source } => Self::write(&path, source),
             Error::Request { part, expected, found } => {
                 let option = match part {
                     RequestPart::Events => "EVENTS",
@@ -173,7 +172,7 @@ impl From<VerifyError> for CliError {
 }
 
 impl CliError {
-    /// The error that `subject`, an argument, is `found` and not `expected`.
+    /// The error for an argument `subject` that is `found` instead of `expected`.
     pub(crate) fn usage(subject: &str, expected: &str, found: &str) -> Self {
         let [subject, expected, found] = [subject, expected, found].map(str::to_owned);
         Self::Usage { subject, expected, found }

@@ -3,8 +3,8 @@
 //! | file | job |
 //! |---|---|
 //! | `events` | digits and touch: classes of recordings of events |
-//! | `slip`, `angle`, `force`, `area` | a task each: arguments, tables, picture |
-//! | `filters` | what filters of events keep |
+//! | `slip`, `angle`, `force`, `area` | one task in each: arguments, tables, picture |
+//! | `filters` | the events that filters keep |
 
 mod angle;
 mod area;
@@ -166,7 +166,7 @@ fn networks<F>(out: &mut dyn Write, networks: &[NetworkReport<F>], notes: &[Stri
     notes.iter().try_for_each(|note| writeln!(out, "note         {note}"))
 }
 
-/// The name of each network that was judged, with its figures.
+/// The name of each judged network, with its figures.
 fn judged<'a, F, J: Figures>(
     networks: &'a [NetworkReport<F>],
     figures: fn(&F) -> Option<&Judged<J>>,
@@ -176,7 +176,7 @@ fn judged<'a, F, J: Figures>(
     networks.iter().filter_map(named).collect()
 }
 
-/// Writes `rows` for each seed, where there are several. They get the name of network and seed.
+/// Writes `rows` for each seed, if there are several. They get the name of network and seed.
 fn seeds<J: Figures, const N: usize>(
     out: &mut dyn Write,
     headings: [&str; N],
@@ -198,7 +198,8 @@ fn part(part: u64, all: u64) -> String {
     cell((all > 0).then(|| 100.0 * part as f64 / all as f64), |share| format!("{share:.1}"))
 }
 
-/// What input unlike the training's says, of networks that know theirs.
+/// Writes the counts of input unlike the training's, for networks with statistics of their
+/// training.
 fn doubts(out: &mut dyn Write, judged: impl Iterator<Item = (String, Option<Doubts>)>) -> io::Result<()> {
     let row = |(name, doubts): (String, Option<Doubts>)| {
         let Doubts { predictions, unlike, bad, bad_unlike } = doubts?;
@@ -236,7 +237,8 @@ fn work<'a>(
     Table::section(out, &[&[format!("work of a {part}").as_str()], &headings[..]].concat(), rows)
 }
 
-/// Which of `times` a table shows: about `most`, every so many from 1 or 0 on, and the last one.
+/// The indices of `times` that a table shows: about `most`, at equal steps from `first` (0 or 1)
+/// on, and the last one.
 fn shown(times: usize, most: usize, first: usize) -> impl Iterator<Item = usize> {
     let step = times.div_ceil(most).max(1);
     (0..times).filter(move |i| (i + 1 - first).is_multiple_of(step) || i + 1 == times)
@@ -285,7 +287,7 @@ fn matrix(
     Panel::Matrix(Matrix { title, about, classes, counts })
 }
 
-/// The line below the title of a matrix: the accuracy with its `interval`, and what was counted.
+/// The line below the title of a matrix: the accuracy with its `interval`, and the counted items.
 fn accuracy_of(
     accuracy: MeanStd,
     interval: &str,

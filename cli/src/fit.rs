@@ -148,7 +148,7 @@ pub(crate) fn fit(args: &FitArgs) -> Result<(), CliError> {
     let path = |extension: &str| args.out.join(format!("{name}.{extension}"));
     let paths = ["toml", "safetensors", "md", "svg"].map(path);
     paths.iter().try_for_each(|path| check_result(path, args.force))?;
-    // Before minutes of reading.
+    // Checked before minutes of reading.
     describe(&args.network)?;
     let presses = args.input.read()?;
     let options = Options {
@@ -274,7 +274,7 @@ fn interval(figure: Figure) -> String {
     format!("{low} to {high}")
 }
 
-/// A number with three digits or so.
+/// A number with about three digits.
 fn short(value: f64) -> String {
     let decimals = match value.abs() {
         100.0.. => 1,
@@ -285,8 +285,7 @@ fn short(value: f64) -> String {
     format!("{value:.decimals$}")
 }
 
-/// The picture: predicted against true values of presses that were held out, and errors against
-/// age.
+/// The picture: predicted against true values of held-out presses, and errors against age.
 fn svg(name: &str, report: &Report) -> String {
     let presses = report.data.presses;
     let about =

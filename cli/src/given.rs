@@ -1,4 +1,4 @@
-//! What was given on the command line, according to clap.
+//! The arguments on the command line, according to clap.
 
 use std::ffi::{OsStr, OsString};
 
@@ -7,7 +7,7 @@ use clap::parser::ValueSource;
 use clap::{Arg, ArgMatches, Command};
 use meissner_models::DEFAULT_NETWORK;
 
-/// The arguments of a subcommand that are not their defaults: names, and how messages show them.
+/// The arguments of a subcommand that were given, not defaults: names, and their form in messages.
 #[derive(Debug)]
 pub(crate) struct Given(Vec<(String, String)>);
 
@@ -28,7 +28,7 @@ impl Given {
         names.iter().find_map(find).map(|(_, shown)| shown.as_str())
     }
 
-    /// What was given first of all but `names`, as [`Self::first`] shows it.
+    /// The first given argument that is not in `names`, in the form of [`Self::first`].
     pub(crate) fn beyond(&self, names: &[&str]) -> Option<&str> {
         let is_other = |(given, _): &&(String, String)| !names.contains(&given.as_str());
         self.0.iter().find(is_other).map(|(_, shown)| shown.as_str())
@@ -40,7 +40,7 @@ impl Given {
     }
 }
 
-/// The name of an argument: that of the option, or that of the value in the usage.
+/// The name of an argument: the option's name, or the value's name in the usage.
 pub(crate) fn name(arg: &Arg) -> String {
     let value = || arg.get_value_names().and_then(|names| Some(names.first()?.to_string()));
     arg.get_long().map(|long| format!("--{long}")).or_else(value).unwrap_or_default()
@@ -61,7 +61,7 @@ fn given(arg: &Arg, matches: &ArgMatches) -> Option<(String, String)> {
     differ.then(|| (name.clone(), format!("{name} {shown}")))
 }
 
-/// `words`, the first of which is the program, in the words of this version.
+/// `words`, beginning with the program, translated to the words of this version.
 pub(crate) fn renamed(words: impl Iterator<Item = OsString>) -> Vec<OsString> {
     let mut words: Vec<OsString> = words.collect();
     let word = |at: usize| words.get(at).and_then(|word| word.to_str());

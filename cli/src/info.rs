@@ -52,9 +52,9 @@ struct Info {
     /// Largest column and row of an event.
     largest_xy: Option<[u16; 2]>,
     other_streams: Vec<OtherStream>,
-    /// What was left out because it is no event of the sensor, by kind.
+    /// Omitted data that is no event of the sensor, by kind.
     left_out: Vec<LeftOutSummary>,
-    /// What the recording does not say and was taken for granted.
+    /// Facts that the recording does not state and that were assumed.
     assumed: Vec<&'static str>,
     #[serde(skip)]
     left_out_lines: Vec<String>,

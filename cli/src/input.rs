@@ -96,7 +96,7 @@ impl Input {
         Model::load(&options).map_err(with_option)
     }
 
-    /// The source, of which every `stride`-th event is taken if the weights of `card` say so.
+    /// The source. Only every `stride`-th event is taken if the weights of `card` state a stride.
     pub(crate) fn source(&self, card: &ModelCard) -> Result<Source, CliError> {
         self.source_of(self.recording.as_deref(), card)
     }

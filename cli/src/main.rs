@@ -2,10 +2,10 @@
 //!
 //! | file | contents |
 //! |---|---|
-//! | `run`, `play`, `bench`, `networks` and others | one or a few subcommands each |
-//! | `args`, `tasks` | arguments that several share; data sets, networks and trainings |
+//! | `run`, `play`, `bench`, `networks` and others | one or a few subcommands in each file |
+//! | `args`, `tasks` | arguments of several subcommands; data sets, networks and trainings |
 //! | `input` | the source and the network that they select, and its kind of input |
-//! | `given` | which arguments were given; command lines of the version before |
+//! | `given` | which arguments were given; command lines of the previous version |
 //! | `predictions`, `text`, `progress` | results as text and as JSON |
 //! | `report` | results as a page; the crate in `cli/report` makes it |
 //! | `output`, `stderr` | standard output and files; messages on standard error |
@@ -52,6 +52,7 @@ mod view;
 
 use std::process::ExitCode;
 
+use clap::builder::StyledStr;
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 use meissner_run::{interrupt, provenance};
 
@@ -122,8 +123,12 @@ fn program() -> clap::Command {
 }
 
 fn with_status(command: clap::Command) -> clap::Command {
-    let own = command.get_after_long_help().map_or_else(String::new, |own| format!("{own}\n\n"));
-    let long = format!("{own}{STATUS}");
+    let mut long = StyledStr::new();
+    if let Some(own) = command.get_after_long_help() {
+        long = own.clone();
+        long.push_str("\n\n");
+    }
+    long.push_str(STATUS);
     command.after_help(STATUS).after_long_help(long).mut_subcommands(with_status)
 }
 

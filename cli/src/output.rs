@@ -69,7 +69,7 @@ impl LogArgs {
         self.mcap.as_deref().map_or(Ok(()), |path| check_result(path, self.force))
     }
 
-    /// Begins the log of a network over inputs with these `sensors`, if that was asked for.
+    /// Begins the log of a network over inputs with these `sensors`, if requested.
     pub(crate) fn begin(
         &self,
         card: &ModelCard,
@@ -91,7 +91,7 @@ pub(crate) struct Force {
     pub(crate) force: bool,
 }
 
-/// Standard output. A reader who does not read does not keep a signal from ending the program.
+/// Standard output. A signal can end the program even if nobody reads the output.
 pub(crate) type Out = Folded<BufWriter<interrupt::Output<Stdout>>>;
 
 /// Standard output, with long lines folded for people.
@@ -119,9 +119,9 @@ pub(crate) fn check_writable(path: &Path) -> Result<(), CliError> {
     meissner_io::check_writable(path).map_err(|error| RunError::File(error).into())
 }
 
-/// [`check_writable`] for the file of a result, which is not replaced unless `force` says so.
+/// [`check_writable`] for the file of a result, which is replaced only with `force`.
 pub(crate) fn check_result(path: &Path, force: Force) -> Result<(), CliError> {
-    // What is no file, such as /dev/null, loses nothing when it is written to.
+    // A device such as /dev/null is not a file and loses nothing when it is written to.
     if !force.force && path.is_file() {
         let path = path.display().to_string();
         return Err(CliError::usage(&path, "no such file", "one: --force replaces it"));

@@ -1,4 +1,5 @@
-//! The page of other subcommands than `view`: what `play` and `run` tell their observer.
+//! The page of subcommands other than `view`: the data that `play` and `run` report to their
+//! observer.
 
 use std::io;
 use std::path::Path;
@@ -20,7 +21,7 @@ pub(crate) fn serve(port: u16) -> Result<Server, CliError> {
     Server::open(port).map_err(|source| CliError::Port { port, source })
 }
 
-/// The page at `port`, if one is wanted, for inputs with these names and sensors.
+/// The page at `port`, if requested, for inputs with these names and sensors.
 ///
 /// # Errors
 /// The port is in use.
@@ -42,7 +43,7 @@ pub(crate) fn sensors<N>(
     Ok(Some(Sensors::new(server, &inputs, span_us, name, chosen)))
 }
 
-/// Has `run` show its predictions to `observer`, and on the page if there is one.
+/// Calls `run`, which shows its predictions to `observer`, and on the page if there is one.
 pub(crate) fn observe<T>(
     sensors: Option<Sensors>,
     observer: &mut dyn Observer,
@@ -54,7 +55,7 @@ pub(crate) fn observe<T>(
     }
 }
 
-/// Shows what an observer sees.
+/// Shows the data of an observer.
 struct Viewed<'a> {
     sensors: Sensors,
     observer: &'a mut dyn Observer,

@@ -1,5 +1,5 @@
 //! `meissner pareto`: run time against error of networks, exact and with each approximation.
-//! `table` and `plot` have the report as text, comma-separated values and a picture.
+//! `table` and `plot` write the report as text, comma-separated values and a picture.
 #![expect(clippy::doc_markdown, reason = "these comments are the help text, which would show the backticks")]
 
 pub(crate) mod plot;

@@ -73,7 +73,7 @@ pub(crate) fn play(args: &PlayArgs, given: &Given) -> Result<(), CliError> {
     Ok(logged?)
 }
 
-/// Refuses cores that are not there, streams among several inputs, and approximations that
+/// Refuses cores that do not exist, streams among several inputs, and approximations that
 /// `--verify` cannot check.
 fn check(args: &PlayArgs, given: &Given) -> Result<(), CliError> {
     args.log.check()?;

@@ -47,15 +47,15 @@ struct Rows {
     columns: Columns,
     /// The number of equal parts of the input, each of which shows a prediction.
     parts: u64,
-    /// The part that the last shown row was in, and how much had been taken then.
+    /// The part of the last shown row, and the amount of input that had been taken then.
     part: Option<u64>,
     taken: Option<u64>,
     shown: u64,
-    /// The newest rows, if they have not been shown: one of each input.
+    /// The newest rows, if they have not been shown: one for each input.
     held: Vec<Row>,
 }
 
-/// What is about an input of a play.
+/// A value about an input of a play.
 #[derive(Serialize)]
 struct Of<'a, T> {
     /// Its number, from 0.
@@ -69,7 +69,7 @@ pub(crate) struct About<'a> {
     /// The subcommand.
     pub(crate) command: &'static str,
     pub(crate) json: bool,
-    /// Whether each prediction is written at once.
+    /// Whether each prediction is written immediately.
     pub(crate) live: bool,
     /// One, or the inputs of the sensors of a play.
     pub(crate) inputs: Vec<InputCard>,
@@ -129,7 +129,7 @@ impl Report {
         result.and(written.map_err(CliError::from))
     }
 
-    /// Writes the summaries of the inputs of a play, or how they failed.
+    /// Writes the summaries of the inputs of a play, or their errors.
     pub(crate) fn end_play(mut self, ended: &[Result<PlaySummary, RunError>]) -> io::Result<()> {
         if let [Ok(summary)] = ended {
             return self.summary(&Of { input: 0, about: summary }, summary.reports.made, |out| {
@@ -245,7 +245,7 @@ pub(crate) fn header(
         };
         writeln!(out, "{key:<12} {}\n             {about}", input.name)?;
     }
-    // Of several inputs, each has its sensor beside it.
+    // If there are several inputs, each has its sensor beside it.
     let sensor = if let [input] = inputs { input.sensor } else { None };
     write_model(out, card, mode, sensor.filter(|_| frames.is_none()))?;
     if let Some(model) = frames {
@@ -254,7 +254,7 @@ pub(crate) fn header(
     writeln!(out)
 }
 
-/// Writes the lines of network and weights: what runs on which sensor, and how it is trained.
+/// Writes the lines of network and weights: the network, its sensor, and its training.
 pub(crate) fn write_model(
     out: &mut impl Write,
     card: &ModelCard,

@@ -318,7 +318,7 @@ impl WindowsArgs {
 }
 
 impl LabelledArgs {
-    /// The events of `data` with labels, splits and folds: notes, and what the file holds.
+    /// The events of `data` with labels, splits and folds: notes, and the content of the file.
     fn prepared(&self, data: EventData) -> Result<(Vec<String>, Prepared), CliError> {
         let prepared = labelled_events(&data, self.folds as usize)?;
         Ok((data.notes, prepared))

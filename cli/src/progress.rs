@@ -7,7 +7,8 @@ use std::time::Duration;
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
 
-/// Smallest number of events that a bar is shown for. Fewer events are over before a bar helps.
+/// Smallest number of events for which a bar is shown. Fewer events are finished before a bar
+/// helps.
 const LONG: u64 = 20_000;
 /// Number of events between two updates of the bar.
 const STRIDE: u64 = 256;
@@ -26,7 +27,7 @@ pub(crate) fn above<T>(write: impl FnOnce() -> T) -> T {
     }
 }
 
-/// A bar, or nothing. It is gone when this is dropped.
+/// A bar, or nothing. It disappears when this is dropped.
 #[derive(Debug)]
 pub(crate) struct Progress(Option<ProgressBar>);
 
@@ -44,7 +45,7 @@ impl Progress {
         Self::unless_json(some, json, "{bar:30} {pos} of {len} measured, {eta} left: {msg}")
     }
 
-    /// What is being done and for how long, where no events are counted.
+    /// Shows the current work and its duration, if no events are counted.
     pub(crate) fn busy(what: impl Fn() -> String + Clone + Send + Sync + 'static) -> Self {
         let what = move |_: &ProgressState, out: &mut dyn Write| {
             let _ = out.write_str(&what());

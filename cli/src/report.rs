@@ -87,7 +87,7 @@ fn outcomes(path: &Path, truths: &Truths) -> Result<Vec<Outcome>, CliError> {
     Ok(read(&name, BufReader::with_capacity(1 << 16, file), truths)?)
 }
 
-/// What is known to be true: of tables, and of the press that the program holds.
+/// The known truth: from tables, and of the embedded press.
 fn truths(tables: &[PathBuf]) -> Result<Truths, CliError> {
     let mut truths = Truths::default();
     for path in tables {
@@ -109,7 +109,8 @@ fn truths(tables: &[PathBuf]) -> Result<Truths, CliError> {
     Ok(truths)
 }
 
-/// A drawing of each network that ran, by its name: of those in `own` files, and of shipped ones.
+/// A drawing of each network in the results, by its name: of networks in `own` files, and of
+/// shipped ones.
 fn drawings(results: &[Outcome], own: &[AnyDescription]) -> Vec<Drawing> {
     let mut names: Vec<&str> = Vec::new();
     for name in results.iter().flat_map(Outcome::networks) {

@@ -1,5 +1,5 @@
 //! `meissner run`: runs a network over an input, and writes predictions and measurements to
-//! standard output. Without arguments it shows a press that the program holds.
+//! standard output. Without arguments it shows the embedded press.
 
 mod args;
 mod press;
@@ -29,7 +29,7 @@ use crate::predictions::{About, Report, TableKind};
 pub(crate) use args::OPTIONS_OF_KINDS;
 pub(crate) use args::{RunArgs, Video, video};
 
-/// Events of networks over frames are shown for so long.
+/// Duration for which events of networks over frames are shown.
 const SHOWN_US: i64 = 100_000;
 
 /// Runs the network as `args` say, and writes the results to standard output.

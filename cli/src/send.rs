@@ -1,4 +1,5 @@
-//! `meissner send`: a recording at real speed to another program, over a socket or standard output.
+//! `meissner send`: sends a recording at real speed to another program, over a socket or standard
+//! output.
 
 #![expect(clippy::doc_markdown, reason = "these comments are the help text, which would show the backticks")]
 

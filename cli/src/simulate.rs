@@ -330,7 +330,7 @@ struct CameraArgs {
 }
 
 impl CameraArgs {
-    /// The settings: those that were given, instead of those of `base`.
+    /// The settings: given ones replace those of `base`.
     fn settings(self, base: CameraSettings) -> CameraSettings {
         let base = if self.ideal { CameraSettings::ideal() } else { base };
         CameraSettings {
@@ -406,7 +406,7 @@ fn images(args: &ImagesArgs) -> Result<String, CliError> {
 }
 
 /// Seconds of one core for a tilt and a direction, bytes of a press's track, and of its events on
-/// 346 x 260 pixels; of one run on a shared EPYC.
+/// 346 x 260 pixels; measured in one run on a shared EPYC.
 const DOME_SECONDS: f64 = 2.0;
 const TRACK_BYTES: f64 = 31e3;
 const FILM_BYTES: f64 = 2.6e6;

@@ -35,10 +35,11 @@ impl log::Log for Messages {
     fn flush(&self) {}
 }
 
-/// Variable of the environment that names the least level of the messages of libraries.
+/// Environment variable that names the minimum level of the messages of libraries.
 pub(crate) const LOG: &str = "MEISSNER_LOG";
 
-/// Writes messages of libraries to standard error from now on: warnings, or what [`LOG`] says.
+/// Writes messages of libraries to standard error from now on: warnings, or the levels that [`LOG`]
+/// names.
 pub(crate) fn install_logger() {
     let asked = std::env::var(LOG).ok();
     let level = asked.as_deref().map_or(Some(log::LevelFilter::Warn), |level| level.parse().ok());

@@ -35,7 +35,7 @@ pub(crate) struct TouchData {
     pub(crate) data: PathBuf,
 }
 
-/// What was touched.
+/// The set of touched things.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum TouchSet {
     Objects,

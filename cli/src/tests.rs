@@ -1,4 +1,4 @@
-//! What the help looks like, and what is read.
+//! The form of the help, and the reading of arguments.
 
 mod arguments;
 mod reports;
@@ -14,7 +14,7 @@ use crate::args::{
 use crate::program;
 use crate::simulate::{CAMERA, MARKERS};
 
-/// Where each option stands, in whatever subcommand.
+/// The heading of each option, in all subcommands.
 const HEADINGS: &[(&str, &[&str])] = &[
     (
         INPUT,
@@ -165,7 +165,7 @@ const HEADINGS: &[(&str, &[&str])] = &[
     ),
 ];
 
-/// Options that stand elsewhere in some subcommand.
+/// Options with another heading in some subcommand.
 const ELSEWHERE: &[(&str, &str, &str)] = &[
     ("run", "threads", PREDICTIONS),
     ("bench", "threads", PREDICTIONS),
@@ -324,7 +324,7 @@ fn eval_pareto_and_prepare_know_every_task() {
         names.iter().any(|name| name.starts_with(command) && name.ends_with(task))
     };
     for task in TaskName::ALL {
-        // The tasks of skins are one subcommand; pictures need no preparation.
+        // The tasks with skins share one subcommand; pictures need no preparation.
         let (word, prepared) = match task {
             TaskName::Objects | TaskName::Containers | TaskName::Letters => ("touch", Some("touch")),
             TaskName::Digits | TaskName::Slip => (task.name(), Some(task.name())),

@@ -27,7 +27,7 @@ pub(crate) fn cell<T>(value: Option<T>, text: impl FnOnce(T) -> String) -> Strin
     value.map_or_else(|| NONE.to_owned(), text)
 }
 
-/// The headings in `text`, between which stands ` | `.
+/// The headings in `text`, separated by ` | `.
 pub(crate) fn columns(text: &str) -> Vec<&str> {
     text.split(" | ").collect()
 }
@@ -145,7 +145,7 @@ impl<W: Write> Folded<W> {
         Self { out, folds: for_people, line: Vec::new() }
     }
 
-    /// Breaks no line from here on.
+    /// Stops breaking lines from here on.
     pub(crate) fn unfold(&mut self) {
         self.folds = false;
     }

@@ -1,5 +1,5 @@
-//! `meissner verify`: incremental against full recomputation, bit for bit. [`meissner_verify`] does
-//! the work.
+//! `meissner verify`: compares incremental results with full recomputation, bit for bit.
+//! [`meissner_verify`] does the work.
 //!
 //! | file | contents |
 //! |---|---|
@@ -59,17 +59,18 @@ Method:
   ULP: the distance to the result in f64, in units in the last place of the nearest f32.
 
 --soak runs one engine over recordings in a loop, as fast as possible:
-  Each recording begins after the end of the one before it, with a random silence of 1 us to about 9 minutes in between, so time always increases. If the recordings have several sensors, the sensor covers all of them. Without a recording, it is the built-in one of a simulated press and release.
+  The engine begins with a random event of a random recording, at a random time, and so it does after each checkpoint, where it forgets everything. Each recording begins after the end of the one before it, with a random silence of 1 us to about 9 minutes in between, so time always increases. If the recordings have several sensors, the sensor covers all of them. Without a recording, it is the built-in one of a simulated press and release.
   Disturbances come between events, at random intervals and in shuffled order: a silence; a silence in which the clock is advanced without an event; saving the state as bytes, and resuming from them in a new engine; a snapshot in memory, further events, and the return to the snapshot; a reset. When a state is restored, the prediction must have the same bits as before.
   Checkpoints: the prediction is compared with the full recomputation over the accepted events since the last reset (for networks with frozen in-edges over the last (blocks + 1) x capacity events, on which it depends), bit for bit.
   Latencies: each push and each prediction is timed by itself. Disturbances and checkpoints are not timed. Latencies are reported as ratios of the last tenth to the first. They are not judged, since they depend on the load of the machine.
   Memory: after each checkpoint, the bytes that the program has allocated and not freed are read, and (Linux only) its resident memory, which also contains what the allocator keeps for later. The median of the live bytes over the last tenth of the checkpoints is compared with the maximum during warm-up. The warm-up is the first fifth of the checkpoints; it extends to the largest batch, up to half of the checkpoints. With fewer than 20 checkpoints memory is not judged.
+  State (--state): one line of JSON for each checkpoint: {\"key\": {\"network\": fingerprint, \"recordings\": fingerprint, \"sensor\", the options, \"checkpoint\": its number, \"events\", \"isa\", \"version\"}, \"measurement\": as in --json}. The same command goes on after the checkpoints in the file, also after a kill.
   The exit status is 1 if bits or memory fail. Everything except times and memory is determined by the recordings, the network and the seed.
 
 Examples:
   meissner verify own.toml recording.aedat4
   meissner verify --stress --quick
-  meissner verify tactigraph-past recording.aedat4 --soak --events 1e8";
+  meissner verify tactigraph-past recording.aedat4 --soak --events 1e8 --state soak.jsonl";
 
 /// `meissner verify`.
 #[derive(Debug, clap::Args)]
@@ -166,6 +167,9 @@ struct SoakArgs {
     /// With --soak, the mean number of events between disturbances.
     #[arg(long, value_name = "N", default_value = "5e4", value_parser = count, requires = "soak", help_heading = MEASUREMENT)]
     disturb_every: u64,
+    /// With --soak, keep finished checkpoints in this file, and do not repeat them.
+    #[arg(long, value_name = "FILE.jsonl", requires = "soak", help_heading = MEASUREMENT)]
+    state: Option<PathBuf>,
     /// With --soak, the largest growth of the live memory after warm-up, in percent.
     #[arg(long, value_name = "PERCENT", default_value_t = 10, requires = "soak", help_heading = MEASUREMENT)]
     memory_growth: u32,
@@ -180,8 +184,9 @@ fn of_the_sweep(arg: Arg) -> Arg {
 /// Options of `--stress`, which the other forms refuse.
 pub(crate) const OF_STRESS: &[&str] = &["--only", "--quick", "--threads", "--list", "--markdown"];
 
-/// An argument that no form takes to which it does not belong. `requires` would not do for those of
-/// `--stress`: clap does not require what conflicts with an argument that is there, and NETWORK is.
+/// An argument that only its own form accepts. `requires` would not work for the arguments of
+/// `--stress`: clap does not require an argument that conflicts with a given one, and NETWORK is
+/// given.
 fn of_its_form(arg: Arg) -> Arg {
     match arg.get_id().as_str() {
         "stress" | "only" | "quick" | "threads" | "list" | "markdown" | "json" | "out" => arg,

@@ -151,7 +151,7 @@ impl ViewArgs {
         }
     }
 
-    /// What is true, of the built-in recording.
+    /// The truth about the embedded recording.
     fn truth(&self) -> Truth {
         if self.recording.is_some() {
             return Truth::default();
@@ -160,7 +160,7 @@ impl ViewArgs {
         Truth { names, rows }
     }
 
-    /// Serves `session`, with what arrives from `live`, until a signal ends the program.
+    /// Serves `session`, with the items that arrive from `live`, until a signal ends the program.
     fn serve<S>(
         &self,
         session: Session<S>,
@@ -201,7 +201,7 @@ pub(crate) fn bystander(
     Ok(Bystander::new(server, input, sensor, name, &chosen))
 }
 
-/// Opens the page in the browser of whoever sits here, if anybody does.
+/// Opens the page in the user's browser, if there is a user at this machine.
 fn open(url: &str) {
     let opener = if cfg!(target_os = "macos") {
         "open"
@@ -212,7 +212,7 @@ fn open(url: &str) {
     } else {
         return;
     };
-    // The address is printed too: where there is no browser, nothing is lost.
+    // The address is also printed, so nothing is lost without a browser.
     let quiet = || Stdio::null();
     let _ = Command::new(opener).arg(url).stdin(quiet()).stdout(quiet()).stderr(quiet()).spawn();
 }

@@ -1,7 +1,7 @@
 //! Features of one level, and the propagation of changes through its blocks.
 //!
-//! Features with the bits of full recomputation, and the rows that changed. A row is recomputed as
-//! a whole; if its bits stay, propagation stops there.
+//! Keeps features with the bits of full recomputation, and the rows that changed. A row is
+//! recomputed as a whole; if its bits stay equal, propagation stops there.
 //!
 //! With a tolerance, a recomputed row within it of the stored row in every channel keeps the stored
 //! values. It is recomputed whenever its inputs change, so every stored row is within the tolerance
@@ -20,7 +20,7 @@ use crate::rows::{FewRows, GrowingSet, RowSet};
 /// Multiply-adds of a level's first block from which two threads share its blocks. Waking a thread
 /// takes tens of microseconds; it stays awake from one block to the next.
 const LARGE: usize = 1_600_000;
-/// The part of these from which they share a block.
+/// Part of these multiply-adds from which two threads share one block.
 const PART: usize = 8;
 /// Rows of a block that a thread computes before they are compared with the stored ones.
 const SHARE: usize = 32 * GraphConvolution::GROUP;
@@ -36,7 +36,7 @@ pub(crate) struct Activations {
     /// For each feature, rows that hold NaN.
     nan: Vec<FewRows>,
     dirty: GrowingSet,
-    /// Largest change of a value that does not count as a change; 0 if every bit counts.
+    /// Largest difference of a value that does not count as a change; 0 if every bit counts.
     tolerance: f32,
     /// Largest number of in-edges of a row.
     most: usize,
@@ -47,7 +47,7 @@ pub(crate) struct Activations {
     threads: Vec<Thread>,
 }
 
-/// What a thread computes with.
+/// Working space of a thread.
 #[derive(Clone, Debug)]
 struct Thread {
     scratch: ConvolutionScratch,
@@ -110,7 +110,7 @@ impl Activations {
         }
     }
 
-    /// Adds rows of zeros, up to `rows` in all.
+    /// Adds rows of zeros, up to `rows` rows in total.
     pub(crate) fn grow(&mut self, rows: usize) {
         self.features.iter_mut().for_each(|feature| feature.grow(rows));
     }
@@ -140,7 +140,8 @@ impl Activations {
         &self.changed[index]
     }
 
-    /// Registers `row` as new: its slot's old content is ignored, its next values are stored.
+    /// Registers `row` as new: the old content of its slot is ignored, and its next values are
+    /// stored.
     pub(crate) fn enter(&mut self, row: u32) {
         if self.tolerance > 0.0 {
             for feature in &mut self.features[1..] {
@@ -150,7 +151,7 @@ impl Activations {
         }
     }
 
-    /// Stored values of a row; none if it entered under a tolerance and is not computed yet.
+    /// Stored values of a row; `None` if it entered under a tolerance and is not computed yet.
     pub(crate) fn stored(&self, feature: usize, row: u32) -> Option<&[f32]> {
         let values = self.features[feature].slice(row as usize);
         (!values.iter().all(|v| v.is_nan())).then_some(values)
@@ -204,7 +205,7 @@ impl Activations {
         }
     }
 
-    /// Computes every block of `rows`. Rows that they read and that are not among them are final.
+    /// Computes every block of `rows`. Other rows that they read are final.
     pub(crate) fn run_rows(
         &mut self,
         level: &Level,
@@ -223,8 +224,8 @@ impl Activations {
     fn collect(&mut self, block: &Block, before: Option<&Block>, graph: &impl Adjacency) {
         let Self { dirty, rewired, changed, .. } = self;
         let input = &changed[block.input];
-        // Changes spread: both blocks read mostly the same rows, so what is dirty in the block
-        // before is dirty here.
+        // Changes spread: both blocks read mostly the same rows, so rows that are dirty in the
+        // block before are dirty here.
         let spread = before.filter(|before| {
             let read = changed[before.input].as_slice();
             before.skip.is_none()

@@ -40,7 +40,8 @@ impl Admission {
     }
 
     /// The same with the filters of `rules`, which drop events that would be admitted otherwise.
-    /// They see such events alone, at their admitted times; a dropped event moves no clock.
+    /// They see only such events, at their admitted times; a dropped event does not advance the
+    /// clock.
     ///
     /// # Errors
     /// As [`FilterRule::filter`].
@@ -53,7 +54,7 @@ impl Admission {
         &self.filters
     }
 
-    /// The filters, to take over what others [remembered](Chain::remember).
+    /// The filters, to take over the state that others [remembered](Chain::remember).
     pub fn filters_mut(&mut self) -> &mut Chain {
         &mut self.filters
     }
@@ -63,7 +64,7 @@ impl Admission {
         &self.counters
     }
 
-    /// Counts what `decision` drops, and a restart.
+    /// Counts the events that `decision` drops, and a restart.
     pub fn count(&mut self, decision: &Decision) {
         self.counters.restarts += u64::from(decision.restarts);
         self.counters.outliers += decision.outliers;
@@ -144,7 +145,7 @@ impl Admission {
         Ok(Node::new(event, t))
     }
 
-    /// Sets the epoch to `t_us` if no event is to set it; earlier events are late.
+    /// Sets the epoch to `t_us` instead of to the first event's time; earlier events are late.
     pub(crate) fn begin(&mut self, t_us: i64) {
         self.clock = Some((t_us, 0));
     }
@@ -157,8 +158,8 @@ impl Admission {
         }
     }
 
-    /// Takes over the epoch and current time of another clock, not earlier. Counts are kept, and
-    /// what filters remember.
+    /// Takes over the epoch and current time of another clock, not earlier. Counts and the filters'
+    /// state are kept.
     pub fn resume(&mut self, epoch_us: i64, now_us: i64) {
         self.clock = Some((epoch_us, now_us.checked_sub(epoch_us).map_or(0, |t| t.max(0))));
     }

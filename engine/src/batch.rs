@@ -2,7 +2,7 @@
 //!
 //! The batch shares only the kernels with the engine: it compares all pairs, pools through ordered
 //! maps, and loops over all rows. [`Search::Grid`], for speed, uses the engine's grid and metric,
-//! and is no independent oracle.
+//! and is not an independent oracle.
 
 mod events;
 mod neighbours;
@@ -29,7 +29,7 @@ use trace::{maximum_of, sum_of};
 #[derive(Clone, Debug)]
 pub struct Graph {
     /// The event level, then one per pooling. Each has one feature, the input of its first block if
-    /// no layer below were computed: the polarity, or its maxima.
+    /// no layer below was computed: the polarity, or its maxima.
     pub levels: Vec<LevelTrace>,
     /// Readout cell (row-major index) of each row of the last level that is in the window.
     pub readout: Vec<usize>,
@@ -79,7 +79,7 @@ impl Batch {
         Ok(Graph { levels, readout })
     }
 
-    /// The event level, then one level per pooling; without `blocks`, each with its input alone.
+    /// The event level, then one level per pooling; without `blocks`, each has only its input.
     fn levels(&self, stream: Stream<'_>, blocks: bool) -> Result<Vec<LevelTrace>, EngineError> {
         stream.check(self.sensor)?;
         let parts = self.network.parts();

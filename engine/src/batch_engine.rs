@@ -4,8 +4,8 @@
 //! over the accepted events. Invariant: a prediction depends only on the remembered events.
 //!
 //! A row of a `frozen` network depends on events that have left: block b reads neighbours in block
-//! b - 1, at most one capacity of events older. Over B blocks, only the last B + 1 capacities
-//! count. Without `frozen`, the last capacity is enough.
+//! b - 1, at most one capacity of events older. Over B blocks, only the events of the last B + 1
+//! capacities count. Without `frozen`, the last capacity is enough.
 
 use std::convert::Infallible;
 use std::fmt;
@@ -108,8 +108,8 @@ impl BatchEngine {
     #[must_use]
     pub fn with_bounded_memory(self) -> Self {
         let parts = self.batch.network().parts();
-        // A pooled level reads the window's edges, chosen among the events of one more window; so
-        // are those of each block, whose rows read rows that are older by a window.
+        // A pooled level reads the window's edges, chosen among the events of one more window. Each
+        // block adds one window, because its rows read rows that are older by a window.
         let windows = if parts.graph.is_frozen() { parts.events.blocks.len().max(1) + 1 } else { 1 };
         Self { most_events: parts.capacity.saturating_mul(windows), ..self }
     }
@@ -132,7 +132,7 @@ impl BatchEngine {
         }
     }
 
-    /// Returns what became of the newest event.
+    /// Carries out a decision; returns the outcome of the newest event.
     fn carry_out(&mut self, decision: &Decision) -> Outcome {
         self.admission.count(decision);
         if decision.restarts {

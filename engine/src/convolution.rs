@@ -1,7 +1,7 @@
 //! The convolution of a block: the kernels, and the one place where engine and batch choose one.
 //!
-//! What they need to know of a convolution is a method of [`GraphConvolution`] with a `match` over
-//! its variants. The choice is made once for a group of rows.
+//! Each property of a convolution that they need is a method of [`GraphConvolution`] with a `match`
+//! over its variants. The choice is made once for a group of rows.
 
 use meissner_kernels::{
     GraphRow, Isa, KernelError, Lanes, Matrix, PointNetConv, PointNetParts, PointNetScratch, SplineConv,

@@ -1,4 +1,4 @@
-//! Counts of work done and avoided, what became of an event, and the time of stages.
+//! Counts of work done and avoided, outcomes of events, and the time of stages.
 
 use std::time::{Duration, Instant};
 
@@ -35,11 +35,12 @@ pub enum Outcome {
     Accepted,
     /// It did not enter.
     Dropped(DropReason),
-    /// Its time disagrees with the clock; later events decide ([`crate::RestartPolicy`]).
+    /// Its time disagrees with the clock; later events decide whether it enters
+    /// ([`crate::RestartPolicy`]).
     Held,
 }
 
-/// Counts of events since the engine was made.
+/// Counts of events since the engine was created.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct EventCounters {
     /// Events pushed, without those that are still [held](crate::Outcome::Held).
@@ -62,7 +63,7 @@ pub struct EventCounters {
     pub expired: u64,
     /// Events that left earlier because the window was full.
     pub evicted: u64,
-    /// Times that the sensor's clock restarted, each of which reset the engine.
+    /// Number of restarts of the sensor's clock, each of which reset the engine.
     pub restarts: u64,
 }
 
@@ -126,7 +127,7 @@ pub struct ComputedRow {
 pub(crate) struct LayerLog {
     pub(crate) counters: LayerCounters,
     /// Slots of the rows computed since the last prediction, and whether each changed, if they are
-    /// recorded; no more than there is room for.
+    /// recorded; at most as many as the capacity.
     pub(crate) rows: Option<FixedVec<(u32, bool)>>,
 }
 

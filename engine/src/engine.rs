@@ -25,7 +25,7 @@ use crate::unlikeness::WindowStatistics;
 use crate::window::Window;
 use crate::{EngineError, Event, Sensor};
 
-/// A prediction, and what it cost.
+/// A prediction and its cost.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Prediction<'a> {
     /// Outputs of the last dense layer.
@@ -37,8 +37,8 @@ pub struct Prediction<'a> {
     /// Rows computed per layer since the previous prediction, in the order of [`Network::layers`].
     pub rows: &'a [u64],
     /// How unlike the window is to those of the training: above 1, fewer than 1 of 1,000 windows of
-    /// the training were ([`TrainingWindows::unlikeness`]); the same of frames. `None` where the
-    /// network does not know.
+    /// the training were ([`TrainingWindows::unlikeness`]); the same for frames. `None` if the
+    /// network has no statistics of its training.
     pub unlike: Option<f32>,
 }
 
@@ -156,10 +156,10 @@ impl Engine {
         self.options.tolerance
     }
 
-    /// Inserts an event. Dropped and counted are events outside the sensor, late events (unless
-    /// clamped), those whose distance from the epoch does not fit 64 bits, and those that the
-    /// [filters of the network](Network::filters) drop. Arrival orders equal
-    /// times. Older events than the span expire first; if the window is full, the oldest is
+    /// Inserts an event. The engine drops and counts events outside the sensor, late events (unless
+    /// clamped), events whose distance from the epoch does not fit 64 bits, and events that the
+    /// [filters of the network](Network::filters) drop. Events of equal time keep their order of
+    /// arrival. Events older than the span expire first; if the window is full, the oldest is
     /// evicted.
     ///
     /// An event far ahead of the clock, or behind it by more than the span, is
@@ -176,7 +176,7 @@ impl Engine {
     /// Inserts events as by [`Self::push`] one by one, bit for bit; returns the number accepted.
     ///
     /// Faster than single pushes for `frozen`: rows of up to 64 events are computed layer by layer,
-    /// until a node leaves that they read.
+    /// before a node that they read leaves.
     pub fn push_slice(&mut self, events: &[Event]) -> usize {
         self.push_all(events.iter().copied())
     }
@@ -191,7 +191,7 @@ impl Engine {
         (self.admission.counters().accepted - before) as usize
     }
 
-    /// Inserts an event, whose row may wait, unless its time does not agree with the clock.
+    /// Inserts an event unless its time does not agree with the clock. Its row may wait.
     #[inline]
     fn take(&mut self, event: Event) -> Outcome {
         match self.watch.decide(event, self.admission.now_us()) {
@@ -200,7 +200,7 @@ impl Engine {
         }
     }
 
-    /// Returns what became of the newest event.
+    /// Carries out a decision; returns the outcome of the newest event.
     fn carry_out(&mut self, decision: &Decision) -> Outcome {
         self.admission.count(decision);
         if decision.restarts {
@@ -210,7 +210,7 @@ impl Engine {
         outcome
     }
 
-    /// Inserts an event, whose row may wait.
+    /// Inserts an event. Its row may wait.
     fn enter(&mut self, event: Event) -> Outcome {
         let node = match self.admission.admit_node(event) {
             Ok(node) => node,
@@ -228,12 +228,12 @@ impl Engine {
     }
 
     /// The time at which `event` would enter; `None` if it would be dropped. An event that would be
-    /// [held](Outcome::Held) is taken for one that is not.
+    /// [held](Outcome::Held) is treated as one that is not.
     pub fn arrival_us(&self, event: Event) -> Option<i64> {
         self.admission.arrival_us(event)
     }
 
-    /// Advances the clock to `t_us` (events' time); older events than the span expire. Earlier
+    /// Advances the clock to `t_us` (events' time); events older than the span expire. Earlier
     /// times, times before the first event, and times whose distance from the epoch does not fit 64
     /// bits change nothing.
     pub fn advance(&mut self, t_us: i64) {
@@ -270,13 +270,13 @@ impl Engine {
         Ok(Prediction { values, t_us, nodes, rows: &self.rows, unlike })
     }
 
-    /// As [`Prediction::unlike`], of the window as it is now. Computes no row.
+    /// As [`Prediction::unlike`], for the current window. Computes no row.
     pub fn unlikeness(&self) -> Option<f32> {
         self.network.unlikeness(self.sensor, || self.window_statistics())
     }
 
-    /// Sums over the events of the window as it is now. O(1) for a network that knows what the
-    /// [windows of its training](Network::training_windows) were like, else O(window).
+    /// Sums over the events of the window as it is now. O(1) for a network with statistics of the
+    /// [windows of its training](Network::training_windows), else O(window).
     pub fn window_statistics(&self) -> WindowStatistics {
         self.step.statistics(self.admission.now()).unwrap_or_else(|| {
             WindowStatistics::of(&self.events(), self.sensor, self.admission.now_us().unwrap_or(0))
@@ -312,7 +312,7 @@ impl Engine {
         self.forget();
     }
 
-    /// Removes all events but those that are held.
+    /// Removes all events except held ones.
     fn forget(&mut self) {
         self.step.clear();
         self.admission.reset();
@@ -371,7 +371,7 @@ fn logs(network: &Network, sensor: Sensor, record: bool, memory: &mut Memory) ->
     let slots = [events].into_iter().chain(pooled.iter().map(Shape::slots));
     let of_levels = slots.enumerate().flat_map(|(level, slots)| vec![slots; network.layers_of(level)]);
     let log = |slots| LayerLog { rows: record.then(|| memory.room(slots)), ..LayerLog::default() };
-    // No more room than is told.
+    // Allocates exactly the counted room.
     let mut logs = Vec::with_capacity(network.layers().len());
     logs.extend(of_levels.map(log));
     logs

@@ -1,8 +1,8 @@
-//! Filters in front of an engine: which events enter at all.
+//! Filters in front of an engine: they decide which events enter.
 //!
-//! Enters: events, one at a time. Leaves: whether each passes. A filter takes O(1) for an event and
-//! allocates nothing later. It knows neither window nor admission: it also sees late events and
-//! those outside the sensor, which the engine counts.
+//! Input: events, one at a time. Output: whether each passes. A filter takes O(1) for an event and
+//! allocates nothing later. It does not know window or admission: it also sees late events and
+//! events outside the sensor, which the engine counts.
 //!
 //! | filter | passes | source |
 //! |---|---|---|
@@ -12,10 +12,10 @@
 //! | [`Refractory`] | at most one event of a pixel in a time | the refractory filter of jAER |
 //! | [`HotPixel`] | what is no pixel that fires all the time | leaky bucket (ITU-T I.371) |
 //!
-//! A network states what it needs before it as [`FilterRule`]s; engines apply them.
+//! A network states the filters that it needs as [`FilterRule`]s; engines apply them.
 //!
 //! Times are compared by the magnitude of their difference as u64, which cannot overflow. Each
-//! filter says how it treats an event that is earlier than one before.
+//! filter documents how it treats an event that is earlier than a previous one.
 
 /// The name and the counters of a filter with a field `counters`.
 macro_rules! reports {
@@ -43,7 +43,7 @@ pub use rule::FilterRule;
 pub trait EventFilter {
     /// Whether `event`, the next one, passes.
     fn admit(&mut self, event: Event) -> bool;
-    /// Forgets all events; counts go on.
+    /// Forgets all events; counts continue.
     fn reset(&mut self);
     /// Counts since the filter was made.
     fn counters(&self) -> FilterCounters;
@@ -114,11 +114,11 @@ impl EventFilter for Stride {
 /// depth = max(rate 1 ms, 1), full at the start
 /// ```
 ///
-/// Credit counts in millionths of an event, so a microsecond brings `rate`, an integer. In any T
-/// microseconds at most `rate` T / 10^6 + `depth` events pass; if no interval holds more, all do.
-/// In a steady faster stream, events pass at even distances once the depth is used.
+/// Credit counts in millionths of an event, so a microsecond adds `rate`, an integer. In any T
+/// microseconds at most `rate` T / 10^6 + `depth` events pass; if no interval contains more, all
+/// events pass. In a steady faster stream, events pass at even distances once the depth is used.
 ///
-/// An event earlier than the newest brings no credit, and passes if there is some: the bound holds
+/// An event earlier than the newest adds no credit, and passes if credit is left: the bound holds
 /// over the newest times. After a restart of the clock, [`reset`](EventFilter::reset) the filter.
 #[derive(Clone, Debug)]
 pub struct RateLimit {
@@ -181,8 +181,8 @@ const MAX_PIXELS: i64 = 1 << 26;
 /// Passes an event if the latest event of one of its eight neighbours is at most a given time away.
 ///
 /// Every event, passed or dropped, supports its eight neighbours, not its own pixel. A pixel's
-/// latest event is the one that arrived last; only the distance in time counts. Stamps slightly out
-/// of order thus support each other, and a clock that jumped back silences nothing. An event
+/// latest event is the one that arrived last; only the distance in time counts. Timestamps slightly
+/// out of order thus support each other, and a clock that jumped back silences no pixel. An event
 /// outside the sensor passes and is not remembered.
 #[derive(Clone, Debug)]
 pub struct BackgroundActivity {
@@ -191,7 +191,7 @@ pub struct BackgroundActivity {
 }
 
 impl BackgroundActivity {
-    /// Microseconds in which a neighbour supports an event: the contact-angle paper's.
+    /// Microseconds in which a neighbour supports an event: the value of the contact-angle paper.
     pub const DEFAULT_US: i64 = 1_250;
 
     /// Requires a neighbour within `us` microseconds.
@@ -229,9 +229,9 @@ impl EventFilter for BackgroundActivity {
 
 /// Passes an event if the last passed event of its pixel is at least a given time away.
 ///
-/// Dropped events do not prolong the pause. Only the distance in time counts: an earlier stamp
-/// passes if it is far enough from the last passed one, and replaces it. Two events of a pixel that
-/// pass in a row are thus at least that time apart. An event outside the sensor passes.
+/// Dropped events do not prolong the pause. Only the distance in time counts: an earlier timestamp
+/// passes if it is far enough from the last passed one, and replaces it. Two consecutive passed
+/// events of a pixel are thus at least that time apart. An event outside the sensor passes.
 #[derive(Clone, Debug)]
 pub struct Refractory {
     stamps: Stamps,
@@ -281,7 +281,7 @@ struct Stamps {
 }
 
 impl Stamps {
-    /// No stamps; `what` is the name of the time `us` in an error.
+    /// An empty set of stamps; `what` is the name of the time `us` in an error.
     fn new(sensor: Sensor, us: i64, what: &'static str) -> Result<Self, EngineError> {
         in_range(what, us, 1, MAX_US)?;
         let pixels = i64::from(sensor.width) * i64::from(sensor.height);
@@ -291,7 +291,7 @@ impl Stamps {
         Ok(Self { sensor, us: us.unsigned_abs(), stride, times })
     }
 
-    /// Place of the event's pixel; none outside the sensor.
+    /// Index of the event's pixel; `None` outside the sensor.
     #[inline]
     fn place(&self, Event { x, y, .. }: Event) -> Option<usize> {
         let inside = self.sensor.contains(x, y);
@@ -316,13 +316,13 @@ impl Stamps {
 pub enum Filter {
     /// Every nth event.
     Stride(Stride),
-    /// As many events as a rate allows.
+    /// At most the number of events that a rate allows.
     RateLimit(RateLimit),
     /// Events with a recent neighbour.
     BackgroundActivity(BackgroundActivity),
-    /// At most one event of a pixel in a time.
+    /// At most one event per pixel in a given time.
     Refractory(Refractory),
-    /// No pixel that fires all the time.
+    /// No events of pixels that fire all the time.
     HotPixel(HotPixel),
 }
 
@@ -357,7 +357,8 @@ impl EventFilter for Filter {
     }
 }
 
-/// Filters in series: each sees what those before it passed. An empty chain passes everything.
+/// Filters in series: each sees the events that the filters before it passed. An empty chain passes
+/// everything.
 #[derive(Clone, Debug, Default)]
 pub struct Chain {
     filters: Vec<Filter>,
@@ -365,7 +366,7 @@ pub struct Chain {
 }
 
 impl Chain {
-    /// `filters`, the first of which sees every event.
+    /// A chain of `filters`; the first sees every event.
     pub fn new(filters: Vec<Filter>) -> Self {
         Self { filters, counters: FilterCounters::default() }
     }

@@ -35,7 +35,7 @@ impl Fingerprint {
         text.bytes().for_each(|byte| self.word(byte.into()));
     }
 
-    /// Adds the number of some values, and their bits.
+    /// Adds the number of values, and their bits.
     pub(crate) fn values(&mut self, values: &[f32]) {
         self.size(values.len());
         values.iter().for_each(|value| self.word(value.to_bits().into()));

@@ -2,21 +2,21 @@
 //!
 //! Input: rows of features of a training. Output: the Mahalanobis distance of other rows from them
 //! (Lee et al. 2018, "A simple unified framework for detecting out-of-distribution samples", eq. 2,
-//! of one class), relative to a threshold. Besides the four operations there are only square roots,
-//! which every machine rounds alike; every sum has one order.
+//! of one class), relative to a threshold. Besides the four operations, only square roots are used,
+//! which every machine rounds in the same way; every sum has a fixed order.
 
-/// Most features of a row.
+/// Maximum number of features of a row.
 pub(crate) const MAX_FEATURES: usize = 64;
 
 /// The part of a training's rows that are more unlike than 1.
 const BEYOND: f64 = 0.001;
 
-/// The threshold is at least the square root of the number of features and this: what 1 of 1,000
-/// rows exceeds if nine features are normal (the quantile of chi squared), and a little more for
-/// more features. A few rows lie closer by chance.
+/// The threshold is at least the square root of the number of features plus this: the distance that
+/// 1 of 1,000 rows exceeds if nine features are normal (the quantile of chi squared), and a little
+/// more for more features. A few rows lie closer by chance.
 const NORMAL: f64 = 2.279;
 
-/// Differences of a feature below this mean nothing, however alike the rows of a training are.
+/// Smaller differences of a feature have no meaning, however similar the rows of a training are.
 const RESOLUTION: f64 = 0.005;
 
 /// Mean and covariance of features.
@@ -31,8 +31,8 @@ pub(crate) struct Gaussian {
 }
 
 impl Gaussian {
-    /// That of these rows of `features` features each; `None` for too few: they do not show how
-    /// the features vary together. O(rows log rows).
+    /// The Gaussian of these rows of `features` features each; `None` for too few rows: they do not
+    /// show how the features vary together. O(rows log rows).
     pub(crate) fn of<R: AsRef<[f64]>>(features: usize, rows: &[R]) -> Option<Self> {
         if rows.len() < 2 * (features + 1) {
             return None;
@@ -72,8 +72,8 @@ impl Gaussian {
         (&self.mean, &self.factor)
     }
 
-    /// The one with these [parts](Self::parts). `None` for numbers of values that do not fit, more
-    /// than [`MAX_FEATURES`], values that are not finite, or a factor whose diagonal is not
+    /// The Gaussian with these [parts](Self::parts). `None` for numbers of values that do not fit,
+    /// more than [`MAX_FEATURES`], values that are not finite, or a factor whose diagonal is not
     /// positive.
     pub(crate) fn from_parts(mean: &[f64], factor: Vec<Vec<f64>>) -> Option<Self> {
         let is_factor = (1..=MAX_FEATURES).contains(&mean.len())
@@ -100,8 +100,8 @@ impl Gaussian {
         self.mean.len()
     }
 
-    /// The distance of a row, whose features that are `None` do not count. Above 1: farther than
-    /// 999 of 1,000 rows of the training. O(features^2).
+    /// The distance of a row. Features that are `None` do not count. Above 1: farther than 999 of
+    /// 1,000 rows of the training. O(features^2).
     pub(crate) fn distance(&self, feature: impl Fn(usize) -> Option<f64>) -> f32 {
         let mut solved = [0.0; MAX_FEATURES];
         let solved = &mut solved[..self.mean.len()];
@@ -113,7 +113,7 @@ impl Gaussian {
             solved[j..].iter_mut().zip(column).for_each(|(sum, value)| *sum += value * difference);
         }
         let squares: f64 = solved.iter().map(|value| value * value).sum();
-        // Parts that someone wrote may overflow; the minimum is also that of NaN.
+        // Given parts may overflow; for NaN, the minimum is `f32::MAX` as well.
         (squares.sqrt() as f32).min(f32::MAX)
     }
 }

@@ -39,10 +39,10 @@ pub(crate) struct EventGraph {
     grid: Grid,
     most: usize,
     count: Vec<u16>,
-    /// `most` in-edges per slot, the first `count` valid. With `frozen`, of the [`WAVE`] newest
-    /// nodes alone: a row is computed once, soon after its arrival.
+    /// `most` in-edges per slot, the first `count` valid. With `frozen`, only of the [`WAVE`]
+    /// newest nodes: a row is computed once, soon after its arrival.
     edges: EdgeStore,
-    /// With `frozen`, each slot's place in `edges`, and its sources in order; some may have left.
+    /// With `frozen`, each slot's index in `edges`, and its sources in order; some may have left.
     places: Vec<u8>,
     sources: Vec<u32>,
     next: u8,
@@ -56,11 +56,12 @@ pub(crate) struct EventGraph {
     extents: Vec<f64>,
 }
 
-/// log2 of the smallest side of a cell in pixels. Measured: larger cells fill blocks of nodes.
+/// log2 of the smallest side of a cell in pixels. Chosen by measurement: larger cells fill blocks
+/// of nodes.
 pub(crate) const SIDE_LOG2: u32 = 4;
 
-/// Most nodes with `frozen` in-edges whose edges are kept: enough to share weights and hide
-/// latencies, few enough for the caches.
+/// Maximum number of nodes with `frozen` in-edges whose edges are kept: enough to share weights and
+/// hide latencies, few enough for the caches.
 pub(crate) const WAVE: usize = 64;
 
 /// In-edges, and edge data that every block would otherwise recompute.
@@ -192,8 +193,8 @@ impl EventGraph {
         sources.iter().copied().chain(neighbours.iter().map(|n| n.row))
     }
 
-    /// In-edges of `slot` from nodes still in `window`, in order. With `frozen`, others name slots
-    /// that are free or hold a later node: both rank after the reader.
+    /// In-edges of `slot` from nodes still in `window`, in order. With `frozen`, the other in-edges
+    /// name slots that are free or hold a later node: both rank after the reader.
     pub(crate) fn present<'a>(
         &'a self,
         window: &'a Window,
@@ -256,7 +257,7 @@ impl EventGraph {
             found.select(arrival);
             return;
         }
-        // The extent of the last neighbourhood here mostly says where to search.
+        // The extent of the last neighbourhood in this cell is mostly the right distance to search.
         let extent = &mut extents[grid.cell(node.x, node.y)];
         let mut bound = limit.min(GENEROUS * *extent);
         loop {
@@ -270,7 +271,7 @@ impl EventGraph {
         *extent = found.bound().max(MIN);
     }
 
-    /// Offers the newest node to all others; those near enough take it as a neighbour.
+    /// Offers the newest node to all others; nodes near enough take it as a neighbour.
     fn offer(&mut self, window: &Window, slot: u32, node: Node, delta: &mut Delta) {
         let Self { grid, metric, reach, count, edges, readers, most, rule, .. } = self;
         let (most, limit) = (*most, rule.reach.limit());
@@ -301,7 +302,7 @@ impl EventGraph {
         });
     }
 
-    /// Removes the `leaving` oldest nodes from the search. Together they cost less: leaving nodes
+    /// Removes the `leaving` oldest nodes from the search. Joint removal costs less: leaving nodes
     /// need no repair, and no replacement is about to leave.
     pub(crate) fn hide(&mut self, window: &Window, leaving: u32) {
         window.slots().take(leaving as usize).for_each(|slot| self.grid.pop(slot, window.node(slot)));
@@ -427,7 +428,7 @@ impl Task for Find<'_> {
 
 /// Factor on an extent within which the next neighbourhood mostly has enough nodes. Measured.
 const GENEROUS: f64 = 1.5;
-/// Factor by which a search is widened that did not find enough.
+/// Factor by which a search that did not find enough nodes is widened.
 const WIDER: f64 = 4.0;
 /// The extent from which searches are widened at first: 1/64 of the sensor or of the span.
 const MIN: f64 = 1.0 / 4096.0;
@@ -437,8 +438,8 @@ const MAX: f64 = 3.0;
 /// Candidates up to this number are compared one by one: a grid search visits most of its cells.
 const FEW: u32 = 64;
 
-/// Calls `visit` with d2 and slot of the nodes at `places` with d2 to `query` within the bound,
-/// which each call returns anew.
+/// Calls `visit` with d2 and slot of the nodes at `places` with d2 to `query` within the bound.
+/// Each call returns the next bound.
 fn scan(
     metric: &Metric,
     window: &Window,

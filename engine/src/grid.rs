@@ -1,11 +1,11 @@
-//! The event graph's search structure: square cells of pixels, larger on sensors with too many,
-//! each a queue of nodes in order of time. All queues share one store, sized by the number of nodes
-//! wherever they lie.
+//! The event graph's search structure: square cells of pixels, larger on sensors with too many
+//! cells, each a queue of nodes in order of time. All queues share one store; its size depends on
+//! the number of nodes, not on their positions.
 //!
 //! Inserting and expiring are O(1). A search with a guessed bound visits the cells within it; any
-//! other goes in rings around the query, and in each cell outwards from the query's time. What it
-//! skips has a lower bound of d2 above its bound, by the same rounded operations as d2. Rounding is
-//! monotone, so a pruned node is never a result, not even by a tie.
+//! other search goes in rings around the query, and in each cell outwards from the query's time.
+//! Skipped nodes have a lower bound of d2 above the search's bound, by the same rounded operations
+//! as d2. Rounding is monotone, so a pruned node is never a result, not even by a tie.
 
 use std::ops::Range;
 
@@ -111,8 +111,8 @@ impl Grid {
         metric.x2(gap(x, column)) + metric.y2(gap(y, row))
     }
 
-    /// Calls `visit` with d2 and slot of every node within the bound. It starts as `bound`; each
-    /// call returns the next, which must not grow.
+    /// Calls `visit` with d2 and slot of every node within the bound. The bound starts as `bound`;
+    /// each call returns the next bound, which must not grow.
     #[inline(always)]
     pub(crate) fn search(
         &self,
@@ -126,7 +126,7 @@ impl Grid {
     }
 
     /// The same for queries in order of time on an unchanging grid: `cursors`, one per cell, store
-    /// the place of the query's time.
+    /// the position of the query's time.
     #[inline(always)]
     pub(crate) fn search_onwards(
         &self,
@@ -192,7 +192,7 @@ impl Grid {
         let gap = |p: u16| {
             let (p, cell) = (usize::from(p), usize::from(p) >> self.side_log2);
             let after = ((cell + ring) << self.side_log2) - p;
-            // There are no cells left of cell 0, so this side does not bound the search.
+            // No cells exist to the left of cell 0, so this side does not limit the search.
             let before =
                 (cell + 1).checked_sub(ring).map_or(usize::MAX, |c| p - (c << self.side_log2).min(p) + 1);
             after.min(before)
@@ -200,7 +200,7 @@ impl Grid {
         metric.x2(gap(query.x)).min(metric.y2(gap(query.y)))
     }
 
-    /// Adds to `found` every node within its bound that others of the same d2 do not precede. No
+    /// Adds to `found` every node within its bound that no other node of the same d2 precedes. No
     /// node is later than the query.
     #[inline(always)]
     pub(crate) fn find<S: Simd>(
@@ -233,7 +233,8 @@ impl Grid {
         }
     }
 
-    /// Columns and rows of the cells whose bounds of d2 in one direction alone are at most `bound`.
+    /// Columns and rows of the cells whose lower bound of d2 along that single axis is at most
+    /// `bound`.
     #[inline(always)]
     fn within(&self, metric: &Metric, query: Node, bound: f64) -> [Range<usize>; 2] {
         [
@@ -293,13 +294,14 @@ impl Grid {
     }
 }
 
-/// Reply of a visited reader to the search.
+/// Answer of a visited reader to the search.
 pub(crate) struct Reader {
     /// Largest d2 at which it would still accept a neighbour.
     pub(crate) bound: f64,
 }
 
-/// d2 of a query to each node of a block, and its term of time; undefined where there is no node.
+/// d2 of a query to each node of a block, and its term of time; undefined for entries without a
+/// node.
 #[inline(always)]
 fn distances2<S: Simd>(simd: S, metric: &Metric, query: Node, block: &Block) -> [[f64; NODES]; 2] {
     let (mut d2, mut t2) = ([0.0; NODES], [0.0; NODES]);

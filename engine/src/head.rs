@@ -1,7 +1,7 @@
 //! A network's head: dense layers over the readout, or a frame network that reads it as an image.
 //!
-//! Input: the readout, newest time cell first, and its changed cells. Output: the prediction. Only
-//! what a changed cell reaches is recomputed, by the first dense layer or the frame network.
+//! Input: the readout, newest time cell first, and its changed cells. Output: the prediction. The
+//! first dense layer or the frame network recomputes only the values that a changed cell reaches.
 
 use std::sync::Arc;
 
@@ -22,7 +22,7 @@ pub(crate) enum Head {
 #[derive(Clone, Debug)]
 pub(crate) struct ImageHead {
     engine: FrameEngine,
-    /// The whole frame, for when it must be pushed.
+    /// The whole frame, if all of it must be pushed.
     image: Vec<f32>,
     /// Whether the last frame was refused, so that changes since the one before are missing.
     lacks_changes: bool,
@@ -95,8 +95,8 @@ impl Head {
 }
 
 impl ImageHead {
-    /// Its memory counts as part of the event engine's, and is checked against that limit. Never
-    /// fails: the maps are small enough, and no other option is out of range.
+    /// Its memory counts as part of the event engine's memory, and is checked against that limit.
+    /// Never fails: the maps are small enough, and no other option is out of range.
     fn new(network: &Arc<FrameNetwork>, isa: Isa) -> Self {
         let options = FrameOptions::new().with_isa(isa).with_memory_limit(u128::MAX);
         let mut engine =

@@ -16,7 +16,8 @@
 //! | [`Prediction`], [`Counters`] | values with time and cost; counts of work done and skipped |
 //! | [`filters`], [`representations`] | preprocessing: event filters; frames built from events |
 //!
-//! Networks usually come from description files and weights (`meissner_models`). One by hand:
+//! Networks usually come from description files and weights (`meissner_models`). A network built by
+//! hand:
 //!
 //! ```
 //! use meissner_engine::{Batch, Engine, Event, Sensor, Stream};
@@ -70,7 +71,7 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
-//! An unoptimised build gives the same bits, many times slower: measure with `--release`.
+//! An unoptimised build gives the same bits but is many times slower: measure with `--release`.
 #![forbid(unsafe_code)]
 #![allow(clippy::inline_always, reason = "compiled for the instruction set that runs it")]
 

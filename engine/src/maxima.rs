@@ -1,13 +1,13 @@
 //! Channel-wise maxima over cells with changing members.
 //!
 //! Input: members with their cells, their features, and which changed. Output: one row of maxima
-//! per cell, and the cells whose row changed. A new member is merged into its cell's row. When one
-//! leaves or changes, the row is recomputed from all members, unless it was below the maximum in
-//! every channel. Members that never change and leave in order of arrival form a queue with two
-//! partial maxima: for each member of the front, that from it to the front's end; and that of the
-//! back. A removal then costs one row, and a pass over the members when the front is used up.
-//! Invariant after [`Maxima::update`]: each row is the maximum over the cell's members, or zeros
-//! without any.
+//! per cell, and the cells whose row changed. A new member is merged into its cell's row. When a
+//! member leaves or changes, the row is recomputed from all members, unless the member was below
+//! the maximum in every channel. Members that never change and leave in order of arrival form a
+//! queue with two partial maxima: for each member of the front, the maximum from it to the front's
+//! end; and the maximum of the back. A removal then costs one row, plus a pass over the members
+//! when the front is used up. Invariant after [`Maxima::update`]: each row is the maximum over the
+//! cell's members, or zeros without any.
 
 use meissner_kernels::{Isa, LANES, Lanes, Matrix, Simd, Task, clear_negative_zero, maximum, same_bits};
 
@@ -181,7 +181,7 @@ pub(crate) fn below(row: &[Lanes], maximum: &[Lanes], columns: usize) -> bool {
     for (i, (row, maximum)) in row.iter().zip(maximum).enumerate() {
         let counts = (columns - i * LANES).min(LANES);
         for (v, m) in row.0[..counts].iter().zip(&maximum.0[..counts]) {
-            // NaN counts as reaching the maximum: the members that do must be found again.
+            // NaN counts as reaching the maximum: the members that reach it must be found again.
             reaches |= v >= m || v.is_nan();
         }
     }

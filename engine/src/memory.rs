@@ -1,7 +1,7 @@
 //! The memory of an engine: allocated once, when the engine is made, or only counted.
 //!
-//! Every stage takes its storage from a [`Memory`]. One that only counts hands out empty vectors,
-//! so the code that allocates also tells an engine's size before anything is allocated.
+//! Every stage takes its storage from a [`Memory`]. A memory that only counts hands out empty
+//! vectors, so the code that allocates also computes an engine's size before anything is allocated.
 
 use std::ops::{Deref, DerefMut};
 
@@ -15,7 +15,7 @@ pub(crate) struct Memory {
 }
 
 impl Memory {
-    /// Bytes of the storage that `make` takes. Nothing is allocated for it.
+    /// Bytes of the storage that `make` takes. Allocates nothing.
     pub(crate) fn needed<T>(make: impl FnOnce(&mut Self) -> T) -> u128 {
         let mut memory = Self { counts_only: true, ..Self::default() };
         make(&mut memory);

@@ -1,8 +1,8 @@
 //! Merged edges: the in-edges of each row in one store, and the readers of each row.
 //!
 //! A row's in-edges are contiguous, with some free space after them. A row that has used it up
-//! moves to the end of the store; at the end, rows are compacted. There is room for the most edges
-//! at once plus one row, so a row can always move.
+//! moves to the end of the store; at the end, rows are compacted. There is room for the maximum
+//! number of edges plus one row, so a row can always move.
 //!
 //! A row is *altered* from a change of one of its edges until its attributes are updated.
 
@@ -15,16 +15,17 @@ use crate::memory::Memory;
 use crate::readers::Readers;
 
 const NONE: u32 = u32::MAX;
-/// Most in-edges of a row whose basis is stored; a block computes the basis of longer rows.
+/// Maximum number of in-edges of a row whose basis is stored; a block computes the basis of longer
+/// rows.
 const BASES: usize = 24;
 
 /// Maximum sizes of merged edges.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Extent {
     pub(crate) rows: usize,
-    /// Most in-edges of a row.
+    /// Maximum number of in-edges of a row.
     pub(crate) most: usize,
-    /// Most edges in total.
+    /// Maximum number of edges in total.
     pub(crate) edges: usize,
 }
 
@@ -48,9 +49,9 @@ impl Extent {
 struct Run {
     start: usize,
     len: u32,
-    /// Number of edges that fit before the row must move; 0 if it has no place in the store.
+    /// Number of edges that fit before the row must move; 0 if the store does not contain the row.
     room: u32,
-    /// Links between the rows with a place, in the order of the store.
+    /// Links between the rows in the store, in its order.
     before: u32,
     after: u32,
 }
@@ -59,7 +60,7 @@ struct Run {
 pub(crate) struct Merged {
     extent: Extent,
     runs: Vec<Run>,
-    /// First and last row with a place, and the start of the free space.
+    /// First and last row in the store, and the start of the free space.
     first: u32,
     last: u32,
     end: usize,
@@ -151,7 +152,8 @@ impl Merged {
         self.counts[self.runs[row as usize].start + at] += 1;
     }
 
-    /// Counts one edge of the level below less; the last removes the in-edge, which is returned.
+    /// Counts one edge of the level below less. The last one removes the in-edge; returns whether
+    /// it does.
     pub(crate) fn count_down(&mut self, row: u32, at: usize) -> bool {
         let span = self.span(row);
         let count = &mut self.counts[span.start + at];
@@ -186,7 +188,7 @@ impl Merged {
         self.readers.push(source, row);
     }
 
-    /// Makes room for a row without any.
+    /// Makes free space for a row that has none.
     fn enlarge(&mut self, row: u32) {
         let len = self.runs[row as usize].len as usize;
         let wanted = len + 1 + (len / 2).max(3);
@@ -230,7 +232,8 @@ impl Merged {
         self.runs[row as usize].room = 0;
     }
 
-    /// Compacts all rows at the store's front, without free space. Rows without edges lose theirs.
+    /// Compacts all rows at the store's front, without free space between them. Rows without edges
+    /// leave the store.
     fn close_up(&mut self) {
         let (mut row, mut to) = (self.first, 0);
         while row != NONE {
@@ -249,8 +252,8 @@ impl Merged {
     }
 
     /// Sets attributes and offsets of the in-edges of `row` from the sources that `moved`, or from
-    /// all if it was altered; `difference` is that to a source. Returns whether it was altered or a
-    /// value that blocks read differs.
+    /// all sources if it was altered; `difference` gives the difference to a source. Returns
+    /// whether it was altered or a value that blocks read differs.
     pub(crate) fn update_attributes(
         &mut self,
         row: u32,
@@ -288,7 +291,7 @@ impl Merged {
     }
 }
 
-/// Readers of each row: bits if there are few rows and bits are smaller, otherwise lists.
+/// Readers of each row: bits if there are few rows and bits need less memory, otherwise lists.
 #[derive(Clone, Debug)]
 enum ReadBy {
     Bits(Bits),

@@ -1,4 +1,4 @@
-//! What is computed of nodes: squared distances, edge attributes, input rows.
+//! Values computed from nodes: squared distances, edge attributes, input rows.
 
 use meissner_kernels::{Divisor, Lanes, Portable, Simd, attribute, offset};
 
@@ -22,7 +22,7 @@ impl Node {
 }
 
 /// d2 = ((dx / width)^2 + (dy / height)^2) + (dt / span)^2 in f64, and edge attributes. Terms of x
-/// and y come from tables, with the bits of computed ones.
+/// and y come from tables, with the same bits as computed terms.
 #[derive(Clone, Debug)]
 pub(crate) struct Metric {
     span: Divisor,
@@ -125,10 +125,10 @@ fn polarity(on: bool) -> f32 {
     if on { 1.0 } else { -1.0 }
 }
 
-/// Makes input rows. Places come from tables, with the bits of computed ones.
+/// Makes input rows. Places come from tables, with the same bits as computed places.
 #[derive(Clone, Debug)]
 pub(crate) struct Input {
-    /// Of each pixel column and of each pixel row; empty without places.
+    /// Place of each pixel column and of each pixel row; empty if places are not an input.
     of_x: Vec<f32>,
     of_y: Vec<f32>,
 }

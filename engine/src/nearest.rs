@@ -1,7 +1,7 @@
 //! The nearest of many candidates.
 //!
-//! Candidates are collected, and the nearest selected when the collection is nearly full. No branch
-//! depends on a distance; in a sorted list, each candidate would wait for the one before.
+//! Candidates are collected, and the nearest are selected when the collection is nearly full. No
+//! branch depends on a distance; in a sorted list, each candidate would wait for the one before.
 
 use std::ops::Range;
 
@@ -15,7 +15,7 @@ const FEW: usize = 8;
 const SEVERAL: usize = 24;
 const NONE: u32 = u32::MAX;
 
-/// Places without a candidate: distances beyond all, and each another one.
+/// Entries without a candidate: distances beyond all others, all different.
 const fn beyond<const ROOM: usize>() -> [f64; ROOM] {
     let (mut beyond, mut at) = ([0.0; ROOM], 0);
     while at < ROOM {
@@ -57,7 +57,7 @@ impl Nearest {
         }
     }
 
-    /// Begins anew with candidates at most at distance `bound`.
+    /// Starts again, with candidates at a distance of at most `bound`.
     #[inline(always)]
     pub(crate) fn begin(&mut self, bound: f64) {
         (self.len, self.bound, self.last) = (0, bound, NONE);
@@ -70,7 +70,8 @@ impl Nearest {
     }
 
     /// Whether no candidate at `least` or beyond, the latest of them `latest`, can be among the
-    /// nearest: of two at one distance, the later is. `arrival` as for [`Self::add_all`].
+    /// nearest: of two candidates at the same distance, the later precedes. `arrival` as for
+    /// [`Self::add_all`].
     #[inline(always)]
     pub(crate) fn excludes(
         &self,
@@ -82,8 +83,8 @@ impl Nearest {
             || least == self.bound && self.last != NONE && arrival(latest()) < arrival(self.last)
     }
 
-    /// Adds the candidates of a block within the bound. `arrival`, larger for later slots, is asked
-    /// at equal distances only.
+    /// Adds the candidates of a block within the bound. `arrival`, larger for later slots, is
+    /// called only at equal distances.
     #[inline(always)]
     pub(crate) fn add_all(
         &mut self,
@@ -136,7 +137,7 @@ impl Nearest {
         }
     }
 
-    /// Puts the first candidates in order, if no two of them are at the same distance.
+    /// Sorts the first candidates, if no two of them are at the same distance.
     #[inline(always)]
     fn rank<const ROOM: usize>(&mut self) -> bool {
         let (Some(all), Some(slots)) =
@@ -157,7 +158,7 @@ impl Nearest {
             let rank = ranks[at] as usize % ROOM;
             (ordered[rank], ordered_slots[rank]) = (all[at], slots[at]);
         }
-        // Candidates at the same distance have the same rank, and the next rank is nobody's.
+        // Candidates at the same distance have the same rank, and no candidate has the next rank.
         let first = len.min(self.most + 1);
         let distinct = !ordered_slots[..first].contains(&NONE);
         if distinct {

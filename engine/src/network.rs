@@ -2,7 +2,7 @@
 //! layers. Shapes are checked once, here.
 //!
 //! Feature 0 of a level is its input (polarity, or pooled maxima); feature b + 1 the output of its
-//! block b. A block reads any earlier feature: a level is an acyclic graph in order.
+//! block b. A block reads any earlier feature: a level is an acyclic graph in topological order.
 
 mod check;
 pub(crate) mod parts;
@@ -57,7 +57,7 @@ impl Network {
     }
 
     /// The same network behind the filters of `rules`, the first of which sees every event. Engines
-    /// apply them; a window that is given as a whole is taken as it is.
+    /// apply them; they do not apply to a window that is given as a whole.
     ///
     /// # Errors
     /// As [`FilterRule::filter`] on any sensor.
@@ -67,19 +67,19 @@ impl Network {
         Ok(Self { filters, fingerprint: OnceLock::new(), ..self })
     }
 
-    /// The filters that it needs before it.
+    /// The filters that the network needs before it.
     pub fn filters(&self) -> &[FilterRule] {
         &self.filters
     }
 
-    /// The same network with what the windows of its training were like. Predictions then say how
-    /// unlike their window is; their values stay as they are.
+    /// The same network with statistics of the windows of its training. Predictions then tell how
+    /// unlike their window is; their values do not change.
     #[must_use]
     pub fn with_training_windows(self, windows: impl Into<Option<TrainingWindows>>) -> Self {
         Self { training_windows: windows.into(), ..self }
     }
 
-    /// What the windows of its training were like, if that is known.
+    /// Statistics of the windows of its training, if known.
     pub fn training_windows(&self) -> Option<&TrainingWindows> {
         self.training_windows.as_ref()
     }
@@ -131,7 +131,7 @@ impl Network {
         if level == 0 { &self.parts.events } else { &self.parts.pooled[level - 1].1 }
     }
 
-    /// How many of [`Self::layers`] belong to level `level`: its blocks, and its pooling.
+    /// Number of [`Self::layers`] that belong to level `level`: its blocks, and its pooling.
     ///
     /// # Panics
     /// If there is no such level.

@@ -18,26 +18,26 @@ use crate::{LatePolicy, RestartPolicy};
 pub struct Options {
     /// How late events are handled. By default they are dropped.
     pub late: LatePolicy,
-    /// What is done when the sensor's clock restarts. By default the engine resets.
+    /// Rule for restarts of the sensor's clock. By default the engine resets.
     pub restart: RestartPolicy,
     /// Instruction set of the kernels, the processor's best by default. It affects no result.
     pub isa: Isa,
-    /// Whether to measure stages for [`Engine::stage_times`](crate::Engine::stage_times), at tens
-    /// of nanoseconds each. Default: off.
+    /// Whether to measure stages for [`Engine::stage_times`](crate::Engine::stage_times), which
+    /// costs tens of nanoseconds each. Default: off.
     pub stage_times: bool,
     /// Limit of the state in bytes. Default: 4 GiB.
     pub memory_limit: u128,
     /// Largest change of a row's values that does not propagate, in the layer's units. Default: 0,
     /// exact; else an approximation.
     ///
-    /// A recomputed row within it of the stored one in every channel keeps the stored values; a new
-    /// row is always stored. Every stored row is thus within the tolerance of what its stored
-    /// inputs give. Pooled maxima and the readout are exact over stored rows, and so are event rows
-    /// of `frozen` networks.
+    /// A recomputed row that differs from the stored one by at most the tolerance in every channel
+    /// keeps the stored values; a new row is always stored. Every stored row is thus within the
+    /// tolerance of what its stored inputs give. Pooled maxima and the readout are exact over
+    /// stored rows, and so are event rows of `frozen` networks.
     pub tolerance: f32,
     /// Whether two threads share the rows of large blocks, with the same bits. Call the engine on a
-    /// thread of a rayon pool of at least two (such as one with `use_current_thread`): from
-    /// elsewhere, handing over takes longer than one thread alone. Default: off.
+    /// thread of a rayon pool of at least two (such as one with `use_current_thread`): on any other
+    /// thread, handing over work takes longer than computing on one thread. Default: off.
     pub two_threads: bool,
     /// Whether to record which rows are computed, for
     /// [`Engine::computed_rows`](crate::Engine::computed_rows): up to 8 bytes for each row of each

@@ -32,7 +32,7 @@ pub(crate) enum Below<'a> {
 pub(crate) struct Shape {
     grid: CellGrid,
     rows_below: usize,
-    /// Merged edges; none if no block of this level or above reads edges.
+    /// Merged edges; `None` if no block of this level or above reads edges.
     edges: Option<Extent>,
     channels: usize,
     /// Whether the rows below never change and leave in order of arrival.
@@ -43,7 +43,8 @@ pub(crate) struct Shape {
 }
 
 impl Shape {
-    /// Shapes of the pooled levels from below, while rows fit 32 bits; and whether these are all.
+    /// Shapes of the pooled levels, lowest first, as long as rows fit 32 bits; and whether these
+    /// are all levels.
     pub(crate) fn all(network: &Network, sensor: Sensor) -> (Vec<Self>, bool) {
         let parts = network.parts();
         let mut shapes: Vec<Self> = Vec::with_capacity(parts.pooled.len());
@@ -93,7 +94,7 @@ pub(crate) struct PooledGraph {
     /// In-edges of each slot, in the order of their sources' keys; stored only if they are read.
     edges: Option<Merged>,
     pub(crate) maxima: Maxima,
-    /// Cells whose members changed, or the position of a member.
+    /// Cells whose members, or the position of a member, changed.
     moved: RowSet,
     /// Cells whose in-edges or attributes may have changed.
     stale: RowSet,

@@ -5,9 +5,9 @@ use crate::{BatchEngine, Engine, EngineError, Event, EventCounters, Outcome, Pre
 
 /// Common methods of all engines, for code that runs on any of them.
 ///
-/// A pair of engines is one too: both take every input, and the first one predicts. It records what
-/// an engine was given, so that its prediction can be compared with that of a [`BatchEngine`]
-/// afterwards.
+/// A pair of engines is a predictor too: both take every input, and the first one predicts. A pair
+/// records the inputs of an engine, so that its prediction can be compared with that of a
+/// [`BatchEngine`] afterwards.
 pub trait Predictor {
     /// One input: an [`Event`], or the values of a frame.
     type Input;
@@ -17,11 +17,11 @@ pub trait Predictor {
     /// The engine refuses the input, for example a frame of another size. Its state is then
     /// unchanged.
     fn push(&mut self, input: &Self::Input) -> Result<Outcome, EngineError>;
-    /// Inserts `inputs` in order; the same as single pushes, and faster where the engine has a
-    /// faster way.
+    /// Inserts `inputs` in order; the same as single pushes, and faster if the engine has a faster
+    /// way.
     ///
     /// # Errors
-    /// The first error of a push; the inputs after it are inserted nevertheless.
+    /// The first error of a push; the inputs after it are still inserted.
     fn push_slice(&mut self, inputs: &[Self::Input]) -> Result<(), EngineError> {
         let mut refused = Ok(());
         for input in inputs {

@@ -1,8 +1,8 @@
 //! Queues of nodes, one per grid cell, in blocks from one store.
 //!
 //! Nodes enter a queue at its end and leave at its start. A queue is a chain of blocks of two cache
-//! lines, of which only the first and last can be partly filled. The store has the blocks that a
-//! bounded number of nodes can need, however spread: nothing is allocated later.
+//! lines, of which only the first and last can be partly filled. The store has all blocks that a
+//! bounded number of nodes can need, however the nodes are spread: nothing is allocated later.
 
 use std::ops::Range;
 
@@ -41,7 +41,7 @@ impl Block {
     }
 }
 
-/// The blocks beside a block in its queue.
+/// The neighbours of a block in its queue.
 #[derive(Clone, Copy, Debug)]
 struct Links {
     /// The next older block; undefined for the first.
@@ -67,7 +67,7 @@ const EMPTY: Chain = Chain { first: NONE, last: NONE, nodes: 0, start: 0, end: N
 #[derive(Clone, Debug)]
 pub(crate) struct Queues {
     chains: Vec<Chain>,
-    /// The blocks used so far: memory that was never needed is never touched.
+    /// The blocks used so far: memory that is not needed is never touched.
     blocks: FixedVec<Block>,
     links: FixedVec<Links>,
     most: usize,
@@ -99,8 +99,9 @@ impl Queues {
         }
     }
 
-    /// Most blocks of `nodes` nodes in `queues` queues. n nodes of one queue need at most 1 +
-    /// ceil((n - 1) / `NODES`): one each for the first two, then one every `NODES`.
+    /// Maximum number of blocks of `nodes` nodes in `queues` queues. n nodes of one queue need at
+    /// most 1 + ceil((n - 1) / `NODES`) blocks: one each for the first two nodes, then one per
+    /// `NODES` nodes.
     fn blocks(queues: usize, nodes: usize) -> usize {
         let pairs = queues.saturating_mul(2);
         if nodes <= pairs { nodes } else { pairs + (nodes - pairs) / NODES }
@@ -236,8 +237,8 @@ impl<'a> Queue<'a> {
         places.flat_map(move |place| self.nodes_from(place).map(move |at| self.block(place).entry(at)))
     }
 
-    /// Start of the nodes later than `t`, in a queue ordered by time. O(1) without any; otherwise a
-    /// step per block from the nearer end.
+    /// Start of the nodes later than `t`, in a queue ordered by time. O(1) if there are none;
+    /// otherwise one step per block from the nearer end.
     #[inline(always)]
     pub(crate) fn later_than(self, t: i64) -> Place {
         let end = self.end();

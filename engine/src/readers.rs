@@ -1,8 +1,8 @@
 //! Reverse neighbour lists: for each slot, the rows that read it.
 //!
-//! A list is a chain of blocks of one cache line: the first belongs to the slot, others come from a
-//! store for all edges of a graph, so nothing is allocated later. Order does not matter: rows are
-//! only marked dirty.
+//! A list is a chain of blocks of one cache line: the first belongs to the slot, the others come
+//! from a store for all edges of a graph, so nothing is allocated later. Order does not matter:
+//! rows are only marked dirty.
 
 use crate::memory::Memory;
 

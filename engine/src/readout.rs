@@ -1,8 +1,8 @@
 //! The readout: from the last level's features to its grid and, through the head, the prediction.
 //!
 //! Input: the last level's delta, its changed rows and, above a pooling, its positions. Output: the
-//! prediction. A node belongs to the readout cell that contains its position; an event's is
-//! computed in integers. Nothing is recomputed if no value of the grid changed.
+//! prediction. A node belongs to the readout cell that contains its position; the cell of an event
+//! is computed in integers. Nothing is recomputed if no value of the grid changed.
 //!
 //! With separate time cells, the grid's rows are a ring over them: a new cell replaces the one that
 //! has left, no row moves, and the head reads grids from newest to oldest.
@@ -51,11 +51,11 @@ impl ReadoutGrid {
     }
 }
 
-/// What the grid's rows are of the rows that it reads.
+/// Aggregation of the rows that the grid reads: maxima or sums.
 #[derive(Clone, Debug)]
 enum Cells {
     Maxima(Maxima),
-    /// Of events only.
+    /// Only for events.
     Sums(Sums),
 }
 
@@ -73,7 +73,7 @@ pub(crate) struct ReadoutState {
     newest: i64,
     /// Rows of `values` that have changed since the last prediction.
     stale: RowSet,
-    /// `values` from the newest time cell to the oldest, if several, and its stale rows.
+    /// `values` from the newest time cell to the oldest, if there are several, and its stale rows.
     by_age: Matrix,
     stale_by_age: RowSet,
     head: Head,

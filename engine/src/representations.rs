@@ -1,13 +1,13 @@
 //! Frames from events and from electrode readings.
 //!
-//! Enters: events in order of time, or readings. Leaves: dense row-major frames, each with the
-//! pixels that have events or changed, so that a network can skip the rest. An event costs O(1), a
-//! frame the pixels that it touched; buffers are reused. Where events leave again, sums are
-//! integers, and floats are computed when read.
+//! Input: events in order of time, or readings. Output: dense row-major frames, each with the
+//! pixels that have events or changed, so that a network can skip the others. An event costs O(1),
+//! a frame O(pixels that it touched); buffers are reused. If events leave again, sums are integers,
+//! and floats are computed when read.
 //!
 //! An event is *late* if earlier than the newest event or the last `advance`. Late events and
-//! events outside the sensor are dropped and counted, as in [`crate::Engine`]. One on the sensor
-//! but outside the [`Crop`] advances time and is not part of a frame.
+//! events outside the sensor are dropped and counted, as in [`crate::Engine`]. An event on the
+//! sensor but outside the [`Crop`] advances time and is not part of a frame.
 
 mod consecutive;
 mod sliding;
@@ -54,7 +54,7 @@ impl Crop {
         Self::new(0, 0, sensor.width, sensor.height)
     }
 
-    /// Number of pixels; saturates where `usize` has 32 bits.
+    /// Number of pixels; saturates if `usize` has 32 bits.
     pub fn pixels(self) -> usize {
         usize::from(self.width).saturating_mul(self.height.into())
     }
@@ -93,7 +93,7 @@ pub enum SignedRule {
     Latest,
 }
 
-/// A frame, and the pixels of it that have events or changed.
+/// A frame, and its pixels that have events or changed.
 ///
 /// Pixels are indices into one channel, row times width plus column, in no particular order.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -102,18 +102,19 @@ pub struct EventFrame<'a> {
     pub shape: [usize; 3],
     /// Values, row-major.
     pub values: &'a [f32],
-    /// When the frame's window begins, on the events' own clock, in microseconds.
+    /// Start of the frame's window, on the events' own clock, in microseconds.
     pub start_us: i64,
     /// Events inside by polarity: negative (OFF), positive (ON).
     pub events: [u64; 2],
     /// Pixels that have events. All others are 0 in every channel.
     pub touched: &'a [u32],
-    /// Pixels of which a value differs from the frame before; before the first frame all are 0.
+    /// Pixels with a value that differs from the frame before; before the first frame all values
+    /// are 0.
     pub changed: &'a [u32],
 }
 
 impl EventFrame<'_> {
-    /// Whether no event is inside.
+    /// Whether the frame contains no event.
     pub fn is_empty(&self) -> bool {
         self.events == [0, 0]
     }
@@ -122,17 +123,17 @@ impl EventFrame<'_> {
 /// Consecutive frames without any event: all their values are 0.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct EmptyRun<'a> {
-    /// When the first of them begins, on the events' own clock, in microseconds.
+    /// Start of the first of them, on the events' own clock, in microseconds.
     pub start_us: i64,
-    /// From the begin of one to the begin of the next, in microseconds.
+    /// Time from the start of one to the start of the next, in microseconds.
     pub period_us: i64,
-    /// How many there are, at least 1.
+    /// Number of frames, at least 1.
     pub count: u64,
     /// Pixels in which the first frame differs from the one before; the others change nothing.
     pub changed: &'a [u32],
 }
 
-/// Frames that time has completed. However long a silence is, it is one run.
+/// Frames whose window has ended. A silence of any length is one run.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Completed<'a> {
     /// One frame, with at least one event.
@@ -151,10 +152,10 @@ impl Completed<'_> {
     }
 }
 
-/// Values of the largest frame: 256 MiB of them.
+/// Maximum number of values of a frame: 256 MiB.
 const LIMIT: u64 = 1 << 26;
 
-/// A representation refuses what it was given.
+/// A representation refuses its options or its input.
 #[derive(Clone, Debug, PartialEq, Error)]
 #[non_exhaustive]
 pub enum RepresentationError {
@@ -181,34 +182,34 @@ pub enum RepresentationError {
     /// An option is out of range.
     #[error("{what}: expected {expected}, found {found}")]
     Option {
-        /// Which option.
+        /// Name of the option.
         what: &'static str,
         /// The admissible range.
         expected: &'static str,
-        /// What came.
+        /// The given value.
         found: String,
     },
     /// A reading is not a finite number.
     #[error("electrode {electrode}: expected a finite reading, found {value}")]
     Reading {
-        /// Which of the 24, counted from 0.
+        /// Index of the electrode among the 24, counted from 0.
         electrode: usize,
-        /// What came.
+        /// The given value.
         value: f32,
     },
-    /// A reading is so far outside the range that it is scaled by that the result is not finite.
+    /// A reading is so far outside the range of its scaling that the result is not finite.
     #[error("electrode {electrode}: expected a reading that {minimum}..{maximum} can scale, found {value}")]
     Scaled {
-        /// Which of the 24, counted from 0.
+        /// Index of the electrode among the 24, counted from 0.
         electrode: usize,
-        /// What came.
+        /// The given value.
         value: f32,
-        /// What becomes 0.
+        /// Value that is scaled to 0.
         minimum: f32,
-        /// What becomes 1.
+        /// Value that is scaled to 1.
         maximum: f32,
     },
-    /// A filter before it refuses the sensor.
+    /// A filter before the representation refuses the sensor.
     #[error(transparent)]
     Filter(Box<EngineError>),
 }

@@ -1,6 +1,6 @@
-//! Clocks that restart, and single stamps far ahead.
+//! Clocks that restart, and single timestamps far ahead.
 //!
-//! Enters: each event with the current time. Leaves: which events are taken now, in order of
+//! Input: each event with the current time. Output: the events that are taken now, in order of
 //! arrival, and whether the clock restarted before them. An event that agrees with the clock passes
 //! at once; others are held until later ones decide:
 //!
@@ -11,18 +11,19 @@
 //! | ahead by more than [`MAX_SILENCE_US`] | a second event, or an advance | it ends a silence |
 //! | | an event agrees with the clock | it is an outlier, and dropped |
 //!
-//! Invariants: only outliers are lost, and nothing is reordered; decisions depend on events and
+//! Invariants: only outliers are lost, and no event is reordered; decisions depend on events and
 //! advances, not on how they are split into calls. O(1) for an event; nothing is allocated.
 
 use crate::{Event, Outcome, Sensor};
 
-/// What is done when the clock of the sensor restarts.
+/// Rule for a restart of the sensor's clock.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum RestartPolicy {
-    /// The engine resets and takes the new clock's events. A single stamp far ahead is dropped.
+    /// The engine resets and takes the new clock's events. A single event far ahead is dropped.
     #[default]
     Reset,
-    /// The clock never goes back: events are late until the old time; stamps ahead are taken.
+    /// The clock never goes back: events are late until they reach the old time; events far ahead
+    /// are taken.
     Keep,
 }
 
@@ -33,7 +34,8 @@ impl RestartPolicy {
 
 names!(RestartPolicy { Reset => "reset", Keep => "keep" });
 
-/// Events of a run that confirm a restart: more than late packets bring, few for a sparse stream.
+/// Number of events of a run that confirms a restart: more than late packets cause, few for a
+/// sparse stream.
 pub const CONFIRMING: usize = 8;
 
 /// Longest silence, in microseconds, after which an event is taken without a second one.
@@ -60,7 +62,7 @@ impl Held {
     }
 }
 
-/// What becomes of the held events and the newest one, carried out in the order of the fields.
+/// Decision about the held events and the newest one, carried out in the order of the fields.
 #[derive(Clone, Copy, Debug)]
 #[must_use]
 pub struct Decision {
@@ -77,7 +79,7 @@ pub struct Decision {
 impl Decision {
     const NOTHING: Self = Self { outliers: 0, restarts: false, taken: Held::NONE, passes: false };
 
-    /// Enters the taken events in order, up to an error. Returns what became of the newest.
+    /// Enters the taken events in order, up to an error. Returns the outcome of the newest event.
     ///
     /// # Errors
     /// As `enter`.
@@ -110,7 +112,7 @@ impl ClockWatch {
         self.held.events()
     }
 
-    /// Holds `events`, which a watch of the same policy and window held at `now_us`. False if they
+    /// Holds `events`, which a watch of the same policy and window held at `now_us`. False if there
     /// are too many, or one would not be held.
     pub fn hold(&mut self, events: &[Event], now_us: Option<i64>) -> bool {
         self.held = Held::NONE;
@@ -151,7 +153,7 @@ impl ClockWatch {
         } else if runs_on && was_back && back {
             (decision.restarts, decision.passes) = (true, true);
         } else if runs_on && was_ahead && ahead {
-            // A clock that cannot hold both times begins anew.
+            // A clock that cannot represent both times restarts.
             (decision.restarts, decision.passes) = (event.t_us.checked_sub(now).is_none(), true);
         } else {
             // The held run ends here; the event agrees with the clock or begins another run.
@@ -177,7 +179,7 @@ impl ClockWatch {
         Decision { taken, ..Decision::NOTHING }
     }
 
-    /// Decides about held events at the end of the stream, where nothing confirms them any more.
+    /// Decides about held events at the end of the stream, when no event can confirm them any more.
     pub fn end(&mut self, now_us: Option<i64>) -> Decision {
         let held = std::mem::replace(&mut self.held, Held::NONE);
         let ahead = held.events().first().zip(now_us).is_some_and(|(first, now)| is_ahead(first.t_us, now));

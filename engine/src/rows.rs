@@ -19,7 +19,7 @@ impl RowSet {
         Self::within(bound, &mut Memory::default())
     }
 
-    /// The same, as a part of an engine.
+    /// The same set, as a part of an engine.
     pub(crate) fn within(bound: usize, memory: &mut Memory) -> Self {
         Self { members: memory.room(bound), index: memory.copies(0, bound) }
     }
@@ -105,7 +105,7 @@ impl FewRows {
 /// thousand rows is inserted by twenty others.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct GrowingSet {
-    /// The members, then undefined entries; one longer than the largest number of members.
+    /// The members, then undefined entries; one entry more than the largest number of members.
     members: Vec<u32>,
     len: usize,
     marked: Vec<bool>,
@@ -116,7 +116,8 @@ impl GrowingSet {
         Self { members: memory.copies(0, bound + 1), len: 0, marked: memory.copies(false, bound) }
     }
 
-    /// Inserts `rows`. Members are written too, and overwritten next: no unpredictable branch.
+    /// Inserts `rows`. Rows that are members already are also written, and overwritten next: no
+    /// unpredictable branch.
     #[inline]
     pub(crate) fn insert(&mut self, rows: &[u32]) {
         let (members, marked) = (&mut self.members[..], &mut self.marked[..]);
@@ -212,7 +213,7 @@ impl Members {
         ends.count += 1;
     }
 
-    /// Removes `row`, a member, from its cell, which is returned.
+    /// Removes `row`, a member, from its cell; returns the cell.
     #[inline]
     pub(crate) fn remove(&mut self, row: u32) -> u32 {
         let cell = self.cell_of[row as usize];
@@ -284,12 +285,13 @@ pub(crate) struct Delta {
     pub(crate) rewired: FixedVec<u32>,
 }
 
-/// Number of removed edges at which the changes of a joint expiry are passed on in part.
+/// Number of removed edges at which a joint expiry passes on its changes so far.
 pub(crate) const PART: usize = 256;
 
 impl Delta {
-    /// No changes yet, for `capacity` events with at most `most` neighbours; edges are recorded if
-    /// `edges`. An event changes its own edges, and at most one in and one out of any other.
+    /// No changes yet, for `capacity` events with at most `most` neighbours; records edges if
+    /// `edges` is true. An event changes its own edges, and at most one in-edge and one out-edge of
+    /// any other event.
     pub(crate) fn new(capacity: usize, most: usize, edges: bool, memory: &mut Memory) -> Self {
         let pairs = if edges { PART + capacity + most } else { 0 };
         Self {

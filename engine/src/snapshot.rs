@@ -13,7 +13,7 @@
 //!
 //! The checksum detects every change of a byte. Forged content with a valid checksum is checked
 //! too: before allocation, counts against the remaining bytes and the engine's capacity, sizes
-//! against the network. No value that is read is used as an index.
+//! against the network. No value from the bytes is used as an index.
 
 use std::fmt;
 use std::fmt::Display;
@@ -75,8 +75,8 @@ const MAGIC: [u8; 8] = *b"MEISSNER";
 const VERSION: u32 = 2;
 const HEADER: usize = 24;
 const CHECKSUM: usize = 8;
-/// Limit of counts in a snapshot: they can grow, and be summed over layers, for two thousand years
-/// at a million per second.
+/// Limit of counts in a snapshot: below it, they can grow, and be summed over layers, for two
+/// thousand years at a million per second.
 const COUNT_LIMIT: u64 = 1 << 56;
 
 /// The kind of engine that a snapshot belongs to.
@@ -156,7 +156,7 @@ impl<'a> Reader<'a> {
         }
     }
 
-    /// Reads counts; they must be small enough to be increased for as long as any engine runs.
+    /// Reads counts; they must be small enough that no engine runs long enough to overflow them.
     pub(crate) fn counts<const N: usize>(&mut self, what: impl Display) -> Result<[u64; N], EngineError> {
         let mut counts = [0; N];
         for count in &mut counts {
@@ -207,7 +207,7 @@ impl<'a> Reader<'a> {
         Ok(())
     }
 
-    /// Whether everything is read.
+    /// Whether all bytes are read.
     pub(crate) fn is_done(&self) -> bool {
         self.at == self.bytes.len()
     }

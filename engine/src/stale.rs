@@ -2,13 +2,13 @@
 //!
 //! Input: that of an engine. Output: the last prediction, or a new one beyond a bound of events or
 //! time. Invariant: values have the bits of the engine's prediction at that time, and
-//! [`Prediction::t_us`] is the newest event's that it covers. Events enter the graph at once;
-//! changes propagate when a prediction is computed.
+//! [`Prediction::t_us`] is the time of the newest event that it covers. Events enter the graph at
+//! once; changes propagate when a prediction is computed.
 
 use crate::error::in_range;
 use crate::{Engine, EngineError, Event, EventCounters, Network, Outcome, Prediction};
 
-/// Largest age of a reused prediction: it is younger than every given bound. Without one, every
+/// Largest age of a reused prediction: it is younger than every given bound. Without a bound, every
 /// prediction is computed.
 ///
 /// ```
@@ -122,7 +122,8 @@ impl StaleReadout {
         accepted
     }
 
-    /// Events came since these counts. A prediction from before a restart is none of the new clock.
+    /// Counts the events that were pushed since the counts `before`. A prediction from before a
+    /// restart does not belong to the new clock.
     fn pushed(&mut self, before: &EventCounters) {
         let now = self.engine.event_counters();
         self.accepted += now.accepted - before.accepted;

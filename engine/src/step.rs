@@ -3,8 +3,8 @@
 //! An insertion or expiry runs the structural stages at once: window, event graph, pooled graphs,
 //! readout membership. Rows are computed when a prediction is read, level by level: blocks, maxima,
 //! positions and attributes, ..., readout, dense layers, over all changes. With `frozen` in-edges
-//! the event level runs on arrival: its rows never change, and their inputs may leave. Rows of a
-//! slice of events wait for each other ([`Arrivals`]), and are computed layer by layer.
+//! the event level runs on arrival: its rows never change, and their inputs may leave. The rows of
+//! a slice of events wait ([`Arrivals`]) and are computed together, layer by layer.
 
 use std::sync::Arc;
 
@@ -31,7 +31,7 @@ pub(crate) struct StageState {
     isa: Isa,
     poison: bool,
     pub(crate) window: Window,
-    /// Of a network that knows what its training was like.
+    /// Present if the network has statistics of its training.
     sums: Option<WindowSums>,
     input: Input,
     pub(crate) graph: EventGraph,
@@ -44,22 +44,24 @@ pub(crate) struct StageState {
     pub(crate) stopwatch: Stopwatch,
 }
 
-/// At most [`WAVE`] rows with `frozen` in-edges that are not computed yet. A layer reads the layer
-/// below alone, so they can be computed together, before a node leaves that one reads.
+/// At most [`WAVE`] rows with `frozen` in-edges that are not computed yet. A layer reads only the
+/// layer below, so they can be computed together, before a node that one of them reads leaves.
 #[derive(Clone, Debug)]
 struct Arrivals {
     rows: FixedVec<u32>,
-    /// Index in the window of the earliest node that one is or reads; undefined without any.
+    /// Index in the window of the earliest node that a waiting row belongs to or reads; undefined
+    /// if no row waits.
     earliest: u32,
 }
 
 impl Arrivals {
-    /// No rows yet; there never are any if `waits` is false.
+    /// Contains no rows yet, and never contains rows if `waits` is false.
     fn new(waits: bool, memory: &mut Memory) -> Self {
         Self { rows: memory.room(if waits { WAVE } else { 0 }), earliest: 0 }
     }
 
-    /// Adds `row`, whose `earliest` in-edge or which itself has this index in the window.
+    /// Adds `row`; `earliest` is the index in the window of its earliest in-edge or of its own
+    /// node.
     fn push(&mut self, row: u32, earliest: u32) {
         self.earliest = if self.rows.is_empty() { earliest } else { self.earliest.min(earliest) };
         self.rows.push(row);
@@ -70,7 +72,7 @@ impl Arrivals {
         !self.rows.is_empty() && self.earliest < leaving
     }
 
-    /// The oldest `leaving` nodes, which none of them reads, have left the window.
+    /// Records that the oldest `leaving` nodes, which no waiting row reads, have left the window.
     fn left(&mut self, leaving: u32) {
         self.earliest = self.earliest.saturating_sub(leaving);
     }
@@ -127,14 +129,14 @@ impl StageState {
         }
     }
 
-    /// Copies what does not affect results: instruction set, poison, measured times.
+    /// Copies the settings that do not affect results: instruction set, poison, measured times.
     pub(crate) fn run_as(&mut self, own: &Self) {
         self.network = Arc::clone(&own.network);
         self.isa = own.isa;
         self.poison = own.poison;
         self.stopwatch = own.stopwatch.clone();
         self.readout.set_isa(own.isa);
-        // A network that does not know its training has the same fingerprint.
+        // The same network without statistics of its training has the same fingerprint.
         if self.sums.is_some() != own.sums.is_some() {
             self.sums = own.sums.as_ref().map(|own| own.of(&self.window));
         }
@@ -172,7 +174,7 @@ impl StageState {
         self.stopwatch.lap(Stage::PooledGraphs);
     }
 
-    /// Computes the rows that wait.
+    /// Computes the waiting rows.
     pub(crate) fn compute_arrivals(&mut self, log: &mut Log) {
         if self.arrivals.rows.is_empty() {
             return;
@@ -321,7 +323,7 @@ impl StageState {
         }
     }
 
-    /// Those of the window at `now`, if they are kept.
+    /// Statistics of the window at `now`, if they are kept.
     pub(crate) fn statistics(&self, now: i64) -> Option<WindowStatistics> {
         self.sums.as_ref().map(|sums| sums.at(now))
     }

@@ -4,8 +4,9 @@
 //! per cell, and the cells whose row changed. Addition is not associative, so the order is defined
 //! ([`Network::sum_part_us`](crate::Network::sum_part_us)): over the members of each part of time
 //! in order of arrival, then over the parts in order, each from zero. A new member is the last of
-//! its part and is added to the part's row. When one leaves or changes, its part alone is summed
-//! again. Invariant after [`Sums::update`]: each row is this sum, or zeros for an empty cell.
+//! its part and is added to the part's row. When a member leaves or changes, only its part is
+//! summed again. Invariant after [`Sums::update`]: each row is this sum, or zeros for an empty
+//! cell.
 
 use meissner_kernels::{Isa, Lanes, Matrix, Simd, Task, add};
 
@@ -15,7 +16,8 @@ use crate::memory::Memory;
 use crate::network::SUM_PARTS;
 use crate::rows::{Members, RowSet};
 
-/// Parts that a window can touch: uncut, it begins and ends in the same place of one.
+/// Number of parts that a window can touch: if it cuts no part, it begins and ends at the same
+/// position in a part.
 const RING: usize = SUM_PARTS as usize + 1;
 
 #[derive(Clone, Debug)]
@@ -34,7 +36,7 @@ pub(crate) struct Sums {
     dirty: RowSet,
     /// Places to whose row fresh members are added.
     grown: RowSet,
-    /// Cells with a place whose row changed.
+    /// Cells that have a place whose row changed.
     moved: RowSet,
     row: Vec<Lanes>,
 }
@@ -88,7 +90,8 @@ impl Sums {
     }
 
     /// Brings `values` up to date; calls `moved` with the cells whose row changed. Per changed
-    /// part: O(channels x (parts + n)), n its new members, or all if one left or changed.
+    /// part: O(channels x (parts + n)), where n is the number of its new members, or of all members
+    /// if one left or changed.
     pub(crate) fn update(
         &mut self,
         isa: Isa,
@@ -123,7 +126,7 @@ impl Sums {
             isa.run(Over { rows: members, of: features, out });
             self.moved.insert(place / RING as u32);
         }
-        // The place after that of the newest part is that of the oldest one.
+        // The place after that of the newest part belongs to the oldest one.
         let (ring, oldest) = (RING as u32, ((self.newest % RING as i64 + 1) % RING as i64) as u32);
         for &cell in self.moved.as_slice() {
             let first = cell * ring;

@@ -1,9 +1,8 @@
-//! How unlike a window is to those of a training.
+//! How much a window differs from those of a training.
 //!
-//! Input: the events of a window. Output: [`WindowStatistics`], and by a [`TrainingWindows`] how
+//! Input: the events of a window. Output: [`WindowStatistics`] and, by a [`TrainingWindows`], how
 //! unlike they are to those of the training: the distance of nine features (`gaussian.rs`). Sums
-//! are integers, so that no order of arrival reaches a bit. No output of a network depends on any
-//! of this.
+//! are integers, so the order of arrival changes no bit. No output of a network depends on this.
 //!
 //! Invariant: the sums of an engine equal [`WindowStatistics::of`] the events in its window.
 
@@ -18,8 +17,8 @@ use crate::{Event, Sensor};
 /// Number of features of a window.
 const FEATURES: usize = 9;
 
-/// The features of a window, see [`WindowStatistics::features`]; `None` for what a window without
-/// events does not have.
+/// The features of a window, see [`WindowStatistics::features`]; `None` for features that a window
+/// without events does not have.
 pub type Features = [Option<f64>; FEATURES];
 
 /// Sums over the events of a window.
@@ -28,10 +27,10 @@ pub type Features = [Option<f64>; FEATURES];
 pub struct WindowStatistics {
     /// Events.
     pub events: u64,
-    /// Those at which the brightness rose.
+    /// Events at which the brightness rose.
     pub on: u64,
-    /// Pixels with at least one event. On a sensor of more than 2^20 pixels, squares of so few
-    /// pixels that there are at most 2^20 squares.
+    /// Pixels with at least one event. On a sensor of more than 2^20 pixels, squares of pixels, as
+    /// small as possible with at most 2^20 squares.
     pub pixels: u64,
     /// Sum of the squares of these pixels' numbers of events.
     pub squares: u64,
@@ -44,8 +43,8 @@ pub struct WindowStatistics {
 }
 
 impl WindowStatistics {
-    /// Those of `events` of `sensor` at the time `now_us`, which no event is later than. O(events
-    /// log events).
+    /// Statistics of `events` of `sensor` at the time `now_us`; no event is later. O(events log
+    /// events).
     pub fn of(events: &[Event], sensor: Sensor, now_us: i64) -> Self {
         let mut counts: BTreeMap<u32, u64> = BTreeMap::new();
         let mut statistics = Self::default();
@@ -65,7 +64,7 @@ impl WindowStatistics {
         statistics
     }
 
-    /// The features, of a window of `span_us` on `sensor`: fourth roots of the number of events, of
+    /// The features of a window of `span_us` on `sensor`: fourth roots of the number of events, of
     /// pixels with an event and of events at an event's pixel; share of events that are on; mean
     /// column and row, and their standard deviations, as parts of the sensor; mean age as a part of
     /// the span.
@@ -93,13 +92,13 @@ impl WindowStatistics {
     }
 }
 
-/// What the windows of a training are like.
+/// Statistics of the windows of a training.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TrainingWindows(Gaussian);
 
 impl TrainingWindows {
-    /// That of a training with these windows, each of which has events; `None` for fewer than 20.
-    /// O(windows log windows).
+    /// Statistics of a training with these windows, which all have events. `None` for fewer than 20
+    /// windows. O(windows log windows).
     pub fn of(windows: &[Features]) -> Option<Self> {
         let windows: Vec<[f64; FEATURES]> =
             windows.iter().map(|window| window.map(Option::unwrap_or_default)).collect();
@@ -113,7 +112,7 @@ impl TrainingWindows {
         self.0.parts()
     }
 
-    /// The one with these [parts](Self::parts).
+    /// Statistics with these [parts](Self::parts).
     ///
     /// `None` for other numbers of values, values that are not finite, or a factor whose diagonal
     /// is not positive.
@@ -129,7 +128,7 @@ impl TrainingWindows {
     }
 }
 
-/// The pixels of a sensor, or squares of pixels, by number.
+/// The pixels of a sensor, or squares of pixels, by index.
 #[derive(Clone, Copy, Debug)]
 struct Places {
     /// Binary logarithm of a square's side.
@@ -158,11 +157,11 @@ impl Places {
     }
 }
 
-/// Sums that follow a window.
+/// Sums over the events of a moving window.
 #[derive(Clone, Debug)]
 pub(crate) struct WindowSums {
     places: Places,
-    /// Events at each place.
+    /// Number of events at each place.
     counts: Vec<u32>,
     sums: WindowStatistics,
     /// Sum of the times, modulo 2^64: the sum of the ages is below it.
@@ -176,7 +175,7 @@ impl WindowSums {
         Self { places, counts, sums: WindowStatistics::default(), times: 0 }
     }
 
-    /// Those of `window`, on the same sensor.
+    /// Sums of `window`, on the same sensor.
     pub(crate) fn of(&self, window: &Window) -> Self {
         let (counts, sums) = (vec![0; self.counts.len()], WindowStatistics::default());
         let mut of = Self { counts, sums, times: 0, ..*self };

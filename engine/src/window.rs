@@ -14,7 +14,7 @@ const CHUNK_LOG2: u32 = 6;
 #[derive(Clone, Debug)]
 pub(crate) struct Window {
     capacity: u32,
-    /// Of the chunks that have been used.
+    /// Nodes of the chunks that have been used.
     nodes: FixedVec<Node>,
     /// Number of each chunk's first node, counted from the first of all. Numbers wrap.
     starts: FixedVec<u32>,

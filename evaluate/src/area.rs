@@ -1,7 +1,7 @@
 //! Contact area and normal force from pictures of a gel: the data, and how networks are judged.
 //!
-//! Enters: files of pictures with the force on each pixel or a circle of contact, and networks.
-//! Leaves: a [`Report`] and the maps of force. Each press begins with a reset, so that the number
+//! Input: files of pictures with the force on each pixel or a circle of contact, and networks.
+//! Output: a [`Report`] and the maps of force. Each press begins with a reset, so that the number
 //! of threads changes no bit, except in measured times.
 
 mod baselines;
@@ -58,11 +58,11 @@ impl Task for Area {
 /// The networks to be judged, and how they run.
 #[derive(Clone, Copy, Debug)]
 pub struct Options<'a> {
-    /// Networks, of which there is at least one, and trainings.
+    /// Networks, at least one, and trainings.
     pub request: Request<'a>,
     /// Files of pictures.
     pub data: &'a [PathBuf],
-    /// What is skipped between the pictures of a press.
+    /// The work that is skipped between the pictures of a press.
     pub frames: FrameOptions,
 }
 
@@ -77,7 +77,7 @@ pub struct Report {
     pub networks: Vec<NetworkReport<AreaFigures>>,
 }
 
-/// A file of pictures, with what needs no network.
+/// A file of pictures, with the figures that need no network.
 #[derive(Serialize)]
 #[expect(missing_docs, reason = "the keys of the JSON report")]
 pub struct DataReport {
@@ -107,14 +107,14 @@ pub struct AreaFigures {
 pub struct TrainingReport {
     pub seed: Option<i64>,
     pub files: Vec<String>,
-    /// Of each file of pictures.
+    /// Figures of each file of pictures.
     pub sets: Vec<Figures>,
 }
 
 /// Judges the networks of `options`; `done` gets each training's label and the time so far.
 ///
 /// # Errors
-/// A file or a network cannot be read, or pictures do not fit: before a network runs.
+/// A file or a network cannot be read, or pictures do not fit. Reported before a network runs.
 pub fn evaluate(
     options: &Options<'_>,
     workers: &Workers,
@@ -148,7 +148,7 @@ impl Judge for OfArea<'_> {
     type Plan = ();
     type Engine = Arc<(FrameModel, Vec<LayerCost>)>;
     type Outcome = Outcome;
-    /// Of each file of pictures.
+    /// Figures of each file of pictures.
     type Figures = Vec<Figures>;
     type Network = AreaFigures;
 
@@ -193,7 +193,7 @@ impl Judge for OfArea<'_> {
         AreaFigures { trainings: judged.into_iter().map(training).collect() }
     }
 
-    /// Each of two baselines sees each press once, and one of them its own presses twice.
+    /// Each of two baselines runs on each press once, and one of them on its own presses twice.
     fn more_cases(&self) -> usize {
         2 * (self.presses().count() + Stereo::PRESSES)
     }

@@ -1,6 +1,6 @@
 //! Control by touch: a simulated sensor, a network on its pictures, and a controller.
 //!
-//! Enters: networks, a goal, and what may be wrong between camera and controller. Leaves: a
+//! Input: networks, a goal, and the disturbances between camera and controller. Output: a
 //! [`Report`] with the error of the controlled quantity beside the run time of the network, for
 //! each network and variation, and for a controller that knows the truth.
 //!
@@ -8,12 +8,11 @@
 //! this machine delays its reading by a millisecond of the loop, so a slow network misses pictures.
 //! Run times differ from run to run; everything else is determined by the seed.
 //!
-//! Force: a ball is pressed so that its force follows a saw-tooth. The controller takes the force
-//! for that of Hertz (Johnson 1985, "Contact Mechanics", Eq. 4.23), depth = reference *
-//! force^(2/3), and knows the reference depth of the default gel. Marble: the ball lies under the
-//! sensor at constant depth, is pushed away every two seconds, and shall lie in the middle. When
-//! the sensor moves, the marble rolls, and the contact moves by half as much in the other
-//! direction.
+//! Force: a ball is pressed so that its force follows a saw-tooth. The controller assumes the force
+//! law of Hertz (Johnson 1985, "Contact Mechanics", Eq. 4.23), depth = reference * force^(2/3), and
+//! knows the reference depth of the default gel. Marble: the ball lies under the sensor at constant
+//! depth, is pushed away every two seconds, and is to be kept in the middle. When the sensor moves,
+//! the marble rolls, and the contact moves by half as much in the other direction.
 //!
 //! A reading is brought up to date by the motion since its picture (Smith 1957, "Closer control of
 //! loops with dead time"); the rest of the error is to vanish in two pictures.
@@ -42,7 +41,7 @@ use crate::trainings::{EvaluatedNetwork, Request, candidates};
 pub use line::Delays;
 use line::{Line, Timed};
 
-/// What the controller is to reach.
+/// The goal of the controller.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Goal {
@@ -73,9 +72,9 @@ const PUSHED_MM: f64 = 4.0;
 const MARBLE_DEPTH_MM: f64 = 0.8;
 /// Radius of the ball and of the marble, in millimetres.
 const BALL_MM: f64 = 5.0;
-/// The loop is not judged before, so that the first approach does not count.
+/// The loop is judged only from this time on, so that the first approach does not count.
 const SETTLED_S: f64 = 1.0;
-/// Pictures in which an error is to vanish.
+/// Number of pictures within which an error is to vanish.
 const STEPS: f64 = 2.0;
 /// Greatest speeds of the ball into the gel, and of the contact along it, in millimetres a second.
 const MAX_MM_PER_S: [f64; 2] = [10.0, 20.0];
@@ -94,22 +93,22 @@ pub struct Plan<'a> {
     pub rate_hz: f64,
     /// Seed of noise, drift, pushes and lost pictures.
     pub seed: u64,
-    /// What is tried with each network.
+    /// Variations that are tried with each network.
     pub variations: &'a [Variation],
 }
 
 /// How a network runs in the loop.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Variation {
-    /// Change of the input up to which nothing is computed; `None`: everything that changes is.
+    /// Changes of the input up to this size are not computed; `None`: every change is computed.
     pub tolerance: Option<f32>,
-    /// What happens on the way.
+    /// Delays and losses on the way.
     #[serde(flatten)]
     pub delays: Delays,
 }
 
 impl fmt::Display for Variation {
-    /// What is varied, in words.
+    /// The variation, in words.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { tolerance, delays: Delays { slower, stale_us, lost } } = *self;
         let parts = [
@@ -154,7 +153,7 @@ pub struct NetworkReport {
 #[derive(Clone, Debug, Serialize)]
 #[expect(missing_docs, reason = "the keys of the JSON report")]
 pub struct Row {
-    /// What is varied, or `the truth`.
+    /// Name of the variation, or `the truth`.
     pub name: String,
     #[serde(flatten)]
     pub variation: Variation,
@@ -183,10 +182,12 @@ pub struct Row {
 
 /// Runs the loops of `plan`, one after the other, so that none slows another.
 ///
-/// Complexity: a contact and a picture for each step, a run for each picture that is taken.
+/// Complexity: a contact and a picture for each step, and a network's run for each picture that it
+/// takes.
 ///
 /// # Errors
-/// A network cannot be read or runs on other frames; the plan has no time, rate or share in range.
+/// A network cannot be read or runs on other frames; a time, rate or share of the plan is out of
+/// range.
 pub fn run(plan: &Plan<'_>) -> Result<Report> {
     check(plan)?;
     let (candidates, notes) = candidates::<Area>(plan.request)?;
@@ -246,7 +247,7 @@ fn mark_front(networks: &mut [NetworkReport]) {
     pareto_front(&points).into_iter().for_each(|place| rows[place].on_front = true);
 }
 
-/// A loop with a network, or with the truth in its place.
+/// A loop with a network, or with the truth instead of a network.
 fn drive(
     plan: &Plan<'_>,
     variation: Variation,
@@ -263,7 +264,7 @@ fn drive(
     let step_us = 1e6 / plan.rate_hz;
     let steps = (plan.seconds * plan.rate_hz).ceil() as usize;
     let pushed_every = ((PUSH_S * plan.rate_hz) as usize).max(1);
-    // How far the controller has moved the contact until each picture, and what was true then.
+    // How far the controller has moved the contact until each picture, and the truth at that time.
     let (mut path, mut truths) = (vec![[0.0; 3]], Vec::new());
     let (mut trace, mut ages) = (Vec::new(), Vec::new());
     for step in 0..steps {
@@ -327,7 +328,7 @@ fn drive(
 }
 
 impl Goal {
-    /// The goal at a time in seconds, and what is true in its place.
+    /// The goal at a time in seconds, and the true value of the same quantity.
     fn compared(self, truth: BallContact, at_s: f64) -> (f64, f64) {
         match self {
             Self::SawTooth => (saw_tooth(at_s), truth.force_n),
@@ -335,7 +336,7 @@ impl Goal {
         }
     }
 
-    /// How far a reading is from the truth; `None` where one of both has no contact to be compared.
+    /// How far a reading is from the truth; `None` if one of them has no contact to compare.
     fn missed(self, reading: BallContact, truth: BallContact) -> Option<f64> {
         match self {
             Self::SawTooth => Some((reading.force_n - truth.force_n).abs()),
@@ -347,7 +348,7 @@ impl Goal {
     }
 }
 
-/// The force that is asked for at a time in seconds.
+/// The force that is the goal at a time in seconds.
 fn saw_tooth(at_s: f64) -> f64 {
     MIN_N + (MAX_N - MIN_N) * (at_s / PERIOD_S).fract()
 }

@@ -1,26 +1,26 @@
-//! What predictions say about their input, beside how good they are.
+//! Counts of predictions by quality, and by the likeness of their input to the training's.
 
 use serde::Serialize;
 
 /// An error of so many times the mean is bad.
 pub(crate) const BAD: f64 = 3.0;
 
-/// Predictions of all trainings, of networks that know their training.
+/// Predictions of all trainings, of networks with statistics of their training.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 #[expect(missing_docs, reason = "the keys of the JSON report")]
 pub struct Doubts {
     pub predictions: u64,
-    /// Those of input unlike the training's.
+    /// Predictions whose input is unlike the training's.
     pub unlike: u64,
-    /// Those that are bad: of another class, or with an error of more than three times the mean.
+    /// Bad predictions: of another class, or with an error of more than three times the mean.
     pub bad: u64,
-    /// Those that are both.
+    /// Predictions that are both.
     pub bad_unlike: u64,
 }
 
 impl Doubts {
-    /// Those of predictions with how unlike their input is, and whether they are bad; `None` for
-    /// none, and if the network does not know its training.
+    /// Counts over predictions: how unlike the input of each is, and whether it is bad. `None`
+    /// without predictions, and if the network has no statistics of its training.
     pub(crate) fn of(predictions: impl IntoIterator<Item = (Option<f32>, bool)>) -> Option<Self> {
         let mut doubts = Self::default();
         for (unlike, bad) in predictions {
@@ -30,7 +30,7 @@ impl Doubts {
         (doubts.predictions > 0).then_some(doubts)
     }
 
-    /// Those of all of `each`; `None` if one of them is.
+    /// The sum of `each`; `None` if one of them is `None`.
     pub(crate) fn sum(each: impl IntoIterator<Item = Option<Self>>) -> Option<Self> {
         let mut sum = Self::default();
         for doubts in each {

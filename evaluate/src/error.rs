@@ -1,6 +1,5 @@
 //! Errors of data sets, trainings and measurements. The messages explain the fields of the errors.
 
-use std::io;
 use std::path::PathBuf;
 
 use meissner_engine::EngineError;
@@ -27,7 +26,7 @@ pub enum EvaluateError {
     /// A data set is missing or has another layout; the source names the path.
     #[error(transparent)]
     Dataset(#[from] IoError),
-    /// Someone stopped it.
+    /// The evaluation was stopped.
     #[error("it was stopped")]
     Stopped,
     /// An image is larger than any sensor.
@@ -36,7 +35,7 @@ pub enum EvaluateError {
     /// The simulator refuses its settings or its input.
     #[error(transparent)]
     Simulator(#[from] SimulatorError),
-    /// A network or a recording does not belong to direction of slip; the source names it.
+    /// A network or a recording does not belong to the task direction of slip; the source names it.
     #[error(transparent)]
     Slip(#[from] SlipError),
     /// A network does not predict the classes of a task; the source names it.
@@ -72,12 +71,6 @@ pub enum EvaluateError {
     /// A file of streams does not fit.
     #[error("{}", path.display())]
     Streams { path: PathBuf, source: StreamsError },
-    /// A line of finished measurements, counted from 1, cannot be read.
-    #[error("{}: line {line}: expected a finished measurement", path.display())]
-    State { path: PathBuf, line: usize, source: serde_json::Error },
-    /// A file cannot be written.
-    #[error("cannot write {}", path.display())]
-    Write { path: PathBuf, source: io::Error },
 }
 
 /// A part of a request for an evaluation or a measurement.

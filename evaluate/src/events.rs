@@ -63,7 +63,7 @@ pub struct EventSet {
     pub classes: &'static [&'static str],
     /// Beginning of the names of the shipped networks.
     pub prefix: &'static str,
-    /// From when on the age of a recording counts.
+    /// The instant from which the age of a recording counts.
     pub since: &'static str,
 }
 
@@ -228,13 +228,14 @@ impl EventData {
             last.map_or(0, |last| last - recording.begin_us())
         };
         let longest = self.recordings.iter().map(length).max().unwrap_or(0).max(0);
-        // Readers bound the length: of a press by minutes, of others by 23 bits.
+        // Readers bound the length: minutes for a press, 23 bits for others.
         let count = (longest + every_us - 1) / every_us;
         (1..=count.max(1)).map(|i| i * every_us).collect()
     }
 
     /// The trials of `trainings`: whole ones on the split test, and folds, which hold out every
-    /// recording once: with `count`, those that [`prepare`](crate::prepare) writes.
+    /// recording once. With `count`, the folds must be those that [`prepare`](crate::prepare)
+    /// writes.
     pub(crate) fn trials(&self, trainings: &[Arc<Training>], count: Option<usize>) -> Result<Vec<Trial>> {
         let assigned = count.map(|count| Ok::<_, EvaluateError>((count, self.folds(count)?))).transpose()?;
         let mut cases = Cases::default();
@@ -249,7 +250,7 @@ impl EventData {
         Ok(trials)
     }
 
-    /// `Ok` where no whole training among `trials` lacks recordings to be judged on.
+    /// `Ok` if all whole trainings among `trials` have recordings to be judged on.
     pub(crate) fn has_test(&self, trials: &[Trial]) -> Result<()> {
         match trials.iter().find(|trial| trial.cases() == 0) {
             Some(_) => Err(EvaluateError::NoTestSplit { folder: self.folder.clone() }),
@@ -293,7 +294,8 @@ fn late(events: &[Event]) -> u64 {
 /// The fold, from 0 to below `count`, of each recording with a class. O(n log n).
 ///
 /// Recordings are dealt like cards: in order of class, then as given, the k-th goes to fold k mod
-/// `count`. Of each class, and of all, no two folds differ by more than one recording.
+/// `count`. The numbers of recordings of two folds differ by at most one, for each class and in
+/// total.
 ///
 /// # Errors
 /// [`EvaluateError::Folds`] for fewer than two folds, and for more folds than recordings.
@@ -310,7 +312,7 @@ pub fn folds(classes: &[usize], count: usize) -> Result<Vec<usize>> {
     Ok(folds)
 }
 
-/// `Ok` where the recordings `chosen` are one of the `folds`, of which there are `count`.
+/// `Ok` if the recordings `chosen` are one of the `count` `folds`.
 pub(super) fn is_a_fold(chosen: &[usize], count: usize, folds: &[usize]) -> Result<(), TrainingError> {
     let mut met: Vec<usize> = chosen.iter().map(|&recording| folds[recording]).collect();
     met.sort_unstable();

@@ -1,6 +1,6 @@
-//! What filters keep of the signal, and of each kind of noise.
+//! How much of the signal, and of each kind of noise, filters keep.
 //!
-//! Enters: streams of simulated events, each with its cause, and filters. Leaves: for each cause,
+//! Input: streams of simulated events, each with its cause, and filters. Output: for each cause,
 //! the number of events and of those that passed. Filters forget all events between two streams.
 
 use std::path::Path;
@@ -14,7 +14,7 @@ use serde::Serialize;
 use crate::error::Result;
 use crate::streams::Streams;
 
-/// What filters kept.
+/// Numbers of events that filters kept.
 #[derive(Debug, Serialize)]
 #[expect(missing_docs, reason = "the keys of the JSON report")]
 pub struct Report {
@@ -22,7 +22,7 @@ pub struct Report {
     pub streams: usize,
     /// Names of the filters, in the order in which events pass them.
     pub filters: Vec<&'static str>,
-    /// All causes, also those that no event has.
+    /// All causes, also those without events.
     pub causes: Vec<Kept>,
 }
 

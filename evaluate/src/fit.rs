@@ -1,15 +1,15 @@
-//! A network for a sensor of one's own: the layers of events of another network, and a head that is
+//! A network for the user's own sensor: the layers of events of another network, and a head that is
 //! fitted to labelled presses.
 //!
-//! Enters: a network over events with its weights, and [`Presses`]. Leaves: a description and
-//! weights that an engine runs, and a [`Report`]: errors on presses that were held out, against a
-//! constant and against the network as it was; what more presses would bring; which labels are not
-//! in the events.
+//! Input: a network over events with its weights, and [`Presses`]. Output: a description and
+//! weights that an engine runs, and a [`Report`]: errors on held-out presses, against a constant
+//! and against the original network; the error with more presses; labels that cannot be predicted
+//! from the events.
 //!
 //! | file | contents |
 //! |---|---|
 //! | `request` | the network whose layers stay, and options |
-//! | `samples` | what is fitted, at which instants of which presses |
+//! | `samples` | the labels that are fitted, and the instants of presses |
 //! | `readouts` | what an engine reads out there |
 //! | `cholesky` | linear systems |
 //! | `basis`, `modes` | coordinates of readouts, and products of the main ones |
@@ -18,7 +18,7 @@
 //! | `perceptron` | a perceptron for what these leave |
 //! | `dense` | heads as dense layers |
 //! | `validation` | presses that are held out, and strengths |
-//! | `figures`, `report` | errors and what they say |
+//! | `figures`, `report` | errors and advice |
 //! | `written` | weights with their card |
 //!
 //! Everything follows from the input and the seed; the number of threads changes no bit.
@@ -63,7 +63,7 @@ pub use request::{DEFAULT_AGES, DEFAULT_FOLDS, Head, Options};
 use samples::{Given, Instant, Samples, Target};
 use validation::{HeldOut, Validation, sureness};
 
-/// Fewer presses are no point of a learning curve.
+/// A point of the learning curve needs at least so many presses.
 const MIN_CURVE: usize = 4;
 
 /// A fitted network.
@@ -77,9 +77,9 @@ pub struct Fitted {
     pub report: Report,
 }
 
-/// Fits a head to `presses`: behind the readout, and where the network has layers with weights
-/// there, also instead of the last one alone. Returns what predicts held-out presses better; of
-/// equals, the latter.
+/// Fits a head to `presses`: behind the readout and, if the network has layers with weights there,
+/// also instead of its last layer alone. Returns the one that predicts held-out presses better; if
+/// they are equal, the latter.
 ///
 /// O(rows columns) for each of up to 2,048 rows, for as many rows as instants and as many columns
 /// as values that are read; memory for all of these in f32.
@@ -93,7 +93,7 @@ pub fn fit(presses: &Presses, options: &Options, workers: &Workers) -> Result<Fi
     let sensor = presses.sensor()?;
     let target = Target::choose(presses, options, base.description.outputs())?;
     let samples = Samples::of(presses, &target, options)?;
-    // Ends are by press, one of each.
+    // The ends are in the order of the presses, one for each press.
     let class = |end: &Instant| match target {
         Target::Quantities(_) => 0,
         Target::Classes { .. } => end.truth[0] as usize,
@@ -119,7 +119,7 @@ pub fn fit(presses: &Presses, options: &Options, workers: &Workers) -> Result<Fi
         order: &order(&classes, options.seed),
     };
     let mut best = given.fit(Head::New, workers)?;
-    // Dense layers that were fitted to the same presses have seen those that are held out.
+    // Dense layers that were fitted to the same presses have already seen the held-out ones.
     let own = written::fingerprint(presses, &samples);
     let knows = base.weights.metadata().get(written::FITTED_TO).is_some_and(|other| *other == own);
     let mut heads = best.report.heads.clone();
@@ -139,7 +139,7 @@ fn engine(network: Network, sensor: Sensor) -> Result<Engine> {
 }
 
 impl Given<'_> {
-    /// What stands behind `head`, fitted.
+    /// Fits the layers behind `head`.
     fn fit(&self, head: Head, workers: &Workers) -> Result<Fitted> {
         let Self { presses, samples, target, base, sensor, options, .. } = *self;
         let outputs = target.outputs();
@@ -149,7 +149,7 @@ impl Given<'_> {
                 let last = silence(&probe.description);
                 (probe, last)
             }
-            // What the next layer read is predicted instead.
+            // The values that the next layer would read are predicted instead of the readout.
             Head::Kept { values, .. } => {
                 let each = (0..values).map(|i| (format!("value{i}"), "1".to_owned())).collect();
                 let probe = base.refitted((options, sensor), head, &Outputs::Quantities(each), &[])?;
@@ -183,7 +183,7 @@ impl Given<'_> {
     }
 }
 
-/// Predictions of heads that were fitted to one of every so many presses.
+/// Predictions of heads that were fitted to one of so many presses.
 type Fewer = Vec<(usize, HeldOut)>;
 
 /// Predictions for presses that were held out, the same of heads that were fitted to every fourth
@@ -211,7 +211,7 @@ fn heads(
     };
     let tried = Choice::all();
     let held_out = validation.held_out(|_| true, &tried)?;
-    // Perceptrons stand for the same.
+    // Perceptrons already cover what a kernel would add.
     let kernel = if options.hidden == 0 { kernel((&validation, &held_out), options.seed)? } else { None };
     let (validation, tried, held_out) = match &kernel {
         Some(of) => (Validation { features: &of.features, ..validation }, &of.tried[..], of.held_out.clone()),
@@ -252,7 +252,7 @@ fn heads(
     Ok((held_out, fewer, head))
 }
 
-/// A kernel, and what is linear in its coordinates.
+/// A kernel, with features that are linear in its coordinates.
 struct OfKernel {
     kernel: Kernel,
     features: Features,
@@ -285,14 +285,14 @@ fn silence(description: &Description) -> (Vec<f32>, Vec<f32>) {
     })
 }
 
-/// A dense layer that gives what it reads.
+/// A dense layer whose output is its input.
 fn identity(values: usize) -> (Vec<f32>, Vec<f32>) {
     let factor = |i: usize| f32::from(u8::from(i.is_multiple_of(values + 1)));
     ((0..values * values).map(factor).collect(), vec![0.0; values])
 }
 
-/// A place of each press in an order that `seed` draws, in which classes follow each other: of
-/// every two or four presses one, each class has its share.
+/// The position of each press in an order that `seed` draws. Classes alternate in it, so that each
+/// class has its share of every second or fourth press.
 fn order(classes: &[usize], seed: u64) -> Vec<usize> {
     let mut random = Random::new(seed);
     let mut drawn: Vec<(usize, u64, usize)> =

@@ -1,9 +1,9 @@
 //! Contact force over time: networks that predict the force of a grasp from its events.
 //!
-//! Enters: a file of recordings with the force along time, and networks. Leaves: a [`Report`] with
+//! Input: a file of recordings with the force along time, and networks. Output: a [`Report`] with
 //! errors over all frames, by phase and by bolt, and the predicted forces. A recording begins with
 //! a reset. The force at the end of each [`PERIOD_US`] counts. The number of threads changes no
-//! bit, except in measured times and in what depends on them.
+//! bit, except in measured times and figures that depend on them.
 
 pub(crate) mod recording;
 
@@ -56,7 +56,7 @@ impl Task for Force {
         description.name()
     }
 
-    /// The recordings that a fold held out, by number; to a whole training, all are unseen.
+    /// The recordings that a fold held out, by number; a whole training has seen no recording.
     fn held_out(metadata: Metadata<'_>) -> Result<Option<HeldOut>, TrainingError> {
         let expected = "with a JSON list of recordings, such as [\"17\"]";
         metadata.0.contains_key("held_out").then(|| metadata.recordings(expected)).transpose()
@@ -68,7 +68,7 @@ impl Task for Force {
 pub struct Options<'a> {
     /// Networks and trainings.
     pub request: Request<'a>,
-    /// Microseconds from one prediction of a network over events to the next, which divide
+    /// Microseconds from one prediction of a network over events to the next; a divisor of
     /// [`PERIOD_US`].
     pub every_us: i64,
     /// How predictions of networks over events are computed.
@@ -95,7 +95,8 @@ pub struct DataReport {
     pub file: String,
     pub recordings: usize,
     pub events: u64,
-    /// Variance of the true force in N^2: the mean squared error of a network that says the mean.
+    /// Variance of the true force in N^2: the mean squared error of a network that predicts the
+    /// mean.
     pub variance: f64,
     /// Remarks about the trainings, for people.
     pub notes: Vec<String>,
@@ -108,7 +109,7 @@ pub struct DataReport {
 pub struct ForceFigures {
     /// Figures of the trainings; `None` for a file without recordings.
     pub figures: Option<Judged>,
-    /// Of the first trial and of each recording: true and predicted force at the end of each frame.
+    /// True and predicted force at the end of each frame, for each recording in the first trial.
     #[serde(rename = "pairs", serialize_with = "crate::thinned::of_all")]
     pub traces: Vec<Vec<(f64, f64)>>,
 }

@@ -1,9 +1,9 @@
 //! The frame of every evaluation: networks of a task with their trainings, judged on labelled data.
 //!
-//! Enters: candidates, and a `Judge`, which knows the data and the figures of its task. Leaves:
-//! the report of each network, and the outputs of the trainings. What can be refused is refused
-//! before a network runs. Outcomes are taken in order: threads change no bit but those of measured
-//! times.
+//! Input: candidates, and a `Judge`, which knows the data and the figures of its task. Output:
+//! the report of each network, and the outputs of the trainings. Errors that can be found early are
+//! reported before a network runs. Outcomes are taken in order: threads change no bit, except in
+//! measured times.
 
 use std::time::{Duration, Instant};
 
@@ -24,11 +24,11 @@ type Description<J> = <<J as Judge>::Task as Task>::Description;
 pub(crate) trait Judge: Sync {
     /// The task.
     type Task: Task<Description: Clone + Into<AnyDescription> + Sync>;
-    /// What the task knows of a network before it runs.
+    /// The task's plan for a network, made before it runs.
     type Plan: Sync;
     /// A network with the weights of a training.
     type Engine: Clone + Sync;
-    /// What a network made of a case.
+    /// The result of a network for a case.
     type Outcome: Send;
     /// Figures of the outcomes of a trial.
     type Figures;
@@ -49,7 +49,7 @@ pub(crate) trait Judge: Sync {
     /// Runs a network over a case.
     fn outcome(&self, plan: &Self::Plan, engine: &mut Self::Engine, case: usize) -> Result<Self::Outcome>;
 
-    /// The figures of a trial, whose outputs are written too.
+    /// The figures of a trial; also writes its outputs.
     fn figures(&self, plan: &Self::Plan, judged: JudgedTrial<'_, Self::Outcome>) -> Self::Figures;
 
     /// The figures of a network from those of its trials. The card can be completed.
@@ -60,7 +60,7 @@ pub(crate) trait Judge: Sync {
         judged: Vec<(Trial, Self::Figures)>,
     ) -> Self::Network;
 
-    /// Cases that the caller runs itself, beside those of the networks.
+    /// Number of cases that the caller runs itself, in addition to those of the networks.
     fn more_cases(&self) -> usize {
         0
     }
@@ -201,7 +201,7 @@ pub struct TrainingFigures<F> {
 }
 
 impl<F: Figures> Judged<F> {
-    /// The figures of `each` trial; `None` for no trials, and where a trial has no figures.
+    /// The figures of `each` trial; `None` without trials, and if a trial has no figures.
     pub(crate) fn new(each: impl IntoIterator<Item = (Trial, Option<F>)>) -> Option<Self> {
         let judged = |(trial, figures): (Trial, Option<F>)| {
             Some(TrainingFigures { seed: trial.seed, files: trial.files(), figures: figures? })

@@ -10,17 +10,17 @@
 //! | [`regression`] | quantities such as the angles of a contact: errors over the time of a press |
 //! | [`force`] | contact force over time: errors by phase and by size |
 //! | [`area`] | contact area and normal force from pictures of a gel |
-//! | [`closed_loop`] | control by touch: what a network's error and run time do to it |
+//! | [`closed_loop`] | control by touch: the effects of a network's error and run time |
 //! | [`slip`] | direction of slip: data set, windows, accuracy on seen and unseen objects |
 //! | [`streams`] | streams of events with labels along time, such as presses |
-//! | [`filters`] | what filters of events keep of a simulated signal and its noise |
-//! | [`presses`] | recordings with labels as people keep them: joined, and what is odd about them |
+//! | [`filters`] | how much of a simulated signal and its noise filters of events keep |
+//! | [`presses`] | recordings with labels as people keep them: joined, with a list of oddities |
 //! | [`fit`] | the head of a network, fitted to presses of another sensor |
 //! | [`prepare`] | inputs of networks with labels, for training |
 //! | [`pareto`] | run time against error, with each approximation |
 //!
-//! Recordings are shared by threads, the caller's [`Workers`], whose number changes no bit. A
-//! [`ProgressHandle`] shows how far they are, and stops them.
+//! The threads of the caller's [`Workers`] share the recordings; their number changes no bit. A
+//! [`ProgressHandle`] shows their progress, and stops them.
 //!
 //! ```
 //! use meissner_evaluate::metrics::{Confusion, Scores, wilson_95};

@@ -6,7 +6,7 @@ use libm::{atan, log, sqrt};
 pub use meissner_run::answer::largest;
 use serde::ser::{Serialize, Serializer};
 
-/// The index of the largest of the `values` of a prediction. An engine gives no others.
+/// The index of the largest of the `values` of a prediction of an engine.
 pub(crate) fn predicted(values: &[f32]) -> usize {
     largest(values).expect("an engine refuses predictions that are not numbers")
 }
@@ -107,8 +107,9 @@ impl Serialize for Confusion {
 /// precision = TP / (TP + FP)    recall = TP / (TP + FN)    F1 = 2 TP / (2 TP + FP + FN)
 /// ```
 ///
-/// for each class. The means are over the classes that are true or predicted at least once. One
-/// that is never predicted has precision 0, one that is never true recall 0, and both F1 0.
+/// for each class. The means are over the classes that are true or predicted at least once. A class
+/// that is never predicted has precision 0, and one that is never true has recall 0; both have F1
+/// 0.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 #[expect(missing_docs, reason = "the keys of the JSON report")]
 pub struct Scores<T = f64> {
@@ -257,7 +258,7 @@ pub(crate) fn clustered_95(clusters: &[Cluster]) -> Option<(f64, f64)> {
 /// The t that Student's distribution with `freedom` degrees of freedom, at least 1, exceeds in
 /// absolute value with a probability of 5 %. Bisection; O(freedom).
 fn student_95(freedom: usize) -> f64 {
-    // Those of an infinite number of degrees, and of one, with some room.
+    // The t of an infinite number of degrees, and of one degree, with some margin.
     let (mut low, mut high) = (1.959, 12.707);
     for _ in 0..60 {
         let middle = f64::midpoint(low, high);
@@ -291,11 +292,11 @@ fn within(t: f64, freedom: usize) -> f64 {
 }
 
 /// The distance of dynamic time warping between `a` and `b`: the least sum of `|a[i] - b[j]|` over
-/// all paths of pairs from the first two values to the last two, each step of which moves on in one
-/// series or in both (Sakoe and Chiba 1978, "Dynamic programming algorithm optimization for spoken
-/// word recognition", without window and with equal weights). In the unit of the values; infinite
-/// where one series is empty and the other is not, 0 where both are. O(length of a times length of
-/// b), in memory for one series.
+/// all paths of pairs from the first two values to the last two. Each step of a path advances in
+/// one series or in both (Sakoe and Chiba 1978, "Dynamic programming algorithm optimization for
+/// spoken word recognition", without window and with equal weights). In the unit of the values;
+/// infinite where one series is empty and the other is not, 0 where both are. O(length of a times
+/// length of b), in memory for one series.
 pub fn time_warping(a: &[f64], b: &[f64]) -> f64 {
     let mut before = vec![f64::INFINITY; b.len() + 1];
     before[0] = 0.0;

@@ -1,7 +1,7 @@
-//! Run time against error: networks exactly, and with each approximation.
+//! Run time against error: exact networks, and networks with each approximation.
 //!
-//! Enters: networks with data. Leaves: a [`Report`] with times, work and errors of every setting,
-//! and those that no other beats. Finished measurements are kept in a [`State`].
+//! Input: networks with data. Output: a [`Report`] with times, work and errors of every setting,
+//! and the settings that no other beats. Finished measurements are kept in a [`State`].
 
 mod events;
 mod grasps;
@@ -22,18 +22,17 @@ pub use measurement::{EXACT, Measurement, Numerical, Time, Timing};
 pub use pictures::area;
 pub use report::{Compared, DataReport, Fastest, NetworkReport, Report, SettingReport, pareto_front};
 pub use slip::slip;
-use state::Key;
-pub use state::State;
+pub use state::{Key, State};
 pub use task_error::{ErrorKind, TaskError};
 
-/// What is measured, and how often.
+/// The settings that are measured, and how often.
 #[derive(Clone, Debug)]
 pub struct Options {
     /// Events, windows, pictures or recordings of a repeat; `None`: 20,000, 400, 40 or 20.
     pub timed: Option<usize>,
     /// Repeats of each measurement of time; at least 1.
     pub repeats: u32,
-    /// Parts of the "NETWORK, SETTING" to measure, beside the exact ones; empty for all.
+    /// Parts of the "NETWORK, SETTING" to measure, in addition to the exact ones; empty for all.
     pub only: Vec<String>,
 }
 
@@ -42,7 +41,7 @@ pub struct Study<'a> {
     system: &'static str,
     /// Unit of the times: "event", "window", "picture" or "recording".
     unit: &'static str,
-    /// Number of these that were asked for.
+    /// Requested number of these.
     asked: usize,
     data: DataReport,
     networks: Vec<NetworkStudy<'a>>,
@@ -61,7 +60,7 @@ struct NetworkStudy<'a> {
 /// Progress of a study.
 #[derive(Clone, Copy, Debug)]
 pub enum Progress<'a> {
-    /// So many measurements are missing in the state.
+    /// The number of measurements that the state lacks.
     Missing(u64),
     /// The measurement of a setting begins.
     Started {
@@ -76,7 +75,7 @@ pub enum Progress<'a> {
 
 impl Study<'_> {
     /// Measures the settings that `options` ask for and `state` lacks, and reports all of them. An
-    /// error of `progress` ends it; what was measured is in the state.
+    /// error of `progress` ends the run; finished measurements are in the state.
     ///
     /// # Errors
     /// No setting has such a name, a network cannot run, or the state cannot be written.

@@ -1,6 +1,6 @@
 //! Inputs of networks with labels, for training: as tensors of a safetensors file.
 //!
-//! Enters: a data set, or streams. Leaves: [`Prepared`] tensors, as the engine makes them.
+//! Input: a data set, or streams. Output: [`Prepared`] tensors, as the engine makes them.
 
 pub(crate) mod dome;
 mod filmed;
@@ -40,7 +40,7 @@ pub use windows::{Ages, training_windows};
 pub struct Prepared {
     /// The tensors with their metadata.
     pub file: TensorFile,
-    /// What they are, in one line for people.
+    /// A description of the tensors, in one line for people.
     pub contents: String,
 }
 
@@ -95,7 +95,7 @@ fn slip_metadata(data: &SlipData, objects: &[&str], preparation: String) -> BTre
         ("sets", json!(sets)),
     ]);
     metadata.insert("preparation".to_owned(), preparation);
-    // Not through a `Value`, which holds numbers as f64.
+    // Not through a `Value`, because it stores numbers as f64.
     let range = serde_json::to_string(&range).expect("finite numbers always serialise");
     metadata.insert("range_basic".to_owned(), range);
     metadata
@@ -172,7 +172,7 @@ struct Level {
     edges: Vec<i32>,
     source: Vec<i32>,
     attribute: Vec<f32>,
-    /// Of levels whose blocks read offsets.
+    /// Offsets, for levels whose blocks read them.
     offset: Vec<f32>,
     /// For each row of the level below, the row that pools it.
     cell: Vec<i32>,
@@ -231,7 +231,7 @@ pub fn graphs_of(streams: &Streams, description: &Description) -> Result<Prepare
     Ok(Prepared { file, contents: format!("graphs of {count} streams, {rows} rows at the event level") })
 }
 
-/// The places of the `events` that the filters of `rules` pass.
+/// The indices of the `events` that the filters of `rules` pass.
 fn passing(events: &[Event], rules: &[FilterRule], sensor: Sensor) -> Result<Vec<usize>, EngineError> {
     let mut filters = Chain::of_rules(rules, sensor)?;
     Ok((0..events.len()).filter(|&at| filters.admit(events[at])).collect())

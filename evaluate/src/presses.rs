@@ -1,9 +1,9 @@
 //! Presses that people recorded and labelled themselves: a folder of recordings, and a table.
 //!
-//! Enters: a folder whose recordings each are a press, and `labels.csv` in it ([`LabelTable`] says
-//! what it may look like). The table has either a row for each labelled instant of a recording,
-//! or the poses of a robot along time, over all recordings. Leaves: [`Presses`] with the labels of
-//! each press on the clock of its events, and what is odd about them.
+//! Input: a folder with one press per recording, and `labels.csv` in it ([`LabelTable`] describes
+//! its forms). The table has either a row for each labelled instant of a recording, or the poses of
+//! a robot along time, over all recordings. Output: [`Presses`] with the labels of each press on
+//! the clock of its events, and a list of oddities.
 //!
 //! | a label of | at a time of a press |
 //! |---|---|
@@ -11,15 +11,16 @@
 //! | a row with a time | holds at this time |
 //! | between two rows | numbers on the line between them, the class of the nearer one |
 //!
-//! Nothing holds between rows that are further apart than [`Options::max_gap_us`].
-//! A press may be silent at its ends: a label up to [`Options::max_gap_us`] outside of it counts.
-//! Times of the host's clock become the sensor's by an offset ([`Options::offset_us`]). Without
-//! one, it is the median of `first_us - host_us` in `recordings.csv`, which `meissner record`
-//! writes; where the clock restarts with each recording, each has its own.
+//! No value is defined between rows that are further apart than [`Options::max_gap_us`]. A press
+//! may be silent at its ends: a label up to [`Options::max_gap_us`] outside of it counts. Times of
+//! the host's clock become the sensor's by an offset ([`Options::offset_us`]). Without one, it is
+//! the median of `first_us - host_us` in `recordings.csv`, which `meissner record` writes; if the
+//! clock restarts with each recording, each recording has its own offset.
 //!
 //! Recordings are read one after the other. The folder's events are never in memory together.
 //!
-//! Or enters: a file of presses with their labels, as `prepare` and `simulate markers` write it.
+//! The input can also be a file of presses with their labels, as `prepare` and `simulate markers`
+//! write it.
 
 mod clock;
 mod join;
@@ -59,11 +60,11 @@ pub use summary::{ClassCount, LabelSummary, Summary};
 pub const LABELS: &str = "labels.csv";
 /// Default of [`Options::max_gap_us`].
 pub const DEFAULT_MAX_GAP_US: i64 = 100_000;
-/// Shifts that are tried around an offset that joins labels with presses.
+/// Range of shifts that are tried around an offset that joins labels with presses.
 const SEARCH_US: i64 = 5_000_000;
-/// A shift of the clocks that is smaller is not told.
+/// A smaller shift of the clocks is not reported.
 const SHIFT_US: i64 = 10_000;
-/// Poses without which motion is not compared with events.
+/// With fewer poses, motion is not compared with events.
 const MIN_POSES: usize = 20;
 
 /// How presses are read.
@@ -71,12 +72,12 @@ const MIN_POSES: usize = 20;
 pub struct Options {
     /// The table of labels; `None`: [`LABELS`] in the folder.
     pub labels: Option<PathBuf>,
-    /// What is added to times of the labels to get the sensor's, in microseconds. Where clocks
-    /// restart and each recording has an offset of its own, it is added to all of them.
+    /// Offset from times of the labels to the sensor's, in microseconds. If clocks restart and each
+    /// recording has its own offset, it is added to all of them.
     pub offset_us: Option<i64>,
-    /// Nothing is interpolated between labels that are further apart, in microseconds.
+    /// Labels that are further apart, in microseconds, are not interpolated.
     pub max_gap_us: i64,
-    /// How the recordings are read; where it is strict, one that cannot be read is an error.
+    /// How the recordings are read; in strict mode, a recording that cannot be read is an error.
     pub read: ReadOptions,
 }
 
@@ -94,7 +95,7 @@ pub struct Label {
     pub name: String,
     /// Its unit, where the table names one.
     pub unit: Option<String>,
-    /// The names of its classes, whose indices its values are; none for a label of numbers.
+    /// The names of its classes; its values are their indices. Empty for a label of numbers.
     pub classes: Vec<String>,
 }
 
@@ -124,29 +125,29 @@ pub struct Presses {
     pub labels: Vec<Label>,
     /// The labelled instants, by press and time; no press has a time twice.
     pub rows: Vec<Row>,
-    /// What is odd, each kind once.
+    /// Oddities, each kind once.
     pub odd: Vec<Oddity>,
-    /// From the times of the table to those of the events.
+    /// Offset from the times of the table to those of the events.
     pub offset: Offset,
-    /// How motion and events agree, where the table has poses along time.
+    /// Agreement of motion and events, if the table has poses over time.
     pub clock: Option<ClockFit>,
     /// Presses of the split test of a file, whose labels are left out.
     pub kept_back: usize,
     ranges: Vec<Range<usize>>,
     options: Options,
-    /// The events, where they come from a file of presses.
+    /// The events, if they come from a file of presses.
     streams: Option<Arc<Streams>>,
 }
 
 impl Presses {
     /// Reads the presses in `folder` and in its folders, or those in this file. O(bytes of the
-    /// recordings), and of poses the comparison of clocks; memory for the largest recording, the
-    /// table, and 16 bytes for each millisecond with events. The events of a file of presses are
-    /// all held in memory.
+    /// recordings), and for poses also the comparison of clocks; memory for the largest recording,
+    /// the table, and 16 bytes for each millisecond with events. The events of a file of presses
+    /// are all held in memory.
     ///
     /// # Errors
     /// The folder or the table is missing or cannot be read, there is no recording, recordings of
-    /// restarting clocks cannot be told apart, or no label is of any press.
+    /// restarting clocks cannot be distinguished, or no label belongs to a press.
     pub fn read(folder: &Path, options: &Options) -> Result<Self> {
         if folder.is_file() {
             return prepared::read(folder, options);
@@ -298,11 +299,11 @@ fn read_table(path: &Path, is_given: bool) -> Result<LabelTable> {
 /// Compares the motion of poses with the rate of events; `all` tries all shifts.
 fn clock(join: &Join<'_>, all: bool, odd: &mut Odd) -> Option<ClockFit> {
     let Join { table, recordings, offsets, max_gap_us, .. } = join;
-    // Labels of instants of recordings, on the recordings' own clock, need no offset.
+    // Labels at instants of recordings, on the recordings' own clock, need no offset.
     if table.recordings.is_some() && table.clock != Some(LabelClock::Host) {
         return None;
     }
-    // What is odd about the order of the poses is told already.
+    // Oddities in the order of the poses are already reported.
     let order = join.ordered(&mut Odd::default());
     if order.len() < MIN_POSES {
         return None;
@@ -351,7 +352,7 @@ fn clock(join: &Join<'_>, all: bool, odd: &mut Odd) -> Option<ClockFit> {
     Some(found)
 }
 
-/// The error where no label is of any press.
+/// The error if no label belongs to a press.
 fn unjoined(join: &Join<'_>, clock: Option<ClockFit>, odd: Odd) -> EvaluateError {
     let Join { table, recordings, offsets, names, .. } = join;
     let rows = grouped(table.rows() as u64);

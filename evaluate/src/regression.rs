@@ -1,8 +1,8 @@
 //! Regression over events: quantities such as the angles of a contact, at any time of a press.
 //!
-//! Enters: a file of streams with the truth along time, and networks. Leaves: a [`Report`] and the
+//! Input: a file of streams with the truth along time, and networks. Output: a [`Report`] and the
 //! outputs at the end of each press. A press begins with a reset: threads change no bit, except in
-//! measured times and in what depends on them.
+//! measured times and figures that depend on them.
 //!
 //! | time | meaning |
 //! |---|---|
@@ -64,7 +64,7 @@ impl Task for Regression {
 /// The networks to be judged, and when predictions are read.
 #[derive(Clone, Copy, Debug)]
 pub struct Options<'a> {
-    /// Networks, of which there is at least one, and trainings.
+    /// Networks, at least one, and trainings.
     pub request: Request<'a>,
     /// Every `stride`-th event of a press is pushed; `None` for the stride of the trainings.
     pub stride: Option<usize>,
@@ -116,7 +116,7 @@ pub struct PressFigures {
     /// True and predicted values at the end of each press, for each output of the first training.
     #[serde(rename = "pairs", serialize_with = "crate::thinned::of_each")]
     pub scatter: Vec<Vec<(f64, f64)>>,
-    /// A point for each press, from the first training's readout, where it was asked for.
+    /// A point for each press, from the first training's readout, if requested.
     #[serde(skip)]
     pub embedding: Option<Vec<(f64, f64)>>,
 }
@@ -232,17 +232,17 @@ impl Judge for OfPresses<'_> {
     }
 }
 
-/// Neighbours that a point is placed among, of at least three times as many presses.
+/// Neighbours that determine a point; there must be at least three times as many presses.
 const PERPLEXITY: usize = 30;
 const EPOCHS: usize = 1_000;
 /// Size of the square in which the points begin.
 const START: f32 = 1e-4;
 
 /// A point for each of `readouts`; `None` for too few. O(presses^2 (channels + epochs)), in one
-/// thread: the order of the sums over points is then the same every time.
+/// thread, so that the order of the sums over points is always the same.
 ///
 /// # Panics
-/// If the system gives no thread.
+/// If the system cannot start a thread.
 pub(super) fn embedding(readouts: &[Vec<f32>]) -> Option<Vec<(f64, f64)>> {
     let perplexity = PERPLEXITY.min(readouts.len().checked_sub(1)? / 3);
     if perplexity < 2 {

@@ -1,8 +1,8 @@
 //! Streams of events from a safetensors file, with labels along time.
 //!
-//! Enters: the bytes of a file. Leaves: streams of events that lie on the sensor, with times that
-//! do not descend within a stream, and the `Truth` about each stream where the file has it. A
-//! file that breaks this is refused with the index of the first value that does.
+//! Input: the bytes of a file. Output: streams of events that lie on the sensor, with times that
+//! do not descend within a stream, and the `Truth` about each stream where the file has it. A file
+//! that breaks these rules is refused with the index of the first wrong value.
 
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -284,13 +284,13 @@ impl Truth {
         [self.t_us[times.start], self.t_us[times.end - 1]]
     }
 
-    /// When the depth of `stream` leaves 0, or else its first time; and its last time.
+    /// Time at which the depth of `stream` leaves 0, or else its first time; and its last time.
     pub(crate) fn contact_and_end_us(&self, stream: usize) -> [i64; 2] {
         let [start, end] = self.span_us(stream);
         [self.rises_us(DEPTH, stream).unwrap_or(start), end]
     }
 
-    /// When the label `name` of `stream` leaves 0, if it ever rises.
+    /// Time at which the label `name` of `stream` leaves 0, if it ever rises.
     pub(crate) fn rises_us(&self, name: &str, stream: usize) -> Option<i64> {
         let (values, times) = (self.labels.get(name)?, self.times(stream));
         let first = times.clone().find(|&i| values[i] > 0.0)?;

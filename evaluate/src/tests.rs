@@ -1,7 +1,7 @@
 //! Tests of modules that are one file each.
 
 mod judge {
-    //! The frame with a task of its own.
+    //! The frame of evaluations, with a made-up task.
 
     use std::collections::BTreeMap;
     use std::sync::atomic::{AtomicUsize, Ordering};
@@ -19,7 +19,8 @@ mod judge {
 
     const CASES: usize = 5;
 
-    /// Its networks say the number of the case; the network called `refused` has no engine.
+    /// A task whose networks predict the number of the case; the network called `refused` has no
+    /// engine.
     struct Numbers {
         refused: &'static str,
         run: AtomicUsize,
@@ -67,8 +68,8 @@ mod judge {
         }
     }
 
-    /// The figures of two networks or an error, the cases that ran, and those that are done and
-    /// expected.
+    /// The figures of two networks or an error, the number of cases that ran, and the numbers of
+    /// done and expected cases.
     fn run(refused: &'static str) -> (Result<Vec<Vec<f32>>, EvaluateError>, usize, [u64; 2]) {
         let networks = ["tactigraph-past", "tactip-past"].map(str::to_owned);
         let request = Request { networks: &networks, ..Request::default() };
@@ -151,7 +152,7 @@ mod streams {
         file.into_bytes()
     }
 
-    /// Reads `bytes`; what is accepted lies on its sensor, what is refused says why in brief.
+    /// Reads `bytes`. Accepted events lie on their sensor; an error states the reason in brief.
     fn check(bytes: &[u8]) -> bool {
         match Streams::from_bytes(bytes) {
             Ok(streams) => {
@@ -297,7 +298,7 @@ mod dome {
             let [from, to] = [&recorded[0].markers[i], &recorded[30].markers[i]];
             (to[0] - from[0]).hypot(to[1] - from[1])
         };
-        // The first marker of each ring that is not the top.
+        // The first marker of each ring except the top.
         assert!((1..=7).all(|ring| moved(1 + 3 * ring * (ring - 1)) > 1.0));
     }
 }

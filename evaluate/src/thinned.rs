@@ -1,14 +1,14 @@
-//! Points of a picture in a JSON report: all of few, some of many.
+//! Points of a picture in a JSON report: all of them if they are few, some if they are many.
 //!
-//! Enters: any number of points. Leaves: at most [`MAX_POINTS`] of them, in their order.
+//! Input: any number of points. Output: at most [`MAX_POINTS`] of them, in their order.
 
 use serde::ser::{Serialize, Serializer};
 
-/// Most points of one list in a JSON report.
+/// Maximum number of points of one list in a JSON report.
 const MAX_POINTS: usize = 512;
 
-/// Of `points`, all if there are at most [`MAX_POINTS`]. Otherwise every n-th from the first
-/// one on, with the lowest and the highest of each of the `values` of a point: a picture has the
+/// All `points` if there are at most [`MAX_POINTS`]. Otherwise every n-th from the first one on,
+/// with the lowest and the highest of each of the `values` of a point, so that a picture has the
 /// density of all points and loses no extreme. O(n).
 fn thinned<T: Copy, const N: usize>(points: &[T], values: impl Fn(&T) -> [f64; N]) -> Vec<T> {
     if points.len() <= MAX_POINTS {
@@ -52,7 +52,7 @@ pub(crate) fn of_all<S: Serializer>(parts: &[Vec<Pair>], s: S) -> Result<S::Ok, 
     of_pairs(parts.iter().flatten().copied()).serialize(s)
 }
 
-/// Serialises a goal and what is reached, after their time.
+/// Serialises the time, the goal and the reached value.
 pub(crate) fn trace<S: Serializer>(trace: &[(f64, f64, f64)], s: S) -> Result<S::Ok, S::Error> {
     thinned(trace, |&(_, goal, is)| [goal, is, is - goal]).serialize(s)
 }
@@ -65,7 +65,7 @@ mod tests {
     fn few_points_are_all_there_and_many_are_thinned_evenly_with_every_extreme() {
         let few: Vec<Pair> = (0..MAX_POINTS).map(|i| (i as f64, 0.5)).collect();
         assert_eq!(of_pairs(few.clone()), few);
-        // The pair that is farthest off is neither the least nor the greatest of its values.
+        // The pair with the largest error has neither the smallest nor the largest value.
         let pair = |i: usize| (i as f64, if i == 7_777 { 50_000.0 } else { i as f64 + 0.1 });
         let mut many: Vec<Pair> = (0..100_000).map(pair).collect();
         many.reverse();

@@ -1,7 +1,7 @@
 //! Networks that are judged, and their trainings.
 //!
-//! Enters: names of networks or description files; weights, a folder of trainings, or the shipped
-//! weights. Leaves: each network with its trainings, and what these have not seen.
+//! Input: names of networks or description files; weights, a folder of trainings, or the shipped
+//! weights. Output: each network with its trainings, and the data that these have not seen.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -16,7 +16,7 @@ use serde::de::DeserializeOwned;
 
 use crate::error::{EvaluateError, RequestPart, Result, TrainingError, weights_error};
 
-/// How a cross-validation splits a data set.
+/// The split of a data set for a cross-validation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Scheme {
@@ -45,7 +45,7 @@ pub trait Task {
     /// The description of a shipped network or in a file, and whether it is shipped.
     ///
     /// # Errors
-    /// There is none, or the network is for another task.
+    /// There is no such network, or it is for another task.
     fn describe(network: &str) -> Result<(Self::Description, bool)>;
 
     /// The name of the network.
@@ -66,7 +66,7 @@ pub trait Task {
     }
 }
 
-/// The networks and trainings that are asked for.
+/// The requested networks and trainings.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Request<'a> {
     /// Names of shipped networks or description files; none for every shipped network of the task.
@@ -86,7 +86,7 @@ pub struct Evaluation<R> {
     pub took: Duration,
 }
 
-/// A network with its trainings, of which there is at least one, by seed and then by file.
+/// A network with its trainings, at least one, by seed and then by file.
 pub(crate) struct EvaluatedNetwork<D> {
     pub(crate) description: D,
     pub(crate) trainings: Vec<Arc<Training>>,
@@ -219,7 +219,7 @@ impl<D> EvaluatedNetwork<D> {
         }
     }
 
-    /// The trainings take every this many events one: their common stride.
+    /// The common stride of the trainings: each takes one of so many events.
     pub(crate) fn stride(&self) -> Result<usize> {
         let first = &self.trainings[0];
         let expected = first.stride()?;
@@ -274,7 +274,7 @@ impl Training {
         path.into_iter().collect()
     }
 
-    /// It was trained on every this many events one.
+    /// The stride of the training: it took one of so many events.
     pub(crate) fn stride(&self) -> Result<usize> {
         Ok(self.weights.card().map_err(weights_error(&self.label))?.stride)
     }
@@ -295,7 +295,7 @@ impl Metadata<'_> {
         TrainingError::Metadata { key, expected, found }
     }
 
-    /// The whole number of `key`, where the key is there.
+    /// The whole number of `key`, if the key exists.
     pub(crate) fn integer(self, key: &'static str) -> Result<Option<i64>, TrainingError> {
         let number = self.0.get(key).map(|text| text.parse());
         number.transpose().map_err(|_| self.refused(key, "with a whole number"))

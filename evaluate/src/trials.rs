@@ -1,6 +1,6 @@
 //! Trainings with the labelled cases that they have not seen.
 //!
-//! Enters: the trainings of a network, and the cases of a data set. Leaves: trials, each a whole
+//! Input: the trainings of a network, and the cases of a data set. Output: trials, each a whole
 //! training or the folds of a cross-validation, in which no case is held out twice.
 
 use std::collections::BTreeMap;
@@ -134,7 +134,7 @@ impl Cases {
         Ok(())
     }
 
-    /// `Ok` where the folds of `trial` hold out all cases together.
+    /// `Ok` if the folds of `trial` together hold out all cases.
     pub(crate) fn are_complete(&self, trial: &Trial) -> Result<()> {
         let Some(Fold { training, .. }) = trial.folds.first() else { return Ok(()) };
         let mut held_out = vec![false; self.len()];

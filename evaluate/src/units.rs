@@ -3,8 +3,7 @@
 /// Degrees in a radian.
 pub(crate) const DEGREES: f64 = 180.0 / std::f64::consts::PI;
 
-/// What a value in the unit `from` is multiplied by to be in `to`; `None` if they cannot be
-/// compared.
+/// The factor from the unit `from` to the unit `to`; `None` if they cannot be compared.
 pub(crate) fn factor(from: &str, to: &str) -> Option<f64> {
     match (from, to) {
         (from, to) if from == to => Some(1.0),

@@ -1,4 +1,4 @@
-//! Threads that share recordings, and what others see and want of them.
+//! Threads that share recordings, with their progress and a way to stop them.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
@@ -8,7 +8,7 @@ use rayon::prelude::*;
 
 use crate::error::{EvaluateError, Result};
 
-/// How far an evaluation is, for another thread, which can also stop it.
+/// Progress of an evaluation, for another thread, which can also stop it.
 #[derive(Clone, Debug, Default)]
 pub struct ProgressHandle(Arc<Counts>);
 
@@ -20,12 +20,12 @@ struct Counts {
 }
 
 impl ProgressHandle {
-    /// Recordings, presses or windows that are done, once for each training.
+    /// Number of finished recordings, presses or windows, once for each training.
     pub fn done(&self) -> u64 {
         self.0.done.load(Ordering::Relaxed)
     }
 
-    /// All of them; 0 while the data set is read.
+    /// Number of all of them; 0 while the data set is read.
     pub fn total(&self) -> u64 {
         self.0.total.load(Ordering::Relaxed)
     }
@@ -58,7 +58,7 @@ impl From<ThreadPool> for Workers {
 }
 
 impl Workers {
-    /// The threads of `pool`, which tell `watch`.
+    /// The threads of `pool`, which report to `watch`.
     pub fn new(pool: ThreadPool, watch: ProgressHandle) -> Self {
         Self { pool, watch }
     }
@@ -68,7 +68,7 @@ impl Workers {
         self.pool.current_num_threads()
     }
 
-    /// Tells how many items there will be in all.
+    /// Reports the number of all items.
     pub(crate) fn expect(&self, items: usize) {
         self.watch.0.total.store(items as u64, Ordering::Relaxed);
     }
@@ -80,7 +80,7 @@ impl Workers {
 
     /// The results of `work` for `items` in their order, each thread with clones of `engine`.
     ///
-    /// The number of threads cannot reach a result if `work` resets its engine.
+    /// The number of threads does not affect a result if `work` resets its engine.
     pub(crate) fn for_each<E: Clone + Sync, I: Sync, T: Send, X: Send + Into<EvaluateError>>(
         &self,
         engine: &E,

@@ -23,7 +23,7 @@ pub enum LiveError {
     /// The worker's thread could not be started.
     #[error("the worker's thread cannot be started")]
     Thread(#[source] std::io::Error),
-    /// The worker's thread cannot be pinned to the core that was asked for.
+    /// The worker's thread cannot be pinned to the requested core.
     #[error("the worker cannot be pinned to core {core}: expected one of {cores:?}")]
     Core {
         /// The core.

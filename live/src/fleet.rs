@@ -1,20 +1,20 @@
 //! Live engines for many sensors in one process.
 //!
 //! Each sensor has an engine in a thread of its own, a queue and counters; only the weights are
-//! shared. A sensor that floods fills its own queue; one whose engine fails or panics gets that
-//! error, and the others their predictions.
+//! shared. A sensor that floods fills only its own queue. A sensor whose engine fails or panics
+//! gets that error, and the others get their predictions.
 //!
-//! On Linux, a worker of several has the lowest priority (niceness 19) from when its queue is more
-//! than half full until it is a quarter full. This needs the right to lower a niceness again
-//! (`RLIMIT_NICE`, `CAP_SYS_NICE`); without it, all workers share the cores equally.
+//! On Linux, if there are several workers, each has the lowest priority (niceness 19) from when its
+//! queue is more than half full until it is a quarter full. This needs the right to lower a
+//! niceness again (`RLIMIT_NICE`, `CAP_SYS_NICE`); without it, all workers share the cores equally.
 
 use std::time::Duration;
 
 use crate::worker;
 use crate::{Asked, Input, Item, Live, LiveError, Predictor, QueueOptions, TimedAnswer};
 
-/// Live engines of many sensors, which are asked for predictions together. Engines of one
-/// `Arc<Network>` share one copy of its weights.
+/// Live engines of many sensors. Predictions are requested from all of them together. Engines of
+/// one `Arc<Network>` share one copy of its weights.
 ///
 /// ```
 /// use std::sync::Arc;
@@ -48,10 +48,10 @@ pub struct Fleet<P: Predictor<Input: Item>> {
 }
 
 impl<P: Predictor<Input: Item> + Send + 'static> Fleet<P> {
-    /// Starts a worker for each of `sensors`, which are numbered by their places.
+    /// Starts a worker for each of `sensors`, which are numbered by their indices.
     ///
     /// # Errors
-    /// As [`Live::spawn`], of the first sensor that cannot start; no worker is left running.
+    /// As [`Live::spawn`], for the first sensor that cannot start; no worker is left running.
     #[expect(clippy::type_complexity, reason = "as `Live::spawn`, once for each sensor")]
     pub fn spawn(
         sensors: impl IntoIterator<Item = (P, QueueOptions)>,
@@ -67,11 +67,12 @@ impl<P: Predictor<Input: Item> + Send + 'static> Fleet<P> {
 }
 
 impl<P: Predictor<Input: Item>> Fleet<P> {
-    /// The predictions of `sensors` by one deadline, as [`Live::predict`]; all are asked first.
-    /// `each` gets every sensor's number and its prediction or error, in the order of `sensors`.
+    /// The predictions of `sensors` by one deadline, as [`Live::predict`]; all predictions are
+    /// requested first. `each` gets every sensor's number and its prediction or error, in the order
+    /// of `sensors`.
     ///
     /// # Panics
-    /// A number is not below [`Self::len`].
+    /// If a number is not below [`Self::len`].
     pub fn predict(
         &mut self,
         deadline: Duration,
@@ -108,7 +109,8 @@ impl<P: Predictor<Input: Item>> Fleet<P> {
         self.sensors.is_empty()
     }
 
-    /// Ends every worker, and returns each sensor's engine or what ended it, as [`Live::close`].
+    /// Ends every worker, and returns each sensor's engine or the error that ended it, as
+    /// [`Live::close`].
     pub fn close(self) -> Vec<Result<P, LiveError>> {
         self.sensors.into_iter().map(Live::close).collect()
     }

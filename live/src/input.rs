@@ -1,4 +1,4 @@
-//! The handle of the sensor's side.
+//! The handle for the thread that reads the sensor.
 
 use std::sync::Arc;
 
@@ -26,7 +26,7 @@ impl<T: Item> Input<T> {
         Self { shared, filters, passes: Vec::with_capacity(CHUNK) }
     }
 
-    /// Offers `events` in order of arrival: each enters the queue, or is dropped and counted.
+    /// Offers `events` in order of arrival: each event enters the queue, or is dropped and counted.
     /// Allocates nothing for events; frames are copied.
     ///
     /// Under [`Overload::Block`](crate::Overload::Block), waits while the queue is full, until half
@@ -51,7 +51,7 @@ impl<T: Item> Input<T> {
         Ok(())
     }
 
-    /// Advances the clock to `t_us` after the events offered so far: earlier ones would be late
+    /// Advances the clock to `t_us` after the events offered so far: earlier events would be late
     /// from now on. The next prediction of these events is for the window at that time.
     pub fn advance(&mut self, t_us: i64) {
         self.shared.advance(t_us);

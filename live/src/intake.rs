@@ -1,6 +1,6 @@
 //! The queue of events, without threads.
 //!
-//! Input: offered events or frames and, for `Filter`, which of them pass. Output: events in order
+//! Input: offered events or frames and, for `Filter`, whether each passes. Output: events in order
 //! of arrival. Invariants: at most `capacity` events wait; `offered = delivered + waiting +
 //! dropped`; no memory is allocated later; which events enter does not depend on slices.
 //!
@@ -67,8 +67,9 @@ impl<T: Item> Intake<T> {
         }
     }
 
-    /// Processes `events`. `passes` holds whether each passes the filters; empty without filters.
-    /// Returns the number processed: all, or under `Block` those that found room.
+    /// Processes `events`. `passes` tells whether each passes the filters; it is empty without
+    /// filters. Returns the number of processed events: all, or under `Block` those that found
+    /// room.
     pub(crate) fn offer(&mut self, events: &[T], passes: &[bool]) -> usize {
         let room = self.capacity - self.ring.len();
         let taken = match self.overload {
@@ -84,8 +85,8 @@ impl<T: Item> Intake<T> {
                 events.len()
             }
             Overload::DropOldest => {
-                // One by one, events beyond the capacity would push out those at the start of the
-                // slice.
+                // If they entered one by one, events beyond the capacity would push out those at
+                // the start of the slice.
                 let (gone, staying) = events.split_at(events.len().saturating_sub(self.capacity));
                 let leaving = self.ring.len().saturating_sub(self.capacity - staying.len());
                 self.ring.drain(..leaving);
@@ -111,7 +112,7 @@ impl<T: Item> Intake<T> {
     }
 
     /// Lets `events` enter: all if the queue is not congested, else those for which `stays(number,
-    /// index)`, with the event's number since the start and its index here.
+    /// index)` is true, with the event's number since the start and its index here.
     fn one_by_one(&mut self, events: &[T], stays: impl Fn(u64, usize) -> bool) {
         for (place, event) in events.iter().enumerate() {
             let waiting = self.ring.len();

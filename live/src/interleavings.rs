@@ -1,8 +1,8 @@
-//! Every order in which the threads of small cases can take their steps, by the model checker loom:
-//! no wake-up is lost, no event, and no late prediction is fresh.
+//! Runs every order in which the threads of small cases can take their steps, by the model checker
+//! loom. No wake-up and no event is lost, and no late prediction is fresh.
 //!
-//! loom reports threads that wait for ever. Each case runs with up to [`PREEMPTIONS`] switches away
-//! from a thread that could go on, beside those at locks and waits.
+//! loom reports threads that wait forever. Each case runs with up to [`PREEMPTIONS`] switches away
+//! from a thread that could continue, in addition to those at locks and waits.
 
 use std::collections::BTreeSet;
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
@@ -51,7 +51,7 @@ impl Predictor for Counter {
 
     fn push(&mut self, event: &Event) -> Result<Outcome, EngineError> {
         if event.x == PANIC_COLUMN {
-            // As a panic, but the hook, which would print it, is not called.
+            // The same as a panic, but without a call of the hook, which would print it.
             resume_unwind(Box::new("asked to panic"));
         }
         self.events.pushed += 1;
@@ -88,7 +88,7 @@ fn options(overload: Overload, capacity: usize) -> QueueOptions {
     QueueOptions::new().with_capacity(capacity).with_overload(overload).with_batch(1)
 }
 
-/// The prediction of all that has entered, which waits as long as it must.
+/// The prediction of all events that have entered; waits as long as necessary.
 fn drained(live: &mut Live<Counter>) -> u64 {
     let timely = live.predict(Duration::MAX).expect("the worker runs");
     assert!(timely.fresh && timely.own && timely.behind_events == 0, "{timely:?}");
@@ -119,7 +119,7 @@ fn a_deadline_passes() {
     let timely = live.predict(DEADLINE).expect("the worker runs");
     assert_eq!(timely.fresh, timely.own && timely.behind_events == 0);
     assert_eq!(timely.values[0] as u64, 1 - timely.behind_events);
-    // An answer that comes later is that of the former request.
+    // A later answer belongs to the former request.
     input.push_slice(&events(1)).expect("the worker runs");
     let asked = live.ask(Duration::ZERO);
     let timely = live.timely(&asked).expect("the worker runs");
@@ -165,7 +165,7 @@ fn the_engine_panics() {
     let sensor = thread::spawn(move || {
         let events = [Event::new(0, 0, 0, true), Event::new(1, PANIC_COLUMN, 0, true), events(1)[0]];
         theirs.offer(&events, &[]);
-        // It learns of the end, and never waits for room again.
+        // The thread gets to know the end, and never waits for room again.
         while theirs.offer(&events[..1], &[]) == 1 {}
     });
     let (request, state) = shared.ask(None);
@@ -178,8 +178,8 @@ fn the_engine_panics() {
     assert!(shared.lock().has_ended());
 }
 
-/// Runs all cases in every order, without the wake-up of a line of `shared.rs`, or with all (0).
-/// Returns the lines that have woken somebody.
+/// Runs all cases in every order, without the wake-up of a line of `shared.rs`, or with all
+/// wake-ups (0). Returns the lines that have woken a thread.
 fn check(without: u32) -> BTreeSet<u32> {
     *WAKE_UPS.lock().unwrap_or_else(PoisonError::into_inner) = (without, BTreeSet::new());
     for (name, case) in CASES {

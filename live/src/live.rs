@@ -1,4 +1,4 @@
-//! The handle of the controller's side.
+//! The handle for the controller's thread.
 
 use std::any::Any;
 use std::sync::{Arc, mpsc};
@@ -17,14 +17,15 @@ use crate::{Input, LiveError, Overload, Predictor, QueueCounters, QueueOptions, 
 #[derive(Debug)]
 pub struct Live<P: Predictor<Input: Item>> {
     pub(crate) shared: Arc<Shared<P::Input>>,
-    /// None after it was joined.
+    /// `None` after it was joined.
     worker: Option<JoinHandle<P>>,
     /// Panic message, if the worker ended by itself.
     panic: String,
     values: Vec<f32>,
-    /// When the first event that no fresh prediction covers was offered.
+    /// Time at which the first event that no fresh prediction covers was offered.
     uncovered: Option<Instant>,
-    /// What earlier predictions have told: losses of the engine, and events that the queue dropped.
+    /// Losses that earlier predictions have reported: those of the engine, and events that the
+    /// queue dropped.
     told: (Losses, u64),
 }
 
@@ -37,23 +38,23 @@ pub struct TimedAnswer<'a> {
     pub t_us: Option<i64>,
     /// Events in the window; for a frame engine, frames since the last reset.
     pub nodes: usize,
-    /// How unlike its window is to those of the training, as
+    /// How much its window differs from those of the training, as
     /// [`meissner_engine::Prediction::unlike`].
     pub unlike: Option<f32>,
-    /// Whether every event that had entered the queue before the call is in it, except dropped
+    /// Whether it covers every event that had entered the queue before the call, except dropped
     /// ones: none waits ([`Self::behind_events`]), the engine lost none ([`Self::lost_events`]).
     pub fresh: bool,
     /// Whether it was computed for this call; otherwise it is the newest finished one.
     pub own: bool,
     /// Events or frames that had entered the queue at the time of the call and are not covered.
     pub behind_events: u64,
-    /// Events or frames given to the engine and not in this prediction: dropped since the one
-    /// before (late, outside the sensor, far ahead), or held until a restart of the clock is
-    /// decided.
+    /// Events or frames that the engine received but this prediction does not cover: dropped since
+    /// the previous prediction (late, outside the sensor, far ahead), or held until a restart of
+    /// the clock is decided.
     pub lost_events: u64,
-    /// Events or frames that the rule of the queue dropped since the prediction before.
+    /// Events or frames that the rule of the queue dropped since the previous prediction.
     pub dropped_events: u64,
-    /// Restarts of the sensor's clock since the prediction before; each reset the engine.
+    /// Restarts of the sensor's clock since the previous prediction; each reset the engine.
     pub restarts: u64,
     /// Stream time in microseconds from the last covered event (or the first of all) to the last
     /// one that had entered at the time of the call.
@@ -62,12 +63,12 @@ pub struct TimedAnswer<'a> {
     pub age: Duration,
     /// Time since the call.
     pub waited: Duration,
-    /// Time since the first event was offered that this fresh prediction is the first to cover.
-    /// `None` if it is not fresh, or nothing was offered since the last fresh one.
+    /// Time since the first event was offered that no earlier fresh prediction covers. `None` if
+    /// this one is not fresh, or nothing was offered since the last fresh one.
     pub latency: Option<Duration>,
 }
 
-/// A prediction that was asked for and may still be computed.
+/// A requested prediction, which may still be computed.
 #[derive(Clone, Copy, Debug)]
 pub struct Asked {
     request: Request,
@@ -108,7 +109,7 @@ impl<P: Predictor<Input: Item> + Send + 'static> Live<P> {
         let thread = thread::Builder::new().name("meissner-live".to_owned());
         let (pinned, is_pinned) = mpsc::sync_channel(1);
         let work = move || {
-            // Nobody waits for it any more if the receiver is gone.
+            // If the receiver is gone, no thread waits for it any more.
             let _ = pinned.send(core.is_none_or(worker::pin));
             worker::run(predictor, &theirs, batch, gives_way)
         };
@@ -139,7 +140,7 @@ impl<P: Predictor<Input: Item>> Live<P> {
         self.timely(&asked)
     }
 
-    /// Asks for a prediction without waiting; it replaces what was asked before. [`Self::wait`] and
+    /// Requests a prediction without waiting; replaces an earlier request. [`Self::wait`] and
     /// [`Self::timely`] are the rest of [`Self::predict`].
     pub fn ask(&mut self, deadline: Duration) -> Asked {
         let at = Instant::now();
@@ -148,7 +149,8 @@ impl<P: Predictor<Input: Item>> Live<P> {
         Asked { request, stamps_us: state.intake.stamps_us(), at }
     }
 
-    /// Waits at most `most` for what was asked; whether it is there, or its deadline has passed.
+    /// Waits at most `most` for the requested prediction. Returns whether it is there, or its
+    /// deadline has passed.
     ///
     /// # Errors
     /// [`LiveError::Panicked`] if the worker has ended.
@@ -164,7 +166,7 @@ impl<P: Predictor<Input: Item>> Live<P> {
         Ok(is_there || asked.request.due.is_some_and(|due| due <= Instant::now()))
     }
 
-    /// The newest finished prediction, with its age, in answer to what was asked.
+    /// The newest finished prediction, with its age, in answer to a request.
     ///
     /// # Errors
     /// As [`Self::predict`].
@@ -234,7 +236,7 @@ impl<P: Predictor<Input: Item>> Live<P> {
         }
     }
 
-    /// The error of a worker that ended by itself.
+    /// The error of a worker that ended unexpectedly.
     fn panicked(&mut self) -> LiveError {
         if let Some(Err(cause)) = self.worker.take().map(JoinHandle::join) {
             self.panic = message(&*cause);

@@ -60,19 +60,19 @@ impl fmt::Display for Overload {
 #[non_exhaustive]
 #[must_use]
 pub struct QueueOptions {
-    /// Most waiting events of 16 bytes, 1 to [`Self::MAX`], allocated at the start. Default:
-    /// 65,536.
+    /// Maximum number of waiting events of 16 bytes, 1 to [`Self::MAX`], allocated at the start.
+    /// Default: 65,536.
     pub capacity: usize,
     /// Rule for events that are too fast for the engine. Default: the oldest make room.
     pub overload: Overload,
-    /// Most events that the worker inserts before it checks whether a prediction is due, 1 to
-    /// [`Self::MAX`]. Default: 64.
+    /// Maximum number of events that the worker inserts before it checks whether a prediction is
+    /// due, 1 to [`Self::MAX`]. Default: 64.
     pub batch: usize,
     /// Core of the worker's thread, one of [`cores`](crate::cores). Default: the system's choice.
     pub core: Option<usize>,
     /// Whether the worker advances the clock and computes while it would wait. Answers come sooner,
-    /// above all where many events leave at once; in total, more is computed. Predictions keep
-    /// their bits, unless an approximation depends on when they are read. Default: false.
+    /// mainly if many events leave at once; in total, more is computed. Predictions keep their
+    /// bits, unless an approximation depends on when they are read. Default: false.
     pub ahead: bool,
 }
 
@@ -116,7 +116,7 @@ impl QueueOptions {
         Self { ahead, ..self }
     }
 
-    /// Bytes that a queue of `T` and the batch of its worker take for as long as they live.
+    /// Bytes that a queue of `T` and the batch of its worker use during their lifetime.
     pub fn bytes<T>(&self) -> usize {
         (self.capacity + self.batch) * size_of::<T>()
     }
@@ -149,7 +149,7 @@ pub struct QueueCounters {
     pub dropped_oldest: u64,
     /// Dropped for lack of room.
     pub dropped_newest: u64,
-    /// Dropped while congested: the number was no multiple of the stride.
+    /// Dropped while congested: the number was not a multiple of the stride.
     pub thinned: u64,
     /// Dropped while congested: did not pass the filters.
     pub filtered: u64,

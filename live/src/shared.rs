@@ -28,7 +28,7 @@ pub(crate) struct Request {
     pub(crate) advance_us: Option<i64>,
     /// Deadline of the answer.
     pub(crate) due: Option<Instant>,
-    /// When the first event after those of the request before was offered.
+    /// Time at which the first event after those of the previous request was offered.
     pub(crate) offered: Option<Instant>,
 }
 
@@ -47,13 +47,13 @@ pub(crate) struct Answer {
     pub(crate) covered: u64,
     /// Time of the last event that it covers.
     pub(crate) covered_us: Option<i64>,
-    /// What the engine has lost and how often it has restarted, up to this prediction.
+    /// Losses and restarts of the engine up to this prediction.
     pub(crate) losses: Losses,
     /// Start of the computation.
     pub(crate) begun: Instant,
 }
 
-/// What a prediction does not hold although it was given to the engine; since the worker started.
+/// Inputs that the engine received but a prediction does not cover, since the worker started.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Losses {
     /// Events or frames that the engine dropped.
@@ -83,7 +83,7 @@ impl Answer {
         }
     }
 
-    /// Copies what `prediction` says.
+    /// Copies the content of `prediction`.
     pub(crate) fn copy(&mut self, prediction: Prediction<'_>) {
         self.values.clear();
         self.values.extend_from_slice(prediction.values);
@@ -93,7 +93,7 @@ impl Answer {
     }
 }
 
-/// The state that a prediction is computed for without a request.
+/// The state for which a prediction is computed without a request.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Ahead {
     /// Position of the last event.
@@ -109,7 +109,7 @@ pub(crate) struct Task {
     pub(crate) covered: u64,
     /// The request for a prediction, if any.
     pub(crate) request: Option<Request>,
-    /// What to compute although nothing is requested.
+    /// Prediction to compute although nothing is requested.
     pub(crate) ahead: Option<Ahead>,
     /// Whether the queue is congested.
     pub(crate) congested: bool,
@@ -136,12 +136,12 @@ pub(crate) struct State<T> {
     congested: bool,
     asked: u64,
     request: Option<Request>,
-    /// When the first event since the newest request was offered.
+    /// Time at which the first event since the newest request was offered.
     offered: Option<Instant>,
     pub(crate) answer: Answer,
     /// The engine's counts of events, as of the worker's last task.
     pub(crate) events: EventCounters,
-    /// What the worker last computed ahead.
+    /// State for which the worker last computed ahead.
     computed: Ahead,
     /// Whether the worker is waiting.
     idle: bool,
@@ -218,8 +218,8 @@ impl<T: Item> Shared<T> {
         }
     }
 
-    /// Offers `events`; `passes` holds whether each passes the filters. Waits if the rule is to
-    /// wait. Returns the number processed: all, unless the worker ends.
+    /// Offers `events`; `passes` tells whether each passes the filters. Waits if the rule is to
+    /// wait. Returns the number of processed events: all, unless the worker ends.
     pub(crate) fn offer(&self, events: &[T], passes: &[bool]) -> usize {
         let mut state = self.lock();
         let mut taken = 0;
@@ -235,7 +235,7 @@ impl<T: Item> Shared<T> {
             }
             let start = Instant::now();
             state.blocked = true;
-            // A wake-up for every batch taken would cost more than the batch.
+            // A wake-up for each taken batch would cost more than the batch.
             while state.intake.is_crowded() && !state.is_closed() {
                 state = self.room.wait(state).unwrap_or_else(PoisonError::into_inner);
             }
@@ -248,7 +248,8 @@ impl<T: Item> Shared<T> {
     pub(crate) fn advance(&self, t_us: i64) {
         let mut state = self.lock();
         let entered = state.intake.entered();
-        // After newer events, the clock may have restarted; too early an advance has no effect.
+        // After newer events, the clock may have restarted; an advance to an earlier time has no
+        // effect.
         let before = state.moved.filter(|&(position, _)| position == entered);
         state.moved = Some((entered, before.map_or(t_us, |(_, before)| before.max(t_us))));
         if self.ahead {
@@ -288,7 +289,7 @@ impl<T: Item> Shared<T> {
 
     /// Waits for a task, with computing ahead as the last choice, and appends at most `most` events
     /// to `batch`; `None` if the worker must end. While a prediction is requested, takes no event
-    /// beyond its target, except one if the target was dropped.
+    /// beyond its target, except one event if the target was dropped.
     pub(crate) fn next(&self, most: usize, batch: &mut Vec<T>, events: EventCounters) -> Option<Task> {
         let mut state = self.lock();
         state.events = events;
@@ -328,7 +329,7 @@ impl<T: Item> Shared<T> {
         Some(Task { covered: state.covered, request: state.request, ahead: None, congested: state.congested })
     }
 
-    /// Publishes the outcome of `request` through `write`, with what the engine has counted.
+    /// Publishes the outcome of `request` through `write`, with the engine's counts.
     pub(crate) fn publish(&self, request: u64, events: EventCounters, write: impl FnOnce(&mut Answer)) {
         let mut state = self.lock();
         state.events = events;
@@ -338,7 +339,7 @@ impl<T: Item> Shared<T> {
         self.answered.notify_all();
     }
 
-    /// Moves the clock of a checked case, and wakes who may wait until that time.
+    /// Moves the clock of a checked case, and wakes the threads that may wait until that time.
     #[cfg(all(test, meissner_loom))]
     pub(crate) fn move_clock(&self, now: Duration) {
         let _state = self.lock();

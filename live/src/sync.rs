@@ -1,7 +1,7 @@
 //! Locks, threads and the clock: the standard library's, or those of the model checker loom.
 //!
-//! Under `--cfg meissner_loom` loom runs every order in which threads can take the lock and wake
-//! each other (`interleavings.rs`). Its time stands still until a test moves it.
+//! Under `--cfg meissner_loom`, loom runs every order in which threads can take the lock and wake
+//! each other (`interleavings.rs`). Its clock stands still until a test moves it.
 
 #[cfg(all(test, meissner_loom))]
 pub(crate) use checked::{Condvar, Instant, JoinHandle, Mutex, MutexGuard, thread};
@@ -26,7 +26,8 @@ pub(crate) mod checked {
     pub(crate) use loom::sync::{Mutex, MutexGuard};
     pub(crate) use loom::thread::{self, JoinHandle};
 
-    /// Line of the caller that wakes nobody, or 0; and the lines that have woken somebody so far.
+    /// Line of the caller whose wake-up is left out, or 0; and the lines that have woken a thread
+    /// so far.
     pub(crate) static WAKE_UPS: std::sync::Mutex<(u32, BTreeSet<u32>)> =
         std::sync::Mutex::new((0, BTreeSet::new()));
     /// The time, in nanoseconds.
@@ -44,7 +45,7 @@ pub(crate) mod checked {
             self.0.wait(guard)
         }
 
-        /// Waits until it is woken: what moves the clock wakes the waiting threads.
+        /// Waits until it is woken: a move of the clock wakes the waiting threads.
         pub(crate) fn wait_timeout<'a, T>(
             &self,
             guard: MutexGuard<'a, T>,
@@ -54,7 +55,7 @@ pub(crate) mod checked {
             Ok((woken, ()))
         }
 
-        /// Wakes all who may wait until a time.
+        /// Wakes all threads that may wait until a time.
         pub(crate) fn time_out(&self) {
             self.0.notify_all();
         }

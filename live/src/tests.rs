@@ -1,4 +1,5 @@
-//! The queue equals a model that processes one event at a time. The worker's pace and priority.
+//! Compares the queue with a model that processes one event at a time; tests the worker's pace and
+//! priority.
 
 use meissner_engine::Event;
 use meissner_engine::filters::Chain;

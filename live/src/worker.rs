@@ -1,4 +1,5 @@
-//! The thread that owns the engine: its loop, when it predicts, its core and its priority.
+//! The thread that owns the engine: its loop, the start of its predictions, its core and its
+//! priority.
 //!
 //! Input: batches of events, requests. Output: answers. Invariant: a request is answered as soon as
 //! all events that it must cover have been inserted, or as late as its deadline allows.
@@ -32,7 +33,7 @@ pub(crate) fn run<P: Predictor<Input: Item>>(
     let mut batch = Vec::with_capacity(most);
     let mut covered_us = None;
     let mut lowered = None;
-    // Why an input was refused; the next request gets it.
+    // Error of a refused input; the next request gets it.
     let mut refused = None;
     let before = predictor.event_counters();
     let mut given = 0;
@@ -59,7 +60,7 @@ pub(crate) fn run<P: Predictor<Input: Item>>(
             if let Some(t_us) = ahead.advance_us {
                 predictor.advance(t_us);
             }
-            // Whoever asks gets the error, or the same prediction again.
+            // The next request gets the error, or the same prediction again.
             let _ = predictor.predict();
             pace.predicted(now.elapsed());
         }
@@ -82,7 +83,8 @@ pub(crate) fn run<P: Predictor<Input: Item>>(
                 answer.error = None;
                 (answer.covered, answer.covered_us) = (task.covered, covered_us);
                 answer.losses = Losses {
-                    // What the network's filters drop is no loss: the prediction is without it.
+                    // Events that the network's filters drop are not losses: the prediction is
+                    // meant to be without them.
                     dropped: (events.pushed - before.pushed)
                         - (events.accepted - before.accepted)
                         - (events.filtered - before.filtered),
@@ -97,10 +99,10 @@ pub(crate) fn run<P: Predictor<Input: Item>>(
     predictor
 }
 
-/// Decides when a prediction starts that cannot cover all events, from recent durations.
+/// Decides from recent durations when to start a prediction that cannot cover all events.
 ///
 /// It starts twice the recent duration of a batch and a prediction before its deadline. While
-/// events wait, predictions take at most half of the time: they would starve the events.
+/// events wait, predictions take at most half of the time: otherwise they would starve the events.
 #[derive(Debug, Default)]
 pub(crate) struct Pace {
     /// Longest recent duration; it decays by an eighth with each new one.
@@ -142,17 +144,17 @@ pub fn cores() -> Vec<usize> {
     core_affinity::get_core_ids().unwrap_or_default().into_iter().map(|core| core.id).collect()
 }
 
-/// Pins the calling thread to `core`; whether it is pinned.
+/// Pins the calling thread to `core`; returns whether it is pinned.
 pub(crate) fn pin(core: usize) -> bool {
     cores().contains(&core) && core_affinity::set_for_current(core_affinity::CoreId { id: core })
 }
 
-/// Lowest priority. On Linux each thread has a niceness (sched(7)), which only some may lower
-/// again.
+/// Lowest priority. On Linux each thread has a niceness (sched(7)), which only some processes may
+/// lower again.
 #[cfg(target_os = "linux")]
 const LOWEST: i32 = 19;
 
-/// Gives the calling thread the lowest priority; its niceness before, `None` if refused.
+/// Gives the calling thread the lowest priority; returns its former niceness, `None` if refused.
 #[cfg(target_os = "linux")]
 pub(crate) fn lower_priority() -> Option<i32> {
     use rustix::process::{getpriority_process, setpriority_process};
@@ -161,7 +163,7 @@ pub(crate) fn lower_priority() -> Option<i32> {
     Some(before)
 }
 
-/// Gives the calling thread the niceness `before` again; whether the system allows it.
+/// Gives the calling thread the niceness `before` again; returns whether the system allows it.
 #[cfg(target_os = "linux")]
 pub(crate) fn restore_priority(before: i32) -> bool {
     rustix::process::setpriority_process(None, before).is_ok()
@@ -178,7 +180,7 @@ pub(crate) fn restore_priority(_: i32) -> bool {
     false
 }
 
-/// Whether a thread may restore a lowered priority. A thread tries it, which then ends.
+/// Whether a thread may restore a lowered priority. A separate thread tries it and then ends.
 pub(crate) fn can_restore_priority() -> bool {
     std::thread::spawn(|| lower_priority().is_some_and(restore_priority)).join().unwrap_or(false)
 }

@@ -18,7 +18,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let description = FrameDescription::shipped("force-lstm").ok_or("no such network")?;
     let weights = Weights::shipped("force-lstm").ok_or("no weights")?;
     let network = FrameNetwork::new(description.network_parts(&weights)?, Convolution::Direct)?;
-    // Frames of events are mostly empty: `sparse` keeps the answer to a frame of zeros.
+    // Frames of events are mostly empty: `sparse` stores the answer to a frame of zeros.
     let mut engine = FrameEngine::with_options(network, FrameOptions::new().with_sparse(true))?;
 
     // The description says how frames are made.

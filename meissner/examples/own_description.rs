@@ -1,4 +1,4 @@
-//! A network of one's own: a description in TOML, weights from a seed, incremental and batch.
+//! Your own network: a description in TOML, weights from a seed, incremental and batch.
 //!
 //! ```text
 //! cargo run --release -p meissner --example own_description

@@ -5,7 +5,7 @@
 //! ```
 //!
 //! WEIGHTS is a safetensors file or a state dict (`torch.save(model.state_dict(), "weights.pth")`),
-//! of which nothing is executed. `docs/weights-from-pytorch.md` has the layouts.
+//! which is never executed. `docs/weights-from-pytorch.md` has the layouts.
 
 use std::collections::BTreeMap;
 use std::error::Error;

@@ -1,9 +1,10 @@
 //! Network descriptions: a TOML file, checked into an acyclic graph of layers with shapes.
 //!
-//! Enters: text. Leaves: a [`Description`], or every inconsistency with its line. Invariant: a
-//! description makes a network of any weights that have its tensors.
+//! Input: text. Output: a [`Description`], or every inconsistency with its line. Invariant: a
+//! description makes a network from any weights that have its tensors.
 //!
-//! `docs/network-files.md` has every table and key; `models/tests/network_files.rs` compares it.
+//! `docs/network-files.md` lists every table and key; `models/tests/network_files.rs` compares it
+//! with the parser.
 
 mod any;
 pub mod convolution;
@@ -114,7 +115,7 @@ impl Description {
         self.span_us
     }
 
-    /// Most events that the window holds.
+    /// Maximum number of events that the window holds.
     pub fn capacity(&self) -> usize {
         self.capacity
     }
@@ -124,7 +125,7 @@ impl Description {
         self.normalisation
     }
 
-    /// Size of the cells in which the place of an event is an input.
+    /// Size of the cells, if the place of an event in its cell is an input.
     pub fn place(&self) -> Option<[Fraction; 2]> {
         self.place
     }
@@ -134,7 +135,7 @@ impl Description {
         if self.place.is_some() { 3 } else { 1 }
     }
 
-    /// The filters before it, in the order in which events meet them.
+    /// The filters before the network, in the order in which events pass them.
     pub fn filters(&self) -> &[FilterRule] {
         &self.filters
     }
@@ -144,7 +145,7 @@ impl Description {
         self.graph
     }
 
-    /// Scale of the event level's edge attributes; 1, unused, if normalised per graph.
+    /// Scale of the event level's edge attributes; 1 and unused if normalised per graph.
     pub fn scale(&self) -> f32 {
         self.scale
     }
@@ -154,7 +155,7 @@ impl Description {
         (&self.outputs, &self.units)
     }
 
-    /// The layers, each after those it reads, without those of a head.
+    /// The layers, each after the layers that it reads, without those of a head.
     pub fn layers(&self) -> &[Layer] {
         &self.layers
     }
@@ -169,7 +170,8 @@ impl Description {
         1 + self.layers.iter().filter(|l| matches!(l.kind, LayerKind::Pool { .. })).count()
     }
 
-    /// Trained parameters: weights, biases, and batch norm's two, without its running statistics.
+    /// Number of trained parameters: weights, biases, and the two of batch norm, without its
+    /// running statistics.
     pub fn parameters(&self) -> usize {
         let layers = self.layers.iter().map(|layer| layer.parameters);
         layers.chain(self.head.iter().map(|layer| layer.parameters)).sum()
@@ -182,8 +184,8 @@ impl Description {
 }
 
 impl Description {
-    /// The network with `weights`. Their names may differ as the habits of `PyTorch` make them:
-    /// `docs/weights-from-pytorch.md` lists which.
+    /// The network with `weights`. Their names may differ according to the habits of `PyTorch`,
+    /// which `docs/weights-from-pytorch.md` lists.
     ///
     /// # Errors
     /// [`ModelError::Weights`] with every tensor that is missing, of another shape or type, or not
@@ -196,8 +198,8 @@ impl Description {
         self.network_ignoring_preparation(weights)
     }
 
-    /// As [`Self::network`], whatever graphs the weights were trained on: predictions then are not
-    /// what they were trained for.
+    /// As [`Self::network`], even if the weights were trained on other graphs: predictions then
+    /// differ from those of the training.
     ///
     /// # Errors
     /// As [`Self::network`], without [`ModelError::Preparation`].
@@ -208,7 +210,7 @@ impl Description {
         Ok(network.with_training_windows(weights.training_windows()?))
     }
 
-    /// `None` where a tensor does not fit.
+    /// `None` if a tensor does not fit.
     fn parts(&self, tensors: &mut Tensors<'_>) -> Result<Option<NetworkParts>, ModelError> {
         let mut levels = vec![Level { scale: self.scale, blocks: Vec::new() }];
         let mut poolings = Vec::new();

@@ -1,14 +1,14 @@
-//! Weights drawn from a seed, for tests, latencies and examples. They predict nothing.
+//! Weights drawn from a seed, for tests, latencies and examples. Their predictions have no meaning.
 //!
-//! Enters: a description and a seed. Leaves: its tensors, with the same bits on every machine:
+//! Input: a description and a seed. Output: its tensors, with the same bits on every machine:
 //! integers, additions, multiplications and square roots in f64, rounded once to f32.
 //!
 //! Each tensor has its own stream of [`Random`], seeded with the seed plus the FNV-1a hash of its
-//! name, and depends on no other. A normal value is the sum of four uniform ones, centred and
-//! scaled to variance 1 (Irwin-Hall). Weights have variance 2 / inputs (He et al. 2015): a spline
-//! convolution's inputs are its channels, as an edge's basis sums to 1; `PointNet`'s also the
-//! offset. Running variances are drawn around the expected one, so that activations neither explode
-//! nor vanish.
+//! name, and does not depend on other tensors. A normal value is the sum of four uniform ones,
+//! centred and scaled to variance 1 (Irwin-Hall). Weights have variance 2 / inputs (He et al.
+//! 2015): a spline convolution's inputs are its channels, because an edge's basis sums to 1; those
+//! of `PointNet` include the offset. Running variances are drawn around the expected one, so that
+//! activations neither explode nor vanish.
 
 use std::hash::Hasher;
 
@@ -50,7 +50,7 @@ pub fn draw(description: &impl Drawable, seed: u64) -> Weights {
     }))
 }
 
-/// A safetensors file of weights [drawn](draw()) from `seed`, with a card that says so. Equal
+/// A safetensors file of weights [drawn](draw()) from `seed`, with a card that states this. Equal
 /// descriptions and seeds give equal bytes.
 pub fn drawn_file(description: &impl Drawable, seed: u64) -> Vec<u8> {
     let entries = [

@@ -1,4 +1,4 @@
-//! The errors between a description, a weights file and a network, and files read up to a bound.
+//! The errors of descriptions, weights files and networks, and reading of files up to a bound.
 
 use std::borrow::Cow;
 use std::fs::File;
@@ -28,7 +28,7 @@ pub enum ModelError {
     /// Bytes are not a weights file that can be read.
     #[error(transparent)]
     Format(#[from] FormatError),
-    /// Weights lack tensors of a network, or have other tensors in their place.
+    /// Weights lack tensors of a network, or have different tensors instead.
     #[error("weights do not fit network {network:?}: {}", lines(problems))]
     Weights { network: String, problems: Vec<TensorProblem> },
     /// The build left out the weights of a network that comes with the crate.
@@ -43,7 +43,7 @@ pub enum ModelError {
         prefixes.join(", ")
     )]
     Ambiguous { network: String, prefixes: Vec<String> },
-    /// Two tensors of weights could be one of a network.
+    /// Two tensors of weights could be the same tensor of a network.
     #[error(
         "weights for network {network:?}: tensor {tensor:?}: expected one in the file, found {}",
         found.iter().map(|name| format!("{name:?}")).collect::<Vec<_>>().join(", ")
@@ -80,10 +80,10 @@ pub enum ModelError {
     Engine(#[from] meissner_engine::EngineError),
 }
 
-/// Missing tensors that a message names.
+/// Number of missing tensors that a message names.
 const MAX_MISSING: usize = 8;
 
-/// The problems, one a line; of missing tensors the first few, and how many more there are.
+/// The problems, one per line; the first few missing tensors, and the number of further ones.
 fn lines(problems: &[TensorProblem]) -> String {
     let mut missing = 0;
     let shown = problems.iter().filter(|problem| {
@@ -99,10 +99,10 @@ fn lines(problems: &[TensorProblem]) -> String {
 
 /// Longest line of a message, in bytes.
 const LINE_BYTES: usize = 1000;
-/// Most lines of a message.
+/// Maximum number of lines of a message.
 const LINES: usize = 100;
 
-/// The message `text` in part, if very long: each line's beginning and end, and the first 100
+/// The message `text`, shortened if very long: each line's beginning and end, and the first 100
 /// lines. Names can have any length.
 ///
 /// ```
@@ -144,7 +144,7 @@ fn line_in_part(line: &str) -> Cow<'_, str> {
 pub struct TensorProblem {
     /// Its name in the network.
     pub tensor: String,
-    /// Its name in the file, where that is another.
+    /// Its name in the file, if it is different.
     pub in_file: Option<String>,
     /// The part that does not fit.
     pub kind: TensorProblemKind,
@@ -157,17 +157,17 @@ impl TensorProblem {
     }
 }
 
-/// Tensors of a file that no layer reads and that look like a missing one.
+/// Tensors of a file that no layer reads and that resemble a missing one.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Lookalikes {
     /// Names of the first few.
     pub names: Vec<String>,
-    /// How many there are.
+    /// Their number.
     pub count: usize,
 }
 
 impl Lookalikes {
-    /// Names that are kept.
+    /// Maximum number of kept names.
     const MAX: usize = 4;
 
     pub(crate) fn of<'a>(names: impl Iterator<Item = &'a str>) -> Self {
@@ -194,7 +194,7 @@ impl fmt::Display for Lookalikes {
     }
 }
 
-/// What a missing tensor could be, after the message.
+/// The candidates for a missing tensor, at the end of the message.
 fn could_be(same: &Lookalikes, transposed: &Lookalikes) -> String {
     let named = [("of this shape", same), ("of this shape transposed", transposed)];
     let named = named.into_iter().filter(|(_, lookalikes)| lookalikes.count > 0);
@@ -203,7 +203,7 @@ fn could_be(same: &Lookalikes, transposed: &Lookalikes) -> String {
     named.concat()
 }
 
-/// Why a tensor does not fit.
+/// The reason why a tensor does not fit.
 #[derive(Clone, Debug, PartialEq, Error)]
 #[non_exhaustive]
 #[expect(missing_docs, reason = "the messages explain the fields")]
@@ -214,7 +214,7 @@ pub enum TensorProblemKind {
         expected: Vec<usize>,
         /// Tensors of its shape that no layer reads.
         same: Lookalikes,
-        /// Those of the same sizes in another order.
+        /// Tensors of the same sizes in another order.
         transposed: Lookalikes,
     },
     /// It has another shape.
@@ -243,7 +243,8 @@ pub enum TensorProblemKind {
     },
 }
 
-/// The bytes of the file at `path`: at most one beyond `limit` is read, also from a device or pipe.
+/// The bytes of the file at `path`. Reads at most one byte beyond `limit`, also from a device or
+/// pipe.
 pub(crate) fn read(path: &Path, limit: u64) -> Result<Vec<u8>, ModelError> {
     let unreadable = |source| ModelError::Read { path: path.to_owned(), source };
     let large = |found| ModelError::Large { path: path.to_owned(), limit, found };

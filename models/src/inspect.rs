@@ -1,6 +1,6 @@
-//! Reports on a description: a table for people, data for programs, pictures of the graph.
+//! Reports on a description: a readable table, data for programs, pictures of the graph.
 //!
-//! Enters: a checked description. Leaves: text. Invariant: equal descriptions give equal bytes.
+//! Input: a checked description. Output: text. Invariant: equal descriptions give equal bytes.
 
 pub(crate) mod picture;
 pub(crate) mod view;
@@ -23,7 +23,7 @@ pub struct Summary {
     pub description: Description,
     /// Rule of the event graph.
     pub graph: GraphSummary,
-    /// How edge attributes are made on each level.
+    /// Definition of the edge attributes on each level.
     pub edge_attributes: EdgeSummary,
     /// Trained parameters, without running statistics.
     pub parameters: usize,
@@ -46,13 +46,13 @@ pub struct FrameSummary {
     pub parameters: usize,
     /// Values in the tensors it needs, with running statistics.
     pub values: usize,
-    /// Products of weights with values, each with the sum that it enters, for one frame.
+    /// Number of multiply-adds of weights with values for one frame.
     pub multiply_adds: usize,
-    /// Values that it keeps from frame to frame.
+    /// Number of values that it keeps from frame to frame.
     pub state: usize,
     /// The tensors it needs.
     pub tensors: Vec<TensorSummary>,
-    /// The metadata `preparation` of weights trained for it; none where frames do not come from
+    /// The metadata `preparation` of weights trained for it; `None` if frames do not come from
     /// electrodes.
     pub preparation: Option<String>,
     /// Shape of the prediction.
@@ -64,9 +64,9 @@ pub struct FrameSummary {
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(untagged)]
 pub enum AnySummary {
-    /// Of a network over events.
+    /// Data of a network over events.
     Events(Summary),
-    /// Of a frame network.
+    /// Data of a frame network.
     Frames(FrameSummary),
 }
 
@@ -76,7 +76,7 @@ pub enum AnySummary {
 pub struct GraphSummary {
     /// "knn" or "radius".
     pub kind: &'static str,
-    /// Most in-edges of an event.
+    /// Maximum number of in-edges of an event.
     pub most: usize,
     /// Largest distance, in shares of sensor and span; none for "knn".
     pub radius: Option<f64>,
@@ -84,17 +84,17 @@ pub struct GraphSummary {
     pub candidates: &'static str,
     /// "window" or "frozen"; none for "all".
     pub lifetime: Option<&'static str>,
-    /// Scale of the event level's edge attributes; none where they are normalised per graph.
+    /// Scale of the event level's edge attributes; `None` if they are normalised per graph.
     pub scale: Option<f32>,
 }
 
-/// How edge attributes are made.
+/// Definition of edge attributes.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[non_exhaustive]
 pub struct EdgeSummary {
     /// The attribute of the edge by which row i reads row j.
     pub attribute: &'static str,
-    /// The offset of that edge, where a layer reads it.
+    /// The offset of that edge, if a layer reads it.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub offset: Option<&'static str>,
     /// Positions p.
@@ -129,7 +129,8 @@ pub struct TensorSummary {
     pub dtype: &'static str,
     /// Its content and its axes, outermost first.
     pub meaning: &'static str,
-    /// Of a spline kernel, for the index along x, y and t: slot = the sum of index times stride.
+    /// Strides of a spline kernel for the index along x, y and t: slot = the sum of index times
+    /// stride.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub slot_strides: Option<[usize; 3]>,
 }
@@ -138,7 +139,7 @@ impl TensorSummary {
     /// The tensors of a layer, in order; a spline kernel has `slot_strides`.
     fn of(layer: &str, needed: Vec<Needed>, slot_strides: Option<[usize; 3]>) -> impl Iterator<Item = Self> {
         needed.into_iter().map(move |Needed { name, shape, meaning, .. }| {
-            // The kernel alone has slots.
+            // Only the kernel has slots.
             let slot_strides = slot_strides.filter(|_| shape.len() == 3);
             Self { name, layer: layer.to_owned(), shape, dtype: "F32", meaning, slot_strides }
         })

@@ -1,10 +1,10 @@
-//! Network descriptions and weights: a network's layers, in a file, and its numbers.
+//! Network descriptions and weights: a file with a network's layers, and its numbers.
 //!
 //! - [`Description`]: a TOML file, checked into an acyclic graph of layers ([`description`])
 //! - [`FrameDescription`]: the same over frames ([`description::frames`]); [`AnyDescription`]:
 //!   either
 //! - [`Weights`]: tensors from safetensors and `PyTorch` state dicts; [`NameMap`]: other
-//!   names for them; [`Card`]: their metadata; [`TensorFile`]: arrays to be written
+//!   names for them; [`Card`]: their metadata; [`TensorFile`]: arrays to write
 //! - [`inspect`]: a description as a table, as data, as DOT, as SVG
 //! - `shipped`: the networks that come with the crate, by name
 //! - [`draw()`]: weights from a seed

@@ -1,7 +1,7 @@
 //! The descriptions and weights that come with the crate, by name.
 //!
-//! Every description is always there. Weights are there if the cargo feature of the network's name
-//! is on, as all are by default.
+//! Every description is always included. Weights are included if the cargo feature with the
+//! network's name is on; by default, all are on.
 
 use crate::description::frames::FrameDescription;
 use crate::description::{AnyDescription, Description, DescriptionError};
@@ -12,11 +12,11 @@ use crate::weights::card::Card;
 /// The default network: small enough for a laptop, with the published one's shape.
 pub const DEFAULT_NETWORK: &str = "tactigraph-past";
 
-/// A description with the weights that it runs with.
+/// A description with its weights.
 struct Shipped {
     name: &'static str,
     description: &'static str,
-    /// None where the feature of the network's name is off.
+    /// `None` if the feature with the network's name is off.
     weights: Option<&'static [u8]>,
 }
 
@@ -154,7 +154,7 @@ impl Shipped {
 
 impl Weights {
     /// Weights of a network that comes with the crate. "digits-frozen" has those of "digits-past".
-    /// `None` for another name, and where the build [left them out](Self::left_out).
+    /// `None` for another name, and if the build [left them out](Self::left_out).
     ///
     /// # Panics
     /// Never: the tests read every file.
@@ -162,8 +162,8 @@ impl Weights {
         Some(Self::from_bytes(Shipped::find(name)?.weights?).expect("shipped weights are readable"))
     }
 
-    /// Why [`Self::shipped`] has no weights for a network that comes with the crate: the build left
-    /// out the feature of that name. `None` if it has them, and for another name.
+    /// The reason why [`Self::shipped`] has no weights for a network that comes with the crate: the
+    /// build left out the feature of that name. `None` if it has them, and for another name.
     pub fn left_out(name: &str) -> Option<ModelError> {
         let shipped = Shipped::find(name).filter(|shipped| shipped.weights.is_none())?;
         Some(ModelError::LeftOut { network: shipped.name })

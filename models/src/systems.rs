@@ -1,5 +1,5 @@
-//! What surrounds a network in its system: from the sensor's values to the input, and from the
-//! output to what a controller reads.
+//! The parts of a system around a network: from the sensor's values to the input, and from the
+//! output to the values that a controller reads.
 
 pub mod contact_area;
 pub mod slip;
@@ -19,10 +19,10 @@ pub struct OutputsError {
     pub found: String,
 }
 
-/// `Ok` where the `outputs` of `network` are `classes`.
+/// `Ok` if the `outputs` of `network` are `classes`.
 ///
 /// # Errors
-/// [`OutputsError`] where they are something else.
+/// [`OutputsError`] if they differ.
 pub fn check_outputs(network: &str, outputs: &[String], classes: &[&str]) -> Result<(), OutputsError> {
     if outputs == classes {
         return Ok(());
@@ -35,7 +35,7 @@ pub mod digits {
     //! Handwritten digits in front of a moving event camera (N-MNIST, 34 x 34 pixels): 10 classes.
     //!
     //! - [`CLASSES`]: the digits, in the order of a network's outputs; [`SENSOR`]: the pixels,
-    //! - [`trained_as`]: the network whose weights a network runs with.
+    //! - [`trained_as`]: the network whose weights a network uses.
 
     use meissner_engine::Sensor;
 
@@ -45,19 +45,21 @@ pub mod digits {
     /// The sensor of all recordings.
     pub const SENSOR: Sensor = Sensor { width: 34, height: 34 };
 
-    /// Networks that run with the weights of another network, and that network.
+    /// Networks that use the weights of another network, and that network.
     const SHARED_WEIGHTS: &[(&str, &str)] = &[("digits-frozen", "digits-past")];
 
-    /// The network that the weights of `network` were trained as: itself, or one that shares them.
+    /// The network with which the weights of `network` were trained: itself, or one that shares
+    /// them.
     pub fn trained_as(network: &str) -> &str {
         SHARED_WEIGHTS.iter().find(|(name, _)| *name == network).map_or(network, |(_, trained)| trained)
     }
 }
 
 pub mod touch {
-    //! Objects and containers in a gripper, felt by a tactile skin with 39 taxels (`NeuTouch`).
+    //! Objects and containers in a gripper under a tactile skin with 39 taxels (`NeuTouch`).
     //!
-    //! - [`OBJECTS`], [`CONTAINERS`]: the classes, in the order of outputs; the data number them.
+    //! - [`OBJECTS`], [`CONTAINERS`]: the classes, in the order of outputs; the data contain their
+    //!   numbers.
     //! - [`SENSOR`]: the pixels, steps of 0.05 mm.
 
     use meissner_engine::Sensor;

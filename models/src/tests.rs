@@ -59,7 +59,7 @@ mod shipped {
         for name in AnyDescription::shipped_names() {
             let description = AnyDescription::shipped(name).expect("a description");
             let (outputs, units) = description.outputs();
-            // Values of classes and of pixels have no range of their own.
+            // Values of classes and of pixels have no range.
             let quantities = description.classes().is_none() && units[0] != "N/pixel";
             let ranges = Card::shipped(name).expect("a card").ranges;
             assert_eq!(ranges.map(|ranges| ranges.len()), quantities.then_some(outputs.len()), "{name}");

@@ -1,6 +1,6 @@
 //! Weights: named tensors, from safetensors or from `PyTorch` state dicts.
 //!
-//! Enters: untrusted bytes. Leaves: [`Weights`]: floats as f32; name, type and shape of others.
+//! Input: untrusted bytes. Output: [`Weights`]: floats as f32; name, type and shape of others.
 //! Invariant: memory stays within a small multiple of the file; nothing is executed.
 
 pub(crate) mod card;
@@ -43,7 +43,7 @@ const MAX_FILE: u64 = 1 << 31;
 pub struct Weights {
     tensors: BTreeMap<String, Tensor>,
     metadata: BTreeMap<String, String>,
-    /// Names that a map gave: they are the network's.
+    /// Names from a map: they are names of the network.
     mapped: BTreeSet<String>,
 }
 
@@ -68,12 +68,13 @@ impl Weights {
 
     /// Reads weights from the bytes of a file.
     ///
-    /// F32, F64, F16 and BF16 become f32, rounded to nearest. A state dict is what `torch.save`
-    /// writes by default (a zip of stored entries, pickle protocol 2): itself, or a checkpoint with
-    /// one under `state_dict`, `model_state_dict`, `model`, `net` or `module`.
+    /// F32, F64, F16 and BF16 become f32, rounded to nearest. A state dict is a file that
+    /// `torch.save` writes by default (a zip of stored entries, pickle protocol 2): the state dict
+    /// itself, or a checkpoint that contains one under `state_dict`, `model_state_dict`, `model`,
+    /// `net` or `module`.
     ///
     /// # Errors
-    /// [`FormatError`] for bytes in neither format, damaged, or that would execute something, such
+    /// [`FormatError`] for bytes that are in neither format, damaged, or would execute code, such
     /// as a whole module.
     pub fn from_bytes(bytes: &[u8]) -> Result<Self, FormatError> {
         if bytes.starts_with(state_dict::MAGIC) {
@@ -117,7 +118,8 @@ impl Weights {
         file.into_bytes()
     }
 
-    /// The floating-point tensors in the smallest type that has their values, with `metadata`.
+    /// The floating-point tensors in the smallest type that can represent their values, with
+    /// `metadata`.
     pub fn to_file(&self, metadata: BTreeMap<String, String>) -> TensorFile {
         let mut file = TensorFile::new(metadata);
         for (name, tensor) in &self.tensors {

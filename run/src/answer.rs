@@ -3,7 +3,7 @@
 use meissner_kernels::softmax;
 use serde::Serialize;
 
-/// The index of the first of the largest values; `None` for no values, or where one is NaN.
+/// The index of the first of the largest values; `None` if there are no values, or one is NaN.
 pub fn largest(values: &[f32]) -> Option<usize> {
     if values.iter().any(|value| value.is_nan()) {
         return None;

@@ -1,4 +1,4 @@
-//! Events as they arrive on a stream, and a connection that is made again where it was cut.
+//! Events as they arrive on a stream, and a connection that is made again after it was cut.
 
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
@@ -18,18 +18,18 @@ pub(crate) fn raw_format(path: &Path, options: &ReadOptions) -> Option<Format> {
     asked.or_else(|| streams::is_of_packets(path).then_some(Format::Aedat4))
 }
 
-/// The events of a stream: of a text or records, unless `options` or the stream's name say a format
-/// of raw bytes.
+/// The events of a stream: from a text or records, unless `options` or the stream's name state a
+/// format of raw bytes.
 pub(crate) struct Arriving {
     path: PathBuf,
     options: ReadOptions,
     events: LiveEvents<interrupt::Input>,
-    /// How long a connection that was cut is tried again.
+    /// Time during which a connection that was cut is tried again.
     pub(crate) patience: Duration,
 }
 
 impl Arriving {
-    /// Opens the stream `path`. A connection that is cut is its end.
+    /// Opens the stream `path`. A cut connection is its end.
     pub(crate) fn open(path: &Path, options: &ReadOptions) -> Result<Self> {
         let refused = |source| RunError::recording(&streams::name(path), source);
         let events = match raw_format(path, options) {

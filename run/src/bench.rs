@@ -51,7 +51,7 @@ pub struct BenchOptions {
     pub limit: Option<u64>,
     /// Policy for events that are earlier than an event before them.
     pub late: LatePolicy,
-    /// What is done when the clock of the sensor restarts.
+    /// Rule for restarts of the sensor's clock.
     pub restart: RestartPolicy,
     /// When predictions are read, or the time from frame to frame. The default is every event; for
     /// frames, the length of their windows, or 10 ms for a sliding window.
@@ -68,13 +68,13 @@ pub struct BenchOptions {
     pub burst_rate: Option<u64>,
     /// Period of the deadline report. The default is 1 ms.
     pub period_us: Option<i64>,
-    /// Events of a slice; 0 means 64.
+    /// Number of events of a slice; 0 means 64.
     pub slice: usize,
-    /// Whether engines record which rows they compute, for those who watch them.
+    /// Whether engines record which rows they compute, for observers.
     pub record_rows: bool,
 }
 
-/// A part of a recording, in microseconds since its first event. It has the events with
+/// A part of a recording, in microseconds since its first event. It contains the events with
 /// `first + from <= t < first + from + for`.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Part {
@@ -187,7 +187,7 @@ pub struct InputReport {
 }
 
 impl FrameInputReport {
-    /// The report of the frames of `field` at `moments`; `outside` counts events beside it.
+    /// The report of the frames of `field` at `moments`; `outside` counts events outside the field.
     fn new(
         input: &BenchInput,
         model: &EventFrameModel,

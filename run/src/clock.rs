@@ -10,7 +10,7 @@ const MAX: Duration = Duration::from_hours(10 * 365 * 24);
 /// Longest time after an end until a wait notices it.
 const NAP: Duration = Duration::from_millis(5);
 
-/// Stream time that has passed: all steps forward, without those across a restart.
+/// Stream time that has passed: the sum of all steps forward, without steps across a restart.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Passed {
     newest_us: Option<i64>,
@@ -25,7 +25,7 @@ impl Passed {
         self.newest_us = Some(newest_us);
     }
 
-    /// Adds `us` of stream time that no event shows.
+    /// Adds `us` of stream time without events.
     pub(crate) fn add(&mut self, us: u64) {
         self.us = self.us.saturating_add(us);
     }
@@ -50,7 +50,7 @@ pub struct Clock {
 }
 
 impl Clock {
-    /// A clock at `first_us` at `start` that passes `speed` times as fast as wall clock time.
+    /// A clock that is at `first_us` at `start` and runs `speed` times as fast as the wall clock.
     pub fn new(start: Instant, first_us: i64, speed: f64) -> Self {
         Self { start, first_us, speed }
     }
@@ -68,7 +68,8 @@ impl Clock {
         self.first_us.saturating_add(us as i64)
     }
 
-    /// Waits until `t_us`, `ended`, or a request to end; whether the time has come.
+    /// Waits until `t_us`, until `ended`, or until a request to end; returns whether `t_us` was
+    /// reached.
     pub fn wait(&self, t_us: i64, ended: impl Fn() -> bool) -> bool {
         let at = self.at(t_us);
         while !ended() && !interrupt::requested() {

@@ -108,6 +108,9 @@ pub enum RunError {
     /// The thread of the engine cannot start, or has ended.
     #[error(transparent)]
     Live(LiveError),
+    /// A line of finished measurements, counted from 1, cannot be read.
+    #[error("{}: line {line}: expected a finished measurement", path.display())]
+    Finished { path: PathBuf, line: usize, source: serde_json::Error },
     /// The observer of a run cannot show a result.
     #[error("output")]
     Output(#[source] io::Error),
@@ -130,7 +133,7 @@ fn names_file(error: &ModelError) -> bool {
     matches!(error, ModelError::Read { .. } | ModelError::Large { .. })
 }
 
-/// An error and its sources in one line, the outermost first; each in part where it is long.
+/// An error and its sources in one line, the outermost first; long ones are shortened.
 pub fn chain(error: &dyn Error) -> String {
     let mut text = in_part(&error.to_string()).into_owned();
     let mut inner = error.source();

@@ -1,13 +1,14 @@
 //! Makes the frames that a network reads from events.
 //!
-//! Enters: events in order of arrival. Leaves: the frames that the `[input]` of a description
-//! defines, (channels, rows, columns), each with its time on the clock of the events. Of a silence,
-//! as many empty frames come as [`EmptyFrameLimit`] lets through, and then the number of those left
-//! out: its cost does not depend on its length. Invariant: frames come in order of time, and every
-//! accepted event inside the crop is or will be in a frame.
+//! Input: events in order of arrival. Output: the frames that the `[input]` of a description
+//! defines, (channels, rows, columns), each with its time on the clock of the events. In a silence,
+//! the feed delivers as many empty frames as [`EmptyFrameLimit`] allows, and then the number of
+//! omitted frames: the cost of a silence does not depend on its length. Invariant: frames come in
+//! order of time, and every accepted event inside the crop is or will be in a frame.
 //!
-//! The frame of a consecutive window comes once, when time has passed its end, and has the time of
-//! that end. A sliding window is read when [`Every`] says; its frame has the time of reading.
+//! The frame of a consecutive window is delivered once, when time has passed its end, and has the
+//! time of that end. A sliding window is read when [`Every`] says; its frame has the time of
+//! reading.
 //!
 //! A feed that keeps events can return its state, from which another feed can resume: the events of
 //! the open consecutive window, or those in the span of the sliding window.
@@ -34,11 +35,11 @@ pub use windows::{EmptyFrameLimit, FeedOutput};
 pub struct FeedOptions {
     /// Policy for events that are earlier than an event before them.
     pub late: LatePolicy,
-    /// What is done when the clock of the sensor restarts.
+    /// Rule for restarts of the sensor's clock.
     pub restart: RestartPolicy,
-    /// When a sliding window is read. Consecutive windows come when they end.
+    /// When a sliding window is read. Consecutive windows are delivered when they end.
     pub every: Every,
-    /// How many empty frames come.
+    /// Limit of the number of delivered empty frames.
     pub silence: EmptyFrameLimit,
     /// Whether the feed keeps the events that its state needs.
     pub keeps: bool,
@@ -58,7 +59,7 @@ pub struct FrameFeed {
     kept: Option<VecDeque<Event>>,
     /// Events that were accepted before this input.
     before: u64,
-    /// Events outside the crop that earlier windows counted, less those of earlier inputs.
+    /// Events outside the crop that earlier windows counted, minus those of earlier inputs.
     outside_before: i64,
     /// Events that were evicted before this input.
     evicted_before: u64,
@@ -80,20 +81,20 @@ pub struct FeedState {
     /// The same of events that wait until it is clear whether the clock has restarted.
     #[serde(default)]
     held: Vec<(i64, u16, u16, bool)>,
-    /// What each filter of the network remembers: column, row and time of pixels.
+    /// State of each filter of the network: column, row and time of pixels.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     filters: Vec<Vec<(u16, u16, i64)>>,
 }
 
 impl FeedState {
-    /// The state of a feed whose clock, and with it the first consecutive window, begins at `t_us`.
+    /// The state of a feed whose clock, and so its first consecutive window, begins at `t_us`.
     pub fn beginning(t_us: i64) -> Self {
         let (events, held, filters) = (Vec::new(), Vec::new(), Vec::new());
         Self { epoch_us: t_us, now_us: t_us, accepted: 0, open_us: Some(t_us), events, held, filters }
     }
 
-    /// Refuses frames that are not made as `expected`, and the first field of `state` that a feed
-    /// on `sensor` cannot have written.
+    /// Refuses frames whose preparation is not `expected`, and the first field of `state` that a
+    /// feed on `sensor` cannot have written.
     pub(crate) fn check(
         state: Option<&Self>,
         sensor: Sensor,
@@ -150,7 +151,8 @@ pub(crate) fn read_note<N: DeserializeOwned>(bytes: &[u8], expected: &str) -> Re
     })
 }
 
-/// Least step back of a restart: frames may be shorter than a packet of events is late.
+/// Smallest step back that counts as a restart: frames may be shorter than the delay of a packet of
+/// events.
 const MIN_RESTART_US: i64 = 100_000;
 
 impl FrameFeed {
@@ -192,7 +194,7 @@ impl FrameFeed {
         }
         self.windows.resume(events, state.epoch_us, state.now_us, state.accepted);
         self.gate.resume(state.epoch_us, state.now_us);
-        // A feed that begins has none; a state was checked.
+        // A new feed has no filter state; a given state was checked.
         let _ = self.gate.filters_mut().remember(&state.filters);
         self.watch.hold(&state.held.iter().map(event).collect::<Vec<_>>(), Some(state.now_us));
         self.before = state.accepted;
@@ -226,7 +228,7 @@ impl FrameFeed {
         }
     }
 
-    /// Decides about events that wait for others: there will be none.
+    /// Decides about the events that wait for later events: there will be none.
     ///
     /// # Errors
     /// The first error of `sink`, which is not called again after it.
@@ -235,7 +237,7 @@ impl FrameFeed {
         self.carry_out(&decision, &mut sink).map(drop)
     }
 
-    /// Returns what became of the newest event.
+    /// Carries out a decision; returns the outcome of the newest event.
     fn carry_out<E>(
         &mut self,
         decision: &Decision,
@@ -252,7 +254,7 @@ impl FrameFeed {
         decision.enter(|event| self.enter(event, sink))
     }
 
-    /// Takes an event whose time is that of the clock.
+    /// Takes an event whose time agrees with the clock.
     fn enter<E>(
         &mut self,
         event: Event,
@@ -284,7 +286,7 @@ impl FrameFeed {
     }
 
     /// Advances time to `t_us`. The frames that end or are due before it go to `sink`. Earlier
-    /// times, and any time before the first event, change nothing.
+    /// times, and times before the first event, change nothing.
     ///
     /// # Errors
     /// The first error of `sink`, which is not called again after it.
@@ -309,7 +311,8 @@ impl FrameFeed {
         done
     }
 
-    /// Delivers the open window, or the sliding one if it is due once more; nothing at first.
+    /// Delivers the open window, or the sliding one if it is due once more; nothing before the
+    /// first event.
     ///
     /// # Errors
     /// The error of `sink`.

@@ -1,10 +1,11 @@
 //! The signals that ask the program to end: SIGINT (Ctrl-C), SIGTERM, and SIGHUP (its terminal is
-//! gone) unless that is ignored from the start, as by `nohup`.
+//! gone) unless SIGHUP is ignored from the start, as by `nohup`.
 //!
 //! At first, each signal ends the program at once with exit status [`STATUS`]. A subcommand that
 //! works on a stream calls [`listen`] once it has results to keep. From then on the first signal is
-//! a request: [`requested`] is true, and every wait here ends. The second ends the program at once
-//! or, where something must not be lost ([`hold`]), as soon as it is written; the third at once.
+//! a request: [`requested`] is true, and every wait of this module ends. The second signal ends the
+//! program at once or, if data must not be lost ([`hold`]), as soon as the data is written. The
+//! third ends it at once.
 //!
 //! On platforms other than Unix, nothing is requested, and signals have their default effect.
 
@@ -42,10 +43,10 @@ mod unix {
 
     static SIGNALS: OnceLock<Signals> = OnceLock::new();
 
-    /// Locked while something must not be lost.
+    /// Locked while there is data that must not be lost.
     static HELD: Mutex<()> = Mutex::new(());
 
-    /// Time between two looks at what holds the end of the program.
+    /// Time between two checks whether the end of the program is held.
     const NAP: Timespec = Timespec { tv_sec: 0, tv_nsec: 10_000_000 };
 
     struct Signals {
@@ -59,14 +60,14 @@ mod unix {
         counted: Mutex<Option<UnixStream>>,
     }
 
-    /// Something is to be written that must not be lost: see [`hold`].
+    /// Data that must not be lost is to be written: see [`hold`].
     #[derive(Debug)]
     pub struct Hold(#[expect(dead_code, reason = "it is held")] MutexGuard<'static, ()>);
 
     /// Standard input. A request ends it with an error.
     pub type Input = BufReader<Awaited>;
 
-    /// A file that is waited for together with signals.
+    /// A file with reads that also wait for signals.
     #[derive(Debug)]
     pub struct Awaited(File);
 
@@ -91,7 +92,7 @@ mod unix {
         }
     }
 
-    /// Whether the process was started with `signal` ignored; false where the system does not say.
+    /// Whether the process was started with `signal` ignored; false if the system does not tell.
     fn is_ignored(signal: i32) -> bool {
         let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
         let ignored = status.lines().find_map(|line| line.strip_prefix("SigIgn:"));
@@ -99,7 +100,8 @@ mod unix {
         ignored.is_some_and(|mask| mask >> (signal - 1) & 1 == 1)
     }
 
-    /// Makes the first signal from now on a request; if that fails, it still ends the program.
+    /// Makes the first signal from now on a request; if this fails, the signal still ends the
+    /// program.
     pub fn listen() {
         let Some(signals) = SIGNALS.get() else { return };
         let counted = signals.counted.lock().unwrap_or_else(PoisonError::into_inner).take();
@@ -125,7 +127,7 @@ mod unix {
         low_level::exit(STATUS.into());
     }
 
-    /// Lets the second signal wait until the result is dropped. A thread holds once.
+    /// Makes the second signal wait until the result is dropped. A thread may hold once.
     pub fn hold() -> Hold {
         Hold(HELD.lock().unwrap_or_else(PoisonError::into_inner))
     }
@@ -161,7 +163,7 @@ mod unix {
     /// A connection over TCP or a local socket.
     pub type Socket = OwnedFd;
 
-    /// What `socket` receives.
+    /// The bytes that `socket` receives.
     pub fn received(socket: Socket) -> Input {
         awaited(File::from(socket))
     }
@@ -170,7 +172,7 @@ mod unix {
     /// begins with `/`.
     ///
     /// # Errors
-    /// Nobody listens there.
+    /// No server listens there.
     pub fn connect(address: &str) -> io::Result<Socket> {
         if address.starts_with('/') {
             return Ok(UnixStream::connect(address)?.into());
@@ -186,7 +188,7 @@ mod unix {
         if address.starts_with('/') {
             let listener = UnixListener::bind(address)?;
             let accepted = wait(&listener).and_then(|()| listener.accept());
-            // Nobody else is accepted.
+            // No other client is accepted.
             std::fs::remove_file(address)?;
             return Ok(accepted?.0.into());
         }
@@ -206,7 +208,8 @@ mod unix {
     /// # Errors
     /// The address cannot be used.
     pub fn datagrams(address: &str) -> io::Result<Input> {
-        // A datagram is read at once, and what does not fit is lost: there is room for the longest.
+        // A datagram is read at once, and bytes that do not fit are lost: there is room for the
+        // longest.
         let socket = File::from(OwnedFd::from(UdpSocket::bind(address)?));
         Ok(BufReader::with_capacity(1 << 16, Awaited(socket)))
     }
@@ -223,14 +226,15 @@ mod unix {
         if SIGNALS.get().is_none() || (!requested() && is_ready(file, PollFlags::IN, None)?) {
             return Ok(());
         }
-        // Not of the kind `Interrupted`: readers would try again after it.
+        // The kind is not `Interrupted`: readers would try again after it.
         Err(io::Error::other("interrupted"))
     }
 
-    /// Waits for `file`, for `longest` or until a signal. Whether it is ready or has failed.
+    /// Waits for `file`, for `longest` or until a signal. Returns whether it is ready or has
+    /// failed.
     pub(super) fn is_ready(file: &impl AsFd, what: PollFlags, longest: Option<Duration>) -> io::Result<bool> {
         let longest = longest.and_then(|longest| Timespec::try_from(longest).ok());
-        // A wait that has an end goes on after a request.
+        // A wait with a limit continues after a request.
         let woken = SIGNALS.get().map(|signals| &signals.woken).filter(|_| longest.is_none());
         loop {
             let file = PollFd::new(file, what);

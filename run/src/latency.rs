@@ -3,7 +3,7 @@
 use std::time::{Duration, Instant};
 
 use hdrhistogram::Histogram;
-use serde::{Serialize, Serializer};
+use serde::{Deserialize, Serialize, Serializer};
 
 /// Longest time that the histogram distinguishes: an hour, in nanoseconds.
 const MAX_NS: u64 = 3_600_000_000_000;
@@ -17,13 +17,13 @@ const CLOCK_RUNS: usize = 50;
 #[derive(Debug)]
 pub struct Latency {
     histogram: Histogram<u64>,
-    /// The exact sum: the histogram rounds.
+    /// The exact maximum and the exact sum: the histogram rounds both.
     max_ns: u64,
     total: Duration,
 }
 
 /// Quantiles in microseconds.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[expect(missing_docs, reason = "the names of the quantiles")]
 pub struct Quantiles {
     pub p50: f64,

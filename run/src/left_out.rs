@@ -1,7 +1,7 @@
-//! What is left out of a recording or a text, or taken for granted, told to the user.
+//! Reports to the user the parts of a recording or a text that are left out, and its assumptions.
 //!
-//! Lines of a text that cannot be read are logged, counted and skipped. Enters: the problem of each
-//! line. Leaves: a warning for each of the first [`LINES_TOLD`] lines, the total number, and an
+//! Lines of a text that cannot be read are logged, counted and skipped. Input: the problem of each
+//! line. Output: a warning for each of the first [`LINES_TOLD`] lines, the total number, and an
 //! error if a line cannot be skipped: any line of a strict source, or most lines of a text.
 
 use std::path::Path;
@@ -14,7 +14,7 @@ use crate::losses::LINES_TOLD;
 use crate::streams;
 use crate::text::grouped;
 
-/// What was left out of a recording for one reason.
+/// The parts that were left out of a recording for one reason.
 #[derive(Clone, Debug, Serialize)]
 pub struct LeftOutSummary {
     /// `outside_sensor`, `other_words`, `other_events`, `malformed` or `lines`.
@@ -31,13 +31,13 @@ impl From<&LeftOut> for LeftOutSummary {
     }
 }
 
-/// A sentence about what was left out.
+/// A sentence about the omitted parts.
 pub fn sentence(LeftOut { kind, count, first }: &LeftOut) -> String {
     let first = first.first().map_or_else(String::new, |first| format!("; the first: {first}"));
     format!("{} {kind} left out{first}", grouped(*count))
 }
 
-/// Logs what was left out of the recording called `name`, and what was taken for granted.
+/// Logs the omitted parts of the recording called `name`, and the assumptions about it.
 pub(crate) fn warn(name: &str, recording: &Recording) {
     for assumed in &recording.assumed {
         tracing::warn!("{name}: {assumed}");
@@ -56,8 +56,8 @@ pub(crate) fn warn(name: &str, recording: &Recording) {
     }
 }
 
-/// Number of first lines of which more than half may not be refused. Otherwise the text probably
-/// has a different format. For a shorter text, all lines count.
+/// Number of lines from the start of a text, of which at most half may be refused. Otherwise the
+/// text probably has a different format. For a shorter text, all lines count.
 pub(crate) const FIRST: u64 = 100;
 
 /// Counts of the refused and the taken lines of a text.
@@ -65,11 +65,11 @@ pub(crate) const FIRST: u64 = 100;
 pub(crate) struct LineErrors {
     name: String,
     strict: bool,
-    /// Whether anybody can send lines: most of them may be refused.
+    /// Whether any sender can send lines: then most lines may be refused.
     of_anybody: bool,
     taken: u64,
     count: u64,
-    /// Problems of the first lines until one is taken: the format may be another one.
+    /// Problems of the first lines until a line is taken: the format may be a different one.
     held: Vec<String>,
     first: String,
 }
@@ -81,7 +81,7 @@ impl LineErrors {
         Self { name, strict, of_anybody: false, taken: 0, count: 0, held, first }
     }
 
-    /// Counts for the file or stream `path`. Of datagrams, any number may be refused.
+    /// Counts for the file or stream `path`. Any number of datagrams may be refused.
     pub(crate) fn of(path: &Path, strict: bool) -> Self {
         let of_anybody = streams::is_of_datagrams(path);
         Self { of_anybody, ..Self::new(&streams::name(path), strict) }
@@ -151,7 +151,7 @@ impl LineErrors {
         }
     }
 
-    /// The refused lines as a reader of files has them.
+    /// The refused lines in the form of a reader of files.
     pub(crate) fn left_out(&self) -> Vec<LeftOut> {
         let lines = LeftOut { kind: LeftOutKind::Lines, count: self.count, first: vec![self.first.clone()] };
         if self.count > 0 { vec![lines] } else { Vec::new() }

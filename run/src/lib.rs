@@ -47,6 +47,7 @@
 //! | [`bench`](mod@bench) | latencies, work, deadlines and comparisons |
 //! | [`latency`], [`memory`], [`work_counts`] | measurements |
 //! | [`clock`] | stream time on the wall clock |
+//! | [`journal`], [`fingerprint`] | finished measurements in a file; what they were made of |
 //! | [`interrupt`] | signals that ask the process to end |
 #![forbid(unsafe_code)]
 #![deny(clippy::print_stdout, clippy::print_stderr)]
@@ -57,8 +58,10 @@ mod arriving;
 pub mod bench;
 pub mod clock;
 pub mod error;
+pub mod fingerprint;
 pub mod frame_feed;
 pub mod interrupt;
+pub mod journal;
 pub mod latency;
 pub mod left_out;
 pub mod live_frames;

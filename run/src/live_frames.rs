@@ -1,8 +1,8 @@
-//! A frame network that takes events and predicts at any time, as [`meissner_live`] needs it.
+//! A frame network that takes events and predicts at any time, as [`meissner_live`] requires.
 //!
-//! Enters: events in order of arrival. Leaves: the prediction after the newest complete frame.
+//! Input: events in order of arrival. Output: the prediction after the newest complete frame.
 //! Frames are those of a [run](crate::run::FrameRun) with default options, a sliding window every
-//! 10 ms, so that predictions depend on the events alone.
+//! 10 ms, so that predictions depend only on the events.
 
 use std::sync::Arc;
 
@@ -34,11 +34,12 @@ pub struct LiveFrames {
 /// Dropped events by reason.
 pub type Dropped = [(DropReason, u64); EventCounters::DROP_REASONS];
 
-/// The engine and what it was given.
+/// The engine and the counts of its input.
 struct Frames {
     engine: FrameEngine,
     newest_us: Option<i64>,
-    /// Why the engine refused a frame that ended without an event; the next prediction returns it.
+    /// The error for a frame that ended without an event and that the engine refused; the next
+    /// prediction returns it.
     refused: Option<EngineError>,
 }
 
@@ -98,7 +99,7 @@ impl LiveFrames {
     /// The caller's note in the state `bytes`.
     ///
     /// # Errors
-    /// The bytes are no state of such a network.
+    /// The bytes are not a state of such a network.
     pub fn note(bytes: &[u8]) -> Result<Vec<u8>, EngineError> {
         Ok(Note::read(bytes)?.caller)
     }
@@ -108,7 +109,7 @@ impl LiveFrames {
     ///
     /// # Errors
     /// [`EngineError::Snapshot`] and [`EngineError::SnapshotBytes`] as
-    /// [`FrameEngine::restore_bytes`], or for frames that were made in another way. The state is
+    /// [`FrameEngine::restore_bytes`], or for frames with a different preparation. The state is
     /// then unchanged.
     pub fn restore_bytes(&mut self, bytes: &[u8]) -> Result<(), EngineError> {
         let note = Note::read(bytes)?;
@@ -121,7 +122,7 @@ impl LiveFrames {
         Ok(())
     }
 
-    /// Goes on from the events of `state`, after a silence of so many frames.
+    /// Continues from the events of `state`, after a silence of `silence` frames.
     fn feed_from(&mut self, silence: u64, state: Option<&FeedState>) {
         self.feed = feed(&self.model, self.sensor, silence, state).expect("this sensor has a feed");
     }
@@ -206,7 +207,7 @@ impl Predictor for LiveFrames {
         })
     }
 
-    /// Forgets all events; counts of dropped events go on.
+    /// Forgets all events; counts of dropped events are kept.
     fn reset(&mut self) {
         self.dropped = self.dropped();
         self.feed_from(0, None);

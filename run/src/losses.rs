@@ -1,9 +1,9 @@
 //! Unintended loss of input, and truncated recordings.
 //!
-//! Enters: counts. Leaves: a warning for each reason that lost more than one percent of the input,
-//! with the likely cause. What a filter of the command or a queue drops was asked for; what the
-//! filters of the network drop is told. Of a live stream, losses are told after the first thousand
-//! events and then every second.
+//! Input: counts. Output: a warning for each reason that lost more than one percent of the input,
+//! with the likely cause. Drops by a filter of the command or a queue are intended; drops by the
+//! filters of the network are reported. For a live stream, losses are reported after the first
+//! thousand events and then every second.
 
 use std::fmt;
 use std::time::{Duration, Instant};
@@ -30,11 +30,11 @@ pub enum LossReason {
     Late,
     /// Events that are too far in time from the first event.
     TimeOutOfRange,
-    /// Events that are far ahead of those before and after them.
+    /// Events that are far ahead of the events before and after them.
     Outlier,
     /// Events that the filters of the network drop.
     Filtered,
-    /// Everything before a restart of the sensor's clock: the network began anew.
+    /// Everything before a restart of the sensor's clock: the network was reset.
     Restart,
     /// Accepted events outside the part of the sensor that frames cover.
     OutsideCrop,
@@ -77,7 +77,7 @@ pub struct LossWarning {
 /// Logs the losses of a stream, once for each reason.
 #[derive(Debug)]
 pub struct LossWatch {
-    /// When losses were checked last, and what they were; `None` for a recording.
+    /// Time and result of the last check of losses; `None` for a recording.
     last: Option<(Instant, Option<InputLosses>)>,
     told: Vec<LossReason>,
 }
@@ -88,7 +88,7 @@ const FIRST: u64 = 1000;
 const PERIOD: Duration = Duration::from_secs(1);
 
 impl LossWatch {
-    /// A watch over a stream, which is checked while it goes on if it is `live`.
+    /// A watch over a stream, which is checked during the stream if it is `live`.
     pub fn new(live: bool) -> Self {
         Self { last: live.then(|| (Instant::now(), None)), told: Vec::new() }
     }
@@ -160,7 +160,7 @@ impl InputLosses {
         Self { events, sensor: Some(sensor), outside_crop: 0, lines_refused: 0, advice: |_| None }
     }
 
-    /// Losses of a text of which `taken` lines were read.
+    /// Losses of a text; `taken` is the number of lines that were read.
     pub fn of_lines(taken: u64) -> Self {
         let events = EventCounters { pushed: taken, ..EventCounters::default() };
         Self { events, sensor: None, outside_crop: 0, lines_refused: 0, advice: |_| None }

@@ -1,4 +1,4 @@
-//! The machine that a result was made on.
+//! The machine that computed a result.
 
 use std::thread::available_parallelism;
 
@@ -8,7 +8,7 @@ use serde::Serialize;
 /// The machine of this process.
 #[derive(Debug, Serialize)]
 pub(crate) struct Machine {
-    /// Name of the processor, as Linux tells it.
+    /// Name of the processor, as reported by Linux.
     processor: Option<String>,
     /// Threads that may run at once.
     processors: Option<usize>,
@@ -29,7 +29,7 @@ impl Machine {
     }
 }
 
-/// The name of the processor in the text of `/proc/cpuinfo`; of `aarch64` it says none.
+/// The name of the processor in the text of `/proc/cpuinfo`; for `aarch64` it contains none.
 fn name(text: &str) -> Option<String> {
     let value = text.lines().find_map(|line| line.strip_prefix("model name"))?;
     let name = value.trim_start().strip_prefix(':')?.trim();

@@ -1,7 +1,7 @@
 //! A log of a run in MCAP, for viewers such as Foxglove and Lichtblick, and to be read again.
 //!
-//! Enters: the events that a run takes, and its predictions. Leaves: a file that is readable at any
-//! time, up to a second before. Times are those of the stream.
+//! Input: the events that a run takes, and its predictions. Output: a file that is readable at any
+//! time, up to a second before that time. Times are those of the stream.
 //!
 //! | topic | type | messages |
 //! |---|---|---|
@@ -11,8 +11,9 @@
 //! | `/latency` | `meissner.Latency` | time spent, and its quantiles so far, in microseconds |
 //! | `/truth` | `meissner.Truth` | where the truth is known: its numbers, named as the outputs |
 //!
-//! Of several inputs, the topics of each begin with `/input0`, `/input1` and so on. Where the file
-//! cannot be written any more, the run goes on without it, and the error is told at the end.
+//! If there are several inputs, the topics of each begin with `/input0`, `/input1` and so on. If
+//! the file cannot be written any more, the run continues without it, and the error is reported at
+//! the end.
 
 use std::fs::{File, OpenOptions};
 use std::io::{self, BufWriter};
@@ -38,13 +39,13 @@ use crate::training::Output;
 
 /// Stream time of a picture of events, in microseconds.
 const PICTURE_US: i64 = 33_333;
-/// Colours of a pixel without events, with a rise and with a fall as its newest one.
+/// Colours of a pixel without events, with a rise and with a fall as its newest event.
 const COLOURS: [[u8; 3]; 4] = [[0, 0, 0], [255, 64, 64], [64, 128, 255], [255, 255, 255]];
-/// Events that wait until they are written together.
+/// Number of events that are written together.
 const PACKET: usize = 4096;
-/// Time after which what there is can be read, also in a silence.
+/// Time after which all events so far can be read, also in a silence.
 const FLUSH: Duration = Duration::from_millis(500);
-/// Predictions after which the quantiles of latencies are found again.
+/// Number of predictions after which the quantiles of latencies are computed again.
 const QUANTILES: u64 = 64;
 
 /// The log of a run.
@@ -58,14 +59,14 @@ pub struct McapLog {
     classes: Vec<String>,
 }
 
-/// What is logged of an input.
+/// The logged data of an input.
 struct Input {
     sensor: Sensor,
     events: u16,
     image: u16,
     prediction: u16,
     latency: u16,
-    /// The channel of the truth, and what of it has not come yet.
+    /// The channel of the truth, and its values that are not due yet.
     truth: Option<(u16, std::vec::IntoIter<press::Truth>)>,
     /// Events that are not written yet.
     waiting: Vec<Event>,
@@ -78,16 +79,16 @@ struct Input {
 /// The events of a thirtieth of a second.
 #[derive(Default)]
 struct Picture {
-    /// Which one; `None`: no event yet.
+    /// Number of the picture; `None`: no event yet.
     number: Option<i64>,
-    /// A byte a pixel.
+    /// One byte per pixel.
     pixels: Vec<u8>,
 }
 
-/// Has `run` show its predictions to `observer`, and logs them too if there is a `log`.
+/// Calls `run` with `observer`, and also logs its predictions if there is a `log`.
 ///
 /// # Errors
-/// The file could not be written; what `run` returned is there all the same.
+/// The file could not be written; the result of `run` is returned in any case.
 pub fn observe<T>(
     log: Option<McapLog>,
     observer: &mut dyn Observer,
@@ -98,7 +99,7 @@ pub fn observe<T>(
     let (ended, end) = mpsc::channel::<()>();
     let shared = &log;
     let result = thread::scope(|scope| {
-        // In a silence of a stream, nothing else would write what came before it.
+        // In a silence of a stream, no other code would write the events before it.
         scope.spawn(move || {
             while end.recv_timeout(FLUSH) == Err(RecvTimeoutError::Timeout) {
                 held(shared).flush();
@@ -111,7 +112,7 @@ pub fn observe<T>(
     (result, log.into_inner().unwrap_or_else(PoisonError::into_inner).finish())
 }
 
-/// The log: a panic while it was held leaves it as it is.
+/// The log. A panic while it was held does not change it.
 fn held(log: &Mutex<McapLog>) -> MutexGuard<'_, McapLog> {
     log.lock().unwrap_or_else(PoisonError::into_inner)
 }
@@ -185,7 +186,7 @@ impl McapLog {
         })
     }
 
-    /// Writes what waits, and the end of the file.
+    /// Writes the waiting events, and the end of the file.
     fn finish(mut self) -> Result<()> {
         for input in 0..self.inputs.len() {
             self.write(|log, writer| {
@@ -212,7 +213,7 @@ impl McapLog {
         }
     }
 
-    /// Makes what there is readable.
+    /// Makes the data so far readable.
     fn flush(&mut self) {
         self.write(|inputs, writer| {
             inputs.iter_mut().try_for_each(|input| input.packet(writer))?;
@@ -279,7 +280,7 @@ impl McapLog {
 }
 
 impl Input {
-    /// Writes the events that wait.
+    /// Writes the waiting events.
     fn packet(&mut self, writer: &mut McapWriter<BufWriter<File>>) -> io::Result<()> {
         let Some(last) = self.waiting.last() else { return Ok(()) };
         if let Some((channel, rows)) = &mut self.truth {
@@ -302,7 +303,7 @@ impl Input {
     fn next_picture(&mut self, writer: &mut McapWriter<BufWriter<File>>, next: i64) -> io::Result<()> {
         self.draw(writer)?;
         self.picture.pixels.fill(0);
-        // A silence begins with an empty picture, so that nobody sees an old one.
+        // A silence begins with an empty picture, so that viewers do not show an old one.
         if let Some(number) = self.picture.number.replace(next)
             && next > number + 1
         {
@@ -326,7 +327,7 @@ impl Input {
         writer.message(self.image, t_us, message.to_string().as_bytes())
     }
 
-    /// Writes the times that a prediction took, of which the first has quantiles.
+    /// Writes the times that a prediction took. The first time has quantiles.
     fn spend(
         &mut self,
         writer: &mut McapWriter<BufWriter<File>>,
@@ -350,7 +351,7 @@ impl Input {
     }
 }
 
-/// Logs what an observer sees.
+/// Logs the calls of an observer.
 struct Logged<'a> {
     log: &'a Mutex<McapLog>,
     observer: &'a mut dyn Observer,
@@ -358,7 +359,7 @@ struct Logged<'a> {
 
 impl Observer for Logged<'_> {
     fn prediction(&mut self, prediction: &Prediction<'_>) -> io::Result<()> {
-        // A log that fails takes no prediction away.
+        // A failed log does not suppress a prediction.
         let shown = self.observer.prediction(prediction);
         held(self.log).prediction(prediction);
         shown
@@ -381,7 +382,7 @@ fn pixels(sensor: Sensor) -> usize {
     usize::from(sensor.width) * usize::from(sensor.height)
 }
 
-/// The key of an output: its name and its unit, which viewers take as a path.
+/// The key of an output: its name and its unit. Viewers use it as a path.
 fn key(output: &Output) -> String {
     let unit = if output.unit.is_empty() { "" } else { "_" };
     let key = format!("{}{unit}{}", output.name, output.unit);

@@ -25,7 +25,7 @@ pub struct ModelOptions {
     pub network: String,
     /// File with weights; `None` selects the weights shipped with the network.
     pub weights: Option<PathBuf>,
-    /// What makes the names in that file those of the network ([`WeightsFile::map`]).
+    /// Mapping of the names in that file to those of the network ([`WeightsFile::map`]).
     pub map: Vec<String>,
     /// Whether weights that were trained on another preparation of the input are accepted.
     pub ignore_preparation: bool,
@@ -42,8 +42,8 @@ pub struct ModelOptions {
 pub struct WeightsFile<'a> {
     /// safetensors, or a state dict of `PyTorch`.
     pub path: &'a Path,
-    /// What makes its names those of the network: lines `OLD=NEW`, and files of such lines
-    /// ([`NameMap`]). A text is a file if there is one of this name, or if it has no `=`.
+    /// Mapping of its names to those of the network: lines `OLD=NEW`, and files of such lines
+    /// ([`NameMap`]). A text is taken as a file if a file of this name exists, or if it has no `=`.
     pub map: &'a [String],
 }
 
@@ -83,7 +83,7 @@ pub struct Model {
     pub network: Network,
     /// The card of network and weights, for reports.
     pub card: ModelCard,
-    /// Most multiply-adds of a row, for each of [`Network::layers`]; 0 for a pooling.
+    /// Maximum number of multiply-adds of a row, for each of [`Network::layers`]; 0 for a pooling.
     pub multiply_adds: Vec<u64>,
 }
 
@@ -322,7 +322,8 @@ pub struct LayerCost {
     pub pixels: u64,
     /// Multiply-adds of all its pixels.
     multiply_adds: u64,
-    /// Of one absorbed pixel: a convolutional LSTM reads its hidden state all the same.
+    /// Multiply-adds of one absorbed pixel: a convolutional LSTM reads its hidden state in any
+    /// case.
     absorbed: u64,
 }
 

@@ -1,9 +1,9 @@
-//! Plays recordings at real speed, each of a sensor of its own, or what arrives on a stream,
-//! through bounded queues that may overflow, with reports by their deadlines.
+//! Plays recordings of one or several sensors at real speed, or the events of a stream, through
+//! bounded queues that may overflow, with reports by their deadlines.
 //!
 //! Each input has a thread that offers events, and one that pushes and predicts. The caller's
 //! thread requests all predictions at the time of every report, and one more that covers all
-//! events. An input whose engine fails ends there, and the others go on.
+//! events. An input whose engine fails ends at that point, and the others continue.
 
 mod reader;
 mod summary;
@@ -43,15 +43,15 @@ use summary::{Tally, state};
 pub struct PlayOptions {
     /// Seconds of stream time per second.
     pub speed: f64,
-    /// How often recordings are played without a reset; at least 1.
+    /// Number of times that recordings are played without a reset; at least 1.
     pub repeat: u32,
     /// Largest number of events that wait in a queue.
     pub queue: usize,
     /// Shortest time on the wall clock between two packets of events of a recording.
     pub packet: Duration,
-    /// Cores that engines are pinned to, in turn; the system places them if there are none.
+    /// Cores to which engines are pinned, in turn; if empty, the system places them.
     pub cores: Vec<usize>,
-    /// Whether engines compute while nothing waits and no report is due.
+    /// Whether engines compute while no event waits and no report is due.
     pub ahead: bool,
     /// Stream time between two reports; at least a microsecond.
     pub report_every: Duration,
@@ -59,13 +59,13 @@ pub struct PlayOptions {
     pub deadline: Duration,
     /// Policy for events that are earlier than an event before them.
     pub late: LatePolicy,
-    /// What is done when the clock of a sensor restarts.
+    /// Rule for restarts of a sensor's clock.
     pub restart: RestartPolicy,
     /// Approximations. Filters act before the queue.
     pub approximations: Approximations,
-    /// Largest number of events to take of an input.
+    /// Largest number of events to take from an input.
     pub limit: Option<u64>,
-    /// If given, proposes candidates for a prediction from scratch, which is compared.
+    /// If given, proposes candidates for a prediction from scratch, for comparison.
     pub verify: Option<Propose>,
 }
 
@@ -85,7 +85,7 @@ pub struct Play {
     training: Training,
     tracks: Vec<Track>,
     options: PlayOptions,
-    /// When stream time begins to pass, if it has begun.
+    /// Start of stream time on the wall clock, if it has begun.
     started: Option<Instant>,
 }
 
@@ -111,7 +111,7 @@ impl Due {
         i128::from(self.first_us).saturating_add(self.elapsed_us(number)).try_into().unwrap_or(i64::MAX)
     }
 
-    /// The same, from the first event on.
+    /// The same, counted from the first event.
     fn elapsed_us(self, number: u64) -> i128 {
         i128::from(self.period_us) * i128::from(number)
     }
@@ -121,7 +121,7 @@ impl Due {
     }
 }
 
-/// A thread that offers the events of an input; it returns what it read from.
+/// A thread that offers the events of an input; it returns its reader and the input.
 type Offering = JoinHandle<Result<(Reader, PlayInput)>>;
 
 struct Played {
@@ -169,7 +169,7 @@ impl Play {
         Ok(Self { network, classes, training, tracks, options, started })
     }
 
-    /// The number of reports that will be due, if it is known: as many as the longest input has.
+    /// The number of reports that will be due, if it is known: that of the longest input.
     pub fn reports(&self) -> Option<u64> {
         self.tracks
             .iter()
@@ -294,7 +294,7 @@ impl Play {
         let inputs = lives.zip(offering).zip(tallies).zip(failed).zip(&dues);
         let end = |((((live, offering), tally), failed), due): ((((Live<P>, Offering), Tally), _), &Due)| {
             match failed {
-                // The thread that offers ends because the queue has no other side any more.
+                // The thread that offers events ends because the other side of the queue has ended.
                 Some(error) => Err(error),
                 None => end(live, offering, tally, *due),
             }
@@ -320,7 +320,7 @@ impl Track {
         let reader =
             Reader { clock, input: queue, chain, packet: options.packet, lag: Duration::ZERO, taken: 0, tap };
         let (limit, repeat) = (limit(options), options.repeat);
-        // It ends with the queue's other side, on a stream at the next event after that.
+        // It ends when the other side of the queue ends; on a stream, at the next event after that.
         Ok(thread::spawn(move || {
             let reader = if let Some(reports) = due.reports {
                 let laps = Laps { number: repeat, us: due.elapsed_us(reports / u64::from(repeat)) };
@@ -340,7 +340,7 @@ fn show(taken: &[Receiver<Vec<Event>>], observer: &mut dyn Observer) {
     }
 }
 
-/// Ends an input: everything that waits is taken, and one more prediction covers it.
+/// Ends an input: all waiting events are taken, and one more prediction covers them.
 fn end<P: Predictor<Input = Event>>(
     mut live: Live<P>,
     offering: Offering,
@@ -437,7 +437,7 @@ impl Played {
     }
 }
 
-/// Compares `values` with the prediction of `batch`, which was given the same events.
+/// Compares `values` with the prediction of `batch`, which received the same events.
 fn verify(mut batch: BatchEngine, values: &[f32]) -> Result<Verified> {
     let start = Instant::now();
     let expected = batch.predict()?.values.to_vec();

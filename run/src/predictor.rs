@@ -17,7 +17,7 @@ pub struct EventPredictor {
     chain: Chain,
     backend: Backend,
     before: Counters,
-    /// What was counted in front of the engine.
+    /// Counts of the events in front of the engine.
     decided: EventCounters,
 }
 
@@ -32,7 +32,7 @@ pub enum Mode {
 }
 
 impl Mode {
-    /// Its word in reports.
+    /// Its name in reports.
     pub fn word(self) -> &'static str {
         match self {
             Self::Incremental => "incremental",
@@ -41,7 +41,7 @@ impl Mode {
     }
 }
 
-/// The engine of a mode. Each wraps the one before it only where that is asked for.
+/// The engine of a mode. Each wraps the one before it only if requested.
 #[derive(Clone)]
 enum Backend {
     Incremental(Box<Engine>),
@@ -147,7 +147,7 @@ impl EventPredictor {
         }
     }
 
-    /// Counts what a watch in front of this predictor has decided. A restart resets it.
+    /// Counts the decision of a watch in front of this predictor. A restart resets the predictor.
     pub fn decided(&mut self, decision: &Decision) {
         self.decided.outliers += decision.outliers;
         self.decided.pushed += decision.outliers;
@@ -178,7 +178,7 @@ impl EventPredictor {
         any!(&mut self.backend, engine => engine.push(event))
     }
 
-    /// Pushes those of `events` that pass the filters.
+    /// Pushes the `events` that pass the filters.
     pub fn push_slice(&mut self, events: &[Event]) {
         let passing = events.iter().copied().filter(|&event| self.chain.admit(event));
         match &mut self.backend {
@@ -224,7 +224,8 @@ impl EventPredictor {
         counters
     }
 
-    /// Counts of this run, filtered events among the pushed, repeated predictions among the read.
+    /// Counts of this run: pushed events include filtered ones, read predictions include repeated
+    /// ones.
     pub fn counters(&self) -> Counters {
         let mut counters = self.counted();
         counters.events.pushed += self.chain.counters().dropped;

@@ -1,7 +1,7 @@
-//! What a network should say about the embedded recording, a simulated press and release.
+//! The true values for the embedded recording, a simulated press and release.
 //!
-//! Enters: nothing. Leaves: times of the press, and the angles of the plane that the dome is
-//! pressed on. `run/assets/README.md` says how it was made.
+//! Output: times of the press, and the angles of the plane that the dome is pressed on.
+//! `run/assets/README.md` describes how the recording was made.
 
 use crate::error::Result;
 use crate::source::{EMBEDDED_NAME, embedded};
@@ -42,8 +42,8 @@ impl Press {
     }
 }
 
-/// What is true of the embedded recording over time, by name, as `roll_rad`. Angles are NaN before
-/// the contact and after the release: no event can show them.
+/// The true values of the embedded recording over time, by name, such as `roll_rad`. Angles are NaN
+/// before the contact and after the release: no event can show them.
 pub fn truth_over_time() -> (Vec<String>, Vec<(i64, Vec<f64>)>) {
     let names = TRUTH_NAMES.map(str::to_owned).to_vec();
     let row = |(t_us, [depth, angles @ ..]): Truth| {
@@ -53,13 +53,13 @@ pub fn truth_over_time() -> (Vec<String>, Vec<(i64, Vec<f64>)>) {
     (names, truth().into_iter().map(row).collect())
 }
 
-/// What is true at a time in microseconds.
+/// The true values at a time in microseconds.
 pub(crate) type Truth = (i64, [f64; 3]);
 
-/// The names of what is true, with their units.
+/// The names of the true values, with their units.
 pub(crate) const TRUTH_NAMES: [&str; 3] = ["depth_mm", "roll_rad", "pitch_rad"];
 
-/// What is true, in order of time.
+/// The true values, in order of time.
 pub(crate) fn truth() -> Vec<Truth> {
     let row = |line: &str| {
         let mut values = line.split(',').map(|text| text.parse().expect("the file has numbers"));

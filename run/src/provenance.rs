@@ -23,12 +23,12 @@ pub struct Header {
     meissner: &'static str,
     schema: u32,
     command: &'static str,
-    /// How it was made; missing where no program says so with [`made_by`].
+    /// Command line and machine; missing if no program stated them with [`made_by`].
     #[serde(skip_serializing_if = "Option::is_none")]
     made: Option<&'static Made>,
     /// The input.
     pub input: InputCard,
-    /// The network; missing if there are several, each listed with its results.
+    /// The network; missing if there are several networks, which are listed with their results.
     #[serde(flatten)]
     model: Option<ModelCard>,
     /// Warnings about the combination of network, weights and input.
@@ -45,8 +45,8 @@ struct Made {
 
 static MADE: OnceLock<Made> = OnceLock::new();
 
-/// Says once for this process which command line makes its results. Headers that are made from now
-/// on say so, with the machine.
+/// Sets once for this process the command line of its results. Headers made from now on contain it,
+/// with the machine.
 pub fn made_by(arguments: Vec<String>) {
     MADE.get_or_init(|| Made { arguments, machine: Machine::this() });
 }

@@ -1,9 +1,9 @@
 //! Records events into files of AEDAT4 as they arrive: one file, or one for each press.
 //!
-//! Enters: a source, and a file or a folder. Leaves: files that grow by a packet every tenth of a
-//! second, so that a program that is killed leaves all but the newest events, and in a folder a row
-//! for each file in [`TABLE`]. A source does not wait for the disk unless two million events wait
-//! for it.
+//! Input: a source, and a file or a folder. Output: files that grow by a packet every tenth of a
+//! second, so that a killed program leaves all but the newest events, and in a folder a row for
+//! each file in [`TABLE`]. A source does not wait for the disk unless two million events wait to be
+//! written.
 
 use std::fs::{self, File, OpenOptions};
 use std::io::{self, Seek, SeekFrom, Write};
@@ -23,7 +23,7 @@ use crate::source::Source;
 
 /// Longest time from the arrival of an event until it is written.
 const PERIOD: Duration = Duration::from_millis(100);
-/// Most events that wait to be written: 32 MiB.
+/// Maximum number of events that wait to be written: 32 MiB.
 const MAX_WAITING: usize = 1 << 21;
 /// The table of the recordings in a folder.
 pub const TABLE: &str = "recordings.csv";
@@ -32,16 +32,17 @@ const HEADER: &str = "recording,first_us,last_us,events,host_us\n";
 /// How events are recorded.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct RecordOptions {
-    /// The silence that ends a press, in microseconds of the sensor: each press has a file in a
-    /// folder. `None`: one file.
+    /// The silence that ends a press, in microseconds of the sensor's clock: each press has a file
+    /// in a folder. `None`: one file.
     pub silence_us: Option<i64>,
-    /// An event without a neighbouring one within so many microseconds does not end a silence.
+    /// An event without a neighbouring event within this number of microseconds does not end a
+    /// silence.
     pub activity_us: Option<i64>,
-    /// Whether a file that exists is replaced.
+    /// Whether an existing file is replaced.
     pub replace: bool,
 }
 
-/// A file that was recorded.
+/// A recorded file.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct RecordedFile {
     /// Its name in its folder.
@@ -52,11 +53,11 @@ pub struct RecordedFile {
     pub last_us: i64,
     /// Number of its events.
     pub events: u64,
-    /// When the first event arrived, in microseconds of Unix time; `None`: it came from a file.
+    /// Arrival of the first event, in microseconds of Unix time; `None`: it came from a file.
     pub host_us: Option<i64>,
 }
 
-/// What was recorded.
+/// Summary of a recording.
 #[derive(Clone, Debug, Default, Serialize)]
 #[expect(missing_docs, reason = "the keys of the JSON report")]
 pub struct RecordSummary {
@@ -67,13 +68,13 @@ pub struct RecordSummary {
     pub outside_sensor: u64,
     /// Events in silences, which are not recorded.
     pub in_silence: u64,
-    /// Recorded events that are earlier than one before them.
+    /// Recorded events that are earlier than a previous one.
     pub earlier: u64,
     pub lines_refused: u64,
     pub seconds: f64,
 }
 
-/// How far a recording is; another thread may look at it.
+/// Progress of a recording; another thread may read it.
 #[derive(Debug, Default)]
 #[expect(missing_docs, reason = "the names say it")]
 pub struct RecordProgress {
@@ -83,12 +84,12 @@ pub struct RecordProgress {
 }
 
 /// Records `source` of `sensor` into `out` until its end, or until the program is asked to end;
-/// `closed` is told of each file that is complete.
+/// calls `closed` with each completed file.
 ///
-/// What was recorded before an error is kept: the files are whole.
+/// Events recorded before an error are kept: the files are complete.
 ///
 /// # Errors
-/// The source fails, `out` is there and is not replaced, or cannot be written.
+/// The source fails, `out` exists and is not to be replaced, or cannot be written.
 pub fn record(
     mut source: Source,
     sensor: Sensor,
@@ -117,7 +118,7 @@ pub fn record(
     (RecordSummary { lines_refused, seconds, ..files.summary }, written.and(read))
 }
 
-/// Events between the thread that reads and the one that writes.
+/// Events between the thread that reads and the thread that writes.
 #[derive(Default)]
 struct Waiting {
     state: Mutex<State>,
@@ -127,7 +128,7 @@ struct Waiting {
 #[derive(Default)]
 struct State {
     events: Vec<Event>,
-    /// When the first of them arrived.
+    /// Arrival time of the first of them.
     arrived: Option<SystemTime>,
     ended: bool,
     failed: bool,
@@ -143,7 +144,7 @@ impl Waiting {
         self.changed.notify_all();
     }
 
-    /// Adds what was read; `None` once nothing is written any more.
+    /// Adds an event that was read; `None` if no events are written any more.
     fn push(&self, event: Result<Event>) -> Result<Option<()>> {
         let event = event?;
         let mut state = self.lock();
@@ -158,7 +159,8 @@ impl Waiting {
         Ok(Some(()))
     }
 
-    /// Takes what came within [`PERIOD`]: events, when the first arrived, and whether that is all.
+    /// Takes the input of one [`PERIOD`]: events, the arrival of the first one, and whether the
+    /// input has ended.
     fn take(&self) -> (Vec<Event>, Option<SystemTime>, bool) {
         let until = Instant::now() + PERIOD;
         let mut state = self.lock();
@@ -176,22 +178,22 @@ impl Waiting {
     }
 }
 
-/// Tells silences from presses.
+/// Separates silences from presses.
 struct Silence {
     us: i64,
     filter: Chain,
-    /// The time of the newest event that is no noise.
+    /// The time of the newest event that is not noise.
     newest_us: Option<i64>,
 }
 
-/// Where an event belongs.
+/// The press that an event belongs to.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Belongs {
-    /// To a press that it begins.
+    /// A new press, which the event begins.
     New,
-    /// To the present press.
+    /// The current press.
     Present,
-    /// To no press.
+    /// No press.
     None,
 }
 
@@ -212,7 +214,7 @@ impl Silence {
     }
 }
 
-/// A file that grows.
+/// A file that is being written.
 struct Open {
     path: PathBuf,
     /// The same file as the writer's.
@@ -245,13 +247,13 @@ impl Open {
         Ok(())
     }
 
-    /// Closes the file. Part of a packet, which a full disk may leave, is taken back first.
+    /// Closes the file. An incomplete packet, which a full disk may leave, is removed first.
     fn close(mut self) -> Result<RecordedFile> {
         let length = self.writer.length();
         let closed = self.file.seek(SeekFrom::Start(length)).and_then(|_| self.file.set_len(length));
         let closed = closed.and_then(|()| self.writer.finish());
         if closed.is_err() {
-            // It is whole without its table too.
+            // The file is also complete without its table.
             let _ = self.file.set_len(length);
         }
         closed
@@ -311,7 +313,7 @@ impl<'a, F: Fn(&RecordedFile) + Sync> Files<'a, F> {
         })
     }
 
-    /// Writes what arrives until the end.
+    /// Writes the arriving events until the end.
     fn run(&mut self, waiting: &Waiting) -> Result<()> {
         let mut quiet_since = Instant::now();
         let written = loop {
@@ -407,7 +409,7 @@ impl<'a, F: Fn(&RecordedFile) + Sync> Files<'a, F> {
     }
 }
 
-/// The number of the next press in the folder `out`, which is made if it is not there.
+/// The number of the next press in the folder `out`, which is created if it does not exist.
 fn next_number(out: &Path) -> io::Result<u32> {
     fs::create_dir_all(out)?;
     let mut next = 1;

@@ -7,9 +7,9 @@
 //! | readings of 24 electrodes | [`ElectrodeRun`] |
 //! | pictures of an optical tactile sensor, in files or as raw video | [`PictureRun`] |
 //!
-//! Inputs are taken as fast as they come; pictures of a camera may be late (see [`VideoOptions`]).
-//! The timings cover making frames, pushes, clock advances and predictions. They do not cover
-//! reading and the observer.
+//! Inputs are processed as fast as they arrive; pictures of a camera may be late (see
+//! [`VideoOptions`]). The timings cover making frames, pushes, clock advances and predictions. They
+//! do not cover reading and the observer.
 //!
 //! The steps at the end of a stream depend on how it ends:
 //!
@@ -83,7 +83,7 @@ pub trait Steps {
     /// The state after the newest event; `None` if this network cannot be resumed.
     fn state(&mut self) -> Option<Vec<u8>>;
 
-    /// Decides about events that wait for others: there will be none.
+    /// Decides about the events that wait for later events: there will be none.
     ///
     /// # Errors
     /// As [`Self::take`].
@@ -115,7 +115,7 @@ impl<S: Steps> StreamRun<S> {
 
     /// Takes all events, or the events up to a [requested](interrupt::requested) end.
     pub fn run(mut self, observer: &mut dyn Observer) -> Ended {
-        // A second signal does not come between the first one and the state.
+        // A second signal must not end the program before the state is written.
         let held = self.saver.is_some().then(interrupt::hold);
         let mut watch = LossWatch::new(self.source.is_live());
         let mut result = Ok(());
@@ -169,7 +169,7 @@ pub struct RunOptions {
     pub every: Option<Every>,
     /// Policy for events that are earlier than an event before them.
     pub late: LatePolicy,
-    /// What is done when the clock of the sensor restarts.
+    /// Rule for restarts of the sensor's clock.
     pub restart: RestartPolicy,
     /// Approximations of a network over events.
     pub approximations: Approximations,

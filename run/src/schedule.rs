@@ -1,7 +1,7 @@
 //! When predictions are read: every N events, every period of stream time, or at the end.
 //!
-//! Enters: the times of accepted events, or of frames. Leaves: the times at which a prediction is
-//! due before an event enters, and whether one is due after it, the same for all readers.
+//! Input: the times of accepted events, or of frames. Output: the times at which a prediction is
+//! due before an event enters, and whether one is due after it; the same for all readers.
 
 use std::fmt;
 use std::str::FromStr;
@@ -73,7 +73,7 @@ impl Schedule {
         }
     }
 
-    /// Forgets the clock; the next event starts another. Events count on.
+    /// Forgets the clock; the next event starts a new one. The count of events continues.
     pub(crate) fn restart(&mut self) {
         (self.has_begun, self.due_us) = (false, None);
     }
@@ -86,8 +86,8 @@ impl Schedule {
         self.has_begun = true;
     }
 
-    /// The time at which the next event will enter, if stream time matters. `arrival_us` is asked
-    /// for it; a dropped event has none and does not advance the clock.
+    /// The time at which the next event will enter, if stream time matters. Calls `arrival_us` for
+    /// it; a dropped event has no such time and does not advance the clock.
     pub(crate) fn arrival_us(&mut self, arrival_us: impl FnOnce() -> Option<i64>) -> Option<i64> {
         let Every::StreamUs(_) = self.every else { return None };
         let t_us = arrival_us()?;

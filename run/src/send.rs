@@ -1,6 +1,6 @@
-//! Sends a recording to another program, each event when it is due, as a sensor would.
+//! Sends a recording to another program, each event at its due time, like a sensor.
 //!
-//! Enters: events, and the name of a stream ([`crate::streams`]). Leaves: lines of text, records or
+//! Input: events, and the name of a stream ([`crate::streams`]). Output: lines of text, records or
 //! packets of AEDAT4 ([`meissner_io::LiveEvents`]). An event whose time steps back is sent with the
 //! one before.
 
@@ -17,31 +17,32 @@ use crate::error::{Result, RunError};
 use crate::streams::{self, Receiver};
 use crate::{interrupt, latency};
 
-/// Most bytes of a datagram: what a network passes on in one piece.
+/// Maximum bytes of a datagram: a network transmits this size in one piece.
 const DATAGRAM: usize = 1400;
 /// Shortest wait: events are sent in small batches, as by a camera.
 const NAP: Duration = Duration::from_micros(100);
-/// The same of packets, each of which has a header of its own.
+/// The same for packets, each of which has its own header.
 const PACKET_NAP: Duration = Duration::from_millis(1);
-/// Events that are sent between two looks at signals.
+/// Number of events that are sent between two checks for signals.
 const BATCH: usize = 1 << 13;
 
-/// How events are sent.
+/// Options for sending events.
 #[derive(Clone, Copy, Debug)]
 pub struct SendOptions {
     /// Seconds of stream time per second.
     pub speed: f64,
-    /// Whether as records, or as lines of text. A stream of packets has neither.
+    /// Whether events are sent as records instead of lines of text. A stream of packets has
+    /// neither.
     pub records: bool,
 }
 
-/// What was sent.
+/// Summary of the sent events.
 #[derive(Clone, Copy, Debug, Serialize)]
 #[expect(missing_docs, reason = "the keys of the JSON report")]
 pub struct SendSummary {
     pub events: u64,
     pub bytes: u64,
-    /// Longest time from when an event was due until it was sent, in microseconds.
+    /// Longest time from the due time of an event until it was sent, in microseconds.
     pub lag_us: f64,
     /// Seconds from the first event to the end.
     pub seconds: f64,
@@ -50,7 +51,7 @@ pub struct SendSummary {
 /// Sends `events` of `sensor` to the stream `to`. Ends early if the program is asked to end.
 ///
 /// # Errors
-/// The stream cannot be opened, or nobody reads from it any more; packets need a sensor.
+/// The stream cannot be opened, or has no reader any more; packets need a sensor.
 pub fn send(
     events: &[Event],
     sensor: Option<Sensor>,
@@ -88,7 +89,7 @@ pub fn send(
         let due = rest.iter().take_while(|event| event.t_us <= now_us).count();
         let (sent, later) = rest.split_at(due);
         rest = later;
-        // A receiver that was slow has many events due.
+        // After a slow receiver, many events are due.
         for some in sent.chunks(BATCH).take_while(|_| !interrupt::requested()) {
             out.put(some).map_err(failed)?;
             number += some.len() as u64;
@@ -105,7 +106,7 @@ pub fn send(
     Ok(SendSummary { events: number, bytes, lag_us, seconds })
 }
 
-/// What events are sent as.
+/// The form in which events are sent.
 enum Sender {
     /// Lines or records.
     Pieces { pieces: Pieces, records: bool },
@@ -143,7 +144,7 @@ impl Sender {
         }
     }
 
-    /// Sends the rest and the end; the number of bytes in all.
+    /// Sends the remaining bytes and the end; returns the total number of bytes.
     fn end(self) -> io::Result<u64> {
         match self {
             Self::Packets(packets) => Ok(packets.length()),
@@ -152,7 +153,7 @@ impl Sender {
     }
 }
 
-/// Bytes on their way, in pieces that end where a line or a record does.
+/// Bytes to send, in pieces that end with a line or a record.
 struct Pieces {
     receiver: Receiver,
     piece: Vec<u8>,
@@ -176,7 +177,7 @@ impl Pieces {
         self.put_bytes(line.to_string().as_bytes())
     }
 
-    /// Sends what was added.
+    /// Sends the added bytes.
     fn flush(&mut self) -> io::Result<()> {
         if self.piece.is_empty() {
             return Ok(());
@@ -190,7 +191,7 @@ impl Pieces {
         Ok(())
     }
 
-    /// Sends the rest and the end; the number of bytes in all.
+    /// Sends the remaining bytes and the end; returns the total number of bytes.
     fn end(mut self) -> io::Result<u64> {
         self.flush()?;
         if let Receiver::Datagrams(socket) = &self.receiver {

@@ -1,7 +1,8 @@
 //! Sources of events: a file, a stream on which they arrive, or the embedded recording.
 //!
-//! Invariant: what is no regular file, such as a pipe, is opened and read once. What was read is
-//! held until the recording is decoded, and what of it can be salvaged is found from there.
+//! Invariant: an input that is not a regular file, such as a pipe, is opened and read once. Its
+//! content is held until the recording is decoded, and the salvageable part is found in this
+//! content.
 
 use std::path::Path;
 use std::time::Duration;
@@ -21,13 +22,13 @@ use crate::{interrupt, left_out, streams};
 /// A simulated press and release; see `run/assets/README.md`.
 const EMBEDDED: &[u8] = include_bytes!("../assets/dome_press.evt3");
 pub(crate) const EMBEDDED_NAME: &str = "dome_press.evt3 (embedded; simulated, not a real sensor)";
-/// Most events of a stream that is read as a whole.
+/// Maximum number of events of a stream that is read completely.
 const MAX_EVENTS: u64 = STREAM_BYTES / RECORD_BYTES as u64;
 
 /// A stream of events with its name, format and geometry.
 ///
-/// Lines of a text that cannot be read are skipped and counted, and words and events of a file that
-/// a recording leaves out, unless the source is strict.
+/// Lines of a text that cannot be read are skipped and counted, and so are words and events of a
+/// file that a recording leaves out, unless the source is strict.
 pub struct Source {
     /// Name for messages and reports.
     pub name: String,
@@ -61,7 +62,7 @@ enum Events {
     },
 }
 
-/// The recording at `path`, or all that arrives on this stream, other datagrams passed over.
+/// The recording at `path`, or all events that arrive on this stream; other datagrams are skipped.
 ///
 /// # Errors
 /// The recording cannot be read, or a line of a text is malformed.
@@ -72,7 +73,7 @@ pub fn read(path: &Path, options: &ReadOptions) -> Result<Recording> {
         let mut refusals = LineErrors::of_stream(path, raw_format(path, options).is_some(), strict);
         while let Some(event) = next(&mut arriving, &mut refusals) {
             events.push(event?);
-            // A device gives events without end.
+            // A device sends events without end.
             if events.len() as u64 > MAX_EVENTS {
                 let (format, what, place, unit) =
                     (arriving.format(), "stream", Place::Event(MAX_EVENTS), "events");
@@ -88,10 +89,10 @@ pub fn read(path: &Path, options: &ReadOptions) -> Result<Recording> {
     InFile::open(path, options)?.read(options)
 }
 
-/// What is at a path.
+/// The content at a path.
 struct InFile<'a> {
     path: &'a Path,
-    /// The content of what can be read only once.
+    /// The content of an input that can be read only once.
     held: Option<HeldContent>,
 }
 
@@ -212,7 +213,7 @@ impl Source {
         }
     }
 
-    /// The geometry: `asked`, or the one that the recording states.
+    /// The geometry: `asked` if given, else the one that the recording states.
     ///
     /// # Errors
     /// Neither is known.
@@ -234,8 +235,8 @@ impl Source {
         Self { advice, ..self }
     }
 
-    /// Tries for `patience` to connect again where the connection to a server is cut. Each cut is
-    /// one of the [lines that are refused](Self::lines_refused).
+    /// If the connection to a server is cut, tries for `patience` to connect again. Each cut is one
+    /// of the [lines that are refused](Self::lines_refused).
     #[must_use]
     pub fn patient(mut self, patience: Duration) -> Self {
         if let Events::Arriving { rest, .. } = &mut self.events {
@@ -260,13 +261,13 @@ impl Source {
         self.recorded
     }
 
-    /// The number of lines so far that could not be read, or of the like: odd words of raw bytes,
-    /// losses among them, cuts of a connection.
+    /// The number of lines so far that could not be read, and of similar problems: odd words of raw
+    /// bytes, including losses, and cuts of a connection.
     pub fn lines_refused(&self) -> u64 {
         self.refusals.count() + self.lines_left_out
     }
 
-    /// The events left to take of a recording; none of a stream, where they arrive later.
+    /// The remaining events of a recording; empty for a stream, whose events arrive later.
     ///
     /// # Errors
     /// As [`Self::next`].
@@ -315,7 +316,7 @@ impl Iterator for Source {
     }
 }
 
-/// The next of `events`, other lines passed over; `None` at the end, and on a signal.
+/// The next of `events`; skips other lines. `None` at the end, and on a signal.
 ///
 /// # Errors
 /// The error that ends the events, and the errors of [`LineErrors`].

@@ -1,6 +1,6 @@
-//! Streams that events arrive on: standard input, TCP and UDP.
+//! Streams on which events arrive: standard input, TCP and UDP.
 //!
-//! Enters: the name of a stream. Leaves: its bytes, as they arrive, until a signal.
+//! Input: the name of a stream. Output: its bytes, as they arrive, until a signal.
 //!
 //! | name | stream |
 //! |---|---|
@@ -11,11 +11,11 @@
 //! | `dv://HOST:PORT`, `dv-listen://HOST:PORT` | as `tcp`, with packets of `dv-processing` |
 //! | `dv:///PATH`, `dv-listen:///PATH` | the same over a local socket |
 //!
-//! A datagram has whole lines or records, and an empty one ends the stream. What is not whole is
-//! refused and counted.
+//! A datagram contains complete lines or records, and an empty one ends the stream. Incomplete ones
+//! are refused and counted.
 //!
-//! Back-pressure: what is not read yet waits in the operating system's buffers. A writer to
-//! standard input or over TCP then waits; over UDP, datagrams are lost, and nobody can count them.
+//! Back-pressure: unread bytes wait in the operating system's buffers. If these are full, a writer
+//! to standard input or over TCP waits; over UDP, datagrams are lost and cannot be counted.
 
 use std::io::{self, BufRead, Read, Write};
 use std::net::{ToSocketAddrs, UdpSocket};
@@ -76,8 +76,8 @@ pub fn is_of_packets(path: &Path) -> bool {
     matches!(stream(path), Some(Stream::DvConnect(_) | Stream::DvListen(_)))
 }
 
-/// How long a connection to the server `path` that was cut is usually tried again: iniVation's
-/// programs are started anew while their clients go on.
+/// Default time for trying again a cut connection to the server `path`: iniVation's programs may be
+/// restarted while their clients continue.
 pub fn patience(path: &Path) -> Duration {
     if is_of_packets(path) { Duration::from_secs(5) } else { Duration::ZERO }
 }
@@ -166,7 +166,7 @@ impl<R: BufRead> Read for DatagramLines<R> {
 
 /// The other end of a stream, for a program that sends.
 pub(crate) enum Receiver {
-    /// Takes bytes in order, and lets the sender wait.
+    /// Takes bytes in order, and makes the sender wait.
     Bytes(Box<dyn Write>),
     /// Takes datagrams, or loses them.
     Datagrams(UdpSocket),
@@ -185,7 +185,7 @@ pub(crate) fn receiver(path: &Path) -> Result<Receiver> {
             }
             Some(Stream::Datagrams(address)) => {
                 let to = address.to_socket_addrs()?.next().ok_or(io::ErrorKind::NotFound)?;
-                // The receiver's family of addresses decides the sender's.
+                // The sender must use the receiver's address family.
                 let from = if to.is_ipv4() { "0.0.0.0:0" } else { "[::]:0" };
                 let socket = UdpSocket::bind(from)?;
                 socket.connect(to)?;

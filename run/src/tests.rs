@@ -1,6 +1,7 @@
 //! Tests of modules that are one file each.
 
 mod input;
+mod journal;
 mod video;
 
 mod answer {
@@ -123,7 +124,7 @@ mod line_errors {
     use crate::error::RunError;
     use crate::left_out::{FIRST, LineErrors};
 
-    /// So many lines have been taken.
+    /// The counts after this number of taken lines.
     fn refusals(strict: bool, taken: u64) -> LineErrors {
         let mut refusals = LineErrors::new("text", strict);
         (0..taken).for_each(|_| refusals.take());

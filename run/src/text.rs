@@ -42,15 +42,15 @@ pub fn signed_us(text: &str) -> Result<i64, String> {
     us.map(|us| sign * us).ok_or_else(|| format!("expected {TIME_FORMS}, or with a minus"))
 }
 
-/// The day at Greenwich, as 2026-11-27, by the system's clock.
+/// The date in UTC by the system's clock, such as 2026-11-27.
 pub fn date_now() -> String {
     let since = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
     date((since.as_secs() / 86_400) as i64)
 }
 
-/// The day so many days after 1970-01-01, in the Gregorian calendar. Of 400 years, each of which
-/// begins in March, the lengths of months follow one line (Hinnant 2021, "chrono-compatible
-/// low-level date algorithms").
+/// The date `days` days after 1970-01-01, in the Gregorian calendar. In 400 years that each begin
+/// in March, the lengths of months follow one line (Hinnant 2021, "chrono-compatible low-level date
+/// algorithms").
 pub(crate) fn date(days: i64) -> String {
     let (era, day) = ((days + 719_468).div_euclid(146_097), (days + 719_468).rem_euclid(146_097));
     let year = (day - day / 1_460 + day / 36_524 - day / 146_096) / 365;

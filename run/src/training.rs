@@ -1,7 +1,8 @@
-//! The outputs of a network, their units for people, and what predictions share with the training.
+//! The outputs of a network, their displayed units, and the comparison of predictions with the
+//! training.
 //!
-//! Enters: predictions. Leaves: the outputs outside the range of the training, of which a network
-//! has seen nothing, with a warning; and how many windows were unlike those of the training.
+//! Input: predictions. Output: the outputs outside the range of the training, which the network has
+//! never seen, with a warning; and the number of windows that were unlike those of the training.
 
 use std::f64::consts::PI;
 
@@ -11,7 +12,7 @@ use serde::Serialize;
 use crate::text::grouped;
 
 /// A value counts as outside if it is farther outside than this share of the length of the range:
-/// labels at the ends of a range are met with the usual error.
+/// labels at the ends of a range are predicted with the usual error.
 const TOLERANCE: f64 = 0.1;
 
 /// A predicted value.
@@ -31,14 +32,14 @@ pub struct Training {
     outputs: Vec<Output>,
     /// Names of the outputs that are outside in the newest prediction.
     newest: Vec<String>,
-    /// Predictions with at least one value outside, and all.
+    /// Number of predictions with at least one value outside, and number of all predictions.
     outside: u64,
     all: u64,
     /// Predictions that tell how unlike their window is, and those of them that are unlike the
     /// training.
     told: u64,
     unlike: u64,
-    /// Which outputs were outside at least once.
+    /// Whether each output was outside at least once.
     ever: Vec<bool>,
 }
 
@@ -63,12 +64,12 @@ impl Output {
             .collect())
     }
 
-    /// The unit for people: degrees for radians.
+    /// The displayed unit: degrees for radians.
     pub fn shown_unit(&self) -> &str {
         if self.is_in_radians() { "deg" } else { &self.unit }
     }
 
-    /// `value` in the [unit for people](Self::shown_unit).
+    /// `value` in the [displayed unit](Self::shown_unit).
     pub fn shown(&self, value: f64) -> f64 {
         if self.is_in_radians() { value * 180.0 / PI } else { value }
     }
@@ -87,7 +88,7 @@ impl Output {
 }
 
 impl Training {
-    /// Nothing marked yet of a network with `outputs`.
+    /// A marker for a network with `outputs`, without predictions yet.
     pub fn new(outputs: &[Output]) -> Self {
         Self { outputs: outputs.to_vec(), ever: vec![false; outputs.len()], ..Self::default() }
     }
@@ -122,8 +123,8 @@ impl Training {
         self.outputs.iter().any(|output| output.range.is_some()).then_some(self.outside)
     }
 
-    /// Predictions of windows unlike those of the training; `None` if the weights do not say what
-    /// these were like.
+    /// Predictions of windows unlike those of the training; `None` if the weights contain no
+    /// statistics of these.
     pub fn unlike(&self) -> Option<u64> {
         (self.told > 0).then_some(self.unlike)
     }

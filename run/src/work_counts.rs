@@ -14,7 +14,7 @@ pub struct WorkCounts {
     pub rows_recomputed: u64,
     /// Of these, rows whose values did not change.
     pub rows_unchanged: u64,
-    /// Of these, rows that changed by no more than the tolerance, and kept their values.
+    /// Of these, rows that changed by at most the tolerance, and kept their values.
     pub rows_within_tolerance: u64,
     /// Rows that predictions used without computing them again.
     pub rows_kept: u64,

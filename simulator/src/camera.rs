@@ -1,7 +1,7 @@
 //! An event camera: images in, events out.
 //!
-//! A pixel turns light into a voltage and reports each change of it by a threshold. The model, with
-//! x the time and E the illuminance of the pixel in lux:
+//! A pixel turns light into a voltage and reports each change of it by a threshold. In the model, x
+//! is the time and E the illuminance of the pixel in lux:
 //!
 //! - photocurrent: `E = lux * intensity`, plus the dark current `dark_lux`;
 //! - logarithm: `u = ln(E + dark_lux)`, linear in time between two images (v2e instead makes the
@@ -15,17 +15,17 @@
 //! - reset: `m = v` at the end of the refractory time (v2e: 0.5 ms, IEBCS: 50 to 100 us);
 //! - shot noise: events at the rate `shot_hz / (1 + (E / shot_corner_lux)^2)`, on and off equally
 //!   often (v2e: 0.001 to 5 Hz);
-//! - hot pixels: a share of the pixels has on events at a rate of its own, in addition;
+//! - hot pixels: a share of the pixels has additional on events, each pixel at its own rate;
 //! - latency: a stamp is `latency_us` after the crossing, with normal jitter (IEBCS: 100 us, jitter
 //!   of 10 to 30 us).
 //!
 //! v2e: Hu, Liu and Delbruck 2021, "v2e: From video frames to realistic DVS events". IEBCS: Joubert
 //! et al. 2021, "Event camera simulator improvements via characterized parameters". The response to
-//! a linear ramp of `u` is known in closed form (`pixel.rs`), so that the time of a crossing
-//! depends on the scene and not on the times of the images.
+//! a linear ramp of `u` has a closed form (`pixel.rs`), so that the time of a crossing depends on
+//! the scene and not on the times of the images.
 //!
-//! Left out: the readout bus, which loses events when many pixels fire at once; flicker of lamps;
-//! thresholds over temperature; correlated noise of neighbours.
+//! The model leaves out: the readout bus, which loses events when many pixels fire at once; flicker
+//! of lamps; thresholds over temperature; correlated noise of neighbours.
 
 mod pixel;
 mod settings;
@@ -44,7 +44,7 @@ pub use settings::CameraSettings;
 #[expect(missing_docs, reason = "the names say it")]
 pub struct SimulatedEvent {
     pub event: Event,
-    /// Why it was sent, which no sensor knows.
+    /// The cause of the event, which no sensor knows.
     pub cause: Cause,
 }
 
@@ -56,13 +56,13 @@ pub struct SimulatedEvent {
 pub struct Camera {
     sensor: Sensor,
     settings: CameraSettings,
-    /// Time of the first and of the newest image; no image has come yet if it is missing.
+    /// Time of the first and of the newest image; `None` before the first image.
     times: Option<(i64, i64)>,
     intensity: Vec<f32>,
-    /// When each pixel's next event is due at the earliest, in us after the first image.
+    /// The earliest time of each pixel's next event, in us after the first image.
     due: Vec<f64>,
     pixels: Vec<Pixel>,
-    /// Events that a later crossing with less latency can still precede.
+    /// Events before which a later crossing with less latency can still be stamped.
     pending: Vec<SimulatedEvent>,
 }
 
@@ -70,7 +70,7 @@ impl Camera {
     /// A camera before its first image. `seed` sets thresholds, hot pixels, phases and noise.
     ///
     /// # Errors
-    /// A setting that is outside its range.
+    /// A setting is outside its range.
     pub fn new(sensor: Sensor, settings: CameraSettings, seed: u64) -> Result<Self> {
         settings.check()?;
         let count = usize::from(sensor.width) * usize::from(sensor.height);
@@ -92,14 +92,15 @@ impl Camera {
         self.sensor
     }
 
-    /// Takes the image at `t_us`, and appends the events that are certain by then, in order.
+    /// Takes the image at `t_us`, and appends the events that are then certain, in order.
     ///
     /// `image` has an intensity for each pixel, row by row: the share of the light of a white
     /// surface, rarely above 1, whose logarithm is linear between images. The first image causes no
     /// events. Complexity: O(pixels + events).
     ///
     /// # Errors
-    /// A time that does not ascend, other pixels, a wrong intensity. The camera is as it was.
+    /// The time does not ascend, the number of pixels differs, or an intensity is wrong. The camera
+    /// stays unchanged.
     pub fn push(&mut self, t_us: i64, image: &[f32], events: &mut Vec<SimulatedEvent>) -> Result<()> {
         self.check(t_us, image)?;
         let Some((first, before)) = self.times else {
@@ -142,7 +143,8 @@ impl Camera {
         Ok(())
     }
 
-    /// Appends the events that wait for their latency; later ones can precede them.
+    /// Appends the events that wait for their latency. Events of later images can have earlier
+    /// stamps.
     pub fn finish(&mut self, events: &mut Vec<SimulatedEvent>) {
         self.release(i64::MAX, events);
     }

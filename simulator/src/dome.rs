@@ -1,8 +1,8 @@
-//! The dome at real speed: presses between those that were computed before, and its camera.
+//! The dome in real time: presses interpolated between precomputed ones, and its camera.
 //!
-//! Enters: a dome, the greatest depth. Leaves: the markers at any tilt up to
+//! Input: a dome, the greatest depth. Output: the markers at any tilt up to
 //! [`PressTable::MAX_TILT`], direction and depth, in microseconds instead of a second, and their
-//! places in the image.
+//! positions in the image.
 //!
 //! The mesh of a [`Dome`] looks the same after a turn by 60 degrees, so presses in a sixth of all
 //! directions are enough. Between them, the markers are linear in tilt, direction and depth.
@@ -54,7 +54,7 @@ impl PressTable {
             .collect();
         let next = AtomicUsize::new(0);
         let threads = thread::available_parallelism().map_or(1, NonZero::get).min(kinds.len());
-        // A share is a list of presses, each with its number.
+        // A thread's share is a list of presses, each with its number.
         let share = || {
             let number = || Some(next.fetch_add(1, Ordering::Relaxed)).filter(|&i| i < kinds.len());
             std::iter::from_fn(number).map(|i| (i, pressed(dome, kinds[i], records))).collect::<Vec<_>>()
@@ -75,8 +75,8 @@ impl PressTable {
         self.markers
     }
 
-    /// Writes the markers of a press to `markers`, instead of what it held, in the order of
-    /// [`Press::markers`]. A tilt or depth beyond the table's is that of its end.
+    /// Replaces the content of `markers` with the markers of a press, in the order of
+    /// [`Press::markers`]. A tilt or depth beyond the table is clamped to its end.
     pub fn markers(&self, tilt: f64, azimuth: f64, depth_mm: f64, markers: &mut Vec<Vector>) {
         let (tilt, tilt_share) = split(tilt / Self::MAX_TILT * TILTS as f64, TILTS);
         let turns = azimuth.rem_euclid(2.0 * PI) / FRAC_PI_3 * DIRECTIONS as f64;
@@ -109,7 +109,7 @@ impl PressTable {
     }
 }
 
-/// The whole part of `place`, at most `last - 1`, and the rest, within 0 to `last`.
+/// The whole part of `place`, at most `last - 1`, and the rest; `place` is clamped to 0 to `last`.
 fn split(place: f64, last: usize) -> (usize, f64) {
     let place = place.clamp(0.0, last as f64);
     let whole = (place as usize).min(last - 1);
@@ -156,7 +156,7 @@ impl DomeView {
         }
     }
 
-    /// Column and row of a marker, as [`crate::MarkerTracks`] has them.
+    /// Column and row of a marker, as in [`crate::MarkerTracks`].
     pub fn place(&self, [x, y, z]: Vector) -> [f32; 2] {
         let scale = self.focal / (CAMERA_MM + z);
         [(self.centre[0] + scale * x) as f32, (self.centre[1] + scale * y) as f32]

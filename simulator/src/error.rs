@@ -5,7 +5,7 @@ use thiserror::Error;
 /// The result of a simulation, or its error.
 pub type Result<T, E = SimulatorError> = std::result::Result<T, E>;
 
-/// Why a simulation did not start, or did not go on. The state is as it was before the call.
+/// The reason why a simulation did not start or continue. The state is the same as before the call.
 #[derive(Clone, Debug, PartialEq, Error)]
 #[non_exhaustive]
 #[expect(missing_docs, reason = "the messages explain the fields")]
@@ -25,7 +25,7 @@ pub enum SimulatorError {
     /// Tracks do not have as many positions as times and markers.
     #[error("tracks of {times} times and {markers} markers have {found} positions")]
     Tracks { times: usize, markers: usize, found: usize },
-    /// The search for a contact did not end, or a force had nothing to press with.
+    /// The search for a contact did not converge, or there is no indenter to press with a force.
     #[error("no contact was found in {iterations} iterations")]
     NoContact { iterations: usize },
     /// A position of a track is not finite.

@@ -1,24 +1,23 @@
 //! A flat gel on a rigid plate, pressed by a rigid indenter of any shape.
 //!
-//! Enters: the gel, a grid of pixels, the heights of the indenter, and a depth or a force. Leaves:
+//! Input: the gel, a grid of pixels, the heights of the indenter, and a depth or a force. Output:
 //! the pressure on each pixel, and the displaced surface.
 //!
-//! The surface moves by the convolution of the pressure with a kernel (`gel/response.rs`). Of all
-//! pressures that are not negative, the contact has the one for which gel and indenter touch
-//! wherever they press and are apart elsewhere. Conjugate gradients on the pixels in contact find
-//! it (Polonsky and Keer 1999, "A numerical method for solving rough contact problems based on the
-//! multi-level multi-summation and conjugate gradient techniques", section 3), with products by
-//! FFT.
+//! The surface moves by the convolution of the pressure with a kernel (`gel/response.rs`). The
+//! contact has the one non-negative pressure for which gel and indenter touch wherever they press
+//! and are apart elsewhere. Conjugate gradients on the pixels in contact find it (Polonsky and Keer
+//! 1999, "A numerical method for solving rough contact problems based on the multi-level
+//! multi-summation and conjugate gradient techniques", section 3), with products by FFT.
 //!
 //! A sideways shift is one of Cattaneo and Mindlin: the shear traction is the friction coefficient
 //! times the difference of two pressures (Ciavarella 1998, "The generalized Cattaneo partial slip
 //! plane contact problem", Eq. 16; Jaeger 1998). The gel relaxes by one Prony term.
 //!
 //! Under large pressures a gel gets stiffer ([`Strain::Logarithmic`]): a contact is then one of
-//! small strains with heights that are bent as the surface is.
+//! small strains with heights that are bent like the surface.
 //!
-//! Left out: adhesion; friction under the normal load; the coupling of shear and pressure; the
-//! sides of the gel; how a strain at one place stiffens the places beside it.
+//! The model leaves out: adhesion; friction under the normal load; the coupling of shear and
+//! pressure; the sides of the gel; the stiffening of the gel beside a strained place.
 //!
 //! ```
 //! use meissner_simulator::gel::{Gel, GelCamera, GelSolver, Grid, Indenter, Load, Placed};
@@ -48,8 +47,8 @@ pub use response::{Gel, Grid, Relaxation, Strain};
 
 /// Greatest depth as a share of the thickness.
 ///
-/// Beyond it a gel of small strains is too soft, and one of logarithmic strains is a model of a
-/// material that nobody compresses as far.
+/// Beyond this depth, a gel of small strains is too soft, and a gel of logarithmic strains models a
+/// material beyond its usual compression.
 pub fn max_depth_share(strain: Strain) -> f64 {
     match strain {
         Strain::Small => 0.3,
@@ -60,9 +59,9 @@ pub fn max_depth_share(strain: Strain) -> f64 {
 /// How an indenter is pressed.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Load {
-    /// Its height 0 is so many millimetres below the surface at rest.
+    /// The depth of its height 0 below the surface at rest, in millimetres.
     Depth(f64),
-    /// It presses with so many newtons.
+    /// The force of the indenter, in newtons.
     Force(f64),
 }
 
@@ -71,13 +70,13 @@ pub enum Load {
 pub struct Contact {
     /// Pressure in megapascals (N/mm^2); 0 where the indenter does not touch.
     pub pressure_mpa: Vec<f64>,
-    /// How far the surface lies below its place at rest, in millimetres.
+    /// Depth of the surface below its position at rest, in millimetres.
     pub displacement_mm: Vec<f64>,
     /// Sum of the pressure, in newtons.
     pub force_n: f64,
-    /// How far the indenter's height 0 lies below the surface at rest, in millimetres.
+    /// Depth of the indenter's height 0 below the surface at rest, in millimetres.
     pub depth_mm: f64,
-    /// Iterations that it took.
+    /// Number of iterations of the search.
     pub iterations: usize,
 }
 
@@ -86,7 +85,8 @@ pub struct Contact {
 pub struct Slide {
     /// Shear traction along the shift in megapascals, row by row.
     pub traction_mpa: Vec<f64>,
-    /// Where the gel sticks to the indenter, row by row; elsewhere in the contact it slips.
+    /// Whether the gel sticks to the indenter at each pixel, row by row; elsewhere in the contact
+    /// it slips.
     pub sticks: Vec<bool>,
     /// Sum of the traction, in newtons.
     pub force_n: f64,
@@ -94,9 +94,9 @@ pub struct Slide {
 
 /// Change of the pressure in one iteration, relative to its sum, at which a contact is found.
 const TOLERANCE: f64 = 1e-7;
-/// Change of the depth in shares of the thickness at which a contact of large strains is found.
+/// Change of the depth, as a share of the thickness, at which a contact of large strains is found.
 const DEPTH_TOLERANCE: f64 = 1e-6;
-/// Most iterations; contacts on 320 x 240 pixels take 10 to 50.
+/// Maximum number of iterations; contacts on 320 x 240 pixels take 10 to 50.
 const MAX_ITERATIONS: usize = 5000;
 
 /// Finds contacts of a gel on a grid: O(pixels log pixels) for each iteration of a press.
@@ -111,7 +111,7 @@ impl GelSolver {
     /// Prepares the kernel. O(pixels log pixels).
     ///
     /// # Errors
-    /// [`SimulatorError::Setting`] where a setting is outside its range.
+    /// [`SimulatorError::Setting`] if a setting is outside its range.
     pub fn new(gel: Gel, grid: Grid) -> Result<Self> {
         for (name, found) in [
             ("modulus_mpa", gel.modulus_mpa),
@@ -142,7 +142,7 @@ impl GelSolver {
     /// The movement under `pressure_mpa`, row by row, in millimetres. O(pixels log pixels).
     ///
     /// # Panics
-    /// Where there is not a pressure for each pixel.
+    /// If there is not one pressure for each pixel.
     pub fn displacement(&mut self, pressure_mpa: &[f64]) -> Vec<f64> {
         let Gel { strain, thickness_mm, .. } = self.gel;
         let mut moved = self.convolution.apply(pressure_mpa);
@@ -151,19 +151,18 @@ impl GelSolver {
     }
 
     /// The contact with an indenter of these heights in millimetres, row by row
-    /// ([`Grid::heights`]). A height may be infinite: there is no indenter.
+    /// ([`Grid::heights`]). A height may be infinite where there is no indenter.
     ///
     /// # Errors
-    /// [`SimulatorError::Pixels`] without a height for each pixel; [`SimulatorError::Setting`]
-    /// where a height or the load is out of range; [`SimulatorError::NoContact`] where none is
-    /// found.
+    /// [`SimulatorError::Pixels`] without a height for each pixel; [`SimulatorError::Setting`] if a
+    /// height or the load is out of range; [`SimulatorError::NoContact`] if no contact is found.
     pub fn press(&mut self, heights_mm: &[f64], load: Load) -> Result<Contact> {
         self.check(heights_mm, load)?;
         let Gel { strain, thickness_mm, .. } = self.gel;
         if strain == Strain::Small || !thickness_mm.is_finite() {
             return self.touch(heights_mm, load, self.first_guess(heights_mm, load));
         }
-        // Small strains find the contact where each height is bent as the surface is.
+        // The search with small strains finds the contact if each height is bent like the surface.
         let bent = |depth_mm: f64| -> Vec<f64> {
             let deepest = strain.linear(thickness_mm, depth_mm);
             heights_mm.iter().map(|height| deepest - strain.linear(thickness_mm, depth_mm - height)).collect()
@@ -175,8 +174,9 @@ impl GelSolver {
                 self.touch(&heights, load, self.first_guess(&heights, load))
             }
             Load::Force(_) => {
-                // How the heights are bent depends on the depth, which the force tells only then.
-                // The secant method finds where the depth of the contact is the one assumed.
+                // The bending of the heights depends on the depth, which a force determines only
+                // afterwards. The secant method finds the depth at which the contact's depth equals
+                // the assumed one.
                 let mut contact = self.touch(heights_mm, load, self.first_guess(heights_mm, load))?;
                 let (mut assumed_mm, mut last, mut iterations) = (contact.depth_mm, None, contact.iterations);
                 while iterations < MAX_ITERATIONS {
@@ -249,7 +249,8 @@ impl GelSolver {
             for (pressure, direction) in pressure.iter_mut().zip(&direction) {
                 *pressure = (*pressure - step * direction).max(0.0);
             }
-            // Where the indenter would be inside the gel is contact too: a new search begins.
+            // Pixels where the indenter would be inside the gel are in contact, too: a new search
+            // begins.
             is_conjugate = true;
             for i in 0..pixels {
                 if pressure[i] == 0.0 && gap[i] < 0.0 {
@@ -293,7 +294,8 @@ impl GelSolver {
         }
     }
 
-    /// A pressure of the right size where the indenter would be in the gel, or all under it.
+    /// A pressure of the right size on the pixels where the indenter would be inside the gel, or on
+    /// all pixels under it.
     fn first_guess(&self, heights_mm: &[f64], load: Load) -> Vec<f64> {
         let heights = heights_mm.iter();
         match load {
@@ -336,7 +338,7 @@ impl GelSolver {
     }
 }
 
-/// Refuses what is negative or not finite.
+/// Refuses a value that is negative or not finite.
 fn finite(name: &'static str, found: f64) -> Result<()> {
     setting(name, "a finite number of at least 0", found, (0.0..f64::INFINITY).contains(&found))
 }

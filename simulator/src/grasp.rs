@@ -1,11 +1,11 @@
 //! Two transparent fingers grasp, hold and release a bolt; a camera sees one from within.
 //!
-//! Enters: a plan of motion and light. Leaves: events, and force, depth and phase along time.
+//! Input: a plan of motion and light. Output: events, and force, depth and phase over time.
 //!
 //! A finger is a flat pad ([`PAD`]), 19.2 mm square and 4 mm thick; the other is its mirror image,
 //! so that both press with the same force. The bolt is gripped on its smooth shank, a rigid
-//! cylinder that may end within the pad. The motor moves the fingers: the force follows from the
-//! contact (`grasp/contact.rs`), what the camera sees from light (`grasp/view.rs`).
+//! cylinder that may end within the pad. The motor moves the fingers. The force follows from the
+//! contact (`grasp/contact.rs`), and the picture of the camera from the light (`grasp/view.rs`).
 //!
 //! | phase | motion |
 //! |---|---|
@@ -13,8 +13,8 @@
 //! | holding | the depth stays, with a small vibration of depth and place; the force relaxes |
 //! | releasing | the bolt leaves; the force is smaller than before at equal depth |
 //!
-//! Left out: sliding, friction and the tilt of a bolt in the grip; the motor's elasticity; large
-//! strains, for which silicone is stiffer.
+//! The model leaves out: sliding, friction and the tilt of a bolt in the grip; the motor's
+//! elasticity; large strains, for which silicone is stiffer.
 
 mod contact;
 mod view;
@@ -41,7 +41,7 @@ const FORCE_N: [f64; 2] = [0.6, 3.0];
 const RELAXES: (f64, f64) = (0.25, 0.12);
 /// Length of a bolt's shank.
 const SHANK_MM: f64 = 24.0;
-/// A recording has rests before and after the motion that are at least this long together.
+/// Minimum of the rests before and after the motion together.
 const REST_MS: f64 = 20.0;
 
 /// A part of a recording.
@@ -56,7 +56,7 @@ pub enum Phase {
 }
 
 impl Phase {
-    /// All phases, each at the place of its number.
+    /// All phases, each at the index of its number.
     pub const ALL: [Self; 3] = [Self::Grasping, Self::Holding, Self::Releasing];
 
     /// A name for reports.
@@ -65,7 +65,7 @@ impl Phase {
     }
 }
 
-/// What is true at a time of a recording.
+/// The truth at a time of a recording.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[expect(missing_docs, reason = "the names say it")]
 pub struct Grip {
@@ -73,7 +73,7 @@ pub struct Grip {
     pub t_us: i64,
     /// Force on each finger, in newtons.
     pub force_n: f64,
-    /// How far the bolt is pressed into the pad, in millimetres; 0 before it touches.
+    /// Depth of the bolt in the pad, in millimetres; 0 before it touches.
     pub depth_mm: f64,
     /// Area in contact, in square millimetres.
     pub area_mm2: f64,
@@ -95,7 +95,7 @@ pub struct Grasp {
     /// 0: the fingers move evenly; 1: with a smooth start and a smooth end.
     pub smooth: [f64; 2],
     pub vibration: Vibration,
-    /// How far the bolt slips into place while the fingers close, in millimetres.
+    /// Distance by which the bolt slips into place while the fingers close, in millimetres.
     pub settles_mm: [f64; 2],
     pub look: Look,
     /// Seed of the camera.
@@ -107,16 +107,16 @@ pub struct Grasp {
 pub struct Vibration {
     /// Frequency in hertz.
     pub hz: f64,
-    /// Phases of depth and of the two directions of place, in radians.
+    /// Phases of depth and of the two directions of position, in radians.
     pub phases: [f64; 3],
     /// Amplitude of the depth, as a share of it.
     pub depth: f64,
-    /// Amplitudes of the place along x and y, in millimetres.
+    /// Amplitudes of the position along x and y, in millimetres.
     pub place_mm: [f64; 2],
 }
 
 impl Grasp {
-    /// The plan number `number` of a seed: bolts take turns, the rest is drawn.
+    /// The plan number `number` of a seed: the bolts alternate, and the rest is drawn.
     pub fn drawn(seed: u64, number: usize) -> Self {
         let mut random = Random::new(Random::new(seed).bits() ^ Random::new(number as u64).bits());
         let mut from = |[low, high]: [f64; 2]| low + random.uniform() * (high - low);
@@ -214,7 +214,7 @@ impl Grasp {
         (0..=steps).map(move |step| self.motion((step * STEP_US) as f64 / 1e3, peak_mm).depth_mm)
     }
 
-    /// Where the bolt is, and in which phase.
+    /// The position of the bolt, and its phase.
     fn motion(&self, t_ms: f64, peak_mm: f64) -> Motion {
         let [rest, grasp, hold, release] = self.lasts_ms;
         let [from_mm, to_mm] = self.away_mm;
@@ -232,7 +232,7 @@ impl Grasp {
         let pressed = -from_mm + closed * (from_mm + peak_mm) - opened * (peak_mm + to_mm);
         Motion {
             depth_mm: pressed + depth * peak_mm * wave(phases[0]),
-            // Once pressed, the bolt no longer slips into its place.
+            // After grasping, the bolt no longer slips.
             place_mm: [
                 along * (1.0 - closed) + place_mm[0] * wave(phases[1]),
                 across * (1.0 - closed) + place_mm[1] * wave(phases[2]),

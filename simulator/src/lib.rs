@@ -1,13 +1,13 @@
 //! Event cameras and touch, simulated with labels.
 //!
-//! Enters: grey images with times, or the tracks of markers. Leaves: events in order of time, each
+//! Input: grey images with times, or the tracks of markers. Output: events in order of time, each
 //! with its [`Cause`]. Equal input and an equal seed give equal events on every machine.
 //!
 //! [`Camera`] is the model of the sensor: it finds the exact time at which each pixel crosses its
 //! threshold between two images. [`MarkerTracks`] draws moving discs. [`Press`] moves the markers
-//! of a soft dome, which [`DomeView`] sees; [`PressTable`] has its presses at real speed. [`gel`]
-//! presses indenters into a flat gel under coloured lights. [`grasp`] has two fingers grasp a bolt,
-//! with the force along time. [`plants`] are what controllers move.
+//! of a soft dome, which [`DomeView`] sees; [`PressTable`] has its presses in real time. [`gel`]
+//! presses indenters into a flat gel under coloured lights. [`grasp`] has two fingers that grasp a
+//! bolt, with the force over time. [`plants`] are the objects that controllers move.
 //!
 //! ```
 //! use meissner_engine::Sensor;

@@ -1,12 +1,13 @@
-//! Markers that move, as the camera in a tactile sensor sees them: discs on another ground.
+//! Moving markers, as the camera in a tactile sensor sees them: discs on a ground of another
+//! intensity.
 //!
-//! Enters: positions of markers at some times. Leaves: images at any time, or events.
+//! Input: positions of markers at some times. Output: images at any time, or events.
 
 use meissner_engine::Sensor;
 
 use crate::{Camera, Result, SimulatedEvent, SimulatorError};
 
-/// How markers look.
+/// The look of markers.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MarkerScene {
     /// Radius of a marker in pixels.
@@ -37,10 +38,10 @@ pub struct MarkerTracks {
 }
 
 impl MarkerTracks {
-    /// Tracks of `markers` markers; `positions` has those of one time after the other.
+    /// Tracks of `markers` markers; `positions` is ordered by time, then by marker.
     ///
     /// # Errors
-    /// Times that do not ascend, a wrong number of positions, one that is not finite.
+    /// Times do not ascend, the number of positions is wrong, or a position is not finite.
     pub fn new(t_us: Vec<i64>, markers: usize, positions: Vec<[f32; 2]>) -> Result<Self> {
         if positions.len() != t_us.len() * markers {
             return Err(SimulatorError::Tracks { times: t_us.len(), markers, found: positions.len() });
@@ -84,7 +85,7 @@ impl MarkerTracks {
     /// As [`Camera::push`].
     ///
     /// # Panics
-    /// Where there is no such interval.
+    /// If there is no such interval.
     pub fn film_interval(
         &self,
         interval: usize,
@@ -116,10 +117,11 @@ impl MarkerTracks {
     }
 }
 
-/// How far a marker may move between two images, in pixels: light at its edge is then a line.
+/// Maximum motion of a marker between two images, in pixels: the light at its edge is then linear
+/// in time.
 const STEP: f32 = 0.125;
 
-/// Images that a motion needs, at least 1.
+/// Number of images that a motion needs, at least 1.
 fn images(before: &[[f32; 2]], after: &[[f32; 2]]) -> u64 {
     let distance = |(a, b): (&[f32; 2], &[f32; 2])| length(a[0] - b[0], a[1] - b[1]);
     let furthest = before.iter().zip(after).map(distance).fold(0.0, f32::max);
@@ -127,7 +129,8 @@ fn images(before: &[[f32; 2]], after: &[[f32; 2]]) -> u64 {
 }
 
 impl MarkerScene {
-    /// Draws markers at `positions` into `image`. Of two, the one that covers more counts.
+    /// Draws markers at `positions` into `image`. If two markers overlap in a pixel, the one that
+    /// covers more counts.
     ///
     /// # Panics
     /// If `image` does not have the pixels of `sensor`.

@@ -1,6 +1,6 @@
 //! A soft dome with markers, pressed on a plane: the sensor of contact angle by events.
 //!
-//! Enters: a dome, the tilt of a plane, a depth. Leaves: the markers, and the plane's force.
+//! Input: a dome, the tilt of a plane, a depth. Output: the markers, and the plane's force.
 //!
 //! The dome is a thin shell of an incompressible Yeoh solid on a mesh of triangles, whose base is
 //! fixed. A press is quasi-static: after each small step in depth, the nodes move to a minimum of
@@ -19,8 +19,8 @@
 //! "Structural relaxation made simple"). A node that reaches the plane stays where it touched it
 //! (rough contact, no slip), until the plane would have to pull it.
 //!
-//! Left out: inertia and viscosity, so that press and release are equal; the air or gel inside;
-//! shear through the wall; slip; gravity. The shell is the outer surface of the dome.
+//! The model leaves out: inertia and viscosity, so that press and release are equal; the air or gel
+//! inside; shear through the wall; slip; gravity. The shell is the outer surface of the dome.
 
 use std::f64::consts::{FRAC_PI_2, PI};
 
@@ -57,7 +57,7 @@ pub struct Press {
     shell: Shell,
     nodes: Vec<Vector>,
     forces: Vec<Vector>,
-    /// Where a node that touches the plane is held, relative to the plane.
+    /// Position at which a node that touches the plane is held, relative to the plane.
     held: Vec<Option<Vector>>,
     /// Unit normal of the plane, towards the dome.
     normal: Vector,
@@ -99,7 +99,7 @@ impl Press {
     pub fn press_to(&mut self, depth_mm: f64) {
         while self.depth_mm < depth_mm {
             self.depth_mm = (self.depth_mm + STEP_MM).min(depth_mm);
-            // A node that comes to touch is held from then on, which lets others touch.
+            // A node that touches is held from then on, which lets other nodes touch.
             for _ in 0..8 {
                 self.carry();
                 self.relax();
@@ -110,7 +110,7 @@ impl Press {
         }
     }
 
-    /// How deep the dome is pressed, in millimetres.
+    /// Depth of the press, in millimetres.
     pub fn depth_mm(&self) -> f64 {
         self.depth_mm
     }
@@ -127,7 +127,7 @@ impl Press {
         held.map(|(_, force)| force[2]).sum::<f64>() / 1e3
     }
 
-    /// How far a point is above the plane, in millimetres; negative inside it.
+    /// Height of a point above the plane, in millimetres; negative inside it.
     fn height(&self, point: Vector) -> f64 {
         dot(self.normal, point) + self.touch_mm + self.normal[2] * self.depth_mm
     }
@@ -141,7 +141,8 @@ impl Press {
         }
     }
 
-    /// Holds nodes inside the plane, and releases those that it would pull. Whether any changed.
+    /// Holds nodes inside the plane, and releases those that it would pull. Returns whether any
+    /// node changed.
     fn change_contact(&mut self) -> bool {
         let mut changed = false;
         for i in 0..self.nodes.len() {
@@ -369,7 +370,8 @@ fn mesh(dome: &Dome) -> (Vec<Vector>, Vec<[usize; 3]>) {
     (nodes, triangles)
 }
 
-/// The corners opposite of a common edge, then the edge as the first runs through it.
+/// The corners opposite a common edge, then the ends of the edge in the order of the first
+/// triangle.
 fn common_edge(first: [usize; 3], second: [usize; 3]) -> Option<[usize; 4]> {
     (0..3).find_map(|i| {
         let (from, to) = (first[i], first[(i + 1) % 3]);

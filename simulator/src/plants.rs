@@ -1,16 +1,17 @@
-//! The plants of closed loops: what a controller moves, as a sensor sees it.
+//! The plants of closed loops: objects that a controller moves, as a sensor sees them.
 //!
-//! Enters: what the controller does, and time. Leaves: what the sensor sees, and what is true, to
-//! judge the controller by. Equal input and an equal seed give equal output.
+//! Input: the actions of the controller, and time. Output: the sensor's data, and the truth to
+//! judge the controller. Equal input and an equal seed give equal output.
 //!
 //! - [`Fingertip`]: a soft dome on a [`Wrist`] taps a tilted [`Surface`], seen by an event camera;
-//!   it is moved from any process by the target of the wrist ([`WristTarget`], [`FingertipState`]);
-//! - [`BallOnGel`]: a ball is pressed into a gel and rolls on it, seen by a camera of pictures; it
-//!   is moved by motions.
+//!   a controller in any process moves it by the target of the wrist ([`WristTarget`],
+//!   [`FingertipState`]);
+//! - [`BallOnGel`]: a ball is pressed into a gel and rolls on it, seen by a camera of pictures; a
+//!   controller moves it by motions.
 //!
 //! The times of a tap fit the networks for contact angles. They were trained on presses of 90 to
-//! 200 ms that begin at rest, and read the events of the last 150 ms: at the end of the hold they
-//! are those of this press alone, because the phases between two contacts are longer.
+//! 200 ms that begin at rest, and read the events of the last 150 ms: at the end of the hold these
+//! events are of this press alone, because the phases between two contacts are longer.
 
 mod ball;
 mod datagrams;
@@ -28,7 +29,7 @@ pub fn tilt([roll, pitch]: Angles) -> f64 {
     libm::sqrt(roll * roll + pitch * pitch)
 }
 
-/// What the fingertip does.
+/// A phase of the fingertip's motion.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Phase {
     /// In the air; the wrist is braked.
@@ -55,7 +56,7 @@ const PHASES: [(Phase, i64); 5] = [
 /// Duration of a tap in microseconds: 0.8 s.
 pub const TAP_US: i64 = PHASES[0].1 + PHASES[1].1 + PHASES[2].1 + PHASES[3].1 + PHASES[4].1;
 
-/// How deep the dome is pressed, in millimetres.
+/// Depth to which the dome is pressed, in millimetres.
 pub const DEPTH_MM: f64 = 10.0;
 
 impl Phase {
@@ -94,7 +95,7 @@ pub fn depth_mm(t_us: i64) -> f64 {
         }
 }
 
-/// How the plane is tilted.
+/// The tilt of the plane.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Surface {
     /// Always the same angles, in radians.
@@ -103,8 +104,8 @@ pub enum Surface {
     Course,
 }
 
-/// Number of a tap, and roll and pitch in degrees from it on: two jumps, then a slow turn, whose
-/// taps lie on a line between the last two.
+/// Number of a tap, and roll and pitch in degrees from this tap on: two jumps, then a slow turn,
+/// whose taps lie on a line between the last two entries.
 pub const COURSE: [(u32, Angles); 4] =
     [(0, [4.0, -3.0]), (6, [-1.5, 2.5]), (12, [2.0, 5.0]), (24, [-4.0, 0.0])];
 
@@ -142,7 +143,7 @@ pub struct Wrist {
 }
 
 impl Wrist {
-    /// Where it points.
+    /// The direction of the wrist.
     pub fn angles(&self) -> Angles {
         self.angles
     }
@@ -154,7 +155,7 @@ impl Wrist {
         }
     }
 
-    /// Turns for `seconds`, which should be short beside the lag.
+    /// Turns for `seconds`, which should be short compared with the lag.
     pub fn turn(&mut self, seconds: f64) {
         for (angle, target) in self.angles.iter_mut().zip(self.target) {
             *angle += ((target - *angle) / LAG_S).clamp(-MAX_SPEED, MAX_SPEED) * seconds;

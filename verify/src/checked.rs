@@ -1,7 +1,7 @@
-//! An engine beside its full recomputation: a batch, or a frame engine that skips nothing.
+//! Compares an engine with its full recomputation: a batch, or a frame engine that skips nothing.
 //!
-//! Enters: steps. Leaves: the first difference in outcomes, neighbourhoods, rows and predictions.
-//! Invariant: the batch is given exactly the events that the admission rules accept.
+//! Input: steps. Output: the first difference in outcomes, neighbourhoods, rows and predictions.
+//! Invariant: the batch gets exactly the events that the admission rules accept.
 
 use std::fmt::Display;
 use std::sync::Arc;
@@ -16,7 +16,7 @@ use crate::error::{Difference, first_difference};
 use crate::incremental::{Checked, Incremental, IncrementalEvents, values};
 use crate::stream::{Script, Step};
 
-/// An engine that fills expired rows with NaN, so that a stale read shows.
+/// An engine that fills expired rows with NaN, so that a read of a stale row is visible.
 ///
 /// # Errors
 /// As [`Engine::with_options`].
@@ -38,7 +38,7 @@ pub struct CheckedEngine<E = Engine> {
 }
 
 impl CheckedEngine {
-    /// An engine that fills expired rows with NaN, so that a stale read shows.
+    /// An engine that fills expired rows with NaN, so that a read of a stale row is visible.
     ///
     /// # Panics
     /// If the engine refuses the network.
@@ -92,10 +92,10 @@ impl<E: IncrementalEvents> CheckedEngine<E> {
         self.batch.reset();
     }
 
-    /// The prediction, which must equal the batch's; empty where both refuse for the same reason.
+    /// The prediction, which must equal the batch's; empty if both refuse for the same reason.
     ///
     /// # Errors
-    /// They differ.
+    /// The predictions differ.
     pub fn predict(&mut self) -> Result<Vec<f32>, Difference> {
         let expected = self.batch.trace().map(|trace| trace.prediction);
         let found = values(&mut self.engine);
@@ -103,7 +103,7 @@ impl<E: IncrementalEvents> CheckedEngine<E> {
         Ok(found.unwrap_or_default())
     }
 
-    /// Compares prediction, neighbourhoods and every row with the batch's, bit for bit. Where both
+    /// Compares prediction, neighbourhoods and every row with the batch's, bit for bit. If both
     /// refuse to predict for the same reason, nothing else is compared.
     ///
     /// # Errors

@@ -1,8 +1,8 @@
-//! What every engine keeps: also in a thread, behind a C interface, in another process.
+//! Claims that hold for every engine: also in a thread, behind a C interface, in another process.
 //!
-//! Each claim is a function over the steps of a stream and makes its engines anew; the error names
-//! the step. [`predicts`], [`takes_slices`] and [`forgets`] need a [`Predictor`] alone; [`resumes`]
-//! and [`refuses_damage`] need its states.
+//! Each claim is a function over the steps of a stream and makes new engines; the error names the
+//! step. [`predicts`], [`takes_slices`] and [`forgets`] need only a [`Predictor`]; [`resumes`] and
+//! [`refuses_damage`] also need its states.
 
 use std::fmt::{Debug, Display};
 
@@ -12,8 +12,8 @@ use crate::error::bits;
 use crate::incremental::Incremental;
 use crate::stream::Step;
 
-/// What a predictor shows: its prediction, as bits, with time, number of nodes, and how unlike its
-/// input is; and its counts.
+/// The visible state of a predictor: its prediction as bits, with time, number of nodes, and how
+/// unlike its input is; and its counts.
 type Shown = (Result<(Vec<u32>, Option<i64>, usize, Option<u32>), EngineError>, EventCounters);
 
 fn show<P: Predictor>(predictor: &mut P) -> Shown {
@@ -63,7 +63,7 @@ pub fn predicts<P: Predictor, O: Predictor<Input = P::Input>>(
     Ok(())
 }
 
-/// Slices have the effect of their inputs one by one; `cuts` are lengths of slices, in turn.
+/// A slice has the same effect as its inputs one by one; `cuts` are lengths of slices, in turn.
 ///
 /// # Errors
 /// The first difference.
@@ -96,7 +96,7 @@ pub fn takes_slices<P: Predictor<Input: Clone>>(
     Ok(())
 }
 
-/// An engine that has forgotten a stream is as a new one, but goes on to count.
+/// An engine that has forgotten a stream behaves like a new one, but its counts continue.
 ///
 /// # Errors
 /// The first difference.
@@ -121,9 +121,9 @@ pub fn forgets<P: Predictor>(make: impl Fn() -> P, steps: &[Step<P::Input>]) -> 
     Ok(())
 }
 
-/// An engine that returns to a state goes on as the one whose state it is, from memory and from
-/// bytes. The stream is cut after the step `cut`; the engine from bytes is written and read again
-/// where the stream says so.
+/// An engine that returns to a state, from memory or from bytes, continues like the engine of that
+/// state. The stream is cut after the step `cut`; the engine from bytes is written and read again
+/// where the stream has such a step.
 ///
 /// # Errors
 /// The first difference.
@@ -140,7 +140,7 @@ pub fn resumes<E: Incremental>(
             let _ = whole.predict();
         }
     }
-    // Something else: the stream from there on.
+    // Other inputs in between: the stream from there on.
     for step in after.iter().take(8) {
         act(&mut copied, step).and_then(|()| act(&mut read, step))?;
     }
@@ -166,10 +166,11 @@ pub fn resumes<E: Incremental>(
     Ok(())
 }
 
-/// Bytes cut at `place` (0 to 1), or with a bit flipped there, are refused and change nothing.
+/// The engine refuses bytes that are cut at `place` (0 to 1) or have a bit flipped there, and
+/// changes nothing.
 ///
 /// # Errors
-/// What was not refused, or changed.
+/// Damage that was not refused, or that changed the engine.
 pub fn refuses_damage<E: Incremental>(
     make: impl Fn() -> E,
     steps: &[Step<E::Input>],

@@ -18,7 +18,7 @@ pub struct Summary {
     pub inputs: u64,
     /// Comparisons.
     pub comparisons: u64,
-    /// Rows that were compared, of all layers; of frame networks, values of predictions.
+    /// Compared rows of all layers; for frame networks, compared values of predictions.
     pub rows: u64,
     /// Comparisons at which both sides refused to predict, because the same layer computed NaN.
     pub refused: u64,
@@ -78,7 +78,7 @@ impl From<RunError> for VerifyError {
     }
 }
 
-/// The first difference: `found` is the engine's, `expected` that of the full recomputation.
+/// The first difference: `found` is from the engine, `expected` from the full recomputation.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[expect(missing_docs, reason = "the fields are named by what they hold")]
 #[non_exhaustive]
@@ -94,12 +94,12 @@ pub enum Difference {
         "event graph, neighbourhood of event {event} of the window: found {found:?}, expected {expected:?}"
     )]
     Neighbourhood {
-        /// The event, by its place in the window.
+        /// Index of the event in the window.
         event: usize,
         found: Vec<Neighbour>,
         expected: Vec<Neighbour>,
     },
-    /// A layer with another number of rows or channels, as values in all rows.
+    /// A layer with another number of rows or channels; the numbers are of values in all rows.
     #[error("layer {layer}: found {found} values, expected {expected}")]
     Size { layer: String, found: usize, expected: usize },
     /// A value of a layer.
@@ -110,15 +110,15 @@ pub enum Difference {
     /// A value of the prediction.
     #[error("prediction, value {index}: found {}, expected {}", Bits(*.found), Bits(*.expected))]
     Prediction { index: usize, found: f32, expected: f32 },
-    /// What the window is like.
+    /// Statistics of the window.
     #[error("window: found {found:?}, expected {expected:?}")]
     Window { found: Box<WindowStatistics>, expected: Box<WindowStatistics> },
-    /// One side refuses to predict, or both for different reasons.
+    /// One side refuses to predict, or both refuse for different reasons.
     #[error("found {found}, expected {expected}")]
     Refusal { found: String, expected: String },
 }
 
-/// A value with its bits, in which two values that print alike may differ.
+/// A value with its bits, because two values that print alike may have different bits.
 struct Bits(f32);
 
 impl fmt::Display for Bits {
@@ -132,7 +132,7 @@ pub fn bits(values: &[f32]) -> Vec<u32> {
     values.iter().map(|v| v.to_bits()).collect()
 }
 
-/// The first place at which values have different bits, and both values.
+/// The first index at which the bits of the values differ, and both values.
 pub(crate) fn first_difference(found: &[f32], expected: &[f32]) -> Option<(usize, f32, f32)> {
     let mut pairs = found.iter().zip(expected).enumerate();
     pairs.find(|(_, (a, b))| a.to_bits() != b.to_bits()).map(|(i, (&a, &b))| (i, a, b))

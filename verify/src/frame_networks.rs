@@ -27,7 +27,7 @@ pub enum Style {
         /// Whether the gates see the cells.
         peepholes: bool,
     },
-    /// Sums, their recent past, and dense layers.
+    /// Sums, their recent history, and dense layers.
     Delays,
     /// LSTMs, delays and dense layers over one vector, appended to each other in a random order.
     Committee {
@@ -40,7 +40,7 @@ pub enum Style {
 struct Builder {
     random: Random,
     input: FrameShape,
-    /// Of the frame, and of each layer.
+    /// Shapes of the frame and of each layer.
     shapes: Vec<FrameShape>,
     layers: Vec<FrameLayer>,
 }
@@ -61,7 +61,7 @@ impl Builder {
         }
     }
 
-    /// Weights that keep activations of about the same size.
+    /// Weights that keep the size of activations about constant.
     fn weights(&mut self, count: usize, inputs: usize) -> Vec<f32> {
         self.random.values(count, (3.0 / inputs as f32).sqrt())
     }
@@ -207,7 +207,7 @@ pub fn network(
     FrameNetworkParts { training: training(input), ..net.parts(format!("{style:?}")) }
 }
 
-/// What is known of the frames of a training that never was.
+/// Statistics of the frames of a made-up training.
 fn training(input: FrameShape) -> Option<TrainingFrames> {
     let of = match input {
         FrameShape::Image { .. } => FrameFeatures::Image,
@@ -218,7 +218,7 @@ fn training(input: FrameShape) -> Option<TrainingFrames> {
 }
 
 /// A network without state for images of `image` (channels, rows, columns): a convolution, a
-/// pooling where the image can be halved, a dense layer of `outputs`.
+/// pooling if the image can be halved, a dense layer of `outputs`.
 pub fn head(image: [usize; 3], channels: usize, outputs: usize, seed: u64) -> FrameNetworkParts {
     let [read, height, width] = image;
     let input = FrameShape::Image { channels: read, height, width };

@@ -1,4 +1,4 @@
-//! The methods of an engine under test, and of such an engine beside its full recomputation.
+//! The methods of an engine under test, and of such an engine next to its full recomputation.
 
 use meissner_engine::frames::{FrameEngine, FrameSnapshot};
 use meissner_engine::{Engine, EngineError, Event, Predictor, Snapshot, WindowStatistics};
@@ -7,7 +7,7 @@ use meissner_kernels::Neighbour;
 use crate::error::Difference;
 use crate::stream::Step;
 
-/// An engine under test. Implement it for an engine of your own.
+/// An engine under test. Implement it for your own engine.
 pub trait Incremental: Predictor {
     /// A state in memory.
     type Snapshot;
@@ -56,7 +56,7 @@ pub trait Incremental: Predictor {
 pub trait IncrementalEvents: Incremental<Input = Event> {
     /// Number of events in the window.
     fn nodes(&self) -> usize;
-    /// In-edges of an event, by its place in the window, as [`Engine::neighbourhood`].
+    /// In-edges of an event, by its index in the window, as [`Engine::neighbourhood`].
     fn neighbourhood(&self, index: usize) -> Vec<Neighbour>;
     /// Rows of a feature of a level as of the last prediction, as [`Engine::feature`].
     fn rows(&self, level: usize, feature: usize) -> Vec<Vec<f32>>;

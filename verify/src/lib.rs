@@ -20,11 +20,12 @@
 //!
 //! | module | contents |
 //! |---|---|
-//! | [`verify`], [`verify_stream`], [`verify_frames`] | to a [`Summary`] or a [`Mismatch`] |
+//! | [`verify`], [`verify_stream`], [`verify_frames`] | return a [`Summary`] or a [`Mismatch`] |
 //! | [`random_streams`], [`random_frames`] | streams with every difficulty |
-//! | [`Incremental`], [`IncrementalEvents`] | an engine under test: implement them for your own |
-//! | [`conformance`] | claims that every engine keeps, behind any interface |
-//! | [`CheckedEngine`] | an engine beside its full recomputation, for streams of your own |
+//! | [`Incremental`], [`IncrementalEvents`] | an engine under test: implement them for your own
+//! engine |
+//! | [`conformance`] | claims that hold for every engine, behind any interface |
+//! | [`CheckedEngine`] | compares an engine with its full recomputation, for your own streams |
 //! | [`Stream`], [`Step`], [`Script`] | streams as data, from recordings and as text |
 //! | [`networks`], [`frame_networks`] | random networks |
 //! | `strategies` | proptest strategies for streams and networks (feature `proptest`) |

@@ -22,7 +22,7 @@ pub enum ConvolutionShape {
 }
 
 impl ConvolutionShape {
-    /// A convolution for each number below 8, five of them splines of `kernel`.
+    /// A convolution for each number below 8; five of them are splines of `kernel`.
     ///
     /// # Panics
     /// If `number` is 8 or more.
@@ -31,7 +31,7 @@ impl ConvolutionShape {
         if number < 5 { Self::Spline(kernel) } else { Self::PointNet }
     }
 
-    /// The convolution, with numbers drawn from `random` and those of `extras` that its kind has.
+    /// The convolution, with numbers drawn from `random` and the `extras` that its kind can have.
     fn build(
         self,
         inputs: usize,
@@ -79,9 +79,9 @@ pub struct BlockShape {
     pub conv: ConvolutionShape,
     /// Picks the feature that is read from the available ones.
     pub input: usize,
-    /// Picks the feature that is added among those that fit; `None` adds none.
+    /// Picks the added feature among those that fit; `None` adds none.
     pub skip: Option<usize>,
-    /// Root weight, bias, batch norm, ELU, of those that the convolution can have.
+    /// Root weight, bias, batch norm, ELU, if the convolution can have them.
     pub extras: [bool; 4],
 }
 
@@ -112,9 +112,9 @@ pub struct NetworkShape {
     pub graph: GraphRule,
     /// Span in microseconds.
     pub span_us: i64,
-    /// Most events in the window.
+    /// Maximum number of events in the window.
     pub capacity: usize,
-    /// Sizes of the cells in which the place of an event is an input.
+    /// Sizes of the cells in which the position of an event is an input.
     pub place: Option<[(u32, u32); 2]>,
     /// Blocks of the event level.
     pub blocks: Vec<BlockShape>,
@@ -136,12 +136,12 @@ impl NetworkShape {
     /// The network, with numbers drawn from the seed.
     ///
     /// # Panics
-    /// If the engine refuses it: the strategies make admissible networks only.
+    /// If the engine refuses the network: the strategies make only admissible networks.
     pub fn build(&self) -> Network {
         self.build_with_head().0
     }
 
-    /// The same, with the parameters of its head, where it has one.
+    /// The same, with the parameters of its head, if it has one.
     ///
     /// # Panics
     /// As [`Self::build`].
@@ -166,11 +166,11 @@ impl NetworkShape {
             pooled.push((pooling, level));
             channels = next;
         }
-        // Cells in time can stay apart where all poolings have the same.
+        // Cells in time can stay apart if all poolings have the same cells in time.
         let time = pooled.first().and_then(|(pooling, _): &(Pooling, Level)| pooling.time);
         let same = pooled.iter().all(|(pooling, _)| pooling.time == time);
         let time = time.filter(|_| same && self.seed.is_multiple_of(2));
-        // Only events can be summed; every other such network does so.
+        // Only events can be summed; every second network without poolings sums them.
         let sums = pooled.is_empty() && self.seed.is_multiple_of(2);
         let readout = Readout {
             from: self.from % channels.len(),
@@ -186,7 +186,7 @@ impl NetworkShape {
             let outputs = self.dense.last().copied().unwrap_or(1);
             frame_networks::head(image, convolved, outputs, random.bits())
         });
-        // Heads of descriptions keep their products; every third of these does not.
+        // Heads of descriptions keep their products; every third head here does not.
         let convolution = if self.seed.is_multiple_of(3) { Convolution::Direct } else { Convolution::Kn2row };
         let head = head_parts
             .clone()
@@ -213,7 +213,7 @@ impl NetworkShape {
             dense,
             head,
         };
-        // Any: it changes no value.
+        // Arbitrary statistics: they change no value.
         let windows = TrainingWindows::from_parts(&[0.5; 9], (1..=9).map(|i| vec![1.0; i]).collect());
         (Network::new(parts).expect("the parts fit").with_training_windows(windows), head_parts)
     }

@@ -1,4 +1,4 @@
-//! Random streams of events and of frames, with every case that an engine may get wrong.
+//! Random streams of events and of frames, with all difficult cases for an engine.
 
 use meissner_engine::{Event, Network, Sensor};
 use meissner_kernels::random::Random;
@@ -6,7 +6,7 @@ use meissner_kernels::random::Random;
 use crate::frame_networks::next_frame;
 use crate::stream::{Step, Stream};
 
-/// How the events of a stream are spread over sensor and time.
+/// The distribution of the events of a stream over sensor and time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Scene {
     /// All pixels are equally likely.
@@ -15,7 +15,7 @@ enum Scene {
     HotSpot,
     /// All events come from one pixel.
     OnePixel,
-    /// All events have one time.
+    /// All events have the same time.
     OneInstant,
     /// Few events are in the window at a time.
     Sparse,
@@ -31,13 +31,13 @@ const SCENES: [Scene; 8] = {
     use Scene::{Bursts, Full, Grid, HotSpot, OneInstant, OnePixel, Sparse, Uniform};
     [Uniform, HotSpot, OnePixel, OneInstant, Sparse, Bursts, Grid, Full]
 };
-/// Where time starts.
+/// Starts of time.
 const ORIGINS: [i64; 4] = [0, 1_700_000_000_000_000, -77, i64::MIN / 2];
 /// Events in a window of an ordinary scene.
 const NODES: u64 = 24;
 
-/// `cases` random streams of `seed` for `network`: on `sensor`, or on several sizes. In every other
-/// stream, and where the window is to be full, the capacity is below that of the network.
+/// `cases` random streams of `seed` for `network`: on `sensor`, or on several sizes. In every
+/// second stream, and if the window is to be full, the capacity is below that of the network.
 pub fn random_streams(
     network: &Network,
     sensor: Option<Sensor>,
@@ -107,7 +107,7 @@ fn side(random: &mut Random) -> u16 {
     (low + random.below(high - low)) as u16
 }
 
-/// Where events come from.
+/// The source of events.
 struct Source {
     scene: Scene,
     sensor: Sensor,

@@ -1,4 +1,4 @@
-//! Runs an engine beside its full recomputation, and shrinks the first stream that differs.
+//! Runs an engine next to its full recomputation, and shrinks the first stream with a difference.
 
 use std::sync::Arc;
 
@@ -91,7 +91,7 @@ where
     let found_in = stream.steps.len();
     let mut steps = stream.steps;
     steps.truncate(end);
-    // The engine was made before with the same arguments.
+    // The first engine was made with the same arguments.
     let steps = shrink(steps, |steps| Some(difference(&mut make().ok()?, steps)?.0));
     let difference = difference(&mut make()?, &steps).map_or(first, |(_, difference)| difference);
     let input = steps.iter().filter_map(Step::input).count();

@@ -7,9 +7,9 @@ use meissner_engine::Event;
 
 use crate::stream::Step;
 
-/// Streams that are tried at most.
+/// Maximum number of streams that are tried.
 const TRIES: usize = 4_000;
-/// Steps that are run at most, over all tries.
+/// Maximum number of steps that are run, over all tries.
 const STEPS: usize = 20_000_000;
 
 /// An input that can be made simpler.
@@ -18,7 +18,8 @@ pub(crate) trait Shrink: Clone {
     fn simpler(steps: &[Step<Self>], at: usize) -> Vec<Vec<Step<Self>>>;
 }
 
-/// The smallest stream found that `fails`, from `steps`. `fails` says after how many steps.
+/// The smallest stream that was found from `steps` and `fails`. `fails` returns after how many
+/// steps.
 pub(crate) fn shrink<I: Shrink>(
     mut steps: Vec<Step<I>>,
     mut fails: impl FnMut(&[Step<I>]) -> Option<usize>,

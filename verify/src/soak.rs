@@ -1,8 +1,11 @@
-//! One engine over recordings in an endless loop, disturbed at random: errors of a long time.
+//! Runs one engine over recordings in an endless loop, with random disturbances, to find errors
+//! that show only after a long time.
 //!
-//! Enters: recordings. Leaves: latencies, comparisons with the batch at checkpoints, broken
-//! promises. Invariant: engine and batch take the same events, except those that a snapshot
-//! forgets. All but latencies and memory is determined by recordings, network and seed.
+//! Input: recordings. Output: latencies, comparisons with the batch at checkpoints, broken
+//! promises. Invariants: engine and batch take the same events, except those that a snapshot
+//! forgets. Everything between two checkpoints, except latencies and memory, is determined by
+//! recordings, network, seed and the number of the second one. So finished checkpoints are all that
+//! a killed process must leave behind.
 
 pub(crate) mod endless;
 pub(crate) mod report;
@@ -15,17 +18,19 @@ use std::time::Instant;
 
 use meissner_engine::{BatchEngine, Engine, EngineError, EventCounters, Network, Options, Search, Sensor};
 use meissner_kernels::random::Random;
+use meissner_run::fingerprint::Fingerprint;
+use meissner_run::journal::Journal;
 use meissner_run::latency::Latency;
+use serde::{Deserialize, Serialize};
 
 use crate::checked::CheckedEngine;
 use crate::error::VerifyError;
 use crate::error::bits;
 use crate::incremental::Incremental as _;
 use endless::{Deck, Disturbance, Endless};
-use report::{Part, judged, ratios};
 
-/// How often predictions, disturbances and checkpoints come.
-#[derive(Clone, Copy, Debug)]
+/// Intervals of predictions, disturbances and checkpoints.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Settings {
     /// Seed of silences and disturbances.
     pub seed: u64,
@@ -33,27 +38,51 @@ pub struct Settings {
     pub every: u64,
     /// Mean number of events from one disturbance to the next.
     pub disturb_every: u64,
-    /// Number of checkpoints, of which the first and the last tenth are compared.
-    pub checkpoints: u64,
+    /// Events from one checkpoint to the next.
+    pub checkpoint_every: u64,
 }
 
-/// A soak under way.
+/// Everything that determines a checkpoint, except latencies and memory.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[expect(missing_docs, reason = "the keys of the file")]
+pub struct Key {
+    /// Fingerprint of network and weights.
+    pub network: String,
+    /// Fingerprint of the recordings.
+    pub recordings: String,
+    pub sensor: [u16; 2],
+    #[serde(flatten)]
+    pub settings: Settings,
+    /// Number of the checkpoint, from 1 on.
+    pub checkpoint: u64,
+    /// Events up to it since the one before.
+    pub events: u64,
+    pub isa: String,
+    pub version: String,
+}
+
+/// Finished checkpoints, and the file that keeps them.
+pub type State = Journal<Key, Checkpoint>;
+
+/// A running soak.
 pub struct Soak {
-    settings: Settings,
+    /// The key of the next checkpoint.
+    key: Key,
+    recordings: Arc<[Recording]>,
     checked: CheckedEngine,
     stream: Endless,
     deck: Deck,
     start: Instant,
-    /// Since the last checkpoint.
+    /// Accepted events before the last checkpoint.
+    accepted: u64,
+    /// Latencies since the last checkpoint.
     latencies: Calls<Latency>,
-    first: Part,
-    last: Part,
-    /// The counts and checkpoints so far.
-    report: Report,
+    disturbances: Disturbances,
+    checkpoints: Vec<Checkpoint>,
 }
 
 impl Soak {
-    /// An engine of `network` with the default options, before the first of `recordings`.
+    /// An engine of `network` with the default options, before the first checkpoint.
     ///
     /// # Errors
     /// The engine refuses the network or the sensor.
@@ -66,52 +95,59 @@ impl Soak {
         let network = network.into();
         let engine = Engine::new(Arc::clone(&network), sensor)?;
         let search = Search::Proposed(meissner_reference::PROPOSE);
-        let batch = BatchEngine::new(network, sensor)?.with_search(search).with_bounded_memory();
-        let stream = Endless::new(recordings, Random::new(settings.seed));
-        let report = Report {
-            recordings: stream.names(),
-            isa: Options::default().isa.name(),
-            seed: settings.seed,
-            every: settings.every,
-            ..Report::default()
+        let batch = BatchEngine::new(Arc::clone(&network), sensor)?.with_search(search).with_bounded_memory();
+        let recordings: Arc<[Recording]> = recordings.into();
+        let mut fingerprint = Fingerprint::default();
+        recordings.iter().for_each(|recording| fingerprint.events(recording.events()));
+        let key = Key {
+            network: format!("{:016x}", network.fingerprint()),
+            recordings: fingerprint.finish(),
+            sensor: [sensor.width, sensor.height],
+            settings,
+            checkpoint: 1,
+            events: 0,
+            isa: Options::default().isa.name().to_owned(),
+            version: env!("CARGO_PKG_VERSION").to_owned(),
         };
+        let (stream, deck) = beginning(&recordings, &settings, key.checkpoint);
         Ok(Self {
+            key,
             checked: CheckedEngine::of(engine, batch),
             stream,
-            deck: Deck::new(Random::new(!settings.seed), settings.disturb_every),
+            deck,
+            recordings,
             start: Instant::now(),
+            accepted: 0,
             latencies: Calls::default(),
-            first: Part::default(),
-            last: Part::default(),
-            report,
-            settings,
+            disturbances: Disturbances::default(),
+            checkpoints: Vec::new(),
         })
     }
 
     /// Events so far.
     pub fn events(&self) -> u64 {
-        self.report.events
+        self.checkpoints.last().map_or(0, |last| last.events) + self.key.events
     }
 
-    /// Counts of accepted and dropped events.
+    /// Counts of the accepted and dropped events that this process has pushed.
     pub fn counters(&self) -> EventCounters {
         self.checked.engine.counters().events
     }
 
-    /// Performs the disturbance that is due, pushes an event, and reads the prediction that is due.
+    /// Performs a due disturbance, pushes an event, and reads a due prediction.
     ///
     /// # Errors
-    /// A layer computed NaN, or the engine refuses a state of its own.
+    /// A layer computed NaN, or the engine refuses its own state.
     pub fn push(&mut self) -> Result<(), VerifyError> {
         if let Some(disturbance) = self.deck.after_an_event() {
             self.disturb(disturbance)?;
         }
         let event = self.stream.next();
-        self.report.events += 1;
+        self.key.events += 1;
         let start = Instant::now();
         self.checked.engine.push(event);
         let pushed = Instant::now();
-        if self.report.events.is_multiple_of(self.settings.every) {
+        if self.key.events.is_multiple_of(self.key.settings.every) {
             self.checked.engine.predict()?;
             self.latencies.predict.record(pushed.elapsed());
         }
@@ -121,7 +157,7 @@ impl Soak {
     }
 
     fn disturb(&mut self, disturbance: Disturbance) -> Result<(), EngineError> {
-        let done = &mut self.report.disturbances;
+        let done = &mut self.disturbances;
         match disturbance {
             Disturbance::Silence => {
                 done.silences += 1;
@@ -159,64 +195,86 @@ impl Soak {
         Ok(bits(self.checked.engine.predict()?.values))
     }
 
-    /// Counts the return to a state that does not predict as it did.
+    /// Counts the return if the prediction after it differs from the one before.
     fn compare_return(&mut self, before: &[u32]) -> Result<(), EngineError> {
-        self.report.disturbances.returns_that_differ += u64::from(self.prediction()? != before);
+        self.disturbances.returns_that_differ += u64::from(self.prediction()? != before);
         Ok(())
     }
 
+    /// Takes the next checkpoint from `state`, if it has the one after `events` further events.
+    pub fn resume(&mut self, state: &State, events: u64) -> Option<&Checkpoint> {
+        let found = state.find(&Key { events, ..self.key.clone() })?;
+        self.begin_after(found.clone());
+        self.checkpoints.last()
+    }
+
     /// Compares the prediction with the batch's. `memory` gives live and resident bytes after it.
+    /// Then everything is forgotten.
     ///
     /// # Errors
-    /// A layer computed NaN.
+    /// A layer computed NaN, or the state cannot be written.
     pub fn checkpoint(
         &mut self,
+        state: &mut State,
         memory: impl FnOnce() -> [Option<u64>; 2],
     ) -> Result<&Checkpoint, VerifyError> {
         let batch = bits(&self.checked.batch.trace()?.prediction);
-        let latencies = std::mem::take(&mut self.latencies);
         let compared = self.checked.batch.events().len();
         let prediction = self.checked.engine.predict()?;
         let found = bits(prediction.values);
+        let (t_us, nodes) = (prediction.t_us, prediction.nodes);
         let [live_bytes, resident_bytes] = memory();
-        let row = Checkpoint {
-            events: self.report.events,
-            t_us: prediction.t_us,
-            nodes: prediction.nodes,
+        let checkpoint = Checkpoint {
+            events: self.events(),
+            accepted: self.counters().accepted - self.accepted,
+            rounds: self.stream.rounds(),
+            disturbances: self.disturbances,
+            t_us,
+            nodes,
             compared,
             equal: found == batch,
             bits: found.iter().map(|bits| format!("{bits:08x}")).collect(),
-            latency_us: latencies.quantiles(),
+            latency_us: self.latencies.quantiles(),
             live_bytes,
             resident_bytes,
-            seconds: self.start.elapsed().as_secs_f64(),
+            seconds: self.checkpoints.last().map_or(0.0, |last| last.seconds)
+                + self.start.elapsed().as_secs_f64(),
         };
-        let checkpoints = &mut self.report.checkpoints;
-        let (number, part) = (checkpoints.len() as u64, self.settings.checkpoints.div_ceil(10));
-        if number < part {
-            self.first.add(&row, &latencies);
-        }
-        if number >= self.settings.checkpoints.saturating_sub(part) {
-            self.last.add(&row, &latencies);
-        }
-        checkpoints.push(row);
-        Ok(&checkpoints[number as usize])
+        let checkpoint = state.add(self.key.clone(), checkpoint)?;
+        self.begin_after(checkpoint);
+        Ok(&self.checkpoints[self.checkpoints.len() - 1])
+    }
+
+    fn begin_after(&mut self, checkpoint: Checkpoint) {
+        self.checkpoints.push(checkpoint);
+        (self.key.checkpoint, self.key.events) = (self.key.checkpoint + 1, 0);
+        (self.stream, self.deck) = beginning(&self.recordings, &self.key.settings, self.key.checkpoint);
+        self.checked.reset();
+        self.accepted = self.counters().accepted;
+        self.latencies = Calls::default();
+        self.disturbances = Disturbances::default();
+        self.start = Instant::now();
     }
 
     /// The result. Live memory may grow by `memory_growth` percent after warm-up.
     pub fn report(self, memory_growth: u32, peak_resident_bytes: Option<u64>) -> Report {
-        let accepted = self.counters().accepted;
-        let (first, last) = (self.first.report(), self.last.report());
+        let settings = self.key.settings;
         let report = Report {
-            rounds: self.stream.rounds(),
-            accepted,
-            ratio: ratios(&first, &last),
-            first,
-            last,
+            recordings: self.recordings.iter().map(|recording| recording.name().to_owned()).collect(),
+            isa: self.key.isa,
+            seed: settings.seed,
+            every: settings.every,
             peak_resident_bytes,
-            seconds: self.start.elapsed().as_secs_f64(),
-            ..self.report
+            ..Report::default()
         };
-        judged(report, memory_growth)
+        report::judged(report.with_checkpoints(self.checkpoints), memory_growth)
     }
+}
+
+/// Stream and disturbances from a checkpoint to the one with this number.
+fn beginning(recordings: &Arc<[Recording]>, settings: &Settings, checkpoint: u64) -> (Endless, Deck) {
+    // Numbers of a sequence, because sequences of neighbouring seeds contain each other.
+    let mut random = Random::new(settings.seed ^ checkpoint.rotate_right(16));
+    let mut random = || Random::new(random.bits());
+    (Endless::new(Arc::clone(recordings), random()), Deck::new(random(), settings.disturb_every))
 }

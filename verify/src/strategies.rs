@@ -9,7 +9,7 @@ use crate::random_stream::random_frames;
 use crate::stream::{Script, Step};
 
 /// A step whose time counts from the step before. Events lie in the first `pixels` columns and
-/// rows, and all have one time where `one_instant`.
+/// rows, and all have the same time if `one_instant`.
 fn relative(pixels: u16, one_instant: bool) -> impl Strategy<Value = Step> {
     let dt = if one_instant {
         Just(0i64).boxed()
@@ -27,12 +27,12 @@ fn relative(pixels: u16, one_instant: bool) -> impl Strategy<Value = Step> {
     ]
 }
 
-/// Scripts of up to `most` steps, twice as many with a reset or restart, on small sensors.
+/// Scripts of up to `most` steps, or twice as many with a reset or restart, on small sensors.
 pub fn script(most: usize) -> impl Strategy<Value = Script> {
     script_on(small(), most)
 }
 
-/// The same on one clock, which goes on after a reset.
+/// The same on one clock, which continues after a reset.
 pub fn steady(most: usize) -> impl Strategy<Value = Script> {
     scripts(small(), most, false)
 }

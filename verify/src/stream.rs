@@ -36,13 +36,13 @@ impl<I> Step<I> {
 pub struct Stream<I = Event> {
     /// The sensor; `None` for frames.
     pub sensor: Option<Sensor>,
-    /// Most events in the window, instead of the network's.
+    /// Maximum number of events in the window, instead of the network's.
     pub capacity: Option<usize>,
     /// The steps.
     pub steps: Vec<Step<I>>,
 }
 
-/// Comparisons that are spread over a recording unless the caller says otherwise.
+/// Default number of comparisons, spread over a recording.
 const COMPARISONS: usize = 64;
 
 impl<I> Stream<I> {
@@ -65,7 +65,7 @@ impl<I> Stream<I> {
 pub struct Script {
     /// The sensor.
     pub sensor: Sensor,
-    /// Where time starts.
+    /// The start of time.
     pub origin_us: i64,
     /// The stream.
     pub steps: Vec<Step>,
@@ -73,7 +73,7 @@ pub struct Script {
 
 impl Script {
     /// A stream from `steps` whose times count from the newest event or advance before them; an
-    /// event of negative time is late. A few pixels lie outside the sensor.
+    /// event with a negative time is late. A few pixels lie outside the sensor.
     pub fn new(sensor: Sensor, origin_us: i64, mut steps: Vec<Step>) -> Self {
         let pixel = |p: u16, extent: u16| (u32::from(p) % (u32::from(extent) * 33 / 32 + 1)) as u16;
         let (mut admission, mut clock) = (Admission::new(sensor, LatePolicy::Drop), origin_us);

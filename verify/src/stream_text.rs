@@ -14,7 +14,8 @@
 //! # bytes                      (the state as bytes, which a reset engine reads)
 //! ```
 //!
-//! Other comments are ignored. A stream of events is also a recording that every command reads.
+//! Other comments are ignored. The text of a stream of events is also a recording that every
+//! command reads.
 
 use meissner_engine::{Event, Sensor};
 
@@ -115,7 +116,7 @@ fn text<I>(
     out
 }
 
-/// Capacity and steps of `text`, whose inputs stand as `expected` says.
+/// Capacity and steps of `text`; `expected` describes the form of its inputs.
 fn parse<I>(
     text: &str,
     expected: &'static str,

@@ -1,6 +1,6 @@
 //! Inputs and weights that strain the arithmetic, and elementary functions over all inputs.
 //!
-//! Leaves for each case comparisons with the batch, errors against f64, times, broken promises.
+//! Output for each case: comparisons with the batch, errors against f64, times, broken promises.
 
 pub(crate) mod events;
 mod frames;
@@ -25,7 +25,7 @@ pub(crate) trait Run {
     fn network(&self) -> String;
     /// Runs the input through the engine, from scratch and in f64, and adds the differences.
     fn compare(&self, result: &mut CaseResult) -> Result<(), VerifyError>;
-    /// Microseconds of an input and the prediction after it, mean over the input.
+    /// Microseconds of an input and the prediction after it: the mean over all inputs.
     fn time_us(&self) -> Result<f64, EngineError>;
 }
 
@@ -74,7 +74,7 @@ impl Case {
 /// Largest relative error of a prediction against f64, unless a case states another.
 const WITHIN: f64 = 1e-4;
 
-/// How long cases are.
+/// Length of the cases.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Size {
     events: usize,
@@ -95,11 +95,11 @@ pub(crate) enum Expect {
 /// Differences of predictions from f64.
 #[derive(Clone, Debug, Serialize)]
 pub struct Errors {
-    /// Largest.
+    /// Largest difference.
     pub absolute: f64,
-    /// Largest, as a share of the largest magnitude.
+    /// Largest difference, as a share of the largest magnitude.
     pub relative: f64,
-    /// Root mean square.
+    /// Root mean square difference.
     pub rms: f64,
 }
 
@@ -141,11 +141,11 @@ pub struct CaseResult {
     pub infinite: u64,
     /// Values of layers that are infinite where a prediction was given.
     pub infinite_inside: u64,
-    /// Largest relative error of a prediction that is promised; `None` where an overflow is.
+    /// Promised maximum of the relative error of a prediction; `None` if an overflow is expected.
     pub within: Option<f64>,
     /// Differences of predictions from f64; `None` without predictions.
     pub prediction: Option<Errors>,
-    /// The layer with the largest relative difference, of networks over events.
+    /// The layer with the largest relative difference, for networks over events.
     pub layer: Option<LayerError>,
     /// Largest finite magnitude of any activation.
     pub largest_activation: f64,
@@ -178,7 +178,7 @@ impl CaseResult {
         }
     }
 
-    /// The same with the promises that are broken. The relative error against f64 may be `within`.
+    /// The same with the broken promises. The relative error against f64 may be at most `within`.
     pub(crate) fn judge(mut self, expect: Expect, within: f64) -> Self {
         let mut broken = Vec::new();
         if self.different > 0 {

@@ -1,16 +1,16 @@
 //! Judgements of stress cases and of soaks; streams of both.
 
-use std::time::Duration;
+use std::sync::Arc;
 
 use meissner_engine::{Admission, Candidates, DropReason, Event, GraphRule, LatePolicy, Reach};
 use meissner_kernels::random::Random;
-use meissner_run::latency::Latency;
+use meissner_run::latency::Quantiles;
 
 use crate::error::VerifyError;
 use crate::networks::{BlockShape, ConvolutionShape, NetworkShape};
 use crate::random_stream::random_stream;
 use crate::soak::endless::{Deck, Disturbance, Endless, Recording};
-use crate::soak::report::{Calls, Checkpoint, Part, Report, judged, ratios};
+use crate::soak::report::{Calls, Checkpoint, Disturbances, Report, judged};
 use crate::stream::Step;
 use crate::stress::{CaseResult, Errors, Expect, events, weights};
 
@@ -107,12 +107,34 @@ fn times(stream: &mut Endless, count: usize) -> Vec<i64> {
     (0..count).map(|_| stream.next().t_us).collect()
 }
 
+/// A stream over `recordings` whose first three events have these distances.
+fn beginning_with(distances: [i64; 2], recordings: Vec<Recording>) -> Endless {
+    let recordings: Arc<[Recording]> = recordings.into();
+    let mut streams = (0..).map(|seed| Endless::new(Arc::clone(&recordings), Random::new(seed)));
+    let begins = |stream: &Endless| {
+        let t = times(&mut stream.clone(), 3);
+        [t[1] - t[0], t[2] - t[1]] == distances
+    };
+    streams.find(begins).expect("one of them does")
+}
+
+#[test]
+fn streams_begin_with_any_event_at_any_time_and_are_determined_by_the_seed() {
+    let events = |at: u16| Event::new(1_000 * i64::from(at), at, 0, true);
+    let part = |from, to| Recording::new(String::new(), (from..to).map(events).collect()).expect("events");
+    let recordings: Arc<[Recording]> = [part(0, 5), part(5, 7)].into();
+    let first = |seed| Endless::new(Arc::clone(&recordings), Random::new(seed)).next();
+    let firsts: Vec<Event> = (0..200).map(first).collect();
+    assert!((0..7).all(|x| firsts.iter().any(|event| event.x == x)), "{firsts:?}");
+    assert!(firsts.iter().all(|event| (0..1 << 45).contains(&event.t_us)));
+    assert!(firsts.iter().any(|event| event.t_us > 1 << 44));
+    assert_eq!(firsts, (0..200).map(first).collect::<Vec<_>>());
+}
+
 #[test]
 fn recordings_follow_one_another_in_a_loop_with_silences_between_them() {
-    let mut stream =
-        Endless::new(vec![recording(&[1_000, 1_010, 1_030]), recording(&[-5, 0])], Random::new(3));
+    let mut stream = beginning_with([10, 20], vec![recording(&[1_000, 1_010, 1_030]), recording(&[-5, 0])]);
     let t = times(&mut stream, 8);
-    assert_eq!([t[0], t[1], t[2]], [0, 10, 30]);
     assert!(t[3] > t[2] && t[5] > t[4], "{t:?}");
     assert_eq!((t[4] - t[3], t[6] - t[5], t[7] - t[5]), (5, 10, 30));
     assert_eq!(stream.rounds(), 2);
@@ -120,7 +142,7 @@ fn recordings_follow_one_another_in_a_loop_with_silences_between_them() {
 
 #[test]
 fn a_silence_makes_what_follows_later_and_its_middle_is_in_it() {
-    let mut stream = Endless::new(vec![recording(&[0, 10, 20])], Random::new(1));
+    let mut stream = Endless::new([recording(&[0, 10, 20])].into(), Random::new(1));
     for _ in 0..1_000 {
         let before = stream.next().t_us;
         let middle = stream.fall_silent();
@@ -132,7 +154,7 @@ fn a_silence_makes_what_follows_later_and_its_middle_is_in_it() {
 
 #[test]
 fn a_stamp_that_steps_back_does_so_in_every_round() {
-    let mut stream = Endless::new(vec![recording(&[0, 50, 40])], Random::new(1));
+    let mut stream = beginning_with([50, -10], vec![recording(&[0, 50, 40])]);
     let t = times(&mut stream, 6);
     assert_eq!((t[4] - t[3], t[5] - t[3]), (50, 40));
     assert!(t[3] > t[1], "{t:?}");
@@ -147,36 +169,42 @@ fn a_recording_without_events_is_refused() {
 
 /// A run of `count` checkpoints that keeps every promise.
 fn report(count: u64) -> Report {
+    // Medians of the first and last tenth: 10 and 30, also if one call of each was interrupted.
+    let us = |i: u64| match i {
+        0 => 9_000.0,
+        _ if i < count / 2 => 10.0,
+        _ => 30.0,
+    };
     let row = |i: u64| Checkpoint {
         events: 100 * (i + 1),
+        accepted: 99,
+        rounds: 2,
+        disturbances: Disturbances { resets: 3, ..Disturbances::default() },
         t_us: Some(5),
         nodes: 7,
         compared: 9,
         equal: true,
         bits: vec!["1".to_owned()],
-        latency_us: Calls { push: None, predict: None },
+        latency_us: Calls {
+            push: Some(Quantiles { p50: us(i), p90: us(i), p99: us(i), p999: us(i), max: us(i) }),
+            predict: None,
+        },
         live_bytes: Some(1_000_000 + i),
-        // What the allocator keeps is not judged.
+        // Memory that the allocator keeps is not judged.
         resident_bytes: Some(1_000_000 * (i + 1)),
-        seconds: 0.0,
+        seconds: (i + 1) as f64,
     };
-    let part = |us| {
-        let mut latencies = Calls::<Latency>::default();
-        latencies.push.record(Duration::from_micros(us));
-        let mut part = Part::default();
-        part.add(&row(0), &latencies);
-        part.report()
-    };
-    let (first, last) = (part(10), part(30));
-    Report {
-        events: 100 * count,
-        accepted: 100 * count,
-        ratio: ratios(&first, &last),
-        first,
-        last,
-        checkpoints: (0..count).map(row).collect(),
-        ..Report::default()
-    }
+    Report::default().with_checkpoints((0..count).map(row).collect())
+}
+
+#[test]
+fn counts_are_sums_over_checkpoints() {
+    let report = report(40);
+    assert_eq!((report.events, report.accepted, report.rounds), (4_000, 40 * 99, 80));
+    assert_eq!((report.disturbances.resets, report.disturbances.silences), (120, 0));
+    assert_eq!((report.seconds, report.first.resident_bytes), (40.0, Some(3_000_000)));
+    assert_eq!(report.first.latency_us.push.map(|push| (push.p50, push.max)), Some((10.0, 9_000.0)));
+    assert_eq!(Report::default().with_checkpoints(Vec::new()).events, 0);
 }
 
 #[test]

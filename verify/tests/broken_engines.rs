@@ -40,10 +40,10 @@ fn network() -> Arc<Network> {
     Arc::new(shape.build())
 }
 
-/// What an engine does wrong.
+/// A fault of an engine.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Fault {
-    /// Time that is moved on without an event expires nothing.
+    /// An advance of time without an event expires nothing.
     SkippedExpiry,
     /// A row that the last change made dirty keeps its old value, once there are four rows.
     DroppedRow,

@@ -1,7 +1,8 @@
-//! Watches an engine that another thread runs, at its pace.
+//! Watches an engine that another thread runs at its own pace.
 //!
-//! Enters: that engine, after any event. Leaves: frames, where a page waits for one and the last is
-//! old enough. Invariant: while no page waits, an event costs one load; the engine is read only.
+//! Input: that engine, after any event. Output: a frame, if a page waits for one and the last
+//! frame is old enough. Invariant: while no page waits, an event costs one load; the engine is only
+//! read.
 
 use meissner_engine::{Engine, Sensor};
 
@@ -14,10 +15,11 @@ use crate::scene;
 use crate::series::Series;
 use crate::server::Server;
 
-/// While a page waits, the clock is read after so many events: that takes tens of nanoseconds.
+/// While a page waits, the clock is read once in so many events, because a read takes tens of
+/// nanoseconds.
 const EVENTS: u32 = 64;
 
-/// Shows an engine of someone else's on a page.
+/// Shows an engine that another part of the program runs on a page.
 #[derive(Debug)]
 pub struct Bystander {
     server: Server,
@@ -38,7 +40,7 @@ impl Bystander {
         Self { server, outputs, series: Series::new(None), pace: Pace::default(), events: 0 }
     }
 
-    /// Looks at `engine` if a page waits. An engine shows the rows that it computed only with
+    /// Looks at `engine` if a page waits. The page shows the computed rows only with
     /// [`Options::record_rows`](meissner_engine::Options::record_rows).
     #[inline]
     pub fn look(&mut self, engine: &Engine) {
@@ -60,7 +62,7 @@ impl Bystander {
     }
 
     fn show(&mut self, engine: &Engine) {
-        // Nobody commands this engine.
+        // Commands are discarded: a page does not control this engine.
         while self.server.hub().command().is_some() {}
         let counters = engine.counters();
         let epoch_us = engine.epoch_us().unwrap_or(0);

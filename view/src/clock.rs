@@ -1,4 +1,4 @@
 //! The clock of a session.
 
-/// Microseconds from any start, never back.
+/// Microseconds from an arbitrary start; never decreases.
 pub type Clock = fn() -> f64;

@@ -1,4 +1,4 @@
-//! What a page may ask: one JSON object for each command.
+//! The commands of a page: one JSON object for each.
 
 use serde::Deserialize;
 
@@ -10,7 +10,7 @@ pub enum Command {
     Play,
     /// Stop at the cursor. Live events are still taken into the history.
     Pause,
-    /// Go to a time in microseconds from the first event: after the last event that is no later.
+    /// Go to a time in microseconds from the first event: after the last event up to this time.
     Seek {
         /// The time.
         t_us: f64,
@@ -20,9 +20,9 @@ pub enum Command {
         /// The number.
         event: f64,
     },
-    /// Go some events on, or back.
+    /// Go some events forward, or back.
     Step {
-        /// How many.
+        /// Number of events; negative goes back.
         events: f64,
     },
     /// Play so many times as fast as the input; live input is followed at any speed.
@@ -35,12 +35,12 @@ pub enum Command {
         /// Its name.
         name: String,
     },
-    /// Compare every row with full recomputation, at the cursor; not any more.
+    /// Start or stop to compare every row with full recomputation, at the cursor.
     Compare {
-        /// Whether.
+        /// Whether to compare.
         on: bool,
     },
-    /// Show this one of several sensors in detail.
+    /// Show one of several sensors in detail.
     Select {
         /// Its number, from 0.
         sensor: usize,

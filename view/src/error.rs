@@ -1,4 +1,4 @@
-//! What can go wrong with a session.
+//! Errors of a session.
 
 use meissner_engine::EngineError;
 use meissner_engine::representations::RepresentationError;
@@ -6,7 +6,7 @@ use meissner_models::ModelError;
 use meissner_models::systems::contact_area::ContactError;
 use thiserror::Error;
 
-/// Why a session cannot do what it was asked.
+/// The reason why a session cannot carry out a request.
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum ViewError {
@@ -18,9 +18,9 @@ pub enum ViewError {
     Value {
         /// The command.
         command: &'static str,
-        /// What it takes.
+        /// The expected value.
         expected: &'static str,
-        /// What it was given.
+        /// The given value.
         found: f64,
     },
     /// There is no such network, or it reads no events.
@@ -28,7 +28,7 @@ pub enum ViewError {
     Network {
         /// The name.
         name: String,
-        /// The networks that there are.
+        /// The known networks.
         known: String,
     },
     /// The weights of a network do not fit.
@@ -51,7 +51,7 @@ pub enum ViewError {
     /// An item is of another kind or size than the network reads.
     #[error("an item of another kind or size than the network reads")]
     Shape,
-    /// Another reason, of a caller's own networks.
+    /// Another reason, from a caller's own networks.
     #[error("network {name}: {reason}")]
     Other {
         /// The name.

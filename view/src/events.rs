@@ -100,7 +100,7 @@ fn layers(engine: &Engine, events: &[Event]) -> Result<Vec<ComparedLayer>, Engin
     Ok(layers)
 }
 
-/// For the events and each layer: its rows, and those of other bits.
+/// For the events and each layer: the number of rows, and of rows with other bits.
 fn features(engine: &Engine, trace: &Trace) -> Vec<(u64, u64)> {
     let mut out = Vec::new();
     for (l, level) in trace.levels.iter().enumerate() {

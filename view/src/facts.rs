@@ -1,4 +1,4 @@
-//! What frames say in JSON: facts of the input and the network, and small things that change.
+//! The JSON in frames: facts about the input and the network, and small values that change.
 
 use std::collections::BTreeMap;
 
@@ -7,14 +7,14 @@ use serde::Serialize;
 
 use crate::networks::Chosen;
 
-/// What seldom changes: the section FACT.
+/// Data that seldom changes: the section FACT.
 #[derive(Clone, Debug, Serialize)]
 #[non_exhaustive]
 pub struct Facts {
     /// Counts changes of the network.
     pub version: u64,
-    /// What the engine takes: "events", "pictures", "electrodes", "frames" of events, or events of
-    /// several "sensors".
+    /// The input of the engine: "events", "pictures", "electrodes", "frames" of events, or events
+    /// of several "sensors".
     pub kind: &'static str,
     /// Name of the input.
     pub input: String,
@@ -22,17 +22,17 @@ pub struct Facts {
     pub sensor: [u16; 2],
     /// Whether more events will come.
     pub live: bool,
-    /// Whether commands are carried out: not where another program runs the engine.
+    /// Whether commands are carried out; false if another program runs the engine.
     pub controls: bool,
     /// The networks that can be chosen.
     pub networks: Vec<String>,
-    /// The one that runs.
+    /// The running network.
     pub network: String,
     /// Length of its window in microseconds.
     pub span_us: i64,
-    /// Most events of the window.
+    /// Maximum number of events in the window.
     pub capacity: usize,
-    /// Most neighbours of an event.
+    /// Maximum number of neighbours of an event.
     pub neighbours: usize,
     /// Which events can be neighbours: "all", "past", or "frozen": past, and rows never change.
     pub candidates: &'static str,
@@ -42,14 +42,14 @@ pub struct Facts {
     pub units: Vec<String>,
     /// Whether the outputs are logits of classes.
     pub classes: bool,
-    /// Layers that compute rows, from below.
+    /// Layers that compute rows, from the lowest.
     pub layers: Vec<LayerFacts>,
-    /// What is true, over the whole input.
+    /// The truth over the whole input.
     pub truth: Vec<TruthFacts>,
-    /// Of a network over frames.
+    /// Facts of a network over frames.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub frames: Option<FrameFacts>,
-    /// Of several sensors side by side.
+    /// Facts of several sensors side by side.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub sensors: Vec<SensorFacts>,
 }
@@ -68,7 +68,7 @@ pub struct SensorFacts {
 #[derive(Clone, Debug, Serialize)]
 #[non_exhaustive]
 pub struct FrameFacts {
-    /// Frames after which the state begins anew, if it does.
+    /// Number of frames after which the state is reset, if it is.
     pub steps: Option<usize>,
     /// Whether a prediction depends on earlier frames.
     pub remembers: bool,
@@ -88,22 +88,22 @@ pub struct LayerFacts {
     pub pooling: bool,
     /// Channels of a row.
     pub channels: usize,
-    /// The word of a layer over frames in a file: "conv".
+    /// The word for a layer over frames in a file: "conv".
     #[serde(skip_serializing_if = "str::is_empty")]
     pub word: &'static str,
 }
 
-/// What is true of one output, over time.
+/// The truth about one output over time.
 #[derive(Clone, Debug, Serialize)]
 #[non_exhaustive]
 pub struct TruthFacts {
     /// Index of the output.
     pub output: usize,
-    /// Times in milliseconds from the first event, and values; none where it is not known.
+    /// Times in milliseconds from the first event, and values; `None` if unknown.
     pub points: Vec<(f64, Option<f64>)>,
 }
 
-/// Small things that change: the section INFO.
+/// Small values that change: the section INFO.
 #[derive(Clone, Debug, Default, Serialize)]
 #[non_exhaustive]
 pub struct Info {
@@ -113,7 +113,7 @@ pub struct Info {
     pub expired: u64,
     /// Events that left because the window was full.
     pub evicted: u64,
-    /// Events that wait in front of the engine, and those that were lost there.
+    /// Events that wait in front of the engine, and events that were lost there.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub queue: Option<(u64, u64)>,
     /// Old live events to which the cursor cannot return.
@@ -123,7 +123,7 @@ pub struct Info {
     /// The newest comparison.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub compared: Option<Compared>,
-    /// Why the newest command or prediction failed.
+    /// The reason why the newest command or prediction failed.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub error: Option<String>,
 }
@@ -138,7 +138,7 @@ pub struct Compared {
     pub batch_us: f64,
     /// The events, each layer, the readout.
     pub layers: Vec<ComparedLayer>,
-    /// Why there was none.
+    /// The reason why there was no comparison.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub error: Option<String>,
 }
@@ -156,13 +156,13 @@ pub struct ComparedLayer {
 }
 
 impl Facts {
-    /// Facts of a network over an input, which nobody controls and of which no truth is known.
+    /// Facts of a network over an input without controls and without known truth.
     pub(crate) fn of(input: &str, sensor: Sensor, name: &str, chosen: &Chosen) -> Self {
         let (network, parts) = (&chosen.network, chosen.network.parts());
         let names = network.layers();
         let mut layers = Vec::with_capacity(names.len());
         for level in 0..network.levels() {
-            // The input of the event level is no layer.
+            // The input of the event level is not a layer.
             let first = usize::from(level == 0);
             for (i, &channels) in network.channels(level).iter().enumerate().skip(first) {
                 let name = names.get(layers.len()).copied().unwrap_or_default().to_owned();
@@ -183,7 +183,7 @@ impl Facts {
         }
     }
 
-    /// The same without what networks over events alone have.
+    /// The same without the facts that only networks over events have.
     pub(crate) fn empty<N>(input: &str, sensor: [u16; 2], name: &str, chosen: &Chosen<N>) -> Self {
         Self {
             version: 0,
@@ -210,7 +210,7 @@ impl Facts {
 }
 
 impl Info {
-    /// What an engine has counted.
+    /// The counts of an engine.
     pub(crate) fn of(counters: &EventCounters) -> Self {
         let dropped = counters.dropped().into_iter().map(|(reason, count)| (reason.name(), count));
         Self {

@@ -1,16 +1,16 @@
 //! The bytes of a frame.
 //!
-//! A frame is a picture of one moment and needs no frame before it, so one that is dropped is
-//! never missed. All numbers are little-endian; every section starts at a multiple of 4 bytes, so
-//! that a reader may lay arrays of 32 bits over it. `page/frame.js` is the decoder of the page.
+//! A frame is a picture of one moment and needs no frame before it, so a dropped frame does no
+//! harm. All numbers are little-endian; every section starts at a multiple of 4 bytes, so that a
+//! reader may lay arrays of 32 bits over it. `page/frame.js` is the decoder of the page.
 //!
 //! ```text
 //! frame     "MSN1", then sections until the end
 //! section   tag: 4 letters; n: u32; n bytes, a multiple of 4
 //! ```
 //!
-//! A reader passes over tags that it does not know. `(...)` repeats to the end of the section or as
-//! often as is said; an *index of an event* counts the events of EVNT.
+//! A reader skips tags that it does not know. `(...)` repeats to the end of the section or as often
+//! as stated; an *index of an event* counts the events of EVNT.
 //!
 //! - `FACT` JSON that seldom changes ([`Facts`]), padded with spaces.
 //! - `INFO` JSON of small changing things ([`Info`]), padded with spaces.
@@ -37,8 +37,8 @@
 //!   a pixel in mm^2; then f32 N on each pixel.
 //! - `ELEC` the newest readings, oldest first: u32 readings; for each (u32 1 if it follows none,
 //!   then f32 for each electrode).
-//! - `SPAR` the newest frame of events: u32 channels, u32 rows, u32 columns; then what is not 0:
-//!   (u32 index in channels, rows, columns; f32 value).
+//! - `SPAR` the newest frame of events: u32 channels, u32 rows, u32 columns; then the values that
+//!   are not 0: (u32 index in channels, rows, columns; f32 value).
 //! - `TIPS` of several sensors: u32 sensors, u32 selected, u32 outputs; for each (u32 0 fresh, 1
 //!   behind, 2 old; f32 p50, f32 p99, f32 newest latency in us; f64 events taken, f64 dropped by
 //!   the queue, f64 by the engine; for each output f32; u32 events shown, then these as in EVNT).
@@ -50,7 +50,7 @@
 //!   first event, for each output f32).
 //! - `LATE` f64 measured so far, f32 p50, f32 p99, f32 p99.9, f32 largest, f32 events a second;
 //!   u32 buckets, then (u32 count): of the newest, those below 0.1 us x 2^((i + 1) / 4) and in no
-//!   bucket before; the last has the rest.
+//!   earlier bucket; the last bucket has the rest.
 //! - `WORK` since the start: u32 layers, for each (f64 rows computed, f64 of these unchanged, f64
 //!   of these within the tolerance, f64 kept); f64 predictions, f64 of these reused, f64 readout
 //!   cells computed, f64 of these unchanged, f64 neighbourhoods checked, f64 of these unchanged.
@@ -61,9 +61,9 @@ use crate::facts::{Facts, Info};
 /// The first bytes of a frame.
 pub const MAGIC: [u8; 4] = *b"MSN1";
 
-/// Flag of the section TIME: it plays.
+/// Flag of the section TIME: the session plays.
 pub const PLAYING: u32 = 1;
-/// Flag of the section TIME: more may come.
+/// Flag of the section TIME: more events may come.
 pub const LIVE: u32 = 4;
 
 /// Writes a frame, section by section.
@@ -90,7 +90,8 @@ impl FrameWriter {
         Self(MAGIC.to_vec())
     }
 
-    /// Appends a section with what `write` writes, padded to a multiple of 4 bytes with spaces.
+    /// Appends a section with the bytes that `write` writes, padded to a multiple of 4 bytes with
+    /// spaces.
     pub fn section(&mut self, tag: [u8; 4], write: impl FnOnce(&mut Bytes<'_>)) {
         self.0.extend_from_slice(&tag);
         let length = self.0.len();
@@ -133,7 +134,7 @@ macro_rules! numbers {
 impl Bytes<'_> {
     numbers!(u16, u32, f32, f64);
 
-    /// Appends a number of things as a u32; more than fit are as many as fit.
+    /// Appends a count as a u32; a larger count becomes the largest u32.
     pub fn count(&mut self, count: usize) {
         self.u32(u32::try_from(count).unwrap_or(u32::MAX));
     }

@@ -1,9 +1,9 @@
 //! An engine over frames, as a session runs it: pictures of an optical sensor, readings of
 //! electrodes, frames of events.
 //!
-//! Enters: items as the sensor gives them. Leaves: predictions, and sections of what was read,
-//! computed and predicted. Invariant: what is prepared, and when the state begins anew, is as in a
-//! run of the program.
+//! Input: items as the sensor gives them. Output: predictions, and sections with the read,
+//! computed and predicted values. Invariant: the preparation of items, and the resets of the state,
+//! are as in a run of the program.
 
 mod networks;
 mod shown;
@@ -25,18 +25,18 @@ use crate::networks::Chosen;
 use crate::subject::{Item, Seen, Subject};
 pub use networks::{Framed, ShippedFrames};
 
-/// What a frame network is given at a time.
+/// An item of the input of a frame network.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Frame {
     /// Time in microseconds.
     pub t_us: i64,
-    /// Whether it follows no item before it: the state begins anew.
+    /// Whether it does not continue the items before it, so that the state is reset.
     pub begins: bool,
-    /// What the sensor gave.
+    /// The content from the sensor.
     pub content: Content,
 }
 
-/// What a sensor gave.
+/// The content of an item from a sensor.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Content {
     /// A picture, interleaved RGB, of the size of the network's input.
@@ -65,47 +65,47 @@ impl Item for Frame {
     }
 }
 
-/// Where frames come from.
+/// The sensor of frames.
 #[derive(Clone, Debug, Default)]
 pub struct FrameSensor {
     /// Columns and rows of the sensor.
     pub size: [u16; 2],
-    /// The picture without contact, where pictures enter as differences; the first one by default.
+    /// The picture without contact, if pictures enter as differences; the first picture by default.
     pub reference: Option<Vec<u8>>,
 }
 
-/// An engine over frames, and what it was given.
+/// An engine over frames, and its input.
 pub struct Frames {
     framed: Arc<Framed>,
     engine: FrameEngine,
     /// The newest frame of the network.
     input: Vec<f32>,
-    /// Pixels in which it differs from the one of the prediction before, by rows.
+    /// Pixels in which it differs from the frame of the previous prediction, by rows.
     changed: Vec<bool>,
-    /// The newest prediction as the network gives it, and as people read it.
+    /// The newest prediction in the form of the network, and in the form for people.
     output: Vec<f32>,
     values: Vec<f32>,
-    /// What had been counted before the newest items.
+    /// The counts before the newest items.
     before: FrameCounters,
     taken: u64,
     kind: Kind,
 }
 
-/// How items become frames.
+/// The conversion of items to frames.
 enum Kind {
     Pictures(Box<Pictures>),
     Electrodes(TactileWindow, usize),
     Events,
 }
 
-/// How pictures become frames, and predictions become contacts.
+/// The conversion of pictures to frames, and of predictions to contacts.
 struct Pictures {
     images: ImageNormalisation,
     difference: bool,
     reference: Option<Vec<u8>>,
     forces: ForceNormalisation,
     meter: ContactMeter,
-    /// N per pixel.
+    /// Force in N per pixel.
     force: Vec<f32>,
     contact: Option<ContactReport>,
     threshold_n: f32,
@@ -171,7 +171,7 @@ impl Frames {
         }
     }
 
-    /// Pushes what `item` completes; returns whether a prediction is due.
+    /// Pushes the frame that `item` completes; returns whether a prediction is due.
     fn push(&mut self, item: &Frame) -> Result<bool, ViewError> {
         let Self { engine, input, kind, .. } = self;
         match (kind, &item.content) {
@@ -205,7 +205,7 @@ impl Frames {
         Ok(true)
     }
 
-    /// Reads a prediction, and makes of it what people read; how unlike the frames are.
+    /// Reads a prediction, and converts it for people; returns how unlike the frames are.
     fn predict(&mut self) -> Result<Option<f32>, ViewError> {
         let prediction = self.engine.predict()?;
         self.output.copy_from_slice(prediction.values);
@@ -251,7 +251,7 @@ impl Subject for Frames {
 
     fn begin(&mut self) -> Result<(), ViewError> {
         match &mut self.kind {
-            // A prediction depends on its picture alone, and what is equal need not be computed.
+            // A prediction depends on its picture alone, and equal pixels need no computation.
             Kind::Pictures(_) => {}
             Kind::Electrodes(window, _) => window.reset(),
             Kind::Events => self.engine.reset(),

@@ -1,8 +1,8 @@
-//! How long the newest events took, from the push to the prediction.
+//! Durations of the newest events, from the push to the prediction.
 
 use crate::frame::Bytes;
 
-/// Measurements that count; older ones are forgotten.
+/// Number of measurements that count; older ones are forgotten.
 const NEWEST: usize = 8192;
 /// Buckets of the histogram: from 0.1 us to 0.1 us x 2^22 (0.4 s), four to an octave, and the rest.
 const BUCKETS: usize = 88;
@@ -27,7 +27,7 @@ impl Latency {
         self.measured += 1;
     }
 
-    /// How many were measured.
+    /// Number of measurements.
     pub fn measured(&self) -> u64 {
         self.measured
     }
@@ -44,7 +44,8 @@ impl Latency {
         (!self.newest_us.is_empty()).then(|| sum / self.newest_us.len() as f64)
     }
 
-    /// The quantiles: the smallest durations that are not exceeded by such a share of the events.
+    /// The quantiles: for each share, the smallest duration that this share of the events does not
+    /// exceed.
     pub fn quantiles_us<const N: usize>(&self, shares: [f64; N]) -> [f32; N] {
         let mut sorted = self.newest_us.clone();
         sorted.sort_unstable_by(f32::total_cmp);
@@ -54,7 +55,7 @@ impl Latency {
         })
     }
 
-    /// How many of the newest are in each bucket.
+    /// Number of the newest measurements in each bucket.
     pub fn histogram(&self) -> Vec<u32> {
         let mut buckets = vec![0; BUCKETS + 1];
         for us in &self.newest_us {

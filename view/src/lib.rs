@@ -1,5 +1,5 @@
 //! Lets people watch an engine: a [`Session`] runs a network over events as the page in the folder
-//! `page` asks, and hands it binary frames of what the engine holds and what it computed.
+//! `page` asks, and gives it binary frames with the engine's state and the computed rows.
 //!
 //! ```text
 //! commands as JSON -> Session (events, engine, cursor) -> frames -> page
@@ -7,18 +7,18 @@
 //!
 //! | module | contents |
 //! |---|---|
-//! | [`frame`] | the bytes of a frame, one by one |
+//! | [`frame`] | the bytes of a frame |
 //! | [`session`] | a network over items with a cursor in time: play, step, seek, compare |
-//! | [`subject`] | what a session runs: an engine, and its items |
-//! | [`events`], [`scene`] | an engine over events, and what a frame shows of it |
+//! | [`subject`] | an engine that a session runs, and its items |
+//! | [`events`], [`scene`] | an engine over events, and its data in a frame |
 //! | [`frames`] | an engine over pictures, readings of electrodes or frames of events |
-//! | [`command`] | what a page may ask |
-//! | [`facts`] | what frames say in JSON |
+//! | [`command`] | the commands of a page |
+//! | [`facts`] | the JSON in frames |
 //! | [`networks`] | networks by name |
-//! | [`truth`] | what is true at a time |
+//! | [`truth`] | the truth at a time |
 //! | `server` | with the feature `server`: the page on the loopback address |
-//! | `watch`, `bystander` | with it too: a session in a thread; an engine of someone else's |
-//! | `sensors` | with it too: several sensors side by side, whose engines others run |
+//! | `watch`, `bystander` | also with it: a session in a thread; an engine that others run |
+//! | `sensors` | also with it: several sensors side by side, whose engines others run |
 //! | [`series`], [`latency`] | predictions over time; durations of the newest events |
 //!
 //! A session knows no file, thread, socket or clock: events and the clock are arguments. It runs

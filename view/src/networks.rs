@@ -7,7 +7,7 @@ use meissner_models::{Description, Weights};
 
 use crate::error::ViewError;
 
-/// A network, by default one over events, and what its outputs are.
+/// A network, by default one over events, and the meaning of its outputs.
 #[derive(Debug)]
 pub struct Chosen<N = Network> {
     /// The network.
@@ -53,7 +53,7 @@ pub trait Networks<N = Network> {
     /// The network of this name.
     ///
     /// # Errors
-    /// There is none, or its weights do not fit.
+    /// There is no such network, or its weights do not fit.
     fn load(&self, name: &str) -> Result<Chosen<N>, ViewError>;
 }
 
@@ -80,7 +80,7 @@ impl Networks for Shipped {
     }
 }
 
-/// Other networks, and one of a caller's own, which may have the name of one of them.
+/// Other networks, and one of the caller, which may have the same name as one of them.
 #[derive(Debug)]
 pub struct Own<N = Network, O = Shipped> {
     /// Its name.

@@ -1,13 +1,13 @@
-//! How often frames are made of what others run.
+//! The rate of frames of engines that others run.
 
 use std::time::{Duration, Instant};
 
-/// Least time between two frames.
+/// Minimum time between two frames.
 const FRAME: Duration = Duration::from_millis(50);
 /// Frames take at most one part in so many of the time.
 const SHARE: u32 = 100;
 
-/// When the next frame may be made.
+/// The time of the next frame.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Pace {
     begun: Instant,
@@ -22,7 +22,7 @@ impl Default for Pace {
 }
 
 impl Pace {
-    /// Whether a frame may be made; if so, it begins now.
+    /// Whether a frame is due; if so, it begins now.
     pub(crate) fn is_due(&mut self) -> bool {
         let now = Instant::now();
         let is_due = now >= self.next;
@@ -32,12 +32,12 @@ impl Pace {
         is_due
     }
 
-    /// The next frame comes as soon as one may follow the last.
+    /// The next frame comes after the minimum time.
     pub(crate) fn hurry(&mut self) {
         self.next = self.next.min(self.begun + FRAME);
     }
 
-    /// The frame that began is made.
+    /// The frame is finished.
     pub(crate) fn done(&mut self) {
         self.next = self.begun + FRAME.max(self.begun.elapsed() * SHARE);
     }

@@ -1,7 +1,7 @@
-//! What a frame shows of an engine over events, read through its public methods.
+//! The data of an engine over events in a frame, read through its public methods.
 //!
-//! Enters: an engine after a prediction. Leaves: sections. O(window + cells), and nothing is asked
-//! of an engine that nobody watches.
+//! Input: an engine after a prediction. Output: sections. O(window + cells). An engine without
+//! viewers is not read.
 
 use meissner_engine::{Counters, Engine, Fraction, Network};
 

@@ -1,7 +1,7 @@
 //! Several sensors side by side, whose engines other threads run.
 //!
-//! Enters: events and predictions, as they are reported. Leaves: frames, where a page waits for one
-//! and the last is old enough: all sensors, and one of them in detail, which a page selects.
+//! Input: events and predictions, as they are reported. Output: a frame, if a page waits for one
+//! and the last is old enough. It shows all sensors, and one that a page selects in detail.
 //! Invariant: no engine is read, and none waits.
 
 use std::collections::VecDeque;
@@ -17,20 +17,20 @@ use crate::pace::Pace;
 use crate::series::Series;
 use crate::server::Server;
 
-/// Events of a sensor that are shown.
+/// Number of shown events of the selected sensor.
 const EVENTS: usize = 2048;
-/// Of these, events of a sensor that is not selected.
+/// Number of shown events of another sensor.
 const FEW: usize = 400;
 
-/// How current a prediction is.
+/// Whether a prediction is up to date.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum State {
     /// It covers all events.
     #[default]
     Fresh,
-    /// It covers only some.
+    /// It covers only some events.
     Behind,
-    /// It is an earlier one.
+    /// It is an earlier prediction.
     Old,
 }
 
@@ -45,19 +45,19 @@ pub struct Report<'a> {
     pub nodes: usize,
     /// How unlike the window is to those of the training, if that is known.
     pub unlike: Option<f32>,
-    /// How long it took, or was waited for, in microseconds.
+    /// Duration of the prediction, or of the wait for it, in microseconds.
     pub took_us: f64,
-    /// How current it is.
+    /// Whether the prediction is up to date.
     pub state: State,
     /// Events that wait.
     pub waiting: u64,
-    /// Events that the queue dropped since the report before.
+    /// Events that the queue dropped since the previous report.
     pub dropped: u64,
-    /// Events that the engine dropped since the report before.
+    /// Events that the engine dropped since the previous report.
     pub lost: u64,
 }
 
-/// What is known of a sensor.
+/// The known data of a sensor.
 #[derive(Debug)]
 struct Watched {
     /// The newest events.
@@ -96,7 +96,7 @@ impl Watched {
         }
     }
 
-    /// Its newest `count` events of the last `span_us`, oldest first: EVNT.
+    /// Writes its newest `count` events of the last `span_us`, oldest first: EVNT.
     fn write(&self, count: usize, span_us: i64, to: &mut Bytes<'_>) {
         let shown = self.shown(count, span_us);
         let now_us = self.window.back().map_or(0, |event| event.t_us);
@@ -124,14 +124,14 @@ pub struct Sensors {
     span_us: i64,
     watched: Vec<Watched>,
     selected: usize,
-    /// The sensor whose quantiles are found next.
+    /// The sensor whose quantiles are computed next.
     turn: usize,
     pace: Pace,
 }
 
 impl Sensors {
-    /// Shows these sensors, by name, over which engines with the network `chosen`, called `name`,
-    /// run, on `server`'s page.
+    /// Shows sensors with these names on `server`'s page. Their engines run the network `chosen`,
+    /// called `name`.
     pub fn new<N>(
         server: Server,
         sensors: &[(String, Sensor)],
@@ -171,7 +171,7 @@ impl Sensors {
         of.taken += 1;
     }
 
-    /// Takes a prediction of a sensor, and shows all if it is time.
+    /// Takes a prediction of a sensor, and shows all sensors if a frame is due.
     pub fn report(&mut self, sensor: usize, report: &Report<'_>) {
         let Some(of) = self.watched.get_mut(sensor) else { return };
         of.elapsed_us = report.elapsed_us;
@@ -201,7 +201,7 @@ impl Sensors {
         }
     }
 
-    /// Finds the quantiles of one sensor after the other: all at once would take milliseconds.
+    /// Computes the quantiles of one sensor per call, because all together would take milliseconds.
     fn measure(&mut self) {
         self.turn = (self.turn + 1) % self.watched.len().max(1);
         for (i, of) in self.watched.iter_mut().enumerate() {

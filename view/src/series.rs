@@ -1,15 +1,15 @@
-//! Predictions over time: one for each part of the time that is shown.
+//! Predictions over time: one for each part of the shown time.
 //!
 //! Invariant: a part keeps the prediction that was read last in it. Predictions depend on the
-//! events alone, so going back and playing again writes the same values.
+//! events alone, so a replay writes the same values.
 
 use std::collections::BTreeMap;
 
 use crate::frame::Bytes;
 
-/// Parts of the time that is shown.
+/// Number of parts of the shown time.
 const PARTS: i64 = 512;
-/// Time that is shown of a live input, in microseconds.
+/// Shown time of a live input, in microseconds.
 const LIVE_US: i64 = 20_000_000;
 
 /// Predictions over time.
@@ -22,7 +22,7 @@ pub struct Series {
 }
 
 impl Series {
-    /// No predictions yet, of an input of this length; a live one has no known length.
+    /// An empty series for an input of this length; a live input has no known length.
     pub fn new(length_us: Option<i64>) -> Self {
         let shown = length_us.unwrap_or(LIVE_US);
         Self { part_us: (shown / PARTS).max(1), live: length_us.is_none(), points: BTreeMap::new() }

@@ -1,12 +1,12 @@
 //! The page and its frames on one port of the loopback address.
 //!
-//! Enters: connections of browsers and of anybody else on this machine. Leaves: the files of the
-//! page by GET, and a WebSocket with frames one way and commands the other. Invariant: whoever
-//! makes frames never waits for a client, and makes none that nobody waits for.
+//! Input: connections of browsers and of any other program on this machine. Output: the files of
+//! the page by GET, and a WebSocket with frames one way and commands the other. Invariant: the
+//! thread that makes frames never waits for a client, and makes no frame for which no client waits.
 //!
-//! Any page of a browser may open a connection to this machine. So a request must name this host,
-//! a WebSocket must come from this page (`Origin`), and the page and the WebSocket need a random
-//! token that only the URL has. Requests, messages, clients and times are limited.
+//! Any page of a browser may open a connection to this machine. Therefore a request must name this
+//! host, a WebSocket must come from this page (`Origin`), and the page and the WebSocket need a
+//! random token that only the URL has. Requests, messages, clients and times are limited.
 
 mod assets;
 mod client;
@@ -24,7 +24,7 @@ use std::time::Duration;
 
 pub use hub::Hub;
 
-/// Connections at a time; more are closed at once.
+/// Maximum number of connections at a time; further ones are closed immediately.
 const MAX_CONNECTIONS: usize = 64;
 /// Stack of a connection's thread.
 const STACK: usize = 512 << 10;
@@ -57,7 +57,7 @@ impl Server {
         Ok(Self { address, token, hub })
     }
 
-    /// Where it listens.
+    /// The address of the socket.
     pub fn address(&self) -> SocketAddr {
         self.address
     }
@@ -67,7 +67,7 @@ impl Server {
         format!("http://{}/?token={}", self.address, self.token)
     }
 
-    /// Where frames go and commands come from.
+    /// The exchange of frames and commands.
     pub fn hub(&self) -> &Arc<Hub> {
         &self.hub
     }
@@ -76,7 +76,7 @@ impl Server {
 impl Drop for Server {
     fn drop(&mut self) {
         self.hub.close();
-        // It wakes the thread that waits for a connection.
+        // This wakes the thread that waits for a connection.
         let _ = TcpStream::connect_timeout(&self.address, Duration::from_millis(200));
     }
 }
@@ -88,7 +88,7 @@ fn accept(listener: &TcpListener, gate: &Arc<request::Gate>, hub: &Arc<Hub>, ope
             return;
         }
         let Ok((stream, _)) = accepted else {
-            // Too many open files, for example: they become fewer.
+            // For example too many open files: after a while there are fewer.
             thread::sleep(Duration::from_millis(50));
             continue;
         };
@@ -99,7 +99,7 @@ fn accept(listener: &TcpListener, gate: &Arc<request::Gate>, hub: &Arc<Hub>, ope
         let (gate, hub, closing) = (Arc::clone(gate), Arc::clone(hub), Arc::clone(open));
         let spawned =
             thread::Builder::new().name("view: client".to_owned()).stack_size(STACK).spawn(move || {
-                // A client that breaks off is its own affair.
+                // A client that breaks off does not affect the server.
                 if let Err(error) = client::serve(stream, &gate, &hub) {
                     tracing::debug!("a client of the page: {error}");
                 }

@@ -1,9 +1,8 @@
 //! A network over events or other items, with a cursor in time that a page moves.
 //!
-//! Enters: commands, live items, and calls of [`Session::step`]. Leaves: frames. Invariant: after a
-//! step, the engine is as if it had taken the items before the cursor and nothing else, and a
-//! prediction was read before the newest of them and after it, so what a frame shows as recomputed
-//! is what one item changed.
+//! Input: commands, live items, and calls of [`Session::step`]. Output: frames. Invariant: after a
+//! step, the engine is as if it had taken only the items before the cursor. A prediction was read
+//! before and after the newest item, so a frame shows as recomputed only what one item changed.
 
 mod compare;
 mod history;
@@ -26,7 +25,7 @@ use history::History;
 /// Slowest and fastest speed.
 const SPEEDS: [f64; 2] = [1e-6, 1e6];
 
-/// What a session shows: by default, events of a sensor.
+/// The input of a session: by default, events of a sensor.
 #[derive(Clone, Debug)]
 pub struct Input<P = Sensor, I = Event> {
     /// Name, for people.
@@ -35,9 +34,9 @@ pub struct Input<P = Sensor, I = Event> {
     pub sensor: P,
     /// The events, or other items, so far.
     pub events: Vec<I>,
-    /// Whether more will come ([`Session::push`]).
+    /// Whether more items will come ([`Session::push`]).
     pub live: bool,
-    /// What is true, if that is known.
+    /// The truth, if known.
     pub truth: Truth,
 }
 
@@ -48,12 +47,12 @@ impl Default for Input {
     }
 }
 
-/// Why the cursor moves.
+/// The reason of the cursor's motion.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Course {
-    /// To what is due, if it plays.
+    /// To the due position, while the session plays.
     Due,
-    /// To a place that was asked for.
+    /// To a requested position.
     Asked,
 }
 
@@ -72,7 +71,7 @@ pub struct Session<S: Subject = EventGraph> {
     latency: Latency,
     series: Series,
     comparison: Comparison,
-    /// Where the cursor goes; the engine may need several steps to get there.
+    /// The target of the cursor; the engine may need several steps to reach it.
     target: usize,
     course: Course,
     playing: bool,
@@ -138,7 +137,7 @@ impl<S: Subject> Session<S> {
         })
     }
 
-    /// Adds live items to the end of the history. Of a very long one, the oldest half is
+    /// Adds live items to the end of the history. If the history is very long, the oldest half is
     /// forgotten: the cursor cannot go back there.
     pub fn push(&mut self, items: Vec<S::Item>) {
         if items.is_empty() {
@@ -159,7 +158,8 @@ impl<S: Subject> Session<S> {
         self.changed = true;
     }
 
-    /// Says how many events wait in front of the session and how many were lost there.
+    /// Sets the number of events that wait in front of the session, and of events that were lost
+    /// there.
     pub fn set_queue(&mut self, waiting: u64, lost: u64) {
         self.changed |= self.queue != Some((waiting, lost));
         self.queue = Some((waiting, lost));
@@ -168,7 +168,7 @@ impl<S: Subject> Session<S> {
     /// Carries out a [`Command`] in JSON.
     ///
     /// # Errors
-    /// It is not a command, or it cannot be carried out; nothing has changed then.
+    /// It is not a command, or it cannot be carried out. Nothing changes then.
     pub fn command(&mut self, text: &str) -> Result<(), ViewError> {
         let command = serde_json::from_str(text).map_err(ViewError::from);
         let done = command.and_then(|command| self.perform(command));
@@ -240,7 +240,7 @@ impl<S: Subject> Session<S> {
 
     /// Starts again, without items.
     fn restart(&mut self) {
-        // It was made once with the same arguments.
+        // The engine was already made with the same arguments.
         if let Err(error) = self.subject.begin() {
             self.error = Some(error.to_string());
         }
@@ -252,7 +252,7 @@ impl<S: Subject> Session<S> {
     /// Moves the cursor to just after `event` items; the next steps carry it out.
     fn go_to(&mut self, event: usize) {
         self.target = event.min(self.history.len());
-        // A prediction is read before the newest item, so it is taken again.
+        // A prediction is read before the newest item, so this item is taken again.
         let before = self.target.saturating_sub(1);
         let returns = self.target <= self.history.cursor;
         if let Some(first) = self.subject.depends_from(self.history.first(before)) {
@@ -270,7 +270,7 @@ impl<S: Subject> Session<S> {
     /// Returns to the last known state at or before `event`.
     fn restore(&mut self, event: usize) {
         let Some((cursor, bytes)) = self.history.state_before(event) else { return self.restart() };
-        // It computes again, so that the next item shows what it alone changes.
+        // The engine computes again, so that the next item shows only its own changes.
         match self.subject.restore(bytes) {
             Ok(()) => self.history.cursor = cursor,
             Err(_) => self.restart(),
@@ -287,7 +287,8 @@ impl<S: Subject> Session<S> {
         self.go_on(budget_us).then(|| self.show())
     }
 
-    /// As [`Self::step`], without a frame: whether there is anything new to [show](Self::show).
+    /// As [`Self::step`], without a frame: returns whether there is anything new to
+    /// [show](Self::show).
     pub fn go_on(&mut self, budget_us: f64) -> bool {
         let deadline = (self.clock)() + budget_us;
         if self.playing && self.course == Course::Due {
@@ -322,7 +323,7 @@ impl<S: Subject> Session<S> {
         self.frame()
     }
 
-    /// Sets the target to what is due now.
+    /// Sets the target to the position that is due now.
     fn follow(&mut self) {
         if self.live {
             self.target = self.history.len();
@@ -346,7 +347,7 @@ impl<S: Subject> Session<S> {
                 break;
             }
         }
-        // The newest event on its own, so that what it changed shows.
+        // The newest event on its own, so that its changes are visible.
         self.take(self.history.cursor + 1);
         if self.history.cursor < self.target && self.course == Course::Due && !self.live {
             // Too slow for this speed: the input waits, and no event is left out.

@@ -1,4 +1,4 @@
-//! What a session runs: an engine, and the items that it takes one by one.
+//! The engine that a session runs, and the items that it takes one by one.
 
 use meissner_engine::Event;
 
@@ -7,22 +7,22 @@ use crate::facts::{ComparedLayer, Facts, Info};
 use crate::frame::{Bytes, FrameWriter};
 use crate::networks::Chosen;
 
-/// Something that an engine takes: an event, a picture, a reading.
+/// An input of an engine: an event, a picture, a reading.
 pub trait Item {
-    /// Speed of a recording at first.
+    /// Initial speed of a recording.
     const SPEED: f64;
-    /// Items between two states to return to, at first.
+    /// Initial number of items between two states to return to.
     const APART: usize;
 
     /// Its time in microseconds.
     fn t_us(&self) -> i64;
 
-    /// A live history has so many like it at most; older ones are forgotten in halves.
+    /// Maximum number of such items in a live history; older ones are forgotten in halves.
     fn kept(&self) -> usize;
 }
 
 impl Item for Event {
-    // Events come in milliseconds, and are to be watched.
+    // Events come within milliseconds, and people are to watch them.
     const SPEED: f64 = 0.1;
     const APART: usize = 8192;
 
@@ -48,9 +48,9 @@ pub struct Seen<'a> {
 pub trait Subject: Sized {
     /// Its networks.
     type Network;
-    /// What it takes.
+    /// The items that it takes.
     type Item: Item;
-    /// Where items come from.
+    /// The sensor of the items.
     type Sensor;
 
     /// An engine before the first item.
@@ -59,10 +59,12 @@ pub trait Subject: Sized {
     /// The engine refuses the network or the sensor.
     fn new(chosen: &Chosen<Self::Network>, sensor: &Self::Sensor) -> Result<Self, ViewError>;
 
-    /// Learns the first item of the input, which it may never take: a cursor may begin elsewhere.
+    /// Gets the first item of the input, which it may never take because a cursor may begin
+    /// elsewhere.
     fn learn(&mut self, _first: &Self::Item) {}
 
-    /// Takes over what the engine before it, with another network, knows about the input.
+    /// Takes over the knowledge about the input from the previous engine, which had another
+    /// network.
     fn inherit(&mut self, _other: &Self) {}
 
     /// Returns to before the first item.
@@ -77,35 +79,35 @@ pub trait Subject: Sized {
     /// An item does not fit, or a prediction is not finite.
     fn take(&mut self, items: &[Self::Item]) -> Result<Option<Seen<'_>>, ViewError>;
 
-    /// The first of `items` on which the state after all of them depends; `None`: it may depend on
-    /// all items.
+    /// Index of the first of `items` on which the state after all of them depends; `None`: it may
+    /// depend on all items.
     fn depends_from(&self, items: &[Self::Item]) -> Option<usize>;
 
-    /// The state as bytes, where it depends on all items.
+    /// The state as bytes, if it depends on all items.
     fn state(&self) -> Option<Vec<u8>>;
 
     /// Returns to a state, and reads a prediction.
     ///
     /// # Errors
-    /// The bytes are no state of it.
+    /// The bytes are not a state of this engine.
     fn restore(&mut self, state: &[u8]) -> Result<(), ViewError>;
 
-    /// Compares with full recomputation over `items`, which are all that were taken.
+    /// Compares with full recomputation over `items`, which are all taken items.
     ///
     /// # Errors
     /// Full recomputation failed.
     fn compare(&self, items: &[Self::Item]) -> Result<Vec<ComparedLayer>, ViewError>;
 
-    /// What seldom changes.
+    /// Data that seldom changes.
     fn facts(input: &str, sensor: &Self::Sensor, name: &str, chosen: &Chosen<Self::Network>) -> Facts;
 
-    /// What changes and is small.
+    /// Small values that change.
     fn info(&self) -> Info;
 
-    /// Events in the window, or frames that count.
+    /// Number of events in the window, or of frames that count.
     fn nodes(&self) -> usize;
 
-    /// Writes what it shows after `items`, which are all that were taken.
+    /// Writes the data to show after `items`, which are all taken items.
     fn write(&self, items: &[Self::Item], to: &mut FrameWriter);
 
     /// Writes the section WORK.

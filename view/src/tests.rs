@@ -38,7 +38,7 @@ fn press() -> Input {
     Input { name: "press".to_owned(), sensor, events: recording.events, live: false, truth }
 }
 
-/// A line that moves along x, some events of which are late.
+/// A line that moves along x, with some late events.
 fn line(count: u16) -> Vec<Event> {
     let late = |i: u16| if i % 50 == 49 { 700 } else { 0 };
     (0..count).map(|i| Event::new(300 * i64::from(i) - late(i), i / 7 % 34, i * 11 % 34, i % 3 > 0)).collect()

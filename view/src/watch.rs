@@ -10,7 +10,7 @@ use crate::subject::{Item, Subject};
 
 /// Time between two frames.
 const FRAME: Duration = Duration::from_millis(33);
-/// The part of it that the engine may take.
+/// The part of this time for the engine.
 const BUDGET_US: f64 = 22_000.0;
 
 /// Microseconds since the first call.
@@ -24,11 +24,11 @@ pub fn clock() -> f64 {
 pub struct Waiting<I>(Mutex<(Vec<I>, u64)>);
 
 impl<I: Item + Send + 'static> Waiting<I> {
-    /// Reads `items` to their end in a thread of its own. What the session has no room for is lost
+    /// Reads `items` to their end in a separate thread. Items without room in the session are lost
     /// and counted; the reader never waits for the session.
     ///
     /// # Errors
-    /// There is no thread.
+    /// No thread can be started.
     pub fn read<E: std::fmt::Display>(
         items: impl Iterator<Item = Result<I, E>> + Send + 'static,
     ) -> std::io::Result<Arc<Self>> {
@@ -47,11 +47,11 @@ impl<I: Item + Send + 'static> Waiting<I> {
 
     fn take(&self, item: I) {
         let mut state = self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        // Half of what a history keeps.
+        // At most half of the items that a history keeps.
         if state.0.len() < item.kept() / 2 { state.0.push(item) } else { state.1 += 1 }
     }
 
-    /// What waits, and how many were lost so far.
+    /// The waiting items, and the number of lost ones so far.
     fn all(&self) -> (Vec<I>, u64) {
         let mut state = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         (std::mem::take(&mut state.0), state.1)
@@ -78,7 +78,7 @@ pub fn watch<S: Subject>(
             session.push(items);
         }
         while let Some(command) = hub.command() {
-            // The next frame tells the page.
+            // The next frame reports it to the page.
             if let Err(error) = session.command(&command) {
                 tracing::debug!("a command of the page: {error}");
             }

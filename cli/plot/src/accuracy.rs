@@ -9,7 +9,8 @@ const COMPACT: Area = Area { right: 396.0, bottom: 286.0, ..LINES };
 /// Space from the baseline above a field or grid to it, and from a panel's text to the next panel.
 const BELOW: f64 = 8.0;
 const APART: f64 = 16.0;
-/// Width of the line that is drawn last. Earlier lines are wider by `WIDER`: all are visible.
+/// Width of the line that is drawn last. Earlier lines are wider by `WIDER`, so that all are
+/// visible.
 const NARROWEST: f64 = 1.8;
 const WIDER: f64 = 1.6;
 
@@ -85,7 +86,7 @@ impl Curves {
         svg.line((area.left, chance), (area.right, chance), FRAME).dashes("2 3");
         svg.text((area.right - 4.0, chance - 5.0), "chance").end().size(SMALL).fill(GREY);
         let at = |(&time, share): (&f64, f64)| field.place(time, 100.0 * share);
-        // All lines are above all bands, so that each line can be followed where they meet.
+        // All lines are above all bands, so that each line can be followed where lines meet.
         for curve in &self.curves {
             let high = self.times.iter().zip(curve.interval.iter().map(|interval| interval.1)).map(at);
             let low = self.times.iter().zip(curve.interval.iter().map(|interval| interval.0)).map(at);
@@ -139,7 +140,7 @@ impl Bars {
                 let Bar { mean, std } = accuracies[g]?;
                 Some((i, first + width * i as f64, mean, std))
             });
-            // Numbers are above lines and lines above bars: each can be read.
+            // Numbers are above lines and lines above bars, so that each can be read.
             for (i, x, mean, std) in bars.clone() {
                 let bar = Area {
                     left: x - 0.43 * width,
@@ -161,7 +162,7 @@ impl Bars {
             }
             for (_, x, mean, std) in bars {
                 let (at, number) = ((x, y(mean + std.unwrap_or(0.0)) - 5.0), format!("{:.1}", 100.0 * mean));
-                // As small as its bar is narrow.
+                // A narrow bar has a small number.
                 let size = 11.0 * (0.95 * width / text::width(&number, 11.0)).clamp(0.5, 1.0);
                 // White around the number, where a line crosses it.
                 svg.text(at, &number).middle().size(size).set("stroke", WHITE).width(3.0);

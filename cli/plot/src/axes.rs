@@ -1,30 +1,31 @@
 //! Axes with ticks, and the field between two of them.
 //!
-//! Ranges of values and of pixels to places, ticks at round values, grid, labels and titles.
+//! Input: ranges of values and of pixels. Output: positions, ticks at round values, grid, labels
+//! and titles.
 
 use crate::svg::{Area, FINE_GRID, FRAME, GRID, Svg};
 use crate::text::{SIZE, grouped, width};
 
-/// Most intervals between the ticks of a linear axis.
+/// Maximum number of intervals between the ticks of a linear axis.
 const MAX_INTERVALS: f64 = 8.0;
 /// Margin at both ends of an axis, as a share of its length.
 const MARGIN: f64 = 0.05;
 /// Pixels at the low end of a logarithmic axis for the value 0.
 const ZERO_STRIP: f64 = 26.0;
-/// Room for labels to the left of an axis, and least space between two of them.
+/// Room for labels to the left of an axis, and minimum space between two labels.
 const ROOM: f64 = 100.0;
 const APART: f64 = 4.0;
-/// Baseline of the title of a vertical axis, and the least that stays inside the panel.
+/// Baseline of the title of a vertical axis, and the smallest one that stays inside the panel.
 const TITLE: f64 = 12.0;
 const MIN_TITLE: f64 = 8.0;
 
-/// An axis: low and high end, of decimal logarithms where it is logarithmic, and their pixels.
+/// An axis: low and high end (decimal logarithms if it is logarithmic), and their pixels.
 #[derive(Debug)]
 pub(crate) struct Axis {
     logarithmic: bool,
     range: (f64, f64),
     pixels: (f64, f64),
-    /// Place of the value 0 on a logarithmic axis that shows it.
+    /// Position of the value 0 on a logarithmic axis that shows it.
     zero: Option<f64>,
 }
 
@@ -58,7 +59,7 @@ impl Axis {
             return zero;
         }
         let ((low, high), (start, end)) = (self.range, self.pixels);
-        // A place may come from a negative rounding error: its logarithm is not a number.
+        // A value may be a negative rounding error, whose logarithm is not a number.
         let along = if self.logarithmic { value.max(0.0).log10() } else { value };
         start + (along.clamp(low, high) - low) / (high - low) * (end - start)
     }
@@ -83,7 +84,7 @@ impl Axis {
         ((low / step - 1e-9).ceil() as i64..=(high / step + 1e-9).floor() as i64).map(tick).collect()
     }
 
-    /// Ticks at the digits of every power of ten, with more labels where there are fewer powers.
+    /// Ticks at the digits of every power of ten, with more labels if there are fewer powers.
     fn logarithmic_ticks(&self) -> Vec<Tick> {
         let (low, high) = self.range;
         let labelled: &[u32] = match high - low {
@@ -120,14 +121,14 @@ fn number(digit: u32, power: i32) -> String {
     }
 }
 
-/// Both ends of `values` with a margin, at least `least` apart; 0 and 1 where there are no values.
+/// Both ends of `values` with a margin, at least `least` apart; 0 and 1 if there are no values.
 pub(crate) fn widened(values: impl Iterator<Item = f64>, least: f64) -> (f64, f64) {
     let Some((low, high)) = ends(values) else { return (0.0, 1.0) };
     let margin = (MARGIN * (high - low)).max((least - (high - low)) / 2.0);
     (low - margin, high + margin)
 }
 
-/// The powers of ten around `values`, at least one apart; `otherwise` where no value is positive.
+/// The powers of ten around `values`, at least one apart; `otherwise` if no value is positive.
 pub(crate) fn decades(values: impl Iterator<Item = f64>, otherwise: (f64, f64)) -> (f64, f64) {
     let Some((low, high)) = ends(values.map(f64::log10)) else { return otherwise };
     (low.floor(), high.ceil().max(low.floor() + 1.0))
@@ -158,7 +159,7 @@ impl Field {
     pub(crate) fn draw(&self, svg: &mut Svg, x_title: &str, y_title: &str) {
         let Area { left, right, .. } = self.area;
         let (_, centre) = self.area.centre();
-        // Long labels move the title to the left, as far as there is room.
+        // Long labels move the title to the left, if there is room.
         let mut title: f64 = TITLE;
         for Tick { place, label } in self.y.ticks() {
             let Some(label) = label else { continue };
@@ -177,7 +178,7 @@ impl Field {
     /// Draws the grid, the ticks and the title of the horizontal axis, and the border.
     pub(crate) fn draw_across(&self, svg: &mut Svg, x_title: &str) {
         let Area { left, top, right, bottom } = self.area;
-        // Labels that would meet are left out.
+        // Labels that would touch are left out.
         let mut free = left - ROOM;
         for Tick { place, label } in self.x.ticks().into_iter().filter(|_| !x_title.is_empty()) {
             svg.line((place, top), (place, bottom), if label.is_some() { GRID } else { FINE_GRID });

@@ -1,8 +1,8 @@
-//! Places for labels beside points, so that no label covers another.
+//! Finds areas for labels beside points, so that no label covers another.
 //!
-//! Enters: points with the widths of their labels, and areas that must stay free. Leaves: an area
-//! for each label, as near to its point as there is room, in the order of the points; `None` where
-//! no place is free.
+//! Input: points with the widths of their labels, and areas that must stay free. Output: an area
+//! for each label, as near to its point as possible, in the order of the points; `None` if no area
+//! is free.
 
 use crate::svg::{Area, Place};
 
@@ -14,7 +14,7 @@ const STEP: f64 = 9.0;
 const RINGS: usize = 60;
 /// Directions that are tried at each distance.
 const DIRECTIONS: usize = 32;
-/// Number of places that are checked on the line from a point to its label.
+/// Number of positions that are checked on the line from a point to its label.
 const SAMPLES: usize = 24;
 
 /// An area inside `field` for the label of each of `points` (place, width), free of `obstacles`.
@@ -50,7 +50,7 @@ fn candidates((x, y): Place, width: f64) -> impl Iterator<Item = Area> {
     })
 }
 
-/// Places on the line from a point to its label.
+/// Positions on the line from a point to its label.
 fn line(point: Place, area: &Area) -> [Place; SAMPLES] {
     let end = area.nearest(point);
     std::array::from_fn(|i| {

@@ -7,7 +7,7 @@ use crate::svg::{Area, GREY, Place, SMALL, Svg, colour};
 use crate::text::grouped;
 
 const FIELD: Area = Area { left: 70.0, top: 4.0, right: 744.0, bottom: 304.0 };
-/// Smaller shares are drawn like 0: 10 to this power, in percent.
+/// Shares below 10 to this power, in percent, are drawn like 0.
 const MIN_POWER: f64 = -5.0;
 /// Steps shorter than this many pixels are drawn as one.
 const CLOSE: f64 = 1.0;
@@ -81,12 +81,12 @@ fn shown(us: f64) -> String {
 }
 
 impl LatencyCurve {
-    /// A path of steps: between two latencies that occurred, the share stays.
+    /// A path of steps: the share is constant between two latencies that occurred.
     fn steps(&self, field: &Field) -> String {
         let mut last = (f64::NEG_INFINITY, FIELD.top);
         let step = |(i, &(us, share)): (usize, &(f64, f64))| {
             let (x, y) = field.place(us, 100.0 * share);
-            // The longest latency is shown even where it is close to the one before.
+            // The longest latency is shown even if it is close to the one before.
             let is_shown = x - last.0 >= CLOSE || y - last.1 >= CLOSE || i + 1 == self.points.len();
             is_shown.then(|| {
                 last = (x, y);

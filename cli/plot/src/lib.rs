@@ -1,6 +1,6 @@
 //! Pictures of measurements as standalone SVG files.
 //!
-//! Plain data to the text of a file. Equal data gives equal bytes.
+//! Input: plain data. Output: the text of a file. Equal data gives equal bytes.
 //!
 //! A picture is a [`page`] with rows of panels:
 //!
@@ -72,11 +72,11 @@ pub enum Panel<'a> {
 /// left to right. Lines of `about` that are wider than the panels are broken.
 ///
 /// # Panics
-/// If a box of a network reads a name that no box has, or bars have fewer accuracies than groups.
+/// If a box of a network reads a name without a box, or bars have fewer accuracies than groups.
 pub fn page(title: &str, about: &str, rows: &[Vec<Panel<'_>>]) -> String {
     const LEFT: f64 = 24.0;
     const TITLE: f64 = 18.0;
-    /// Least room for text, where the panels are narrow or there is none.
+    /// Minimum room for text, if the panels are narrow or there is none.
     const MIN: f64 = 420.0;
     let rows: Vec<Vec<(Svg, (f64, f64))>> = rows.iter().map(|row| row.iter().map(drawn).collect()).collect();
     let widths = rows.iter().map(|row| row.iter().map(|(_, size)| size.0).sum::<f64>());
@@ -104,7 +104,8 @@ pub fn page(title: &str, about: &str, rows: &[Vec<Panel<'_>>]) -> String {
 }
 
 /// One panel as an element `svg` of a page of HTML, with `name` for screen readers, and its width
-/// in pixels. It has no ground, and its colours are attributes: a style sheet can give others.
+/// in pixels. It has no background, and its colours are attributes, so that a style sheet can
+/// change them.
 ///
 /// # Panics
 /// As [`page`].

@@ -1,6 +1,7 @@
 //! A network as boxes from top to bottom, in bands.
 //!
-//! Inputs that are not the box above are curves at the sides: second inputs right, others left.
+//! An input that is not the box above is a curve at the side: second inputs on the right, others on
+//! the left.
 
 use std::collections::BTreeMap;
 
@@ -15,7 +16,7 @@ const ROW: f64 = 18.0;
 const GAP: f64 = 22.0;
 /// Width of the text of a box.
 const INSIDE: f64 = WIDTH - 24.0;
-/// Least space between the kind and the shape.
+/// Minimum space between the kind and the shape.
 const APART: f64 = 16.0;
 /// Space of a band above and below its boxes, and height of its label.
 const MARGIN: f64 = 9.0;
@@ -27,7 +28,7 @@ const MAX_BEND: f64 = 120.0;
 /// Fill of bands.
 const BANDS: [&str; 2] = ["#eef4fb", "#f3f1fa"];
 
-/// Boxes in an order in which each comes after its inputs.
+/// Boxes, ordered so that each comes after its inputs.
 #[derive(Clone, Debug)]
 pub struct Network<'a> {
     /// Labels of the bands.
@@ -114,7 +115,7 @@ impl Network<'_> {
 }
 
 impl Node<'_> {
-    /// The rows of the kind, and an empty one where the shape has no room beside the last.
+    /// The rows of the kind, and an empty row if the shape has no room beside the last.
     fn rows(&self) -> Vec<String> {
         let mut rows = wrapped(&self.kind, INSIDE, |line| width(line, SIZE));
         let last = rows.last().map_or(0.0, |last| width(last, SIZE));

@@ -6,7 +6,7 @@ use crate::text::{heading, legend};
 
 /// Left and top of the field, below a heading of two lines.
 const CORNER: Place = (66.0, 66.0);
-/// Width and height of a field, and of one that is compact.
+/// Width and height of a field, and of a compact one.
 pub(crate) const SIZE: Place = (418.0, 330.0);
 const COMPACT: Place = (330.0, 210.0);
 /// Space from the baseline above a field to it, and from a panel's text to the next panel.
@@ -27,7 +27,7 @@ pub struct Plane {
     pub x_title: String,
     /// Title of the vertical axis, with its unit.
     pub y_title: String,
-    /// What its axes show.
+    /// The scale of its axes.
     pub scale: Scale,
     /// Whether the panel is small, for a page.
     pub compact: bool,
@@ -40,7 +40,7 @@ pub struct Plane {
 /// The axes of a [`Plane`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Scale {
-    /// Linear, as far as the values reach.
+    /// Linear, over the range of the values.
     Fitting,
     /// Linear; the vertical axis begins at 0.
     FromZero,
@@ -51,9 +51,9 @@ pub enum Scale {
 /// One line of a [`Plane`], or its dots.
 #[derive(Clone, Debug)]
 pub struct Series {
-    /// Text of the legend; none if it is empty.
+    /// Text of the legend; no entry if it is empty.
     pub name: String,
-    /// Number of its colour, from 0. Six colours repeat; those of a quantity go from 0 to 5.
+    /// Number of its colour, from 0. Six colours repeat; colours of a quantity go from 0 to 5.
     pub colour: usize,
     /// How the points are drawn.
     pub style: Style,

@@ -1,4 +1,4 @@
-//! Rows with a name each: bars of parts from left to right, and quantiles on a logarithmic axis.
+//! Rows with names: bars of parts from left to right, and quantiles on a logarithmic axis.
 
 use crate::axes::{Axis, Field, decades, widened};
 use crate::svg::{Area, FRAME, INK, ON_DARK, ON_LIGHT, Place, SMALL, Svg, WHITE, colour};
@@ -13,7 +13,7 @@ const APART: f64 = 10.0;
 const ROW: f64 = 24.0;
 const BAR: f64 = 15.0;
 const BELOW: f64 = 10.0;
-/// Least width of a part with its number inside.
+/// Minimum width of a part with its number inside.
 const MIN_NUMBER: f64 = 34.0;
 /// A part with a value is at least this wide.
 const MIN_PART: f64 = 1.5;

@@ -1,14 +1,14 @@
 //! An SVG document as a list of elements.
 //!
-//! Enters: shapes and text at places in pixels, with y downwards. Leaves: well-formed XML. Text is
-//! always escaped, numbers have at most one decimal, and equal calls give equal bytes.
+//! Input: shapes and text at positions in pixels, with y downwards. Output: well-formed XML. Text
+//! is always escaped, numbers have at most one decimal, and equal calls give equal bytes.
 
 use std::fmt::{self, Display, Write};
 
-/// A place: x and y in pixels, y downwards.
+/// A position: x and y in pixels, y downwards.
 pub(crate) type Place = (f64, f64);
 
-/// Colours of series. They differ for readers who confuse red and green.
+/// Colours of series. Readers who confuse red and green can tell them apart.
 pub(crate) const COLOURS: [&str; 6] = ["#0072b2", "#e69f00", "#009e73", "#cc3377", "#56b4e9", "#999999"];
 /// Colours of steps of a quantity, from dark to light, also in grey.
 pub(crate) const ORDERED: [&str; 6] = ["#440154", "#414487", "#2a788e", "#22a884", "#7ad151", "#e0ca20"];
@@ -19,13 +19,14 @@ pub(crate) const WHITE: &str = "#ffffff";
 /// Numbers on dark and on light colours of series.
 pub(crate) const ON_DARK: &str = "#fefefe";
 pub(crate) const ON_LIGHT: &str = "#000000";
-/// Of the strongest cell of a confusion matrix.
+/// Colour of the strongest cell of a confusion matrix.
 pub(crate) const SHADE: &str = "#004880";
 pub(crate) const LINE: &str = "#444444";
 pub(crate) const GRID: &str = "#cccccc";
 pub(crate) const FINE_GRID: &str = "#efefef";
-/// The colours of pictures by what they are for, so that a page can give others in a dark scheme.
-/// Colours of series, of numbers on them and of boxes of networks are not among them: they stay.
+/// The colours of pictures by their purpose, so that a page can replace them in a dark scheme.
+/// Colours of series, of numbers on them and of boxes of networks are not included, because they
+/// stay.
 pub const PALETTE: [(&str, &str); 8] = [
     ("ground", WHITE),
     ("ink", INK),
@@ -59,7 +60,7 @@ impl Area {
         Self { left, top, right: left + width, bottom: top + height }
     }
 
-    /// The smallest rectangle that contains two places, with `margin` on every side.
+    /// The smallest rectangle that contains two positions, with `margin` on every side.
     pub(crate) fn spanning(a: Place, b: Place, margin: f64) -> Self {
         let (left, top) = (a.0.min(b.0) - margin, a.1.min(b.1) - margin);
         Self { left, top, right: a.0.max(b.0) + margin, bottom: a.1.max(b.1) + margin }
@@ -77,7 +78,7 @@ impl Area {
         (f64::midpoint(self.left, self.right), f64::midpoint(self.top, self.bottom))
     }
 
-    /// The place in this area that is nearest to `place`.
+    /// The position in this area that is nearest to `place`.
     pub(crate) fn nearest(&self, (x, y): Place) -> Place {
         (x.clamp(self.left, self.right), y.clamp(self.top, self.bottom))
     }
@@ -158,14 +159,14 @@ impl Svg {
         self.add("polygon", &[]).set("points", listed(places)).set("fill", fill)
     }
 
-    /// Adds text whose baseline starts at a place.
+    /// Adds text whose baseline starts at a position.
     pub(crate) fn text(&mut self, (x, y): Place, text: &str) -> &mut Element {
         let element = self.add("text", &[("x", x), ("y", y)]);
         element.content = escaped(text);
         element
     }
 
-    /// Adds text that runs upwards, centred on a place.
+    /// Adds text that runs upwards, centred on a position.
     pub(crate) fn text_upwards(&mut self, (x, y): Place, text: &str) -> &mut Element {
         let element = self.add("text", &[]).set("transform", format!("translate({x:.1} {y:.1}) rotate(-90)"));
         element.content = escaped(text);
@@ -185,7 +186,8 @@ impl Svg {
         group.content = format!("\n{other}");
     }
 
-    /// The document of this width and height, on white, with a name for screen readers.
+    /// The document of this width and height, on a white background, with a name for screen
+    /// readers.
     pub(crate) fn document(&self, (width, height): Place, name: &str) -> String {
         let (width, height) = (width.ceil(), height.ceil());
         format!(
@@ -241,7 +243,7 @@ impl Element {
         self.set("stroke-width", rounded(pixels))
     }
 
-    /// Dashes the stroke: lengths of dashes and gaps in pixels; solid where `lengths` is empty.
+    /// Dashes the stroke: lengths of dashes and gaps in pixels; solid if `lengths` is empty.
     pub(crate) fn dashes(&mut self, lengths: &str) -> &mut Self {
         if lengths.is_empty() { self } else { self.set("stroke-dasharray", lengths) }
     }

@@ -1,5 +1,5 @@
-//! No text of a picture is cut or covers other text: the pictures of the repository, and panels
-//! with long names.
+//! No text of a picture is cut or covers other text. Checked on the pictures of the repository, and
+//! on panels with long names.
 
 mod parts;
 
@@ -41,13 +41,13 @@ fn texts(document: &Document<'_>) -> Vec<(Area, String)> {
         // From the top of small letters to the baseline: lines may be as close as they can be read.
         Some((Area { left, top: y - 0.6 * size, right: left + width, bottom: y }, text.to_owned()))
     };
-    // White copies below a text are that text.
+    // White copies below a text count as that text.
     let nodes =
         document.descendants().filter(|node| node.has_tag_name("text") && node.attribute("stroke").is_none());
     nodes.filter_map(of).collect()
 }
 
-/// What is cut or covered in a picture.
+/// The text that is cut or covered in a picture.
 fn faults(svg: &str) -> Vec<String> {
     let document = Document::parse(svg).expect("it is well-formed XML");
     let root = document.root_element();

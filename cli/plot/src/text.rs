@@ -1,11 +1,11 @@
 //! Text that fits: its width, its lines, headings of panels and legends.
 //!
-//! Enters: text and the room for it. Leaves: lines, and the baseline of the last one. Widths are
+//! Input: text and the room for it. Output: lines, and the baseline of the last one. Widths are
 //! those of a wide font, so that the text of any usual font stays in its room.
 
 use crate::svg::{GREY, Place, SMALL, Svg};
 
-/// Font size in pixels of text that states none.
+/// Default font size in pixels.
 pub(crate) const SIZE: f64 = 13.0;
 /// Distance of lines of a panel's title and of the text below it.
 const TITLE_LINE: f64 = 17.0;
@@ -38,7 +38,7 @@ pub(crate) fn bold_width(text: &str, size: f64) -> f64 {
     BOLD * width(text, size)
 }
 
-/// The lines of `text`, broken between words where they are wider than `room`.
+/// The lines of `text`, broken between words if they are wider than `room`.
 pub(crate) fn wrapped(text: &str, room: f64, width: impl Fn(&str) -> f64) -> Vec<String> {
     let mut lines: Vec<String> = Vec::new();
     for line in text.lines() {
@@ -57,7 +57,7 @@ pub(crate) fn wrapped(text: &str, room: f64, width: impl Fn(&str) -> f64) -> Vec
 }
 
 /// Draws the bold title of a panel and the text below it, in lines of at most `room`. Returns the
-/// baseline of the last line, that of a line below the title at least.
+/// baseline of the last line, at least that of a line below the title.
 pub(crate) fn heading(svg: &mut Svg, title: &str, about: &str, room: f64) -> f64 {
     let mut y = TITLE;
     for line in wrapped(title, room, |line| bold_width(line, SIZE)) {
@@ -75,8 +75,8 @@ pub(crate) fn heading(svg: &mut Svg, title: &str, about: &str, room: f64) -> f64
 }
 
 /// Draws `names` from left to right in as many rows as they need between `left` and `right`, below
-/// the baseline `above`; `symbol` draws what a name stands for at the baseline of the entry.
-/// Returns the baseline of the last row.
+/// the baseline `above`; `symbol` draws the symbol of a name at the baseline of the entry. Returns
+/// the baseline of the last row.
 pub(crate) fn legend<'a>(
     svg: &mut Svg,
     (left, right): (f64, f64),
@@ -99,7 +99,7 @@ pub(crate) fn legend<'a>(
     y
 }
 
-/// The start of `text` that has room.
+/// The start of `text` that fits.
 pub(crate) fn shortened(text: &str, room: f64, width: impl Fn(&str) -> f64) -> String {
     if width(text) <= room {
         return text.to_owned();

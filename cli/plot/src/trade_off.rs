@@ -12,7 +12,7 @@ use crate::text::{legend, width};
 const FIELD: Area = Area { left: 84.0, top: 30.0, right: 1124.0, bottom: 558.0 };
 /// Font size of labels.
 const LABEL: f64 = 12.0;
-/// Radius of a point's shape: of the first network, and of the last of several.
+/// Radius of a point's shape: for the first network, and for the last of several.
 const REACH: (f64, f64) = (6.5, 3.5);
 /// A label that is farther than this from its point has a line to it.
 const NEAR: f64 = 9.0;
@@ -22,7 +22,7 @@ const KEY_COLUMNS: usize = 2;
 /// A linear axis is used up to this ratio of the largest to the smallest error.
 const MAX_LINEAR: f64 = 10.0;
 
-/// Settings of networks by run time and error, both better where smaller.
+/// Settings of networks by run time and error; smaller is better for both.
 #[derive(Clone, Debug)]
 pub struct TradeOff {
     /// Title of the logarithmic axis of times, with its unit.
@@ -31,7 +31,7 @@ pub struct TradeOff {
     pub error_title: String,
     /// A note beside the title of the axis of errors.
     pub about: String,
-    /// What the errors are.
+    /// The kind of the errors.
     pub errors: Errors,
     /// Names of the networks.
     pub networks: Vec<String>,
@@ -39,12 +39,12 @@ pub struct TradeOff {
     pub points: Vec<Setting>,
 }
 
-/// What errors are, which decides on their axis and on the fronts.
+/// The kind of errors, which determines their axis and the fronts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Errors {
     /// Percentages: the axis is linear or logarithmic by range, and networks share one front.
     Percentages,
-    /// Quantities in one unit, such as forces: the same, without a greatest value.
+    /// Quantities in one unit, such as forces: the same, without a maximum value.
     Quantities,
     /// Differences from the exact outputs of each network: the axis is logarithmic with a place for
     /// 0, and each network has its own front.
@@ -64,7 +64,8 @@ pub struct Setting {
     pub interval: Option<(f64, f64)>,
     /// Whether it is on the front: no other is better in one respect and as good in the other.
     pub on_front: bool,
-    /// Text beside the point; without room for all, they are numbers with a key below.
+    /// Text beside the point. If there is not room for all texts, they become numbers with a key
+    /// below.
     pub label: Option<String>,
     /// Text that a browser shows while the pointer is over the point.
     pub tooltip: String,
@@ -123,7 +124,7 @@ impl TradeOff {
         };
         let pixels = (FIELD.bottom, FIELD.top);
         let is_wide = || ends(errors()).is_some_and(|(least, most)| least > 0.0 && most > MAX_LINEAR * least);
-        // The greatest value, and the shortest linear axis: 2 points or a tenth of it.
+        // The maximum value, and the shortest linear axis: 2 points or a tenth of it.
         let (most, least) = match self.errors {
             Errors::Percentages => (100.0, 2.0),
             Errors::Quantities | Errors::Differences => {
@@ -200,7 +201,7 @@ fn shape(svg: &mut Svg, network: usize, r: f64, (x, y): Place, filled: bool) -> 
     svg.shape(&path, fill).set("fill-opacity", 0.85).set("stroke", colour).width(1.3)
 }
 
-/// Writes the labels of points, or numbers and a key without room. Returns the key's height.
+/// Writes the labels of points, or numbers and a key if there is no room. Returns the key's height.
 fn write_labels(svg: &mut Svg, named: &[(Place, &str)], obstacles: &[Area]) -> f64 {
     let placed = |texts: &[String]| {
         let wanted = named.iter().zip(texts).map(|(&(at, _), text)| (at, width(text, LABEL) + 4.0));
@@ -220,7 +221,7 @@ fn write_labels(svg: &mut Svg, named: &[(Place, &str)], obstacles: &[Area]) -> f
         if (near.0 - at.0).hypot(near.1 - at.1) > NEAR {
             svg.line(at, near, "#999999").width(0.8);
         }
-        // Grid lines must not be read with a label.
+        // Grid lines must not mix with a label.
         svg.rect(&area, WHITE).set("fill-opacity", 0.8);
         svg.text((area.centre().0, area.bottom - 3.5), text).middle().size(LABEL);
     }

@@ -1,4 +1,5 @@
-//! Several results beside each other: one row for each, one column for each figure that two have.
+//! Several results side by side: one row for each result, one column for each figure that at least
+//! two have.
 
 use meissner_plot::{Panel, Series, Style};
 
@@ -7,29 +8,29 @@ use crate::read::{Body, Outcome};
 use crate::stream::Along;
 use crate::words::number;
 
-/// Most results in one picture: there are six colours.
+/// Maximum number of results in one picture, because there are six colours.
 const MAX_SERIES: usize = 6;
-/// Most results that are columns of the table; more are rows.
+/// Maximum number of results as columns of the table; more results become rows.
 const MAX_COLUMNS: usize = 6;
-/// Medians that differ by less are not called faster.
+/// A median counts as faster only beyond this ratio.
 const NEAR: f64 = 1.05;
 
-/// The figure of how fast a result is beside its input.
+/// The figure for the speed of a result relative to its input.
 const SPEED: &str = "times as fast as the input";
 
-/// What is told of all results together.
+/// The comparison of all results.
 pub(crate) struct Comparison {
     pub(crate) answer: Vec<String>,
     pub(crate) pictures: Vec<Picture>,
     pub(crate) table: Table,
 }
 
-/// A short name for each result, which tells it from the others.
+/// A short name for each result that distinguishes it from the others.
 pub(crate) fn names(results: &[Outcome]) -> Vec<String> {
     let candidates: [fn(&Outcome) -> String; 4] = [
         Outcome::subject,
         |of| format!("{}, {}", of.subject(), of.command),
-        // Of inputs of one file, their numbers.
+        // For inputs of one file, their numbers.
         |of| of.name.rsplit(", ").next().filter(|last| last.starts_with("input ")).unwrap_or("").to_owned(),
         |of| crate::words::file_name(&of.name).to_owned(),
     ];
@@ -43,7 +44,7 @@ pub(crate) fn names(results: &[Outcome]) -> Vec<String> {
     unique.unwrap_or_else(|| results.iter().map(|of| of.name.clone()).collect())
 }
 
-/// Compares results with their sections; `None` where there is one.
+/// Compares results with their sections; `None` if there is only one.
 pub(crate) fn compare(results: &[Outcome], sections: &[Section], names: &[String]) -> Option<Comparison> {
     if results.len() < 2 {
         return None;
@@ -104,7 +105,7 @@ pub(crate) fn compare(results: &[Outcome], sections: &[Section], names: &[String
     Some(Comparison { answer: answer(sections, names), pictures, table })
 }
 
-/// Which result is the fastest: of those that time the same, or else beside its input.
+/// The fastest result: among results that time the same, or else relative to its input.
 fn answer(sections: &[Section], names: &[String]) -> Vec<String> {
     let timed = sections.iter().zip(names).filter_map(|(section, name)| {
         let (what, quantiles) = section.times.as_ref()?;

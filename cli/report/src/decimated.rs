@@ -1,20 +1,20 @@
 //! A line through any number of points in bounded memory.
 //!
-//! Consecutive points share a bucket, which keeps the lowest and the highest of them: no extreme is
-//! lost. When all buckets are taken, each two become one, and later buckets are twice as long. O(1)
-//! a point, amortised.
+//! Consecutive points share a bucket, which keeps the lowest and the highest of them, so that no
+//! extreme is lost. If all buckets are full, each two become one, and later buckets are twice as
+//! long. O(1) a point, amortised.
 
-/// Most buckets. A field is narrower than twice as many pixels.
+/// Maximum number of buckets. A field is narrower than twice as many pixels.
 const MAX_BUCKETS: usize = 256;
 
 type Point = (f64, f64);
 
-/// Points in the order in which they came, or the extremes of equally many consecutive ones.
+/// Points in the order of arrival, or the extremes of equal numbers of consecutive points.
 #[derive(Clone, Debug)]
 pub(crate) struct Decimated {
-    /// Points of a full bucket.
+    /// Number of points of a full bucket.
     length: u64,
-    /// Points of the last bucket.
+    /// Number of points of the last bucket.
     filled: u64,
     /// The lowest and the highest point of each bucket.
     buckets: Vec<[Point; 2]>,
@@ -28,7 +28,7 @@ impl Default for Decimated {
 }
 
 impl Decimated {
-    /// Adds a point. One that is not finite is left out.
+    /// Adds a point. A point that is not finite is left out.
     pub(crate) fn push(&mut self, x: f64, y: f64) {
         if !(x.is_finite() && y.is_finite()) {
             return;
@@ -50,7 +50,7 @@ impl Decimated {
         self.filled = 1;
     }
 
-    /// The points to draw, in order of x where the points came in this order.
+    /// The points to draw, in order of x if they came in this order.
     pub(crate) fn points(&self) -> Vec<Point> {
         let mut points = Vec::with_capacity(2 * self.buckets.len() + 1);
         for &[low, high] in &self.buckets {

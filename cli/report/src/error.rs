@@ -1,8 +1,9 @@
-//! Why there is no page.
+//! Errors of a page.
 
 use std::io;
 
-/// Why there is no page. Messages say what was expected, what was found, and where.
+/// The reason why there is no page. Messages state the expected and the found content, and the
+/// location.
 #[derive(Debug, thiserror::Error)]
 pub enum ReportError {
     /// The file cannot be read.
@@ -10,7 +11,7 @@ pub enum ReportError {
     Read {
         /// The file.
         name: String,
-        /// Why.
+        /// The reason.
         source: io::Error,
     },
     /// The file is something else.
@@ -18,19 +19,19 @@ pub enum ReportError {
     Other {
         /// The file.
         name: String,
-        /// What it is.
+        /// The kind of the file.
         found: String,
     },
-    /// A line is not what the program writes.
+    /// The program does not write such a line.
     #[error("{name}, line {line}: expected {expected}")]
     Line {
         /// The file.
         name: String,
         /// The line, from 1.
         line: u64,
-        /// What stands in such a line.
+        /// The expected content of the line.
         expected: &'static str,
-        /// What is wrong with it.
+        /// The fault in it.
         source: serde_json::Error,
     },
     /// A line or an object has more bytes than any result.
@@ -40,20 +41,20 @@ pub enum ReportError {
         name: String,
         /// The line, from 1.
         line: u64,
-        /// Bytes that are read.
+        /// Maximum number of bytes that are read.
         limit: usize,
     },
     /// The page would be too large to send.
     #[error("expected a page of at most {limit} bytes, found {bytes} from {results} results: give fewer")]
     Page {
-        /// Bytes of a page.
+        /// Maximum bytes of a page.
         limit: usize,
         /// Bytes of this one.
         bytes: usize,
-        /// Results on it.
+        /// Number of results on it.
         results: usize,
     },
 }
 
-/// What a page can show.
+/// The results that a page can show.
 const RESULTS: &str = "run, play, bench, eval, pareto, verify, simulate loop or fit";

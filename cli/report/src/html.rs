@@ -1,4 +1,4 @@
-//! The page: one text without links to anything outside of it.
+//! The page: one text without external links.
 
 use std::fmt::Write;
 
@@ -12,9 +12,9 @@ use crate::read::Outcome;
 use crate::sections::section;
 use crate::words::file_name;
 
-/// Most bytes of a page.
+/// Maximum bytes of a page.
 pub const MAX_BYTES: usize = 3_000_000;
-/// Pictures wider than this, in pixels, have a row of their own.
+/// Pictures wider than this, in pixels, get a separate row.
 const WIDE: f64 = 640.0;
 const STYLE: &str = include_str!("page.css");
 /// Colours of the dark scheme for those of [`PALETTE`], in its order.
@@ -30,12 +30,12 @@ pub struct Drawing {
     pub svg: String,
 }
 
-/// What a page shows.
+/// The content of a page.
 #[derive(Clone, Copy, Debug)]
 pub struct Page<'a> {
     /// The results, in the order of the page.
     pub results: &'a [Outcome],
-    /// Drawings of their networks, as far as there are any.
+    /// Drawings of their networks, if there are any.
     pub drawings: &'a [Drawing],
 }
 
@@ -105,7 +105,7 @@ impl Html {
     fn head(&mut self, title: &str) {
         self.0.push_str("<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n");
         self.0.push_str("<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n");
-        // Nothing is loaded, whatever a name in a result says.
+        // Nothing is loaded, independent of the names in a result.
         self.0.push_str(
             "<meta http-equiv=\"Content-Security-Policy\" content=\"default-src 'none'; style-src 'unsafe-inline'; \
              img-src data:\">\n",
@@ -143,7 +143,7 @@ impl Html {
             self.0.push_str("<nav aria-label=\"Results\">\n<ol>\n");
             for (i, (section, name)) in sections.iter().zip(names).enumerate() {
                 let first = section.answer.first().map_or("", String::as_str);
-                // The name stands once.
+                // The name appears once.
                 let first = first.strip_prefix(name.as_str()).unwrap_or(first);
                 let (link, name, first) = (i + 1, escaped(name), escaped(first));
                 self.add(format_args!("<li><a href=\"#result-{link}\">{name}</a> {first}</li>\n"));
@@ -188,7 +188,7 @@ impl Html {
         self.origin(result);
     }
 
-    /// What was run on what, and how.
+    /// The command, its input and its options.
     fn origin(&mut self, result: &Outcome) {
         let header = &result.header;
         self.element("h3", "", "How it was made");
@@ -254,7 +254,7 @@ impl Html {
         self.0.push_str("<div class=\"pictures\">\n");
         for Picture { svg, width, caption } in pictures {
             let class = if *width > WIDE { " class=\"wide\"" } else { "" };
-            // A picture that is wider than the screen is scrolled, by keys too.
+            // A picture that is wider than the screen can be scrolled, also by keys.
             self.add(format_args!(
                 "<figure{class}>\n<div class=\"scroll\" tabindex=\"0\" style=\"--width: {width}px\">\n{svg}</div>\n<figcaption>{}</figcaption>\n</figure>\n",
                 escaped(caption)
@@ -312,7 +312,7 @@ impl Html {
     }
 }
 
-/// Where weights come from, with what they say of themselves, once.
+/// The source of weights, with their own remark, once.
 fn described(source: &str, about: Option<&str>) -> String {
     match about {
         Some(about) if !source.contains(about) => format!("{source} ({about})"),

@@ -1,4 +1,4 @@
-//! Lookups in parsed JSON. What is missing or of another type is absent.
+//! Lookups in parsed JSON. A missing value, or a value of another type, counts as absent.
 
 use serde_json::Value;
 
@@ -18,7 +18,7 @@ pub(crate) fn text<'a>(value: &'a Value, path: &str) -> Option<&'a str> {
     at(value, path)?.as_str()
 }
 
-/// The list at a path; empty where there is none.
+/// The list at a path; empty if there is none.
 pub(crate) fn list<'a>(value: &'a Value, path: &str) -> &'a [Value] {
     at(value, path).and_then(Value::as_array).map_or(&[], Vec::as_slice)
 }
@@ -28,12 +28,12 @@ pub(crate) fn texts<'a>(value: &'a Value, path: &str) -> Vec<&'a str> {
     list(value, path).iter().filter_map(Value::as_str).collect()
 }
 
-/// The numbers of a list; NaN for what is no number.
+/// The numbers of a list; NaN for other values.
 pub(crate) fn numbers(value: &Value, path: &str) -> Vec<f64> {
     list(value, path).iter().map(|value| value.as_f64().unwrap_or(f64::NAN)).collect()
 }
 
-/// A list of pairs of numbers; what is no pair is left out.
+/// A list of pairs of numbers; other values are left out.
 pub(crate) fn pairs(list: &Value) -> Vec<(f64, f64)> {
     let pair = |pair: &Value| Some((pair.get(0)?.as_f64()?, pair.get(1)?.as_f64()?));
     list.as_array().into_iter().flatten().filter_map(pair).collect()

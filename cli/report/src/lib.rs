@@ -1,15 +1,15 @@
-//! One page of HTML from results of the `meissner` program, to keep, to print and to send.
+//! Makes one page of HTML from results of the `meissner` program, to keep, to print and to send.
 //!
-//! Enters: the JSON that `run`, `play`, `bench`, `eval`, `pareto`, `verify`, `simulate loop` and
-//! `fit` write (`docs/json.md`), and what was true where a table says it. Leaves: one page that
-//! needs nothing else, neither network nor scripts. Equal results give equal bytes.
+//! Input: the JSON that `run`, `play`, `bench`, `eval`, `pareto`, `verify`, `simulate loop` and
+//! `fit` write (`docs/json.md`), and the truth from tables, if given. Output: one page that needs
+//! neither network nor scripts. Equal results give equal bytes.
 //!
 //! | file | contents |
 //! |---|---|
 //! | `read`, `stream`, `truth` | a file to an [`Outcome`]: predictions in bounded memory |
-//! | `decimated` | a line of millions of points as 512 |
-//! | `sections` | what is told of each kind of result: an answer, facts, pictures, tables |
-//! | `compare` | several results beside each other |
+//! | `decimated` | a line of millions of points, reduced to 512 |
+//! | `sections` | the section of each kind of result: an answer, facts, pictures, tables |
+//! | `compare` | several results side by side |
 //! | `parts`, `words`, `json` | parts of a section, numbers for people, lookups |
 //! | `html` | the page, with `page.css` |
 //!

@@ -5,7 +5,7 @@ use meissner_plot::{Panel, Parts, Plane, Quantiles, Series, Style, figure};
 use crate::json::QUANTILES;
 use crate::words::count;
 
-/// What is told of a result.
+/// The section of a result.
 #[derive(Default)]
 pub(crate) struct Section {
     /// The answer to a person's first question: the first sentence, and more.
@@ -21,7 +21,7 @@ pub(crate) struct Section {
 /// A picture with its caption.
 pub(crate) struct Picture {
     pub(crate) svg: String,
-    /// In pixels.
+    /// Width in pixels.
     pub(crate) width: f64,
     pub(crate) caption: String,
 }
@@ -34,7 +34,7 @@ pub(crate) struct Table {
 }
 
 impl Section {
-    /// Adds a panel with a `caption`, which says what it shows and how to read it.
+    /// Adds a panel with a `caption`, which explains its content and how to read it.
     pub(crate) fn draw(&mut self, caption: impl Into<String>, panel: &Panel<'_>) {
         self.pictures.push(Picture::new(caption, panel));
     }
@@ -99,8 +99,8 @@ pub(crate) fn plane(title: &str, axes: [&str; 2], series: Vec<Series>) -> Plane 
     Plane { compact: true, series, ..Plane::new(title, axes) }
 }
 
-/// Adds predicted over true values, unless the truth is always the same: `what` they are, and how
-/// `many` there are in all.
+/// Adds predicted over true values, unless the truth is constant. `what` names the values, and
+/// `many` is their total number.
 pub(crate) fn predicted(
     section: &mut Section,
     title: &str,

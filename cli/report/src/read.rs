@@ -1,7 +1,7 @@
-//! A file of JSON to results: what it is, one object or lines, and where it ends too early.
+//! Reads results from a file of JSON: detects its kind, one object or lines, and an early end.
 //!
-//! Lines of predictions are read one at a time, in bounded memory. One object is read whole, up to
-//! 32 MiB, with or without line breaks in it.
+//! Lines of predictions are read one at a time, in bounded memory. One object is read completely,
+//! up to 32 MiB, with or without line breaks in it.
 
 use std::io::{BufRead, Read};
 
@@ -13,37 +13,37 @@ use crate::json::{at, list, number, text};
 use crate::stream::{Line, Stream};
 use crate::truth::Truths;
 
-/// Most bytes of a line of predictions, and of one object.
+/// Maximum bytes of a line of predictions, and of one object.
 const MAX_LINE: usize = 4 << 20;
 const MAX_OBJECT: usize = 32 << 20;
-/// Bytes that show what a file is, if it is no result.
+/// Number of bytes that are read to find the kind of a file without results.
 const START: usize = 80 << 10;
 /// Newest version of the keys that this page knows.
 const MAX_SCHEMA: f64 = 1.0;
-/// Commands whose results have a page; those of `eval` all begin alike.
+/// Commands whose results have a page; all commands of `eval` begin alike.
 const COMMANDS: [&str; 10] =
     ["run", "play", "bench", "sweep", "fit", "pareto", "verify", "stress", "soak", "simulate loop"];
 
 /// A result of the program.
 #[derive(Clone, Debug)]
 pub struct Outcome {
-    /// The file, and the number of its input where it has several.
+    /// The file, and the number of its input if it has several.
     pub name: String,
     /// The command, as its header names it: `run`, `eval slip`.
     pub command: String,
     /// Its header.
     pub header: Value,
-    /// What the file lacks, as sentences.
+    /// Sentences about missing parts of the file.
     pub notes: Vec<String>,
     pub(crate) body: Body,
 }
 
-/// What follows the header.
+/// The content after the header.
 #[derive(Clone, Debug)]
 pub(crate) enum Body {
     /// Predictions or reports, with their summary.
     Stream(Box<Stream>),
-    /// All of one object, the header too.
+    /// All of one object, including the header.
     Object(Value),
 }
 
@@ -53,7 +53,7 @@ impl Outcome {
         text(&self.header, "network/name")
     }
 
-    /// All networks that it is about, in their order.
+    /// All networks of the result, in their order.
     pub fn networks(&self) -> Vec<&str> {
         let of_object = match &self.body {
             Body::Object(object) => list(object, "networks"),
@@ -67,7 +67,7 @@ impl Outcome {
         self.network().into_iter().chain(base).chain(of_object.iter().filter_map(named)).collect()
     }
 
-    /// What it is about: its networks, or else its input.
+    /// The subject of the result: its networks, or else its input.
     pub(crate) fn subject(&self) -> String {
         match self.networks().as_slice() {
             [] => crate::words::file_name(self.input()).to_owned(),
@@ -86,11 +86,11 @@ impl Outcome {
 /// Reads the results in the file `name`: one, or one for each input of a `play`. `truths` are
 /// compared with predictions.
 ///
-/// A last line that is cut short is left out, and told in [`Outcome::notes`].
+/// A cut last line is left out, and [`Outcome::notes`] reports it.
 ///
 /// # Errors
-/// [`ReportError`]: the file cannot be read, is something else, or has a line that the program
-/// does not write.
+/// [`ReportError`]: the file cannot be read, is something else, or has a line that the program does
+/// not write.
 pub fn read(name: &str, input: impl BufRead, truths: &Truths) -> Result<Vec<Outcome>, ReportError> {
     let mut lines = Lines { name, input, line: Vec::new(), number: 0, is_whole: true };
     let first = loop {
@@ -98,7 +98,7 @@ pub fn read(name: &str, input: impl BufRead, truths: &Truths) -> Result<Vec<Outc
             Ok(true) if lines.line.trim_ascii().is_empty() => {}
             Ok(true) => break std::mem::take(&mut lines.line),
             Ok(false) => return Err(other(name, "an empty file")),
-            // A line that long is of another kind of file, unless it begins as an object.
+            // Such a long line belongs to another kind of file, unless it begins an object.
             Err(NoLine::Long(_)) if !is_object(&lines.line) => break std::mem::take(&mut lines.line),
             Err(error) => return Err(lines.named(error)),
         }
@@ -132,7 +132,7 @@ fn is_object(text: &[u8]) -> bool {
     text.trim_ascii_start().first() == Some(&b'{')
 }
 
-/// The result that is one object.
+/// The result from one object.
 fn object(name: &str, value: Value) -> Result<Vec<Outcome>, ReportError> {
     let Some(header) = at(&value, "header").cloned() else {
         return Err(other(name, headless(&value)));
@@ -143,7 +143,7 @@ fn object(name: &str, value: Value) -> Result<Vec<Outcome>, ReportError> {
     Ok(vec![Outcome { name, command, header, notes: Vec::new(), body }])
 }
 
-/// The `header`, if it is of a command whose results have a page.
+/// The `header`, if it belongs to a command whose results have a page.
 fn checked(name: &str, header: Value) -> Result<Value, ReportError> {
     let Some(command) = text(&header, "command") else {
         return Err(other(name, "JSON whose header names no command"));
@@ -159,7 +159,7 @@ fn checked(name: &str, header: Value) -> Result<Value, ReportError> {
     }
 }
 
-/// What JSON without a header is.
+/// The kind of JSON without a header.
 fn headless(value: &Value) -> &'static str {
     let has = |keys: &[&str]| keys.iter().all(|key| value.get(key).is_some());
     if has(&["on", "off", "span_us"]) {
@@ -243,7 +243,7 @@ struct Lines<'a, R> {
     is_whole: bool,
 }
 
-/// Why there is no next line.
+/// The reason why there is no next line.
 enum NoLine {
     Read(std::io::Error),
     Long(usize),
@@ -271,7 +271,7 @@ impl<R: BufRead> Lines<'_, R> {
         }
     }
 
-    /// The object that begins with the line `first` and takes the rest of the file.
+    /// The object that begins with the line `first` and extends to the end of the file.
     fn whole(&mut self, first: Vec<u8>) -> Result<Value, ReportError> {
         let mut bytes = first;
         let room = (MAX_OBJECT + 1).saturating_sub(bytes.len()) as u64;
@@ -290,7 +290,7 @@ impl<R: BufRead> Lines<'_, R> {
         })
     }
 
-    /// What a file is that begins with the line `first` and is no object.
+    /// The kind of a file that begins with the line `first` and is not an object.
     fn kind(&mut self, first: Vec<u8>) -> Result<String, ReportError> {
         let mut bytes = first;
         let room = START.saturating_sub(bytes.len()) as u64;

@@ -1,4 +1,4 @@
-//! What is told of each kind of result.
+//! The sections of each kind of result.
 
 mod bench;
 mod closed_loop;

@@ -10,7 +10,7 @@ use crate::json::{list, text, texts};
 use crate::truth::{Truths, value_at};
 use crate::words::shown_unit;
 
-/// Most layers and values of a prediction that are kept.
+/// Maximum number of layers and values of a prediction that are kept.
 const MAX_LINES: usize = 64;
 
 /// A line after the header.
@@ -54,7 +54,7 @@ impl Line<'_> {
     }
 }
 
-/// What is along the horizontal axis.
+/// The quantity along the horizontal axis.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) enum Along {
     /// Milliseconds since the first prediction.
@@ -64,7 +64,7 @@ pub(crate) enum Along {
     Number,
 }
 
-/// A value along the stream, with what was true of it.
+/// A value along the stream, with its truth.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Valued {
     pub(crate) name: String,
@@ -75,14 +75,14 @@ pub(crate) struct Valued {
     pub(crate) truth: Decimated,
     /// Sum and number of absolute errors.
     pub(crate) errors: (f64, f64),
-    /// From the unit of the network to that which is shown.
+    /// Factor from the network's unit to the shown one.
     factor: f64,
 }
 
 /// A line with its name.
 pub(crate) type Named = (String, Decimated);
 
-/// All that is kept of a stream: O(1) of its length.
+/// All data that is kept of a stream: O(1) in its length.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Stream {
     pub(crate) header: Value,
@@ -188,7 +188,7 @@ impl Stream {
         }
     }
 
-    /// True and predicted values of an output, where its line is drawn and the truth is known.
+    /// True and predicted values of an output, at the points of its line with known truth.
     pub(crate) fn pairs(&self, value: &Valued) -> Vec<(f64, f64)> {
         let Some(first_us) = self.first_us.filter(|_| self.along == Along::Time) else { return Vec::new() };
         let truth = |x: f64| value_at(&value.points, (first_us + 1e3 * x).round());
@@ -197,7 +197,7 @@ impl Stream {
 
     fn take_values(&mut self, line: &Line<'_>, t_us: Option<f64>, x: f64) {
         if let Some(area) = line.area_mm2 {
-            // Over pictures, outputs are pixels of a map: what is predicted of it is not listed.
+            // Over pictures, outputs are pixels of a map, which are not listed.
             let of_pictures =
                 [("contact area", "mm2", area), ("total force", "N", line.force_n.unwrap_or(f64::NAN))];
             if self.values.first().is_none_or(|value| value.name != of_pictures[0].0) {
@@ -226,7 +226,7 @@ impl Stream {
     }
 }
 
-/// The line called `name`, which is begun if there is none.
+/// The line called `name`; a new one if there is none.
 fn named<'a>(lines: &'a mut Vec<Named>, name: &str) -> &'a mut Decimated {
     let found = lines.iter().position(|(known, _)| known == name).unwrap_or_else(|| {
         lines.push((name.to_owned(), Decimated::default()));

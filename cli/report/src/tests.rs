@@ -1,4 +1,4 @@
-//! Pages of results, and what is refused.
+//! Pages of results, and refused files.
 
 mod pages;
 mod reading;

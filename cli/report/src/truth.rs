@@ -1,23 +1,23 @@
-//! What was true of the inputs of results: values along time.
+//! The truth about the inputs of results: values over time.
 
 use meissner_io::{LabelClock, LabelTable, LabelValues};
 
 use crate::words::{file_name, shown_unit};
 
-/// The true values of one quantity along time.
+/// The true values of one quantity over time.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Truth {
-    /// The input that it is about, as the header of a result names it; `None`: any input.
+    /// The input, as the header of a result names it; `None`: any input.
     pub input: Option<String>,
     /// The output of the network.
     pub output: String,
-    /// Its unit, where it is known.
+    /// Its unit, if known.
     pub unit: Option<String>,
     /// Times of the sensor in microseconds, ascending, with values.
     pub points: Vec<(f64, f64)>,
 }
 
-/// All that is known to be true.
+/// All known truths.
 #[derive(Clone, Debug, Default)]
 pub struct Truths(Vec<Truth>);
 
@@ -69,7 +69,7 @@ impl Truths {
         })?;
         let (shown, _) = shown_unit(unit);
         let (of_truth, factor) = truth.unit.as_deref().map_or((shown, 1.0), shown_unit);
-        // Another unit would be drawn beside values that it does not compare with.
+        // Values in another unit could not be compared with the shown ones.
         (of_truth.eq_ignore_ascii_case(shown) && !truth.points.is_empty())
             .then(|| truth.points.iter().map(|&(t_us, value)| (t_us, factor * value)).collect())
     }

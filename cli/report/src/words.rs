@@ -61,13 +61,13 @@ pub(crate) fn counted(value: f64, one: &str, many: &str) -> String {
     format!("{} {name}", count(value))
 }
 
-/// The name of a file without its folders, and without what is said of it in brackets.
+/// The name of a file without its folders, and without a remark in brackets.
 pub(crate) fn file_name(path: &str) -> &str {
     let path = path.split(" (").next().unwrap_or(path);
     path.rsplit(['/', '\\']).next().filter(|name| !name.is_empty()).unwrap_or(path)
 }
 
-/// Degrees instead of radians, as people are shown angles; any other unit stays.
+/// Degrees instead of radians for angles that people read; any other unit stays.
 pub(crate) fn shown_unit(unit: &str) -> (&str, f64) {
     match unit {
         "rad" => ("degrees", 180.0 / std::f64::consts::PI),

@@ -15,11 +15,11 @@ use crate::output;
 use crate::progress::Progress;
 use crate::text::{Table, cell, columns, duration, mebibytes};
 
-/// Options that a sweep has.
+/// Options that fit a sweep.
 const FITTING: &[&str] = &["--sweep", "--network", "--sensor", "--limit", "--json"];
 /// Pixels of the paper's sensor for contact angles.
 const SENSOR: [u16; 2] = [346, 260];
-/// Events that are timed for each value.
+/// Number of timed events for each value.
 const EVENTS: u64 = 2000;
 
 #[derive(Clone, Copy, Debug, ValueEnum)]
@@ -48,7 +48,7 @@ impl QuantityArg {
     }
 }
 
-/// Measures the network of `args` along `quantities`, or all where there are none.
+/// Measures the network of `args` along `quantities`, or along all if there are none.
 pub(super) fn run(args: &BenchArgs, quantities: &[QuantityArg], given: &Given) -> Result<(), CliError> {
     if let Some(option) = given.beyond(FITTING) {
         return Err(CliError::usage(option, "no such option with --sweep, which draws its events", option));

@@ -95,7 +95,7 @@ fn cells(latency: &Latency) -> impl Iterator<Item = String> {
     })
 }
 
-/// Writes a table of latencies, of those that were recorded.
+/// Writes a table of the recorded latencies.
 pub(super) fn write_latencies<'a>(
     out: &mut impl Write,
     heading: &str,
@@ -114,7 +114,7 @@ pub(super) fn write_apart(out: &mut impl Write, table: &Table) -> io::Result<()>
     table.write(out)
 }
 
-/// Writes the events that frames were made of.
+/// Writes the events from which frames were made.
 pub(super) fn framed(out: &mut impl Write, input: &InputReport, made: &FrameInputReport) -> io::Result<()> {
     let [events, accepted, outside] = [input.events, input.accepted, made.outside_frames].map(grouped);
     writeln!(out, "events       {events} taken, {accepted} accepted, {outside} of them in no frame")?;

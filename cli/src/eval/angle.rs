@@ -19,7 +19,7 @@ use crate::text::{Table, cell, columns, file_name};
 /// Largest number of rows of the table of errors against time. JSON has all times.
 const MAX_TIMES: usize = 25;
 
-/// Colours of an embedding.
+/// Number of colours of an embedding.
 const BANDS: usize = 6;
 
 /// At the end of the long help.
@@ -122,7 +122,8 @@ fn ends(out: &mut dyn Write, judged: &[(&str, &Errors<MeanStd>)]) -> io::Result<
     Table::section(out, &headings, rows)
 }
 
-/// What windows unlike those of the training say, of networks that know them.
+/// Writes the counts of windows unlike those of the training, for networks with statistics of
+/// these.
 fn doubts(out: &mut dyn Write, judged: &[(&str, &Errors<MeanStd>)]) -> io::Result<()> {
     let row = |&(name, errors): &(&str, &Errors<MeanStd>)| {
         let PressDoubts { all: Doubts { predictions, unlike, bad, bad_unlike }, ends, ends_unlike } =
@@ -138,7 +139,7 @@ fn doubts(out: &mut dyn Write, judged: &[(&str, &Errors<MeanStd>)]) -> io::Resul
     Table::section(out, &headings, rows)
 }
 
-/// Mean absolute errors at times since contact, the last one always.
+/// Writes mean absolute errors at times since contact, always including the last one.
 fn against_time(out: &mut dyn Write, report: &Report, judged: &[(&str, &Errors<MeanStd>)]) -> io::Result<()> {
     let all: Vec<(String, &OutputErrors<MeanStd>)> =
         judged.iter().flat_map(|&(name, errors)| lines(name, errors)).collect();
@@ -152,7 +153,7 @@ fn against_time(out: &mut dyn Write, report: &Report, judged: &[(&str, &Errors<M
     Table::section(out, &headings, rows)
 }
 
-/// The lines of a network: all angles together where there are several, and the other outputs.
+/// The lines of a network: all angles together if there are several, and the other outputs.
 fn lines<'a>(name: &str, errors: &'a Errors<MeanStd>) -> Vec<(String, &'a OutputErrors<MeanStd>)> {
     let single = errors.outputs.iter().filter(|output| errors.angles.is_none() || output.unit != "deg");
     let named =
@@ -223,7 +224,7 @@ fn ends_of(values: impl Iterator<Item = f64>) -> (f64, f64) {
     values.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), x| (low.min(x), high.max(x)))
 }
 
-/// The embedding of what `network` reads out, once for each output, coloured by its true values.
+/// The embedding of the readouts of `network`, once for each output, coloured by its true values.
 fn embeddings(network: &NetworkReport<PressFigures>) -> impl Iterator<Item = Panel<'static>> {
     let outputs = network.result.figures.iter().flat_map(|figures| &figures.mean.outputs);
     let points = network.result.embedding.iter().flat_map(std::iter::repeat);

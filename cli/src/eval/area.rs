@@ -42,7 +42,7 @@ Examples:
   meissner eval area unseen.safetensors --svg area.svg
   meissner eval area balls.npz --network canf";
 
-/// What the papers report, on their own sensors.
+/// Figures of the papers, on their own sensors.
 const PAPER: &str = "\
 the paper, on its own sensors, 0 to 20 N, unseen indenters, the sensor not trained on: even IoU 0.718, force 0.767 N; \
 stereo 0.451, 1.805 N; image difference 0.294";
@@ -103,7 +103,7 @@ fn set(out: &mut dyn Write, report: &Report, index: usize, data: &DataReport) ->
         "IoU | std | even IoU | force (N) | std | centroid (mm) | area (mm2) | million multiply-adds | time (ms)",
     );
     let headings = [&[file], &figures_of[..]].concat();
-    // What networks and baselines have in common, then what only networks have.
+    // The figures that networks and baselines share, then the figures of networks only.
     let row = |name, iou, even, force_n, centroid_mm, area_mm2: MeanStd, [work, time]: [String; 2]| {
         [
             name,

@@ -119,7 +119,7 @@ fn accuracies(out: &mut dyn Write, all: &[(String, &Judged)]) -> io::Result<()> 
     Table::section(out, &headings, all.iter().map(row))
 }
 
-/// Accuracies at the times of predictions, the last one always.
+/// Accuracies at the times of predictions, always including the last one.
 fn against_time(out: &mut dyn Write, report: &Report, all: &[(String, &Judged)]) -> io::Result<()> {
     let names = all.iter().map(|(name, _)| name.as_str());
     let headings: Vec<&str> = std::iter::once("accuracy (%) after (ms)").chain(names).collect();
@@ -143,11 +143,11 @@ fn svg(report: &Report, title: &str) -> String {
     page(title, &about, &rows)
 }
 
-/// The panels of one protocol; `None` where no network was judged by it.
+/// The panels of one protocol; `None` if no network was judged by it.
 fn row(report: &Report, protocol: usize) -> Option<Vec<Panel<'static>>> {
     let protocol_name = report.networks.first()?.result.protocols()[protocol].0;
     let (mut curves, mut matrices) = (Vec::new(), Vec::new());
-    // The colour of a network is that of its place among all networks.
+    // The colour of a network depends on its index among all networks.
     for (colour, network) in report.networks.iter().enumerate() {
         let Some(judged) = network.result.protocols()[protocol].1 else { continue };
         let (name, mean) = (&network.card.network.name, &judged.mean);

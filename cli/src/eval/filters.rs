@@ -1,4 +1,4 @@
-//! `meissner eval filters`: what filters keep of a simulated signal and of each kind of noise.
+//! `meissner eval filters`: how much of a simulated signal and of each kind of noise filters keep.
 
 use std::io::{self, Write};
 use std::path::PathBuf;

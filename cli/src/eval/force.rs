@@ -14,9 +14,9 @@ use crate::error::CliError;
 use crate::tasks::ForceTask;
 use crate::text::{NONE, Table, cell, columns, file_name};
 
-/// Recordings in the picture.
+/// Number of recordings in the picture.
 const DRAWN: usize = 3;
-/// What the paper reports of its `ConvLSTM` over all frames with a force, in square newtons.
+/// The paper's error of its `ConvLSTM` over all frames with a force, in square newtons.
 const PAPER_MSE: f64 = 0.145;
 
 /// At the end of the long help.
@@ -54,7 +54,7 @@ pub(super) struct ForceArgs {
     output: OutputArgs,
 }
 
-/// `--every` for networks beside those over frames of 10 ms.
+/// `--every` for networks that are compared with networks over frames of 10 ms.
 fn dividing_a_frame(arg: Arg) -> Arg {
     arg.help("Time between two predictions of a network over events; it divides 10ms")
 }

@@ -61,7 +61,7 @@ pub(super) fn eval(args: &SlipArgs) -> Result<(), CliError> {
     write(&args.output, svg, table, judge)
 }
 
-/// Why the two schemes of cross-validation differ.
+/// The reason why the two schemes of cross-validation differ.
 const WHY: [&str; 3] = [
     "The two differ because of what stands beside a held-out window: by window, its neighbours of the same recording",
     "are in training, and a press changes slowly, so that almost the same window has been seen; by recording, none of",
@@ -89,7 +89,7 @@ fn table(out: &mut dyn Write, report: &Report) -> io::Result<()> {
     cross_validation(out, report)
 }
 
-/// The sets that some network is judged on.
+/// The sets on which at least one network is judged.
 fn sets(report: &Report) -> Vec<ObjectSet> {
     let judged = |set: &ObjectSet| report.networks.iter().any(|network| network.result.on(*set).is_some());
     ObjectSet::ALL.into_iter().filter(judged).collect()
@@ -163,7 +163,7 @@ fn classes() -> String {
     words.collect::<Vec<_>>().join(", ")
 }
 
-/// Cross-validation by recording beside that by window.
+/// Cross-validation by recording, next to that by window.
 fn cross_validation(out: &mut dyn Write, report: &Report) -> io::Result<()> {
     let validated = report.networks.iter().filter(|network| !network.result.cross_validation.is_empty());
     let rows: Vec<Vec<String>> = validated

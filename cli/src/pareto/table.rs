@@ -31,7 +31,7 @@ pub(crate) fn write(out: &mut dyn Write, report: &Report) -> io::Result<()> {
     writeln!(out, "\n* on the front: nothing is faster without more error. {}", report.summary)
 }
 
-/// What settings are compared by, as in the drawing; then everything as it was measured.
+/// The values by which settings are compared, as in the drawing; then all measured values.
 fn settings(out: &mut dyn Write, report: &Report, network: &NetworkReport) -> io::Result<()> {
     let (unit, time) = (report.unit, report.time_name());
     let mut headings = vec![network.network.as_str(), &time, "speed-up", report.error_name()];
@@ -115,7 +115,7 @@ fn tasks(out: &mut dyn Write, report: &Report) -> io::Result<()> {
     Ok(())
 }
 
-/// An interval, or a mark where a single press or recording gives none.
+/// An interval, or a mark if there is none because there is only one press or recording.
 fn interval(kind: ErrorKind, interval: Option<(f64, f64)>) -> String {
     interval.map_or_else(|| "-".to_owned(), |interval| kind.interval_text(interval))
 }
@@ -174,7 +174,7 @@ const COLUMNS: &[(&str, Field)] = &[
     ("error_unit", |report, _, _| error_unit(report).to_owned()),
 ];
 
-/// The unit of the errors that settings are compared by; empty without labels.
+/// The unit of the errors by which settings are compared; empty without labels.
 fn error_unit(report: &Report) -> &'static str {
     match report.compared {
         Compared::Task(kind) if kind.is_share() => "share",
@@ -197,7 +197,7 @@ fn optional(number: Option<f64>) -> String {
     number.map_or_else(String::new, |number| number.to_string())
 }
 
-/// A field as RFC 4180 has it.
+/// A field in the form of RFC 4180.
 pub(crate) fn quoted(field: &str) -> String {
     if field.contains([',', '"', '\n', '\r']) {
         format!("\"{}\"", field.replace('"', "\"\""))

@@ -12,13 +12,13 @@ use meissner_run::training::Output;
 
 use crate::text::cell;
 
-/// Most columns of values: a line of 80 characters has room for so many.
+/// Maximum number of columns of values: a line of 80 characters has room for so many.
 const MAX_COLUMNS: usize = 2;
 /// Largest number of columns of values over electrodes.
 const MAX_ELECTRODE_COLUMNS: usize = 3;
 /// Width of a column of values.
 const WIDTH: usize = 11;
-/// The heading of how unlike a window or frame is to those of the training.
+/// The heading of the column that states how unlike a window or frame is to those of the training.
 const UNLIKE: &str = "unlike";
 /// The mark before a value outside the range of the training, and of input unlike the training's.
 pub(super) const OUTSIDE: &str = "*";
@@ -39,7 +39,7 @@ pub(super) struct Columns {
     kind: TableKind,
     /// Whether there are several inputs, each of which is named.
     several: bool,
-    /// Whether the size of the input is known, so that the part that is done can be shown.
+    /// Whether the size of the input is known, so that the finished part can be shown.
     sized: bool,
     names: Vec<String>,
     outputs: Vec<Output>,
@@ -49,7 +49,7 @@ pub(super) struct Columns {
     class_width: usize,
 }
 
-/// A row before it is text: of the predictions on a file, few are shown.
+/// A row before its conversion to text, because few of the predictions on a file are shown.
 pub(super) struct Row {
     /// The part of the input that had been taken.
     pub(super) taken: u64,
@@ -57,12 +57,12 @@ pub(super) struct Row {
     figures: Figures,
 }
 
-/// What a row shows of the values.
+/// The values that a row shows.
 enum Shown {
     Nothing,
     /// Number and probability of the class.
     Class(usize, f32),
-    /// The first ones, and how many there are.
+    /// The first values, and their total number.
     Values([f32; MAX_COLUMNS], usize),
 }
 
@@ -88,7 +88,7 @@ enum Figures {
         state: &'static str,
         waited_us: f64,
     },
-    /// All of the row, which is always shown.
+    /// The complete row, which is always shown.
     Text(String),
 }
 
@@ -235,7 +235,7 @@ impl Columns {
         format!("{:>7}  {time:>9}{values}  {:>6}  {:>11.1}", p.line, marked(p.unlike), p.update_us)
     }
 
-    /// What a row has room for of `values`.
+    /// The part of `values` that fits in a row.
     fn values(&self, values: &[f32], answer: Option<&Answer<'_>>) -> Shown {
         match answer.map(|answer| (answer, self.classes.iter().position(|class| class == answer.class))) {
             Some((answer, Some(class))) => Shown::Class(class, answer.probability()),

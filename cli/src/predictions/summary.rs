@@ -81,13 +81,13 @@ pub(crate) fn rate(out: &mut impl Write, events_per_s: Option<f64>) -> io::Resul
     writeln!(out, "  {rate} events/s, counting the time in pushes and predictions only")
 }
 
-/// Writes how fast a network is against its stream, and whether that is fast enough.
+/// Writes the speed of a network relative to its stream, and whether that is fast enough.
 fn real_time(out: &mut impl Write, times: Option<f64>) -> io::Result<()> {
     let Some(times) = times else { return Ok(()) };
     writeln!(out, "  {} in the mean", times_real_time(times))
 }
 
-/// A speed against that of the stream, and its judgement.
+/// A speed relative to the stream, and its judgement.
 pub(crate) fn times_real_time(times: f64) -> String {
     let digits = if times < 9.95 { 2 } else { 0 };
     let verdict = if times < 1.0 { "too slow for the recording" } else { "keeps up with the recording" };
@@ -246,7 +246,7 @@ fn video_counts(out: &mut impl Write, counts: &VideoCounts) -> io::Result<()> {
     write_counts(out, "left out", &[(counts.bytes_left_out, "bytes at the end, which are no whole picture")])
 }
 
-/// Writes those of `counts` that are not 0.
+/// Writes the `counts` that are not 0.
 fn write_counts(out: &mut impl Write, key: &str, counts: &[(u64, &str)]) -> io::Result<()> {
     for &(count, words) in counts.iter().filter(|&&(count, _)| count > 0) {
         writeln!(out, "{key:<12} {} {words}", grouped(count))?;
@@ -254,7 +254,7 @@ fn write_counts(out: &mut impl Write, key: &str, counts: &[(u64, &str)]) -> io::
     Ok(())
 }
 
-/// Writes the summaries of the inputs of a play: a row for each, and what was dropped or failed.
+/// Writes the summaries of the inputs of a play: a row for each, and dropped events and errors.
 pub(super) fn plays(out: &mut impl Write, ended: &[Result<PlaySummary, RunError>]) -> io::Result<()> {
     let mut table =
         Table::new(&["input", "events", "accepted", "fresh (%)", "event to report, p50", "p99", "max (us)"]);

@@ -1,4 +1,4 @@
-//! `meissner prepare presses`: recordings and labels that people made themselves.
+//! `meissner prepare presses`: recordings and labels that users made themselves.
 
 #![expect(clippy::doc_markdown, reason = "these comments are the help text, which would show the backticks")]
 
@@ -86,7 +86,7 @@ pub(crate) struct PressInput {
 }
 
 impl PressInput {
-    /// Reads the presses and says what is odd about them, which is an error with `--strict`.
+    /// Reads the presses and reports oddities, which are an error with `--strict`.
     pub(crate) fn read(&self) -> Result<Presses, CliError> {
         let progress = Progress::busy(|| "reading recordings".to_owned());
         let options = Options {
@@ -133,7 +133,7 @@ pub(crate) struct PressesArgs {
     force: Force,
 }
 
-/// Checks presses, says what is odd, and writes them where that is asked for.
+/// Checks presses, reports oddities, and writes the presses if requested.
 pub(crate) fn prepare(args: &PressesArgs) -> Result<(), CliError> {
     if let Some(path) = &args.out {
         check_result(path, args.force)?;
@@ -193,7 +193,7 @@ fn row(label: &LabelSummary) -> Vec<String> {
     vec![label.name.clone(), unit, count, distinct, least, mean, most, deviation]
 }
 
-/// A number with four digits or so.
+/// A number with about four digits.
 fn short(value: f64) -> String {
     match value.abs() {
         1e6.. => format!("{value:.3e}"),

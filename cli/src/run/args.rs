@@ -46,7 +46,8 @@ Examples:
   meissner run images/ --network canf --overlay maps
   camera | meissner run - --network canf --video 320x240@25";
 
-/// First bytes of a state. The engine refuses what begins otherwise: it is not read further.
+/// First bytes of a state. A file with another beginning is not read further, because the engine
+/// refuses it.
 const STATE_MARK: &[u8] = b"MEISSNER";
 /// Largest state that is read, in bytes: 2 GiB, as for weights.
 const STATE_BYTES: u64 = 1 << 31;
@@ -192,7 +193,7 @@ pub(super) struct ElectrodeArgs {
 pub(crate) struct Video(VideoFormat, Option<f64>);
 
 impl Video {
-    /// The options of this video; if it is `strict`, what is left over is an error.
+    /// The options of this video; if it is `strict`, left-over bytes are an error.
     pub(crate) fn options(self, strict: bool) -> VideoOptions {
         let Self(format, rate) = self;
         VideoOptions { format, rate, strict }
@@ -271,7 +272,7 @@ impl RunArgs {
         Some(self.frames.video?.options(self.input.read.strict))
     }
 
-    /// The page, if one is wanted, of events of `source`.
+    /// The page for events of `source`, if requested.
     pub(super) fn page<N>(
         &self,
         source: &Source,
@@ -311,7 +312,7 @@ impl RunArgs {
             }
         };
         let way = match self.frames.convolution() {
-            // Heads alone are made with the latter.
+            // Only heads are made with the latter.
             Convolution::Direct | Convolution::Kn2row => "",
             Convolution::Winograd(WinogradTile::Two) => ", convolves by Winograd 2 x 2 (an approximation)",
             Convolution::Winograd(WinogradTile::Four) => ", convolves by Winograd 4 x 4 (an approximation)",
@@ -368,7 +369,7 @@ impl RunArgs {
                 return Err(CliError::Misfit { option, fits, network, kind: kind.name() });
             }
         }
-        // Hours later it would be too late.
+        // Checked now, because hours later it would be too late.
         self.log.check()?;
         let state = self.state.save_state.as_deref();
         Ok(state.map_or(Ok(()), meissner_io::check_replaceable).map_err(RunError::File)?)

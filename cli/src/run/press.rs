@@ -54,7 +54,7 @@ impl Observer for Kept {
     }
 }
 
-/// Streams the press, prints what the network says of it, and draws it into the file at `svg`.
+/// Streams the press, prints the network's predictions, and draws them into the file at `svg`.
 pub(super) fn run(svg: Option<&Path>) -> Result<(), CliError> {
     if let Some(path) = svg {
         output::check_writable(path)?;
@@ -115,7 +115,7 @@ fn table(out: &mut impl Write, found: &[Found], [roll, pitch]: [f64; 2]) -> io::
     writeln!(out)
 }
 
-/// When both angles are right and stay right, in milliseconds since contact.
+/// Time from which on both angles are right, in milliseconds since contact.
 fn settled(found: &[Found], true_angles: [f64; 2]) -> Option<f64> {
     let is_right = |found: &Found| {
         found.angles.iter().zip(true_angles).all(|(found, truth)| (found - truth).abs() <= RIGHT_DEG)

@@ -90,7 +90,7 @@ enum GoalArg {
     Marble,
 }
 
-/// Runs the loops, and prints and draws what came of them.
+/// Runs the loops, and prints and draws their results.
 pub(super) fn closed_loop(args: &LoopArgs, progress: &Progress) -> Result<(), CliError> {
     output::check_all_writable([&args.report.out, &args.svg])?;
     let variations = args.variations();
@@ -115,7 +115,7 @@ pub(super) fn closed_loop(args: &LoopArgs, progress: &Progress) -> Result<(), Cl
 }
 
 impl LoopArgs {
-    /// The network as it is, then each variation alone.
+    /// The network without variation, then each variation alone.
     fn variations(&self) -> Vec<Variation> {
         let delays = Delays::default();
         let tolerances =
@@ -184,7 +184,7 @@ fn about(report: &Report) -> String {
     format!("{}: {seconds} s, {rate_hz} pictures a second, seed {seed}", title(report.goal))
 }
 
-/// The picture: run time against error, and below it each network as it is, over time.
+/// The picture: run time against error, and below it each network without variation, over time.
 fn svg(report: &Report) -> String {
     let unit = report.goal.unit();
     let point = |(network, of, row): (usize, &str, &Row)| {

@@ -132,7 +132,7 @@ mod folded {
     fn through(text: &str, for_people: bool) -> String {
         let mut out = Vec::new();
         let mut folded = Folded::new(&mut out, for_people);
-        // In pieces, as formatted text comes.
+        // In pieces, as formatted text arrives.
         for piece in text.as_bytes().chunks(7) {
             folded.write_all(piece).expect("a vector takes everything");
         }

@@ -13,7 +13,7 @@ use meissner_run::memory::{peak_resident_bytes, resident_bytes};
 use meissner_run::model::Model;
 use meissner_run::provenance::{Header, InputCard, ModelCard};
 use meissner_run::text::grouped;
-use meissner_verify::soak::{Checkpoint, PartReport, Recording, Report, Settings, Soak};
+use meissner_verify::soak::{Checkpoint, PartReport, Recording, Report, Settings, Soak, State};
 use serde::Serialize;
 use stats_alloc::{INSTRUMENTED_SYSTEM, StatsAlloc};
 
@@ -79,17 +79,23 @@ fn run(
     // Clap requires the number with --soak.
     let events = events.unwrap_or(1);
     let checkpoints = events.div_ceil(checkpoint_every);
-    let settings = Settings { seed, every: every.unwrap_or(1), disturb_every, checkpoints };
+    let settings = Settings { seed, every: every.unwrap_or(1), disturb_every, checkpoint_every };
     let mut soak = Soak::new(model.network.clone(), sensor, recordings, settings)?;
+    let mut state = State::open(args.long.state.as_deref())?;
+    let until = |number: u64| events.min(number.saturating_mul(checkpoint_every));
+    let is_finished = |number: &u64| soak.resume(&state, until(*number) - until(number - 1)).is_some();
+    let finished = (1..=checkpoints).take_while(is_finished).last().unwrap_or(0);
+    if finished > 0 {
+        tell(format_args!("after checkpoint {finished} of {checkpoints}, as the state says"));
+    }
     let progress = Progress::new(Some(events), args.report.format.json);
     interrupt::listen();
-    for number in 1..=checkpoints {
-        let until = events.min(number.saturating_mul(checkpoint_every));
-        while soak.events() < until && !interrupt::requested() {
+    for number in finished + 1..=checkpoints {
+        while soak.events() < until(number) && !interrupt::requested() {
             soak.push()?;
             progress.set(soak.events());
         }
-        let line = line(soak.checkpoint(|| [Some(live_bytes()), resident_bytes()])?);
+        let line = line(soak.checkpoint(&mut state, || [Some(live_bytes()), resident_bytes()])?);
         tell(format_args!("checkpoint {number} of {checkpoints}: {line}"));
         if interrupt::requested() {
             break;
@@ -187,7 +193,7 @@ fn resident(bytes: Option<u64>) -> String {
 #[global_allocator]
 static ALLOCATOR: &StatsAlloc<System> = &INSTRUMENTED_SYSTEM;
 
-/// Bytes that are allocated and not freed, which depend on no page of the allocator.
+/// Bytes that are allocated and not freed, independent of the pages of the allocator.
 pub(crate) fn live_bytes() -> u64 {
     let stats = ALLOCATOR.stats();
     stats.bytes_allocated.saturating_sub(stats.bytes_deallocated) as u64

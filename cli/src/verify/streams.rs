@@ -1,4 +1,5 @@
-//! Incremental against full recomputation over random streams, recordings, or a stream to replay.
+//! Compares incremental results with full recomputation over random streams, recordings, or a
+//! stream to replay.
 
 use std::io::{self, Write};
 use std::iter;
@@ -27,7 +28,7 @@ use crate::output;
 use crate::predictions::write_model;
 use crate::progress::Progress;
 
-/// What fits only networks over events, like [`READING`].
+/// Arguments that fit only networks over events, like [`READING`].
 pub(crate) const FOR_EVENTS: &[&str] = &["RECORDING", "--every", "--sensor", "--strict"];
 /// Name of the random streams.
 const RANDOM: &str = "random streams";

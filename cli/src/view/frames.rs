@@ -1,4 +1,4 @@
-//! What a frame network reads, item by item, for the page.
+//! The input of a frame network, item by item, for the page.
 
 use std::collections::VecDeque;
 use std::convert::Infallible;
@@ -17,7 +17,7 @@ use meissner_view::frames::{Content, Frame, FrameSensor};
 use crate::error::CliError;
 use crate::stderr::tell;
 
-/// Time from one picture to the next where nothing says it: pictures in files have no times.
+/// Default time from one picture to the next, because pictures in files have no times.
 const PICTURE_US: i64 = 40_000;
 
 /// The items of an input.
@@ -34,7 +34,7 @@ pub(super) struct Opened {
 /// The pictures at `path`, of the size that `model` reads.
 ///
 /// # Errors
-/// They cannot be opened, or one has another size.
+/// The pictures cannot be opened, or one has another size.
 pub(super) fn open_pictures(
     model: &FrameModel,
     path: &Path,
@@ -73,7 +73,7 @@ pub(super) fn open_pictures(
 /// The readings at `path`.
 ///
 /// # Errors
-/// They cannot be opened.
+/// The readings cannot be opened.
 pub(super) fn open_readings(path: &Path) -> Result<Opened, CliError> {
     let (mut rows, live) = run::open_readings(path)?;
     let name = streams::name(path);
@@ -126,7 +126,7 @@ struct Fed {
     feed: FrameFeed,
     /// Frames that are complete.
     frames: VecDeque<Frame>,
-    /// Whether the next frame follows none.
+    /// Whether the next frame does not continue an earlier one.
     begins: bool,
     ended: bool,
 }

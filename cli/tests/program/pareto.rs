@@ -9,8 +9,8 @@ use tempfile::TempDir;
 use crate::exit_status::fails;
 use crate::support::{argument, default_recording, meissner, message, object, text, written};
 
-/// Events that are timed here.
-const TIMED: usize = 1200;
+/// Number of timed events.
+const TIMED: usize = 600;
 
 /// The JSON object of a successful run.
 pub(crate) fn report(arguments: &[&str]) -> Value {
@@ -32,7 +32,7 @@ pub(crate) fn number(value: &Value) -> f64 {
     value.as_f64().unwrap_or_else(|| panic!("a number, found {value}"))
 }
 
-/// What does not depend on a clock.
+/// The parts that do not depend on a clock.
 pub(crate) fn errors(report: &Value) -> Vec<Value> {
     let of = |setting: &Value| {
         ["setting", "numerical", "task", "error", "interval_95", "rows", "multiply_adds", "entered"]
@@ -43,7 +43,7 @@ pub(crate) fn errors(report: &Value) -> Vec<Value> {
     settings.map(|setting| Value::from(of(setting).to_vec())).collect()
 }
 
-/// Every setting is on the front that no other of `group` beats, and no more.
+/// Asserts that the front contains exactly the settings that no other of `group` beats.
 pub(crate) fn is_a_front(group: &[&Value]) {
     let point = |setting: &Value| (number(&setting["us"]), number(&setting["error"]));
     for setting in group {
@@ -56,11 +56,12 @@ pub(crate) fn is_a_front(group: &[&Value]) {
     assert!(group.iter().any(|setting| setting["on_front"] == true));
 }
 
-/// Arguments of a short run over the embedded recording, for the settings that are named so.
+/// Arguments of a short run over the embedded recording, for the settings with these names.
 fn angle(only: &[&str], more: &[&str]) -> Vec<String> {
     let recording = default_recording();
     let mut arguments = vec!["angle", argument(&recording)];
-    for few in [["--timed-events", "1200"], ["--repeat", "1"]] {
+    let timed = TIMED.to_string();
+    for few in [["--timed-events", &timed], ["--repeat", "1"]] {
         if !more.contains(&few[0]) {
             arguments.extend(few);
         }
@@ -185,7 +186,7 @@ fn a_setting_that_was_measured_is_not_measured_again() {
     let past = ["--network", "tactigraph-past", "--state", &path];
     let first = run(&["stride 2"], &past);
     let kept = lines(&path);
-    // exact, stride 2, and what holds stride 2.
+    // exact, stride 2, and the settings that contain stride 2.
     assert_eq!(kept.len(), settings(&first, 0).len());
     // Times could not be equal if anything were measured again.
     assert_eq!(run(&["stride 2"], &past), first);

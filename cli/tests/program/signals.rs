@@ -9,7 +9,7 @@ use serde_json::Value;
 
 use crate::support::{argument, command, lines, meissner_reading};
 
-/// The program at work.
+/// The running program.
 pub(crate) struct Running {
     child: Child,
     input: ChildStdin,
@@ -45,7 +45,7 @@ impl Running {
         signal(&self.child, name);
     }
 
-    /// The summary that it ends with, with status 130, standard input still open.
+    /// Its final summary; it ends with status 130, with standard input still open.
     pub(crate) fn end(mut self) -> Value {
         let mut text = String::new();
         self.output.read_to_string(&mut text).expect("it is text");
@@ -85,7 +85,7 @@ fn event(i: u32) -> String {
     format!("{},{},{},1\n", 1000 + i * 100, i % 8, i / 8 % 8)
 }
 
-/// The signals that ask the program to end: all but the last one where they are ignored, as under
+/// The signals that ask the program to end, without the last one if it is ignored, as under
 /// `nohup`.
 fn signals() -> &'static [&'static str] {
     let status = fs::read_to_string("/proc/self/status").unwrap_or_default();
@@ -106,7 +106,7 @@ fn a_signal_ends_a_stream_of_events_with_its_summary_and_a_state_to_go_on_from()
             running.send(&event(i));
             assert_eq!(running.line()["value"], whole[i as usize]["value"]);
         }
-        // A line that has not ended is none.
+        // An unfinished line does not count as a line.
         running.send("1800,1,1,1");
         running.signal(name);
         let summary = running.end();
@@ -157,7 +157,7 @@ fn a_signal_ends_a_stream_before_its_first_event_too() {
     let mut running = Running::new(&["run", "-", "--sensor", "8x8"]);
     let mut line = String::new();
     running.output.read_line(&mut line).expect("it is text");
-    // The headings are being written, and no event is there.
+    // The headings are being written, and there is no event yet.
     running.signal("INT");
     let mut text = String::new();
     running.output.read_to_string(&mut text).expect("it is text");
@@ -179,7 +179,7 @@ fn a_signal_ends_a_run_over_a_file_with_what_is_done() {
     assert!(fs::read(&state).expect("it was written").starts_with(b"MEISSNER"));
 }
 
-/// Waits until the program does not work any more, because nobody reads what it writes.
+/// Waits until the program stops working because nobody reads its output.
 #[cfg(target_os = "linux")]
 fn until_it_waits(child: &Child) {
     let sleeps = || {
@@ -313,7 +313,7 @@ fn a_hangup_that_is_ignored_from_the_start_ends_nothing() {
 #[cfg(target_os = "linux")]
 #[test]
 fn a_second_signal_ends_a_program_at_once_that_has_no_state_to_write() {
-    // After the first one it waits a second for somebody who reads.
+    // After the first signal, it waits a second for a reader.
     let ends_at_once = || {
         let mut running =
             Running::new(&["run", "--network", "tactigraph-past", "--every", "event", "--json"]);
@@ -359,7 +359,7 @@ fn a_signal_ends_a_sender_that_waits_for_its_receiver() {
     let path = folder.path().join("events.csv");
     fs::write(&path, event(0)).expect("it can be written");
     let mut running = Running::new(&["send", argument(&path), "tcp-listen://127.0.0.1:0"]);
-    // Nothing says that it waits. A signal that comes before ends it too.
+    // There is no sign that it waits. An earlier signal also ends it.
     std::thread::sleep(Duration::from_millis(200));
     running.signal("INT");
     assert_eq!(ended(&mut running.child).code(), Some(130));
@@ -390,7 +390,7 @@ fn a_signal_ends_a_soak_with_a_last_checkpoint() {
 
 #[test]
 fn a_signal_ends_a_measurement_at_once_and_keeps_those_that_are_finished() {
-    // More than a pipe holds: when it is written, the program reads.
+    // More than a pipe can hold: once it is written, the program is reading.
     let mut running = Running::new(&["bench", "-", "--sensor", "8x8"]);
     running.send(&event(3).repeat(20_000));
     running.signal("TERM");
@@ -449,7 +449,7 @@ fn a_full_standard_output_is_an_error_after_which_the_state_is_there() {
     let state = folder.path().join("state");
     for json in [&["--json"][..], &[]] {
         let full = fs::OpenOptions::new().write(true).open("/dev/full").expect("Linux has it");
-        let arguments = ["run", "--network", "graphres", "--save-state", argument(&state)];
+        let arguments = ["run", "--network", "graphres", "--limit", "3000", "--save-state", argument(&state)];
         let output =
             command(&[&arguments[..], json].concat()).stdout(full).output().expect("the program starts");
         let said = crate::support::message(&output);

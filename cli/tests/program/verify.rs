@@ -1,5 +1,7 @@
 //! `verify`: recordings, `--stress` and `--soak`.
 
+use std::fs;
+
 use serde_json::Value;
 
 use crate::data::small;
@@ -100,7 +102,7 @@ fn wrong_arguments_are_refused() {
     );
 }
 
-/// A run that ends well, and what it wrote.
+/// Performs a successful run, and returns its output.
 fn soak(arguments: &[&str]) -> Value {
     let folder = tempfile::tempdir().expect("there is a place for temporary files");
     let path = folder.path().join("soak.json");
@@ -114,7 +116,7 @@ fn count(value: &Value) -> u64 {
     value.as_u64().unwrap_or_else(|| panic!("{value} is a count"))
 }
 
-/// What no clock and no allocator reaches.
+/// The parts that do not depend on a clock or an allocator.
 fn deterministic(report: &Value) -> Vec<String> {
     let checkpoints = report["checkpoints"].as_array().expect("checkpoints");
     let of = |row: &Value| {
@@ -125,7 +127,8 @@ fn deterministic(report: &Value) -> Vec<String> {
     told
 }
 
-/// Every promise holds over a run of so many checkpoints, and everything was done that a soak does.
+/// Asserts that every promise holds over a run of so many checkpoints, and that all disturbances
+/// occurred.
 fn holds(report: &Value, checkpoints: usize) {
     assert_eq!(report["broken"], Value::Array(Vec::new()));
     let rows = report["checkpoints"].as_array().expect("checkpoints");
@@ -149,7 +152,7 @@ fn a_network_over_the_past_soaks_without_a_changed_bit() {
     let network = ["tactigraph-past", "--events", "2e5", "--checkpoint-every", "1e4"];
     let report = soak(&[&network[..], &["--disturb-every", "5e3", "--memory-growth", "25"]].concat());
     holds(&report, 20);
-    assert_eq!((count(&report["events"]), count(&report["rounds"])), (200_000, 6));
+    assert_eq!((count(&report["events"]), count(&report["rounds"])), (200_000, 4));
     let known = report["checkpoints"][0]["resident_bytes"].is_u64();
     assert_eq!((known, report["memory"].is_object()), (cfg!(target_os = "linux"), true));
     assert!(report["checkpoints"][0]["live_bytes"].as_u64() > Some(100_000), "{report}");
@@ -157,8 +160,8 @@ fn a_network_over_the_past_soaks_without_a_changed_bit() {
 
 #[test]
 fn a_network_over_all_neighbours_soaks_without_a_changed_bit() {
-    let network = ["graphres", "--events", "2e4", "--checkpoint-every", "2e3"];
-    let report = soak(&[&network[..], &["--disturb-every", "1e3", "--every", "10"]].concat());
+    let network = ["graphres", "--events", "1e4", "--checkpoint-every", "1e3"];
+    let report = soak(&[&network[..], &["--disturb-every", "300", "--every", "10"]].concat());
     holds(&report, 10);
     assert_eq!(report["memory"], Value::Null, "ten checkpoints are too few");
 }
@@ -166,7 +169,7 @@ fn a_network_over_all_neighbours_soaks_without_a_changed_bit() {
 #[test]
 fn a_run_is_its_seeds() {
     let run = |seed| {
-        let network = ["tactigraph-past", "--events", "3e4", "--checkpoint-every", "5e3"];
+        let network = ["tactigraph-past", "--events", "1e4", "--checkpoint-every", "5e3"];
         deterministic(&soak(
             &[&network[..], &["--disturb-every", "1e3", "--every", "100", "--seed", seed]].concat(),
         ))
@@ -174,6 +177,39 @@ fn a_run_is_its_seeds() {
     let first = run("5");
     assert_eq!(first, run("5"));
     assert_ne!(first, run("6"));
+}
+
+#[test]
+fn a_killed_soak_goes_on_from_its_state_with_the_same_bits() {
+    let (_folder, state) = file("soak.jsonl", "");
+    let run = |events: &str| {
+        let network = ["tactigraph-past", "--events", events, "--checkpoint-every", "1e3", "--every", "100"];
+        soak(&[&network[..], &["--disturb-every", "300", "--state", argument(&state)]].concat())
+    };
+    let lines =
+        || fs::read_to_string(&state).expect("it is there").lines().map(str::to_owned).collect::<Vec<_>>();
+    let whole = run("5500");
+    let rows = lines();
+    assert_eq!(rows.len(), 6);
+    // A kill leaves the first checkpoints, and may cut the last one.
+    fs::write(&state, format!("{}\n{}\n{}", rows[0], rows[1], &rows[2][..50])).expect("it can be written");
+    let resumed = run("5500");
+    assert_eq!(deterministic(&resumed), deterministic(&whole));
+    assert_eq!(
+        ["events", "accepted", "rounds"].map(|key| &resumed[key]),
+        ["events", "accepted", "rounds"].map(|key| &whole[key])
+    );
+    assert_eq!(
+        resumed["checkpoints"].as_array().expect("checkpoints")[..2],
+        whole["checkpoints"].as_array().expect("checkpoints")[..2]
+    );
+    assert_eq!(lines()[..2], rows[..2]);
+    // A longer run goes on; the last checkpoint of the shorter one had fewer events.
+    assert_eq!(count(&run("7000")["events"]), 7_000);
+    assert_eq!(lines().len(), 8);
+    fs::write(&state, "no line\n").expect("it can be written");
+    let arguments = ["verify", "tactigraph-past", "--soak", "--events", "9", "--state", argument(&state)];
+    fails(&meissner(&arguments), 1, &["soak.jsonl", "line 1", "finished measurement"]);
 }
 
 #[test]
@@ -186,7 +222,7 @@ fn several_recordings_follow_one_another_on_the_largest_sensor() {
     assert_eq!(report["header"]["input"]["sensor"].to_string(), "[30,20]");
     assert_eq!(
         (count(&report["rounds"]), count(&report["accepted"]) < 1_000),
-        (399, true),
+        (398, true),
         "one stamp steps back"
     );
     assert_eq!(report["broken"], Value::Array(Vec::new()));
@@ -201,6 +237,8 @@ fn what_cannot_be_soaked_is_refused() {
     fails(&soak("graphres", &[]), 2, &["--events"]);
     fails(&soak("graphres", &["--events", "10", "--cases", "3"]), 2, &["--soak", "--cases"]);
     fails(&soak("canf", &["--events", "10"]), 1, &["canf", "frame network"]);
+    #[cfg(unix)]
+    fails(&soak("graphres", &["--events", "10", "--state", "/dev/zero"]), 1, &["/dev/zero", "a device"]);
     fails(&meissner(&["verify", "graphres", "--events", "10"]), 2, &["--soak"]);
 }
 
@@ -245,7 +283,7 @@ fn every_promise_holds_under_stress() {
             assert_eq!((&case["different"], &case["not_numbers"]), (&0.into(), &0.into()), "{name}");
             assert!(case["compared"].as_u64().is_some_and(|compared| compared >= 12), "{name}: {case}");
             let bound = if name.contains("denormal") { denormal } else { bound };
-            // A bound is promised where no overflow is.
+            // A bound is promised if there is no overflow.
             let overflows = ["refused", "infinite", "infinite_inside"].iter().any(|key| case[key] != 0);
             assert_eq!(case["within"].is_null(), overflows, "{name}: {case}");
             if let Some(relative) = case["prediction"]["relative"].as_f64() {

@@ -114,7 +114,7 @@ fn with_grid(batch: &Batch, events: &[Event], nodes: &[Node], metric: &Metric) -
             (oldest..first).for_each(|gone| grid.pop(gone as u32, nodes[gone]));
             oldest = first;
         }
-        // The extent of the last neighbourhood at this place, enlarged, nearly always has enough
+        // The enlarged extent of the last neighbourhood in this cell nearly always has enough
         // candidates. Otherwise the search is repeated without a guess.
         let guess = &mut guesses[grid.cell(node.x, node.y)];
         for limit in [limit.min(*guess), limit] {

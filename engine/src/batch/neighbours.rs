@@ -2,8 +2,8 @@
 //!
 //! Input: nodes in order of arrival. Output: for each node the `most` nearest others, in the
 //! graph's order. Each grid cell lists the nodes of its rings in order of arrival. A node filters
-//! the part near in time, many entries at once in f32, and sorts the rest by exact distance. If the
-//! last is as far as the next ring can be, the grid is searched instead.
+//! the entries near in time, many at once in f32, and sorts the remaining ones by exact distance.
+//! If the last neighbour is as far as the next ring can be, the grid is searched instead.
 
 use std::ops::Range;
 
@@ -55,7 +55,7 @@ impl Space<'_> {
         let mut nearby = Nearby::new(extents.map(|extent| (1.0 / (extent * extent)) as f32));
         let mut lists = Lists::new(self.nodes.len(), self.nodes.len() * most);
         let mut found = Vec::with_capacity(most + 1);
-        // The last neighbourhood at this place gives the distance to search.
+        // The last neighbourhood of this cell gives the distance to search.
         let mut guess = 0.0;
         for cell in 0..grid.cells() {
             let mut part = listed.starts[cell]..listed.starts[cell];
@@ -94,7 +94,7 @@ impl Space<'_> {
 
     /// Largest time difference (us, rounded up) of a node within every bound of a guess.
     fn reach(&self, guess: f64) -> f32 {
-        // Covers the filter's own slack and the rounding of times to f32.
+        // Covers the filter's slack and the rounding of times to f32.
         const GENEROUS: f64 = 1.0 + 1e-6;
         const ROUNDED_US: f32 = 4.0;
         (self.span_us as f64 * (f64::from(Nearby::MAX_BOUND) * guess).sqrt() * GENEROUS) as f32 + ROUNDED_US
@@ -143,7 +143,7 @@ impl<'s> Listed<'s> {
         Self { starts, slots, points: [x, y, t], places }
     }
 
-    /// Moves `part` of a cell's list to the nodes at most `reach` in time from one of the cell.
+    /// Moves `part` of a cell's list to the nodes at most `reach` in time from a node of the cell.
     fn narrow(&self, cell: usize, slot: u32, reach: f32, part: &mut Range<usize>) {
         let t = self.points[2];
         let (first, end) = (self.starts[cell], self.starts[cell + 1] - Nearby::TOGETHER);
@@ -196,7 +196,7 @@ pub(super) fn take(
 
 #[derive(Clone, Debug)]
 pub(super) struct Lists {
-    /// Start and number of each row's neighbours.
+    /// Start index and number of each row's neighbours.
     spans: Vec<(usize, usize)>,
     sources: Vec<u32>,
 }

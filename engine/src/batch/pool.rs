@@ -161,7 +161,7 @@ fn key_of_event(batch: &Batch, pooling: &Pooling, event: &Event, stream: Stream<
     ]
 }
 
-/// Cell of an event along t, in integers; 0 if there are no cells in time.
+/// Index of an event's cell along t, in integers; 0 if there are no cells in time.
 fn time_of(batch: &Batch, pooling: &Pooling, event: &Event, stream: Stream<'_>) -> i64 {
     let t = i128::from(event.t_us - stream.epoch_us);
     pooling.time.map_or(0, |size| size.cell(t, batch.network.parts().span_us.into()) as i64)

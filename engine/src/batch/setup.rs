@@ -14,19 +14,19 @@ pub enum Search {
     /// Compares all pairs: O(n^2), simple enough to be evidently correct.
     #[default]
     Exhaustive,
-    /// A function that shares nothing with the engine, such as a k-d tree, proposes candidates;
+    /// A function that shares no code with the engine, such as a k-d tree, proposes candidates;
     /// they are sorted as in [`Self::Exhaustive`].
     Proposed(Propose),
     /// The engine's grid and metric, for speed: about O(n k). If nodes read the whole window, a
-    /// filter in f32 precedes exact distances. Such a batch is no oracle.
+    /// filter in f32 precedes exact distances. Such a batch is not an oracle.
     Grid,
 }
 
-/// Reports for each event of [`Places`], in order, candidate events without duplicates, in any
-/// order: its whole neighbourhood, and possibly others.
+/// Reports the candidate events of each event of [`Places`], in its order. The candidates have no
+/// duplicates and any order; they contain the whole neighbourhood, and possibly other events.
 pub type Propose = fn(&Places<'_>, &mut dyn FnMut(&[u32]));
 
-/// The events to find neighbourhoods of.
+/// The events whose neighbourhoods are searched.
 #[derive(Clone, Copy, Debug)]
 pub struct Places<'a> {
     /// Positions as fractions of sensor and span, with time from the first event. A coordinate is a

@@ -1,4 +1,4 @@
-//! What a batch reads, and what it returns: streams of events, activations.
+//! Input and output of a batch: streams of events, activations.
 
 use std::ops::Range;
 
@@ -106,7 +106,7 @@ pub(super) fn maximum_of(features: &Matrix, rows: &[usize], out: &mut [Lanes]) {
 /// The input of a batch.
 #[derive(Clone, Copy, Debug)]
 pub struct Stream<'a> {
-    /// Accepted events in order of arrival. For `frozen` in-edges all since the last reset,
+    /// Accepted events in order of arrival. For `frozen` in-edges, all events since the last reset;
     /// otherwise at least those in the window.
     pub events: &'a [Event],
     /// Time of the first event since the reset.

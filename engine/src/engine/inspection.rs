@@ -1,7 +1,8 @@
-//! What an engine shows of its state: the window, its graph, its rows, and which were computed.
+//! The parts of its state that an engine shows: the window, its graph, its rows, and the computed
+//! rows.
 //!
-//! Enters: a state. Leaves: copies in a batch's order. Nothing here is called by a push or a
-//! prediction; each method allocates what it returns.
+//! Input: a state. Output: copies in a batch's order. No push or prediction calls these methods;
+//! each method allocates its result.
 
 use meissner_kernels::Neighbour;
 
@@ -46,8 +47,8 @@ impl Engine {
         (0..readout.rows()).map(|cell| readout.values(cell).collect()).collect()
     }
 
-    /// Values of the last prediction, without computing any; none before the first one, and where
-    /// it was not a number.
+    /// Values of the last prediction; computes nothing. Empty before the first one, and if it was
+    /// not a number.
     pub fn last_prediction(&self) -> &[f32] {
         self.step.prediction().unwrap_or_default()
     }
@@ -55,8 +56,8 @@ impl Engine {
     /// Rows of each of [`Network::layers`] that were computed for the last prediction or since, and
     /// are still present, ascending. Empty without [`Options::record_rows`](crate::Options).
     ///
-    /// Between two predictions, no more are recorded than a level has rows. O(recorded rows) for
-    /// the event level, O(cells) for a pooled one.
+    /// Between two predictions, at most as many are recorded as the level has rows. O(recorded
+    /// rows) for the event level, O(cells) for a pooled one.
     pub fn computed_rows(&self) -> Vec<Vec<ComputedRow>> {
         let mut layers = self.log.layers.iter();
         let mut out = Vec::with_capacity(self.log.layers.len());
@@ -67,7 +68,7 @@ impl Engine {
                 let present = rows.iter().filter_map(|&(slot, changed)| Some((place(slot)?, changed)));
                 let mut rows: Vec<_> = present.map(|(row, changed)| ComputedRow { row, changed }).collect();
                 rows.sort_unstable();
-                // Computed twice, it changed if it changed once.
+                // A row that was computed twice has changed if one computation changed it.
                 rows.dedup_by(|next, row| {
                     next.row == row.row && {
                         row.changed |= next.changed;
@@ -101,8 +102,8 @@ impl Engine {
         layers.map(|rows| rows.into_iter().map(|row| row.row).collect()).collect()
     }
 
-    /// Neighbourhood of the `index`th oldest event, in order: indices in the window and attributes,
-    /// without neighbours that have left.
+    /// Neighbourhood of the event at `index` from the oldest, in order: indices in the window and
+    /// attributes, without neighbours that have left.
     ///
     /// # Panics
     /// If there is no such event.

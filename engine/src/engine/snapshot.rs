@@ -1,14 +1,14 @@
 //! An engine's state, in memory and as bytes.
 //!
-//! The bytes hold what cannot be recomputed: clock, counters, the window's events in order of
-//! arrival; with `frozen`, each event's rows and number of in-edges still in the window; with a
-//! tolerance, every row. A restored engine runs its own structural stages over the events, so its
-//! slots, edges, cells and maxima are consistent whatever the bytes contain.
+//! The bytes contain only the data that cannot be recomputed: clock, counters, the window's events
+//! in order of arrival; with `frozen`, each event's rows and number of in-edges still in the
+//! window; with a tolerance, every row. A restored engine runs its own structural stages over the
+//! events, so its slots, edges, cells and maxima are consistent whatever the bytes contain.
 //!
-//! This is sufficient: a neighbourhood is a prefix of a total order, so a `frozen` node's in-edges
-//! that remain are a prefix over the window. Values follow from the window or are stored. With a
-//! tolerance every row is computed again: one with unchanged inputs gets its former values, which
-//! are within the tolerance of the stored ones, so these stay.
+//! This is sufficient: a neighbourhood is a prefix of a total order, so the remaining in-edges of a
+//! `frozen` node are a prefix over the window. Values follow from the window or are stored. With a
+//! tolerance every row is computed again: a row with unchanged inputs gets its former values, which
+//! are within the tolerance of the stored ones, so the stored values stay.
 
 use std::borrow::Cow;
 use std::sync::Arc;
@@ -21,7 +21,8 @@ use crate::restart::CONFIRMING;
 use crate::snapshot::{Content, Kind, Reader, SnapshotOf, Stored, Writer, check_network, differs};
 use crate::{EngineError, Event, Sensor};
 
-/// What a state depends on besides events: only an engine with equal properties restores it.
+/// Properties that a state depends on besides events: only an engine with equal properties restores
+/// it.
 struct Origin<'a> {
     fingerprint: u64,
     name: Cow<'a, str>,
@@ -92,7 +93,7 @@ impl Engine {
     }
 
     /// Encodes the state for [`Self::restore_bytes`]: 13 bytes per event; with `frozen` in-edges,
-    /// one more and the event's rows; with a tolerance, every row. The first call computes
+    /// one more byte and the event's rows; with a tolerance, every row. The first call computes
     /// [`crate::Network::fingerprint`].
     pub fn to_bytes(&self) -> Vec<u8> {
         self.to_bytes_with(&[])
@@ -187,7 +188,7 @@ impl Engine {
     }
 
     fn write_counters(&self, to: &mut Writer) {
-        // Only a network with filters counts what they drop: `write_filters`.
+        // Only a network with filters counts the events that they drop: `write_filters`.
         let [counts @ .., _] = self.admission.counters().to_array();
         to.counts(counts);
         to.size(self.log.layers.len());
@@ -311,7 +312,8 @@ impl Engine {
         Ok(())
     }
 
-    /// Writes what the filters of the network dropped and remember; nothing if it has none.
+    /// Writes the count of events that the network's filters dropped, and the filters' state;
+    /// nothing if it has no filters.
     fn write_filters(&self, to: &mut Writer) {
         let filters = self.admission.filters();
         if filters.is_empty() {
@@ -349,7 +351,8 @@ impl Engine {
         Ok(())
     }
 
-    /// Whether a level's rows are stored as they depend on the past; whether some may be missing.
+    /// Whether a level's rows are stored because they depend on the past; whether some may be
+    /// missing.
     fn stores_rows(&self, level: usize) -> (bool, bool) {
         let on_arrival = level == 0 && self.network.parts().graph.is_frozen();
         (on_arrival || self.tolerance() > 0.0, !on_arrival)

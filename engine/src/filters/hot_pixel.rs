@@ -4,9 +4,10 @@ use super::{EventFilter, FilterCounters, Stamps};
 use crate::error::in_range;
 use crate::{EngineError, Event, Sensor};
 
-/// Mutes a pixel that fires more often than anything that is seen does, until it calms.
+/// Mutes a pixel that fires more often than any visible object causes, until it calms down.
 ///
-/// A pixel has a debt. Every event of it, passed or dropped, adds a period, and time pays it off:
+/// A pixel has a debt. Each of its events, passed or dropped, adds a period, and time reduces the
+/// debt:
 ///
 /// ```text
 /// debt <- max(debt - (t - last), 0) + period,  last <- t
@@ -15,24 +16,24 @@ use crate::{EngineError, Event, Sensor};
 /// ```
 ///
 /// This is a leaky bucket as a meter (ITU-T I.371, as a virtual schedule), in which dropped events
-/// count as well. Of any stream of a pixel, at most `burst` + T / `period` events pass in T
-/// microseconds. A pixel that fires steadily at less than one event in a period passes; one that
-/// fires faster is muted after `burst` of its first events, and stays so for as long as it does.
-/// Twice `burst` periods after its last event it is as if it had never fired.
+/// count as well. In any stream of a pixel, at most `burst` + T / `period` events pass in T
+/// microseconds. A pixel that fires steadily at less than one event in a period passes. A pixel
+/// that fires faster is muted after its first `burst` events, and stays muted as long as it fires
+/// faster. Twice `burst` periods after its last event, it is as if it had never fired.
 ///
 /// An event earlier than the last of its pixel also adds the time between them to the debt; after a
-/// clock that jumped back no more than the largest debt is owed. Nothing is owed beyond the last
-/// time that 64 bits have. An event outside the sensor passes.
+/// clock jumped back, the debt is at most the largest debt. No debt extends beyond the last time
+/// that 64 bits can hold. An event outside the sensor passes.
 #[derive(Clone, Debug)]
 pub struct HotPixel {
-    /// When each pixel will have no debt. `us` is the period.
+    /// Time at which each pixel will have no debt. `us` is the period.
     pub(super) calm: Stamps,
     burst_us: i64,
     counters: FilterCounters,
 }
 
 impl HotPixel {
-    /// Most events of a burst.
+    /// Maximum number of events of a burst.
     pub const MAX_BURST: i64 = 1 << 16;
 
     /// Lets a pixel fire once in `period_us` microseconds, and `burst` times at once.
@@ -46,7 +47,7 @@ impl HotPixel {
         Ok(Self { calm, burst_us: i64::from(burst) * period_us, counters: FilterCounters::default() })
     }
 
-    /// When the pixel at `place` will be calm after an event at `t_us`.
+    /// Time at which the pixel at `place` will be calm after an event at `t_us`.
     #[inline]
     fn calm_after(&self, place: usize, t_us: i64) -> i64 {
         self.calm.times[place].map_or(t_us, |calm| calm.max(t_us)).saturating_add_unsigned(self.calm.us)

@@ -1,11 +1,12 @@
-//! The filters that a network states, as data; their filters on a sensor, and the state of these.
+//! The filter rules of a network, as data; the filters of these rules on a sensor, and the filters'
+//! state.
 
 use super::{BackgroundActivity, Chain, EventFilter, Filter, HotPixel, Refractory, Stamps};
 use crate::fingerprint::Fingerprint;
 use crate::{EngineError, Event, Sensor};
 
-/// A filter that a network needs before it: part of how its input is prepared. What it does depends
-/// on the events of a pixel and its neighbours alone.
+/// A filter that a network needs before it, as a part of the preparation of its input. Its
+/// decisions depend only on the events of a pixel and its neighbours.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum FilterRule {
@@ -21,7 +22,7 @@ pub enum FilterRule {
     },
     /// [`HotPixel`] with this period and burst.
     HotPixel {
-        /// Microseconds in which a pixel may fire once, for ever.
+        /// Microseconds in which a pixel may fire once, without limit of time.
         period_us: i64,
         /// Events that a pixel may send at once.
         burst: u32,
@@ -65,7 +66,7 @@ impl Filter {
             Self::BackgroundActivity(filter) => filter.passes(event),
             Self::Refractory(filter) => filter.passes(event),
             Self::HotPixel(filter) => filter.passes(event),
-            // No rule makes them.
+            // No rule creates these filters.
             Self::Stride(_) | Self::RateLimit(_) => true,
         }
     }
@@ -98,23 +99,23 @@ impl Chain {
         Ok(Self::new(rules.iter().map(|rule| rule.filter(sensor)).collect::<Result<_, _>>()?))
     }
 
-    /// Whether `event`, the next one, would pass, in a chain that was made of rules.
+    /// Whether `event`, the next one, would pass, in a chain created from rules.
     #[inline]
     pub(crate) fn passes(&self, event: Event) -> bool {
         self.filters.iter().all(|filter| filter.passes(event))
     }
 
-    /// What each filter of a chain that was made of rules remembers: the column, the row and the
-    /// time (us) of each pixel that can still decide about an event at `now_us` or later, row by
-    /// row. Counts are left out.
+    /// The state of each filter of a chain created from rules: the column, the row and the time
+    /// (us) of each pixel that can still decide about an event at `now_us` or later, row by row.
+    /// Counts are left out.
     pub fn remembered(&self, now_us: i64) -> Vec<Vec<(u16, u16, i64)>> {
         let of = |filter: &Filter| filter.stamps().map_or_else(Vec::new, |stamps| stamps.since(now_us));
         self.filters.iter().map(of).collect()
     }
 
-    /// Forgets all events and takes over what the filters of an equal chain
-    /// [remembered](Self::remembered). `false`, and nothing is changed, if there are more or fewer
-    /// filters, or pixels outside the sensor.
+    /// Forgets all events and takes over the state that the filters of an equal chain
+    /// [remembered](Self::remembered). Returns `false` and changes nothing if the number of filters
+    /// differs, or pixels are outside the sensor.
     #[must_use]
     pub fn remember(&mut self, remembered: &[Vec<(u16, u16, i64)>]) -> bool {
         let Some(&Stamps { sensor, .. }) = self.filters.iter().find_map(Filter::stamps) else {
@@ -136,7 +137,7 @@ impl Chain {
 }
 
 impl Stamps {
-    /// Pixels, with those of the border.
+    /// Number of pixels, including the border.
     pub(super) fn places(sensor: Sensor) -> usize {
         (usize::from(sensor.width) + 2).saturating_mul(usize::from(sensor.height) + 2)
     }

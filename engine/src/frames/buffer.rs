@@ -5,7 +5,7 @@ use meissner_kernels::{FeatureMap, KernelError, Matrix, Planes};
 use super::changes::Changes;
 use super::network::FrameShape;
 
-/// Values that are compared together: most of a frame of events stays zero.
+/// Number of values that are compared together: most of a frame of events stays zero.
 const RUN: usize = 16;
 
 /// Shapes are checked when a network is made.
@@ -171,7 +171,8 @@ impl Buffer {
         any
     }
 
-    /// Stores `values` in a pixel from channel `first` on, marks it if they differ, and says so.
+    /// Stores `values` in a pixel from channel `first` on, marks it if they differ, and returns
+    /// whether they do.
     pub(super) fn store_pixel(
         &mut self,
         (y, x): (usize, usize),

@@ -1,7 +1,7 @@
 //! Memory of a frame engine, computed before it is allocated.
 //!
 //! An upper bound of a frame engine's memory: values and layer memories to the byte, change marks,
-//! and the working space of the neediest layer.
+//! and the working space of the layer that needs the most.
 
 use meissner_kernels::{FeatureMap, Lanes, Planes, PooledConv3x3};
 

@@ -8,7 +8,7 @@ use super::network::FrameShape;
 
 const WORD: usize = 64;
 
-/// Most pixels of a rectangle that is recomputed at once.
+/// Maximum number of pixels of a rectangle that is recomputed at once.
 pub(super) const RECTANGLE: usize = 64;
 
 /// One bit for each pixel of a map of `height` x `width`.
@@ -121,7 +121,8 @@ impl Changes {
         self.bits.iter().map(|word| word.count_ones() as usize).sum()
     }
 
-    /// The rectangle of the marked pixels, if they are one of at most [`RECTANGLE`] pixels.
+    /// The rectangle of the marked pixels, if they form a rectangle of at most [`RECTANGLE`]
+    /// pixels.
     pub(crate) fn rectangle(&self) -> Option<Region> {
         let marked = self.count();
         if !(1..=RECTANGLE).contains(&marked) {
@@ -221,7 +222,7 @@ impl Changes {
     }
 
     /// Calls `visit` with regions that cover every mark: whole blocks of `rows` x `columns` pixels,
-    /// but for the lower and right edges; adjacent blocks of a row are one region.
+    /// except at the lower and right edges; adjacent blocks of a row are one region.
     pub(crate) fn for_each_region(&self, rows: usize, columns: usize, mut visit: impl FnMut(Region)) {
         for y in (0..self.height).step_by(rows) {
             let height = rows.min(self.height - y);

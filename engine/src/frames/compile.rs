@@ -74,7 +74,7 @@ pub(super) enum Kernel {
     /// Only passes on changes: a concatenation whose images are in its buffer already, or the
     /// pooling of a fused convolution.
     Alias,
-    /// Copies two vectors into one: the second starts within a lane, where none can be written.
+    /// Copies two vectors into one: the second starts within a lane, where no layer can write.
     Append,
     SqueezeExcite(Box<SqueezeExcite>),
     ConvLstm(Box<ConvLstm>),
@@ -178,7 +178,7 @@ impl FrameNetwork {
         self.units.iter().map(|unit| unit.name.as_str())
     }
 
-    /// What the frames of its training were like, if that is known.
+    /// Statistics of the frames of its training, if known.
     pub fn training(&self) -> Option<&TrainingFrames> {
         self.training.as_ref()
     }
@@ -192,7 +192,8 @@ impl FrameNetwork {
         self.units.iter().any(|unit| unit.eager)
     }
 
-    /// Whether Winograd's algorithm is asked for and has a 3 x 3 convolution of channels-last maps.
+    /// Whether Winograd's algorithm is requested and applies to a 3 x 3 convolution of
+    /// channels-last maps.
     pub fn has_winograd(&self) -> bool {
         self.units.iter().any(|unit| matches!(unit.kernel, Kernel::Winograd(_)))
     }
@@ -238,7 +239,8 @@ fn places(
         let into = values[i + 1];
         let FrameShape::Image { channels, .. } = shapes[layer.from] else { continue };
         for (part, first) in [(layer.from, 0), (with, channels)] {
-            // A value is stored once: an input here is no frame and in no other concatenation.
+            // A value is stored once: an input here is not the frame and not in another
+            // concatenation.
             let writer = part.checked_sub(1).map(|w| &layers[w]);
             let free = values[part].buffer == part
                 && layer.from != with
@@ -376,7 +378,8 @@ fn squash(layer: &FrameLayer, activation: Activation) -> Result<Squash, EngineEr
     }
 }
 
-/// Fuses a convolution with the pooling that alone reads it: the map between is never written.
+/// Fuses a convolution with the pooling that is its only reader: the map between them is never
+/// written.
 fn fuse_poolings(units: &mut [CompiledLayer], values: &mut [Value]) {
     for i in 1..units.len() {
         let Some(conv) = units[i].from.checked_sub(1) else { continue };
@@ -398,7 +401,7 @@ fn fuse_poolings(units: &mut [CompiledLayer], values: &mut [Value]) {
     }
 }
 
-/// Marks the layers that a state depends on: they run for every frame.
+/// Marks the layers on which a state depends: they run for every frame.
 fn mark_eager(units: &mut [CompiledLayer]) {
     for i in (0..units.len()).rev() {
         let keeps_state = matches!(

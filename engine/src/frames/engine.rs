@@ -21,7 +21,8 @@ pub struct FramePrediction<'a> {
     /// Number of frames since the last reset.
     pub frames: u64,
     /// How unlike the newest frames are to those of the training: above 1, fewer than 1 of 1,000 of
-    /// these were ([`TrainingFrames::unlikeness`]). `None` where the network does not know.
+    /// these were ([`TrainingFrames::unlikeness`]). `None` if the network has no statistics of its
+    /// training.
     ///
     /// [`TrainingFrames::unlikeness`]: super::TrainingFrames::unlikeness
     pub unlike: Option<f32>,
@@ -100,8 +101,8 @@ impl FrameEngine {
         &self.network
     }
 
-    /// Takes the next frame, (channels, height, width) for an image. Layers with a state, and what
-    /// they read, run now; the others at the next [`Self::predict`].
+    /// Takes the next frame, (channels, height, width) for an image. Layers with a state, and the
+    /// layers that they read, run now; the others run at the next [`Self::predict`].
     ///
     /// # Errors
     /// [`EngineError::FrameLength`] for a wrong number of values, [`EngineError::FrameValue`] for
@@ -123,7 +124,8 @@ impl FrameEngine {
         if !frames.len().is_multiple_of(input.values()) {
             return Err(EngineError::FrameLength { expected: input, found: frames.len() });
         }
-        // Branch-free, so that it vectorises: the exponent of what is not finite is all ones.
+        // Branch-free, so that it vectorises: the exponent of a value that is not finite is all
+        // ones.
         let not_finite = f32::INFINITY.to_bits();
         if frames.iter().fold(false, |found, value| found | (value.to_bits() & not_finite == not_finite))
             && let Some((at, &value)) = frames.iter().enumerate().find(|(_, value)| !value.is_finite())
@@ -136,7 +138,7 @@ impl FrameEngine {
         Ok(())
     }
 
-    /// Takes an image that differs from the last frame in `cells` alone, at the cost of the change.
+    /// Takes an image that differs from the last frame only in `cells`, at the cost of the change.
     /// Needs the default [`FrameOptions::skip`] and [`FrameOptions::sparse`]. Errors:
     /// [`EngineError::FrameValue`] for a value that is not finite. The state is then unchanged.
     pub(crate) fn push_cells<'a>(
@@ -214,13 +216,14 @@ impl FrameEngine {
         to.finish(note)
     }
 
-    /// Restores what [`Self::to_bytes`] wrote for an equal network, [`FrameOptions::skip`] and
-    /// [`FrameOptions::sparse`]. Results and counters are as if that engine had continued.
+    /// Restores the state that [`Self::to_bytes`] wrote for an equal network,
+    /// [`FrameOptions::skip`] and [`FrameOptions::sparse`]. Results and counters are as if that
+    /// engine had continued.
     ///
     /// Cost: O(bytes). In addition to the bytes, needs at most this engine's memory once more.
     ///
     /// # Errors
-    /// [`EngineError::Snapshot`] for another version, network or way to skip;
+    /// [`EngineError::Snapshot`] for another version, network or skip option;
     /// [`EngineError::SnapshotBytes`] for bytes that are truncated, changed or do not fit, or a
     /// value that is not finite. The state is then unchanged.
     pub fn restore_bytes(&mut self, bytes: &[u8]) -> Result<(), EngineError> {

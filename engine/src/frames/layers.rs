@@ -38,7 +38,7 @@ pub(super) struct MapState {
     gates: FeatureMap,
 }
 
-/// Products of a convolution's input: they depend on the stored input alone, and are no state.
+/// Products of a convolution's input: they depend only on the stored input, and are not a state.
 #[derive(Clone, Debug)]
 pub(super) struct KeptProducts {
     /// Whether none of them is known.
@@ -87,7 +87,7 @@ impl Memory {
     }
 }
 
-/// Bytes of the working space that all layers share: the most that any of them needs of each part.
+/// Bytes of the working space that all layers share: for each part, the maximum over the layers.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct ScratchBytes {
     pub(super) winograd: [u128; 3],
@@ -124,7 +124,7 @@ impl Clone for Scratch {
 }
 
 impl Scratch {
-    /// All that any layer needs: no frame takes more.
+    /// Allocates enough for every layer: no frame needs more.
     pub(super) fn new(bytes: ScratchBytes) -> Self {
         Self {
             bytes,
@@ -148,7 +148,7 @@ pub(super) struct Run<'a> {
     pub(super) from: Value,
     pub(super) to: Value,
     pub(super) pending: &'a Pending,
-    /// The layer's output for a frame of zeros, and the pixels that anything else may reach.
+    /// The layer's output for a frame of zeros, and the pixels that other values may reach.
     pub(super) background: Option<(&'a Buffer, &'a Changes)>,
     pub(super) memory: &'a mut Memory,
     pub(super) scratch: &'a mut Scratch,

@@ -1,5 +1,5 @@
-//! The description of a frame network: layers, and its fingerprint, a hash of all that predictions
-//! depend on, and of names.
+//! The description of a frame network: its layers, and its fingerprint, a hash of names and of
+//! everything that predictions depend on.
 
 use meissner_kernels::{Activation, WinogradTile};
 
@@ -17,8 +17,8 @@ pub struct FrameNetworkParts {
     pub input: FrameShape,
     /// Layers in topological order; the output of the last one is the prediction.
     pub layers: Vec<FrameLayer>,
-    /// What the frames of its training were like, if that is known. Predictions then say how unlike
-    /// theirs are; their values stay as they are.
+    /// Statistics of the frames of its training, if known. Predictions then tell how unlike their
+    /// frames are; their values do not change.
     pub training: Option<TrainingFrames>,
 }
 
@@ -60,7 +60,8 @@ pub enum FrameLayerKind {
     },
     /// Maximum over 2 x 2 pixels with stride 2; an odd last row or column is dropped.
     MaxPool,
-    /// Mean of `size` x `size` pixels with that stride; what fills no window is dropped.
+    /// Mean of `size` x `size` pixels with that stride; pixels that do not fill a window are
+    /// dropped.
     AveragePool {
         /// Pixels on each axis.
         size: usize,
@@ -133,10 +134,10 @@ pub enum Convolution {
     /// Direct sum of all products.
     #[default]
     Direct,
-    /// Winograd's minimal filtering: fewer products, rounded otherwise: an approximation.
+    /// Winograd's minimal filtering: fewer products with different rounding, so an approximation.
     Winograd(WinogradTile),
-    /// Nine products of each input pixel, kept, and their sums: as exact as [`Self::Direct`], in
-    /// another order. Less work where few pixels change, more memory. Layers with more channels
+    /// Keeps nine products of each input pixel, and adds them: as exact as [`Self::Direct`], in
+    /// another order. Less work if few pixels change, but more memory. Layers with more channels
     /// than [`meissner_kernels::Kn2rowConv3x3::MAX_OUTPUTS`] are computed directly.
     Kn2row,
 }

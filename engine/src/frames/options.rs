@@ -12,8 +12,8 @@ pub enum Skip {
     /// Values that no change reaches are kept. The bits are those of [`Self::Nothing`].
     #[default]
     Exact,
-    /// As [`Self::Exact`], but a pixel that changed by at most this in every channel keeps its
-    /// values: an approximation.
+    /// As [`Self::Exact`], but a pixel that changed by at most this value in every channel keeps
+    /// its values: an approximation.
     Tolerance(f32),
 }
 
@@ -44,7 +44,8 @@ pub struct FrameOptions {
     /// Which computations are skipped. The default is [`Skip::Exact`].
     pub skip: Skip,
     /// Whether frames are mostly zero, as event frames are: each layer's output for zeros is
-    /// stored, and reused wherever only zeros reach. Same bits, twice the memory. Default: off.
+    /// stored, and reused for pixels that only zeros reach. Same bits, twice the memory. Default:
+    /// off.
     pub sparse: bool,
     /// Whether two threads share the rows of large maps. The bits are the same. Default: off.
     pub two_threads: bool,

@@ -1,7 +1,7 @@
-//! Recomputes the parts of a map that a change reaches, but for pixels that equal those for zeros.
+//! Recomputes the parts of a map that a change reaches, except pixels that equal those for zeros.
 //!
 //! Input: the pixels that a change reaches, and a kernel whose bits do not depend on the region.
-//! Output: the map as if computed whole, and the pixels that changed.
+//! Output: the map as if it was computed completely, and the pixels that changed.
 
 use meissner_kernels::{FeatureMap, Planes, Region};
 
@@ -15,8 +15,8 @@ pub(super) trait Pixels {
     /// Appends the values of `region` to `out`.
     fn save(&self, region: Region, out: &mut Vec<f32>);
     /// Compares `region` with what [`Self::save`] stored. A pixel that changed by more than
-    /// `tolerance` in a channel (`None`: in a bit) is marked in `changed`; others get old values
-    /// back.
+    /// `tolerance` in a channel (`None`: in a bit) is marked in `changed`; others get their old
+    /// values back.
     fn compare(&mut self, region: Region, old: &[f32], tolerance: Option<f32>, changed: &mut Changes);
     /// A map of the same layout.
     type Whole;
@@ -123,13 +123,13 @@ pub(super) struct Patch<'a, W> {
     pub(super) size: [usize; 2],
     /// Pixels that a change reaches; `None` recomputes everything and compares nothing.
     pub(super) dirty: Option<&'a Changes>,
-    /// The output for a frame of zeros, and the pixels that anything else may reach.
+    /// The output for a frame of zeros, and the pixels that other values may reach.
     pub(super) background: Option<(&'a W, &'a Changes)>,
     pub(super) tolerance: Option<f32>,
     /// Rows and columns of the recomputed blocks.
     pub(super) block: [usize; 2],
-    /// Whether a small rectangle of changes, as of one changed pixel, is recomputed at once instead
-    /// of in blocks: the weights are read once.
+    /// Whether a small rectangle of changes, such as that of one changed pixel, is recomputed at
+    /// once instead of in blocks: the weights are then read once.
     pub(super) rectangles: bool,
 }
 
@@ -140,7 +140,7 @@ pub(super) struct PatchScratch {
 }
 
 impl PatchScratch {
-    /// Room for so many bytes of marks, and of the values of a row of blocks.
+    /// Room for these numbers of bytes of marks, and of the values of a row of blocks.
     pub(super) fn with_bytes(marks: u128, compared: u128) -> Self {
         let old = Vec::with_capacity(compared as usize / size_of::<f32>());
         Self { todo: Changes::with_bytes(marks), old }

@@ -30,7 +30,7 @@ pub(super) struct State {
     /// Whether the last layer's output has changed since `prediction` was copied from it.
     stale: bool,
     pub(super) frames: u64,
-    /// The newest frames, where the network knows what those of its training were like.
+    /// Statistics of the newest frames, if the network has statistics of its training.
     statistics: Option<FrameStatistics>,
     pub(super) counters: FrameCounters,
 }
@@ -49,7 +49,8 @@ pub(crate) struct Cell<'a> {
 #[derive(Clone, Debug)]
 struct Background {
     buffers: Vec<Buffer>,
-    /// For each value, where anything but zeros may have reached; `None` if it depends on a state.
+    /// For each value, the pixels that values other than zero may have reached; `None` if it
+    /// depends on a state.
     reached: Vec<Option<Changes>>,
 }
 
@@ -137,8 +138,8 @@ impl State {
         self.step(network, options, any);
     }
 
-    /// Takes a frame that differs from the last in `cells` alone: all changes are marked, nothing
-    /// else is read. There is no tolerance and no background.
+    /// Takes a frame that differs from the last only in `cells`: it marks all changes and reads
+    /// nothing else. There is no tolerance and no background.
     pub(super) fn push_cells<'a>(
         &mut self,
         network: &FrameNetwork,
@@ -155,7 +156,7 @@ impl State {
         self.step(network, options, any);
     }
 
-    /// Runs the layers that every frame runs, after the changes of the frame are marked.
+    /// Runs the layers that run for every frame, after the changes of the frame are marked.
     fn step(&mut self, network: &FrameNetwork, options: FrameOptions, any: bool) {
         self.tell(network, 0, any);
         for i in 0..network.units.len() {
@@ -265,7 +266,7 @@ impl State {
         self.statistics.iter_mut().for_each(FrameStatistics::reset);
         // With a tolerance, values must not be compared with those from before the reset.
         let compares = matches!(options.skip, Skip::Tolerance(_));
-        // As before the first frame, the frame and the outputs of states are zeros.
+        // The frame and the outputs of states are zeros, as before the first frame.
         for (i, value) in network.values.iter().enumerate() {
             if i == 0 || compares || self.memories[i - 1].is_state() {
                 self.changed.become_none(value.shape.marks());
@@ -284,8 +285,8 @@ impl State {
         Some(network.training()?.unlikeness(self.statistics.as_ref()?))
     }
 
-    /// Takes the statistics that `network` knows, after a copy of the state of an equal one, which
-    /// may know others.
+    /// Takes the statistics of `network`, after the state of an equal network was copied, which may
+    /// have other statistics.
     pub(super) fn know(&mut self, network: &FrameNetwork) {
         let mut statistics = network.statistics();
         if let Some(own) = &mut statistics {

@@ -15,8 +15,8 @@ pub struct Frame {
 /// A [`FrameEngine`] with the common methods of all engines: it takes frames in order of time.
 ///
 /// A frame earlier than the newest is late and dropped. [`CONFIRMING_FRAMES`] late frames in a row,
-/// in order, restart the clock: the engine resets and takes the last ([`RestartPolicy`]). `nodes`
-/// of a [`Prediction`] counts frames since the last reset.
+/// in order, restart the clock: the engine resets and takes the last one ([`RestartPolicy`]).
+/// `nodes` of a [`Prediction`] counts frames since the last reset.
 #[derive(Clone, Debug)]
 pub struct TimedFrames {
     engine: FrameEngine,
@@ -29,7 +29,7 @@ pub struct TimedFrames {
     counters: EventCounters,
 }
 
-/// Late frames in a row that confirm a restart of the clock.
+/// Number of consecutive late frames that confirm a restart of the clock.
 pub const CONFIRMING_FRAMES: usize = 3;
 
 impl TimedFrames {

@@ -1,40 +1,41 @@
-//! How unlike frames are to those of a training.
+//! How much frames differ from those of a training.
 //!
-//! Input: frames. Output: features of the newest ones, and by a [`TrainingFrames`] how unlike they
-//! are to those of the training: the distance of `gaussian.rs`. Sums are in f64, from scratch for
-//! each frame, in the order of its values; those of several frames are added again for each
-//! prediction. No value of a prediction depends on any of this.
+//! Input: frames. Output: features of the newest frames and, by a [`TrainingFrames`], how unlike
+//! they are to those of the training: the distance of `gaussian.rs`. Sums are in f64, from scratch
+//! for each frame, in the order of its values; the sums of several frames are added again for each
+//! prediction. No value of a prediction depends on this.
 
 use super::shape::FrameShape;
 use crate::gaussian::{Gaussian, MAX_FEATURES};
 
-/// Frames that count for a network that remembers earlier ones: a single frame of few events says
-/// little.
+/// Number of frames that count for a network that remembers earlier frames: a single frame of few
+/// events contains little information.
 const WINDOW: usize = 16;
 
 /// Cells of an image along each side.
 const CELLS: usize = 4;
 
-/// Channels that an image is described by, one by one.
+/// Maximum number of channels that are described one by one.
 const CHANNELS: usize = 3;
 
-/// Values that are skipped together where all of them are zero.
+/// Number of values that are skipped together if all of them are zero.
 const RUN: usize = 16;
 
-/// Which features a frame has.
+/// The features of a frame.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum FrameFeatures {
-    /// Of an image, of each channel or, of more than three, of all together: mean of the pixels'
-    /// sums, and roots of the sum of squares and of squared differences along the rows. Of two
-    /// channels: the cosine between their pixels. Root of the sum of squares in each of 4 x 4
-    /// cells.
+    /// Features of an image. For each channel or, if there are more than three, for all together:
+    /// mean of the pixels' sums, and roots of the sum of squares and of squared differences along
+    /// the rows. For two channels: the cosine between their pixels. Root of the sum of squares in
+    /// each of 4 x 4 cells.
     Image,
-    /// Squares of the values at these places, which ascend.
+    /// Squares of the values at these indices, which ascend.
     Values(Vec<usize>),
 }
 
 impl FrameFeatures {
-    /// Number of features of frames of `shape`; `None` if they are no images, or lack a place.
+    /// Number of features of frames of `shape`; `None` if they are not images, or have no value at
+    /// an index.
     fn count(&self, shape: FrameShape) -> Option<usize> {
         if shape.values() == 0 {
             return None;
@@ -54,7 +55,7 @@ impl FrameFeatures {
     }
 }
 
-/// Channels that are described one by one.
+/// Number of channels that are described one by one.
 fn groups(channels: usize) -> usize {
     if channels <= CHANNELS { channels } else { 1 }
 }
@@ -65,18 +66,18 @@ pub struct FrameStatistics {
     of: FrameFeatures,
     shape: FrameShape,
     features: usize,
-    /// Frames that count.
+    /// Number of frames that count.
     window: usize,
-    /// Their sums, those of the frame of number n in row n modulo `window`.
+    /// The sums of these frames; those of frame n are in row n modulo `window`.
     sums: Vec<f64>,
     /// Frames since the last reset.
     frames: u64,
 }
 
 impl FrameStatistics {
-    /// Before the first frame of `shape`. Of a network that remembers earlier frames
-    /// ([`super::FrameNetwork::has_state`]), 16 frames count for [`FrameFeatures::Image`], else the
-    /// newest. `None` if such frames do not have these features.
+    /// The state before the first frame of `shape`. If the network remembers earlier frames
+    /// ([`super::FrameNetwork::has_state`]), 16 frames count for [`FrameFeatures::Image`], else
+    /// only the newest. `None` if such frames do not have these features.
     pub fn new(of: &FrameFeatures, shape: FrameShape, remembers: bool) -> Option<Self> {
         let features = of.count(shape)?;
         let window = if remembers && *of == FrameFeatures::Image { WINDOW } else { 1 };
@@ -139,18 +140,19 @@ impl FrameStatistics {
         features
     }
 
-    /// Whether it describes the same frames by the same features.
+    /// Whether `other` describes the same frames by the same features.
     pub(super) fn is_like(&self, other: &Self) -> bool {
         (&self.of, self.shape, self.window) == (&other.of, other.shape, other.window)
     }
 
-    /// The sums of the frames that count, in their rows.
+    /// The sums of the frames that count, row by row.
     pub(super) fn sums(&self) -> &[f64] {
         &self.sums[..self.frames.min(self.window as u64) as usize * self.features]
     }
 
-    /// After `frames` frames with these [sums](Self::sums). Of other numbers of sums, such as those
-    /// of a network that did not know its training, the frames are `newest` and ones like it.
+    /// Sets the state after `frames` frames with these [sums](Self::sums). If the number of sums
+    /// differs, as for a network without statistics of its training, all frames count as equal to
+    /// `newest`.
     pub(super) fn set(&mut self, frames: u64, sums: &[f64], newest: impl FnOnce() -> Vec<f32>) {
         self.reset();
         let expected = frames.min(self.window as u64) as usize * self.features;
@@ -163,7 +165,7 @@ impl FrameStatistics {
         self.frames = frames;
     }
 
-    /// Most sums that a state has.
+    /// Maximum number of sums of a state.
     pub(super) const MAX_SUMS: usize = WINDOW * MAX_FEATURES;
 
     /// Bytes of the sums.
@@ -175,14 +177,14 @@ impl FrameStatistics {
 /// Adds the sums of an image to `sums`: of the values of each channel, of squares, of products of
 /// two channels, of squared differences, of squares in cells.
 ///
-/// Every sum adds in the order of the values in `frame`. Zeros change none, and are passed over.
+/// Every sum adds in the order of the values in `frame`. Zeros change no sum and are skipped.
 fn add_image(frame: &[f32], [channels, height, width]: [usize; 3], sums: &mut [f64]) {
     let groups = groups(channels);
     let (values, sums) = sums.split_at_mut(groups);
     let (squares, sums) = sums.split_at_mut(groups);
     let (products, sums) = sums.split_at_mut(groups * (groups - 1) / 2);
     let (differences, cells) = sums.split_at_mut(groups);
-    // The first columns of the cells after the first.
+    // The first column of each cell after the first cell.
     let begins: [usize; CELLS - 1] = std::array::from_fn(|cell| ((cell + 1) * width).div_ceil(CELLS));
     for channel in 0..channels {
         let group = if groups == channels { channel } else { 0 };
@@ -224,7 +226,7 @@ fn add_image(frame: &[f32], [channels, height, width]: [usize; 3], sums: &mut [f
     }
 }
 
-/// What the frames of a training are like.
+/// Statistics of the frames of a training.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TrainingFrames {
     of: FrameFeatures,
@@ -232,9 +234,9 @@ pub struct TrainingFrames {
 }
 
 impl TrainingFrames {
-    /// That of a training with these [features](FrameStatistics::features) of frames, all of them
-    /// `of` the same kind. `None` for fewer than twice as many frames as features, and two.
-    /// O(frames log frames).
+    /// The statistics of a training with these [features](FrameStatistics::features) of frames, all
+    /// `of` the same kind. `None` if there are fewer frames than twice the number of features, plus
+    /// two. O(frames log frames).
     pub fn of(of: FrameFeatures, frames: &[Vec<f64>]) -> Option<Self> {
         let features = frames.first()?.len();
         let is_one_kind = frames.iter().all(|frame| frame.len() == features);
@@ -249,8 +251,8 @@ impl TrainingFrames {
         (&self.of, mean, factor)
     }
 
-    /// The one with these [parts](Self::parts). `None` as [`crate::TrainingWindows::from_parts`],
-    /// and for more than 64 features.
+    /// The statistics with these [parts](Self::parts). `None` as
+    /// [`crate::TrainingWindows::from_parts`], and for more than 64 features.
     pub fn from_parts(of: FrameFeatures, mean: &[f64], factor: Vec<Vec<f64>>) -> Option<Self> {
         Some(Self { of, gaussian: Gaussian::from_parts(mean, factor)? })
     }
@@ -260,13 +262,13 @@ impl TrainingFrames {
         self.of.count(shape) == Some(self.gaussian.features())
     }
 
-    /// What describes the frames of a network, which [fit](Self::fits).
+    /// Empty statistics for the frames of a network, which [fit](Self::fits).
     pub(super) fn statistics(&self, shape: FrameShape, remembers: bool) -> Option<FrameStatistics> {
         FrameStatistics::new(&self.of, shape, remembers)
     }
 
     /// The distance of these frames from those of the training, relative to the distance that 1 of
-    /// 1,000 frames of the training exceeds: above 1, they are unlike the training.
+    /// 1,000 frames of the training exceeds: above 1, they are unlike the training's frames.
     /// O(features^2).
     pub fn unlikeness(&self, statistics: &FrameStatistics) -> f32 {
         let mut features = [0.0; MAX_FEATURES];

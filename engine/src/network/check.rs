@@ -74,7 +74,8 @@ fn after_readout(parts: &NetworkParts, channels: usize, times: usize) -> Result<
     Ok(())
 }
 
-/// Cells of `size` that a window can occupy: a closed interval that starts anywhere in one.
+/// Number of cells of `size` that a window can occupy: a closed interval that starts anywhere in a
+/// cell.
 pub(super) fn times(size: Fraction) -> usize {
     size.cells() + 1
 }

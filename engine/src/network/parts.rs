@@ -22,7 +22,7 @@ pub enum Reach {
     Radius {
         /// Distance, in units of the normalised position.
         r: f64,
-        /// Most neighbours, 1 to 255.
+        /// Maximum number of neighbours, 1 to 255.
         max: usize,
     },
 }
@@ -45,7 +45,7 @@ impl Reach {
     }
 }
 
-/// Treatment of in-edges whose source leaves the window.
+/// Rule for in-edges whose source leaves the window.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Lifetime {
     /// They are replaced by the next nearest node: in-edges always refer to nodes in the window.
@@ -84,8 +84,8 @@ impl GraphRule {
 pub enum Normalisation {
     /// Fixed scales per level; grids with origin 0.
     Fixed,
-    /// The largest coordinate difference over each graph's edges, and grids from its smallest
-    /// position, as the published checkpoint was trained. Batch only.
+    /// The largest coordinate difference over each graph's edges, and grids that start at its
+    /// smallest position, as in the training of the published checkpoint. Batch only.
     PerGraph,
 }
 
@@ -141,7 +141,7 @@ impl Level {
     }
 }
 
-/// How the rows of a cell become one.
+/// Rule that combines the rows of a cell into one row.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Aggregation {
     /// The maximum of each channel.
@@ -159,11 +159,12 @@ pub struct Readout {
     pub columns: usize,
     /// Cells along y.
     pub rows: usize,
-    /// How a cell's rows become one: a sum counts, a maximum does not. Sums are of events, without
-    /// pooling, in the order of [`Network::sum_part_us`](crate::Network::sum_part_us).
+    /// Rule that combines a cell's rows into one: a sum counts events, a maximum does not. Sums are
+    /// of events, without pooling, in the order of
+    /// [`Network::sum_part_us`](crate::Network::sum_part_us).
     pub aggregation: Aggregation,
-    /// Whether cells in time stay separate: a copy of the grid for each that a window can occupy,
-    /// newest first.
+    /// Whether cells in time stay separate: one copy of the grid for each time cell that a window
+    /// can occupy, newest first.
     pub by_time: bool,
 }
 
@@ -189,9 +190,10 @@ pub struct NetworkParts {
     pub graph: GraphRule,
     /// Reference of edge attributes and grids.
     pub normalisation: Normalisation,
-    /// Cells, as fractions of the sensor along x and y, in which an event's place is an input: the
-    /// channels are then polarity (-1 or 1) and the place of the pixel's centre along x and y, -1
-    /// at a cell's start to 1 at its end ([`Fraction::place`]). `None`: polarity alone.
+    /// Cells, as fractions of the sensor along x and y, if an event's place in its cell is an
+    /// input. The channels are then polarity (-1 or 1) and the place of the pixel's centre along x
+    /// and y, from -1 at a cell's start to 1 at its end ([`Fraction::place`]). `None`: polarity
+    /// only.
     pub place: Option<[Fraction; 2]>,
     /// The event level.
     pub events: Level,
@@ -201,7 +203,7 @@ pub struct NetworkParts {
     pub readout: Readout,
     /// Dense layers in order; the outputs of the last are the prediction. Empty if there is a head.
     pub dense: Vec<DenseLayer>,
-    /// A frame network instead of dense layers, which predicts. It reads the readout as an image of
+    /// A frame network that predicts instead of dense layers. It reads the readout as an image of
     /// the grid: channel `age C + c` is channel c of the grid `age` time cells old. It is
     /// stateless: predictions cannot depend on how often they are read.
     pub head: Option<Arc<FrameNetwork>>,

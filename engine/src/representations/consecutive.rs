@@ -1,6 +1,6 @@
 //! Frames over consecutive windows of equal length: event counts of two channels, or signed frames.
 //!
-//! Enters: events. Leaves: a frame for each window whose end has passed; empty frames as runs.
+//! Input: events. Output: a frame for each window whose end has passed; empty frames as runs.
 //! Window k holds the events with `start + k period <= t < start + (k + 1) period`. Invariant:
 //! `values` is 0 where `integers` is, `integers` outside `touched`, `before` outside
 //! `touched_before`.
@@ -11,14 +11,14 @@ use crate::representations::{Completed, Crop, EmptyRun, EventFrame, Representati
 use crate::rows::RowSet;
 use crate::{Event, EventCounters, LatePolicy, Outcome, Sensor};
 
-/// Where and when consecutive frames are taken.
+/// Pixels and times of consecutive frames.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Consecutive {
     /// The pixels.
     pub crop: Crop,
     /// Length of a window in microseconds.
     pub period_us: i64,
-    /// When the first window begins; by default at the first event on the sensor.
+    /// Start of the first window; by default the time of the first event on the sensor.
     pub start_us: Option<i64>,
 }
 
@@ -31,17 +31,18 @@ impl Consecutive {
 
 /// Frames over consecutive windows: counts of events, or their polarities.
 ///
-/// A push costs O(1), a frame O(pixels touched in it and the one before); allocates nothing later.
+/// A push costs O(1), a frame O(pixels touched in it and the one before); nothing is allocated
+/// later.
 #[derive(Clone, Debug)]
 pub struct ConsecutiveFrames {
     admission: Admission,
     options: Consecutive,
-    /// The value of a signed pixel; none for counts.
+    /// The value of a signed pixel; `None` for counts.
     rule: Option<SignedRule>,
     channels: usize,
     /// A value is its integer divided by this.
     divisor: f32,
-    /// Windows before the open one.
+    /// Number of windows before the open one.
     open: i64,
     integers: Vec<i32>,
     values: Vec<f32>,
@@ -59,7 +60,7 @@ impl ConsecutiveFrames {
     /// width), channel 0 negative (OFF), 1 positive (ON).
     ///
     /// value(p, y, x) = events of polarity p at (x, y) in the window / `maximum` (the force paper,
-    /// Eq. 1), divided in f32. More than `maximum` gives values above 1.
+    /// Eq. 1), divided in f32. More than `maximum` events give values above 1.
     ///
     /// # Errors
     /// A crop outside `sensor`, a period below 1 us, a maximum that is not finite or below 1.
@@ -114,7 +115,8 @@ impl ConsecutiveFrames {
         Ok(frames)
     }
 
-    /// The same behind the filters of `rules`, which drop and count events as a network's.
+    /// The same behind the filters of `rules`, which drop and count events as a network's filters
+    /// do.
     ///
     /// # Errors
     /// A filter refuses the sensor.
@@ -154,7 +156,8 @@ impl ConsecutiveFrames {
     }
 
     /// Advances time to `t_us`, and hands the windows that this completes to `sink`. Earlier times
-    /// change nothing, nor does any before the first event, unless a start was given.
+    /// change nothing. Times before the first event change nothing either, unless a start was
+    /// given.
     pub fn advance(&mut self, t_us: i64, sink: impl FnMut(Completed<'_>)) {
         self.admission.advance(t_us);
         self.complete(sink);
@@ -167,7 +170,7 @@ impl ConsecutiveFrames {
         Some(self.frame())
     }
 
-    /// Forgets time and all events; the frame before the next one is all 0. Counters go on.
+    /// Forgets time and all events; the frame before the next one is all 0. Counters are kept.
     pub fn reset(&mut self) {
         self.turn();
         self.forget();
@@ -218,7 +221,7 @@ impl ConsecutiveFrames {
         }
     }
 
-    /// When the open window begins. It cannot overflow: now is not earlier.
+    /// Start of the open window. It cannot overflow: now is not earlier.
     fn start_us(&self) -> i64 {
         self.admission.epoch_us().unwrap_or(0) + self.open * self.options.period_us
     }
@@ -234,7 +237,7 @@ impl ConsecutiveFrames {
         }
     }
 
-    /// Computes the open window's values, and the pixels that they change.
+    /// Computes the open window's values, and the pixels that changed.
     fn render(&mut self) {
         let indices = |pixel| self.options.crop.indices(pixel, self.channels);
         self.changed.clear();
@@ -255,7 +258,7 @@ impl ConsecutiveFrames {
         }
     }
 
-    /// The open window's frame becomes the one before, and an empty one is opened.
+    /// Makes the open window's frame the one before, and opens an empty one.
     fn turn(&mut self) {
         self.forget();
         std::mem::swap(&mut self.values, &mut self.before);
@@ -266,7 +269,7 @@ impl ConsecutiveFrames {
         self.events = [0; 2];
     }
 
-    /// The frame before becomes an empty one.
+    /// Makes the frame before an empty one.
     fn forget(&mut self) {
         for &pixel in self.touched_before.as_slice() {
             self.options.crop.indices(pixel, self.channels).for_each(|i| self.before[i] = 0.0);

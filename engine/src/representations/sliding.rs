@@ -1,8 +1,8 @@
 //! A signed frame over the last `span_us`, readable at any time.
 //!
-//! Enters: events, and time. Leaves: the frame over `now - span <= t <= now`, on demand. Invariant:
+//! Input: events, and time. Output: the frame over `now - span <= t <= now`, on demand. Invariant:
 //! a pixel's integer is the sum (or latest polarity) of its events in `window`, `held` their
-//! number; `values` is out of date in `stale` alone.
+//! number; `values` is out of date only in `stale`.
 
 use std::collections::VecDeque;
 
@@ -20,7 +20,7 @@ struct Member {
     on: bool,
 }
 
-/// A signed frame whose events leave again.
+/// A signed frame whose events leave when they are too old.
 ///
 /// A push costs O(1) amortised, a frame O(pixels whose events changed).
 #[derive(Clone, Debug)]
@@ -45,8 +45,8 @@ impl SlidingSigned {
     /// A capacity for streams of any sensor: 6 MiB of events.
     pub const DEFAULT_CAPACITY: usize = 1 << 18;
 
-    /// An empty window of `span_us` for `capacity` events: beyond that, the oldest leave first and
-    /// count as evicted.
+    /// An empty window of `span_us` for `capacity` events: if there are more, the oldest leave
+    /// first and count as evicted.
     ///
     /// # Errors
     /// A crop outside `sensor`, a span or a capacity below 1, a capacity above 2^31 - 1.
@@ -83,7 +83,8 @@ impl SlidingSigned {
         })
     }
 
-    /// The same behind the filters of `rules`, which drop and count events as a network's.
+    /// The same behind the filters of `rules`, which drop and count events as a network's filters
+    /// do.
     ///
     /// # Errors
     /// A filter refuses the sensor.
@@ -117,8 +118,8 @@ impl SlidingSigned {
         Outcome::Accepted
     }
 
-    /// Advances time to `t_us`, and removes events that are too old. Earlier times, and any before
-    /// the first event, change nothing.
+    /// Advances time to `t_us`, and removes events that are too old. Earlier times, and times
+    /// before the first event, change nothing.
     pub fn advance(&mut self, t_us: i64) {
         self.admission.advance(t_us);
         self.expire();
@@ -146,7 +147,8 @@ impl SlidingSigned {
         }
     }
 
-    /// Forgets time and events, not counters. The next frame lists changes since the last one read.
+    /// Forgets time and events, but keeps counters. The next frame lists changes since the last one
+    /// read.
     pub fn reset(&mut self) {
         while !self.window.is_empty() {
             self.leave();

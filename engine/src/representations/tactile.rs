@@ -1,8 +1,8 @@
 //! Tactile images and sequences: the input of the direction-of-slip networks.
 //!
-//! Enters: readings of 24 electrodes. Leaves: sequences of readings or images of 12 x 11, scaled;
-//! readings also in two ways, side by side. The order: check, (scale the reading,) lay it out,
-//! (scale the image,) collect.
+//! Input: readings of 24 electrodes. Output: sequences of readings or images of 12 x 11, scaled;
+//! readings also scaled in two ways, side by side. The order: check, (scale the reading,) lay it
+//! out, (scale the image,) collect.
 
 use crate::representations::RepresentationError;
 
@@ -24,12 +24,12 @@ pub const ELECTRODE_COLUMNS: [usize; ELECTRODES] =
 
 const PASSES: usize = 2;
 
-/// The lists of neighbours by which 24 values become an image.
+/// The lists of neighbours that turn 24 values into an image.
 ///
 /// An electrode's value is in its cell; every other cell is the mean of its filled neighbours among
 /// 8, in two passes (the slip paper's published preparation). The first pass sees the electrodes,
-/// the second also what the first filled (97 cells; 11 remain). A mean adds in f64 in row-major
-/// order, divides by the number, and is rounded to f32 once.
+/// the second also the cells that the first filled (97 cells; 11 remain). A mean adds in f64 in
+/// row-major order, divides by the number, and is rounded to f32 once.
 #[derive(Clone, Debug)]
 pub struct TactileLayout {
     /// Each cell between electrodes, and its filled neighbours.
@@ -86,43 +86,44 @@ fn around(cell: usize) -> impl Iterator<Item = usize> {
         .filter(move |&neighbour| neighbour != cell)
 }
 
-/// Which minimum and maximum become 0 and 1.
+/// The minimum and maximum that are scaled to 0 and 1.
 ///
-/// scaled = (value - minimum) / (maximum - minimum), in f64, rounded once; 0 where both are equal.
+/// scaled = (value - minimum) / (maximum - minimum), in f64, rounded once; 0 if both are equal.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Scaling {
-    /// Those of each image, after layout (the slip paper's published preparation). Without images
-    /// those of each reading: means lie between the values that they are taken of.
+    /// The minimum and maximum of each image, after layout (the slip paper's published
+    /// preparation). Without images, those of each reading: means lie between the values from which
+    /// they are computed.
     #[default]
     PerImage,
-    /// Fixed ones, such as a training set's (the slip paper's text), before layout. Values beyond
-    /// them lie beyond 0 and 1.
+    /// A fixed minimum and maximum, such as those of a training set (the slip paper's text), before
+    /// layout. Values beyond them lie beyond 0 and 1.
     Range {
-        /// What becomes 0.
+        /// Value that is scaled to 0.
         minimum: f32,
-        /// What becomes 1.
+        /// Value that is scaled to 1.
         maximum: f32,
     },
-    /// Those of the 24 electrodes of each reading, before it is laid out.
+    /// The minimum and maximum of the 24 electrodes of each reading, before it is laid out.
     PerReading,
     /// Both, for readings without layout: the 24 values by [`Self::PerReading`], then by
-    /// [`Self::Range`]. The first show the distribution, the second also the strength.
+    /// [`Self::Range`]. The first half shows the distribution, the second also the strength.
     ReadingAndRange {
-        /// What becomes 0 in the second half.
+        /// Value that is scaled to 0 in the second half.
         minimum: f32,
-        /// What becomes 1 in the second half.
+        /// Value that is scaled to 1 in the second half.
         maximum: f32,
     },
 }
 
 impl Scaling {
-    /// The range of all `readings`: scaling by the training set. `None` where it has no extent.
+    /// The range of all `readings`: scaling by the training set. `None` if the range has no extent.
     pub fn range_of<'a>(readings: impl IntoIterator<Item = &'a [f32; ELECTRODES]>) -> Option<Self> {
         let (minimum, maximum) = bounds(readings.into_iter().flatten());
         (minimum < maximum).then_some(Self::Range { minimum, maximum })
     }
 
-    /// Number of values of a reading that is not laid out: 24, or 48 where each is there twice.
+    /// Number of values of a reading that is not laid out: 24, or 48 if each occurs twice.
     pub fn values(self) -> usize {
         match self {
             Self::PerImage | Self::Range { .. } | Self::PerReading => ELECTRODES,
@@ -149,7 +150,7 @@ pub(crate) fn by_own_range(values: &mut [f32]) {
     values.iter_mut().for_each(|value| *value = scaled(*value, minimum, maximum));
 }
 
-/// `value`, where `minimum` becomes 0 and `maximum` 1.
+/// `value` scaled so that `minimum` becomes 0 and `maximum` 1.
 fn scaled(value: f32, minimum: f32, maximum: f32) -> f32 {
     let [value, minimum, maximum] = [value, minimum, maximum].map(f64::from);
     if minimum == maximum { 0.0 } else { ((value - minimum) / (maximum - minimum)) as f32 }
@@ -166,11 +167,11 @@ pub enum Sampling {
     /// Windows of consecutive readings that do not overlap: one decision per `steps` readings.
     #[default]
     Consecutive,
-    /// The last `steps` readings: one decision per reading once there are as many.
+    /// The last `steps` readings: one decision per reading, once there are `steps` readings.
     Sliding,
     /// Every `stride`th reading from the first on, in disjoint windows; others are skipped.
     Step {
-        /// From one reading that is taken to the next.
+        /// Distance from one used reading to the next.
         stride: usize,
     },
 }
@@ -192,7 +193,7 @@ pub struct TactileSequence<'a> {
     pub shape: [usize; 3],
     /// Values, row-major, the oldest step first.
     pub values: &'a [f32],
-    /// The place of the last reading among all since the last reset, counted from 0.
+    /// Index of the last reading among all readings since the last reset, counted from 0.
     pub reading: u64,
 }
 
@@ -256,7 +257,8 @@ impl TactileWindow {
     /// Takes the next reading, and returns the window that it completes, if it does.
     ///
     /// # Errors
-    /// A value that is not finite, or becomes so by a fixed range. The reading is not taken.
+    /// A value that is not finite, or that a fixed range makes not finite. The reading is not
+    /// taken.
     pub fn push(
         &mut self,
         reading: &[f32; ELECTRODES],
@@ -318,8 +320,8 @@ impl TactileWindow {
         self.readings = 0;
     }
 
-    /// The reading, scaled where that precedes layout; of two scalings by the second. A range is
-    /// the same for all cells, and what it makes infinite is found before it enters a mean.
+    /// The reading, scaled if scaling precedes layout; of two scalings, by the second. A range is
+    /// the same for all cells, so a value that it makes infinite is found before it enters a mean.
     fn admit(&self, reading: &[f32; ELECTRODES]) -> Result<[f32; ELECTRODES], RepresentationError> {
         if let Some(electrode) = reading.iter().position(|value| !value.is_finite()) {
             return Err(RepresentationError::Reading { electrode, value: reading[electrode] });

@@ -1,6 +1,6 @@
 //! Time surfaces: how long ago each pixel saw each polarity (Lagorce et al. 2017, HOTS, Eq. 3).
 //!
-//! Enters: events, and time. Leaves, on demand: a frame (2, height, width), channel 0 negative
+//! Input: events, and time. Output, on demand: a frame (2, height, width), channel 0 negative
 //! (OFF), 1 positive (ON), with value(p, y, x) = decay(now - latest(p, y, x)), 0 without an event.
 //! Ages are integers, rounded to f32 once. Tonic's `ToTimesurface` reads one every `dt`: push the
 //! events before, `advance`, read. Invariant: a value outside `active` is 0 until its next event,
@@ -23,7 +23,7 @@ pub enum Decay {
     },
     /// max(0, 1 - age / span).
     Linear {
-        /// The age in microseconds from which on the value is 0.
+        /// The age in microseconds at which the value reaches 0.
         span_us: f32,
     },
 }
@@ -61,7 +61,7 @@ pub struct TimeSurface {
     admission: Admission,
     crop: Crop,
     decay: Decay,
-    /// Microseconds since the epoch, where active.
+    /// Microseconds since the epoch, for active values.
     last: Vec<i64>,
     values: Vec<f32>,
     active: RowSet,
@@ -96,7 +96,7 @@ impl TimeSurface {
         self.crop.shape(2)
     }
 
-    /// Notes the time of `event`.
+    /// Records the time of `event`.
     ///
     /// An event outside the crop is accepted, advances time and counts as [`Self::outside_crop`].
     pub fn push(&mut self, event: Event) -> Outcome {
@@ -122,7 +122,7 @@ impl TimeSurface {
     /// The surface at the time of the newest event, or a later `advance`.
     pub fn surface(&mut self) -> Surface<'_> {
         let now = self.admission.now();
-        // Backwards: the row that takes a removed one's place has been visited.
+        // Backwards: the row that replaces a removed one has been visited.
         for at in (0..self.active.len()).rev() {
             let index = self.active.as_slice()[at];
             let value = self.decay.value(now - self.last[index as usize]);
@@ -139,7 +139,7 @@ impl TimeSurface {
         }
     }
 
-    /// Forgets time and all events. Counters go on.
+    /// Forgets time and all events. Counters are kept.
     pub fn reset(&mut self) {
         for &index in self.active.as_slice() {
             self.values[index as usize] = 0.0;

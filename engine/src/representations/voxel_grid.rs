@@ -1,14 +1,14 @@
 //! Voxel grids: events spread over bins of time (Zhu et al. 2019, "Unsupervised Event-based
 //! Learning of Optical Flow, Depth, and Egomotion", Eq. 1-2, as Tonic's `ToVoxelGrid`).
 //!
-//! Enters: a window from t0 to t1, both included, and events. Leaves: a grid (bins, height, width),
+//! Input: a window from t0 to t1, both included, and events. Output: a grid (bins, height, width),
 //!
 //!   V(b, y, x) = sum over events at (x, y) of polarity max(0, 1 - |b - tau|),
 //!   tau = s (t - t0) / (t1 - t0),
 //!
 //! with polarity +1 (ON) or -1 (OFF) and s = bins or bins - 1 ([`VoxelTime`]); tau is 0 if t1 = t0.
-//! Weights are integer multiples of 1 / (t1 - t0), so sums are integers: the order of events, late
-//! ones included, does not matter. A value is divided in f64 and rounded to f32 once.
+//! Weights are integer multiples of 1 / (t1 - t0), so sums are integers: the order of events,
+//! including late ones, does not matter. A value is divided in f64 and rounded to f32 once.
 
 use std::ops::RangeInclusive;
 
@@ -19,10 +19,12 @@ use crate::{Event, Sensor};
 /// How the time of a window maps to the bins.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum VoxelTime {
-    /// s = bins: the window ends a bin after the last, and weight that falls there is lost (Tonic).
+    /// s = bins: the window ends one bin after the last bin, and weight beyond the last bin is lost
+    /// (Tonic).
     #[default]
     Bins,
-    /// s = bins - 1: it ends on the last bin, and every event weighs 1 (the paper's Eq. 1).
+    /// s = bins - 1: the window ends on the last bin, and every event has weight 1 (the paper's Eq.
+    /// 1).
     Centres,
 }
 
@@ -41,7 +43,7 @@ pub struct VoxelCounters {
     pub outside_window: u64,
 }
 
-/// A voxel grid, and the pixels of it that have events.
+/// A voxel grid, and its pixels that have events.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct VoxelFrame<'a> {
     /// Bins, rows, columns.
@@ -110,7 +112,7 @@ impl VoxelGrid {
         })
     }
 
-    /// Empties the grid and begins another window. Counters go on.
+    /// Empties the grid and begins another window. Counters are kept.
     ///
     /// # Errors
     /// A window that ends before it starts or exceeds 2^32 - 1 us (71 minutes); nothing changes.

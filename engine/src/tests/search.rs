@@ -200,7 +200,7 @@ mod window {
             first in prop_oneof![Just(0), any::<u32>()],
         ) {
             let mut window = Window::new(capacity, &mut Memory::default());
-            // As after so many nodes.
+            // The state after this number of nodes.
             window.first = first / CHUNK * CHUNK;
             let (mut plain, mut t, mut most) = (VecDeque::new(), 0, 0);
             for (step, entering, leaving) in steps {
@@ -217,7 +217,8 @@ mod window {
                     let count = leaving.min(plain.len() as u32);
                     let left: Vec<u32> = plain.drain(..count as usize).map(|(slot, _)| slot).collect();
                     window.pop(count);
-                    // Whoever was there with those that left ranks before them.
+                    // Nodes that were in the window together with the nodes that left rank before
+                    // those.
                     for &slot in &left {
                         prop_assert!(window.age_rank(slot) >= plain.len() as u32);
                     }
@@ -229,7 +230,8 @@ mod window {
                 for (index, &(slot, node)) in plain.iter().enumerate() {
                     prop_assert_eq!(window.node(slot), node);
                     prop_assert_eq!([window.age_rank(slot), window.slot_of(index as u32)], [index as u32, slot]);
-                    // No more chunks are used than the nodes that were there at once need.
+                    // The window uses only as many chunks as the maximum number of simultaneous
+                    // nodes needs.
                     prop_assert!((slot as usize) < Window::slots_for(most));
                 }
                 let middle = plain.len() as u32 / 3..plain.len() as u32;

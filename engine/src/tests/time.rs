@@ -9,8 +9,8 @@ mod restart {
     const WINDOW_US: i64 = 100;
     const FAR_US: i64 = 1_000 * MAX_SILENCE_US;
 
-    /// The clocks of events at `times`, each with the times taken, late ones included; then
-    /// outliers, and events still held.
+    /// The clocks of events at `times`, each with the times taken, including late ones; then the
+    /// numbers of outliers and of events still held.
     fn clocks(policy: RestartPolicy, times: &[i64]) -> (Vec<Vec<i64>>, u64, usize) {
         let mut watch = ClockWatch::new(policy, SENSOR, WINDOW_US);
         let (mut clocks, mut outliers) = (vec![Vec::new()], 0);
@@ -171,7 +171,8 @@ mod fraction {
         assert_eq!(places(1, 2, 8), [-0.75, -0.25, 0.25, 0.75, -0.75, -0.25, 0.25, 0.75]);
         assert_eq!(places(1, 4, 4), [0.0; 4]);
         assert_eq!(places(3, 4, 4), [-2.0 / 3.0, 0.0, 2.0 / 3.0, -2.0 / 3.0].map(|v: f64| v as f32));
-        // Cells of 2.5 pixels: the third pixel begins in the first cell, its centre at the end.
+        // Cells of 2.5 pixels: the third pixel begins in the first cell; its centre is at the
+        // cell's end.
         assert_eq!(places(1, 2, 5)[2], 1.0);
         // The whole sensor is one cell, and a larger cell is not filled.
         assert_eq!(places(1, 1, 2), [-0.5, 0.5]);

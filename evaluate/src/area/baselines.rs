@@ -1,5 +1,5 @@
-//! Contacts without a network: figures of a map that is read by the best of some thresholds, and
-//! the difference of a picture from the sensor at rest.
+//! Contacts without a network: figures of a map under the best of some thresholds, and the
+//! difference of a picture from the sensor at rest.
 
 use meissner_models::systems::contact_area::{DifferenceBaseline, DifferenceSettings, PixelSize};
 use meissner_run::RunError;
@@ -17,7 +17,7 @@ use crate::workers::Workers;
 #[derive(Serialize)]
 #[expect(missing_docs, reason = "the keys of the JSON report")]
 pub struct BaselineFigures {
-    /// Of twelve thresholds, that of the highest `IoU`: the baseline is favoured.
+    /// The threshold with the highest `IoU` out of twelve, which favours the baseline.
     pub threshold: f32,
     pub iou: MeanStd,
     /// As [`Figures::iou_even`](super::Figures::iou_even).
@@ -31,8 +31,8 @@ pub struct BaselineFigures {
 /// The number of thresholds that are tried.
 pub(super) const THRESHOLDS: usize = 12;
 
-/// Figures with the best of the `thresholds`. `contacts` has, for each of them, what it finds in
-/// each picture of a press whose pixels have this width; threads get clones of `engine`.
+/// Figures with the best of the `thresholds`. `contacts` returns, for each threshold, the contact
+/// in each picture of a press whose pixels have this width. Threads get clones of `engine`.
 ///
 /// # Errors
 /// Those of `contacts`; the caller wants to stop.
@@ -43,7 +43,7 @@ pub(super) fn favoured<E: Clone + Sync>(
     workers: &Workers,
     contacts: impl Fn(&mut E, &Press, f64) -> Result<Vec<Vec<Contact>>, RunError> + Sync + Send,
 ) -> Result<BaselineFigures> {
-    // Real pictures do not tell it: they are of a sensor as wide as the default one.
+    // Real pictures do not state the width of a pixel: their sensor is as wide as the default one.
     let default_mm = GelSensor::default().width_mm / set.size.width as f64;
     let judge = |engine: &mut E, press: &Press| contacts(engine, press, press.pixel_mm.unwrap_or(default_mm));
     let presses = workers.for_each(engine, &set.presses, judge)?;

@@ -1,4 +1,4 @@
-//! Figures of maps of force against what is true.
+//! Figures of maps of force against the truth.
 //!
 //! A map of a network is scaled to the pixels of the sensor that took the picture. A pixel is truly
 //! in contact where the pressure exceeds [`CONTACT_MPA`]. The published label differs: it spreads
@@ -27,9 +27,9 @@ pub struct Figures {
     pub pictures: usize,
     /// Intersection over union of the pixels in contact; 1 where there are none in both.
     pub iou: MeanStd,
-    /// The same against the published label, under which all pixels that are pressed at all bear an
-    /// equal share of the force: they are in contact where this share exceeds the threshold.
-    /// `None` where no force is known.
+    /// The same against the published label. Under it, all pressed pixels bear an equal share of
+    /// the force, and they are in contact if this share exceeds the threshold. `None` where no
+    /// force is known.
     pub iou_even: Option<MeanStd>,
     /// Absolute error of the total force, in N.
     pub force_n: Option<MeanStd>,
@@ -37,12 +37,13 @@ pub struct Figures {
     pub centroid_mm: Option<MeanStd>,
     /// Absolute error of the area, in mm^2.
     pub area_mm2: MeanStd,
-    /// What predictions say about their pictures, where the weights say what those of the training
-    /// were like. Bad: more than three times as far from an `IoU` of 1 as the mean.
+    /// How unlike the training's pictures the pictures are, if the weights have statistics of
+    /// these. A prediction is bad if it is more than three times as far from an `IoU` of 1 as the
+    /// mean.
     pub doubts: Option<Doubts>,
     /// By kind of indenter.
     pub kinds: BTreeMap<String, KindFigures>,
-    /// Multiply-adds of a picture, those that were skipped left out.
+    /// Multiply-adds of a picture, without the skipped ones.
     pub multiply_adds: u64,
     /// Median time of a picture in microseconds.
     pub update_us: f64,
@@ -60,7 +61,7 @@ pub struct KindFigures {
     pub force_n: Option<MeanStd>,
 }
 
-/// What a network made of the pictures of a press.
+/// The predictions of a network for the pictures of a press.
 pub(crate) struct Outcome {
     kind: String,
     pictures: Vec<Contact>,
@@ -69,11 +70,11 @@ pub(crate) struct Outcome {
     pub(crate) maps: Vec<f32>,
 }
 
-/// A contact that was found in a picture, compared with what is true.
+/// A contact that was found in a picture, compared with the truth.
 pub(super) struct Contact {
     pub(super) iou: f64,
     pub(super) iou_even: Option<f64>,
-    /// True and predicted.
+    /// True and predicted force.
     force_n: Option<(f64, f64)>,
     pub(super) centroid_mm: Option<f64>,
     pub(super) area_mm2: f64,
@@ -115,7 +116,7 @@ impl Outcome {
         Ok(outcome)
     }
 
-    /// The sum of what the intersections over union lack to 1, and the number of pictures.
+    /// The sum of 1 minus the intersection over union, and the number of pictures.
     pub(crate) fn lacking(&self) -> (f64, u64) {
         (self.pictures.iter().map(|contact| 1.0 - contact.iou).sum(), self.pictures.len() as u64)
     }
@@ -165,11 +166,11 @@ impl Figures {
 /// Pressure of a contact: the published 1e-4 N on a pixel of 0.06 mm of the shipped networks.
 const CONTACT_MPA: f64 = 1e-4 / (0.06 * 0.06);
 
-/// Share of the greatest force on a pixel from which a pixel is pressed. The solver of contacts has
-/// exact zeros outside, but a picture's pixel between two of its own takes a part of each.
+/// A pixel is pressed from this share of the greatest force on a pixel. The solver of contacts has
+/// exact zeros outside, but a picture's pixel between two of the solver's takes a part of each.
 const RIM: f64 = 0.01;
 
-/// What is true of a picture, for comparisons.
+/// The truth about a picture, for comparisons.
 pub(super) struct Known {
     /// The pixels in contact.
     mask: Vec<bool>,
@@ -183,7 +184,7 @@ pub(super) struct Known {
 /// The contact that was found in a picture.
 pub(super) struct Found<'a> {
     pub(super) mask: &'a [bool],
-    /// How many of them are in contact.
+    /// Number of pixels in contact.
     pub(super) pixels: usize,
     pub(super) centroid: Option<Centroid>,
     /// `None` for a method that finds no force.
@@ -228,12 +229,12 @@ impl Known {
     }
 }
 
-/// The pixels with more force than this.
+/// The pixels with more force than `least_n`.
 fn above(force: &[f32], least_n: f64) -> Vec<bool> {
     force.iter().map(|&force| f64::from(force) > least_n).collect()
 }
 
-/// The pixels that are pressed, if the force would be more than this on each under equal shares.
+/// The pressed pixels, if an equal share of the force on each is more than `least_n`.
 fn even(force: &[f32], least_n: f64) -> Vec<bool> {
     let [sum, most] = force.iter().fold([0.0, 0.0_f64], |[sum, most], &force| {
         let force = f64::from(force);
@@ -251,21 +252,21 @@ pub(super) fn force_error(contacts: &[&Contact]) -> Option<MeanStd> {
     known(contacts, |contact| contact.force_n.map(|(expected, found)| (found - expected).abs()))
 }
 
-/// Over the pictures that have the figure.
+/// Mean over the pictures that have the figure.
 pub(super) fn known(contacts: &[&Contact], figure: impl Fn(&Contact) -> Option<f64>) -> Option<MeanStd> {
     MeanStd::of(&contacts.iter().filter_map(|contact| figure(contact)).collect::<Vec<_>>())
 }
 
-/// Of no pictures, 0.
+/// Mean over all pictures; 0 without pictures.
 pub(super) fn over(contacts: &[&Contact], figure: impl Fn(&Contact) -> f64) -> MeanStd {
     MeanStd::over(contacts, |contact| figure(contact)).unwrap_or(MeanStd { mean: 0.0, std: None })
 }
 
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct PressOptions {
-    /// What is skipped between pictures.
+    /// The work that is skipped between pictures.
     pub(crate) options: FrameOptions,
-    /// Of so many pictures the network sees the first; its answer stands for the others.
+    /// The network sees the first of so many pictures; its answer stands for the others.
     pub(crate) every: usize,
 }
 
@@ -297,7 +298,7 @@ impl Run {
         (self.pictures, self.last) = (0, None);
     }
 
-    /// The answer to the next picture, or the last one where the network does not see it.
+    /// The answer to the next picture, or the last answer if the network does not see this picture.
     pub(crate) fn measure(&mut self, rgb: &[u8]) -> Result<Answer, RunError> {
         let start = Instant::now();
         let is_seen = self.pictures.is_multiple_of(self.every);

@@ -1,4 +1,4 @@
-//! Pictures of presses with what is true of them, from simulated and from real sensors.
+//! Pictures of presses with their truth, from simulated and from real sensors.
 
 use std::path::Path;
 
@@ -12,7 +12,7 @@ use serde::Serialize;
 use crate::error::{EvaluateError, RequestPart, Result, StreamsError};
 use crate::streams::{self, bounds, floats, integers, tensor, wrong};
 
-/// Where pictures come from.
+/// The source of pictures.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Source {
@@ -30,7 +30,7 @@ pub(crate) struct Set {
     pub(crate) presses: Vec<Press>,
 }
 
-/// Pictures one after another of one press.
+/// Consecutive pictures of one press.
 pub(crate) struct Press {
     pub(crate) kind: String,
     /// The sensor at rest.
@@ -46,7 +46,7 @@ pub(crate) struct Labelled {
     pub(crate) truth: Truth,
 }
 
-/// What is true of a picture.
+/// The truth about a picture.
 pub(crate) enum Truth {
     /// Normal force on the surface of each pixel in N.
     Force(Vec<f32>),
@@ -63,7 +63,8 @@ impl Labelled {
     }
 }
 
-/// Factor of real pictures: those of the balls have half of the pixels a side that networks read.
+/// Factor by which real pictures are enlarged: pictures of the balls have half as many pixels along
+/// a side as networks read.
 const ENLARGED: usize = 2;
 
 impl Set {
@@ -157,7 +158,7 @@ impl Set {
         let is_upright = height > width;
         let size = if is_upright { [height, width] } else { [width, height] }.map(|side| ENLARGED * side);
         let grid = Grid { width, height, pitch_mm: 1.0 };
-        // The place in the real picture. Rows become columns, columns become rows from below.
+        // The index in the real picture. Rows become columns, columns become rows from below.
         let place = |column: usize, row: usize| {
             let [x, y] = [column, row].map(|at| (at as f64 + 0.5) / ENLARGED as f64 - 0.5);
             if is_upright { [(width - 1) as f64 - y, x] } else { [x, y] }

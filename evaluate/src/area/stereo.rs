@@ -1,7 +1,7 @@
 //! Contacts without a network: depth by photometric stereo, and a force in proportion to it.
 //!
-//! The slopes of the surface are a regression on how the colours of a pixel differ from the sensor
-//! at rest, in place of the usual table of colours (Yuan, Dong and Adelson 2017, "`GelSight`:
+//! The slopes of the surface are a regression on the difference of a pixel's colours from the
+//! sensor at rest, instead of the usual table of colours (Yuan, Dong and Adelson 2017, "`GelSight`:
 //! High-resolution robot tactile sensors for estimating geometry and force", section 3.2). It is
 //! fitted to balls pressed into the simulated sensor, whatever sensor took the pictures.
 //!
@@ -28,11 +28,11 @@ use crate::error::Result;
 use crate::fit::cholesky::{Factor, add_products, block};
 use crate::workers::Workers;
 
-/// Depths in millimetres above which a pixel is tried to be in contact.
+/// Depths in millimetres that are tried as thresholds of contact.
 const DEPTHS_MM: [f32; THRESHOLDS] = [0.02, 0.03, 0.04, 0.06, 0.08, 0.1, 0.13, 0.17, 0.22, 0.3, 0.4, 0.5];
 /// Radii of the balls of the calibration, in millimetres.
 const RADII_MM: [f64; 3] = [3.0, 6.0, 12.0];
-/// How deep each is pressed, in millimetres.
+/// Depths to which each ball is pressed, in millimetres.
 const PRESSED_MM: [f64; 4] = [0.4, 0.8, 1.3, 1.8];
 /// Pixels of the calibration: slopes do not depend on the size of a picture.
 const SIZE: ImageSize = ImageSize { width: 80, height: 60 };
@@ -45,7 +45,7 @@ const TERMS: usize = 37;
 
 /// A calibrated sensor.
 pub(super) struct Stereo {
-    /// Of each term, for slopes along columns and rows.
+    /// Weights of each term, for slopes along columns and rows.
     weights: [[f64; 2]; TERMS],
     /// Force for a volume between the surface at rest and in contact, for each of [`DEPTHS_MM`].
     newtons_per_mm3: [f64; THRESHOLDS],
@@ -67,7 +67,7 @@ impl Stereo {
     /// Presses balls into the default sensor, on 80 x 60 pixels.
     ///
     /// # Errors
-    /// Those of the simulator, for these presses never seen; the caller wants to stop.
+    /// Errors of the simulator, never seen for these presses; the caller wants to stop.
     pub(super) fn calibrated(workers: &Workers) -> Result<Self> {
         let sensor = GelSensor::default();
         let grid = sensor.grid(SIZE.width, SIZE.height);
@@ -146,7 +146,8 @@ impl Sample {
         let at_mm = size.map(|side| 0.5 * (random.uniform() - 0.5) * side as f64 * grid.pitch_mm);
         let ball = Placed { at_mm, ..Placed::upright(Indenter::Ball { radius_mm }) }.heights(&grid);
         let contact = solver.press(&ball, Load::Depth(PRESSED_MM[press % PRESSED_MM.len()]))?;
-        // Without drift, which has little slope to learn from: a regression on both would shrink.
+        // Without drift, because drift has little slope to learn from: a regression on both would
+        // shrink.
         let mut picture = |displacement_mm: &[f64]| {
             let levels = sensor.camera.picture(&grid, displacement_mm, size, Some(random))?;
             Ok::<_, SimulatorError>(picture_bytes(&levels, size, None))
@@ -194,11 +195,11 @@ fn terms(rgb: &[u8], reference: &[u8], size: ImageSize) -> impl Iterator<Item = 
     })
 }
 
-/// What reads pictures of one size.
+/// An engine for pictures of one size.
 #[derive(Clone)]
 struct Engine {
     poisson: Poisson,
-    /// With each of [`DEPTHS_MM`]; what they take for a force is a depth.
+    /// One for each of [`DEPTHS_MM`]; they read a depth as if it were a force.
     meters: Vec<ContactMeter>,
 }
 
@@ -216,7 +217,7 @@ impl Engine {
 struct Poisson {
     /// (width, width), orthogonal: sines that are 0 half a pixel outside the picture, a row each.
     sines: Array2<f64>,
-    /// (height, width): what each row of the tridiagonal systems is divided by.
+    /// (height, width): divisors of each row of the tridiagonal systems.
     pivots: Array2<f64>,
 }
 
@@ -230,7 +231,7 @@ impl Poisson {
         });
         let mut pivots = Array2::zeros((height, width));
         for row in 0..height {
-            // The value beyond a border is the negative of that within.
+            // The value beyond a border is the negative of the value within.
             let borders = f64::from(u8::from(row == 0)) + f64::from(u8::from(row + 1 == height));
             for k in 0..width {
                 let bend = 2.0 * (1.0 - wave(k).cos());
@@ -245,8 +246,8 @@ impl Poisson {
         ImageSize { width: self.pivots.ncols(), height: self.pivots.nrows() }
     }
 
-    /// (height, width): what has these slopes (pixels, 2) and is 0 around the picture, in widths of
-    /// a pixel. O(pixels x width).
+    /// (height, width): the depth that has these slopes (pixels, 2) and is 0 around the picture, in
+    /// widths of a pixel. O(pixels x width).
     fn integral(&self, slopes: &Array2<f64>) -> Array2<f64> {
         let ImageSize { width, height } = self.size();
         let slope = |column: usize, row: usize, axis: usize| slopes[[row * width + column, axis]];

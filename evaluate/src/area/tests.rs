@@ -81,7 +81,7 @@ fn figures_are_those_of_the_maps_computed_the_slow_way() {
             expected += true_n;
         }
         ious.push(if either == 0 { 1.0 } else { both as f64 / either as f64 });
-        // Equal shares of all that is pressed.
+        // Equal shares for all pressed pixels.
         let own = picture * pixels..(picture + 1) * pixels;
         let greatest = force[own.clone()].iter().copied().fold(0.0, f32::max);
         let pressed: Vec<bool> = force[own.clone()].iter().map(|&n| n > 0.01 * greatest).collect();
@@ -138,14 +138,14 @@ fn a_real_ball_is_turned_and_enlarged_with_its_circle() {
     use super::pictures::{Set, Truth};
     use meissner_io::datasets::{Ball, BallPictures};
 
-    // 6 x 8 pixels; red tells the column, green the row.
+    // 6 x 8 pixels; red encodes the column, green the row.
     let rgb: Vec<u8> = (0..48).flat_map(|i| [10 * (i % 6) as u8, 10 * (i / 6) as u8, 7]).collect();
     let ball = Ball { picture: rgb.clone(), circle: [1.0, 5.0, 1.2] };
     let set =
         Set::of_balls("balls", &BallPictures { width: 6, height: 8, background: rgb, balls: vec![ball] });
     assert_eq!((set.size.width, set.size.height), (16, 12));
     let picture = &set.presses[0].pictures[0];
-    // The place of column 1 and row 5 is on the right and below the middle: rows become columns,
+    // The pixel of column 1 and row 5 is on the right and below the middle: rows become columns,
     // columns rows from below.
     let at = (2 * (5 - 1) + 1) * 16 + 2 * 5 + 1;
     let pixel = &picture.rgb[3 * at..3 * at + 3];

@@ -11,9 +11,9 @@ use serde::Serialize;
 /// What happens to pictures and readings on their way.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Delays {
-    /// The network takes so many times as long.
+    /// Factor by which the network is slower.
     pub slower: f64,
-    /// Time from a reading to the controller in microseconds.
+    /// Time that a reading takes to the controller, in microseconds.
     pub stale_us: u64,
     /// Share of pictures that are lost.
     pub lost: f64,
@@ -25,26 +25,26 @@ impl Default for Delays {
     }
 }
 
-/// What a network says of a picture, and the time that it took.
+/// The reading of a network from a picture, and the time that it took.
 pub(super) type Estimate<'a, E> = dyn FnMut(&[u8]) -> Result<(BallContact, Duration), E> + 'a;
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Timed {
-    /// When the picture was taken.
+    /// Time when the picture was taken.
     pub(super) taken_us: f64,
-    /// When the controller has the reading.
+    /// Time when the controller has the reading.
     pub(super) ready_us: f64,
     pub(super) run_us: f64,
     pub(super) reading: BallContact,
 }
 
-/// Pictures on their way, and readings that came of them.
+/// Pictures on their way, and their readings.
 pub(super) struct Line {
     delays: Delays,
     random: Random,
     free_us: f64,
     waiting: Option<(f64, Vec<u8>)>,
-    /// All readings in the order of their pictures, which is that of their arrival too.
+    /// All readings in the order of their pictures, which is also the order of their arrival.
     pub(super) readings: Vec<Timed>,
     pub(super) lost: u64,
 }

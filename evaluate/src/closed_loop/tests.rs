@@ -26,7 +26,7 @@ fn a_controller_that_knows_the_truth_follows_but_for_the_fall() {
     let report = report(Goal::SawTooth, 6.0, &[]).unwrap();
     let row = &report.truth;
     assert_eq!((row.pictures, row.read, row.pictures_lost, row.reading_error), (150, 150, 0, Some(0.0)));
-    // While the goal rises the error is that of a wrong model of the gel, and it is small.
+    // While the goal rises, the error comes from a wrong model of the gel and is small.
     let rising = row.trace.iter().filter(|(at_s, ..)| (1.0..4.0).contains(at_s) || *at_s > 4.5);
     let worst = rising.map(|(_, goal, is)| (goal - is).abs()).fold(0.0, f64::max);
     assert!(worst < 0.05, "{worst} N");
@@ -105,7 +105,7 @@ mod line {
 
     use crate::closed_loop::line::{Delays, Line};
 
-    /// A network that takes a millisecond and says the first byte of a picture.
+    /// A network that takes a millisecond and predicts the first byte of a picture.
     #[expect(clippy::unnecessary_wraps, reason = "networks may fail")]
     fn says(picture: &[u8]) -> Result<(BallContact, Duration), Infallible> {
         let reading = BallContact { force_n: picture[0].into(), middle_mm: None };

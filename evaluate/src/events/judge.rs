@@ -1,8 +1,9 @@
 //! Networks over events on the labels, event by event.
 //!
-//! Enters: the data set, networks with their trainings. Leaves: a [`Report`], and the outputs at
+//! Input: the data set, networks with their trainings. Output: a [`Report`], and the outputs at
 //! the end of each recording. Whole trainings are judged on the split test, all folds of a seed
-//! together on what they held out. Every recording begins with a reset: threads change no bit.
+//! together on the recordings that they held out. Every recording begins with a reset: threads
+//! change no bit.
 
 use std::collections::BTreeMap;
 use std::marker::PhantomData;
@@ -107,7 +108,7 @@ pub struct OverTime<T = f64> {
     pub accuracy_at: Vec<T>,
     /// Interval at each time.
     pub interval_95_at: Vec<(f64, f64)>,
-    /// Time from which on each answer is right, in microseconds.
+    /// Time in microseconds from which on the answer for each recording is right.
     #[serde(skip)]
     pub settled: Vec<Option<i64>>,
 }
@@ -123,7 +124,8 @@ impl Protocols {
 /// `done` is called after each training with its label and the time since judging began.
 ///
 /// # Errors
-/// The data set or a network cannot be read, or trainings do not fit: before a network runs.
+/// The data set or a network cannot be read, or trainings do not fit. Reported before a network
+/// runs.
 pub fn evaluate<T: EventTask>(
     folder: &Path,
     options: &Options<'_>,
@@ -185,7 +187,7 @@ pub(super) struct Outcome {
 
 impl<T: EventTask> Judge for OfEvents<'_, T> {
     type Task = T;
-    /// Every this many events one is pushed.
+    /// One of so many events is pushed.
     type Plan = usize;
     type Engine = EventPredictor;
     type Outcome = Outcome;
@@ -330,8 +332,8 @@ impl Outcome {
     }
 }
 
-/// The index of the first of `answers`, in order of time, from which on all are `truth`; `None`
-/// where the last one is not, or where there are no answers. O(n).
+/// The index from which on all `answers`, in order of time, are `truth`; `None` if the last answer
+/// is wrong, and without answers. O(n).
 pub(super) fn correct_from(answers: &[usize], truth: usize) -> Option<usize> {
     let wrong = answers.iter().rposition(|&answer| answer != truth);
     let first = wrong.map_or(0, |last_wrong| last_wrong + 1);

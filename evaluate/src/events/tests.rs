@@ -114,7 +114,7 @@ mod folds {
         }
     }
 
-    /// How many recordings of those that `counts` takes each fold has.
+    /// Number of recordings of each fold, among those that `counts` accepts.
     fn sizes(folds: &[usize], count: usize, counts: impl Fn(usize) -> bool) -> Vec<usize> {
         let of_fold = |fold| (0..folds.len()).filter(|&i| folds[i] == fold && counts(i)).count();
         (0..count).map(of_fold).collect()

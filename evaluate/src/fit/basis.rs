@@ -1,8 +1,8 @@
-//! Readouts as coordinates, of which there are no more than readouts, or than [`MAX_LANDMARKS`].
+//! Readouts as coordinates: at most as many as readouts, and at most [`MAX_LANDMARKS`].
 //!
-//! A readout has thousands of values, and presses are few. What is linear in readouts X and fitted
-//! with a penalty on its weights is a sum of readouts, so that the span of the readouts, or of some
-//! of them, holds it (Williams and Seeger 2001, "Using the Nystroem method to speed up kernel
+//! A readout has thousands of values, and presses are few. The weights of a linear fit to readouts
+//! X with a penalty are a sum of readouts, so that the span of the readouts, or of some of them,
+//! contains them (Williams and Seeger 2001, "Using the Nystroem method to speed up kernel
 //! machines"). In coordinates z of that span, products are those of the readouts:
 //!
 //! ```text
@@ -20,7 +20,7 @@ use super::cholesky::Factor;
 
 /// Readouts that span the coordinates.
 const MAX_LANDMARKS: usize = 2048;
-/// What is added to the diagonal, as a part of its mean: readouts may depend on each other.
+/// Added to the diagonal, as a part of its mean, because readouts may depend on each other.
 const JITTER: f64 = 1e-9;
 /// Rows that are converted together.
 const PART: usize = 256;
@@ -31,9 +31,9 @@ pub(super) struct Design<'a> {
     pub(super) values: &'a [f32],
     pub(super) columns: usize,
     pub(super) channels: usize,
-    /// How much each row counts in a fit: the heaviest become landmarks.
+    /// Weight of each row in a fit: the heaviest rows become landmarks.
     pub(super) weights: &'a [f64],
-    /// So many channels at the end count events, and weigh as much as all others.
+    /// Number of channels at the end that count events; they weigh as much as all others.
     pub(super) counts: usize,
 }
 
@@ -63,7 +63,7 @@ impl Design<'_> {
         &self.values[row * self.columns..(row + 1) * self.columns]
     }
 
-    /// The mean of each column, and what a column is multiplied by.
+    /// The mean and the factor of each column.
     fn scales(&self) -> (Vec<f64>, Vec<f64>) {
         let count = self.rows() as f64;
         let mut mean = vec![0.0; self.columns];
@@ -136,7 +136,8 @@ impl Basis {
         Some((Self { mean, scale, landmarks, factor }, found))
     }
 
-    /// What is `of` (outputs by coordinates), as a function of the readout that is 0 at the mean.
+    /// The linear function `of` the coordinates (outputs by coordinates), as a function of the
+    /// readout that is 0 at the mean.
     pub(super) fn of_readout(&self, of: ArrayView2<'_, f64>) -> Linear {
         let mut of = of.to_owned();
         self.factor.backward(&mut of);

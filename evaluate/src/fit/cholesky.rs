@@ -32,7 +32,7 @@ pub(crate) fn block(
     of
 }
 
-/// [`block`], to write.
+/// [`block`], mutable.
 pub(super) fn block_mut(
     mut of: ArrayViewMut2<'_, f64>,
     rows: Range<usize>,
@@ -61,7 +61,7 @@ fn tiles(mut of: ArrayViewMut2<'_, f64>, work: impl Fn(Range<usize>, ArrayViewMu
 
 impl Factor {
     /// The factor of the matrix with the lower triangle of `of` plus `shift` on its diagonal;
-    /// `None` where that is not positive definite. O(size^3).
+    /// `None` if that is not positive definite. O(size^3).
     pub(crate) fn new(mut of: Array2<f64>, shift: f64) -> Option<Self> {
         of.diag_mut().iter_mut().for_each(|value| *value += shift);
         let size = of.nrows();

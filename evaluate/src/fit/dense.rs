@@ -1,9 +1,9 @@
 //! A head as dense layers behind a readout.
 //!
-//! What is linear is one layer. What is quadratic is three: modes P and the linear part y; ELUs,
-//! two for each square; and sums of these. Perceptrons have their units beside the squares. Kernels
-//! are four: modes, their squares, a unit for each centre, and sums. ELU bends at 0, and leaves
-//! what is above 0 as it is; below it is an exponential:
+//! A linear head is one layer. A quadratic one is three: modes P and the linear part y; ELUs, two
+//! for each square; and sums of these. Perceptrons have their units beside the squares. Kernels are
+//! four: modes, their squares, a unit for each centre, and sums. ELU bends at 0: it is the identity
+//! above 0 and an exponential below:
 //!
 //! ```text
 //! a^2 = 2 (elu(e a) + elu(-e a)) / e^2 + O(e a^3),      y = elu(y + b) - b
@@ -24,7 +24,7 @@ use super::perceptron::Perceptron;
 /// The largest input of an ELU that makes a square: the error is a third of it at most, and f32
 /// keeps four digits.
 const BEND: f64 = 1.0 / 96.0;
-/// How far beyond the presses a linear part may go, in sizes of its largest value.
+/// How far a linear part may exceed its values at the presses, as a multiple of its largest value.
 const BEYOND: f64 = 4.0;
 
 /// Dense layers, the first of which reads a readout.
@@ -32,8 +32,8 @@ const BEYOND: f64 = 4.0;
 pub(super) struct Dense(pub(super) Vec<(Linear, Activation)>);
 
 impl Dense {
-    /// The layers of what is linear in `features`, and of `perceptrons` that read the modes, whose
-    /// sum is added; `choices` are those of the outputs of `head`.
+    /// The layers of `head`, which is linear in `features`, and of `perceptrons` that read the
+    /// modes and whose sum is added; `choices` are those of the outputs of `head`.
     pub(super) fn new(
         (head, choices): (&Linear, &[Choice]),
         perceptrons: &[Perceptron],
@@ -138,7 +138,7 @@ impl Dense {
         Self(layers.into_iter().chain([(last, Activation::Identity)]).collect())
     }
 
-    /// Multiplies what it gives.
+    /// Multiplies the outputs.
     pub(super) fn scale(&mut self, factor: f64) {
         if let Some((last, _)) = self.0.last_mut() {
             last.weight *= factor;
@@ -162,7 +162,7 @@ impl Dense {
     }
 }
 
-/// The largest size of `values`; 0 of none.
+/// The largest absolute value of `values`; 0 without values.
 fn largest(values: impl Iterator<Item = f64>) -> f64 {
     values.fold(0.0, |most, x| most.max(x.abs()))
 }

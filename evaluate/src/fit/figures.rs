@@ -1,4 +1,4 @@
-//! Errors of predictions for presses that were held out, and what they say.
+//! Errors of predictions for held-out presses, and the advice that follows from them.
 
 use libm::{exp, log};
 use meissner_kernels::random::Random;
@@ -6,11 +6,11 @@ use serde::Serialize;
 
 use super::heads::Choice;
 
-/// Resamples of an interval.
+/// Number of resamples for an interval.
 const RESAMPLES: usize = 1_000;
-/// Groups of ages.
+/// Number of groups of ages.
 const AGES: usize = 8;
-/// A smaller part of the error is not worth more presses.
+/// A smaller relative gain is not worth more presses.
 const WORTH: f64 = 0.03;
 
 /// A mean over presses, with its interval.
@@ -18,7 +18,7 @@ const WORTH: f64 = 0.03;
 pub struct Figure {
     /// The mean.
     pub mean: f64,
-    /// Where it lies in 95 % of resamples of the presses.
+    /// The interval that contains it in 95 % of resamples of the presses.
     pub interval: [f64; 2],
 }
 
@@ -26,7 +26,7 @@ pub struct Figure {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 #[expect(missing_docs, reason = "the keys of the JSON report")]
 pub struct CurvePoint {
-    /// Presses that a head was fitted to; the rest was held out.
+    /// Number of presses that a head was fitted to; the rest was held out.
     pub presses: usize,
     pub error: Figure,
 }
@@ -37,7 +37,7 @@ pub struct CurvePoint {
 pub struct AgeFigure {
     /// From this time since the first event of a press.
     pub from_us: i64,
-    /// To this time, itself among them.
+    /// To this time, inclusive.
     pub until_us: i64,
     pub instants: usize,
     pub error: f64,
@@ -52,7 +52,7 @@ pub struct OutputFigures {
     pub unit: String,
     /// Relative strength of the regularisation.
     pub strength: f64,
-    /// What products of modes are multiplied by; 0 for none.
+    /// Factor of the products of modes; 0 for none.
     pub products: f64,
     /// Width of a Gaussian kernel of the modes; 0 for none.
     pub width: f64,
@@ -60,7 +60,7 @@ pub struct OutputFigures {
     pub error: Figure,
     /// The same of the mean of the labels, or of the most frequent class.
     pub constant: Figure,
-    /// The same of the network as it was, where it predicts this.
+    /// The same of the original network, if it predicts this output.
     pub before: Option<Figure>,
     /// By how much the error is below that of the constant.
     pub gain: Figure,
@@ -68,11 +68,11 @@ pub struct OutputFigures {
     pub in_events: bool,
     /// A quarter, a half, and all presses.
     pub curve: Vec<CurvePoint>,
-    /// The error that twice as many presses would give; `None` where that cannot be told.
+    /// The expected error with twice as many presses; `None` if it cannot be estimated.
     pub error_with_twice: Option<f64>,
     /// Errors by age.
     pub ages: Vec<AgeFigure>,
-    /// What follows, in a sentence.
+    /// The advice that follows, in a sentence.
     pub advice: String,
 }
 
@@ -81,7 +81,7 @@ pub(super) struct Errors {
     pub(super) own: Vec<f64>,
     pub(super) constant: Vec<f64>,
     pub(super) before: Option<Vec<f64>>,
-    /// Of heads that were fitted to fewer presses: their number, and the errors.
+    /// Number of presses and errors of the heads that were fitted to fewer presses.
     pub(super) fewer: Vec<(usize, Vec<f64>)>,
     /// Presses that the heads were fitted to.
     pub(super) presses: usize,
@@ -90,7 +90,7 @@ pub(super) struct Errors {
 }
 
 impl Figure {
-    /// The mean of `values`, of which there is at least one; `seed` chooses the resamples.
+    /// The mean of `values`, at least one; `seed` chooses the resamples.
     pub(super) fn of(values: &[f64], seed: u64) -> Self {
         let count = values.len() as f64;
         let mut random = Random::new(seed);

@@ -7,8 +7,8 @@
 //! ```
 //! for n rows, weighted, of centred features F, the scatter W within classes and the share p of a
 //! class (Hoerl and Kennard 1970, "Ridge regression"; Friedman 1989, "Regularized discriminant
-//! analysis"). A strength r is relative: `s = r trace / n`, where the trace is that of what s is
-//! added to.
+//! analysis"). A strength r is relative: `s = r trace / n`, with the trace of the matrix to which s
+//! is added.
 
 use libm::log;
 use ndarray::{Array1, Array2, ArrayView1, ArrayView2, Axis};
@@ -20,7 +20,7 @@ use super::samples::{Instant, Target};
 
 /// Strengths that are tried.
 const STRENGTHS: [f64; 6] = [1e-3, 1e-2, 3.2e-2, 0.1, 0.32, 1.0];
-/// What products are multiplied by; with 0 a head is linear.
+/// Factors of the products; with 0 a head is linear.
 const PRODUCTS: [f64; 4] = [0.0, 0.7, 1.4, 2.8];
 /// Rows that are copied together.
 const PART: usize = 256;
@@ -28,7 +28,7 @@ const PART: usize = 256;
 /// How a head is regularised.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Choice {
-    /// What products are multiplied by.
+    /// Factor of the products.
     pub(super) products: f64,
     /// The width of a kernel, whose coordinates are read instead of the readout's; 0 for none.
     pub(super) width: f64,
@@ -37,19 +37,19 @@ pub(super) struct Choice {
 }
 
 impl Choice {
-    /// All that are tried, those with less freedom last.
+    /// All choices that are tried, those with less freedom last.
     pub(super) fn all() -> Vec<Self> {
         let of = |&products: &f64| STRENGTHS.map(|strength| Self { products, width: 0.0, strength });
         PRODUCTS.iter().rev().flat_map(of).collect()
     }
 
-    /// All that are tried with a kernel of this width.
+    /// All choices that are tried with a kernel of this width.
     pub(super) fn of_kernel(width: f64) -> Vec<Self> {
         STRENGTHS.map(|strength| Self { products: 0.0, width, strength }).to_vec()
     }
 
-    /// Those of `tried` with the products of one of `chosen`, and its strength or the next weaker
-    /// or stronger one.
+    /// The choices among `tried` with the products of one of `chosen`, and its strength or the next
+    /// weaker or stronger one.
     pub(super) fn near(chosen: &[Self], tried: &[Self]) -> Vec<Self> {
         let place = |of: f64| STRENGTHS.iter().position(|&strength| strength == of).unwrap_or(0);
         let is_near = |choice: &Self| {
@@ -62,16 +62,16 @@ impl Choice {
     }
 }
 
-/// Sums over rows, each with its weight: all that a head depends on.
+/// Sums over weighted rows. A head depends on nothing else.
 #[derive(Clone)]
 pub(super) struct Sums {
-    /// Of products of pairs of features; the lower triangle.
+    /// Sums of products of pairs of features; the lower triangle.
     products: Array2<f64>,
-    /// Of features, by classes; one row for quantities.
+    /// Sums of features, by classes; one row for quantities.
     features: Array2<f64>,
     /// Weights of the rows, by classes.
     counts: Vec<f64>,
-    /// Of outputs times features, and of outputs; none for classes.
+    /// Sums of outputs times features, and of outputs; none for classes.
     truth: Array2<f64>,
     outputs: Vec<f64>,
 }
@@ -109,7 +109,7 @@ impl Sums {
         sums
     }
 
-    /// The sums over the rows that `part` does not have.
+    /// The sums over the rows that are not in `part`.
     pub(super) fn without(mut self, part: &Self) -> Self {
         self.products -= &part.products;
         self.features -= &part.features;
@@ -138,17 +138,17 @@ impl Sums {
     }
 }
 
-/// A linear system, but for its strength.
+/// A linear system without its strength.
 struct Problem {
-    /// What features are multiplied by; products are left out where it is 0.
+    /// Factors of the features; products with a factor of 0 are left out.
     scale: Array1<f64>,
     /// The lower triangle of centred products.
     matrix: Array2<f64>,
-    /// By outputs.
+    /// Right-hand sides, by outputs.
     right: Array2<f64>,
     /// The mean of the features.
     mean: Array1<f64>,
-    /// Of each class.
+    /// The mean of each class.
     means: Array2<f64>,
 }
 
@@ -210,7 +210,7 @@ impl Problem {
 }
 
 impl Linear {
-    /// What it gives for rows of inputs, of which it may read the first ones alone.
+    /// The outputs for rows of inputs; it may read only the first inputs of a row.
     pub(super) fn of(&self, inputs: ArrayView2<'_, f64>) -> Array2<f64> {
         let read = inputs.split_at(Axis(1), self.weight.ncols()).0;
         read.dot(&self.weight.t()) + ArrayView1::from(&self.bias)

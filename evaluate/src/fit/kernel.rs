@@ -1,13 +1,14 @@
-//! A Gaussian kernel of the main modes: what is neither linear nor quadratic in a readout.
+//! A Gaussian kernel of the main modes, for functions that are neither linear nor quadratic in a
+//! readout.
 //!
 //! ```text
 //! k(x, c) = exp(-g |x - c|^2),   g = 1 / (2 w s^2)      s^2: the mean of |x - mean|^2
 //! L L^T = K,  the kernel between the centres c,         z = L^-1 (k(x, c1), k(x, c2), ..)
 //! ```
 //!
-//! What is linear in z and fitted with a penalty on its weights is kernel ridge regression, or the
-//! kernel's discriminant, on the centres (Williams and Seeger 2001, "Using the Nystroem method to
-//! speed up kernel machines").
+//! A linear fit to z with a penalty on its weights is kernel ridge regression, or the kernel's
+//! discriminant, on the centres (Williams and Seeger 2001, "Using the Nystroem method to speed up
+//! kernel machines").
 
 use libm::exp;
 use ndarray::{Array1, Array2, ArrayView1, ArrayView2, Axis};
@@ -16,11 +17,11 @@ use rayon::prelude::*;
 use super::basis::landmarks;
 use super::cholesky::Factor;
 
-/// What w may be.
+/// Values of w that are tried.
 pub(super) const WIDTHS: [f64; 4] = [0.25, 0.5, 1.0, 2.0];
-/// Each is a unit of a dense layer.
+/// Maximum number of centres: each is a unit of a dense layer.
 const MAX_CENTRES: usize = 1024;
-/// What is added to the diagonal: presses may be alike.
+/// Added to the diagonal, because presses may be alike.
 const JITTER: f64 = 1e-6;
 /// Rows that are converted together.
 const PART: usize = 256;
@@ -36,7 +37,7 @@ pub(super) struct Kernel {
 
 impl Kernel {
     /// A kernel for rows of `modes` that count by `weights`, and the coordinates of the rows. With
-    /// more rows than centres, `seed` draws these. `None` where all rows are alike. O(rows centres
+    /// more rows than centres, `seed` draws these. `None` if all rows are alike. O(rows centres
     /// (centres + modes)).
     pub(super) fn new(
         (modes, weights): (&Array2<f64>, &[f64]),
@@ -62,7 +63,8 @@ impl Kernel {
         Some((Self { narrowness, centres, factor }, found))
     }
 
-    /// What is `of` (outputs by coordinates), as weights of the kernels: outputs by centres.
+    /// The linear function `of` the coordinates (outputs by coordinates), as weights of the
+    /// kernels: outputs by centres.
     pub(super) fn of_kernels(&self, of: ArrayView2<'_, f64>) -> Array2<f64> {
         let mut of = of.to_owned();
         self.factor.backward(&mut of);

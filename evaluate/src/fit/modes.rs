@@ -1,4 +1,4 @@
-//! The main modes of the coordinates, and their products: what is quadratic in a readout.
+//! The main modes of the coordinates, and their products, which are quadratic in a readout.
 //!
 //! ```text
 //! P = Z V                   V: the eigenvectors of Z^T W Z with the largest eigenvalues, by
@@ -15,16 +15,16 @@ use meissner_kernels::random::Random;
 
 use super::cholesky::add_products;
 
-/// Most modes whose products are features.
+/// Maximum number of modes whose products are features.
 const MAX_SQUARED: usize = 32;
-/// Coordinates for each of them.
+/// Number of coordinates for each of these modes.
 const COORDINATES: usize = 8;
-/// Most modes that a kernel or a perceptron reads.
+/// Maximum number of modes that a kernel or a perceptron reads.
 const MAX_READ: usize = 160;
 /// Steps of the iteration.
 const STEPS: usize = 40;
 const ROWS: usize = 256;
-/// Modes that vary by less than this part of the main one's variance are rounding.
+/// Modes with less than this part of the main mode's variance are rounding.
 const FAINT: f64 = 1e-6;
 
 /// Coordinates, and the products of their main modes.
@@ -35,7 +35,7 @@ pub(super) struct Features {
     pub(super) linear: usize,
     /// Coordinates by modes.
     pub(super) modes: Array2<f64>,
-    /// So many modes have products.
+    /// Number of modes with products.
     pub(super) squared: usize,
     /// The s of the products.
     pub(super) size: f64,
@@ -61,7 +61,7 @@ impl Features {
         Self { values, linear, modes, squared, size }
     }
 
-    /// Those of `coordinates` alone.
+    /// Only `coordinates` as features, without products.
     pub(super) fn linear(coordinates: Array2<f64>) -> Self {
         let (linear, modes) = (coordinates.ncols(), Array2::zeros((coordinates.ncols(), 0)));
         Self { values: coordinates, linear, modes, squared: 0, size: 1.0 }
@@ -106,10 +106,10 @@ fn main_modes((coordinates, weights): (&Array2<f64>, &[f64]), count: usize, seed
 }
 
 /// The columns of `of`, each made orthogonal to those before it, twice because of rounding (Giraud,
-/// Langou, Rozloznik and van den Eshof 2005). Those that are left with a part of [`FAINT`] of the
-/// first one's length are 0.
+/// Langou, Rozloznik and van den Eshof 2005). Columns that are left with less than [`FAINT`] of the
+/// first one's length become 0.
 fn orthonormal(of: ArrayView2<'_, f64>) -> Array2<f64> {
-    // Rows, so that products are of matrices in order.
+    // As rows, so that products are of matrices in order.
     let (mut found, mut longest): (Array2<f64>, f64) = (Array2::zeros([of.ncols(), of.nrows()]), 0.0);
     for (i, column) in of.columns().into_iter().enumerate() {
         let (before, _) = found.view().split_at(Axis(0), i);

@@ -1,14 +1,14 @@
-//! A small perceptron over the main modes of the readout: what is neither linear nor quadratic.
+//! A small perceptron over the main modes of the readout, for functions that are neither linear nor
+//! quadratic.
 //!
 //! ```text
 //! y = B elu(A u + a) + b      u: modes, scaled together
 //! ```
 //!
-//! It learns classes from cross-entropy, or what a ridge regression leaves of quantities from
-//! squares, by `AdamW` (Loshchilov and Hutter 2019, "Decoupled weight decay regularization") with
-//! dropout and a rate that falls to 0 along a cosine. Of all epochs, the one is kept that is best
-//! on presses that it was not trained on. The order of samples and the dropout follow from the
-//! seed.
+//! It learns classes from cross-entropy, or the residuals of a ridge regression of quantities from
+//! squared errors, by `AdamW` (Loshchilov and Hutter 2019, "Decoupled weight decay regularization")
+//! with dropout and a rate that falls to 0 along a cosine. The epoch is kept that is best on
+//! presses outside the training. The order of samples and the dropout follow from the seed.
 
 use std::f64::consts::PI;
 
@@ -26,12 +26,12 @@ const RATE: f64 = 3e-3;
 const DECAY: f64 = 1e-2;
 /// Parts of the inputs and of the units that are left out at a step.
 const DROPOUT: [f64; 2] = [0.15, 0.3];
-/// The part of a class that is spread over all.
+/// The part of a label that is spread over all classes.
 const SMOOTHING: f64 = 0.05;
 /// Decay of the means of gradients, and of their squares.
 const MEANS: [f64; 2] = [0.9, 0.999];
 
-/// What is to be predicted, by rows.
+/// The values to be predicted, by rows.
 pub(super) enum Truth {
     /// Quantities in units of their own deviation, rows by outputs.
     Quantities(Array2<f64>),
@@ -111,11 +111,11 @@ impl Learnt {
 }
 
 impl Perceptron {
-    /// A perceptron of `hidden` units that learns `truth` from `inputs` (rows by inputs, whose
-    /// squares are 1 in the mean).
+    /// A perceptron of `hidden` units that learns `truth` from `inputs` (rows by inputs, with a
+    /// mean square of 1).
     ///
     /// # Errors
-    /// It was cancelled.
+    /// The caller cancelled it.
     pub(super) fn train(
         inputs: &Array2<f64>,
         truth: &Truth,
@@ -191,7 +191,7 @@ impl Perceptron {
         Ok(best.1)
     }
 
-    /// What it gives for rows of inputs.
+    /// The outputs for rows of inputs.
     pub(super) fn of(&self, inputs: &Array2<f64>) -> Array2<f64> {
         self.second.of(self.first.of(inputs.view()).mapv(elu).view())
     }

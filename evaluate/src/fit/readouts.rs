@@ -1,4 +1,4 @@
-//! What an engine reads out of presses at their instants: the very bits that a head reads at a run.
+//! Readouts of an engine at the instants of presses, bit for bit as a head reads them in a run.
 
 use std::iter::from_fn;
 
@@ -13,22 +13,22 @@ use crate::workers::Workers;
 /// Readouts at all instants, in their order.
 #[derive(Clone, Debug)]
 pub(super) struct Readouts {
-    /// Values of a readout: cells, newest grid first, each with its channels; or those that a
-    /// network predicts.
+    /// Number of values of a readout: cells, newest grid first, each with its channels; or number
+    /// of predicted values.
     pub(super) columns: usize,
-    /// How many of them belong to a cell.
+    /// Number of values of a cell.
     pub(super) channels: usize,
-    /// A readout after the other.
+    /// The readouts, one after the other.
     pub(super) values: Vec<f32>,
-    /// Statistics of the windows that have events, of presses as they are.
+    /// Statistics of the windows with events, of presses that are not moved.
     pub(super) windows: Vec<Features>,
-    /// Events of all presses, and those of them that are on.
+    /// Number of events of all presses, and of on events among them.
     pub(super) events: [u64; 2],
 }
 
 impl Readouts {
-    /// The readouts of `engine`, which takes every `stride`-th event; with `predicted` what it
-    /// predicts instead. Memory for two of each.
+    /// The readouts of `engine`, which takes every `stride`-th event; with `predicted`, its
+    /// predictions instead. Memory for two of each.
     ///
     /// # Errors
     /// A recording cannot be read any more, the network computes NaN, or a readout is infinite.
@@ -48,7 +48,7 @@ impl Readouts {
         };
         let (sensor, span_us) = (engine.sensor(), network.parts().span_us);
         let found = at_instants(of, engine, stride, workers, |engine, instant| {
-            // It brings the rows up to date.
+            // `predict` brings the rows up to date.
             let values = engine.predict()?.values.to_vec();
             let window = engine.window_statistics();
             let is_real = instant.moved == [0, 0] && window.events > 0;
@@ -74,7 +74,7 @@ impl Readouts {
     }
 }
 
-/// What `engine` predicts at all instants, in their order.
+/// The predictions of `engine` at all instants, in their order.
 ///
 /// # Errors
 /// A recording cannot be read any more, or the network computes NaN.
@@ -88,8 +88,8 @@ pub(super) fn predictions(
     Ok(found.into_iter().flat_map(|(predicted, _)| predicted).collect())
 }
 
-/// What `read` finds at the instants of each press, and the events of the press, and those of them
-/// that are on.
+/// The results of `read` at the instants of each press, the number of its events, and of on events
+/// among them.
 fn at_instants<T: Send>(
     (presses, samples): (&Presses, &Samples),
     engine: &Engine,

@@ -1,4 +1,4 @@
-//! What a fit says: figures of each output, and how the sensor differs from the training's.
+//! The report of a fit: figures of each output, and how the sensor differs from the training's.
 
 use meissner_engine::{Features, Sensor, TrainingWindows};
 use meissner_run::provenance::{Header, InputCard};
@@ -23,9 +23,9 @@ pub struct Report {
     /// The heads that were fitted; the network has the one with the smallest error.
     pub heads: Vec<HeadReport>,
     pub sensor: SensorReport,
-    /// Of random instants, of presses of the learning curve, and of intervals.
+    /// Seed of random instants, of presses of the learning curve, and of intervals.
     pub seed: u64,
-    /// Parts of the presses, each of which was held out once.
+    /// Number of parts of the presses, each of which was held out once.
     pub folds: usize,
     /// Each output, or all classes together.
     pub outputs: Vec<OutputFigures>,
@@ -47,7 +47,7 @@ pub struct DataReport {
     pub labels: String,
     pub presses: usize,
     pub events: u64,
-    /// Readouts: the end and random ages of each press.
+    /// Number of readouts: at the end and at random ages of each press.
     pub instants: usize,
     /// Remarks about what was left out, for people.
     pub notes: Vec<String>,
@@ -61,14 +61,14 @@ pub struct BaseReport {
     pub weights: String,
     /// Values that the fitted layers read.
     pub readout: usize,
-    /// It takes one of so many events.
+    /// The network takes one of so many events.
     pub stride: usize,
 }
 
 /// A head that was fitted.
 #[derive(Clone, Debug, Serialize)]
 pub struct HeadReport {
-    /// What stands between the readout and the fitted layers.
+    /// The layers between the readout and the fitted layers.
     #[serde(flatten)]
     pub head: Head,
     /// Values that the fitted layers read.
@@ -83,27 +83,27 @@ pub struct HeadReport {
 #[expect(missing_docs, reason = "the keys of the JSON report")]
 pub struct SensorReport {
     pub size: [u16; 2],
-    /// Of the training, where the weights state it.
+    /// Size of the training's sensor, if the weights state it.
     pub trained_size: Option<[u16; 2]>,
-    /// The middle of the presses' events a second.
+    /// The median of the presses' events per second.
     pub events_per_s: Option<f64>,
     /// The part of the events that are on.
     pub on_share: f64,
-    /// What differs, for people.
+    /// The differences, in words.
     pub notes: Vec<String>,
 }
 
-/// What a report is made of.
+/// The inputs of a report.
 pub(super) struct Inputs<'a> {
     pub(super) given: &'a Given<'a>,
     pub(super) head: Head,
     pub(super) readouts: &'a Readouts,
     pub(super) held_out: &'a HeldOut,
-    /// Of every so many presses one was taken.
+    /// Predictions of heads that were fitted to one of so many presses.
     pub(super) fewer: &'a [(usize, HeldOut)],
 }
 
-/// The parts of a value that is compared: the truth of an instant, and what is predicted there.
+/// The error at an instant, from its index and the values predicted there.
 type Error<'a> = &'a dyn Fn(usize, &[f64]) -> f64;
 
 impl Inputs<'_> {
@@ -216,11 +216,11 @@ impl Inputs<'_> {
         self.given.samples.ends().filter(move |end| self.given.fold[end.press] != fold)
     }
 
-    /// Errors of an output, with `of` for a row and all values predicted there.
+    /// Errors of an output. `of` is the error at a row, given all values predicted there.
     fn errors(&self, of: Error<'_>, constant: Vec<f64>, before: Option<Vec<f64>>) -> Errors {
         let at = |held_out: &HeldOut, row: usize| of(row, &held_out.predicted.row(row).to_vec());
         let ends = |held_out: &HeldOut| self.ends().map(|(row, _)| at(held_out, row)).collect::<Vec<_>>();
-        // Presses are fitted to without one fold.
+        // Heads are fitted to all folds but one.
         let share = |presses: usize| presses * (self.given.options.folds - 1) / self.given.options.folds;
         let fewer = self.fewer.iter().map(|(part, held_out)| {
             let taken = self.given.order.iter().filter(|order| order.is_multiple_of(*part)).count();

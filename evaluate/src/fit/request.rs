@@ -1,4 +1,4 @@
-//! What is asked for: a network whose layers of events are kept, labels, and how they are fitted.
+//! The request: a network whose layers of events are kept, labels, and how they are fitted.
 
 use std::path::PathBuf;
 
@@ -19,7 +19,7 @@ pub const DEFAULT_AGES: usize = 1;
 
 /// Pixels a side of the smallest cells that are halved by default.
 const CELL: u32 = 4;
-/// Most cells of a grid that was made finer.
+/// Maximum number of cells of a grid that was made finer.
 const MAX_CELLS: u32 = 2304;
 
 /// What is fitted, and how.
@@ -29,7 +29,7 @@ pub struct Options {
     pub network: String,
     /// File with its weights; `None` selects those shipped with it.
     pub weights: Option<PathBuf>,
-    /// What makes the names of this file those of the network, as [`WeightsFile::map`].
+    /// Rules that map the names in this file to the network's, as [`WeightsFile::map`].
     pub map: Vec<String>,
     /// The name of the fitted network.
     pub name: String,
@@ -40,16 +40,16 @@ pub struct Options {
     /// Columns and rows of the readout; `None`: those of the network, or smaller cells where it
     /// sums.
     pub grid: Option<[u32; 2]>,
-    /// Units of a perceptron for each fold; with 0 there is none.
+    /// Number of units of a perceptron for each fold; 0: no perceptron.
     pub hidden: usize,
-    /// Parts of the presses, each of which is held out once.
+    /// Number of parts of the presses, each of which is held out once.
     pub folds: usize,
-    /// Random instants of each press, beside its end.
+    /// Number of random instants of each press, in addition to its end.
     pub ages: usize,
-    /// Each press is also read moved by so many pixels to the left, right, top and bottom; with 0
-    /// it is not.
+    /// Each press is also read moved by so many pixels to the left, right, top and bottom; 0: only
+    /// as it is.
     pub shift: u16,
-    /// Of random instants, of the presses of a learning curve, and of intervals.
+    /// Seed of random instants, of the presses of a learning curve, and of intervals.
     pub seed: u64,
 }
 
@@ -73,7 +73,7 @@ impl Options {
     }
 }
 
-/// What stands between the readout and the layers that are fitted.
+/// The layers between the readout and the fitted layers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case", tag = "head")]
 pub enum Head {
@@ -81,9 +81,9 @@ pub enum Head {
     New,
     /// The first layers behind the readout.
     Kept {
-        /// How many they are.
+        /// Number of these layers.
         layers: usize,
-        /// Number of values that the next one reads.
+        /// Number of values that the next layer reads.
         #[serde(skip)]
         values: usize,
     },
@@ -127,8 +127,8 @@ impl Base {
         Ok(Self { name: of, description, stride, weights, named, label, text })
     }
 
-    /// Its heads that can stay with the readout of `options`. Those with dense layers have seen
-    /// what these were fitted to.
+    /// The heads that can stay with the readout of `options`. Heads with dense layers have seen the
+    /// presses that these layers were fitted to.
     pub(super) fn kept_heads(&self, options: &Options, has_seen: bool) -> Vec<Head> {
         let mut heads = self.description.kept_heads();
         heads.retain(|kept| options.grid.is_none() && !(has_seen && kept.has_dense));
@@ -153,8 +153,8 @@ impl Base {
         Ok(Description::refitted(&self.text, &refit).map_err(inconsistent)?)
     }
 
-    /// The grid of a readout that sums, in halves of its cells while these have more pixels a side
-    /// than [`CELL`]: small motions show in small cells.
+    /// The grid of a readout that sums, with cells halved while they have more pixels along a side
+    /// than [`CELL`], because small motions show in small cells.
     fn finer_grid(&self, sensor: Sensor) -> Option<[u32; 2]> {
         let sums = self.description.layers().iter().find_map(|layer| match layer.kind {
             LayerKind::Readout { columns, rows, aggregation: Aggregation::Sum, .. } => Some([columns, rows]),

@@ -1,4 +1,5 @@
-//! What is fitted, and at which instants of which presses: checked before any network runs.
+//! The labels that are fitted, and the instants of presses. Both are checked before any network
+//! runs.
 //!
 //! A press gives its end (its last complete labelled instant), and random ages from a tenth of it
 //! on, where labels along time or a class of the whole press have a value there. Ages depend on the
@@ -16,13 +17,13 @@ use crate::error::{EvaluateError, RequestPart, Result};
 use crate::presses::{Presses, Row};
 use crate::units::{DEGREES, factor};
 
-/// The part of a press before which no random age is.
+/// No random age is in the first one of so many parts of a press.
 const QUIET: i64 = 10;
-/// What the random ages of a press weigh together, its end being 1. A press says less of its end
-/// than it seems to before it is over, and few labels are in its first events.
+/// Weight of all random ages of a press together; its end weighs 1. An unfinished press says less
+/// about its end than it seems to, and its first events say little about the labels.
 const AGES: f64 = 0.1;
 
-/// What an instant weighs whose events are moved, one that is not being 1.
+/// Weight of an instant whose events are moved; other instants weigh 1.
 const MOVED: f64 = 0.3;
 
 /// A label of numbers that becomes an output.
@@ -33,13 +34,13 @@ pub(super) struct Quantity {
     pub(super) name: String,
     /// The unit of the output.
     pub(super) unit: String,
-    /// A label times this is in the unit of the output.
+    /// Factor from the label to the unit of the output.
     pub(super) factor: f64,
-    /// The unit for people, and what an output is multiplied by for it.
+    /// The unit for people, and the factor from the output to it.
     pub(super) shown: (String, f64),
 }
 
-/// What is fitted.
+/// The labels that are fitted.
 #[derive(Clone, Debug)]
 pub(super) enum Target {
     Quantities(Vec<Quantity>),
@@ -55,9 +56,9 @@ pub(super) struct Instant {
     /// Time since the first event of the press.
     pub(super) age_us: i64,
     pub(super) is_end: bool,
-    /// By how many columns and rows the events are moved.
+    /// Columns and rows by which the events are moved.
     pub(super) moved: [i32; 2],
-    /// How much it counts in a fit.
+    /// Weight in a fit.
     pub(super) weight: f64,
     /// The value of each output, or the index of the class.
     pub(super) truth: Vec<f64>,
@@ -70,22 +71,22 @@ pub(super) struct Samples {
     pub(super) presses: Vec<usize>,
     /// By press, motion and time; the last one of each press that is not moved is its end.
     pub(super) instants: Vec<Instant>,
-    /// What was left out, for people.
+    /// What was left out, in words for people.
     pub(super) notes: Vec<String>,
 }
 
-/// What a head is fitted to.
+/// The data that a head is fitted to.
 pub(super) struct Given<'a> {
     pub(super) presses: &'a Presses,
     pub(super) samples: &'a Samples,
     pub(super) target: &'a Target,
-    /// What the network predicts as it is, if that is the same.
+    /// Predictions of the original network, if it predicts the same labels.
     pub(super) before: Option<&'a [Vec<f32>]>,
     pub(super) base: &'a Base,
     pub(super) sensor: Sensor,
     pub(super) options: &'a Options,
     pub(super) fold: &'a [usize],
-    /// The place of each press in the order of a learning curve.
+    /// The position of each press in the order of a learning curve.
     pub(super) order: &'a [usize],
 }
 
@@ -135,7 +136,7 @@ impl Target {
         }
     }
 
-    /// The outputs of a network that predicts it.
+    /// The outputs of a network that predicts this target.
     pub(super) fn outputs(&self) -> Outputs {
         match self {
             Self::Quantities(each) => {
@@ -176,7 +177,7 @@ impl Target {
 }
 
 impl Quantity {
-    /// The output with this name, and what its values are multiplied by for this unit.
+    /// The index of the output with this name, and the factor of its values for this unit.
     pub(super) fn place_in(&self, (names, units): (&[String], &[String])) -> Option<(usize, f64)> {
         let place = names.iter().position(|name| *name == self.name)?;
         Some((place, factor(&units[place], &self.unit)?))
@@ -306,7 +307,7 @@ fn of_press(
     let from = begin + (end - begin) / QUIET;
     for _ in 0..options.ages {
         let t_us = from + ((end - from) as f64 * random.uniform()) as i64;
-        // Between rows that are far apart there is no value, but there is one at the next row.
+        // There is no value between rows that are far apart; the next row has one.
         let next = rows[rows.partition_point(|row| row.t_us < t_us).min(rows.len() - 1)].t_us;
         times.insert(if target.truth(presses, press, t_us).is_some() { t_us } else { next });
     }
@@ -321,7 +322,7 @@ fn of_press(
     times.range(..=end).filter_map(|&t_us| instant(t_us)).collect()
 }
 
-/// To the left, right, top and bottom by `pixels`, or nowhere.
+/// Motions to the left, right, top and bottom by `pixels`, or none.
 fn motions(pixels: u16) -> impl Iterator<Item = [i32; 2]> {
     let by = i32::from(pixels);
     [[-by, 0], [by, 0], [0, -by], [0, by]].into_iter().filter(|motion| *motion != [0, 0])

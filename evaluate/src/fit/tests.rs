@@ -64,7 +64,7 @@ struct Folder(TempDir);
 
 impl Folder {
     /// So many presses of a blob that moves from the middle to a place; `label` makes the row of a
-    /// press of its index, its place, and a number that no event knows.
+    /// press from its index, its place, and a number that does not affect the events.
     fn new(presses: usize, header: &str, label: impl Fn(usize, [f64; 2], f64) -> String) -> Self {
         let folder = Self(tempfile::tempdir().expect("there is a place for temporary files"));
         let mut random = Random::new(7);
@@ -125,7 +125,7 @@ fn blob(to: [f64; 2], random: &mut Random) -> Vec<Event> {
     (0..200).map(|i| event(i, random)).collect()
 }
 
-/// Places at the end and halfway, an angle, and a number that no event knows.
+/// Places at the end and halfway, an angle, and a number that does not affect the events.
 fn places(presses: usize) -> Folder {
     Folder::new(presses, "recording,t_us,x_mm,tilt_deg,unknown", |press, [x, y], unknown| {
         let middle = [f64::midpoint(24.0, x), f64::midpoint(18.0, y)];

@@ -1,7 +1,7 @@
-//! Cross-validation by press: what heads predict for presses that they were not fitted to.
+//! Cross-validation by press: predictions of heads for presses that they were not fitted to.
 //!
-//! The choice of a fold is the one that is best on the other folds, so that no press chooses how it
-//! is predicted itself. That of the head that is kept is the best one on all folds.
+//! The choice for a fold is the best one on the other folds, so that no press affects the choice
+//! for its own prediction. The choice for the final head is the best one on all folds.
 
 use libm::{exp, exp2, log};
 use ndarray::{Array1, Array2, Axis};
@@ -16,7 +16,7 @@ use crate::error::Result;
 use crate::metrics::largest;
 use crate::workers::ProgressHandle;
 
-/// What is validated.
+/// The data of a validation.
 pub(super) struct Validation<'a> {
     pub(super) features: &'a Features,
     pub(super) target: &'a Target,
@@ -30,12 +30,12 @@ pub(super) struct Validation<'a> {
 /// Predictions for presses that were held out.
 #[derive(Clone, Debug)]
 pub(super) struct HeldOut {
-    /// By instants and outputs.
+    /// Predictions by instants and outputs.
     pub(super) predicted: Array2<f64>,
-    /// For each output, what is best on all folds; one for all classes.
+    /// For each output, the best choice on all folds; one for all classes.
     pub(super) choices: Vec<Choice>,
-    /// Those of the folds, whose sum is added; for classes, instead of what is linear. None where
-    /// they predict held-out presses no better.
+    /// The perceptrons of the folds. Their sum is added to the linear part; for classes, it
+    /// replaces it. Empty if they predict held-out presses no better.
     pub(super) perceptrons: Vec<Perceptron>,
 }
 
@@ -64,7 +64,7 @@ impl Validation<'_> {
             }
         }
         let losses: Vec<Array2<f64>> = predicted.iter().map(|predicted| self.losses(predicted)).collect();
-        // Of equal losses, the one with least freedom.
+        // If losses are equal, the choice with the least freedom.
         let best = |output: usize, without: Option<usize>| {
             let loss = |choice: usize| {
                 let folds = (0..self.folds).filter(|fold| Some(*fold) != without);
@@ -86,8 +86,8 @@ impl Validation<'_> {
 
     /// Adds perceptrons of `hidden` units to `held_out`, one a fold, from presses that are `taken`.
     ///
-    /// That of a fold learns from all folds but it and the next one, which chooses its epoch. Of
-    /// quantities it learns what is left where the presses were held out.
+    /// The perceptron of a fold learns from all folds except it and the next one, which chooses the
+    /// epoch. For quantities, it learns the residuals of the held-out predictions.
     pub(super) fn with_perceptrons(
         &self,
         mut held_out: HeldOut,
@@ -126,7 +126,7 @@ impl Validation<'_> {
         let of_fold = |fold: usize| -> Result<Perceptron> {
             let next = (fold + 1) % self.folds;
             let others = |press: usize| self.fold[press] != fold && self.fold[press] != next;
-            // Of two folds, one would be left to learn from and none to choose by.
+            // With two folds, one would be left to learn from and none to choose the epoch.
             let train =
                 rows(&|press| taken(press) && (others(press) || self.folds == 2 && self.fold[press] == next));
             let mut choose = rows(&|press| self.fold[press] == next);
@@ -201,7 +201,8 @@ impl Validation<'_> {
         Sums::of(self.features, self.target, self.instants, rows)
     }
 
-    /// By folds and outputs: the sum of squared errors, or the number of wrong classes, by weight.
+    /// The weighted sum of squared errors, or the weighted number of wrong classes, by folds and
+    /// outputs.
     fn losses(&self, predicted: &Array2<f64>) -> Array2<f64> {
         let mut losses = Array2::zeros((self.folds, predicted.ncols()));
         let all = self.instants.iter().zip(predicted.rows());
@@ -223,9 +224,9 @@ impl Validation<'_> {
     }
 }
 
-/// What logits (rows by classes) are multiplied by so that their softmax is as sure as it is right:
-/// the one of powers of 2^(1/4) with the smallest cross-entropy (Guo et al. 2017, "On calibration
-/// of modern neural networks").
+/// The factor of logits (rows by classes) that calibrates the confidence of their softmax: the
+/// power of 2^(1/4) with the smallest cross-entropy (Guo et al. 2017, "On calibration of modern
+/// neural networks").
 pub(super) fn sureness(logits: &Array2<f64>, truth: &[usize]) -> f64 {
     let loss = |factor: f64| {
         let rows = logits.rows().into_iter().zip(truth);

@@ -35,7 +35,7 @@ pub(super) fn weights(
 /// Key of the [`fingerprint`] of the presses that a head was fitted to.
 pub(super) const FITTED_TO: &str = "presses_fingerprint";
 
-/// Of the events of all presses that are taken, in any order.
+/// Fingerprint of the events of all presses that are taken, independent of their order.
 pub(super) fn fingerprint(presses: &Presses, samples: &Samples) -> String {
     let of = samples.presses.iter().map(|&press| presses.recordings[press].fingerprint);
     format!("{:016x}", of.fold(0, u64::wrapping_add))
@@ -52,7 +52,7 @@ pub(super) fn card(
     let is_file = presses.folder.is_file();
     let folder = if is_file { presses.folder.file_stem() } else { presses.folder.file_name() };
     let folder = folder.map_or_else(|| "presses".to_owned(), |name| name.to_string_lossy().into_owned());
-    // As evaluations of a set with a split expect it of weights that have not seen the test.
+    // Evaluations of a set with a split expect this of weights that have not seen the test.
     let trained_on = if presses.kept_back > 0 { "train".to_owned() } else { folder.clone() };
     let fitted_to = fingerprint(presses, samples);
     let presses = samples.presses.len();

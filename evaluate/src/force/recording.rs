@@ -24,7 +24,7 @@ pub(crate) struct Outcome {
     pub(crate) truth: Vec<f64>,
     /// How unlike the input was at the end of each frame.
     pub(crate) unlike: Vec<Option<f32>>,
-    /// The number of the phase at the end of each frame; `None` where the file does not say.
+    /// The number of the phase at the end of each frame; `None` if the file has no phases.
     pub(crate) phases: Vec<Option<usize>>,
     pub(crate) bolt_mm: Option<f64>,
     /// Mean squared error of the newest prediction that a reader has, over the milliseconds.
@@ -40,8 +40,8 @@ impl Outcome {
     }
 }
 
-/// Lets `engine` predict during recording `number`, from every `stride`-th event, every `every_us`,
-/// which divides `period_us`. The force at the end of each `period_us` counts.
+/// Lets `engine` predict during recording `number`, from every `stride`-th event, at intervals of
+/// `every_us`, a divisor of `period_us`. The force at the end of each `period_us` counts.
 pub(crate) fn run(
     engine: &mut PressEngine,
     recordings: &Presses,
@@ -88,12 +88,12 @@ pub struct ForceErrors<T = f64> {
     pub recordings: u64,
     /// All frames, those of each phase, and those of each bolt.
     pub parts: Vec<PartErrors<T>>,
-    /// The same of the frames whose true force is not 0, which are all that the paper judges.
+    /// The same for the frames whose true force is not 0: the paper judges only these.
     pub contact: Vec<PartErrors<T>>,
     /// Mean squared error in N^2 of a reader's newest prediction at each millisecond, if any.
     pub newest: Option<T>,
-    /// What predictions at the ends of frames say about their input, where the weights say what
-    /// that of the training was like.
+    /// How unlike the training's input the input is at the ends of frames, if the weights have
+    /// statistics of the training's.
     pub doubts: Option<Doubts>,
     /// Events and work of all trainings together.
     pub work: Work,
@@ -114,8 +114,8 @@ pub struct PartErrors<T = f64> {
     pub mae: T,
     /// Standard deviation of the recordings' own mean absolute errors; 0 for a single recording.
     pub mae_std: T,
-    /// Mean over the recordings with such frames of the distance of dynamic time warping between
-    /// predicted and true force, in newtons.
+    /// Distance of dynamic time warping between predicted and true force in newtons: the mean over
+    /// the recordings with such frames.
     pub time_warping: T,
     /// Bhattacharyya's distance of predicted and true forces; `None` where they share no bin.
     pub bhattacharyya: Option<T>,
@@ -201,7 +201,8 @@ fn errors(values: &[f64], truths: &[f64]) -> Vec<f64> {
     values.iter().zip(truths).map(|(value, truth)| value - truth).collect()
 }
 
-/// The errors of the frames of `outcomes` that are `within`: of all, of each phase, of each bolt.
+/// The errors of the frames of `outcomes` that are `within`: all of them, those of each phase, and
+/// those of each bolt.
 fn parts(outcomes: &[Outcome], within: impl Fn(&Outcome, usize) -> bool) -> Vec<PartErrors> {
     let mut parts = Vec::from_iter(PartErrors::of("all", outcomes, &within));
     for (number, phase) in Phase::ALL.into_iter().enumerate() {

@@ -14,7 +14,7 @@ use crate::workers::Workers;
 
 const RECORDINGS: usize = 3;
 
-/// A file of grasps in a folder of its own.
+/// A file of grasps in its own folder.
 fn file() -> (tempfile::TempDir, std::path::PathBuf) {
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("grasps.safetensors");
@@ -80,7 +80,7 @@ fn frame_networks_see_each_frame_once_and_their_errors_are_those_of_the_frames()
         assert_eq!([sum(0..1), sum(1..4), sum(4..7)], [41 * RECORDINGS as u64; 3]);
         let weighted: f64 = figures.parts[1..4].iter().map(|part| part.mse.mean * part.frames as f64).sum();
         assert!((weighted / (41.0 * RECORDINGS as f64) - mean).abs() < 1e-9);
-        // In contact are the frames with a force, of the part's own recordings and times.
+        // The frames in contact are those with a force, of the part's own recordings and times.
         let traces = &report.networks[0].result.traces;
         let touched = |trace: &[(f64, f64)]| -> Vec<(f64, f64)> {
             trace.iter().copied().filter(|pair| pair.0 != 0.0).collect()

@@ -139,7 +139,8 @@ proptest! {
     }
 }
 
-/// The bound between `share`, which is inside, and `end`, which is not or is the end, by bisection.
+/// The bound between `share`, which is inside, and `end`, which is outside or is the bound, by
+/// bisection.
 fn slow_bound(share: f64, end: f64, n: f64) -> f64 {
     let inside = |p: f64| (share - p).abs() <= Z * (p * (1.0 - p) / n).sqrt();
     let (mut within, mut without) = (share, end);

@@ -1,11 +1,11 @@
 //! The studies of networks over events: one recording without labels, and the tasks on events.
 //!
-//! Streams are timed from an empty window on. Errors are those of recordings that a training has
-//! not seen; with several trainings, the first one is timed.
+//! Streams are timed from an empty window on. Errors are of recordings that a training has not
+//! seen; with several trainings, the first one is timed.
 //!
-//! Enters: streams, and recordings with labels where there are any. Leaves: a [`Measurement`] of
-//! each setting, in turns with the exact network. A prediction is read after each event that
-//! enters, stands until the next one, and is compared at every event.
+//! Input: streams, and recordings with labels where there are any. Output: a [`Measurement`] of
+//! each setting, in turns with the exact network. A prediction is read after each accepted event,
+//! stands until the next one, and is compared at every event.
 //!
 //! Answers: every recording begins with a reset, so the number of threads changes no count. Where a
 //! prediction depends on earlier reads (tolerance, stale readout), a prediction is read after each
@@ -18,6 +18,7 @@ use std::time::{Duration, Instant};
 use meissner_engine::{self as engine, Counters, EngineError, Event, Network, Outcome, Sensor};
 use meissner_models::{DEFAULT_NETWORK, Description};
 use meissner_run::approximations::Approximations;
+use meissner_run::fingerprint::Fingerprint;
 use meissner_run::model::{Model, WeightsFile, describe, labelled, weights};
 use meissner_run::predictor::{EventPredictor, Mode};
 use meissner_run::source::Source;
@@ -25,7 +26,6 @@ use meissner_run::source::Source;
 use super::measurement::{Differences, Lap, Measurement, spread, take_turns, timed_label};
 use super::report::DataReport;
 use super::settings::{Setting, mean_rate, settings};
-use super::state::Fingerprint;
 use super::task_error::TaskError;
 use super::{NetworkReport, NetworkStudy, Options, Study};
 use crate::error::{EvaluateError, RequestPart, Result, weights_error};
@@ -36,7 +36,7 @@ use crate::trainings::{EvaluatedNetwork, Request, Training, candidates};
 use crate::trials::{Fold, Trial};
 use crate::workers::Workers;
 
-/// Timed events without another number.
+/// Default number of timed events.
 const EVENTS: usize = 20_000;
 
 /// The part of a recording and the networks of a study without labels.
@@ -62,7 +62,7 @@ pub fn angle(source: Source, asked: AngleOptions<'_>, options: &Options) -> Resu
     let (name, sensor) = (source.name.clone(), source.sensor(asked.sensor)?);
     let all = source.collect::<Result<Vec<Event>, _>>()?;
     let count = options.timed.unwrap_or(EVENTS);
-    // In i128: times may be any numbers.
+    // In i128, because times may be any i64.
     let begin = i128::from(all.first().map_or(0, |event| event.t_us)) + i128::from(asked.from_us);
     let taken = all.iter().filter(|event| i128::from(event.t_us) >= begin);
     let events: Vec<Event> = taken.copied().take(count).collect();
@@ -109,7 +109,7 @@ pub fn angle(source: Source, asked: AngleOptions<'_>, options: &Options) -> Resu
 }
 
 /// The study of networks for a task, on the data set in `folder`: on the split test, or of the
-/// cross-validation where a network has folds, of which there must be `folds`.
+/// cross-validation if a network has folds, which must be `folds` in number.
 ///
 /// # Errors
 /// The data set or a network cannot be read, or trainings do not fit.
@@ -126,7 +126,7 @@ pub fn events<'a, T: EventTask>(
     let asked = options.timed.unwrap_or(EVENTS);
     let (mut networks, mut timed) = (Vec::new(), 0);
     for (EvaluatedNetwork { description, trainings }, stride) in candidates.into_iter().zip(strides) {
-        // Folds where there are any, else whole trainings.
+        // Folds if there are any, else whole trainings.
         let mut trials = data.trials(&trainings, folds)?;
         let has_folds = trials.iter().any(|trial| trial.scheme.is_some());
         trials.retain(|trial| trial.scheme.is_some() == has_folds);
@@ -196,14 +196,14 @@ struct Judge<'a> {
 struct Run {
     engine: EventPredictor,
     last: Vec<f32>,
-    /// Predictions after each event of the last turn.
+    /// Predictions after each event in the last turn.
     outputs: Vec<f32>,
 }
 
 impl<'a> EventNetwork<'a> {
     fn study(self, report: NetworkReport) -> Result<NetworkStudy<'a>> {
         let settings = settings(&self.network, mean_rate(&self.streams), 0);
-        // A network that a setting does not fit is refused before anything is measured.
+        // If a setting does not fit the network, the error comes before any measurement.
         settings.iter().try_for_each(|setting| setting.network(&self.network).map(drop))?;
         let names = settings.iter().map(|setting| setting.name.clone()).enumerate().collect();
         let measure = Box::new(move |setting: usize| self.measure(&settings[setting]));

@@ -1,6 +1,6 @@
 //! The study of the force of grasps: event graphs and frame networks, with each of their settings.
 //!
-//! Enters: a file of recordings, and networks. Leaves: a [`Study`] of the mean squared error of the
+//! Input: a file of recordings, and networks. Output: a [`Study`] of the mean squared error of the
 //! force, judged as by `eval force`. Times are those of a recording with a prediction for each
 //! frame, so that networks of both kinds are on one front. Some recordings are timed, evenly
 //! chosen.
@@ -12,6 +12,7 @@ use std::time::Duration;
 use meissner_engine::Event;
 use meissner_engine::frames::FrameNetworkParts;
 use meissner_models::{AnyDescription, Description, FrameDescription};
+use meissner_run::fingerprint::Fingerprint;
 use meissner_run::predictor::Mode;
 
 use super::measurement::{Differences, Lap, Measurement, evenly, take_turns, timed_label};
@@ -19,7 +20,6 @@ use super::report::DataReport;
 use super::settings::{
     FrameSetting, Setting, Thinning, common, has_pixels_to_keep, mean_rate, notes, settings,
 };
-use super::state::Fingerprint;
 use super::task_error::{ErrorKind, TaskError};
 use super::{NetworkReport, NetworkStudy, Options, Study};
 use crate::error::{EvaluateError, RequestPart, Result, weights_error};
@@ -32,13 +32,13 @@ use crate::trainings::{EvaluatedNetwork, Request, Training, candidates};
 use crate::trials::{Cases, Fold, Trial};
 use crate::workers::Workers;
 
-/// Timed recordings without another number.
+/// Default number of timed recordings.
 const RECORDINGS: usize = 20;
 /// Tolerances of counts of events divided by 8: the first is far below one event.
 const TOLERANCES: [f32; 4] = [1e-3, 1e-2, 3e-2, 1e-1];
 
 /// The study of networks that predict the force of grasps, on the recordings in the file `events`.
-/// Errors are those on all recordings, or of the cross-validation where all trainings are folds.
+/// Errors are over all recordings, or of the cross-validation if all trainings are folds.
 ///
 /// # Errors
 /// The file or a network cannot be read, no recording lasts for a frame, or trainings do not fit.
@@ -108,7 +108,7 @@ pub fn force<'a>(
         };
         let (recordings, repeats) = (Arc::clone(&recordings), options.repeats);
         let network = GraspsNetwork { kind, trials, recordings, stride, timed, repeats, workers };
-        // An engine that refuses the sensor does so before anything is measured.
+        // If an engine refuses the sensor, the error comes before any measurement.
         network.engine(&network.trials[0].folds[0].training, 0)?;
         let (settings, report) = (network.kind.names(), NetworkReport::new(name, label, fingerprint));
         let measure = Box::new(move |setting: usize| network.measure(setting));
@@ -163,7 +163,7 @@ impl Kind {
 /// A network over recordings with its trainings and its data.
 struct GraspsNetwork<'a> {
     kind: Kind,
-    /// The first training of the first one is timed.
+    /// The first training of the first trial is timed.
     trials: Vec<Trial>,
     recordings: Arc<Presses>,
     /// Every `stride`-th event of a recording is taken.
@@ -173,7 +173,7 @@ struct GraspsNetwork<'a> {
     workers: &'a Workers,
 }
 
-/// An engine that is timed, with what it said about the last recording.
+/// An engine that is timed, with its predictions for the last recording.
 struct Timed {
     engine: PressEngine,
     last: Option<Outcome>,
@@ -206,7 +206,7 @@ impl GraspsNetwork<'_> {
         }
     }
 
-    /// What `engine` says about a recording, with a prediction at the end of each frame.
+    /// The predictions of `engine` for a recording, one at the end of each frame.
     fn run(&self, engine: &mut PressEngine, number: usize) -> Result<Outcome> {
         run(engine, &self.recordings, number, self.stride, (PERIOD_US, PERIOD_US))
     }
@@ -238,7 +238,7 @@ impl GraspsNetwork<'_> {
         let per_recording = |count: u64| count as f64 / self.timed.len() as f64;
         Ok(Measurement {
             timed: self.timed.len() as u64,
-            // Silent recordings have no events that could be dropped.
+            // Silent recordings have no events to drop.
             entered: if entered[1] == 0 { 1.0 } else { entered[0] as f64 / entered[1] as f64 },
             timing,
             rows: per_recording(computed),

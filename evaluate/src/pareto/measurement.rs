@@ -1,14 +1,14 @@
 //! Times, work and errors of a network with one setting.
 //!
-//! Numerical errors are those of all values a against the values e of the exact network:
+//! Numerical errors compare all values a with the values e of the exact network:
 //!
 //! ```text
 //! max = max |a - e|     rms = sqrt(mean (a - e)^2)     relative rms = rms / sqrt(mean e^2)
 //! ```
 //!
-//! Sums are in f64 in the order of the moments. Both are also formed for each tenth of a stream, so
-//! that an error that grows with time is seen. Times are medians over repeats, which all compute
-//! the same, so an interruption of one repeat changes no figure.
+//! Sums are in f64 in the order of the moments. Both are also computed for each tenth of a stream,
+//! so that an error that grows with time is visible. Times are medians over repeats. All repeats
+//! compute the same, so an interruption of one changes no figure.
 
 use std::time::Duration;
 
@@ -20,7 +20,7 @@ use super::task_error::TaskError;
 /// Name of the setting without approximations.
 pub const EXACT: &str = "exact";
 
-/// Number of parts of each stream whose errors are formed apart.
+/// Number of parts of each stream with their own errors.
 const PARTS: usize = 10;
 
 /// Times, work and errors of one setting, for an event, a window, a picture or a recording.
@@ -71,11 +71,11 @@ pub struct Timing {
 pub struct Numerical {
     pub max: f64,
     pub rms: f64,
-    /// `rms` as a share of the exact outputs' own; `None` where these are all 0.
+    /// `rms` as a share of the RMS of the exact outputs; `None` if these are all 0.
     pub relative_rms: Option<f64>,
-    /// For each tenth of a stream; `None` for a tenth without values.
+    /// `max` for each tenth of a stream; `None` for a tenth without values.
     pub max_by_tenth: Vec<Option<f64>>,
-    /// For each tenth of a stream; `None` for a tenth without values.
+    /// `rms` for each tenth of a stream; `None` for a tenth without values.
     pub rms_by_tenth: Vec<Option<f64>>,
 }
 
@@ -96,12 +96,13 @@ impl Numerical {
     }
 }
 
-/// Times of the events of a repeat: those of filters and push, and the same with the prediction.
+/// Times of the events of a repeat: of filters and push, and of these with the prediction.
 pub(super) type Lap = Vec<(Duration, Duration)>;
 
-/// Times two networks over `streams`, `repeats` times, in alternating turns of `turn` items, so
-/// that a slower machine slows both. `begin` begins a stream, `run` pushes items. In the first
-/// repeat, `after` gets the index of a turn's first item and the number of items of the stream.
+/// Measures the times of two networks over `streams`, `repeats` times, in alternating turns of
+/// `turn` items, so that a slower machine slows both. `begin` begins a stream, `run` pushes items.
+/// In the first repeat, `after` gets the index of a turn's first item and the number of items of
+/// the stream.
 pub(super) fn take_turns<N, I, E>(
     (exact, own): (&mut N, &mut N),
     (streams, repeats, turn): (&[Vec<I>], u32, usize),

@@ -1,8 +1,8 @@
 //! The study of contact area and normal force: networks over pictures of a gel.
 //!
-//! Enters: files of pictures, and networks. Leaves: a [`Study`] of what the intersection over union
-//! lacks to 1, judged as by `eval area`. Some presses are timed, evenly chosen, without their
-//! reset, and their maps are compared with the exact ones.
+//! Input: files of pictures, and networks. Output: a [`Study`] of 1 minus the intersection over
+//! union, judged as by `eval area`. Some presses, evenly chosen, are timed without their reset, and
+//! their maps are compared with the exact ones.
 
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -10,13 +10,13 @@ use std::sync::Arc;
 use meissner_engine::frames::{Convolution, FrameCounters, FrameNetworkParts};
 use meissner_kernels::WinogradTile;
 use meissner_models::FrameDescription;
+use meissner_run::fingerprint::Fingerprint;
 use meissner_run::model::{FrameModel, LayerCost};
 use meissner_run::run::ContactPredictor;
 
 use super::measurement::{Differences, Lap, Measurement, spread, take_turns, timed_label};
 use super::report::DataReport;
 use super::settings::{FrameSetting, Thinning, common, has_pixels_to_keep, has_winograd};
-use super::state::Fingerprint;
 use super::task_error::{ErrorKind, TaskError};
 use super::{NetworkReport, NetworkStudy, Options, Study};
 use crate::area::figures::{Answer, Figures, Outcome, PressOptions, Run};
@@ -26,7 +26,7 @@ use crate::error::{EvaluateError, RequestPart, Result, weights_error};
 use crate::trainings::{EvaluatedNetwork, Request, Training, candidates};
 use crate::workers::Workers;
 
-/// Timed pictures without another number.
+/// Default number of timed pictures.
 const PICTURES: usize = 40;
 /// Tolerances in the unit of the input, in which a grey level is 0.04 for the shipped networks;
 /// normalised layers have about this scale. Noise is 1 to 3 grey levels: the first is below it,
@@ -110,8 +110,8 @@ fn fingerprint(presses: &[&Press]) -> String {
     fingerprint.finish()
 }
 
-/// The settings of a network of `parts`, where pictures `follow` others of their press or not:
-/// without that, a tolerance has nothing to keep, and no picture can be left out.
+/// The settings of a network of `parts`. `follow` states whether pictures follow others of their
+/// press: if not, a tolerance has nothing to keep, and no picture can be left out.
 fn settings(parts: &FrameNetworkParts, follow: bool) -> Vec<FrameSetting> {
     let mut settings = common(parts, if follow { &TOLERANCES } else { &[] });
     if follow {
@@ -195,14 +195,16 @@ impl PicturesNetwork<'_> {
         })
     }
 
-    /// Errors of contact, and of force where known: on all files, then on each of several.
+    /// Errors of contact, and of force where known: on all files, then on each file if there are
+    /// several.
     fn errors(&self, setting: FrameSetting) -> Result<Vec<TaskError>> {
         let mut judged: Vec<Vec<Vec<Outcome>>> = Vec::new();
         for training in &self.trainings {
             let (model, how) = self.model(training, setting)?;
             let outcome = |(): &mut (), press: &Press| {
                 let mut outcome = Outcome::of(&model, how, &self.costs, press)?;
-                // Maps of all pictures would take much memory, and the figures are formed.
+                // Maps of all pictures would take much memory, and the figures are already
+                // computed.
                 outcome.maps = Vec::new();
                 Ok::<_, EvaluateError>(outcome)
             };

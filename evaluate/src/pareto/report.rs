@@ -1,15 +1,15 @@
 //! Results of a study, with the keys of the JSON report.
 //!
-//! Enters: measurements. Leaves: the Pareto front, and each network's fastest setting within some
-//! error. A time is the ratio to the exact network times that network's own time, so that a machine
-//! that is slower during one setting moves no point.
+//! Input: measurements. Output: the Pareto front, and each network's fastest setting within some
+//! error. A time is the ratio to the exact network times the exact network's own time, so that a
+//! machine that is slower during one setting moves no point.
 
 use meissner_kernels::Isa;
+use meissner_run::fingerprint::Fingerprint;
 use meissner_run::provenance::{Header, InputCard};
 use serde::{Serialize, Serializer};
 
 use super::measurement::{EXACT, Measurement};
-use super::state::Fingerprint;
 use super::task_error::ErrorKind;
 
 /// Results of all networks.
@@ -27,7 +27,7 @@ pub struct Report {
     pub isa: &'static str,
     /// Remarks, for people.
     pub notes: Vec<String>,
-    /// The error that settings are compared by.
+    /// The error by which settings are compared.
     pub compared: Compared,
     pub networks: Vec<NetworkReport>,
     pub fastest_within: Vec<Fastest>,
@@ -50,7 +50,7 @@ pub struct DataReport {
     pub fingerprint: String,
 }
 
-/// The error that settings are compared by.
+/// The error by which settings are compared.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Compared {
     /// Error of the task.
@@ -60,7 +60,7 @@ pub enum Compared {
 }
 
 impl Serialize for Compared {
-    /// A word; errors of a task state their kind themselves.
+    /// Writes a word; errors of a task state their kind themselves.
     fn serialize<S: Serializer>(&self, s: S) -> Result<S::Ok, S::Error> {
         s.serialize_str(match self {
             Self::Task(_) => "task_error",
@@ -113,11 +113,11 @@ pub struct NetworkReport {
 #[expect(missing_docs, reason = "the keys of the JSON report")]
 pub struct SettingReport {
     pub setting: String,
-    /// Time as it is compared, in microseconds.
+    /// The compared time, in microseconds.
     pub us: f64,
     /// Time of the exact setting as a multiple of `us`.
     pub speed_up: f64,
-    /// Error as it is compared.
+    /// The compared error.
     pub error: f64,
     /// 95 % interval of the error; `None` without labels, and for a single press or recording.
     pub interval_95: Option<(f64, f64)>,
@@ -237,7 +237,7 @@ pub fn pareto_front(points: &[(f64, f64)]) -> Vec<usize> {
         ta.total_cmp(&tb).then(ea.total_cmp(&eb)).then(a.cmp(&b))
     });
     let mut last: Option<(f64, f64)> = None;
-    // All before are at most as slow: a point must be better than the best, or equal to it.
+    // All points before are at most as slow: a point must be better than the best, or equal to it.
     order.retain(|&i| {
         let stays = last.is_none_or(|last| points[i].1 < last.1 || points[i] == last);
         if stays {
@@ -248,7 +248,7 @@ pub fn pareto_front(points: &[(f64, f64)]) -> Vec<usize> {
     order
 }
 
-/// Bounds above an error of `exact`, and their words.
+/// Bounds above an error of `exact`, and their descriptions.
 fn bounds(compared: Compared, exact: f64) -> [(f64, String); 3] {
     match compared {
         Compared::Task(kind) if kind.is_share() => {

@@ -1,6 +1,6 @@
 //! The settings of a network: which approximations, alone and together, and their names.
 //!
-//! Enters: a network, and the mean rate of its events. Leaves: every setting that changes the
+//! Input: a network, and the mean rate of its events. Output: every setting that changes the
 //! network, after the exact one. Each study of frames adds those of its frames.
 
 use meissner_engine::frames::{
@@ -78,7 +78,7 @@ const SETTINGS: &[&[Change]] = &[
     &[Activity(1250), Tolerance(1e-2), Stale(5)],
 ];
 
-/// The settings of `network` over `rate` events a second, read every `every_us`, 0: always.
+/// The settings of `network` over `rate` events a second, read every `every_us`; 0: always.
 pub(super) fn settings(network: &Network, rate: f64, every_us: i64) -> Vec<Setting> {
     let fits = |change: &Change| change.fits(network, every_us);
     let fitting = SETTINGS.iter().filter(|changes| changes.iter().all(fits));
@@ -110,7 +110,7 @@ impl Setting {
 }
 
 impl Change {
-    /// Whether it changes anything about `network`, or about predictions every `every_us`.
+    /// Whether it changes `network`, or predictions every `every_us`.
     fn fits(self, network: &Network, every_us: i64) -> bool {
         let parts = network.parts();
         match self {
@@ -185,7 +185,7 @@ pub(super) enum Thinning {
     EverySecond,
 }
 
-/// The exact setting, Winograd's convolutions, `tolerances`: those that change a network.
+/// The exact setting, Winograd's convolutions, and `tolerances`, if they change a network.
 pub(super) fn common(parts: &FrameNetworkParts, tolerances: &[f32]) -> Vec<FrameSetting> {
     let exact = FrameSetting::default();
     let mut settings = vec![exact];
@@ -199,7 +199,7 @@ pub(super) fn common(parts: &FrameNetworkParts, tolerances: &[f32]) -> Vec<Frame
     settings
 }
 
-/// What cannot be approximated in the network `name` of `parts`, for people.
+/// What cannot be approximated in the network `name` of `parts`, in words for people.
 pub(super) fn notes(name: &str, parts: &FrameNetworkParts) -> Vec<String> {
     let mut notes = Vec::new();
     let is_3x3 = |layer: &FrameLayer| matches!(layer.kind, FrameLayerKind::Conv { kernel: 3, .. });
@@ -257,7 +257,7 @@ impl FrameSetting {
         FrameOptions::new().with_skip(self.tolerance.map_or(Skip::Exact, Skip::Tolerance))
     }
 
-    /// Of so many frames the network sees the first.
+    /// The network sees the first of so many frames.
     pub(super) fn every(self) -> usize {
         if self.thinning == Thinning::EverySecond { 2 } else { 1 }
     }

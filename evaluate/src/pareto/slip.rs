@@ -1,6 +1,6 @@
 //! The study of the direction of slip: frame networks over windows of readings.
 //!
-//! Enters: the windows of a data set. Leaves: a [`Measurement`] of each setting. Some windows,
+//! Input: the windows of a data set. Output: a [`Measurement`] of each setting. Some windows,
 //! evenly chosen, are timed in turns with the exact network. The outputs for all windows of unseen
 //! objects are compared with the exact outputs and with the labels.
 
@@ -12,12 +12,12 @@ use std::time::Instant;
 use meissner_engine::EngineError;
 use meissner_engine::frames::{FrameEngine, FrameNetwork, FrameNetworkParts};
 use meissner_models::systems::slip::ObjectSet;
+use meissner_run::fingerprint::Fingerprint;
 use meissner_run::model::LayerCost;
 
 use super::measurement::{Differences, Lap, Measurement, evenly, take_turns, timed_label};
 use super::report::DataReport;
 use super::settings::{FrameSetting, Thinning, common, has_pixels_to_keep, notes};
-use super::state::Fingerprint;
 use super::task_error::TaskError;
 use super::{NetworkReport, NetworkStudy, Options, Study};
 use crate::error::{EvaluateError, RequestPart, Result, weights_error};
@@ -26,7 +26,7 @@ use crate::slip::{Slip, SlipData, Windows};
 use crate::trainings::{EvaluatedNetwork, Request, candidates};
 use crate::workers::Workers;
 
-/// Timed windows without another number.
+/// Default number of timed windows.
 const WINDOWS: usize = 400;
 const TURN: usize = 10;
 
@@ -137,7 +137,7 @@ pub(super) fn settings(parts: &FrameNetworkParts, steps: usize) -> Vec<FrameSett
     settings
 }
 
-/// Readings of a window of `whole` that the network sees.
+/// Number of readings that the network sees, of the `whole` number in a window.
 fn steps(setting: FrameSetting, whole: usize) -> usize {
     if let Thinning::Last { kept, .. } = setting.thinning { kept } else { whole }
 }
@@ -180,7 +180,7 @@ impl<'a> FramesNetwork<'a> {
         let products = self.costs.iter().zip(&layers).map(|(cost, layer)| cost.of(layer)).sum();
         let outputs = self.outputs(setting)?;
         if self.exact.get().is_none() {
-            // There is nothing in it yet.
+            // The cell is still empty.
             let _ = self.exact.set(self.outputs(FrameSetting::default())?);
         }
         Ok(Measurement {
@@ -194,7 +194,8 @@ impl<'a> FramesNetwork<'a> {
         })
     }
 
-    /// Times `windows`, each from a reset on; the push of a window is that of all its frames.
+    /// Measures the times of `windows`, each from a reset on; the push of a window is that of all
+    /// its frames.
     fn push(&self, run: &mut Run, windows: &[usize], lap: &mut Lap) -> Result<(), EngineError> {
         for &window in windows {
             let start = Instant::now();
@@ -219,7 +220,7 @@ impl<'a> FramesNetwork<'a> {
         self.trainings.iter().map(of).collect()
     }
 
-    /// Wrong answers for all unseen objects, then for each set.
+    /// Errors on all unseen objects, then on each set.
     fn errors(&self, outputs: &Outputs) -> Vec<TaskError> {
         let unseen = ObjectSet::ALL.into_iter().filter(|set| *set != ObjectSet::Basic);
         let sets = std::iter::once(None).chain(unseen.map(Some));

@@ -1,7 +1,7 @@
 //! Errors of a task: what they measure, in which unit, and their 95 % intervals.
 //!
-//! A share of wrong answers has the interval of Wilson. A mean has that of a mean over presses or
-//! recordings, which are independent.
+//! A share of wrong answers has the interval of Wilson. A mean has the interval of a mean over
+//! presses or recordings, which are independent.
 
 use serde::{Deserialize, Serialize};
 
@@ -14,7 +14,7 @@ pub enum ErrorKind {
     /// Share of wrong answers.
     #[default]
     WrongAnswers,
-    /// What the intersection over union of contacts lacks to 1: the mean over pictures.
+    /// 1 minus the intersection over union of contacts: the mean over pictures.
     OneMinusIou,
     /// Squared error of the force in N^2, the mean over frames.
     SquaredForce,
@@ -27,7 +27,7 @@ pub enum ErrorKind {
 pub struct TaskError {
     /// The part of the data set.
     pub of: String,
-    /// What it measures; wrong answers in files that do not say it.
+    /// The kind; wrong answers in files without a kind.
     #[serde(default)]
     pub kind: ErrorKind,
     /// The error in the unit of its kind, shares from 0 to 1: the mean over the trainings.
@@ -90,7 +90,7 @@ impl ErrorKind {
         format!("{} to {}", self.text(low), self.text(high))
     }
 
-    /// An interval within what such an error can be.
+    /// An interval, cut to the possible values of such an error.
     fn possible(self, (low, high): (f64, f64)) -> (f64, f64) {
         let most = if self.is_share() { 1.0 } else { f64::INFINITY };
         (low.clamp(0.0, most), high.clamp(0.0, most))

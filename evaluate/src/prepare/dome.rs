@@ -1,7 +1,7 @@
 //! Presses of the simulated dome, as marker tracks with labels.
 //!
-//! Enters: how many presses, and a seed. Leaves: tracks for [`super::film_markers`], with tilt,
-//! depth and force of each press.
+//! Input: the number of presses, and a seed. Output: tracks for [`super::film_markers`], with
+//! tilt, depth and force of each press.
 
 use std::f64::consts::PI;
 
@@ -25,7 +25,7 @@ const DURATION_US: [f64; 2] = [90_000.0, 200_000.0];
 /// The dome rests before a press, and the press is held after it.
 const REST_US: i64 = 10_000;
 
-/// Tilts and directions of the plan, with each other.
+/// Number of pairs of a tilt and a direction in the plan.
 pub const DOME_KINDS: usize = TILTS * DIRECTIONS;
 
 /// Depth between two recorded positions, in millimetres; markers move straight between them.
@@ -58,7 +58,7 @@ pub fn dome_presses(
     let mut labels = [const { Vec::new() }; 4];
     let markers = recorded[0][0].markers.len();
     for (&(tilt, azimuth), recorded) in kinds.iter().zip(&recorded) {
-        // The plane leans towards `azimuth`: it is turned about the axis across.
+        // The plane leans towards `azimuth`: it is turned about the perpendicular axis.
         let (roll, pitch) = (-tilt * libm::sin(azimuth), tilt * libm::cos(azimuth));
         for _ in 0..each {
             let (depth_mm, duration_us) = (uniform(DEPTH_MM), uniform(DURATION_US));
@@ -145,7 +145,8 @@ pub(crate) fn record(tilt: f64, azimuth: f64, sensor: Sensor) -> Vec<Recorded> {
     (0..=steps).map(at).collect()
 }
 
-/// When depth has risen to `share`, as a share of the duration: inverse of `3 t^2 - 2 t^3`.
+/// Time at which depth has risen to `share`, as a share of the duration: inverse of `3 t^2 - 2
+/// t^3`.
 pub(crate) fn rising_time(share: f64) -> f64 {
     0.5 - libm::sin(libm::asin((1.0 - 2.0 * share).clamp(-1.0, 1.0)) / 3.0)
 }

@@ -1,7 +1,7 @@
 //! Marker tracks, images and grasps, filmed by the camera model.
 //!
-//! Enters: a safetensors file of marker tracks with labels, a sequence of images, or a number of
-//! grasps and a seed. Leaves: events with their causes, and the labels.
+//! Input: a safetensors file of marker tracks with labels, a sequence of images, or a number of
+//! grasps and a seed. Output: events with their causes, and the labels.
 
 use std::path::Path;
 
@@ -24,7 +24,7 @@ use crate::streams::{Truth, bounds, floats, integers, tensor, wrong};
 
 /// The events that a camera sees of the marker tracks in the safetensors file `tracks`.
 ///
-/// Stream i is filmed by a camera of its own, whose seed is `seed + i`. The file has
+/// A separate camera with the seed `seed + i` films stream i. The file has
 ///
 /// | tensor | type and shape | values |
 /// |---|---|---|
@@ -90,7 +90,7 @@ pub(super) fn prepared(sensor: Sensor, streams: &[Vec<SimulatedEvent>], truth: O
 /// An image cannot be read, or the simulator refuses the settings.
 ///
 /// # Panics
-/// If `images` has no image left.
+/// If `images` is empty.
 pub fn film_images(
     images: ImageSequence,
     interval_us: i64,

@@ -1,7 +1,8 @@
-//! What the frames of a training were like.
+//! Statistics of the frames of a training.
 //!
-//! Enters: what frames are made of, and weights. Leaves: the weights, whose metadata say what these
-//! frames were like. Frames are those that `eval` of the same data shows a network.
+//! Input: the data that frames are made of, and weights. Output: the weights, with statistics of
+//! these frames in their metadata. The frames are those that `eval` of the same data shows a
+//! network.
 
 use std::path::PathBuf;
 
@@ -28,9 +29,9 @@ use crate::slip::{SlipData, Windows, trained_on_basic};
 use crate::streams::Streams;
 use crate::trainings::Metadata;
 
-/// `weights` of the network of `description`, with what its frames were like in `inputs`: streams
-/// of events, folders of the data set of electrodes (of weights that were trained on Basic, only
-/// this set), or files of pictures.
+/// `weights` of the network of `description`, with statistics of its frames from `inputs`: streams
+/// of events, folders of the data set of electrodes (only the set Basic for weights that were
+/// trained on it), or files of pictures.
 ///
 /// Sliding windows count at `ages` of the streams, all other frames count.
 ///
@@ -97,8 +98,8 @@ pub fn training_frames(
     Ok(told(weights, frames_text(&described), contents))
 }
 
-/// The features that describe frames of `source`: of electrodes their values, which stand in few
-/// cells of an image.
+/// The features that describe frames of `source`. For electrodes, these are their values, because
+/// they fill few cells of an image.
 fn features(source: &FrameSource) -> FrameFeatures {
     match source {
         FrameSource::Electrodes(readings) => FrameFeatures::Values((0..readings.scaling.values()).collect()),

@@ -1,6 +1,6 @@
 //! Presses into a simulated gel, as pictures with the force on each pixel.
 //!
-//! Enters: a [`GelPlan`]. Leaves: pictures, the picture of the sensor at rest, maps of force.
+//! Input: a [`GelPlan`]. Output: pictures, the picture of the sensor at rest, maps of force.
 
 use std::f64::consts::{PI, TAU};
 use std::path::Path;
@@ -28,8 +28,8 @@ pub enum Shapes {
     /// Balls, cylinders, punches, blocks, cones, irregular bodies, polygons, wires, half of
     /// [`LETTERS`].
     Seen,
-    /// Rings, edges, squares of balls, and the second half of [`LETTERS`]: nothing that
-    /// [`Self::Seen`] has.
+    /// Rings, edges, squares of balls, and the second half of [`LETTERS`]: nothing from
+    /// [`Self::Seen`].
     Unseen,
     /// Pins with flat ends: a body that touches in several places. No other set has them.
     Pins,
@@ -37,17 +37,17 @@ pub enum Shapes {
     Ridges,
     /// Flat blocks that reach beyond the picture along both sides.
     Larger,
-    /// Flat rings that reach beyond the picture: the hole is all that does not press.
+    /// Flat rings that reach beyond the picture: everything except the hole presses.
     LargerUnseen,
-    /// Five rounded bodies with waves, the same in every file, one after another. Of
-    /// [`Self::Seen`], none.
+    /// Five rounded bodies with waves, the same in every file, one after another. None of them is
+    /// in [`Self::Seen`].
     Irregular,
 }
 
 /// Kinds of [`Shapes::Irregular`]: each body is one.
 const IRREGULAR: [&str; 5] = ["body 1", "body 2", "body 3", "body 4", "body 5"];
 
-/// What is pressed, on what, and how often.
+/// The indenters, the sensor, and the number of presses.
 #[derive(Clone, Copy, Debug)]
 #[expect(missing_docs, reason = "the names say it")]
 pub struct GelPlan<'a> {
@@ -71,7 +71,7 @@ pub struct GelPlan<'a> {
     /// Pixels of the picture for each one of the grid of contacts, along a side: at least 1. With
     /// 2, a press takes a quarter of the time, and edges are as coarse as the grid.
     pub coarseness: usize,
-    /// The seed of everything that is drawn.
+    /// The seed of all random values.
     pub seed: u64,
 }
 
@@ -104,7 +104,7 @@ impl GelPlan<'_> {
 /// Complexity: a [`GelSolver::press`] for each picture; 0.1 s at 160 x 120, 0.7 s at 320 x 240.
 ///
 /// # Errors
-/// As [`GelSolver::press`]; for shapes and forces of a plan, never seen.
+/// As [`GelSolver::press`]; never seen for shapes and forces of a plan.
 pub fn gel_presses(plan: &GelPlan<'_>, pool: &ThreadPool) -> Result<Prepared, SimulatorError> {
     let [width, height] = plan.size;
     let presses: Vec<Press> =
@@ -142,7 +142,7 @@ struct Press {
 }
 
 fn press(plan: &GelPlan<'_>, i: usize) -> Result<Press, SimulatorError> {
-    // A sequence of its own for each press, so that presses can be computed in any order.
+    // Each press has its own sequence, so that presses can be computed in any order.
     let mut random = Random::new(Random::new(plan.seed ^ (i as u64) << 32).bits());
     let random = &mut random;
     let mut sensor = plan.sensor.unwrap_or_else(|| GelSensor::drawn(random));
@@ -194,16 +194,16 @@ fn press(plan: &GelPlan<'_>, i: usize) -> Result<Press, SimulatorError> {
 }
 
 /// The optics `name` in the archive at `path` ([`SlopeColours::read`]), with the noise of the
-/// fitted sensor: the table has none.
+/// fitted sensor, because the table has none.
 ///
 /// # Errors
-/// The archive cannot be read, or what it has are no optics.
+/// The archive cannot be read, or it contains no optics.
 pub fn measured_optics(path: &Path, name: &str) -> Result<MeasuredOptics> {
     let SlopeColours { bins, table } = SlopeColours::read(path, name)?;
     Ok(MeasuredOptics::new(table, bins, GelCamera::default().noise)?)
 }
 
-/// The contact at this force, or at the greatest depth where that comes first.
+/// The contact at this force, or at the greatest depth if that comes first.
 fn deepest(solver: &mut GelSolver, heights: &[f64], force_n: f64) -> Result<Contact, SimulatorError> {
     let deepest_mm = max_depth_share(solver.gel().strain) * solver.gel().thickness_mm;
     let contact = solver.press(heights, Load::Depth(deepest_mm))?;
@@ -230,7 +230,7 @@ fn indenter(shapes: Shapes, i: usize, random: &mut Random) -> (Indenter, &'stati
         Shapes::Unseen => 4,
         Shapes::Pins | Shapes::Ridges | Shapes::Larger | Shapes::LargerUnseen | Shapes::Irregular => 1,
     };
-    // Bits that the letter does not use.
+    // These bits are not used by the letter.
     let kind = (seed >> 32) % kinds;
     match (shapes, kind) {
         (Shapes::Seen, 0) => letter(0),
@@ -271,7 +271,7 @@ fn indenter(shapes: Shapes, i: usize, random: &mut Random) -> (Indenter, &'stati
         }
         (Shapes::Irregular, _) => {
             let body = i % IRREGULAR.len();
-            // Seeds of their own: those of the bodies that are seen are drawn.
+            // Fixed seeds: the seeds of the seen bodies are drawn.
             (Indenter::Irregular { seed: body as u64, radius_mm: 6.0 + 3.0 * body as f64 }, IRREGULAR[body])
         }
     }

@@ -1,6 +1,6 @@
 //! Presses that people labelled themselves, for training.
 //!
-//! Enters: [`Presses`]. Leaves: their events, with numbers as labels along time, as `eval angle`
+//! Input: [`Presses`]. Output: their events, with numbers as labels along time, as `eval angle`
 //! reads them, and classes as `prepare digits` writes them.
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -20,11 +20,11 @@ use crate::streams::Truth;
 type Chosen = (usize, Instants, Vec<usize>);
 type Instants = Vec<(i64, Vec<f32>)>;
 
-/// The labelled presses with their events, in `folds` folds; also what was left out, for people.
-/// `meissner prepare presses --help` lists the tensors. Memory for all events.
+/// The labelled presses with their events, in `folds` folds, and notes for people about what was
+/// left out. `meissner prepare presses --help` lists the tensors. Memory for all events.
 ///
-/// Labels keep their units, which are written beside them. Left out are copies of other
-/// recordings, presses without a class, and instants that lack a number.
+/// Labels keep their units, which are written beside them. Copies of other recordings, presses
+/// without a class, and instants that lack a number are left out.
 ///
 /// # Errors
 /// The recordings have no sensor, or different ones, a label has a name of the format, there

@@ -1,7 +1,7 @@
-//! What the windows of a training were like.
+//! Statistics of the windows of a training.
 //!
-//! Enters: streams of events of the training, and weights. Leaves: the weights, whose metadata say
-//! what the windows of these streams were like.
+//! Input: streams of events of the training, and weights. Output: the weights, with statistics of
+//! the windows of these streams in their metadata.
 
 use std::path::PathBuf;
 
@@ -16,15 +16,15 @@ use super::{Prepared, passing};
 use crate::error::{EvaluateError, RequestPart, Result};
 use crate::streams::Streams;
 
-/// At which times of the streams the network was trained to predict.
+/// Times of the streams at which the network was trained to predict.
 #[derive(Clone, Copy, Debug)]
 pub struct Ages {
-    /// Random times of each stream, beside its end.
+    /// Number of random times of each stream, in addition to its end.
     pub count: usize,
     /// The earliest of them, as a part of the stream: 0 is contact, or the first event of a stream
     /// without labels, and 1 the end.
     pub youngest: f64,
-    /// Of the random times.
+    /// Seed of the random times.
     pub seed: u64,
 }
 
@@ -54,7 +54,7 @@ impl Times {
     }
 }
 
-/// `weights` of the network of `description`, with what its windows were like at `ages` of the
+/// `weights` of the network of `description`, with statistics of its windows at `ages` of the
 /// streams in `files`. O(events) for each age.
 ///
 /// # Errors
@@ -85,7 +85,7 @@ pub fn training_windows(
                 let oldest = now_us.saturating_sub(description.span_us());
                 let range = [oldest, now_us.saturating_add(1)]
                     .map(|t_us| events.partition_point(|event| event.t_us < t_us));
-                // The window keeps the newest of more events than it has room for.
+                // If more events arrive than fit, the window keeps the newest ones.
                 let start = range[0].max(range[1].saturating_sub(description.capacity()));
                 let events = &events[start.min(range[1])..range[1]];
                 let statistics = WindowStatistics::of(events, own, now_us);
@@ -105,7 +105,7 @@ pub fn training_windows(
     Ok(told(weights, windows_text(&described), contents))
 }
 
-/// `weights` that say `text` about their training.
+/// `weights` with `text` about their training in the metadata.
 pub(super) fn told(weights: &Weights, text: String, contents: String) -> Prepared {
     let mut metadata = weights.metadata().clone();
     metadata.insert("training_windows".to_owned(), text);

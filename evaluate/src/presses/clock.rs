@@ -1,23 +1,23 @@
 //! Whether two clocks agree: the rate of events against the speed of motion.
 //!
-//! Enters: event counts along time and the motion of a robot, both on the host's clock as far as it
-//! is known. Leaves: the shift that makes them agree best, and how it grows along the session.
-//! Both signals are the square roots of their values in bins, less their mean. The correlation at
-//! a shift is the sum of their products over the root of the product of their energies, so that a
-//! shift under which little overlaps has little correlation.
+//! Input: event counts along time and the motion of a robot, both on the host's clock as far as it
+//! is known. Output: the shift that makes them agree best, and how it grows along the session.
+//! Both signals are the square roots of their values in bins, minus their mean. The correlation at
+//! a shift is the sum of their products divided by the root of the product of their energies, so
+//! that a shift with little overlap has a low correlation.
 //!
-//! Complexity: O(bins with events * shifts) a pass. A first pass has bins of at least 10 ms and at
-//! most 2^14 of them, a second one around its peak has bins of 2 ms. Memory: O(bins), 2^21 at most.
+//! Complexity: O(bins with events * shifts) a pass. A first pass has at most 2^14 bins of at least
+//! 10 ms; a second one around its peak has bins of 2 ms. Memory: O(bins), 2^21 at most.
 
 /// Bins of the passes.
 const COARSE_US: i64 = 10_000;
 const FINE_US: i64 = 2_000;
 const MAX_COARSE: i64 = 1 << 14;
 const MAX_FINE: i64 = 1 << 21;
-/// A peak this close to the best is a peak of its slope.
+/// A peak this close to the best is on the slope of the best.
 const APART_US: i64 = 300_000;
-/// Of peaks with this share of the best correlation, the one with the least shift is chosen:
-/// presses that repeat evenly fit one period later nearly as well.
+/// The peak with the smallest shift is chosen among peaks with this share of the best correlation,
+/// because presses that repeat evenly fit one period later nearly as well.
 const AS_GOOD: f64 = 0.95;
 /// Parts of a session, each of at least so many bins with events, whose shifts show the drift.
 const MAX_PARTS: usize = 8;
@@ -27,9 +27,9 @@ const MIN_PART_BINS: usize = 100;
 const FITS: f64 = 0.4;
 /// Least correlation of a part that counts.
 const PART: f64 = 0.3;
-/// Poses this close are averaged before they are compared: sensors of force are noisy.
+/// Poses this close are averaged before the comparison, because sensors of force are noisy.
 const SMOOTH_US: i64 = 25_000;
-/// Times beyond it are no times of a session.
+/// Times of a session do not exceed it.
 const MAX_US: i64 = 1 << 60;
 
 /// A motion from one pose to the next: begin, end, and its size in any unit.
@@ -40,7 +40,7 @@ pub(super) type Step = (i64, i64, f64);
 pub(super) enum Shifts {
     /// From minus to plus this many microseconds.
     Within(i64),
-    /// All under which anything overlaps.
+    /// All shifts with any overlap.
     All,
 }
 
@@ -55,18 +55,19 @@ pub struct ClockFit {
     pub correlation: f64,
     /// The best correlation at another peak.
     pub next: f64,
-    /// The growth of the shift, where the session has parts enough.
+    /// The growth of the shift, if the session has enough parts.
     pub drift: Option<Drift>,
 }
 
 /// The growth of an offset along a session.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Drift {
-    /// Microseconds of growth a second: the sensor's clock is faster by so many parts in a million.
+    /// Growth in microseconds per second: the sensor's clock is faster by so many parts per
+    /// million.
     pub ppm: f64,
     /// Its standard error.
     pub error_ppm: f64,
-    /// What it amounts to over the session, in microseconds.
+    /// The total growth over the session, in microseconds.
     pub whole_us: f64,
 }
 
@@ -76,7 +77,7 @@ impl ClockFit {
         self.correlation >= FITS
     }
 
-    /// Whether motion explains the events, and no other shift does so too.
+    /// Whether motion explains the events under this shift alone.
     pub fn is_sure(&self) -> bool {
         self.fits() && self.correlation >= 1.2 * self.next
     }
@@ -114,10 +115,10 @@ impl Drift {
 
 /// The motion of a label between poses at `times_us`, which ascend. O(poses log poses).
 ///
-/// It is the mean of the poses up to 25 ms after it less that of those before it, without their
-/// noise: twice the motion that a fifth of the poses stays below. An angle wraps at its `period`. A
-/// missing value is that of the pose before. Poses that are further apart than `max_gap_us` say
-/// nothing about the motion between them.
+/// The motion at a pose is the mean of the poses up to 25 ms after it minus the mean of those
+/// before it, less the noise: twice the motion that a fifth of the poses stays below. An angle
+/// wraps at its `period`. A missing value is that of the pose before. Poses that are further apart
+/// than `max_gap_us` say nothing about the motion between them.
 pub(super) fn motion(times_us: &[i64], values: &[f64], period: Option<f64>, max_gap_us: i64) -> Vec<Step> {
     let mut sums = vec![0.0];
     let (mut last, mut turned, mut sum) = (values.iter().copied().find(|value| !value.is_nan()), 0.0, 0.0);
@@ -154,12 +155,12 @@ pub(super) fn motion(times_us: &[i64], values: &[f64], period: Option<f64>, max_
     steps
 }
 
-/// Which of the `motions` fits `rates`, ascending times with counts of events, best, and how.
-/// `None`: there is too little of either, or they do not vary.
+/// The best fit of one of the `motions` to `rates` (ascending times with counts of events). `None`:
+/// there are too few of either, or they do not vary.
 ///
-/// The rate of events follows no label exactly: of a soft dome, it leads the force and lags behind
+/// The rate of events follows no label exactly: for a soft dome, it leads the force and lags behind
 /// the depth. The shift is the mean over the labels that fit about as well as the best one, at
-/// about its shift.
+/// about the same shift.
 pub(super) fn fit(rates: &[(i64, f64)], motions: &[Vec<Step>], shifts: Shifts) -> Option<(usize, ClockFit)> {
     let all =
         motions.iter().enumerate().filter_map(|(i, steps)| Some((i, Coarse::of(rates, steps, shifts)?)));
@@ -248,7 +249,7 @@ fn parts(events: &Events, speed: &Speed, shift_us: i64) -> Vec<(i64, i64)> {
     events.bins.chunks(size).filter(|part| part.len() == size).filter_map(shift).collect()
 }
 
-/// The root of the number of events in each bin that has any.
+/// The root of the number of events in each bin with events.
 struct Events {
     bin_us: i64,
     /// Index of the bin, counted from time 0, ascending.
@@ -286,7 +287,7 @@ impl Events {
         self.bins.last().map_or(0, |bin| bin.0)
     }
 
-    /// Where the events are `lag` bins later than the motion. O(bins with events).
+    /// The correlation if the events are `lag` bins later than the motion. O(bins with events).
     fn correlation(&self, speed: &Speed, lag: i64) -> f64 {
         let range = self.first() - lag..=self.last() - lag;
         let energy = (self.energy * speed.squares).sqrt();
@@ -294,8 +295,8 @@ impl Events {
         (product - self.mean * speed.sum(range)) / energy
     }
 
-    /// The shift within `radius_us` of `around_us` with the highest correlation, and its share of
-    /// what is possible for the motion that these events overlap with.
+    /// The shift within `radius_us` of `around_us` with the highest correlation, and that
+    /// correlation as a share of the maximum for the motion that these events overlap.
     fn peak(&self, speed: &Speed, around_us: i64, radius_us: i64) -> Option<(i64, f64)> {
         let (middle, radius) = (around_us / self.bin_us, radius_us / self.bin_us);
         let lags = middle - radius..=middle + radius;
@@ -319,7 +320,7 @@ struct Speed {
     /// Index of the first bin, counted from time 0.
     origin: i64,
     values: Vec<f64>,
-    /// Sums of the values before each.
+    /// Sums of the values before each bin.
     sums: Vec<f64>,
     squares: f64,
 }

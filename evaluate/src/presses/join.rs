@@ -1,7 +1,7 @@
-//! Rows of a table to labels of presses.
+//! Joins rows of a table with presses.
 //!
-//! Enters: a table, and recordings with the offset of their clocks. Leaves: rows by press and time,
-//! each time of a press once. A row that finds no press is counted with its reason.
+//! Input: a table, and recordings with the offset of their clocks. Output: rows by press and time,
+//! each time of a press once. Rows without a press are counted with the reason.
 
 use std::ops::Range;
 
@@ -20,14 +20,14 @@ pub struct Row {
     pub press: usize,
     /// The time on the sensor's clock, in microseconds.
     pub t_us: i64,
-    /// Whether the table says no time: a class holds for the whole press, a number for its end,
-    /// which `t_us` is.
+    /// Whether the table has no time for it: a class holds for the whole press, a number for its
+    /// end, at `t_us`.
     pub whole: bool,
     /// The value of each label: a number, the index of a class, or NaN where it is missing.
     pub values: Vec<f64>,
 }
 
-/// What is joined.
+/// The inputs of a join.
 pub(super) struct Join<'a> {
     pub(super) table: &'a LabelTable,
     pub(super) recordings: &'a [PressRecording],
@@ -110,7 +110,7 @@ impl Join<'_> {
                 _ if relative => Some(recording.first_us),
                 _ => Some(self.offsets.offset.us),
             };
-            // A recording without an offset is told once, by its name.
+            // A recording without an offset is reported once, by its name.
             let Some(added) = added else { continue };
             let on_sensor = t_us.checked_add(added).filter(|&t_us| self.is_near(recording, t_us));
             let Some(t_us) = on_sensor else {
@@ -135,8 +135,8 @@ impl Join<'_> {
         (first.saturating_sub(self.max_gap_us)..=last.saturating_add(self.max_gap_us)).contains(&t_us)
     }
 
-    /// Whether times on the sensor's clock count from the first event of their recording: none lies
-    /// in its recording as it is, and most of them do so.
+    /// Whether times on the sensor's clock count from the first event of their recording: no time
+    /// lies in its recording as it is, but most do if they count from its first event.
     fn relative(&self, names: &[String]) -> bool {
         if self.table.clock != Some(LabelClock::Sensor) || self.offsets.offset.us != 0 {
             return false;
@@ -164,7 +164,7 @@ impl Join<'_> {
         let mut rows = Vec::new();
         for (press, recording) in self.recordings.iter().enumerate() {
             let Some(offset) = self.offsets.of(press).filter(|_| recording.events > 0) else { continue };
-            // No pose has a time that is none of the host's.
+            // No pose has a time outside the range of the host's clock.
             let on_host = |t_us: i64| t_us.checked_sub(offset);
             let Some((first, last)) = on_host(recording.first_us).zip(on_host(recording.last_us)) else {
                 continue;
@@ -179,7 +179,7 @@ impl Join<'_> {
                 }
             }
             for &(t_us, row) in &order[during.clone()] {
-                // An end may have a pose of its own.
+                // There may be a pose exactly at an end.
                 if t_us != first && t_us != last {
                     add(t_us, self.values(row), self.table.lines[row]);
                 }
@@ -216,8 +216,8 @@ impl Join<'_> {
         order
     }
 
-    /// The values at a time between poses that are near each other, and the line of the one before:
-    /// numbers on the line between the two, the class of the nearer one.
+    /// The values at a time between poses that are near each other, and the line of the earlier
+    /// pose: numbers are interpolated, and the class is that of the nearer pose.
     fn between(&self, order: &[(i64, usize)], times: &[i64], t_us: i64) -> Option<(Vec<f64>, u64)> {
         let after = times.partition_point(|&t| t < t_us);
         let &(to, next) = order.get(after)?;

@@ -1,4 +1,4 @@
-//! Which recording a name in a table means.
+//! Finds the recording that a name in a table means.
 
 use std::collections::BTreeMap;
 
@@ -11,13 +11,13 @@ use super::scan::PressRecording;
 /// Names of recordings: the place in the folder and the name of the file, each also without its
 /// extension.
 pub(super) struct Names<'a> {
-    /// The recording; `None`: there are several.
+    /// The recording; `None`: several recordings have this name.
     known: BTreeMap<&'a str, Option<usize>>,
     all: Vec<&'a str>,
     unreadable: &'a [String],
 }
 
-/// Why a name means no recording.
+/// The reason why a name means no recording.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Miss {
     Unknown,
@@ -28,7 +28,7 @@ pub(super) enum Miss {
 impl<'a> Names<'a> {
     pub(super) fn new(recordings: &'a [PressRecording], unreadable: &'a [String]) -> Self {
         let mut known: BTreeMap<&str, Option<usize>> = BTreeMap::new();
-        // A name that says more goes before one that says less.
+        // A more specific name takes precedence.
         for form in [place, place_without, file, file_without] {
             let mut of_form: BTreeMap<&str, Option<usize>> = BTreeMap::new();
             for (index, recording) in recordings.iter().enumerate() {
@@ -74,7 +74,7 @@ fn place(name: &str) -> &str {
     name
 }
 
-/// Without the extension of the file, and that of what is packed in it.
+/// The name without the extension of the file, and without that of the packed file in it.
 fn place_without(name: &str) -> &str {
     let file_at = name.rfind('/').map_or(0, |at| at + 1);
     let stem = |name: &str| name[file_at..].rfind('.').filter(|&dot| dot > 0).map(|dot| file_at + dot);

@@ -1,11 +1,11 @@
-//! What is odd about recordings and labels: kinds, with a count and the first example of each.
+//! Oddities of recordings and labels: kinds, with a count and the first example of each.
 
 use std::collections::BTreeMap;
 use std::fmt;
 
 use meissner_run::text::grouped;
 
-/// A kind of oddity, in the order in which they are told.
+/// A kind of oddity, in the order of reports.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 #[non_exhaustive]
 pub enum OddityKind {
@@ -23,7 +23,7 @@ pub enum OddityKind {
     Few,
     /// A recording has far more or far fewer events a second than the median.
     Rate,
-    /// A recording has the events of another one, at whatever time.
+    /// A recording has the events of another one, at the same or another time.
     Same,
     /// The times of a recording step back.
     StepsBack,
@@ -45,7 +45,7 @@ pub enum OddityKind {
     Contradicts,
     /// The times of poses step back.
     PosesStepBack,
-    /// Poses are so far apart during a press that none is interpolated between them.
+    /// Poses are too far apart during a press for interpolation between them.
     PoseGap,
     /// Recordings that should follow each other overlap in time.
     Overlap,
@@ -105,7 +105,7 @@ impl OddityKind {
 pub struct Oddity {
     /// The kind.
     pub kind: OddityKind,
-    /// How many there are.
+    /// Number of such oddities.
     pub count: u64,
     /// The first of them, for people.
     pub first: String,
@@ -130,7 +130,7 @@ impl Odd {
         self.add_many(kind, 1, example);
     }
 
-    /// Adds `count` of a kind; none is nothing.
+    /// Adds `count` of a kind; 0 adds nothing.
     pub(super) fn add_many(&mut self, kind: OddityKind, count: u64, example: impl FnOnce() -> String) {
         if count > 0 {
             self.0.entry(kind).or_insert_with(|| (0, example())).0 += count;

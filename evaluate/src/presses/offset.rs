@@ -10,35 +10,36 @@ use super::odd::{Odd, OddityKind};
 use super::scan::{PressRecording, median};
 use crate::error::{EvaluateError, RequestPart, Result};
 
-/// Offsets that spread more are of clocks that restart with each recording.
+/// If offsets spread more than this, the clocks restart with each recording.
 const MAX_SPREAD_US: u64 = 1_000_000;
-/// A drift that amounts to less over a session is not told.
+/// A smaller drift over a session is not reported.
 pub(super) const DRIFT_US: f64 = 5_000.0;
 
-/// What is added to a time of the labels to get the sensor's.
+/// The offset from a time of the labels to the sensor's.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Offset {
-    /// The offset in microseconds; where each recording has its own, what is added to all of them.
+    /// The offset in microseconds; if each recording has its own, the value that is added to all of
+    /// them.
     pub us: i64,
-    /// Where it comes from.
+    /// Its source.
     pub source: OffsetSource,
 }
 
-/// Where an offset comes from.
+/// The source of an offset.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum OffsetSource {
     /// The labels have times of the sensor's clock, and no offset was given.
     SensorClock,
-    /// Nothing says it: it is 0.
+    /// No source: it is 0.
     Nothing,
     /// The caller.
     Given,
     /// The median of `first_us - host_us` of `recordings.csv`.
     Listed {
-        /// Its recordings.
+        /// Number of recordings in the list.
         recordings: usize,
-        /// The largest of these differences less the least one.
+        /// The largest of these differences minus the smallest.
         spread_us: u64,
     },
     /// `first_us - host_us` of each recording: their clocks restart, or these differences spread
@@ -55,7 +56,7 @@ pub(super) struct Offsets {
 }
 
 impl Offsets {
-    /// What is added to a time of the labels to get the time of `recording`.
+    /// The offset from a time of the labels to the time of `recording`.
     pub(super) fn of(&self, recording: usize) -> Option<i64> {
         if self.offset.source == OffsetSource::Each {
             self.each[recording]?.checked_add(self.offset.us)
@@ -64,7 +65,8 @@ impl Offsets {
         }
     }
 
-    /// The offset for times of `clock`; `across` says that they must tell the recording, too.
+    /// The offset for times of `clock`; `across` states that these times must also identify the
+    /// recording.
     pub(super) fn choose(
         folder: &Path,
         clock: Option<LabelClock>,
@@ -156,7 +158,8 @@ fn read(path: &Path, names: &Names<'_>, each: &mut [Option<i64>]) -> Result<Vec<
     Ok(points)
 }
 
-/// Recordings that overlap in time: the one that begins first, and the other. Copies do not count.
+/// Pairs of recordings that overlap in time, the one that begins first in front. Copies do not
+/// count.
 fn overlaps(recordings: &[PressRecording]) -> Vec<(usize, usize)> {
     let mut order: Vec<usize> = (0..recordings.len()).filter(|&i| recordings[i].events > 0).collect();
     order.sort_by_key(|&i| (recordings[i].first_us, recordings[i].fingerprint, i));

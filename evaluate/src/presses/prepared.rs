@@ -1,8 +1,8 @@
 //! Presses from a file of streams, as `prepare` and `simulate markers` write it.
 //!
-//! Enters: the bytes of a safetensors file. Leaves: a recording for each stream, whose labels are
-//! those along time (`truth.NAME`) and those of classes (`label` and `label.NAME`, with their names
-//! in the metadata). Streams of the split test keep no label: nothing is fitted to them.
+//! Input: the bytes of a safetensors file. Output: a recording for each stream, with the labels
+//! along time (`truth.NAME`) and the classes (`label` and `label.NAME`, with their names in the
+//! metadata). Streams of the split test keep no label, so that nothing is fitted to them.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -18,7 +18,8 @@ use super::{Label, Options, Presses};
 use crate::error::{EvaluateError, RequestPart, Result, StreamsError};
 use crate::streams::{Streams, integers, value};
 
-/// Label and names of classes, and their beginning for labels with a name of their own.
+/// Tensor of the classes and key of their names, and the prefix of both for labels with their own
+/// name.
 const LABEL: &str = "label";
 const CLASSES: &str = "classes";
 /// The name of the label whose tensor has none.
@@ -26,7 +27,7 @@ const CLASS: &str = "class";
 /// The number of the split test.
 const TEST: i64 = 1;
 
-/// Streams, and what the file says beside their events and labels along time.
+/// Streams, and the file's other data beside their events and labels along time.
 struct Prepared {
     streams: Streams,
     /// The name of each stream.
@@ -114,7 +115,7 @@ impl Prepared {
         let (_, header) = SafeTensors::read_metadata(bytes)?;
         let file = SafeTensors::deserialize(bytes)?;
         let count = streams.parts().len();
-        // A JSON list of names, of which there must be `expected`.
+        // A JSON list of names; there must be `expected` names.
         let list = |key: &str, expected: Option<usize>| {
             let text = header.metadata().as_ref().and_then(|metadata| metadata.get(key));
             let list = text.and_then(|text| serde_json::from_str::<Vec<String>>(text).ok());

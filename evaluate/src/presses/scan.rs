@@ -1,7 +1,7 @@
-//! The recordings of a folder: what is kept of each, and what is odd about it.
+//! Scans the recordings of a folder, and finds oddities.
 //!
-//! Recordings are read one after the other. What stays of one are counts, a fingerprint of its
-//! events, and its events a millisecond.
+//! Recordings are read one after the other. Each leaves counts, a fingerprint of its events, and
+//! its number of events in each millisecond.
 
 use std::collections::BTreeMap;
 use std::hash::{Hash, Hasher};
@@ -21,14 +21,15 @@ use crate::error::{EvaluateError, RequestPart, Result};
 /// Bins of the rate of events.
 const RATE_US: i64 = 1_000;
 
-/// Extensions of what stands beside recordings and is none: notes, settings, pictures, results.
+/// Extensions of files beside recordings that are no recordings: notes, settings, pictures,
+/// results.
 const QUIET: [&str; 13] =
     ["txt", "md", "json", "toml", "yaml", "yml", "pdf", "png", "jpg", "jpeg", "svg", "py", "safetensors"];
 
 /// A recording, which is a press.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PressRecording {
-    /// Its place in the folder: "wood/press2.aedat4"; its name in a file of presses.
+    /// Its path in the folder, such as "wood/press2.aedat4"; its name in a file of presses.
     pub name: String,
     /// Its file.
     pub path: PathBuf,
@@ -56,7 +57,7 @@ impl PressRecording {
         self.last_us.abs_diff(self.first_us)
     }
 
-    /// Events a second; `None` where the events have one time.
+    /// Events a second; `None` if all events have the same time.
     pub fn rate(&self) -> Option<f64> {
         let duration = self.duration_us();
         (duration > 0).then(|| self.events as f64 / (duration as f64 * 1e-6))
@@ -94,8 +95,8 @@ impl PressRecording {
     }
 }
 
-/// Reads a recording; the sensor that `read` names goes before its own, and events outside of it
-/// are left out: their number.
+/// Reads a recording. The sensor of `read` replaces its own; events outside it are left out and
+/// counted.
 pub(super) fn load(path: &Path, read: ReadOptions) -> Result<(Recording, Option<Sensor>, u64), IoError> {
     let mut recording = read_with(path, read)?;
     let sensor = read.sensor.or(recording.sensor);
@@ -150,7 +151,7 @@ pub(super) fn scan(
     Ok((recordings, unreadable))
 }
 
-/// The middle of `values`, the lower one of two.
+/// The lower median of `values`.
 pub(super) fn median<T: Copy>(
     mut values: Vec<T>,
     compare: impl Fn(&T, &T) -> std::cmp::Ordering,
@@ -159,7 +160,7 @@ pub(super) fn median<T: Copy>(
     Some(*values.select_nth_unstable_by(middle, compare).1)
 }
 
-/// What is odd about recordings beside each other.
+/// Finds oddities of recordings compared with each other.
 pub(super) fn check(recordings: &[PressRecording], odd: &mut Odd) {
     let filled = || recordings.iter().filter(|recording| recording.events > 0);
     let usual = median(filled().map(|recording| recording.events).collect(), u64::cmp).unwrap_or(0);

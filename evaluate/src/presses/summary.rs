@@ -18,9 +18,9 @@ pub struct Summary {
     pub events: u64,
     /// The sensors, each once.
     pub sensors: Vec<Sensor>,
-    /// The middle of the recordings' durations.
+    /// The median of the recordings' durations.
     pub median_us: Option<u64>,
-    /// The middle of the recordings' events a second.
+    /// The median of the recordings' events per second.
     pub median_rate: Option<f64>,
     /// Labelled instants.
     pub rows: usize,

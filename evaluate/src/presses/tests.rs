@@ -31,7 +31,7 @@ impl Folder {
         self.0.path()
     }
 
-    /// Adds a recording of `events` events from `first_us` to `last_us`; `seed` makes it its own.
+    /// Adds a recording of `events` events from `first_us` to `last_us`; `seed` makes it unique.
     fn press(&self, name: &str, [first_us, last_us]: [i64; 2], events: i64, seed: i64) -> &Self {
         let span = last_us - first_us;
         let event = |i: i64| {
@@ -95,7 +95,7 @@ fn odd(presses: &Presses, kind: OddityKind) -> &Oddity {
     found.unwrap_or_else(|| panic!("{kind:?} among {:?}", presses.odd))
 }
 
-/// The kinds of everything that is odd.
+/// The kinds of all oddities.
 fn kinds(presses: &Presses) -> Vec<OddityKind> {
     presses.odd.iter().map(|odd| odd.kind).collect()
 }

@@ -1,7 +1,7 @@
 //! Networks that read events, behind the same calls: event graphs, and networks over frames.
 //!
-//! Enters: events in order of time. Leaves: the values at any time, and counts of the work that
-//! they took. The value of consecutive windows is that of the last one that has ended.
+//! Input: events in order of time. Output: the values at any time, and counts of the work for
+//! them. The value of consecutive windows is the value of the last window that has ended.
 
 use std::sync::Arc;
 
@@ -32,7 +32,7 @@ pub(crate) enum PressEngine {
 pub(crate) struct CountsOptions {
     pub(crate) convolution: Convolution,
     pub(crate) options: FrameOptions,
-    /// Of so many windows the network sees the first; time passes more slowly for it.
+    /// The network sees the first of so many windows; time passes more slowly for it.
     pub(crate) every: u64,
 }
 
@@ -42,7 +42,7 @@ impl Default for CountsOptions {
     }
 }
 
-/// A network over frames of events, with what makes them.
+/// A network over frames of events, with the feed that makes them.
 #[derive(Clone)]
 pub(crate) struct FramePress {
     description: Arc<FrameDescription>,
@@ -63,11 +63,11 @@ struct FramesSeen {
 
 /// Multiply-adds of a network over events.
 pub(crate) struct GraphCosts {
-    /// Of a row of each layer.
+    /// Multiply-adds of a row of each layer.
     row: Vec<u64>,
-    /// Of a changed cell of the readout, in the first dense layer.
+    /// Multiply-adds of a changed cell of the readout, in the first dense layer.
     cell: u64,
-    /// Of a prediction: all other dense layers, and the layers of a head.
+    /// Multiply-adds of a prediction: all other dense layers, and the layers of a head.
     prediction: u64,
 }
 
@@ -139,7 +139,8 @@ impl PressEngine {
         })))
     }
 
-    /// As `adapt` changes it, with the filters, tolerance and staleness of `approximations`.
+    /// The engine of the network that `adapt` returns, with the filters, tolerance and staleness of
+    /// `approximations`.
     pub(crate) fn adapted(
         description: &Description,
         training: &Training,
@@ -167,7 +168,7 @@ impl PressEngine {
         Ok(Self::Graph { predictor: Box::new(predictor), costs: Arc::new(costs) })
     }
 
-    /// Forgets all events. Time begins at `t_us`, and with it the first of consecutive windows.
+    /// Forgets all events. Time and the first of consecutive windows begin at `t_us`.
     pub(crate) fn reset(&mut self, t_us: i64) {
         match self {
             Self::Graph { predictor, .. } => predictor.reset(),
@@ -261,7 +262,7 @@ impl PressEngine {
 }
 
 impl FramesSeen {
-    /// Takes a frame: of `every` one after the other, the first.
+    /// Takes a frame; the network sees the first of each `every` consecutive frames.
     fn take(&mut self, output: FeedOutput<'_>) -> Result<(), EngineError> {
         let FeedOutput::Frame { values, .. } = output else {
             unreachable!("every frame is wanted, and the clock goes on")
@@ -272,7 +273,7 @@ impl FramesSeen {
     }
 }
 
-/// A feed of all frames of `description`, from `t_us` on. A sliding window is read when asked for.
+/// A feed of all frames of `description`, from `t_us` on. A sliding window is read on demand.
 pub(crate) fn feed(description: &FrameDescription, sensor: Sensor, t_us: i64) -> Result<FrameFeed, RunError> {
     let options = FeedOptions {
         late: LatePolicy::Drop,
@@ -292,7 +293,7 @@ fn other_frames(description: &FrameDescription, expected: &str) -> EvaluateError
     EvaluateError::request(RequestPart::Networks, expected, found)
 }
 
-/// Most multiply-adds of a row of each of [`Network::layers`], with all edges; 0 for a pooling.
+/// Maximum multiply-adds of a row of each of [`Network::layers`], with all edges; 0 for a pooling.
 pub(crate) fn row_costs(network: &Network) -> Vec<u64> {
     let parts = network.parts();
     let events = parts.graph.reach.most();

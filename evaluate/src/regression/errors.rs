@@ -20,7 +20,7 @@ pub struct Errors<T = f64> {
     pub angles: Option<OutputErrors<T>>,
     /// Median share of the press from which on all angles stay within 1 degree, if half do.
     pub settled_share: Option<f64>,
-    /// Windows unlike those of the training, where the weights say what these were like.
+    /// Counts of windows unlike those of the training, if the weights have statistics of these.
     pub doubts: Option<PressDoubts>,
     /// Events and work of all trainings together.
     pub work: Work,
@@ -41,7 +41,7 @@ pub struct OutputErrors<T = f64> {
     pub std: T,
     /// Mean absolute error of a reader's newest prediction at each millisecond, if any.
     pub newest: Option<T>,
-    /// Mean absolute error at each time since contact; the last one stands after the end.
+    /// Mean absolute error at each time since contact; after the end, the last one counts.
     pub mean_absolute_at: Vec<T>,
 }
 
@@ -58,7 +58,7 @@ pub struct PressDoubts {
 }
 
 impl PressDoubts {
-    /// Those of `outcomes`, whose outputs have these mean errors at the end.
+    /// The counts for `outcomes`, whose outputs have these mean errors at the end.
     fn of(outcomes: &[Outcome], mean: &[f64]) -> Option<Self> {
         let is_bad = |errors: &Vec<f64>| errors.iter().zip(mean).any(|(error, mean)| *error > BAD * mean);
         let each = outcomes.iter().flat_map(|outcome| outcome.unlike_at.iter().zip(&outcome.errors_at));

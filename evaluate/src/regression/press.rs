@@ -23,7 +23,7 @@ pub(crate) struct Presses {
     pub(crate) truth: Truth,
 }
 
-/// What a network said about a press, in the units of the report.
+/// A network's predictions for a press, in the units of the report.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Outcome {
     /// The values at the end, as the network gives them.
@@ -38,12 +38,12 @@ pub(super) struct Outcome {
     pub(super) newest: Option<Vec<f64>>,
     /// Share of the press from which on all angles stay within [`SETTLED_DEG`], if they do.
     pub(super) settled: Option<f64>,
-    /// What the network reads out at the end, where it is embedded.
+    /// The network's readout at the end, if it is embedded.
     pub(super) readout: Option<Vec<f32>>,
     pub(super) effort: Effort,
 }
 
-/// What a press cost.
+/// The cost of a press.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct Effort {
     /// Pushed events.
@@ -51,7 +51,7 @@ pub(crate) struct Effort {
     pub(crate) count: Count,
     /// Time for each prediction, with the events since the one before it, in nanoseconds.
     pub(crate) update_ns: Vec<u64>,
-    /// The part of it for the events, all together.
+    /// The part of this time for all events.
     pub(crate) push_ns: u64,
 }
 
@@ -97,14 +97,14 @@ impl Presses {
         }
     }
 
-    /// What a label is multiplied by to be in the unit of `quantity`; `None` if that is another
-    /// kind of unit. A label without a unit has the one of the network's output.
+    /// The factor from a label to the unit of `quantity`; `None` if that is another kind of unit. A
+    /// label without a unit has the one of the network's output.
     fn in_unit_of(&self, quantity: &Quantity) -> Option<f64> {
         let unit = self.streams.units.get(&quantity.name);
         unit.map_or(Some(quantity.scale), |unit| factor(unit, &quantity.unit))
     }
 
-    /// The trials of `trainings`: to a whole one, all presses are unseen.
+    /// The trials of `trainings`: a whole training has seen no press.
     pub(crate) fn trials(&self, trainings: &[Arc<Training>]) -> Result<Vec<Trial>> {
         let mut cases = Cases::default();
         (0..self.len()).for_each(|press| cases.push(&press.to_string(), 1));
@@ -215,7 +215,7 @@ pub(crate) fn drive(
 
 pub(crate) struct TimedPrediction {
     pub(crate) t_us: i64,
-    /// When a reader has it.
+    /// The time at which a reader has the prediction.
     pub(crate) available_us: f64,
     pub(crate) values: Vec<f64>,
     pub(crate) unlike: Option<f32>,
@@ -270,7 +270,7 @@ pub(super) fn settled(errors_at: &[Vec<f64>], quantities: &[Quantity]) -> Option
 pub(crate) struct Quantity {
     pub(crate) name: String,
     pub(crate) unit: String,
-    /// A value times this is in `unit`.
+    /// Factor from the network's value to `unit`.
     pub(crate) scale: f64,
 }
 

@@ -24,7 +24,7 @@ fn streams() -> [Vec<Event>; 2] {
     [stream(1, 70), stream(2, 100)]
 }
 
-/// Labels with `units` have angles in degrees if these name degrees.
+/// A file with `labels`. Its angles are in degrees if `units` name degrees.
 fn file(labels: &[&str], units: Option<&str>) -> Vec<u8> {
     let metadata =
         [Some(("sensor", "[346, 260]")), units.map(|units| ("units", units))].into_iter().flatten();

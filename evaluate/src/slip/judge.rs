@@ -1,6 +1,6 @@
 //! Networks for the direction of slip on the labels.
 //!
-//! Enters: the data set, networks with their trainings. Leaves: a [`Report`], and the outputs of
+//! Input: the data set, networks with their trainings. Output: a [`Report`], and the outputs of
 //! whole trainings. Whole trainings are judged on the objects of each set. Folds are judged on the
 //! windows that they held out, all folds of a scheme and a seed together.
 
@@ -59,7 +59,7 @@ pub struct SlipFigures {
     pub sets: Vec<SetReport>,
     /// Folds, by scheme.
     pub cross_validation: Vec<ValidationReport>,
-    /// Remarks about folds that hold out a part of the windows only.
+    /// Remarks about folds that hold out only a part of the windows.
     #[serde(skip)]
     partial: Vec<String>,
 }
@@ -96,13 +96,13 @@ pub type Judged = crate::judge::Judged<Classified>;
 #[derive(Serialize)]
 #[expect(missing_docs, reason = "the keys of the JSON report")]
 pub struct Classified<T = f64> {
-    /// Number of windows; of several trainings the smallest, where folds are missing.
+    /// Number of windows; the smallest number of several trainings if folds are missing.
     pub windows: u64,
     #[serde(flatten)]
     pub scores: Scores<T>,
     /// Counts of predictions, the sum over the trainings.
     pub confusion: Confusion,
-    /// What these say about their windows, where the weights say what the training's were like.
+    /// How unlike the training's windows the windows are, if the weights have statistics of these.
     pub doubts: Option<Doubts>,
 }
 

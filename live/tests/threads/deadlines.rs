@@ -1,4 +1,4 @@
-//! Predictions by their deadline, whatever the engine is at.
+//! Predictions by their deadline, whatever the engine is doing.
 
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
@@ -30,7 +30,7 @@ fn what_the_engine_drops_is_told_with_the_prediction_which_is_not_fresh() {
     let timely = live.predict(PATIENCE).expect("the worker lives");
     assert_eq!((timely.fresh, timely.own, timely.behind_events, timely.lost_events), (false, true, 0, 2));
     assert_eq!((live.event_counters().late, live.event_counters().pushed), (2, 3));
-    // They are told once.
+    // Losses are reported once.
     input.push_slice(&[event(4, 0)]).expect("the worker lives");
     let timely = live.predict(PATIENCE).expect("the worker lives");
     assert!(timely.fresh && timely.lost_events == 0, "{timely:?}");
@@ -104,7 +104,7 @@ fn time_moves_on_behind_the_events_before_it_and_never_before_them() {
     input.push_slice(&events(0..100)).expect("the worker lives");
     input.advance(500);
     input.advance(400);
-    // The worker will come to this one late, and to the next one first.
+    // The worker reaches this request late, and the next one first.
     live.predict(Duration::ZERO).expect("the worker lives");
     drop(held);
     live.predict(PATIENCE).expect("the worker lives");

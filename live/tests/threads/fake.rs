@@ -1,4 +1,4 @@
-//! An engine that counts what it takes, and stands still, is slow or fails as a test asks.
+//! An engine that counts its inputs, and stands still, is slow or fails if a test requests it.
 
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -7,10 +7,10 @@ use std::time::Duration;
 use meissner_engine::{DropReason, EngineError, Event, EventCounters, Outcome, Prediction};
 use meissner_live::{Live, LiveError, Overload, Predictor, QueueCounters, QueueOptions, cores};
 
-/// Longest wait for something that takes no time: the machine may do other things.
+/// Longest wait for an action that takes no time: the machine may be busy.
 pub(crate) const PATIENCE: Duration = Duration::from_mins(1);
 
-/// What was asked of it, in order.
+/// The calls that it received, in order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Verb {
     Push(i64),
@@ -20,9 +20,9 @@ pub(crate) enum Verb {
 /// Predicts how many events it has taken.
 #[derive(Debug, Default)]
 pub(crate) struct Fake {
-    /// Whoever holds this makes it stand still at its next event.
+    /// A thread that holds this makes the engine stand still at its next event.
     pub(crate) gate: Arc<Mutex<()>>,
-    /// How long it sleeps over an event.
+    /// Sleep per event.
     pub(crate) nap: Duration,
     pub(crate) verbs: Vec<Verb>,
     pub(crate) taken: usize,
@@ -30,7 +30,7 @@ pub(crate) struct Fake {
     pub(crate) pushed: u64,
     pub(crate) late: u64,
     pub(crate) values: [f32; 1],
-    /// How often it was asked for a prediction.
+    /// Number of requested predictions.
     pub(crate) predicted: Arc<AtomicU64>,
     /// The only core that it may run on, at its last event; `None` if there are several.
     pub(crate) core: Option<usize>,
@@ -120,7 +120,7 @@ pub(crate) fn options(capacity: usize, overload: Overload) -> QueueOptions {
     QueueOptions::new().with_capacity(capacity).with_overload(overload).with_batch(16)
 }
 
-/// Waits until the counters are as `is_so` wants them.
+/// Waits until `is_so` is true for the counters.
 pub(crate) fn wait_until(live: &Live<Fake>, is_so: impl Fn(QueueCounters) -> bool) {
     let start = std::time::Instant::now();
     while !is_so(live.counters()) {
@@ -129,13 +129,13 @@ pub(crate) fn wait_until(live: &Live<Fake>, is_so: impl Fn(QueueCounters) -> boo
     }
 }
 
-/// Asserts that every offered event is somewhere.
+/// Asserts that every offered event is counted.
 pub(crate) fn check(counters: &QueueCounters, capacity: usize) {
     assert_eq!(counters.offered, counters.delivered + counters.waiting + counters.dropped(), "{counters:?}");
     assert!(counters.high_water <= capacity as u64, "{counters:?}");
 }
 
-/// The value of a prediction of everything: how many events were taken.
+/// The value of a prediction of all events: the number of taken events.
 pub(crate) fn drained(live: &mut Live<Fake>) -> Result<u64, LiveError> {
     let timely = live.predict(PATIENCE)?;
     assert!(timely.fresh && timely.own && timely.behind_events == 0, "{timely:?}");

@@ -1,4 +1,4 @@
-//! Many sensors in one process: what one of them does harms no other.
+//! Many sensors in one process: no sensor harms another.
 
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
@@ -25,7 +25,7 @@ fn sensors_that_flood_fail_panic_or_stand_still_harm_no_other() {
         inputs[floods].push_slice(&events(1000 * tick..1000 * tick + 1000)).expect("the worker lives");
         inputs[well].push_slice(&events(3 * tick..3 * tick + 3)).expect("the worker lives");
         let mut seen = Vec::new();
-        // Those that can answer do: whoever stands still takes the deadline.
+        // Sensors that can answer do: a sensor that stands still uses the whole deadline.
         let most = if tick == 0 { Duration::from_millis(20) } else { PATIENCE };
         let asked = (0..6).filter(|&sensor| sensor != stands_still || tick == 0);
         fleet.predict(most, asked, |sensor, timely| {

@@ -1,4 +1,4 @@
-//! Two threads and a worker: engines that stand still, are slow, fail, or are real.
+//! Two threads and a worker, with engines that stand still, are slow, fail, or are real.
 #![forbid(unsafe_code)]
 
 mod deadlines;

@@ -1,4 +1,4 @@
-//! More events than the engine takes, under every policy; errors, panics and ends.
+//! More events than the engine can process, under every policy; errors, panics and ends.
 
 use std::sync::Arc;
 use std::thread;
@@ -42,7 +42,7 @@ fn before_an_engine_that_stands_still_the_queue_is_bounded_and_every_event_is_co
             "drop_oldest" => [true, false, false, false],
             "drop_newest" => [false, true, false, false],
             "thin" => [false, true, true, false],
-            // A tenth and more passes: the queue fills up all the same.
+            // At least a tenth passes: the queue still fills up.
             _ => [false, true, false, true],
         };
         assert_eq!(reasons, expected, "{name}: {counters:?}");
@@ -174,7 +174,7 @@ fn a_panic_of_the_engine_reaches_both_sides() {
         let error = live.predict(Duration::MAX).expect_err("the worker has ended");
         assert!(matches!(&error, LiveError::Panicked { message } if message == "asked to panic"), "{error}");
     }
-    // More than there is room for: this would wait forever.
+    // More events than there is room for: this would wait forever.
     let error = input.push_slice(&events(0..20)).expect_err("the worker has ended");
     assert!(matches!(error, LiveError::Closed { offered: 20, taken: 0 }), "{error}");
     assert!(matches!(live.close(), Err(LiveError::Panicked { .. })));

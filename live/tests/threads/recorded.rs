@@ -1,4 +1,4 @@
-//! Real networks: what was predicted last has the bits of a batch over what was accepted.
+//! Real networks: the last prediction has the bits of a batch over the accepted events.
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -21,7 +21,7 @@ fn network(name: &str, capacity: usize) -> Arc<Network> {
     Arc::new(network.with_capacity(capacity).expect("the capacity is in range"))
 }
 
-/// An engine, and a batch that is given the same events.
+/// An engine, and a batch that receives the same events.
 fn recorded(network: &Arc<Network>, late: LatePolicy) -> (Engine, BatchEngine) {
     let options = Options::new().with_late(late);
     let engine = Engine::with_options(Arc::clone(network), SENSOR, options).expect("the sensor has pixels");
@@ -29,7 +29,7 @@ fn recorded(network: &Arc<Network>, late: LatePolicy) -> (Engine, BatchEngine) {
     (engine, batch.with_late(late).with_bounded_memory())
 }
 
-/// `count` events around a place that moves, some of them late or outside the sensor.
+/// `count` events around a moving position, some of them late or outside the sensor.
 fn stream(count: u32, seed: u32) -> Vec<Event> {
     let mut state = seed;
     let mut random = |most: u32| {
@@ -108,7 +108,7 @@ fn after_a_restart_of_the_clock_predictions_are_of_the_new_clock_and_say_so() {
     assert_eq!((timely.fresh, timely.lost_events, timely.restarts), (true, 0, 1));
     assert_eq!((timely.t_us, timely.nodes), (Some(29_900), 300));
     assert_eq!((live.event_counters().restarts, live.event_counters().late), (1, 0));
-    // What is lost is told, also where events that were held enter meanwhile.
+    // Losses are reported even if held events enter meanwhile.
     let held = Event::new(100_000_000, 5, 5, true);
     input.push_slice(&[held]).expect("the worker lives");
     assert_eq!(live.predict(PATIENCE).expect("nothing is NaN").lost_events, 1);

@@ -1,4 +1,5 @@
-//! What descriptions of all kinds share: parsing, loading, names of classes and tensors, reports.
+//! Common parts of descriptions of all kinds: parsing, loading, names of classes and tensors,
+//! reports.
 
 use std::fmt;
 use std::path::Path;
@@ -64,7 +65,7 @@ impl AnyDescription {
         either!(self, description => description.outputs())
     }
 
-    /// The metadata `preparation` of weights trained for it; `None` where frames do not come from
+    /// The metadata `preparation` of weights trained for it; `None` if frames do not come from
     /// electrodes.
     pub fn preparation(&self) -> Option<String> {
         match self {
@@ -88,7 +89,7 @@ macro_rules! common {
             /// Checks the text of a description file.
             ///
             /// # Errors
-            /// Every inconsistency with layer and line, but for those that follow from others.
+            /// Every inconsistency with layer and line, except those that follow from others.
             pub fn parse(text: &str) -> Result<Self, DescriptionError> {
                 checked(text, Self::check)
             }
@@ -96,8 +97,8 @@ macro_rules! common {
             /// Reads and checks a description file.
             ///
             /// # Errors
-            /// [`ModelError::Read`] for no text, [`ModelError::Large`] beyond 256 KiB,
-            /// [`ModelError::Description`] as [`Self::parse`].
+            /// [`ModelError::Read`] for a file that is not text, [`ModelError::Large`] beyond 256
+            /// KiB, [`ModelError::Description`] as [`Self::parse`].
             pub fn load(path: impl AsRef<Path>) -> Result<Self, ModelError> {
                 Ok(Self::parse(&text(path.as_ref())?)?)
             }
@@ -108,7 +109,7 @@ macro_rules! common {
                 units.iter().all(|unit| unit == LOGIT).then_some(names)
             }
 
-            /// Names of predicted values with units, as "roll, pitch (rad)".
+            /// Names of predicted values with units, such as "roll, pitch (rad)".
             pub fn labelled_outputs(&self) -> String {
                 let (names, units) = self.outputs();
                 match units {
@@ -130,7 +131,8 @@ macro_rules! common {
             /// Names in `weights` that the network does not read, in order.
             ///
             /// # Errors
-            /// As making the network, where names fit more than one way or a map does not fit.
+            /// The errors of making the network if names fit more than one way or a map does not
+            /// fit.
             pub fn unused_tensors(&self, weights: &Weights) -> Result<Vec<String>, ModelError> {
                 unused(self.name(), &self.needed(), weights)
             }

@@ -1,12 +1,12 @@
-//! The convolution of a block: what a description can choose, and what follows from the choice.
+//! The convolution of a block: the choices of a description, and their consequences.
 //!
 //! | `conv` | computes, for row i over its in-edges j | keys of its own |
 //! |---|---|---|
 //! | `spline` | mean of `x_j` times its spline weights, ELU | `kernel`, `root`, `bias`, `elu` |
 //! | `pointnet` | maximum, i included, of `W [x_j, (p_j - p_i) / scale] + b`, `ReLU` | none |
 //!
-//! The word as a layer's `kind` is short for `kind = "block"` with this `conv`. The tensors of each
-//! are in `docs/weights-from-pytorch.md`.
+//! The word as a layer's `kind` is short for `kind = "block"` with this `conv`.
+//! `docs/weights-from-pytorch.md` lists the tensors of each.
 //!
 //! A new convolution is a variant of [`ConvolutionKind`] and a row of `KINDS`.
 
@@ -24,14 +24,14 @@ use super::problem::ProblemKind;
 use super::table::{Table, integer};
 use super::tensors::{Listing, MAX_TENSOR, Values};
 
-/// What a block computes before batch norm and skip addition.
+/// The computation of a block before batch norm and skip addition.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 #[serde(tag = "kind", rename_all = "lowercase")]
 #[non_exhaustive]
 pub enum ConvolutionKind {
     /// Spline convolution.
     Spline {
-        /// Kernel size along x, y and t; 1 leaves an axis out.
+        /// Kernel size along x, y and t; an axis with 1 is ignored.
         kernel: [usize; 3],
         /// Whether the row itself is read through a root weight.
         root: bool,
@@ -44,15 +44,15 @@ pub enum ConvolutionKind {
     PointNet,
 }
 
-/// Reads the keys that only one convolution has; a key that was reported has a substitute.
+/// Reads the keys that only one convolution has; a reported key gets a substitute value.
 type Keys = fn(&mut Table<'_, '_>) -> ConvolutionKind;
 
-/// The words of `conv`, with what reads the keys of each.
+/// The words of `conv`, with the functions that read their keys.
 pub(super) const KINDS: [(&str, Keys); 2] = [(SPLINE, spline), ("pointnet", |_| ConvolutionKind::PointNet)];
 
 const SPLINE: &str = "spline";
 
-/// What the kernels accept.
+/// The sizes that the kernels accept.
 const KERNELS: RangeInclusive<i64> = 1..=SplineConv::MAX_KERNEL as i64;
 
 fn spline(table: &mut Table<'_, '_>) -> ConvolutionKind {
@@ -80,7 +80,7 @@ fn kernel(value: &DeValue<'_>) -> Option<[usize; 3]> {
 }
 
 impl ConvolutionKind {
-    /// The word a file has for it.
+    /// Its word in a file.
     pub fn word(&self) -> &'static str {
         match self {
             Self::Spline { .. } => SPLINE,
@@ -88,7 +88,7 @@ impl ConvolutionKind {
         }
     }
 
-    /// Its options after its word, in short; whether there is batch norm is one of them.
+    /// Its options after its word, in short form; the presence of batch norm is one of them.
     pub(super) fn options(&self, norm: bool) -> String {
         let given = |options: &[(&str, bool)]| -> String {
             options.iter().filter(|(_, given)| *given).map(|(word, _)| *word).collect()
@@ -102,7 +102,7 @@ impl ConvolutionKind {
         }
     }
 
-    /// The problem of sizes that are too large from `inputs` to `outputs` channels.
+    /// The problem if the sizes from `inputs` to `outputs` channels are too large.
     pub(super) fn too_large(&self, inputs: usize, outputs: usize) -> Option<ProblemKind> {
         let (fits, key, expected, found) = match self {
             Self::Spline { kernel, .. } => {

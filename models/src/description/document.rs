@@ -1,6 +1,6 @@
-//! What description files of every kind have: text, layers, outputs.
+//! Common parts of description files of every kind: text, layers, outputs.
 //!
-//! Enters: a file or text. Leaves: [`ParsedLayer`]s and outputs; references are not resolved.
+//! Input: a file or text. Output: [`ParsedLayer`]s and outputs; references are not resolved.
 
 use std::collections::BTreeSet;
 use std::io;
@@ -12,17 +12,17 @@ use super::problem::{DescriptionError, ProblemKind, Problems};
 use super::table::{self, Lines, NAME, Spanned, Table, name};
 use crate::error::{self, ModelError};
 
-/// Largest description file: the most layers, at 256 bytes each. One wrong byte can take 700 bytes
-/// of messages, most from the TOML parser.
+/// Largest description file: the maximum number of layers, at 256 bytes each. One wrong byte can
+/// cause 700 bytes of messages, most of them from the TOML parser.
 const MAX_FILE: u64 = 1 << 18;
 /// The table that marks a frame network.
 pub(super) const INPUT: &str = "input";
 pub(super) const EVENT_NETWORK: &str = "a network over events, with a table [graph]";
 pub(super) const FRAME_NETWORK: &str = "a frame network, with a table [input]";
-/// The unit of the outputs of classes: a softmax makes probabilities of such values.
+/// The unit of the outputs of classes: a softmax converts such values to probabilities.
 pub(super) const LOGIT: &str = "logit";
 
-/// Most layers of a network; it bounds drawings and searches.
+/// Maximum number of layers of a network; it bounds drawings and searches.
 const MAX_LAYERS: usize = 1024;
 pub(super) const LAYER: &str = "layer";
 /// The tables of a frame network that reads the readout.
@@ -33,12 +33,12 @@ pub(super) const HEAD: &str = "head";
 pub(super) struct ParsedLayer<K> {
     pub(super) name: String,
     pub(super) line: usize,
-    /// Its input; `None` is the layer before it.
+    /// Its input; `None`: the layer before it.
     pub(super) from: Option<Spanned<String>>,
-    /// Its second input: what a skip adds, or what a concatenation joins.
+    /// Its second input: the summand of a skip, or the second part of a concatenation.
     pub(super) second: Option<Spanned<String>>,
     pub(super) weights: String,
-    /// Its computation; `None` where a problem of it was reported.
+    /// Its computation; `None` if a problem of it was reported.
     pub(super) kind: Option<K>,
 }
 
@@ -59,7 +59,7 @@ impl<K> ParsedLayer<K> {
 #[derive(Debug, Default)]
 pub(super) struct Output {
     pub(super) names: Option<Spanned<Vec<String>>>,
-    /// As many as names.
+    /// One unit per name.
     pub(super) units: Vec<String>,
 }
 
@@ -90,7 +90,7 @@ pub(super) fn checked<T>(
 }
 
 /// The tables of `list`, at most [`MAX_LAYERS`], none named `input`; others are reported.
-/// `reference` describes what a layer refers to, `read` reads a layer of one of `kinds`.
+/// `reference` describes the references of a layer, `read` reads a layer of one of `kinds`.
 pub(super) fn layers<K>(
     root: &mut Table<'_, '_>,
     list: &'static str,

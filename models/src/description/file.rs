@@ -1,6 +1,7 @@
-//! A description file as it is written: values are typed and in range, references are not resolved.
+//! A description file in its written form: values are typed and in range, references are not
+//! resolved.
 //!
-//! Enters: the whole file's table. Leaves: a [`File`]; what was reported is `None` or replaced.
+//! Input: the whole file's table. Output: a [`File`]; reported values are `None` or replaced.
 
 use std::ops::RangeInclusive;
 
@@ -17,11 +18,11 @@ use super::layer::{Cell, LayerKind, activations};
 use super::table::{NAME, Spanned, Table, integer, name};
 use super::{Description, filters};
 
-/// The input of a network: the name that layers refer to it by.
+/// The name by which layers refer to the input of a network.
 pub(super) const EVENTS: &str = "events";
 const REFERENCE: &str = "the name of a layer, or \"events\"";
 const CELL: &str = "two fractions of the sensor along x and y, such as [\"16/346\", \"12/260\"]";
-/// The kinds of layers. Each convolution is one too, short for a block with it.
+/// The kinds of layers. Each convolution is also a kind, short for a block with it.
 const KINDS: [&str; 4 + CONVOLUTIONS.len()] =
     ["block", CONVOLUTIONS[0].0, CONVOLUTIONS[1].0, "pool", "readout", "dense"];
 const DEFAULT_SPAN_US: i64 = 150_000;
@@ -51,11 +52,11 @@ pub(super) struct FileKind {
     /// Channels of a block, cells of a readout's grid, values of a dense layer; `None` if reported,
     /// and for a pooling.
     pub(super) outputs: Option<usize>,
-    /// Line of the key `time` or `by_time`, where it changes what is computed.
+    /// Line of the key `time` or `by_time`, if it changes the computation.
     pub(super) time: Option<usize>,
 }
 
-/// Reads the file whose table is `root`; whatever is wrong becomes a problem.
+/// Reads the file whose table is `root`; every error becomes a problem.
 pub(super) fn read(root: &mut Table<'_, '_>) -> File {
     let mut network = Description {
         name: String::new(),
@@ -211,7 +212,7 @@ fn grid(table: &mut Table<'_, '_>) -> [usize; 2] {
     })
 }
 
-/// The scale of a level's edge attributes; a placeholder where every graph has its own.
+/// The scale of a level's edge attributes; a placeholder if every graph has its own.
 fn scale(table: &mut Table<'_, '_>, normalisation: Normalisation) -> f32 {
     if normalisation == Normalisation::Fixed {
         // As f32 it must still be finite and above 0.

@@ -1,6 +1,6 @@
 //! The filters before a network: tables `[[filter]]`, and the same words for reports.
 //!
-//! Enters: the table of a file. Leaves: rules, in the order in which events meet them.
+//! Input: the table of a file. Output: rules, in the order in which events pass them.
 
 use std::ops::RangeInclusive;
 
@@ -12,7 +12,7 @@ use toml::de::DeValue;
 use super::table::{Spanned, Table};
 
 const FILTER: &str = "filter";
-/// Most filters of a network.
+/// Maximum number of filters of a network.
 const MAX_FILTERS: usize = 8;
 /// The ranges that the engine accepts.
 const TIMES_US: RangeInclusive<i64> = 1..=Network::MAX_SPAN_US;
@@ -31,7 +31,7 @@ const KINDS: [(&str, Read); 3] = [
     }),
 ];
 
-/// The rules of the tables `[[filter]]` in `root`; none that was reported.
+/// The rules of the tables `[[filter]]` in `root`, without reported ones.
 pub(super) fn read(root: &mut Table<'_, '_>) -> Vec<FilterRule> {
     let tables = root.optional(FILTER, "tables [[filter]]", DeValue::as_array);
     let Some(Spanned { value: tables, .. }) = tables else { return Vec::new() };
@@ -61,7 +61,7 @@ enum Summary {
 }
 
 impl Summary {
-    /// The summaries of `rules`, of which a description has these kinds alone.
+    /// The summaries of `rules`; a description has only these kinds.
     fn all(rules: &[FilterRule]) -> Vec<Self> {
         let one = |&rule: &FilterRule| match rule {
             FilterRule::HotPixel { period_us, burst } => Some(Self::HotPixel { period_us, burst }),
@@ -73,12 +73,12 @@ impl Summary {
     }
 }
 
-/// `rules` as the metadata `preparation` has them.
+/// `rules` in the form of the metadata `preparation`.
 pub(super) fn json(rules: &[FilterRule]) -> String {
     serde_json::to_string(&Summary::all(rules)).expect("numbers and words are JSON")
 }
 
-/// `rules` in one line, as `hot_pixel, period_us = 10000, burst = 16`.
+/// `rules` in one line, such as `hot_pixel, period_us = 10000, burst = 16`.
 pub(crate) fn line(rules: &[FilterRule]) -> String {
     let one = |rule| match rule {
         Summary::HotPixel { period_us, burst } => {

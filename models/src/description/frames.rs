@@ -1,7 +1,7 @@
 //! Descriptions of frame networks: a TOML file, checked into layers over images and vectors.
 //!
-//! Enters: text. Leaves: a [`FrameDescription`], or every inconsistency with its line. It has a
-//! table `[input]` instead of `[graph]` (`docs/network-files.md`).
+//! Input: text. Output: a [`FrameDescription`], or every inconsistency with its line. The file has
+//! a table `[input]` instead of `[graph]` (`docs/network-files.md`).
 
 mod file;
 mod layer;
@@ -91,12 +91,13 @@ impl FrameDescription {
         &self.source
     }
 
-    /// The filters of the events that frames are made of, in the order in which events meet them.
+    /// The filters of the events from which frames are made, in the order in which events pass
+    /// them.
     pub fn filters(&self) -> &[FilterRule] {
         &self.filters
     }
 
-    /// The layers, each after those it reads; the last one predicts.
+    /// The layers, each after the layers that it reads; the last one predicts.
     pub fn layers(&self) -> &[FrameLayer] {
         &self.layers
     }
@@ -111,17 +112,18 @@ impl FrameDescription {
         (&self.outputs, &self.units)
     }
 
-    /// Trained parameters: weights, biases, and batch norm's two, without its running statistics.
+    /// Number of trained parameters: weights, biases, and the two of batch norm, without its
+    /// running statistics.
     pub fn parameters(&self) -> usize {
         self.layers.iter().map(|layer| layer.parameters).sum()
     }
 
-    /// Products of weights with values, each with the sum that it enters, for one frame.
+    /// Number of multiply-adds of weights with values for one frame.
     pub fn multiply_adds(&self) -> usize {
         self.layers.iter().map(|layer| layer.multiply_adds).sum()
     }
 
-    /// Values that it keeps from frame to frame.
+    /// Number of values that it keeps from frame to frame.
     pub fn state(&self) -> usize {
         self.layers.iter().map(|layer| layer.state).sum()
     }
@@ -132,8 +134,8 @@ impl FrameDescription {
 }
 
 impl FrameDescription {
-    /// The network with `weights`. Their names may differ as the habits of `PyTorch` make them:
-    /// `docs/weights-from-pytorch.md` lists which.
+    /// The network with `weights`. Their names may differ according to the habits of `PyTorch`,
+    /// which `docs/weights-from-pytorch.md` lists.
     ///
     /// # Errors
     /// [`ModelError::Weights`] with every tensor that is missing, of another shape or type, or not
@@ -146,7 +148,7 @@ impl FrameDescription {
         self.network_parts_regardless(weights)
     }
 
-    /// As [`Self::network_parts`], whatever the weights say about the frames of their training.
+    /// As [`Self::network_parts`], whatever the weights state about the frames of their training.
     ///
     /// # Errors
     /// As [`Self::network_parts`], without [`ModelError::Preparation`].
@@ -159,10 +161,10 @@ impl FrameDescription {
     }
 }
 
-/// The engine's layers; `None` where a tensor does not fit. Batch norm is folded, W' = W scale and
+/// The engine's layers; `None` if a tensor does not fit. Batch norm is folded, W' = W scale and
 /// b' = b scale + shift, and an LSTM's biases are added in f64, rounded once.
 pub(in crate::description) fn parts(layers: &[FrameLayer], tensors: &mut Tensors<'_>) -> Option<Vec<Part>> {
-    // Every layer is read before any is missed, so that every tensor that does not fit is noted.
+    // Reads every layer even if one does not fit, so that every tensor that does not fit is noted.
     let parts: Vec<Option<Part>> = layers.iter().map(|layer| part(layer, tensors)).collect();
     parts.into_iter().collect()
 }
@@ -210,7 +212,7 @@ fn part(layer: &FrameLayer, tensors: &mut Tensors<'_>) -> Option<Part> {
     Some(Part { name: layer.name.clone(), from: layer.reads, kind })
 }
 
-/// Weight and bias of `outputs` rows, with batch norm in them where there is any.
+/// Weight and bias of `outputs` rows, including batch norm if there is any.
 fn normed(
     layer: &FrameLayer,
     outputs: usize,

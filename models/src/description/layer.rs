@@ -22,13 +22,15 @@ pub struct Layer {
     pub kind: LayerKind,
     /// Its input: the name of a layer or "events".
     pub from: String,
-    /// Level whose rows it writes, 0 for the events; none for the readout and the dense layers.
+    /// Level whose rows it writes, 0 for the events; `None` for the readout and the dense layers.
     pub level: Option<usize>,
-    /// Values it reads: channels of a row; for a dense layer all values of the layer before it.
+    /// Number of values that it reads: channels of a row; for a dense layer all values of the layer
+    /// before it.
     pub inputs: usize,
-    /// Values it writes: channels of a row; for a readout cells times channels.
+    /// Number of values that it writes: channels of a row; for a readout cells times channels.
     pub outputs: usize,
-    /// Trained parameters: weights, biases, batch norm's two, without the running statistics.
+    /// Number of trained parameters: weights, biases, the two of batch norm, without the running
+    /// statistics.
     pub parameters: usize,
     /// Cost of a row or of a prediction.
     pub cost: Cost,
@@ -70,7 +72,7 @@ pub enum LayerKind {
         columns: usize,
         /// Cells along y.
         rows: usize,
-        /// How the rows of a cell become one.
+        /// Rule that combines the rows of a cell into one.
         #[serde(serialize_with = "serialize_aggregation")]
         aggregation: Aggregation,
         /// Number of grids: 1, or one for each cell in time that a window can fill.
@@ -84,8 +86,8 @@ pub enum LayerKind {
         #[serde(serialize_with = "serialize_activation")]
         activation: Activation,
     },
-    /// Graph convolution with its activation, batch norm and skip addition. Data name its
-    /// convolution as the kind.
+    /// Graph convolution with its activation, batch norm and skip addition. Serialised data have
+    /// its convolution as the kind.
     #[serde(untagged)]
     Block {
         /// The convolution.
@@ -141,7 +143,7 @@ pub struct Cell {
 }
 
 impl Cell {
-    /// Cells that touch one: the in-edges that a cost assumes.
+    /// Number of cells that touch a cell: the in-edges that a cost assumes.
     pub fn grid_neighbours(&self) -> usize {
         if self.time.is_some() { 26 } else { 8 }
     }
@@ -157,10 +159,11 @@ impl fmt::Display for Cell {
 /// Multiply-adds of one evaluation of a layer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 pub struct Cost {
-    /// Products with the sums they enter; 0 for a pooling and the readout, which only compare.
+    /// Number of multiply-adds; 0 for a pooling and the readout, which only compare.
     pub multiply_adds: usize,
-    /// Counted in-edges: at the event level the graph's most; at a pooled level the touching cells
-    /// (8, or 26 with cells in time), an assumption: edges may reach further.
+    /// Counted in-edges: at the event level the maximum of the graph; at a pooled level the
+    /// touching cells (8, or 26 with cells in time). This is an assumption: edges may reach
+    /// further.
     pub in_edges: Option<usize>,
     /// The unit of the cost.
     pub per: CostUnit,
@@ -192,11 +195,11 @@ impl fmt::Display for Cost {
 pub struct ReceptiveField {
     /// From the row's own level down to the event level.
     pub steps: Vec<FieldStep>,
-    /// Where the rows of the first step start from.
+    /// Start of the rows of the first step.
     pub from: FieldStart,
 }
 
-/// Where a receptive field starts.
+/// Start of a receptive field.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum FieldStart {
@@ -216,9 +219,9 @@ pub enum FieldStart {
 /// Part of a receptive field on one level.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct FieldStep {
-    /// Rows within so many steps along in-edges.
+    /// Maximum number of steps along in-edges to its rows.
     pub hops: usize,
-    /// The cells these rows are, each of which reads all its members; `None` at the event level.
+    /// The cells of these rows, each of which reads all its members; `None` at the event level.
     #[serde(flatten)]
     pub cell: Option<Cell>,
 }

@@ -1,7 +1,7 @@
-//! How the input of a training was prepared: weights and description must agree on it.
+//! Preparation of the input of a training: weights and description must agree on it.
 //!
 //! Weights state it in their metadata `preparation`, a JSON object in the words of a description.
-//! For a network over events, of its graph:
+//! For a network over events, it describes the graph:
 //!
 //! ```text
 //! {"kind":"knn","k":8,"candidates":"past","lifetime":"window","normalisation":"fixed",
@@ -9,25 +9,25 @@
 //!  "span_us":300000,"cells":[["1/8","1/8","1/3"]]}
 //! ```
 //!
-//! `scales` of edge attributes, level by level, are missing with "per-graph". `cells` are the
-//! poolings'. `place` stands for an input of places in cells, `filters` for the filters before the
-//! network, as their tables have them. `lifetime` may be missing: both give
-//! the same graph until an event leaves. The published contact-angle checkpoint has no metadata and
-//! counts as `graphres-published`.
+//! `scales` of edge attributes, level by level, are missing with "per-graph". `cells` are those of
+//! the poolings. `place` means that places in cells are an input; `filters` are the filters before
+//! the network, as in their tables. `lifetime` may be missing: both give the same graph until an
+//! event leaves. The published contact-angle checkpoint has no metadata and counts as
+//! `graphres-published`.
 //!
-//! For a network over readings of electrodes these are the words of `[input]`:
+//! For a network over readings of electrodes, it contains the words of `[input]`:
 //!
 //! ```text
 //! {"frames":"tactile-image","steps":5,"scaling":"image"}
 //! {"frames":"electrodes","steps":5,"scaling":["reading",[1911.0,3743.0]]}
 //! ```
 //!
-//! For one over frames of events they are its filters, `{"filters":[...]}`, if it has any.
+//! For a network over frames of events, it is its filters, `{"filters":[...]}`, if it has any.
 //!
-//! Sampling does not count: training windows without overlap may slide when they run.
+//! Sampling is not compared: windows without overlap in training may slide in a run.
 //!
-//! Weights that state another preparation make no network, unless asked for. Those without a
-//! statement are accepted, and `agreement` reports it.
+//! Weights that state another preparation are refused unless the caller accepts them. Weights
+//! without a statement are accepted, and `agreement` reports it.
 
 use meissner_engine::filters::FilterRule;
 use meissner_engine::{Normalisation, Reach};
@@ -42,9 +42,9 @@ use crate::weights::Weights;
 pub(crate) const KEY: &str = "preparation";
 /// The keys of the object for readings, in order.
 const READING_KEYS: [&str; 3] = ["frames", "steps", "scaling"];
-/// The network whose preparation the published checkpoint has.
+/// The network with the preparation of the published checkpoint.
 const PUBLISHED: &str = "graphres-published";
-/// The key that weights may leave out.
+/// The key that weights may omit.
 const LIFETIME: &str = "lifetime";
 
 /// Whether weights state the same preparation of their training's input as a description.
@@ -53,9 +53,9 @@ const LIFETIME: &str = "lifetime";
 pub enum Agreement {
     /// They state the same preparation.
     Same,
-    /// They state none because they were drawn from a seed.
+    /// They state no preparation because they were drawn from a seed.
     Drawn,
-    /// They state none.
+    /// They state no preparation.
     Unstated,
     /// They state another preparation.
     Other,
@@ -127,15 +127,15 @@ impl Description {
         Agreement::of(weights, Some(&self.preparation()))
     }
 
-    /// `Ok` where `weights` state the same preparation as this description, or none.
+    /// `Ok` if `weights` state the same preparation as this description, or none.
     pub(super) fn check_preparation(&self, weights: &Weights) -> Result<(), ModelError> {
         check(self.name(), Some(self.preparation()), "", weights)
     }
 }
 
 impl FrameDescription {
-    /// The metadata `preparation` of weights trained for it, as JSON: of readings of electrodes
-    /// frames, steps and scaling in the words of `[input]`, of events the filters; `None` for
+    /// The metadata `preparation` of weights trained for it, as JSON: for readings of electrodes,
+    /// frames, steps and scaling in the words of `[input]`; for events, the filters; `None` for
     /// pictures, and without filters.
     pub fn preparation(&self) -> Option<String> {
         let (FrameSource::TactileImage(_) | FrameSource::Electrodes(_)) = self.source() else {
@@ -151,7 +151,7 @@ impl FrameDescription {
         Agreement::of(weights, self.preparation().as_deref())
     }
 
-    /// `Ok` where `weights` state the same preparation as this description, or none.
+    /// `Ok` if `weights` state the same preparation as this description, or none.
     pub(super) fn check_preparation(&self, weights: &Weights) -> Result<(), ModelError> {
         check(self.name(), self.preparation(), self.source().word(), weights)
     }
@@ -162,8 +162,8 @@ fn filtered(rules: &[FilterRule]) -> Option<String> {
     (!rules.is_empty()).then(|| format!("\"filters\":{}", filters::json(rules)))
 }
 
-/// `Ok` if `weights` state the preparation that `network` expects, or none. Without one, a network
-/// has frames of the kind `frames`.
+/// `Ok` if `weights` state the preparation that `network` expects, or none. A network without an
+/// expected preparation has frames of the kind `frames`.
 fn check(network: &str, expected: Option<String>, frames: &str, weights: &Weights) -> Result<(), ModelError> {
     if Agreement::of(weights, expected.as_deref()) != Agreement::Other {
         return Ok(());
@@ -176,7 +176,8 @@ fn check(network: &str, expected: Option<String>, frames: &str, weights: &Weight
     })
 }
 
-/// The preparation that `weights` state, or the published checkpoint's if they are its.
+/// The preparation that `weights` state, or that of the published checkpoint if they are its
+/// weights.
 fn stated_or_published(weights: &Weights) -> Option<String> {
     let known = || {
         let published = weights.is_published().then(|| Description::shipped(PUBLISHED)).flatten();
@@ -185,14 +186,15 @@ fn stated_or_published(weights: &Weights) -> Option<String> {
     weights.metadata().get(KEY).cloned().or_else(known)
 }
 
-/// The entries of a JSON object that count, numbers as the engine takes them: 3488 equals 3488.0.
+/// The entries of a JSON object that are compared, with numbers as in the engine: 3488 equals
+/// 3488.0.
 fn entries(text: &str) -> Option<Map<String, Value>> {
     let entries: Map<String, Value> = serde_json::from_str(text).ok()?;
     let counting = entries.into_iter().filter(|(key, _)| key != "sampling");
     Some(counting.map(|(key, value)| (key, rounded(value))).collect())
 }
 
-/// `value` with its numbers, also those of nested lists and objects, as f32.
+/// `value` with its numbers, including those of nested lists and objects, as f32.
 fn rounded(value: Value) -> Value {
     match value {
         Value::Object(entries) => entries.into_iter().map(|(key, value)| (key, rounded(value))).collect(),

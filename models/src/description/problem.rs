@@ -40,7 +40,7 @@ pub enum ProblemKind {
     /// A required key is missing.
     #[error("missing key {key:?}: expected {expected}")]
     MissingKey { key: &'static str, expected: String },
-    /// A key that has a meaning only with other values.
+    /// A key that is valid only with other values.
     #[error("{key}: expected only with {with}")]
     Inapplicable { key: &'static str, with: &'static str },
     /// A value of another type or out of range, or a reference to a layer that cannot be read here.
@@ -52,13 +52,13 @@ pub enum ProblemKind {
     /// A reference to a layer that the file does not have.
     #[error("{key}: expected {input:?} or the name of a layer {place}, found {found:?}")]
     UnknownReference { key: &'static str, input: String, place: &'static str, found: String },
-    /// A reference to a layer further down, where layers stand in the order of evaluation.
+    /// A reference to a layer further down, in a file with layers in the order of evaluation.
     #[error("{key}: expected a layer above this one, found {found:?} on line {line}")]
     ForwardReference { key: &'static str, found: String, line: usize },
     /// A reference to a layer with another number of channels or another size.
     #[error("{key} {reference:?}: expected {expected}, found {found}")]
     Size { key: &'static str, reference: String, expected: String, found: String },
-    /// A layer whose output would have no pixels, or more values than networks are for.
+    /// A layer whose output would have no pixels, or more values than allowed.
     #[error("expected {expected}, found {found}")]
     Extent { expected: String, found: String },
     /// A description of the other kind of network.
@@ -67,7 +67,7 @@ pub enum ProblemKind {
     /// Layers that read each other in a cycle.
     #[error("expected an acyclic graph, found the cycle {0}")]
     Cycle(String),
-    /// A layer that the prediction does not depend on.
+    /// A layer on which the prediction does not depend.
     #[error("expected every layer to reach the prediction, found none that reads this one on the way to it")]
     Unused,
     /// A dense layer in a file that has a head.
@@ -79,7 +79,7 @@ pub enum ProblemKind {
     /// A second readout.
     #[error("expected one readout, found another on line {first}")]
     SecondReadout { first: usize },
-    /// More than one dense layer that no other reads.
+    /// More than one dense layer that no other layer reads.
     #[error(
         "expected one dense layer that no other reads (the prediction), found this one and that of line {first}"
     )]
@@ -99,12 +99,12 @@ impl ProblemKind {
     }
 }
 
-/// Inconsistencies before one with which it is compared.
+/// Number of preceding inconsistencies with which one is compared.
 const FAULTS: usize = 32;
-/// Most inconsistencies of a message.
+/// Maximum number of inconsistencies of a message.
 const TOLD: usize = 50;
 
-/// All inconsistencies of a description file, by line. The message has the first 50.
+/// All inconsistencies of a description file, by line. The message contains the first 50.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct DescriptionError {
     problems: Vec<Problem>,
@@ -115,7 +115,7 @@ impl DescriptionError {
     pub(super) fn new(mut problems: Vec<Problem>) -> Self {
         debug_assert!(!problems.is_empty(), "an error needs a problem");
         problems.sort_by_key(|p| p.line);
-        // A file of anything but text can repeat one fault at every byte.
+        // A file that is not text can repeat one fault at every byte.
         let mut told: Vec<Problem> = Vec::new();
         let mut first_of_line = 0;
         for problem in problems {
@@ -130,7 +130,7 @@ impl DescriptionError {
         Self { problems: told }
     }
 
-    /// The inconsistencies, by line, each of a line once.
+    /// The inconsistencies by line, without repetitions in a line.
     pub fn problems(&self) -> &[Problem] {
         &self.problems
     }
@@ -153,7 +153,7 @@ impl fmt::Display for DescriptionError {
 
 impl std::error::Error for DescriptionError {}
 
-/// Collects problems while reading goes on.
+/// Collects problems while reading continues.
 #[derive(Debug, Default)]
 pub(super) struct Problems(pub(super) Vec<Problem>);
 

@@ -15,15 +15,16 @@ pub(super) struct Scope<'a> {
     pub(super) input: &'a str,
     /// The key of a second input.
     pub(super) second: &'static str,
-    /// Where the layers stand, as messages say it.
+    /// Description of the position of layers in messages.
     pub(super) place: &'static str,
     /// Whether a layer can refer only to layers above it.
     pub(super) above: bool,
 }
 
-/// Resolves the references of `layers`. A second layer of a name is reported; the first keeps it.
+/// Resolves the references of `layers`. A second layer with the same name is reported; the first
+/// keeps it.
 ///
-/// A layer reads *nodes*: 0 is the network's input, i + 1 layer i. What refers to nothing is
+/// A layer reads *nodes*: 0 is the network's input, i + 1 layer i. A reference to nothing is
 /// reported.
 pub(super) fn references<K>(
     layers: &[ParsedLayer<K>],
@@ -84,7 +85,7 @@ pub(super) fn report_unused<K>(
     }
 }
 
-/// Reports that layer `name`, which predicts, writes another number of values than `names`.
+/// Reports if the predicting layer `name` writes another number of values than `names`.
 pub(super) fn check_names(
     names: Option<&Spanned<Vec<String>>>,
     name: &str,

@@ -1,20 +1,19 @@
-//! A description whose layers of events stay, with other dense layers behind the readout.
+//! A description that keeps its layers of events and gets other dense layers after the readout.
 //!
-//! Enters: the text of a description of a network over events, and what is to be predicted. Leaves:
-//! the text of the other description, and where its tensors come from. Comments are not kept.
+//! Input: the text of a description of a network over events, and the values to predict. Output:
+//! the text of the new description, and the origin of its tensors. Comments are not kept.
 //!
-//! Where a readout sums, it can also sum what no layer computes: the number of events in a cell,
+//! A readout that sums can also sum values that no layer computes: the number of events in a cell,
 //! their polarities p, and with `place` also p x and p y. Two blocks without neighbours give these
-//! exactly, because ELU leaves what is above 0 as it is, and `elu(x - 19)` is -1 for x of at most
-//! 1:
+//! exactly, because ELU does not change values above 0, and `elu(x - 19)` is -1 for x of at most 1:
 //!
 //! ```text
 //! signs    u = elu(x + 10 p - 9),  v = elu(x - 10 p - 9),  w = elu(p + 1)
 //! counts   1,   p = w - 1,   p x = u - v - 2 w + 2
 //! ```
 //!
-//! `counts` has the channels of the last layer too, all 0, and is added to it as its `skip`; that
-//! layer gets channels of 0 for what `counts` adds.
+//! `counts` also has the channels of the last layer, all 0, and is added to it as its `skip`; that
+//! layer gets channels of 0 for the channels that `counts` adds.
 
 use serde::Serialize;
 use toml::{Table, Value};
@@ -35,7 +34,7 @@ const COUNTS: &str = "counts";
 /// Beyond it, ELU is -1.
 const FAR: f32 = 10.0;
 
-/// What a network predicts.
+/// The predictions of a network.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Outputs {
     /// Quantities: the name of each, and its unit.
@@ -53,7 +52,7 @@ impl Outputs {
         }
     }
 
-    /// Whether nothing is predicted, which no network does.
+    /// Whether nothing is predicted, which is not possible in a network.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
@@ -70,7 +69,7 @@ impl Outputs {
     }
 }
 
-/// What becomes of a description.
+/// The changes of a description.
 #[derive(Clone, Debug)]
 pub struct Refit<'a> {
     /// The name of the network.
@@ -79,53 +78,54 @@ pub struct Refit<'a> {
     pub span_us: Option<i64>,
     /// Other columns and rows of the readout.
     pub grid: Option<[u32; 2]>,
-    /// Whether the readout also sums events and their polarities, where it can.
+    /// Whether the readout also sums events and their polarities, if it can.
     pub counts: bool,
-    /// How many layers behind the readout stay: 0, or as [`Description::kept_heads`] says.
+    /// Number of layers after the readout that are kept: 0, or a number from
+    /// [`Description::kept_heads`].
     pub kept: usize,
     /// Values and activations of dense layers before the last one.
     pub hidden: &'a [(usize, Activation)],
-    /// What it predicts.
+    /// Its predictions.
     pub outputs: &'a Outputs,
 }
 
-/// The first layers behind a readout.
+/// The first layers after a readout.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct KeptHead {
-    /// How many they are.
+    /// Number of these layers.
     pub layers: usize,
-    /// How many values the next layer reads.
+    /// Number of values that the next layer reads.
     pub values: usize,
     /// Whether one of them is dense.
     pub has_dense: bool,
 }
 
-/// A description with other layers behind its readout.
+/// A description with other layers after its readout.
 #[derive(Clone, Debug)]
 pub struct Refitted {
     /// The text of the description.
     pub text: String,
     /// The same, checked.
     pub description: Description,
-    /// How many channels at the end of a row sum events and polarities.
+    /// Number of channels at the end of a row that sum events and polarities.
     pub counts: usize,
-    /// Names of the dense layers that are not those of the other description.
+    /// Names of the dense layers that the other description does not have.
     dense: Vec<String>,
     /// Blocks that the other description does not have.
     added: Option<[String; 2]>,
 }
 
-/// A layer behind a readout.
+/// A layer after a readout.
 struct Behind<'a> {
     name: &'a str,
     weights: &'a str,
     from: &'a str,
     has_weights: bool,
-    /// What it reads, if it is dense.
+    /// Number of values that it reads, if it is dense.
     values: Option<usize>,
 }
 
-/// The tables in the order in which people read them.
+/// The tables in a readable order.
 #[derive(Serialize)]
 struct Tables {
     network: Table,
@@ -139,14 +139,14 @@ struct Tables {
 }
 
 impl Description {
-    /// The description in `text` whose readout dense layers read: instead of its dense layers, or
-    /// of the layers of its head but the first `kept`. They come last; the last one is `fitted`,
-    /// those before it `fitted1` and so on, or with underscores behind `fitted` where other layers
-    /// have such names.
+    /// The description in `text` with new dense layers after its readout. They replace its dense
+    /// layers, or the layers of its head except the first `kept`. They come last; the last one is
+    /// `fitted`, those before it `fitted1` and so on, or with underscores after `fitted` if other
+    /// layers have such names.
     ///
     /// # Errors
-    /// `text` is no description of a network over events, or the new one is inconsistent: a name
-    /// that is none, outputs of one name, or a head that cannot stay.
+    /// `text` is not a description of a network over events, or the new one is inconsistent: an
+    /// invalid name, outputs with the same name, or a head that cannot be kept.
     ///
     /// # Panics
     /// Never: a checked description is a table of plain values.
@@ -246,7 +246,7 @@ impl Description {
     /// The tensors of `weights` that the network reads, under the names of the description.
     ///
     /// # Errors
-    /// As [`Self::network`], where it is not told which tensor is which.
+    /// As [`Self::network`], if the tensors cannot be identified.
     pub fn named(&self, weights: &Weights) -> Result<Weights, ModelError> {
         let needed = self.tensors();
         let names: Vec<&str> = needed.iter().map(|(name, _)| name.as_str()).collect();
@@ -255,13 +255,13 @@ impl Description {
         Ok(Weights::new(names.iter().filter_map(tensor)))
     }
 
-    /// Where other dense layers can begin behind layers with weights that stay: at the first dense
-    /// layer, and at the last layer if it is dense. Of each, how many layers behind the readout
-    /// stay, and how many values the next one reads.
+    /// The positions at which other dense layers can begin after kept layers with weights: at the
+    /// first dense layer, and at the last layer if it is dense. For each, the number of kept layers
+    /// after the readout, and the number of values that the next one reads.
     pub fn kept_heads(&self) -> Vec<KeptHead> {
         let behind = self.behind_readout();
         let first = behind.iter().position(|layer| layer.values.is_some());
-        // Others can read a layer of a head with branches.
+        // In a head with branches, other layers can read a layer.
         let is_chain = |&layers: &usize| behind.windows(2).take(layers).all(|of| of[1].from == of[0].name);
         let mut places: Vec<usize> =
             first.filter(is_chain).into_iter().chain(behind.len().checked_sub(1)).collect();
@@ -274,7 +274,7 @@ impl Description {
         places.into_iter().filter_map(of).collect()
     }
 
-    /// The layers behind the readout: dense ones, or those of the head. The last one predicts.
+    /// The layers after the readout: dense layers, or those of the head. The last one predicts.
     fn behind_readout(&self) -> Vec<Behind<'_>> {
         let dense = self.layers.iter().filter(|layer| matches!(layer.kind, LayerKind::Dense { .. }));
         let dense = dense.map(|layer| Behind {
@@ -295,7 +295,7 @@ impl Description {
     }
 
     /// The layer that the readout sums, if counts can be added to it: a spline block without a skip
-    /// that nothing else reads.
+    /// that no other layer reads.
     fn countable(&self) -> Option<&Layer> {
         let last = self.summed()?;
         let is_free = matches!(last.kind, LayerKind::Block { skip: None, .. });
@@ -307,7 +307,7 @@ impl Description {
         (is_free && is_spline && self.layers.iter().filter(reads).count() == 1).then_some(last)
     }
 
-    /// How many channels of the readout are counts already.
+    /// Number of channels of the readout that are counts already.
     fn counted(&self) -> usize {
         let of = |last: &Layer| {
             let LayerKind::Block { skip: Some(skip), .. } = &last.kind else { return None };
@@ -395,7 +395,7 @@ impl Refitted {
     }
 }
 
-/// The values of `tensor` in a larger `shape`, with `rest` around them.
+/// The values of `tensor` in a larger `shape`; all other values are `rest`.
 fn widened(tensor: &Tensor, shape: &[usize], rest: f32) -> Vec<f32> {
     let values = tensor.values().unwrap_or_default();
     if tensor.shape() == shape {

@@ -12,7 +12,7 @@ pub struct Sizes {
     pub span_us: i64,
     /// Largest number of events in the window.
     pub capacity: usize,
-    /// Most neighbours of an event; `None` leaves them.
+    /// Maximum number of neighbours of an event; `None` keeps that of the description.
     pub neighbours: Option<usize>,
     /// Factor of the channels of every block; they are rounded, and at least 1.
     pub channels: f64,
@@ -23,7 +23,8 @@ impl Description {
     /// graph.
     ///
     /// # Errors
-    /// `text` is no description of a network over events, or it is inconsistent with these sizes.
+    /// `text` is not a description of a network over events, or it is inconsistent with these
+    /// sizes.
     pub fn resized(text: &str, sizes: &Sizes) -> Result<Self, DescriptionError> {
         let described = Self::parse(text)?;
         let Ok(mut root) = text.parse::<Table>() else { return Ok(described) };

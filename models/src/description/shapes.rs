@@ -1,7 +1,8 @@
 //! Levels, channels, costs and receptive fields, layer after layer in the order of evaluation.
 //!
-//! Enters: a [`File`] and its [`Wiring`]. Leaves: checked [`Layer`]s, but those with problems.
-//! Invariant: without problems all are there, levels are a chain, and the engine accepts them.
+//! Input: a [`File`] and its [`Wiring`]. Output: checked [`Layer`]s, except those with problems.
+//! Invariant: without problems, the output contains all layers, levels are a chain, and the engine
+//! accepts them.
 
 use meissner_engine::Aggregation;
 use meissner_engine::frames::FrameShape;
@@ -17,7 +18,7 @@ use super::table::Spanned;
 use super::tensors::{MAX_TENSOR, Needed};
 use super::wiring::Wiring;
 
-/// Most parameters of a network: 1 GiB of f32.
+/// Maximum number of parameters of a network: 1 GiB of f32.
 const MAX_PARAMETERS: usize = 1 << 28;
 
 /// The known properties of a node's output.
@@ -36,7 +37,7 @@ enum Output {
 /// A level: the events, or the cells of a pooling.
 #[derive(Debug)]
 struct Level {
-    /// Its rows, as messages name them.
+    /// The name of its rows in messages.
     name: String,
     cell: Option<Cell>,
     features: usize,
@@ -48,7 +49,7 @@ struct Shapes<'a> {
     file: &'a File,
     wiring: &'a Wiring,
     problems: &'a mut Problems,
-    /// Of each node; `None` where a problem of it was reported.
+    /// Output of each node; `None` if a problem of it was reported.
     outputs: Vec<Option<Output>>,
     levels: Vec<Level>,
 }
@@ -71,7 +72,7 @@ pub(super) fn check(file: &File, wiring: &Wiring, problems: &mut Problems) -> Ve
     layers
 }
 
-/// Reports the first layer with which the network is too large.
+/// Reports the first layer at which the network becomes too large.
 fn report_size(layers: &[Layer], problems: &mut Problems) {
     let mut total = 0_usize;
     for layer in layers {
@@ -96,7 +97,8 @@ impl Shapes<'_> {
         self.problems.add(line, Some(&layer.name), ProblemKind::value(key, expected, found));
     }
 
-    /// What is known of the output of `node`, rows (`rows`) or a vector; reports the other.
+    /// The known properties of the output of `node`, which must be rows if `rows`, else a vector;
+    /// reports the opposite.
     fn reads(
         &mut self,
         layer: &ParsedLayer<FileKind>,
@@ -162,7 +164,7 @@ impl Shapes<'_> {
         std::iter::once(FieldStep { hops, cell: level.cell }).chain(level.below.iter().cloned()).collect()
     }
 
-    /// What a file says of the outputs of layer i.
+    /// The number of outputs of layer i in the file.
     fn written(&self, i: usize) -> Option<usize> {
         self.file.layers[i].kind.as_ref().and_then(|kind| kind.outputs)
     }
@@ -278,7 +280,7 @@ impl Shapes<'_> {
         Some(())
     }
 
-    /// Cells in time that a window can fill, where every pooling has the same.
+    /// Number of cells in time that a window can fill, if every pooling has the same.
     fn times(&mut self, layer: &ParsedLayer<FileKind>) -> Option<usize> {
         let mut sizes = self.levels.iter().filter_map(|level| level.cell).map(|cell| cell.time);
         if let Some(Some(size)) = sizes.next()
@@ -316,7 +318,7 @@ impl Shapes<'_> {
 /// channels = (channels of a cell) (cells in time),   height = rows,   width = columns
 /// ```
 ///
-/// Leaves out layers with problems. Without any, the engine accepts the layers as a head.
+/// Leaves out layers with problems. Without problems, the engine accepts the layers as a head.
 pub(super) fn check_head(file: &File, layers: &[Layer], problems: &mut Problems) -> Vec<FrameLayer> {
     if file.head.is_empty() {
         return Vec::new();
@@ -350,7 +352,7 @@ pub(super) fn check_head(file: &File, layers: &[Layer], problems: &mut Problems)
     frames::check(stack, problems)
 }
 
-/// The image that a head reads of the readout `layer`.
+/// The image that a head reads from the readout `layer`.
 fn image(layer: &Layer) -> Option<FrameShape> {
     let LayerKind::Readout { columns, rows, times, .. } = layer.kind else { return None };
     Some(FrameShape::Image { channels: layer.inputs.saturating_mul(times), height: rows, width: columns })

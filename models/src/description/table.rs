@@ -1,8 +1,8 @@
 //! Reads one TOML table key by key.
 //!
-//! Enters: a parsed table with spans. Leaves: typed values, and a problem for each key that is
+//! Input: a parsed table with spans. Output: typed values, and a problem for each key that is
 //! missing, unknown, mistyped or out of range. Invariant: `None` or a substitute for a required or
-//! mistyped value comes with a problem, which never has to be reported again.
+//! mistyped value comes with a problem, which need not be reported again.
 
 use std::ops::RangeInclusive;
 
@@ -15,7 +15,7 @@ const MAX_NAME: usize = 80;
 /// The values that [`name`] accepts.
 pub(super) const NAME: &str = "a name of 1 to 80 printable characters";
 
-/// A value and the line it stands on.
+/// A value and its line.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Spanned<T> {
     pub(super) value: T,
@@ -69,7 +69,7 @@ impl<'t, 'i> Table<'t, 'i> {
         Table { entries, lines, line, layer, asked: Vec::new(), unknown: 0, problems }
     }
 
-    /// The table under `key`, which must be there.
+    /// The table under `key`, which must exist.
     pub(super) fn table(&mut self, key: &'static str, expected: &str) -> Option<Table<'_, 'i>> {
         let Spanned { value, line } = self.required(key, expected, DeValue::as_table)?;
         Some(self.within(value, line, None))
@@ -113,7 +113,7 @@ impl<'t, 'i> Table<'t, 'i> {
         self.lines.of(value.span().start)
     }
 
-    /// Whether the table has `key`, and on which line.
+    /// The line of `key`, if the table has it.
     pub(super) fn line_of(&self, key: &str) -> Option<usize> {
         self.entries.get(key).map(|value| self.line_at(value))
     }
@@ -125,7 +125,7 @@ impl<'t, 'i> Table<'t, 'i> {
         (self.unknown == before).then_some(read)
     }
 
-    /// The value of `key` as `read` understands it; absent without a problem.
+    /// The value of `key`, parsed by `read`; a missing key is not a problem.
     pub(super) fn optional<T>(
         &mut self,
         key: &'static str,
@@ -142,7 +142,7 @@ impl<'t, 'i> Table<'t, 'i> {
         read.map(|value| Spanned { value, line })
     }
 
-    /// As [`Self::optional`], but absence is a problem.
+    /// As [`Self::optional`], but a missing key is a problem.
     pub(super) fn required<T>(
         &mut self,
         key: &'static str,
@@ -155,8 +155,8 @@ impl<'t, 'i> Table<'t, 'i> {
         self.optional(key, expected, read)
     }
 
-    /// The value of `key` as `read` understands it, or `default`; without one, a problem.
-    /// [`Self::known`] learns of a problem, whose result is a substitute.
+    /// The value of `key`, parsed by `read`, or `default`; without a default, a missing key is a
+    /// problem. After a problem, the result is a substitute, and [`Self::known`] detects it.
     pub(super) fn value<T: Default>(
         &mut self,
         key: &'static str,
@@ -204,33 +204,33 @@ impl<'t, 'i> Table<'t, 'i> {
         self.value(key, "a finite number above 0", None, read)
     }
 
-    /// `true` or `false`; `default` where the key is absent or was reported.
+    /// `true` or `false`; `default` if the key is missing or was reported.
     pub(super) fn boolean(&mut self, key: &'static str, default: bool) -> bool {
         self.optional(key, "true or false", DeValue::as_bool).map_or(default, |given| given.value)
     }
 
-    /// A name of a person's choice, where there is one.
+    /// A freely chosen name, if there is one.
     pub(super) fn text(&mut self, key: &'static str, expected: &str) -> Option<String> {
         self.optional(key, expected, name).map(|given| given.value)
     }
 
-    /// One of `choices` by its word; `None` where a problem was reported.
+    /// One of `choices` by its word; `None` if a problem was reported.
     pub(super) fn choice<T: Copy>(&mut self, key: &'static str, choices: &[(&str, T)]) -> Option<T> {
         self.required(key, &words(choices), |value| chosen(choices, value)).map(|given| given.value)
     }
 
-    /// One of `choices` by its word; the first where the key is absent or was reported.
+    /// One of `choices` by its word; the first if the key is missing or was reported.
     pub(super) fn option<T: Copy>(&mut self, key: &'static str, choices: &[(&str, T)]) -> T {
         let given = self.optional(key, &words(choices), |value| chosen(choices, value));
         given.map_or(choices[0].1, |given| given.value)
     }
 
-    /// Accepts `keys` with any value, or absent.
+    /// Accepts `keys` with any value, or missing.
     pub(super) fn ignore(&mut self, keys: &[&'static str]) {
         self.asked.extend(keys);
     }
 
-    /// Reports `key`, where the table has it, as a key that belongs only `with` other values.
+    /// Reports `key`, if the table has it, as a key that is valid only `with` other values.
     pub(super) fn inapplicable(&mut self, key: &'static str, with: &'static str) {
         self.asked.push(key);
         if let Some(line) = self.line_of(key) {
@@ -252,7 +252,7 @@ impl<'t, 'i> Table<'t, 'i> {
     }
 }
 
-/// The words of `choices`, as messages list them.
+/// The words of `choices` as a list for messages.
 fn words<T>(choices: &[(&str, T)]) -> String {
     let words: Vec<String> = choices.iter().map(|(word, _)| format!("{word:?}")).collect();
     words.join(" or ")
@@ -284,7 +284,7 @@ pub(super) fn number(value: &DeValue<'_>) -> Option<f64> {
     }
 }
 
-/// `value` as a message quotes it.
+/// `value` as quoted in a message.
 pub(super) fn shown(value: &DeValue<'_>) -> String {
     match value {
         DeValue::String(v) => format!("{:?}", cut(v)),
@@ -292,7 +292,7 @@ pub(super) fn shown(value: &DeValue<'_>) -> String {
         DeValue::Float(v) => cut(&v.to_string()),
         DeValue::Boolean(v) => v.to_string(),
         DeValue::Datetime(v) => v.to_string(),
-        // To a depth of 2: the deepest that is ever expected.
+        // To a depth of 2, which is the deepest expected nesting.
         DeValue::Array(v) if v.len() <= 8 => list(v, |entry| match entry {
             DeValue::Array(v) if v.len() <= 8 => list(v, |entry| match entry {
                 DeValue::Array(_) => "an array".to_owned(),
@@ -305,7 +305,7 @@ pub(super) fn shown(value: &DeValue<'_>) -> String {
     }
 }
 
-/// As much of `text` as a message quotes.
+/// The part of `text` that a message quotes.
 fn cut(text: &str) -> String {
     text.chars().take(60).collect()
 }

@@ -1,7 +1,7 @@
 //! The tensors that a network needs, found in weights.
 //!
-//! Enters: names, shapes and [`Weights`]. Leaves: values, or every tensor that does not fit. Batch
-//! norm is one product and one sum a channel, in f64:
+//! Input: names, shapes and [`Weights`]. Output: values, or every tensor that does not fit. Batch
+//! norm is one product and one sum per channel, in f64:
 //!
 //! ```text
 //! scale = gamma / sqrt(var + 1e-5),   shift = beta - mean scale
@@ -17,7 +17,7 @@ use crate::{ModelError, Weights};
 /// The term that batch norm adds to a variance.
 const EPSILON: f64 = 1e-5;
 
-/// Most values of one tensor: 256 MiB of f32.
+/// Maximum number of values of one tensor: 256 MiB of f32.
 pub(super) const MAX_TENSOR: usize = 1 << 26;
 
 #[derive(Clone, Debug, PartialEq)]
@@ -45,7 +45,7 @@ pub(crate) enum Role {
     Mean,
     /// Running variance.
     Variance {
-        /// Its middle where weights are drawn.
+        /// Its centre if weights are drawn.
         about: f64,
     },
 }
@@ -71,7 +71,7 @@ pub(crate) struct Listing<'l> {
 }
 
 impl<'l> Listing<'l> {
-    /// No tensors of a layer whose tensors have names with this prefix.
+    /// An empty list for a layer whose tensors have names with this prefix.
     pub(crate) fn new(prefix: &'l str) -> Self {
         Self { prefix, needed: Vec::new() }
     }
@@ -117,7 +117,7 @@ pub(super) fn report_shared<'l>(
     for (layer, line, tensors) in by_line {
         for Needed { name, .. } in tensors {
             let other = *first.entry(name.clone()).or_insert(layer);
-            // Layers of one name were reported as such, and share their tensors because of it.
+            // Layers with the same name were already reported, and therefore share their tensors.
             if other != layer {
                 let kind = ProblemKind::SharedTensor { tensor: name, other: other.to_owned() };
                 problems.add(line, Some(layer), kind);
@@ -163,7 +163,7 @@ impl<'a> Tensors<'a> {
         Err(ModelError::Weights { network: self.network.to_owned(), problems: self.problems })
     }
 
-    /// Names what each missing tensor could be: floats that no layer reads.
+    /// Names the possible tensors for each missing one: floats that no layer reads.
     fn find_lookalikes(&mut self) {
         let used = self.names.used();
         let mut left: BTreeMap<Vec<usize>, Vec<(&str, &[usize])>> = BTreeMap::new();
@@ -172,7 +172,7 @@ impl<'a> Tensors<'a> {
         {
             left.entry(sorted(tensor.shape())).or_default().push((name, tensor.shape()));
         }
-        // By shape: many missing tensors may have that of many others.
+        // By shape, because many missing tensors may have the shape of many others.
         let mut found: BTreeMap<Vec<usize>, [Lookalikes; 2]> = BTreeMap::new();
         for problem in &mut self.problems {
             let TensorProblemKind::Missing { expected, same, transposed } = &mut problem.kind else {
@@ -224,7 +224,8 @@ impl<'a> Tensors<'a> {
         Some(values)
     }
 
-    /// The values of all tensors of a layer; `None` where one does not fit. Each of those is noted.
+    /// The values of all tensors of a layer; `None` if one does not fit. Notes each tensor that
+    /// does not fit.
     pub(super) fn all(&mut self, needed: &[Needed]) -> Option<Values<'a>> {
         let found: Vec<_> = needed.iter().map(|tensor| self.get(&tensor.name, &tensor.shape)).collect();
         found.into_iter().collect::<Option<Vec<_>>>().map(|found| Values(found.into_iter()))
@@ -253,7 +254,7 @@ impl<'a> Tensors<'a> {
         Some(norm)
     }
 
-    /// `value` rounded to f32; noted at the tensor `name` where that is not finite.
+    /// `value` rounded to f32; notes the tensor `name` if the result is not finite.
     pub(super) fn folded(&mut self, name: &str, what: &'static str, index: usize, value: f64) -> Option<f32> {
         let rounded = value as f32;
         if rounded.is_finite() {
@@ -264,7 +265,7 @@ impl<'a> Tensors<'a> {
     }
 }
 
-/// The sizes of `shape` in ascending order, which those of a transposed tensor share.
+/// The sizes of `shape` in ascending order; they are the same for a transposed tensor.
 fn sorted(shape: &[usize]) -> Vec<usize> {
     let mut sizes = shape.to_vec();
     sizes.sort_unstable();
@@ -275,18 +276,18 @@ fn sorted(shape: &[usize]) -> Vec<usize> {
 pub(super) struct Values<'a>(std::vec::IntoIter<&'a [f32]>);
 
 impl<'a> Values<'a> {
-    /// Those of the next tensor.
+    /// The values of the next tensor.
     pub(super) fn take(&mut self) -> &'a [f32] {
         self.0.next().unwrap_or_default()
     }
 
-    /// Those of the next tensor, if the layer has it.
+    /// The values of the next tensor, if the layer has it.
     pub(super) fn take_if(&mut self, there: bool) -> Option<Vec<f32>> {
         there.then(|| self.take().to_vec())
     }
 }
 
-/// Batch norm as one product and one sum a channel.
+/// Batch norm as one product and one sum per channel.
 #[derive(Clone, Debug)]
 pub(crate) struct Norm {
     pub(super) scales: Vec<f64>,

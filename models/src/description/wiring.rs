@@ -1,7 +1,7 @@
 //! The graph of the layers of a network over events: acyclic, with an order of evaluation.
 //!
-//! Enters: a file. Leaves: a [`Wiring`]. Invariant: its `order` holds every layer that no cycle
-//! leads to, after what it reads, ties as in the file.
+//! Input: a file. Output: a [`Wiring`]. Invariant: its `order` contains every layer to which no
+//! cycle leads, after the layers that it reads, ties in the order of the file.
 
 use petgraph::algo::kosaraju_scc;
 use petgraph::graph::DiGraph;
@@ -17,7 +17,7 @@ use crate::description::references::{Reads, Scope, references, report_unused};
 pub(super) struct Wiring {
     pub(super) reads: Vec<Reads>,
     pub(super) order: Vec<usize>,
-    /// The dense layer that predicts; with a head, the readout, which it reads.
+    /// The dense layer that predicts; with a head, the readout, which the head reads.
     pub(super) prediction: Option<usize>,
 }
 
@@ -27,8 +27,8 @@ pub(super) fn wire(file: &File, problems: &mut Problems) -> Wiring {
     let scope = Scope { input: EVENTS, second: "skip", place, above: false };
     let reads = references(&file.layers, scope, problems);
     report_cycles(&file.layers, &reads, problems);
-    // A layer of an unknown kind may be the missing one; a failed reference may mean what nothing
-    // reads.
+    // A layer of an unknown kind may be the missing one; a failed reference may refer to a layer
+    // that no other layer reads.
     let known = file.layers.iter().all(|layer| layer.kind.is_some());
     let certain = known && problems.0.len() == before && file.layers.iter().all(|l| !l.name.is_empty());
     let readouts = indices(file, |kind| matches!(kind, LayerKind::Readout { .. }));
@@ -88,7 +88,8 @@ fn report_cycles(layers: &[ParsedLayer<FileKind>], reads: &[Reads], problems: &m
             path.push(next);
         };
         let Some(mut cycle) = cycle else { continue };
-        // The path went against the arrows; it is shown along them, from the first in the file.
+        // The path runs against the arrows; it is shown along the arrows, from the first layer in
+        // the file.
         cycle.reverse();
         let first = cycle.iter().enumerate().min_by_key(|&(_, &layer)| layer).map_or(0, |(i, _)| i);
         cycle.rotate_left(first);
@@ -99,7 +100,8 @@ fn report_cycles(layers: &[ParsedLayer<FileKind>], reads: &[Reads], problems: &m
     }
 }
 
-/// Layers that no cycle leads to, each after what it reads, else as in the file. O(n^2).
+/// Layers to which no cycle leads, each after the layers that it reads, otherwise in the order of
+/// the file. O(n^2).
 fn order(reads: &[Reads]) -> Vec<usize> {
     let mut done = vec![false; reads.len() + 1];
     done[0] = true;
@@ -112,8 +114,8 @@ fn order(reads: &[Reads]) -> Vec<usize> {
     order
 }
 
-/// The layer that predicts: with a head the readout, else the dense layer that no other reads;
-/// `None` if not `certain`.
+/// The layer that predicts: with a head the readout, else the dense layer that no other layer
+/// reads; `None` if not `certain`.
 fn prediction(
     file: &File,
     reads: &[Reads],

@@ -30,7 +30,7 @@ pub(crate) fn dot(view: &View<'_>) -> String {
     lines.join("\n")
 }
 
-/// The boxes of a band, or of none.
+/// The boxes of a band, or the boxes without a band.
 fn members(view: &View<'_>, band: Option<usize>) -> impl Iterator<Item = String> {
     let input = &view.input;
     let label = quoted(&format!("{}\n{}", input.name, input.word));

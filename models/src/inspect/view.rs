@@ -1,6 +1,6 @@
-//! A network as tables and pictures show it: a row for each layer, its inputs, and bands.
+//! The view of a network for tables and pictures: a row for each layer, its inputs, and bands.
 //!
-//! Enters: a description of either kind. Leaves: a [`View`].
+//! Input: a description of either kind. Output: a [`View`].
 
 use std::fmt;
 use std::fmt::Write;
@@ -14,7 +14,7 @@ use crate::description::{Cost, CostUnit, Description, FieldStart, Layer, LayerKi
 #[cfg_attr(not(feature = "svg"), expect(dead_code, reason = "only SVG shows all of it"))]
 pub(crate) struct View<'a> {
     pub(crate) name: &'a str,
-    /// Below the name of a picture.
+    /// Text below the name of a picture.
     pub(crate) about: String,
     /// Lines above a table, each with a word for it.
     pub(crate) head: Vec<(&'static str, String)>,
@@ -42,7 +42,7 @@ pub(crate) struct Row<'a> {
     pub(crate) from: &'a str,
     /// Its second input, and the mark of the connection in a table and in pictures.
     pub(crate) joins: Option<(&'a str, [&'static str; 2])>,
-    /// Of its input and its output.
+    /// Shapes of its input and its output.
     pub(crate) shapes: [String; 2],
     pub(crate) parameters: usize,
     /// The last two columns of a table.
@@ -206,7 +206,7 @@ fn row(layer: &Layer) -> Row<'_> {
     }
 }
 
-/// The row of a layer of the head, all of which is evaluated for a prediction.
+/// The row of a layer of the head, which is evaluated completely for each prediction.
 fn head_row(layer: &FrameLayer) -> Row<'_> {
     let cost = Cost { multiply_adds: layer.multiply_adds, in_edges: None, per: CostUnit::Prediction };
     let field = ReceptiveField { steps: Vec::new(), from: FieldStart::Window };
@@ -266,8 +266,8 @@ impl fmt::Display for View<'_> {
     }
 }
 
-/// Writes `lines`, headings first, in aligned columns. Wider than a terminal, they are split into
-/// tables that repeat the first column, with an empty line between.
+/// Writes `lines`, headings first, in aligned columns. If they are wider than a terminal, they are
+/// split into tables that repeat the first column, with an empty line between.
 fn aligned<const N: usize>(lines: &[[String; N]], f: &mut fmt::Formatter<'_>) -> fmt::Result {
     let widths: [usize; N] = std::array::from_fn(|column| {
         lines.iter().map(|line| line[column].chars().count()).max().unwrap_or(0)

@@ -5,7 +5,7 @@
 //! - [`ImageNormalisation`] before it and [`ForceNormalisation`] after it,
 //! - [`ContactMeter`]: from forces to a [`ContactReport`] (mask, area, force, median, centroid),
 //! - [`DifferenceBaseline`]: area and centroid without a network, from an image without contact,
-//! - [`iou`] and [`force_mae`]: the figures that such maps are evaluated by,
+//! - [`iou`] and [`force_mae`]: the metrics that evaluate such maps,
 //! - [`Overlay`]: draws forces, outline and centroid over the image.
 //!
 //! Images are row-major from the top left, a pixel's red, green and blue (`u8`) side by side; maps
@@ -57,13 +57,13 @@ pub struct ImageSize {
 }
 
 impl ImageSize {
-    /// Most pixels of an image (4 Mi): sums of 3 x 255 a pixel stay within 32 bits.
+    /// Maximum number of pixels of an image (4 Mi): sums of 3 x 255 per pixel stay within 32 bits.
     pub const MAX_PIXELS: usize = 4 << 20;
 
     /// Number of pixels, 1 to [`Self::MAX_PIXELS`].
     ///
     /// # Errors
-    /// [`ContactError::Setting`] where there are none or more.
+    /// [`ContactError::Setting`] if there are none or more.
     pub fn pixels(self) -> Result<usize, ContactError> {
         let pixels = self.width.saturating_mul(self.height);
         let holds = (1..=Self::MAX_PIXELS).contains(&pixels);
@@ -83,7 +83,7 @@ impl PixelSize {
     /// Pixels that are `x_mm` wide and `y_mm` high.
     ///
     /// # Errors
-    /// [`ContactError::Setting`] where a side is not positive and finite.
+    /// [`ContactError::Setting`] if a side is not positive and finite.
     pub fn new(x_mm: f64, y_mm: f64) -> Result<Self, ContactError> {
         for (what, side) in [("width of a pixel (mm)", x_mm), ("height of a pixel (mm)", y_mm)] {
             setting(what, "a positive number", side, side > 0.0 && side.is_finite())?;
@@ -122,17 +122,18 @@ pub struct Centroid {
 }
 
 const LEVELS: usize = 256;
-/// Differences between two levels, from -255 to 255.
+/// Number of differences between two levels, from -255 to 255.
 const DIFFERENCES: usize = 2 * LEVELS - 1;
 const IMAGE_STD: &str = "standard deviation of the image";
 
 /// Turns interleaved 8-bit RGB into the network's planar input.
 ///
-/// As the networks were trained: (v / 255 - mean) / std, v a level or its difference from a
-/// reference's. Each operation is rounded to f32, in this order.
+/// As in the training of the networks: (v / 255 - mean) / std, where v is a level or its difference
+/// from that of a reference. Each operation is rounded to f32, in this order.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ImageNormalisation {
-    /// The input for each difference from -255, of each channel; a level is one from 0.
+    /// The input for each difference from -255 on, for each channel; a level is a difference from
+    /// 0.
     tables: Box<[[f32; DIFFERENCES]; 3]>,
 }
 
@@ -159,13 +160,14 @@ impl ImageNormalisation {
         Ok(Self { tables })
     }
 
-    /// Normalises the interleaved pixels of `rgb`, less those of `reference` if given, into
+    /// Normalises the interleaved pixels of `rgb`, minus those of `reference` if given, into
     /// `planes` (3, H, W).
     ///
     /// One table look-up for each value.
     ///
     /// # Errors
-    /// [`ContactError::Length`] if `rgb` is no whole number of pixels, or another does not fit it.
+    /// [`ContactError::Length`] if `rgb` is not a whole number of pixels, or another slice does not
+    /// fit it.
     pub fn apply(
         &self,
         rgb: &[u8],
@@ -200,9 +202,6 @@ pub struct ForceNormalisation {
 }
 
 impl ForceNormalisation {
-    /// For an output that is the force itself.
-    pub const IDENTITY: Self = Self { mean: 0.0, std: 1.0 };
-
     /// The inverse of a normalisation by mean and deviation of the forces, in N per pixel.
     ///
     /// # Errors
@@ -224,7 +223,7 @@ impl ForceNormalisation {
     }
 }
 
-/// Checks a mean and a standard deviation, which messages call `names`.
+/// Checks a mean and a standard deviation, which have the `names` in messages.
 fn check(names: [&'static str; 2], mean: f32, std: f32) -> Result<(), ContactError> {
     setting(names[0], "a finite number", mean.into(), mean.is_finite())?;
     setting(names[1], "a positive number", std.into(), std > 0.0 && std.is_finite())

@@ -1,10 +1,10 @@
 //! Direction of slip from 24 electrodes (`BioTac SP`): 7 classes, 11 objects, windows of readings.
 //!
-//! - [`CLASSES`]: the directions, in the order of outputs; [`WORDS`]: the same for people,
-//! - [`SlipWindows`]: cuts readings into the windows that a network is trained and evaluated on,
-//! - [`DecisionFilter`]: from classes of windows to a decision that stands until others agree,
+//! - [`CLASSES`]: the directions, in the order of outputs; [`WORDS`]: the same in words,
+//! - [`SlipWindows`]: cuts readings into the windows with which a network is trained and evaluated,
+//! - [`DecisionFilter`]: from classes of windows to a decision that is held until others agree,
 //! - [`Object`] and [`ObjectSet`]: the objects that slip, and sets seen or not seen in training,
-//! - [`REFERENCES`]: accuracies that others report or reach without a network,
+//! - [`REFERENCES`]: accuracies that a paper reports, or that are reached without a network,
 //! - [`SlipError`]: networks and recordings that do not belong here.
 
 use std::fmt;
@@ -22,11 +22,11 @@ use crate::{FrameDescription, FrameSource};
 /// west.
 pub const CLASSES: [&str; 7] = ["aw", "cw", "e", "n", "s", "t", "w"];
 
-/// The classes in words for people, in the same order.
+/// The classes in words, in the same order.
 pub const WORDS: [&str; CLASSES.len()] =
     ["anticlockwise", "clockwise", "east", "north", "south", "touch", "west"];
 
-/// The word for people of `class`, if `classes` are those of slip; `class` itself otherwise.
+/// `class` in words, if `classes` are those of slip; `class` itself otherwise.
 pub fn word<'a>(class: &'a str, classes: &[String]) -> &'a str {
     let index = CLASSES.iter().position(|&name| name == class).filter(|_| classes == CLASSES);
     index.map_or(class, |index| WORDS[index])
@@ -46,7 +46,7 @@ pub enum SlipError {
     /// The network predicts other classes or values.
     #[error(transparent)]
     Outputs(#[from] OutputsError),
-    /// No set has the object of a recording.
+    /// No set contains the object of a recording.
     #[error("recording {recording}: expected an object of {expected}, found {found:?}")]
     Object { recording: String, expected: String, found: String },
     /// A window cannot take a reading.
@@ -72,14 +72,14 @@ pub enum DecisionError {
 pub struct Decision {
     /// Index of the class.
     pub class: usize,
-    /// Number of windows for which it has stood, including the window that made it; at least 1.
+    /// Number of windows for which it has been held, including the window that made it; at least 1.
     pub held: u64,
 }
 
-/// Holds a decision, the class of the newest `hold` windows in a row that all voted for one class;
-/// none before the first such run. A window votes if its probability is at least
-/// `least_probability`; one that does not (NaN too) ends the run and leaves the decision standing.
-/// O(1) a window, without allocation.
+/// Holds a decision: the class of the newest `hold` consecutive windows that all voted for one
+/// class; none before the first such run. A window votes if its probability is at least
+/// `least_probability`. A window that does not vote (also with NaN) ends the run and does not
+/// change the decision. O(1) per window, without allocation.
 ///
 /// ```
 /// use meissner_models::systems::slip::DecisionFilter;
@@ -99,7 +99,8 @@ pub struct DecisionFilter {
 }
 
 impl DecisionFilter {
-    /// Without a decision. `hold` of 1 and `least_probability` of 0: every window decides.
+    /// A filter without a decision. With a `hold` of 1 and a `least_probability` of 0, every window
+    /// decides.
     ///
     /// # Errors
     /// A `hold` of 0; a `least_probability` that is not from 0 to 1.
@@ -192,17 +193,17 @@ const MISSPELT: &[(&str, &str)] = &[("strippes", "striped")];
 pub struct Object {
     /// Its name.
     pub name: &'static str,
-    /// The set that holds it.
+    /// The set that contains it.
     pub set: ObjectSet,
     /// Whether the recording misspells its name.
     pub misspelt: bool,
 }
 
 impl Object {
-    /// The object that `recording` calls `name`.
+    /// The object with the name `name` in `recording`.
     ///
     /// # Errors
-    /// [`SlipError::Object`] where no set holds it.
+    /// [`SlipError::Object`] if no set contains it.
     pub fn of(recording: &str, name: &str) -> Result<Self, SlipError> {
         let meant = MISSPELT.iter().find(|(misspelt, _)| *misspelt == name).map(|&(_, meant)| meant);
         let sought = meant.unwrap_or(name);
@@ -222,7 +223,7 @@ impl Object {
 pub struct Reference {
     /// Its name in plots.
     pub name: &'static str,
-    /// What the method is.
+    /// Description of the method.
     pub about: &'static str,
     /// Shares on the other sets.
     pub accuracies: [(ObjectSet, f64); 3],
@@ -247,7 +248,7 @@ pub const REFERENCES: [Reference; 2] = [
 ];
 
 impl Reference {
-    /// Share on `set`; `None` for the set that the method is trained on.
+    /// Share on `set`; `None` for the training set of the method.
     pub fn accuracy(&self, set: ObjectSet) -> Option<f64> {
         self.accuracies.iter().find(|(other, _)| *other == set).map(|&(_, share)| share)
     }
@@ -256,7 +257,7 @@ impl Reference {
 /// Cuts windows for a network.
 ///
 /// Windows are consecutive and disjoint, as in the paper, whatever sampling a running network uses;
-/// readings at the end that fill none are left out.
+/// readings at the end that do not fill a window are left out.
 #[derive(Clone, Debug)]
 pub struct SlipWindows {
     window: TactileWindow,

@@ -1,6 +1,6 @@
-//! The card of weights: the metadata that a run depends on.
+//! The card of weights: the metadata on which a run depends.
 //!
-//! Enters: `__metadata__` of safetensors; a `PyTorch` state dict has none. Leaves: a [`Card`].
+//! Input: `__metadata__` of safetensors; a `PyTorch` state dict has none. Output: a [`Card`].
 //!
 //! | key | meaning |
 //! |---|---|
@@ -23,7 +23,7 @@ use serde::Deserialize;
 use super::Weights;
 use crate::ModelError;
 
-/// The key that says what the training's windows or frames were like, and the kinds of features of
+/// The key of the statistics of the training's windows or frames, and the kinds of features of
 /// frames.
 const TRAINING: &str = "training_windows";
 const IMAGE: &str = "image";
@@ -40,7 +40,7 @@ const PUBLISHED_TILT: f64 = 0.15708;
 /// The remark of the published checkpoint in reports.
 const PUBLISHED_ABOUT: &str = "the published GraphRes checkpoint";
 
-/// The metadata of weights that a run depends on.
+/// The metadata of weights on which a run depends.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct Card {
@@ -48,7 +48,8 @@ pub struct Card {
     pub trained: Option<bool>,
     /// Their remark in one line.
     pub about: Option<String>,
-    /// The preparation of the input of their training, as JSON; `None` where the metadata has none.
+    /// The preparation of the input of their training, as JSON; `None` if the metadata contain
+    /// none.
     pub preparation: Option<String>,
     /// The network was trained on every `stride`-th event; at least 1.
     pub stride: usize,
@@ -56,11 +57,11 @@ pub struct Card {
     pub sensor: Option<Sensor>,
     /// Lowest and highest label of the training, for each output in its unit.
     pub ranges: Option<Vec<[f64; 2]>>,
-    /// What the windows of their training were like, of a network over events.
+    /// Statistics of the windows of their training, for a network over events.
     pub training_windows: Option<TrainingWindows>,
-    /// What the frames of their training were like, of a frame network.
+    /// Statistics of the frames of their training, for a frame network.
     pub training_frames: Option<TrainingFrames>,
-    /// Whether they are the published contact-angle checkpoint's, which has no metadata.
+    /// Whether they are those of the published contact-angle checkpoint, which has no metadata.
     pub published: bool,
 }
 
@@ -95,13 +96,13 @@ impl Weights {
         })
     }
 
-    /// What the windows of their training were like, from the metadata, for a network over events.
+    /// Statistics of the windows of their training, from the metadata, for a network over events.
     pub(crate) fn training_windows(&self) -> Result<Option<TrainingWindows>, ModelError> {
         let expected = "[mean, factor] of nine features of the training's windows";
         self.remark(TRAINING, expected, |text| Stated::read(text)?.windows())
     }
 
-    /// What the frames of their training were like, for a network whose frames have this shape.
+    /// Statistics of the frames of their training, for a network whose frames have this shape.
     pub(crate) fn training_frames(&self, shape: FrameShape) -> Result<Option<TrainingFrames>, ModelError> {
         let expected = "[\"image\" or \"values\", mean, factor] of features that such frames have";
         let of_shape = |text: &str| Stated::read(text)?.frames().filter(|frames| frames.fits(shape));
@@ -135,7 +136,7 @@ impl Weights {
         self.metadata().get("generator").is_some_and(|generator| generator == DRAWN_BY)
     }
 
-    /// The value of `key` as `read` understands it, if the key is there.
+    /// The value of `key`, parsed by `read`, if the key exists.
     fn remark<T>(
         &self,
         key: &'static str,
@@ -157,7 +158,7 @@ fn sensor(text: &str) -> Option<Sensor> {
     (width > 0 && height > 0).then(|| Sensor::new(width, height))
 }
 
-/// What the value of the key `training_windows` states.
+/// The content of the value of the key `training_windows`.
 enum Stated {
     Windows(TrainingWindows),
     Frames(TrainingFrames),

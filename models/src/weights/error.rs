@@ -10,7 +10,7 @@ pub enum FormatError {
     /// Not a valid safetensors file (and not a zip archive).
     #[error("expected a safetensors file or a zip archive of torch.save, found neither: {0}")]
     Safetensors(String),
-    /// A file of `torch.save` from before it wrote zip archives.
+    /// A file of an old `torch.save`, which did not write zip archives.
     #[error(
         "expected a zip archive, found the format torch.save had before version 1.6: load and save it again in PyTorch"
     )]
@@ -39,7 +39,7 @@ pub enum FormatError {
         /// Its module and name.
         class: String,
     },
-    /// The archive holds no state dict, or several.
+    /// The archive contains no state dict, or several.
     #[error(
         "expected a state dict, or a checkpoint with one as \"state_dict\", \"model_state_dict\", \"model\", \"net\" \
          or \"module\"; found {found}"
@@ -65,7 +65,7 @@ impl FormatError {
     }
 }
 
-/// Whether a class is of a module that `torch.jit` compiled.
+/// Whether a class belongs to a module that `torch.jit` compiled.
 fn is_script(class: &str) -> bool {
     class.starts_with("__torch__")
 }

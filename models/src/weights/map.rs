@@ -1,7 +1,7 @@
-//! Maps of names: what a file calls its tensors, and what the network calls them.
+//! Maps of names: from the names of tensors in a file to their names in the network.
 //!
-//! Enters: lines `name in the file = name in the network`. Leaves: [`Weights`] with other names.
-//! Invariant: all lines apply at once, so that their order and circles mean nothing; no tensor is
+//! Input: lines `name in the file = name in the network`. Output: [`Weights`] with other names.
+//! Invariant: all lines apply at once, so that their order and cycles do not matter; no tensor is
 //! lost, and no line is without effect.
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -15,19 +15,19 @@ use crate::error;
 const MAX_FILE: u64 = 1 << 20;
 /// Longest part of a line in a message, in characters.
 const MAX_SHOWN: usize = 80;
-/// What a line is.
+/// The form of a line.
 const PAIR: &str = "a line \"name in the file = name in the network\"";
 
-/// What a file of weights calls its tensors, and what the network calls them: a text with a line
-/// `name in the file = name in the network` for each.
+/// A map from the names of tensors in a file of weights to their names in the network: a text with
+/// a line `name in the file = name in the network` for each.
 ///
-/// A name with a dot at its end stands for all names that start with it: `encoder. = blocks.`, or
-/// `encoder. =` to leave it out. A whole name goes before a start, and a longer start before a
+/// A name with a dot at its end means all names that start with it: `encoder. = blocks.`, or
+/// `encoder. =` to leave it out. A whole name has priority over a start, and a longer start over a
 /// shorter one. All lines apply at once: `a = b` and `b = a` exchange two tensors. Lines without
 /// text and those that start with `#` are skipped.
 ///
-/// A whole name is the network's own. What the lines leave is found by the habits of `PyTorch`,
-/// as without a map.
+/// The new name of a whole name is exactly that of the network. Names without a line are found by
+/// the habits of `PyTorch`, as without a map.
 ///
 /// ```
 /// use meissner_models::{Description, NameMap, Weights, draw};
@@ -59,12 +59,12 @@ impl NameMap {
     /// The map in `text`.
     ///
     /// # Errors
-    /// [`ModelError::Map`] with the line that is no pair of names, or that repeats a name.
+    /// [`ModelError::Map`] with the line that is not a pair of names, or that repeats a name.
     pub fn parse(text: &str) -> Result<Self, ModelError> {
         Self::of(text, |number, _| format!("line {number}"))
     }
 
-    /// The map that is one line, which errors show.
+    /// The map of one line, which errors show.
     ///
     /// # Errors
     /// As [`Self::parse`].
@@ -87,7 +87,7 @@ impl NameMap {
         Self::of(text.trim_start_matches('\u{feff}'), |number, _| format!("{name}, line {number}"))
     }
 
-    /// Both maps as one.
+    /// Both maps combined.
     ///
     /// # Errors
     /// [`ModelError::Map`] if both have a line for a name.
@@ -97,7 +97,7 @@ impl NameMap {
         Ok(self)
     }
 
-    /// The same with one name more: the file's `old` is the network's `new`.
+    /// The same with one more name: the file's `old` is the network's `new`.
     ///
     /// # Errors
     /// As [`Self::parse`].
@@ -151,7 +151,7 @@ impl NameMap {
 }
 
 impl Weights {
-    /// These weights with the names of `map`, and all others as they are.
+    /// These weights with the names of `map`; all other names are unchanged.
     ///
     /// # Errors
     /// [`ModelError::Map`] for a line without a tensor, and for two tensors of one name.
@@ -199,7 +199,7 @@ fn refused(place: String, expected: impl Into<String>, found: impl Into<String>)
     ModelError::Map { place, expected: expected.into(), found: found.into() }
 }
 
-/// `text` in quotes, without what is beyond a line.
+/// `text` in quotes, limited to one line.
 fn shown(text: &str) -> String {
     let start: String = text.chars().take(MAX_SHOWN).collect();
     let more = if start.len() < text.len() { ".." } else { "" };

@@ -1,16 +1,18 @@
-//! The names of a file as those of a network.
+//! Assigns the names of a file to those of a network.
 //!
-//! Enters: the names that a network needs, and weights. Leaves: [`Names`]: for each needed tensor
-//! that of the file. Habits are tried in this order, and the first under which the file has every
-//! tensor is taken. Each allows one further prefix of all names, such as Lightning's `model.`:
+//! Input: the names that a network needs, and weights. Output: [`Names`]: the tensor of the file
+//! for each needed tensor. Habits are tried in this order, and the first one with which the file
+//! has every tensor is used. Each allows one further prefix of all names, such as Lightning's
+//! `model.`:
 //!
 //! 1. the names as they are;
 //! 2. with the elements of [`ELEMENTS`] left out or replaced;
-//! 3. the same, and the convolutions and norms of [`SIBLINGS`] as those of the blocks of their
-//!    names, or else, if there are as many, in the order of numbers and of the description.
+//! 3. the same, and the convolutions and norms of [`SIBLINGS`] assigned to the blocks with their
+//!    names or, if their number equals that of the blocks, in the order of numbers and of the
+//!    description.
 //!
-//! Names that a map gave (`super::map`) are taken as they are. Invariant: no habit decides between
-//! two tensors of the file. Time grows with the length of all names, not with its square.
+//! Names from a map (`super::map`) are used unchanged. Invariant: no habit decides between two
+//! tensors of the file. Time grows with the length of all names, not with its square.
 
 use std::cmp::Reverse;
 use std::collections::{BTreeMap, BTreeSet};
@@ -19,8 +21,9 @@ use std::iter;
 use super::Weights;
 use crate::ModelError;
 
-/// Elements of dotted names in files, what networks have instead (nothing: they are left out), and
-/// who writes them. Digits at the end of a replaced element are kept: `bn1` is `norm1`.
+/// Elements of dotted names in files, their replacements in networks (empty: they are left out),
+/// and the programs that write them. Digits at the end of a replaced element are kept: `bn1` is
+/// `norm1`.
 pub(crate) const ELEMENTS: [(&str, &str, &str); 10] = [
     (
         "module",
@@ -38,8 +41,8 @@ pub(crate) const ELEMENTS: [(&str, &str, &str); 10] = [
     ("batch_norms", "norms", "examples of `torch_geometric`"),
 ];
 
-/// How numbered convolutions and their norms are called where no module holds both, and by whom. A
-/// number follows each.
+/// Names of numbered convolutions and of their norms if no module contains both, and the programs
+/// that use them. A number follows each name.
 pub(crate) const SIBLINGS: [(&str, &str, &str); 2] = [
     ("conv", "norm", "examples of `torch_geometric`, the authors of the contact-angle network"),
     ("convs.", "norms.", "`torch_geometric.nn.models`"),
@@ -53,8 +56,8 @@ const MAX_DIGITS: usize = 6;
 pub(crate) struct Names(BTreeMap<String, String>);
 
 impl Names {
-    /// The tensors of `weights` that the network of this name reads, which needs `needed`, in the
-    /// order of its layers. If no habit has them all, those of the habit with most.
+    /// The tensors of `weights` for the network of this name, which needs `needed`, in the order of
+    /// its layers. If no habit finds all of them, those of the habit that finds the most.
     ///
     /// # Errors
     /// Two tensors or prefixes fit equally well, or a map names a tensor that is not needed.
@@ -85,7 +88,7 @@ impl Names {
         Ok(Self(found.map(|(needed, held)| (needed.to_owned(), held.to_owned())).collect()))
     }
 
-    /// What the file calls the tensor that the network calls `needed`.
+    /// The name in the file of the tensor with the name `needed` in the network.
     pub(crate) fn held(&self, needed: &str) -> Option<&str> {
         self.0.get(needed).map(String::as_str)
     }
@@ -96,21 +99,22 @@ impl Names {
     }
 }
 
-/// Names as a habit has them, with the names that they stand for.
+/// Names changed by a habit, with their original names.
 struct Called<'a> {
     needed: BTreeMap<String, &'a str>,
     held: BTreeMap<String, Vec<&'a str>>,
 }
 
 impl<'a> Called<'a> {
-    /// Names as `called` makes them; `None` if two needed ones become one.
+    /// Names changed by `called`; `None` if two needed names become equal.
     fn by(needed: &[&'a str], held: &[&'a str], called: impl Fn(&str) -> String) -> Option<Self> {
         let of: BTreeMap<String, &str> = needed.iter().map(|&name| (called(name), name)).collect();
         (of.len() == needed.len()).then(|| Self { needed: of, held: grouped(held, called) })
     }
 
-    /// The tensor of the file for each needed one, all under one prefix: none if all are there
-    /// without, else the one with all, else the shortest of those with most.
+    /// The tensor of the file for each needed one, all under one prefix: no prefix if all tensors
+    /// exist without one, else the prefix with all, else the shortest of the prefixes with the
+    /// most.
     fn under_one_prefix(&self, network: &str) -> Result<BTreeMap<&'a str, &'a str>, ModelError> {
         let mut counts: BTreeMap<&str, usize> = BTreeMap::new();
         for name in self.held.keys() {
@@ -153,7 +157,7 @@ impl<'a> Called<'a> {
     }
 }
 
-/// `names` by what they are `called`.
+/// `names` grouped by the result of `called`.
 fn grouped<'a>(names: &[&'a str], called: impl Fn(&str) -> String) -> BTreeMap<String, Vec<&'a str>> {
     let mut groups: BTreeMap<String, Vec<&str>> = BTreeMap::new();
     for &name in names {
@@ -162,7 +166,7 @@ fn grouped<'a>(names: &[&'a str], called: impl Fn(&str) -> String) -> BTreeMap<S
     groups
 }
 
-/// Where the elements of a dotted name start.
+/// Start indices of the elements of a dotted name.
 fn starts(name: &str) -> impl Iterator<Item = usize> {
     iter::once(0).chain(name.match_indices('.').map(|(dot, _)| dot + 1))
 }
@@ -223,7 +227,7 @@ fn of_siblings<'a>(needed: &[&'a str], held: &[&'a str]) -> Option<Called<'a>> {
     Some(Called { needed, held: grouped(&held, called) })
 }
 
-/// What stands before the convolution of a block, and after its dot.
+/// Name element of a block's convolution.
 const CONV: &str = "conv";
 const NORM: &str = "norm";
 
@@ -240,9 +244,9 @@ fn blocks(needed: &[&str]) -> Vec<String> {
     blocks
 }
 
-/// The block of each of these `numbers` of convolutions: that of its name if all blocks have such
-/// names, else as many blocks in their order. `None` for another number of blocks, or where numbers
-/// at the end of their names contradict their order.
+/// The block of each of these `numbers` of convolutions: the block of its name if all blocks have
+/// such names, else the blocks in their order if there are as many. `None` for another number of
+/// blocks, or if numbers at the end of their names contradict their order.
 fn by_number<'b>(
     blocks: &'b [String],
     row: usize,

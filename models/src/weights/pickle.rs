@@ -1,15 +1,16 @@
 //! Reads the part of pickle (protocol 2) that a state dict needs, as data.
 //!
-//! Enters: the bytes of `data.pkl`. Leaves: a tree of plain values, tensors as references to
-//! storages. Nothing is executed: globals are of a fixed list, REDUCE knows three callables that
-//! make values here, BUILD only drops attributes. Invariant: a value costs a byte of input and
-//! containers live in arenas: memory is linear, and nesting needs no recursion.
+//! Input: the bytes of `data.pkl`. Output: a tree of plain values, with tensors as references to
+//! storages. Nothing is executed: globals come from a fixed list, REDUCE knows three callables that
+//! make values here, BUILD only drops attributes. Invariant: each value takes at least a byte of
+//! input, and containers are in arenas: memory is linear, and nesting needs no recursion.
 
 use safetensors::Dtype;
 
 use super::error::{FormatError, quoted};
 
-/// A value. Containers are indices into an arena; what no state dict needs is its kind alone.
+/// A value. Containers are indices into an arena. For values that no state dict needs, only the
+/// kind is kept.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Value<'a> {
     /// The start of the items of the next tuple, list or dict.
@@ -98,7 +99,7 @@ pub(super) fn read(bytes: &[u8]) -> Result<Pickle<'_>, FormatError> {
 struct Unpickler<'a> {
     bytes: &'a [u8],
     at: usize,
-    /// Where the current instruction starts, for messages.
+    /// Start of the current instruction, for messages.
     opcode: usize,
     stack: Vec<Value<'a>>,
     memo: std::collections::BTreeMap<u64, Value<'a>>,
@@ -266,7 +267,7 @@ impl<'a> Unpickler<'a> {
         Ok(None)
     }
 
-    /// An integer of `length` bytes, in two's complement where it is `signed`.
+    /// An integer of `length` bytes, in two's complement if it is `signed`.
     fn push_integer(&mut self, length: usize, signed: bool) -> Result<(), FormatError> {
         if length > 8 {
             return self.refuse("an integer of at most 8 bytes", length.to_string());
@@ -301,8 +302,8 @@ impl<'a> Unpickler<'a> {
         Ok(())
     }
 
-    /// Whether an instance of the class before is made next: no arguments, then NEWOBJ, perhaps
-    /// after the memo of the class.
+    /// Whether the next instructions make an instance of the preceding class: no arguments, then
+    /// NEWOBJ, perhaps after the memo of the class.
     fn makes_instance(&self) -> bool {
         let rest = &self.bytes[self.at..];
         let memo = match rest.first() {
@@ -346,7 +347,7 @@ impl<'a> Unpickler<'a> {
         sizes.collect()
     }
 
-    /// REDUCE: the three callables there are.
+    /// REDUCE: the three known callables.
     fn reduce(&mut self) -> Result<(), FormatError> {
         let (arguments, callable) = (self.pop()?, self.pop()?);
         let arguments = self.tuple(arguments)?;

@@ -1,9 +1,10 @@
 //! The safetensors format: read through the `safetensors` crate, and written here.
 //!
-//! Reading: two tensors of one name are refused, as the format requires (the crate takes the last).
+//! Reading: two tensors with the same name are refused, as the format requires (the crate takes the
+//! last).
 //!
 //! Writing: equal contents give equal bytes, by name (the crate orders metadata by a random hash).
-//! Arrays with wider values come first: each starts at a multiple of its values' size.
+//! Arrays with wider values come first, so that each starts at a multiple of its values' size.
 
 use std::cmp::Reverse;
 use std::collections::{BTreeMap, BTreeSet};
@@ -16,7 +17,7 @@ use serde::de::{Deserializer, Error, IgnoredAny, MapAccess, Visitor};
 
 use crate::weights::error::{FormatError, quoted};
 
-/// Longest header: about 100,000 tensors. One byte of a header can take ten bytes of memory.
+/// Longest header, for about 100,000 tensors. One byte of a header can take ten bytes of memory.
 const MAX_HEADER: u64 = 1 << 24;
 
 /// The tensors and the metadata of a safetensors file.
@@ -111,13 +112,13 @@ impl TensorFile {
     /// Adds an array of F32, row-major.
     ///
     /// # Panics
-    /// Where `shape` has another number of values, or the file has an array `name` already.
+    /// If `shape` has another number of values, or the file has an array `name` already.
     pub fn f32(&mut self, name: &str, shape: &[usize], values: &[f32]) {
         self.add(name, Dtype::F32, shape, floats::to_f32(values));
     }
 
-    /// Adds an array of F16 if it has all `values` exactly, or else of F32, with the panics of
-    /// [`Self::f32`].
+    /// Adds an array of F16 if it can represent all `values` exactly, otherwise of F32, with the
+    /// panics of [`Self::f32`].
     pub fn floats(&mut self, name: &str, shape: &[usize], values: &[f32]) {
         match floats::to_f16(values) {
             Some(halves) => self.add(name, Dtype::F16, shape, halves),
@@ -191,7 +192,7 @@ enum Values {
 }
 
 impl Tensor {
-    /// A tensor of `shape` in row-major order; `None` where `shape` has another number of values.
+    /// A tensor of `shape` in row-major order; `None` if `shape` has another number of values.
     pub fn new(shape: Vec<usize>, values: Vec<f32>) -> Option<Self> {
         let count = shape.iter().try_fold(1usize, |n, &d| n.checked_mul(d))?;
         (count == values.len()).then_some(Self { shape, values: Values::Float(values) })
@@ -207,7 +208,7 @@ impl Tensor {
         &self.shape
     }
 
-    /// Its values in row-major order; `None` where they are not floating-point numbers.
+    /// Its values in row-major order; `None` if they are not floating-point numbers.
     pub fn values(&self) -> Option<&[f32]> {
         match &self.values {
             Values::Float(values) => Some(values),
@@ -237,7 +238,7 @@ fn floats_of(dtype: Dtype, bytes: &[u8]) -> Vec<f32> {
     }
 }
 
-/// Little-endian value `index` of a floating-point type; `None` past the end and otherwise.
+/// Little-endian value `index` of a floating-point type; `None` past the end and for other types.
 pub(crate) fn float(dtype: Dtype, bytes: &[u8], index: usize) -> Option<f32> {
     let size = dtype.bitsize() / 8;
     let bytes = bytes.get(index.checked_mul(size)?..)?.get(..size)?;

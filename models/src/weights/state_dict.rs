@@ -1,7 +1,9 @@
-//! `PyTorch` state dicts as `torch.save` zips them: `data.pkl` has names, `data/<key>` values.
+//! `PyTorch` state dicts in the zip archives of `torch.save`: `data.pkl` has names, `data/<key>`
+//! values.
 //!
-//! Enters: an archive. Leaves: tensors by name. Invariant, checked before memory is allocated: a
-//! tensor has no more values than its storage, and all take at most eight times the archive.
+//! Input: an archive. Output: tensors by name. Invariant, checked before memory is allocated: a
+//! tensor has at most as many values as its storage, and all tensors take at most eight times the
+//! size of the archive.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -12,7 +14,7 @@ use crate::weights::pickle;
 use crate::weights::pickle::{Pickle, Scalar, Value, View};
 use crate::weights::safetensors::{Tensor, float};
 
-/// Keys under which checkpoints hold their state dict, and by whom.
+/// Keys under which checkpoints contain their state dict, and the programs that write them.
 pub(crate) const KEYS: [(&str, &str); 5] = [
     ("state_dict", "PyTorch Lightning, examples of PyTorch"),
     ("model_state_dict", "PyTorch's tutorial on checkpoints"),
@@ -21,7 +23,7 @@ pub(crate) const KEYS: [(&str, &str); 5] = [
     ("module", "DeepSpeed"),
 ];
 
-/// Longest `data.pkl`: some 30,000 tensors. A byte of it may become a value of 72 bytes.
+/// Longest `data.pkl`, for about 30,000 tensors. A byte of it may become a value of 72 bytes.
 const MAX_PICKLE: usize = 1 << 22;
 
 /// Whether `bytes` start with the magic number of `torch.save` before zip archives.
@@ -61,11 +63,11 @@ pub(super) fn read(bytes: &[u8]) -> Result<BTreeMap<String, Tensor>, FormatError
     Ok(tensors)
 }
 
-/// Names and tensors, as a pickle has them.
+/// Names and tensors of a pickle.
 type Views<'p, 'a> = Vec<(&'a str, &'p View<'a>)>;
 
 /// Names and tensors of the only nested dict with tensors under one of [`KEYS`], else of the root:
-/// a checkpoint may hold a tensor of its own beside, such as the last loss.
+/// a checkpoint may also contain another tensor, such as the last loss.
 fn state_dict<'p, 'a>(pickle: &'p Pickle<'a>) -> Result<Views<'p, 'a>, FormatError> {
     let none = |found: &str| FormatError::NoStateDict { found: found.to_owned() };
     let Value::Dict(root) = pickle.root else { return Err(none(pickle.root.kind())) };
@@ -76,7 +78,7 @@ fn state_dict<'p, 'a>(pickle: &'p Pickle<'a>) -> Result<Views<'p, 'a>, FormatErr
         };
         pickle.dicts[dict].iter().filter_map(tensor).collect()
     };
-    // Each dict is read once: a pickle can name one very often.
+    // Each dict is read once, because a pickle can refer to one very often.
     let mut read = BTreeSet::from([root]);
     let mut nested = |is_known: bool| -> Vec<(&'a str, Views<'p, 'a>)> {
         let dict = |&(key, value): &(Value<'a>, Value<'a>)| match (key, value) {
@@ -158,9 +160,9 @@ impl View<'_> {
     }
 }
 
-/// How an archive starts: the signature of a local header.
+/// Start of an archive: the signature of a local header.
 pub(super) const MAGIC: &[u8] = b"PK\x03\x04";
-/// The end record with the longest comment.
+/// Length of the end record with the longest comment.
 const SEARCHED: u64 = 22 + u16::MAX as u64;
 
 pub(super) fn entries(bytes: &[u8]) -> Result<BTreeMap<String, &[u8]>, FormatError> {
@@ -204,7 +206,7 @@ pub(super) fn entries(bytes: &[u8]) -> Result<BTreeMap<String, &[u8]>, FormatErr
     checked.collect()
 }
 
-/// The bytes of an entry that is stored as it is.
+/// The bytes of an entry that is stored without compression.
 fn stored<'a>(
     archive: &ZipSliceArchive<&'a [u8]>,
     record: &ZipFileHeaderRecord<'_>,

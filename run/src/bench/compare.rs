@@ -4,7 +4,7 @@
 //! network makes a frame of the same events, takes it, and predicts. It runs twice: with everything
 //! computed, and with exact skipping. Both runs give the same bits. Everything runs on one thread.
 //!
-//! The clock is read two or three times per moment; making an engine does not count.
+//! The clock is read two or three times per moment; the creation of an engine does not count.
 
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -36,7 +36,7 @@ pub struct CompareReport {
     pub against: ModelCard,
     /// Whether frames have pixels that the sensor lacks.
     pub padded: bool,
-    /// Events that left a sliding frame early because it was full.
+    /// Events that left a sliding frame early because the frame was full.
     pub evicted_from_frames: u64,
     /// Number of moments at which all networks predict.
     pub moments: u64,
@@ -46,7 +46,7 @@ pub struct CompareReport {
     pub ratio_percent: Ratios,
     /// Multiply-adds of the network over events.
     pub multiply_adds_ratio_percent: Ratios,
-    /// Predictions over frames that differ in any bit with skipping and without.
+    /// Predictions over frames that differ in any bit between the runs with and without skipping.
     pub predictions_that_differ: u64,
     /// Peak resident memory of the process; `None` if the platform does not report it.
     pub peak_resident_bytes: Option<u64>,
@@ -72,7 +72,7 @@ pub struct SideReport {
     pub compute_s: f64,
     /// Seconds of compute per second of stream.
     pub compute_s_per_s: Option<f64>,
-    /// The share of entering events into the window or the frame.
+    /// The time to enter events into the window or the frame.
     pub events_s: f64,
     /// Taking frames.
     pub push_s: Option<f64>,
@@ -125,7 +125,8 @@ impl SideReport {
 /// Compares `model` with the frame network `against` over `input`.
 ///
 /// # Errors
-/// The period is another one, there are too many frames, or an engine refuses an option.
+/// The period differs from that of the frames, there are too many frames, or an engine refuses an
+/// option.
 pub fn compare(
     model: &Model,
     against: &EventFrameModel,
@@ -194,7 +195,7 @@ impl Predictions {
         self.bits.extend(values.iter().map(|value| value.to_bits()));
     }
 
-    /// The number of predictions that differ in any bit, or that only one side has.
+    /// The number of predictions that differ in any bit, or that exist on only one side.
     pub(super) fn that_differ(&self, other: &Self) -> u64 {
         let each = |of: &Self| of.values.max(1);
         let [a, b] = [self, other].map(|of| of.bits.chunks(each(of)));

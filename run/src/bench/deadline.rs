@@ -18,8 +18,8 @@ use serde::Serialize;
 
 use crate::latency::{Latency, microseconds};
 
-/// Least number of periods whose p99.9 is not the slowest one. A smaller bin is judged with those
-/// below it, so that one interruption by the system determines no rate.
+/// Least number of periods whose p99.9 is not the slowest one. A smaller bin is judged together
+/// with the bins below it, so that one interruption by the system does not determine a rate.
 const POOLED_PERIODS: u64 = 1000;
 
 /// Whether the work of each period was done within a period.
@@ -42,7 +42,7 @@ pub struct DeadlineReport {
     pub lag_max_us: f64,
     /// Total work divided by the length of all periods.
     pub load: Option<f64>,
-    /// Its inverse: from 1 on the network keeps up with the recording in the mean.
+    /// Its inverse: if it is at least 1, the network keeps up with the recording on average.
     pub real_time: Option<f64>,
     /// Work of a period.
     pub work_us: Latency,
@@ -79,7 +79,7 @@ pub struct DeadlineBin {
     /// Of these, periods whose work took longer than the period.
     pub missed: u64,
     pub work_us: Latency,
-    /// p99.9 of the work, with as many lower bins as are needed for 1,000 periods.
+    /// p99.9 of the work, together with as many lower bins as are needed for 1,000 periods.
     pub pooled_p999_us: f64,
 }
 
@@ -90,7 +90,7 @@ pub(super) struct Deadline {
     /// Total excess of work over the period.
     excess: Duration,
     bins: BTreeMap<u64, DeadlineBin>,
-    /// When the work so far is done, in nanoseconds since the end of the first period.
+    /// Time at which the work so far is done, in nanoseconds since the end of the first period.
     done_ns: i128,
     lag_max_ns: i128,
 }

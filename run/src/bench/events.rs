@@ -1,6 +1,6 @@
 //! Measures a network over events, with every call timed.
 //!
-//! Enters: the events. Leaves: histograms for each phase, and the counters of the engine. The cost
+//! Input: the events. Output: histograms for each phase, and the counters of the engine. The cost
 //! of an event is its push, and the predictions due before it and after it.
 
 use std::sync::Arc;
@@ -74,7 +74,7 @@ pub struct SlicesReport {
     pub events: usize,
     /// Events of all slices divided by the time in pushes and predictions.
     pub events_per_s: Option<f64>,
-    /// Time of a push and the prediction, which covers the last event so much later.
+    /// Time of a push and the prediction: the delay until a prediction covers the last event.
     pub latency_us: Latency,
 }
 
@@ -83,7 +83,7 @@ pub struct SlicesReport {
 #[non_exhaustive]
 #[expect(missing_docs, reason = "the keys of the JSON report")]
 pub struct PhasesReport {
-    /// Length of stream time before an event that determines its phase.
+    /// Stream time before an event that determines the phase of the event.
     pub window_us: i64,
     /// Mean rate of the accepted events.
     pub mean_rate_events_per_s: Option<f64>,
@@ -160,7 +160,7 @@ struct Measured {
     nodes_max: usize,
 }
 
-/// What is called after each event: with the number of events so far, and the engine.
+/// Function that is called after each event, with the number of events so far and the engine.
 pub type Progress<'a> = dyn FnMut(u64, &EventPredictor) + 'a;
 
 impl<'a> EventBench<'a> {

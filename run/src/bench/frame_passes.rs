@@ -1,6 +1,6 @@
 //! Passes of a frame network over events, and the part of the sensor that its frames cover.
 //!
-//! Enters: events and their moments. Leaves: histograms, and the engine with its counters. The cost
+//! Input: events and their moments. Output: histograms, and the engine with its counters. The cost
 //! of a frame is the time to enter its events, to make it, to push it, and to predict.
 
 use std::ops::Range;
@@ -67,7 +67,7 @@ impl EventFrameModel {
         Ok(Self { costs, place, windows_us, size: [width as u16, height as u16], model })
     }
 
-    /// Microseconds from frame to frame: `asked`, or the value of the network.
+    /// Microseconds from frame to frame: `asked` if given, else the value of the network.
     pub(super) fn period_us(&self, asked: Option<Every>) -> Result<i64> {
         match (asked, self.windows_us) {
             (None, windows_us) => Ok(windows_us.unwrap_or(PERIOD_US)),
@@ -123,7 +123,7 @@ fn frames_of_other(network: &str, source: FrameSource) -> RunError {
 }
 
 impl Field {
-    /// A sensor that has every pixel of the crop.
+    /// A sensor that contains every pixel of the crop.
     fn around(self) -> Sensor {
         let side = |side: u16, first: u16, count: u16| side.max(first.saturating_add(count));
         let Crop { x, y, width, height } = self.crop;
@@ -246,13 +246,13 @@ impl InProgress<'_> {
     }
 }
 
-/// Largest number of moments in a benchmark. The frames of more would take too long.
+/// Largest number of moments in a benchmark. More frames would take too long.
 const MAX: u64 = 1_000_000;
 
 /// The rule for the events that belong to a moment.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum End {
-    /// Events up to and at the moment, as in a sliding window.
+    /// Events up to the moment and at it, as in a sliding window.
     Included,
     /// Events before the moment, as in consecutive windows.
     Excluded,

@@ -39,7 +39,8 @@ pub struct FrameReport {
 /// Measures the frame network `model` over `input`.
 ///
 /// # Errors
-/// The period is another one, there are too many frames, or the engine refuses an option.
+/// The period differs from that of the frames, there are too many frames, or the engine refuses an
+/// option.
 pub fn bench_frames(
     model: &EventFrameModel,
     input: &BenchInput,
@@ -112,7 +113,7 @@ pub struct PixelReport {
     pub name: String,
     /// Pixels of all frames.
     pub pixels: u64,
-    /// Of these, computed: in blocks, so some that are skipped or absorbed too.
+    /// Of these, computed: in blocks, so that some skipped or absorbed pixels are computed too.
     pub computed: u64,
     /// Kept because their inputs had not changed.
     pub skipped: u64,

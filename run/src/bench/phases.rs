@@ -1,8 +1,8 @@
 //! Bursts: the phase of each event.
 //!
-//! Enters: the events. Leaves: a phase for each. An event belongs to a burst if the accepted events
-//! of the [`WINDOW_US`] before it came at the burst rate, by default [`FACTOR`] times the mean. A
-//! dropped event has the phase of its position.
+//! Input: the events. Output: a phase for each event. An event belongs to a burst if the accepted
+//! events of the [`WINDOW_US`] before it came at the burst rate, by default [`FACTOR`] times the
+//! mean. A dropped event has the phase of its position.
 
 use meissner_engine::{Admission, Event, LatePolicy, Sensor};
 
@@ -48,7 +48,7 @@ impl Phases {
         let of = before
             .into_iter()
             .map(|before| {
-                // A dropped event after all accepted ones takes the newest time.
+                // A dropped event after all accepted ones gets the newest time.
                 let now = accepted.get(before).or(accepted.last()).copied().unwrap_or(0);
                 while oldest < before && now.abs_diff(accepted[oldest]) >= WINDOW_US.unsigned_abs() {
                     oldest += 1;

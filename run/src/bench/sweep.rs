@@ -1,8 +1,9 @@
-//! How the cost of an event grows: one quantity after the other is varied, the rest stays.
+//! How the cost of an event grows: one quantity after the other is varied, the others stay
+//! constant.
 //!
-//! Enters: the text of a description. Leaves: times, rows and memory for each value, and how they
-//! grow. Events are uniform over the sensor and evenly spaced in time; weights are drawn. So
-//! nothing but the value differs from one to the next.
+//! Input: the text of a description. Output: times, rows and memory for each value, and how they
+//! grow. Events are uniform over the sensor and evenly spaced in time; weights are random. So only
+//! the varied value differs between two points.
 
 use std::time::Instant;
 
@@ -17,32 +18,32 @@ use crate::latency::{Distribution, Latency};
 use crate::model::Model;
 use crate::provenance::{Header, InputCard};
 
-/// Events in the window where their number is not varied.
+/// Events in the window if their number is not varied.
 const WINDOW: usize = 10_000;
 /// The period of a controller.
 const DEADLINE_US: f64 = 1000.0;
 
-/// What is varied.
+/// A varied quantity.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Quantity {
-    /// Events in the window, at one length of the window.
+    /// Events in the window, at a constant length of the window.
     Window,
-    /// Events a second, at one number of events in the window: the window is shorter.
+    /// Events per second, at a constant number of events in the window: the window gets shorter.
     Rate,
-    /// Most neighbours of an event.
+    /// Maximum number of neighbours of an event.
     Neighbours,
     /// Channels of every block, as a factor.
     Channels,
-    /// Pixels of the sensor, at one number of events in the window.
+    /// Pixels of the sensor, at a constant number of events in the window.
     Sensor,
 }
 
 impl Quantity {
-    /// All of them.
+    /// All quantities.
     pub const ALL: [Self; 5] = [Self::Window, Self::Rate, Self::Neighbours, Self::Channels, Self::Sensor];
 
-    /// What it is, with its unit.
+    /// The name of the quantity, with its unit.
     pub fn title(self) -> &'static str {
         match self {
             Self::Window => "events in the window",
@@ -58,10 +59,10 @@ impl Quantity {
         let scene = |value: f64| {
             let mut scene = *usual;
             match self {
-                Self::Window => scene.window = value as usize,
-                Self::Rate => scene.span_us = (usual.window as f64 / value * 1e6) as i64,
-                Self::Neighbours => scene.neighbours = Some(value as usize),
-                Self::Channels => scene.channels = value,
+                Self::Window => scene.sizes.capacity = value as usize + 1,
+                Self::Rate => scene.sizes.span_us = (usual.window() as f64 / value * 1e6) as i64,
+                Self::Neighbours => scene.sizes.neighbours = Some(value as usize),
+                Self::Channels => scene.sizes.channels = value,
                 Self::Sensor => {
                     let side = (value / usual.pixels()).sqrt();
                     let scaled = |pixels: u16| (f64::from(pixels) * side).round().max(1.0) as u16;
@@ -81,12 +82,12 @@ impl Quantity {
     }
 }
 
-/// What a sweep measures.
+/// Options of a sweep.
 #[derive(Clone, Debug)]
 pub struct SweepOptions {
     /// The quantities, one after the other.
     pub quantities: Vec<Quantity>,
-    /// The sensor where its pixels are not varied.
+    /// The sensor if its pixels are not varied.
     pub sensor: Sensor,
     /// Events that are timed for each value, with a prediction after each; at least 1.
     pub events: usize,
@@ -97,21 +98,23 @@ pub struct SweepOptions {
 /// A stream, and the sizes of the network that reads it.
 #[derive(Clone, Copy, Debug)]
 struct Scene {
-    window: usize,
-    span_us: i64,
-    neighbours: Option<usize>,
-    channels: f64,
+    sizes: Sizes,
     sensor: Sensor,
 }
 
 impl Scene {
+    /// Events in the window: one less than it can hold, so that events leave it by their age.
+    fn window(&self) -> usize {
+        self.sizes.capacity - 1
+    }
+
     fn pixels(&self) -> f64 {
         f64::from(self.sensor.width) * f64::from(self.sensor.height)
     }
 
     /// Events a second.
     fn rate(&self) -> f64 {
-        self.window as f64 / self.span_us as f64 * 1e6
+        self.window() as f64 / self.sizes.span_us as f64 * 1e6
     }
 
     /// Events `from`..`to` of the stream.
@@ -138,7 +141,7 @@ pub struct SweepReport {
     pub seed: u64,
     /// Events that were timed for each value.
     pub events: usize,
-    /// Events in the window, and a second, where they are not varied.
+    /// Events in the window, and events per second, if they are not varied.
     pub window: usize,
     pub rate_events_per_s: f64,
     pub curves: Vec<Curve>,
@@ -148,13 +151,13 @@ pub struct SweepReport {
 #[derive(Debug, Serialize)]
 #[non_exhaustive]
 pub struct Curve {
-    /// What is varied.
+    /// The varied quantity.
     pub quantity: Quantity,
     /// Its values in ascending order.
     pub points: Vec<Point>,
     /// How the costs grow.
     pub slopes: Slopes,
-    /// The first value at which events cost more time than passes between them.
+    /// The first value at which an event costs more time than passes until the next one.
     pub behind_at: Option<f64>,
     /// The first value at which one event of 100 takes longer than 1 ms.
     pub late_at: Option<f64>,
@@ -173,12 +176,12 @@ pub struct Point {
     pub latency_us: Distribution,
     /// Rows of all layers.
     pub rows_per_event: f64,
-    /// Of a new engine.
+    /// Size of the state of a new engine.
     pub state_bytes: u64,
 }
 
 /// Exponents: a cost grows as the quantity to this power. Least squares over the logarithms; `None`
-/// where there are no two values, or a cost is 0.
+/// if there are fewer than two values, or a cost is 0.
 #[derive(Clone, Copy, Debug, Serialize)]
 #[non_exhaustive]
 #[expect(missing_docs, reason = "the names of the costs")]
@@ -202,21 +205,11 @@ pub fn sweep(text: &str, options: &SweepOptions) -> Result<SweepReport> {
     assert!(options.events > 0, "no event to time");
     let described = |source| RunError::description("the network".to_owned(), ModelError::Description(source));
     let description = Description::parse(text).map_err(described)?;
-    let usual = Scene {
-        window: WINDOW,
-        span_us: description.span_us(),
-        neighbours: None,
-        channels: 1.0,
-        sensor: options.sensor,
-    };
+    let sizes =
+        Sizes { span_us: description.span_us(), capacity: WINDOW + 1, neighbours: None, channels: 1.0 };
+    let usual = Scene { sizes, sensor: options.sensor };
     let model = |scene: &Scene| {
-        let sizes = Sizes {
-            span_us: scene.span_us,
-            capacity: scene.window + 1,
-            neighbours: scene.neighbours,
-            channels: scene.channels,
-        };
-        let resized = Description::resized(text, &sizes).map_err(described)?;
+        let resized = Description::resized(text, &scene.sizes).map_err(described)?;
         let label = format!("drawn, seed {}", options.seed);
         Model::of(&resized, (&draw(&resized, options.seed), label), false)
     };
@@ -233,7 +226,7 @@ pub fn sweep(text: &str, options: &SweepOptions) -> Result<SweepReport> {
         isa: Options::default().isa.name(),
         seed: options.seed,
         events: options.events,
-        window: usual.window,
+        window: usual.window(),
         rate_events_per_s: usual.rate(),
         curves,
     })
@@ -244,7 +237,7 @@ fn point(value: f64, scene: &Scene, model: Model, options: &SweepOptions) -> Res
     let mut engine = Engine::new(model.network, scene.sensor)?;
     let state_bytes = u64::try_from(engine.state_bytes()).unwrap_or(u64::MAX);
     // The first prediction computes every row, and nothing expires before one span is over.
-    let (random, filled) = (&mut Random::new(options.seed), 2 * scene.window);
+    let (random, filled) = (&mut Random::new(options.seed), 2 * scene.window());
     engine.push_all(scene.events(random, 0, filled));
     engine.predict()?;
     let (mut latency, mut rows) = (Latency::new(), 0);
@@ -326,7 +319,7 @@ mod tests {
         let report = swept("tactigraph-past", &[Quantity::Rate, Quantity::Channels, Quantity::Sensor]);
         let [rate, channels, sensor] = &report.curves[..] else { panic!("{report:?}") };
         for point in report.curves.iter().flat_map(|curve| &curve.points) {
-            // An event that is as old as the window has left it.
+            // An event that is as old as the window's length has left the window.
             assert!((9_999..=10_001).contains(&point.nodes), "{point:?}");
             assert_eq!(point.latency_us.count, 4);
         }

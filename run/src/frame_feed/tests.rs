@@ -7,8 +7,8 @@ use crate::schedule::Every;
 use meissner_engine::{Event, LatePolicy, RestartPolicy, Sensor};
 use meissner_models::FrameDescription;
 
-/// A feed of frames of two columns and one row; `lines` are the lines of its `[input]` table. Of a
-/// silence, four empty frames come.
+/// A feed of frames of two columns and one row; `lines` are the lines of its `[input]` table. In a
+/// silence, four empty frames are delivered.
 fn feed(channels: usize, lines: &str, every: Every) -> FrameFeed {
     feed_with(4, channels, lines, every, None)
 }
@@ -230,7 +230,7 @@ fn frames_beyond_the_longest_silence_are_left_out_and_the_first_of_them_resets()
 }
 
 mod live {
-    //! Predictions against those of an engine that is given each frame by its definition.
+    //! Predictions compared with those of an engine that gets each frame by its definition.
 
     use std::sync::Arc;
 

@@ -1,7 +1,7 @@
-//! The windows of a feed, and how many empty frames of a silence come.
+//! The windows of a feed, and the number of empty frames that a silence delivers.
 //!
-//! Enters: accepted events, and times. Leaves: frames with events, and runs of empty ones, of which
-//! a network takes at most the longest number; the next one resets its state, once.
+//! Input: accepted events, and times. Output: frames with events, and runs of empty ones. A network
+//! takes at most a given number of consecutive empty frames; the next one resets its state, once.
 
 use meissner_engine::frames::FrameShape;
 use meissner_engine::representations::{
@@ -25,23 +25,23 @@ pub enum FeedOutput<'a> {
         /// Number of events in it; 0 for an empty frame.
         events: u64,
     },
-    /// Empty frames that no network takes, since the silence is too long.
+    /// Empty frames that no network takes, because the silence is too long.
     LeftOut {
         /// Number of frames.
         count: u64,
-        /// Whether a network's state is reset: with the first of them.
+        /// Whether a network's state is reset, with the first of these frames.
         resets: bool,
     },
-    /// The clock of the sensor has restarted: what came before is forgotten.
+    /// The clock of the sensor has restarted: everything before is forgotten.
     Restart,
 }
 
-/// What windows make.
+/// Output of the windows.
 #[derive(Clone, Copy)]
 pub(super) enum Made<'a> {
     /// A frame with events.
     Frame { values: &'a [f32], t_us: i64, events: u64 },
-    /// Empty frames: the time of the first, and from one to the next.
+    /// Empty frames: the time of the first, and the time from one to the next.
     Empty { count: u64, t_us: i64, period_us: i64 },
 }
 
@@ -50,7 +50,7 @@ pub(super) enum Windows {
     Consecutive {
         windows: ConsecutiveFrames,
         period_us: i64,
-        /// Those after a restart of the clock, if these begin at a given time.
+        /// The windows after a restart of the clock, if they begin at a given time.
         next: Option<Box<ConsecutiveFrames>>,
     },
     Sliding {
@@ -101,7 +101,8 @@ impl Windows {
         }))
     }
 
-    /// Takes the `events` of a feed that has accepted so many, from `first_us` to `now_us`.
+    /// Takes the `events` of a feed that has accepted this number of events, from `first_us` to
+    /// `now_us`.
     pub(super) fn resume(
         &mut self,
         events: impl Iterator<Item = Event>,
@@ -127,7 +128,8 @@ impl Windows {
         *length_us
     }
 
-    /// Takes an accepted event, between the frames that its time completes and one due with it.
+    /// Takes an accepted event, after the frames that its time completes and before a frame due
+    /// with it.
     pub(super) fn push<E>(
         &mut self,
         event: Event,
@@ -151,7 +153,7 @@ impl Windows {
         }
     }
 
-    /// Hands out the frames that end, or are due, before `now_us`.
+    /// Delivers the frames that end, or are due, before `now_us`.
     pub(super) fn advance<E>(
         &mut self,
         now_us: i64,
@@ -167,7 +169,7 @@ impl Windows {
         }
     }
 
-    /// Hands out the open window, or a sliding window if it is due once more.
+    /// Delivers the open window, or a sliding window if it is due once more.
     pub(super) fn finish<E>(
         &mut self,
         now_us: Option<i64>,
@@ -190,7 +192,8 @@ impl Windows {
         }
     }
 
-    /// Forgets time and events. Returns events outside the crop of windows that are gone.
+    /// Forgets time and events. Returns the number of events outside the crop that the discarded
+    /// windows counted.
     pub(super) fn restart(&mut self) -> u64 {
         match self {
             Self::Consecutive { windows, next, .. } => {
@@ -209,7 +212,7 @@ impl Windows {
         0
     }
 
-    /// When the open consecutive window begins.
+    /// Start of the open consecutive window.
     pub(super) fn open_us(&mut self) -> Option<i64> {
         match self {
             Self::Consecutive { windows, .. } => windows.open().map(|frame| frame.start_us),
@@ -233,7 +236,7 @@ impl Windows {
     }
 }
 
-/// Hands out the frames of a sliding window that are due before `t_us`.
+/// Delivers the frames of a sliding window that are due before `t_us`.
 fn read_before<E>(
     window: &mut SlidingSigned,
     schedule: &mut Schedule,
@@ -254,7 +257,7 @@ fn read_before<E>(
     Ok(())
 }
 
-/// What a window made.
+/// Output of one window.
 fn made<'a>(frame: &EventFrame<'a>, t_us: i64, period_us: i64) -> Made<'a> {
     if frame.is_empty() {
         Made::Empty { count: 1, t_us, period_us }
@@ -263,7 +266,7 @@ fn made<'a>(frame: &EventFrame<'a>, t_us: i64, period_us: i64) -> Made<'a> {
     }
 }
 
-/// Hands completed windows to the sink, up to its first error.
+/// Delivers completed windows to the sink, up to its first error.
 fn hand_over<E>(
     completed: Completed<'_>,
     period_us: i64,
@@ -309,7 +312,8 @@ impl EmptyFrameLimit {
         self.frames = 0;
     }
 
-    /// Takes `count` empty frames: how many come, how many do not, whether a reset follows.
+    /// Takes `count` empty frames; returns the number of delivered frames, the number of omitted
+    /// ones, and whether a reset follows.
     pub(super) fn take(&mut self, count: u64) -> (u64, u64, bool) {
         let taken = count.min(self.longest.saturating_sub(self.frames));
         let left_out = count - taken;
@@ -319,7 +323,7 @@ impl EmptyFrameLimit {
         (taken, left_out, resets)
     }
 
-    /// Delivers what windows made, as far as it comes; `zeros` is an empty frame.
+    /// Delivers the output of windows within the limit; `zeros` is an empty frame.
     pub(super) fn deliver<E>(
         &mut self,
         made: Made<'_>,

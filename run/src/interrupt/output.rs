@@ -1,9 +1,10 @@
-//! Output that is awaited as input is: a reader who stops does not keep the program alive.
+//! Output with waits that signals end, as for input: a reader that stops does not keep the program
+//! alive.
 //!
-//! Enters: bytes for standard output, standard error or a connection. Leaves: the same bytes, in
-//! order. A write waits for the reader until the program is asked to end. Then what is not taken at
-//! once is kept, and sent when the output is dropped, as long as something is taken within
-//! [`PATIENCE`].
+//! Input: bytes for standard output, standard error or a connection. Output: the same bytes, in
+//! order. A write waits for the reader until the program is asked to end. Then bytes that are not
+//! taken at once are kept, and sent when the output is dropped, as long as the reader takes some
+//! within [`PATIENCE`].
 
 use std::fs::File;
 use std::io::{self, Write};
@@ -18,28 +19,28 @@ use rustix::pipe::PIPE_BUF;
 
 use super::unix::is_ready;
 
-/// Longest wait, after the end, for a reader who takes nothing.
+/// Longest wait, after the end, for a reader that takes nothing.
 const PATIENCE: Duration = Duration::from_secs(1);
 
-/// Whether a reader took nothing for [`PATIENCE`]: nobody is waited for again.
+/// Whether a reader took nothing for [`PATIENCE`]: the program does not wait for a reader again.
 static GIVEN_UP: AtomicBool = AtomicBool::new(false);
 
 #[derive(Clone, Copy, Debug)]
 enum Kind {
-    /// It takes everything at once.
+    /// A file, which takes everything at once.
     File,
-    /// It says itself how much it takes.
+    /// A socket, which reports how much it takes.
     Socket,
-    /// A pipe or a terminal, which takes [`PIPE_BUF`] bytes if any; more could wait.
+    /// A pipe or a terminal, which takes [`PIPE_BUF`] bytes if any; a write of more could wait.
     Pipe,
 }
 
-/// Standard output, standard error or a connection. Its reader is waited for together with signals.
+/// Standard output, standard error or a connection. Writes wait for its reader and for signals.
 #[derive(Debug)]
 pub struct Output<F: AsFd> {
     file: F,
     kind: Kind,
-    /// What was not taken when the program had been asked to end.
+    /// Bytes that were not taken after the program was asked to end.
     kept: Vec<u8>,
 }
 
@@ -82,7 +83,7 @@ impl<F: AsFd> Output<F> {
         while !rest.is_empty() {
             let patience = if GIVEN_UP.load(Ordering::Relaxed) { Duration::ZERO } else { PATIENCE };
             let Some(sent) = self.put(rest, Some(patience))? else {
-                // That is told once: where nobody reads messages either, one would follow another.
+                // Reported once: if messages are not read either, one message would follow another.
                 return if GIVEN_UP.swap(true, Ordering::Relaxed) {
                     Ok(())
                 } else {

@@ -1,8 +1,9 @@
-//! Offers events to a queue: of a recording when they are due, of a stream when they arrive.
+//! Offers events to a queue: those of a recording when they are due, those of a stream when they
+//! arrive.
 //!
-//! Enters: a recording, or a stream. Leaves: events and clock advances into the queue. An event of
-//! a recording whose time steps back is due together with the event before it. Only the events of a
-//! stream advance the clock: nobody knows how late the next one will be.
+//! Input: a recording, or a stream. Output: events and clock advances into the queue. An event of a
+//! recording whose time steps back is due together with the event before it. On a stream, only
+//! events advance the clock, because the delay of the next event is unknown.
 
 use std::sync::mpsc::Sender;
 use std::thread;
@@ -21,12 +22,12 @@ const NAP: Duration = Duration::from_millis(1);
 /// Number of events that the filters process at once.
 const HANDFUL: usize = 1024;
 
-/// How often a recording is read, one after the other.
+/// Repetitions of a recording, one after the other.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Laps {
     /// At least 1.
     pub(super) number: u32,
-    /// Stream time from the beginning of one to that of the next.
+    /// Stream time from the beginning of one repetition to that of the next.
     pub(super) us: i128,
 }
 
@@ -41,13 +42,13 @@ pub(super) struct Reader {
     pub(super) lag: Duration,
     /// Events that were due, including events that filters dropped.
     pub(super) taken: u64,
-    /// Where these events are shown, if anybody wants to see them.
+    /// Destination for showing these events, if requested.
     pub(super) tap: Option<Sender<Vec<Event>>>,
 }
 
 impl Reader {
-    /// Offers `events` in `laps`, and advances the clock to `end_us` when that time has come. Ends
-    /// early if events are no longer taken, and if the program is asked to end.
+    /// Offers `events` in `laps`, and advances the clock to `end_us` at that time. Ends early if
+    /// events are no longer taken, or if the program is asked to end.
     pub(super) fn read(mut self, events: &[Event], laps: Laps, end_us: i64) -> Result<Self, LiveError> {
         let mut laps_us =
             (0..laps.number).map(|lap| i64::try_from(i128::from(lap) * laps.us).unwrap_or(i64::MAX));
@@ -107,7 +108,7 @@ impl Reader {
     fn take(&mut self, events: &[Event], now: Instant) {
         self.taken += events.len() as u64;
         if let Some(tap) = &self.tap {
-            // Nobody sees them after the last report.
+            // After the last report, no receiver is left.
             let _ = tap.send(events.to_vec());
         }
         if let Some(event) = events.first() {

@@ -1,4 +1,4 @@
-//! What is known of an input during its play, and after it.
+//! Measurements of an input during its play, and after it.
 
 use std::collections::BTreeMap;
 use std::time::Duration;
@@ -37,7 +37,7 @@ pub struct PlaySummary {
     pub reports: ReportCounts,
     /// Reports with a value outside the range of the training, if the weights state it.
     pub outside_training: Option<u64>,
-    /// Reports of windows unlike those of the training, if the weights say what these were like.
+    /// Reports of windows unlike those of the training, if the weights contain statistics of these.
     pub unlike_training: Option<u64>,
     /// Times of reports: since the request, since the start of the prediction, stream time that is
     /// not covered; and of events, from the offer to the report that covers them.
@@ -66,9 +66,10 @@ pub struct PlaySummary {
 pub struct ReportCounts {
     pub due: u64,
     pub made: u64,
-    /// Reports that covered all events that had entered the queue, of which the engine lost none.
+    /// Reports that covered all events that had entered the queue; the engine lost none.
     pub fresh: u64,
-    /// Reports that covered only the events that the engine had taken, or lost some.
+    /// Reports that covered only the events that the engine had taken, or for which the engine lost
+    /// some.
     pub behind: u64,
     /// Reports with the prediction of an earlier report.
     pub old: u64,
@@ -130,7 +131,7 @@ pub(super) struct Tally {
 }
 
 impl Tally {
-    /// No report of `due` ones.
+    /// A summary without reports yet; `due` is the number of due reports.
     pub(super) fn new(due: u64, training: Training) -> Self {
         let [waited, age, behind, event] = std::array::from_fn(|_| Latency::new());
         Self {
@@ -163,7 +164,7 @@ impl Tally {
         self.covered(timely);
     }
 
-    /// Records how long the events took that `timely` is the first to cover.
+    /// Records the latency of the events that `timely` is the first to cover.
     pub(super) fn covered(&mut self, timely: &TimedAnswer<'_>) {
         if let Some(latency) = timely.latency {
             self.event.record(latency);

@@ -1,6 +1,6 @@
 //! Runs a network over readings of 24 electrodes (CSV), one prediction per window.
 //!
-//! Enters: one reading per line, at 100 Hz. Leaves, before the next line is read: for each complete
+//! Input: one reading per line, at 100 Hz. Output, before the next line is read: for each complete
 //! window a prediction and, if its values are logits of classes, the decision of a
 //! [`DecisionFilter`].
 //!
@@ -47,7 +47,7 @@ pub struct ElectrodeOptions {
     pub strict: bool,
     /// Largest number of lines to take.
     pub limit: Option<u64>,
-    /// The hold of decisions.
+    /// The filter that holds decisions.
     pub decisions: DecisionFilter,
     /// Advice at the end of warnings of lost input.
     pub advice: Advice,
@@ -257,7 +257,7 @@ impl Windows {
 /// they are read.
 ///
 /// # Errors
-/// It cannot be opened, or is something else.
+/// It cannot be opened, or has other contents.
 pub fn open_readings(path: &Path) -> Result<(Readings, bool)> {
     // A pipe or a serial port is live, like standard input.
     let live = streams::is_live(path) || fs::metadata(path).is_ok_and(|file| !file.is_file());

@@ -166,7 +166,7 @@ impl EventSteps {
         decision.taken.events().iter().try_for_each(|&event| self.enter(event, observer))
     }
 
-    /// Takes an event whose time is that of the clock.
+    /// Takes an event whose time agrees with the clock.
     fn enter(&mut self, event: Event, observer: &mut dyn Observer) -> Result<()> {
         let (passes, filtering) = self.predictor.admit(event);
         if !passes {

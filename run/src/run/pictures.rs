@@ -30,7 +30,7 @@ pub const BLUR_RADIUS: usize = 2;
 /// Options of a run over pictures.
 #[derive(Clone, Debug, Default)]
 pub struct PictureOptions {
-    /// Largest number of pictures to take; of a video, late ones count too.
+    /// Largest number of pictures to take; late pictures of a video count too.
     pub limit: Option<u64>,
     /// Format of a raw video, if the input is one.
     pub video: Option<VideoOptions>,
@@ -50,7 +50,7 @@ pub struct PictureRun {
     measure: Measure,
 }
 
-/// Where pictures come from.
+/// The source of pictures.
 enum Source {
     Files {
         pictures: ImageSequence,
@@ -71,11 +71,11 @@ struct Taken {
     image: Image,
     /// Its number in a video.
     number: Option<u64>,
-    /// When it arrived on a stream.
+    /// Time of its arrival on a stream.
     arrived: Option<Instant>,
 }
 
-/// The contacts of pictures, and what is made of them.
+/// The contacts of pictures, and their results.
 struct Measure {
     network: String,
     contacts: ContactPredictor,
@@ -85,8 +85,8 @@ struct Measure {
     arrival: Latency,
 }
 
-/// The pictures in the file, folder or list at `path`, or of the raw video there or on this stream,
-/// with their paths or numbers, and whether they arrive while they are read.
+/// The pictures in the file, folder or list at `path`, or of the raw video in this file or on this
+/// stream, with their paths or numbers, and whether they arrive while they are read.
 ///
 /// # Errors
 /// They cannot be opened, or a video comes in datagrams.
@@ -336,7 +336,7 @@ impl Overlays {
         let overlay = Overlay::new(self.size, self.full_scale_n.unwrap_or(strongest))?;
         overlay.draw(picture, &mut self.drawn)?;
         let target = self.target(path);
-        // Not before there is something to put into it.
+        // The folder is created only when there is a file for it.
         let made = fs::create_dir_all(&self.folder);
         made.map_err(|source| RunError::file("write", &self.folder, source))?;
         write_png(&target, image.width, image.height, &self.drawn)?;
@@ -346,7 +346,8 @@ impl Overlays {
 
 /// Contacts in one picture after another.
 ///
-/// Where pictures enter as differences, the first is the reference unless one was set.
+/// If the network reads differences of pictures, the first picture is the reference unless one was
+/// set.
 pub struct ContactPredictor {
     size: ImageSize,
     pixel: PixelSize,
@@ -444,8 +445,8 @@ impl ContactPredictor {
         })
     }
 
-    /// How unlike the last picture is to those of the training, if the weights say what they were
-    /// like.
+    /// How unlike the last picture is to those of the training, if the weights contain statistics
+    /// of these.
     pub fn unlike(&self) -> Option<f32> {
         self.unlike
     }
@@ -465,12 +466,12 @@ impl ContactPredictor {
         self.predictor.take_update()
     }
 
-    /// What was computed and what was skipped.
+    /// Counts of computed and skipped pixels.
     pub fn counters(&self) -> FrameCounters {
         self.predictor.counters()
     }
 
-    /// Forgets all pictures, the reference among them.
+    /// Forgets all pictures, including the reference.
     pub fn reset(&mut self) {
         self.reference = None;
         self.predictor.reset();

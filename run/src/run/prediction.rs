@@ -20,10 +20,10 @@ pub trait Observer {
     /// Reports the number of events taken so far.
     fn progress(&mut self, _taken: u64) {}
 
-    /// Takes an event of the input of this number, before what becomes due with it.
+    /// Takes an event of the input of this number, before the predictions that become due with it.
     fn event(&mut self, _input: usize, _event: Event) {}
 
-    /// Whether it does anything with events: gathering those of a play has its price.
+    /// Whether the observer uses events: collecting the events of a play has a cost.
     fn takes_events(&self) -> bool {
         false
     }
@@ -61,7 +61,7 @@ pub struct EventPrediction<'a> {
     #[serde(skip_serializing_if = "<[String]>::is_empty")]
     pub outside_training: &'a [String],
     /// How unlike the window is to those of the training: above 1, fewer than 1 of 1,000 of these
-    /// were. `None` if the weights do not say what they were like.
+    /// were. `None` if the weights contain no statistics of the training.
     pub unlike: Option<f32>,
     /// Events in the window.
     pub nodes: usize,
@@ -69,7 +69,7 @@ pub struct EventPrediction<'a> {
     pub rows: &'a [u64],
     /// Microseconds spent in pushes and predictions since the last prediction.
     pub update_us: f64,
-    /// Time of the prediction: when it was due, or that of the newest event.
+    /// Time of the prediction: its due time, or that of the newest event.
     #[serde(skip)]
     pub at_us: Option<i64>,
     /// Stream time since the first event in microseconds; `None` before it.
@@ -173,9 +173,9 @@ pub struct PicturePrediction<'a> {
 #[non_exhaustive]
 #[expect(missing_docs, reason = "the keys of the JSON report")]
 pub struct ReportPrediction<'a> {
-    /// The input that it is about, counted from 0.
+    /// Index of its input, counted from 0.
     pub input: usize,
-    /// When the report was due, in stream time.
+    /// Due time of the report, in stream time.
     pub at_us: i64,
     /// Time of the newest event that it covers; `None` before the first.
     pub t_us: Option<i64>,
@@ -196,11 +196,11 @@ pub struct ReportPrediction<'a> {
     pub behind_events: u64,
     /// Stream time that had entered the queue and is not covered.
     pub behind_us: u64,
-    /// Events since the report before that the engine dropped or holds.
+    /// Events since the previous report that the engine dropped or holds.
     pub lost_events: u64,
-    /// Events since the report before that the queue dropped.
+    /// Events since the previous report that the queue dropped.
     pub dropped_events: u64,
-    /// Restarts of the sensor's clock since the report before.
+    /// Restarts of the sensor's clock since the previous report.
     pub restarts: u64,
     /// Time since the start of the prediction.
     pub age_us: f64,

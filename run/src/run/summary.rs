@@ -83,12 +83,12 @@ pub struct EventSummary {
     pub latency_us: Latencies,
     /// Events taken, divided by the time in pushes and predictions.
     pub events_per_s: Option<f64>,
-    /// Stream time divided by that time: from 1 on the network keeps up in the mean.
+    /// Stream time divided by that time: if it is at least 1, the network keeps up on average.
     pub real_time: Option<f64>,
     /// Predictions with a value outside the range of the training, if the weights state it.
     pub outside_training: Option<u64>,
-    /// Predictions of windows unlike those of the training, if the weights say what these were
-    /// like.
+    /// Predictions of windows unlike those of the training, if the weights contain statistics of
+    /// these.
     pub unlike_training: Option<u64>,
     pub skips: WorkCounts,
     pub warnings: Vec<LossWarning>,
@@ -115,12 +115,14 @@ pub struct FrameSummary {
     pub latency_us: Latencies,
     /// Frames divided by the time for making them, pushing them and predicting.
     pub frames_per_s: Option<f64>,
-    /// Stream time of the input divided by the same time: from 1 on the network keeps up with the
-    /// recording in the mean; `None` for pictures, which have no time, unless a video has a rate.
+    /// Stream time of the input divided by the same time: if it is at least 1, the network keeps up
+    /// with the recording on average. `None` for pictures, which have no time, unless a video has a
+    /// rate.
     pub real_time: Option<f64>,
     /// Predictions with a value outside the range of the training, if the weights state it.
     pub outside_training: Option<u64>,
-    /// Predictions of frames unlike those of the training, if the weights say what these were like.
+    /// Predictions of frames unlike those of the training, if the weights contain statistics of
+    /// these.
     pub unlike_training: Option<u64>,
     /// Sums over all layers.
     pub pixels: Pixels,
@@ -149,15 +151,15 @@ pub enum InputCounts {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[non_exhaustive]
 pub struct VideoCounts {
-    /// Whole pictures, without those that waited at the end.
+    /// Complete pictures, without those that waited at the end.
     pub pictures: u64,
-    /// Those of them that were dropped: a newer one was there when they could have been taken.
+    /// Dropped pictures: a newer one had arrived when they could have been taken.
     pub pictures_late: u64,
     /// Bytes after the last whole picture.
     pub bytes_left_out: u64,
 }
 
-/// Counts of the events that frames are made of.
+/// Counts of the events from which frames are made.
 #[derive(Debug, Serialize)]
 #[non_exhaustive]
 #[expect(missing_docs, reason = "the keys of the JSON report")]
@@ -206,7 +208,7 @@ pub struct ElectrodeCounts {
     pub times_repeated: u64,
     /// Readings of a window.
     pub steps: usize,
-    /// How often a decision was made or changed, if values are logits of classes.
+    /// Number of times that a decision was made or changed, if values are logits of classes.
     pub decisions: Option<u64>,
 }
 
@@ -274,7 +276,7 @@ impl FrameSummary {
     }
 }
 
-/// A frame engine that records how long its calls took.
+/// A frame engine that records the durations of its calls.
 pub(super) struct FramePredictor {
     pub(super) engine: FrameEngine,
     before: FrameCounters,
@@ -317,7 +319,7 @@ impl FramePredictor {
         Ok(())
     }
 
-    /// Adds time spent in making a frame. [`Self::prepare`] records complete frames.
+    /// Adds time spent on making a frame. [`Self::prepare`] records complete frames.
     pub(super) fn spent(&mut self, spent: Duration) {
         self.update += spent;
     }

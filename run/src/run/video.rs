@@ -1,6 +1,6 @@
 //! The pictures of a raw video.
 //!
-//! Enters: the bytes of a file or a stream. Leaves: pictures, with number and time of arrival.
+//! Input: the bytes of a file or a stream. Output: pictures, with number and time of arrival.
 //!
 //! | input | rate | pictures |
 //! |---|---|---|
@@ -8,13 +8,14 @@
 //! | a stream, a pipe or a device | not given | all; the writer waits until they are asked for |
 //! | | given | those that are not late; the writer never waits |
 //!
-//! With a rate, a thread takes each picture off the stream at once. A picture is *late* when it has
-//! waited for longer than one period of the rate and a newer one is there: it is dropped and
-//! counted. So a burst within a period is taken whole, and a picture that is taken has waited for
-//! at most a period, or is the newest. Only intervals are compared, so that a camera may be a
-//! little slower or faster than it says.
+//! With a rate, a thread takes each picture off the stream at once. A picture is *late* if it has
+//! waited longer than one period of the rate and a newer one has arrived: it is dropped and
+//! counted. So all pictures of a burst within a period are taken, and a picture that is taken has
+//! waited for at most a period, or is the newest. Only intervals are compared, so that a camera may
+//! be a little slower or faster than its stated rate.
 //!
-//! Invariant: at most [`MAX_WAITING`] pictures wait; what arrives was taken, is late or waits.
+//! Invariant: at most [`MAX_WAITING`] pictures wait; each picture that arrived was taken, is late
+//! or waits.
 
 use std::collections::VecDeque;
 use std::fmt;
@@ -32,17 +33,17 @@ use crate::run::summary::VideoCounts;
 use crate::text::grouped;
 use crate::{interrupt, streams};
 
-/// Most pictures that wait for the network.
+/// Maximum number of pictures that wait for the network.
 pub(crate) const MAX_WAITING: usize = 4;
 
-/// How a raw video is read.
+/// Options for reading a raw video.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct VideoOptions {
     /// Size and pixels of its pictures.
     pub format: VideoFormat,
-    /// Pictures in a second, positive. Of a stream, late pictures are dropped only with it.
+    /// Pictures per second, positive. Late pictures of a stream are dropped only if it is given.
     pub rate: Option<f64>,
-    /// Whether a rest after the last whole picture is an error.
+    /// Whether remaining bytes after the last complete picture are an error.
     pub strict: bool,
 }
 
@@ -66,16 +67,16 @@ pub(crate) struct VideoPicture {
     pub(crate) image: Image,
     /// Number in the video, from 0.
     pub(crate) number: u64,
-    /// When its last byte arrived.
+    /// Arrival time of its last byte.
     pub(crate) arrived: Instant,
 }
 
 type Pictures = Box<dyn Iterator<Item = Result<VideoPicture, IoError>> + Send>;
 
-/// The pictures of a raw video that are to be taken.
+/// The pictures to take from a raw video.
 pub(super) struct Video {
     name: String,
-    /// Whether all of it is there from the start.
+    /// Whether the whole video exists from the start.
     pub(super) is_recorded: bool,
     strict: bool,
     pictures: Source,
@@ -90,10 +91,10 @@ enum Source {
 }
 
 impl Video {
-    /// Opens the file or stream at `path`, of which the first `limit` pictures are to be taken.
+    /// Opens the file or stream at `path`, to take its first `limit` pictures.
     ///
     /// # Errors
-    /// It cannot be opened, or is one of datagrams or packets.
+    /// It cannot be opened, or is a stream of datagrams or packets.
     pub(super) fn open(path: &Path, options: VideoOptions, limit: usize) -> Result<Self> {
         let name = streams::name(path);
         let problem = if streams::is_of_datagrams(path) {
@@ -133,7 +134,7 @@ impl Video {
     /// The error `error` of the next picture; `None` if it only ends the video.
     fn ended(&mut self, error: IoError) -> Option<RunError> {
         match error {
-            // Whoever cuts a stream off cuts it inside a picture.
+            // An interruption usually cuts a stream inside a picture.
             _ if interrupt::requested() => None,
             IoError::Truncated { expected, actual, .. } if self.taken > 0 && !self.strict => {
                 self.rest = actual;
@@ -153,7 +154,7 @@ impl Video {
 impl Iterator for Video {
     type Item = Result<VideoPicture>;
 
-    /// The next picture, which is waited for; `None` at the end, and on a signal.
+    /// Waits for the next picture; `None` at the end, and on a signal.
     fn next(&mut self) -> Option<Self::Item> {
         let next = match &mut self.pictures {
             Source::Read(pictures) => pictures.next(),
@@ -169,13 +170,13 @@ impl Iterator for Video {
     }
 }
 
-/// Whether the file at `path`, or the one that is standard input, is there as a whole.
+/// Whether the file at `path`, or the file on standard input, exists completely.
 fn is_recorded(path: &Path) -> bool {
     let path = if streams::is_stdin(path) { Path::new("/dev/stdin") } else { path };
     fs::metadata(path).is_ok_and(|file| file.is_file())
 }
 
-/// Pictures that a thread takes off a stream.
+/// Pictures that a thread takes from a stream.
 struct Arrivals {
     queue: Arc<Queue>,
     period: Duration,
@@ -195,12 +196,12 @@ pub(crate) struct Waiting {
     pub(crate) late: u64,
     /// How the stream has ended.
     end: Option<Result<(), IoError>>,
-    /// Whether no picture is taken any more.
+    /// Whether pictures are no longer taken.
     is_closed: bool,
 }
 
 impl Waiting {
-    /// Takes a picture that has arrived. The oldest makes room.
+    /// Takes a picture that has arrived. If the queue is full, the oldest is dropped.
     pub(crate) fn offer(&mut self, picture: VideoPicture) {
         if self.pictures.len() == MAX_WAITING {
             self.drop_oldest();
@@ -249,7 +250,7 @@ impl Arrivals {
         let queue = Arc::new(Queue::default());
         let filled = Arc::clone(&queue);
         let thread = thread::Builder::new().name("camera".to_owned());
-        // It may wait for a camera that sends nothing any more: nobody waits for it.
+        // The thread may wait for a camera that sends nothing any more, so it is not joined.
         thread
             .spawn(move || filled.fill(pictures))
             .map_err(|error| RunError::Live(LiveError::Thread(error)))?;

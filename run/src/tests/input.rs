@@ -1,4 +1,4 @@
-//! Tests of what events arrive on, and of what their reader may do.
+//! Tests of the streams on which events arrive, and of the limits of their reader.
 
 mod source {
     use crate::source::Source;
@@ -71,9 +71,9 @@ mod press {
 
     const SENSOR: Sensor = Sensor { width: 346, height: 260 };
 
-    /// The angles that `tactigraph-past` says at the end of the press, in degrees, and how many
-    /// events its filter drops, if each of `pixels` sends `rate` more events per second. Without
-    /// `filters`, the network has none.
+    /// The angles that `tactigraph-past` predicts at the end of the press, in degrees, and the
+    /// number of events that its filter drops, if each of `pixels` sends `rate` more events per
+    /// second. Without `filters`, the network has no filter.
     fn angles_with_hot_pixels(rate: i64, pixels: &[(u16, u16)], filters: bool) -> ([f64; 2], u64) {
         let press = Press::embedded().expect("it can be read");
         let mut events = embedded().expect("it can be read").events;
@@ -107,7 +107,8 @@ mod press {
         assert_eq!(moved(1, &[], true), (0.0, 0), "the filter drops nothing of the press");
         let (most, _) = moved(16_000, &[(173, 130)], false);
         assert!(most > 5.0, "the network sums over events: {most} degrees");
-        // Rates below the filter's, just above it, and far above; in the contact and beside it.
+        // Rates below the filter's rate, just above it, and far above; in the contact and next to
+        // it.
         for rate in [95, 110, 1_000, 16_000, 200_000] {
             for pixels in [&[(173, 130)][..], &[(20, 20)], &[(173, 130), (100, 90), (250, 180)]] {
                 let (most, filtered) = moved(rate, pixels, true);

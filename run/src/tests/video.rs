@@ -34,7 +34,7 @@ fn taken(arrivals: &[u64], times: &[u64]) -> (Vec<Option<u64>>, u64) {
 #[test]
 fn a_network_in_time_takes_every_picture() {
     assert_eq!(taken(&[0, 40, 80], &[0, 40, 80, 81]), (vec![Some(0), Some(1), Some(2), None], 0));
-    // The camera's clock is not ours, and pictures come in bursts.
+    // The camera has its own clock, and pictures come in bursts.
     assert_eq!(taken(&[0, 79, 80, 80], &[0, 80, 90, 120]), (vec![Some(0), Some(1), Some(2), Some(3)], 0));
 }
 
@@ -42,7 +42,7 @@ fn a_network_in_time_takes_every_picture() {
 fn a_picture_is_late_that_waited_longer_than_a_period_while_a_newer_one_is_there() {
     assert_eq!(taken(&[0, 40, 80, 120], &[0, 140]), (vec![Some(0), Some(3)], 2));
     assert_eq!(taken(&[0, 40], &[80, 81]), (vec![Some(1), None], 1));
-    // After exactly a period it is not late.
+    // After exactly one period a picture is not late.
     assert_eq!(taken(&[40, 41], &[80]), (vec![Some(0)], 0));
 }
 

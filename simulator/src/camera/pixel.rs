@@ -1,4 +1,4 @@
-//! One pixel: its light over a time in, its firings out, at the exact times of the model.
+//! One pixel. Input: its light over a time. Output: its firings, at the exact times of the model.
 //!
 //! While the logarithm of the light is a line, `u(x) = u0 + s x`, the level after the low-pass is
 //! `v(x) = u0 + s x - s tau + (v0 - u0 + s tau) exp(-x / tau)`. The difference to a reference that
@@ -10,13 +10,13 @@ use meissner_kernels::random::Random;
 
 use super::settings::CameraSettings;
 
-/// Least threshold, as in v2e: a spread cannot make a pixel fire forever.
+/// Smallest threshold, as in v2e, so that a spread cannot make a pixel fire without end.
 const THRESHOLD_MIN: f64 = 0.01;
 
-/// A level is taken as equal to its light when the low-pass has only this much left to do.
+/// A level counts as equal to its light if the remaining difference is at most this.
 const SETTLED: f64 = 1e-9;
 
-/// Why a pixel fired.
+/// The cause of a firing.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Cause {
     /// The light changed.
@@ -30,7 +30,7 @@ pub enum Cause {
 }
 
 impl Cause {
-    /// All causes, each at the place of its number.
+    /// All causes, each at the index of its number.
     pub const ALL: [Self; 4] = [Self::Signal, Self::Leak, Self::ShotNoise, Self::HotPixel];
 
     /// A name for reports.
@@ -46,7 +46,7 @@ impl Cause {
 
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Firing {
-    /// Time of the stamp, not rounded.
+    /// Time of the stamp, before rounding.
     pub(super) stamp_us: f64,
     pub(super) on: bool,
     pub(super) cause: Cause,
@@ -62,7 +62,7 @@ pub(super) struct Pixel {
     target: f64,
     /// The same after the low-pass.
     level: f64,
-    /// The level that the pixel compares with, and how much of the difference is leak.
+    /// The level with which the pixel compares, and the part of the difference that is leak.
     reference: f64,
     leaked: f64,
     /// End of the reset after the newest event.
@@ -85,7 +85,7 @@ struct Segment {
     shot: f64,
 }
 
-/// `constant + slope x + transient exp(-x / tau)`: level less reference from a time on.
+/// `constant + slope x + transient exp(-x / tau)`: level minus reference from a time on.
 #[derive(Clone, Copy)]
 struct Difference {
     constant: f64,
@@ -95,7 +95,7 @@ struct Difference {
 }
 
 impl Pixel {
-    /// A pixel with thresholds of its own. Its light is unknown until [`Self::adapt`].
+    /// A pixel with its own thresholds. Its light is unknown until [`Self::adapt`].
     pub(super) fn new(settings: &CameraSettings, mut random: Random) -> Self {
         let [on, off] = normal_pair(&mut random);
         let threshold =
@@ -117,7 +117,7 @@ impl Pixel {
         }
     }
 
-    /// The pixel has looked at `intensity` forever.
+    /// Sets the state of a pixel that has always seen `intensity`.
     pub(super) fn adapt(&mut self, settings: &CameraSettings, intensity: f64) {
         self.target = logarithm(settings, intensity);
         self.level = self.target;
@@ -127,7 +127,8 @@ impl Pixel {
             if settings.initial_phase { self.level - self.threshold_on + phase * width } else { self.level };
     }
 
-    /// The light is constant until `end`. The time before which nothing can happen if it stays so.
+    /// The light is constant until `end`. Returns the time before which nothing can happen if it
+    /// stays constant.
     pub(super) fn stay(&mut self, settings: &CameraSettings, end: f64, fire: &mut impl FnMut(Firing)) -> f64 {
         let segment = self.segment(settings, self.target, end);
         self.run(settings, segment, fire);
@@ -240,7 +241,7 @@ impl Pixel {
         let leak = if segment.leak > 0.0 { room / segment.leak } else { f64::INFINITY };
         let noise_rate = segment.shot + self.hot_per_us;
         let noise = if noise_rate > 0.0 { self.patience / noise_rate } else { f64::INFINITY };
-        // A hair early, so that rounding cannot make the pixel miss the time.
+        // Slightly early, so that rounding cannot make the pixel miss the time.
         self.time + leak.min(noise) * (1.0 - 1e-9)
     }
 }
@@ -250,7 +251,8 @@ impl Difference {
         self.constant + self.slope * x + decayed(self.transient, x, self.tau)
     }
 
-    /// When it first reaches `on` or `-off` until `horizon`, from between them; whether `on`.
+    /// The first time until `horizon` at which it reaches `on` or `-off`, from between them; and
+    /// whether it reaches `on`.
     fn first_crossing(&self, on: f64, off: f64, horizon: f64) -> Option<(f64, bool)> {
         let mut from = 0.0;
         for to in [self.extremum().min(horizon), horizon] {
@@ -264,14 +266,14 @@ impl Difference {
         None
     }
 
-    /// Where the slope is 0; infinity if it is nowhere after 0.
+    /// The time at which the slope is 0; infinity if there is none after 0.
     fn extremum(&self) -> f64 {
         let ratio = self.transient / (self.slope * self.tau);
         if ratio > 1.0 && ratio.is_finite() { self.tau * log(ratio) } else { f64::INFINITY }
     }
 
-    /// Where the difference reaches `level` in `from..=to`, in which it is monotone and does:
-    /// Newton's method, and halving where that leaves the interval.
+    /// The time in `from..=to` at which the difference reaches `level`. It must be monotone there
+    /// and reach `level`. Newton's method, and halving if a step leaves the interval.
     fn reaches(&self, level: f64, from: f64, to: f64) -> f64 {
         const RESOLUTION_US: f64 = 1e-6;
         let rises = self.at(to) >= level && self.at(from) < level;

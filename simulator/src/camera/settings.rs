@@ -7,7 +7,7 @@ use crate::error::{Result, setting};
 /// The default is a sensor in lamp light.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CameraSettings {
-    /// Illuminance of a pixel of intensity 1, in lux. A lamp that is off is less light.
+    /// Illuminance of a pixel of intensity 1, in lux. With the lamp off it is smaller.
     pub lux: f64,
     /// The light whose photocurrent equals the dark current, in lux.
     pub dark_lux: f64,
@@ -31,7 +31,7 @@ pub struct CameraSettings {
     pub shot_corner_lux: f64,
     /// Share of hot pixels.
     pub hot_share: f64,
-    /// Most frequent rate of a hot pixel in hertz: the rates are uniform from 0.
+    /// Maximum rate of a hot pixel in hertz: the rates are uniform from 0.
     pub hot_hz: f64,
     /// Time after an event in which a pixel is reset, in microseconds.
     pub refractory_us: f64,
@@ -39,7 +39,8 @@ pub struct CameraSettings {
     pub latency_us: f64,
     /// Standard deviation of that time. No event is stamped before its crossing.
     pub jitter_us: f64,
-    /// Whether pixels start anywhere between thresholds; else equal ones fire together.
+    /// Whether pixels start anywhere between thresholds; otherwise, pixels with equal light fire
+    /// together.
     pub initial_phase: bool,
 }
 

@@ -34,22 +34,23 @@ pub enum Indenter {
         width_mm: f64,
         length_mm: f64,
     },
-    /// A cone on its tip; the angle is that between its axis and its side.
+    /// A cone on its tip; the angle is between its axis and its side.
     Cone {
         half_angle: f64,
     },
-    /// A wedge on its edge, which lies along x; the angle is that between its middle and a side.
+    /// A wedge on its edge, which lies along x; the angle is between its middle plane and a side.
     Edge {
         half_angle: f64,
         length_mm: f64,
     },
-    /// A square of `side` x `side` balls, so far from one middle to the next.
+    /// A square of `side` x `side` balls, with this distance between the middles of neighbours.
     Dots {
         radius_mm: f64,
         spacing_mm: f64,
         side: u8,
     },
-    /// A capital letter in relief, one of [`LETTERS`], of this height; others are a block.
+    /// A capital letter in relief, one of [`LETTERS`], of this height; other letters become a
+    /// block.
     Letter {
         letter: char,
         size_mm: f64,
@@ -64,14 +65,14 @@ pub enum Indenter {
         seed: u64,
         radius_mm: f64,
     },
-    /// Two to nine pins, round or rectangular, with flat ends of other heights: all drawn from a
-    /// seed, their middles within a radius.
+    /// Two to nine pins, round or rectangular, with flat ends at different heights. All is drawn
+    /// from a seed, with the middles within a radius.
     Pins {
         seed: u64,
         radius_mm: f64,
     },
-    /// Parallel ridges along x with round crests on a round plate: how round and how far apart
-    /// they are is drawn from a seed.
+    /// Parallel ridges along x with round crests on a round plate: their roundness and distance are
+    /// drawn from a seed.
     Ridges {
         seed: u64,
         radius_mm: f64,
@@ -102,13 +103,14 @@ const STROKES: [[u8; 7]; 12] = [
     [0b10001, 0b10001, 0b01010, 0b00100, 0b01010, 0b10001, 0b10001],
     [0b11111, 0b00001, 0b00010, 0b00100, 0b01000, 0b10000, 0b11111],
 ];
-/// How far the plate of a letter lies above its strokes; it is as large as the letter.
+/// Height of the plate of a letter above its strokes; the plate is as large as the letter.
 const RELIEF_MM: f64 = 1.5;
 /// Waves of an irregular body.
 const WAVES: usize = 6;
 
 impl Indenter {
-    /// The height of the underside at a place, about 0 at its lowest; infinite beside the body.
+    /// The height of the underside at a position, about 0 at its lowest point; infinite beside the
+    /// body.
     pub fn height(&self, x: f64, y: f64) -> f64 {
         let flat = |is_there: bool| if is_there { 0.0 } else { f64::INFINITY };
         match *self {
@@ -148,7 +150,8 @@ impl Indenter {
             Self::Irregular { seed, radius_mm } => {
                 let mut random = Random::new(seed);
                 let waves = (0..WAVES).map(|_| {
-                    // From half a radius to a fifth of it long, and steep enough to leave gaps.
+                    // Waves of half a radius to a fifth of it in length, steep enough to leave
+                    // gaps.
                     let length = radius_mm * (0.2 + 0.3 * random.uniform());
                     let (direction, phase) = (TAU * random.uniform(), TAU * random.uniform());
                     let along = cos(direction) * x + sin(direction) * y;
@@ -166,7 +169,8 @@ impl Indenter {
                         [away * cos(angle), away * sin(angle)]
                     })
                     .collect();
-                // The middle sees every corner: inside is the inner side of what is faced.
+                // Every corner is visible from the middle: a point is inside if it is on the inner
+                // side of the edge in its direction.
                 let left_of = |[ax, ay]: [f64; 2], [bx, by]: [f64; 2]| ax * by - ay * bx >= 0.0;
                 let is_inside = (0..corners.len()).any(|i| {
                     let (a, b) = (corners[i], corners[(i + 1) % corners.len()]);
@@ -208,7 +212,7 @@ impl Indenter {
     }
 }
 
-/// The underside of a ball, so far from its axis.
+/// The height of the underside of a ball at this distance from its axis.
 fn dome(radius: f64, away: f64) -> f64 {
     let below = radius * radius - away * away;
     if below >= 0.0 { radius - sqrt(below) } else { f64::INFINITY }
@@ -219,7 +223,7 @@ fn dome(radius: f64, away: f64) -> f64 {
 pub struct Placed {
     /// The shape.
     pub indenter: Indenter,
-    /// Where its middle is, from the middle of the gel, in millimetres.
+    /// Position of its middle relative to the middle of the gel, in millimetres.
     pub at_mm: [f64; 2],
     /// Its turn from x to y, in radians.
     pub turn: f64,
@@ -233,7 +237,7 @@ impl Placed {
         Self { indenter, at_mm: [0.0; 2], turn: 0.0, tilts: [0.0; 2] }
     }
 
-    /// The height of the underside at a place of the gel, not yet from its lowest point.
+    /// The height of the underside at a position on the gel, not yet relative to its lowest point.
     pub(crate) fn height(&self, x: f64, y: f64) -> f64 {
         let (cosine, sine) = (cos(self.turn), sin(self.turn));
         let [slope_x, slope_y] = self.tilts.map(tan);

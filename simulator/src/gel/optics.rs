@@ -1,14 +1,14 @@
-//! Measured optics: how the colour of a pixel changes with the slope of the gel's surface there.
+//! Measured optics: the change of a pixel's colour with the slope of the gel's surface.
 //!
 //! A ball of known radius was pressed on a real sensor at many places. Each of its pixels shows a
 //! slope. For bins of the slope's angle and direction, a quadratic in the place of the pixel was
 //! fitted to the change of its colour (Si and Yuan 2022, "Taxim: An Example-Based Simulation Model
-//! for `GelSight` Tactile Sensors", section III). The direction is that in which the surface rises
-//! towards the camera, from columns to rows.
+//! for `GelSight` Tactile Sensors", section III). In this direction the surface rises towards the
+//! camera; it is measured from columns to rows.
 //!
 //! A flat surface shows no change. The fits of the flattest bins have few pixels and differ by
-//! direction, so that up to [`FLAT`] the table's change at no slope is taken out again. Between
-//! bins the table is linear.
+//! direction, so that up to [`FLAT`] the table's change at zero slope is subtracted. Between bins
+//! the table is linear.
 
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
@@ -23,11 +23,11 @@ use crate::error::{Result, SimulatorError, setting};
 const FITTED: [f64; 2] = [640.0, 480.0];
 /// Terms of a quadratic: x^2, y^2, x y, x, y, 1.
 const TERMS: usize = 6;
-/// The angle in radians from which the table alone is true: about 7 degrees.
+/// The angle in radians from which the table is used without correction: about 7 degrees.
 const FLAT: f64 = 0.12;
 /// Grey level of a pixel at rest: networks see differences from it.
 const REST: f64 = 128.0;
-/// Greatest change in grey levels; quadratics reach beyond it in the corners.
+/// Maximum change in grey levels, because quadratics exceed it in the corners.
 const MAX_CHANGE: f64 = 120.0;
 
 /// The optics of a real sensor, from a table of quadratics.
@@ -44,8 +44,8 @@ impl MeasuredOptics {
     /// The optics of a `table` of the shape (3, bins, bins, 6).
     ///
     /// # Errors
-    /// [`SimulatorError::Setting`] where there are fewer than 2 bins, another number of values, or
-    /// values that are not finite; where the noise is negative.
+    /// [`SimulatorError::Setting`] if there are fewer than 2 bins, another number of values, or
+    /// values that are not finite, or if the noise is negative.
     pub fn new(table: Vec<f32>, bins: usize, noise: f64) -> Result<Self> {
         setting("bins", "at least 2", bins as f64, bins >= 2)?;
         setting(
@@ -69,7 +69,7 @@ impl MeasuredOptics {
     /// [`GelCamera::picture`](super::GelCamera::picture), about a grey of 128 at rest. O(pixels).
     ///
     /// # Errors
-    /// [`SimulatorError::Pixels`] where there is not a displacement for each pixel of `surface`.
+    /// [`SimulatorError::Pixels`] if there is not one displacement for each pixel of `surface`.
     pub fn picture(
         &self,
         surface: &Grid,
@@ -94,7 +94,7 @@ impl MeasuredOptics {
     }
 
     /// The change of red, green and blue where the surface rises by `slope` along columns and rows,
-    /// at a place of the fitted pictures.
+    /// at a position in the fitted pictures.
     fn change(&self, [along_x, along_y]: [f64; 2], [x, y]: [f64; 2]) -> [f64; 3] {
         let angle = atan(sqrt(along_x * along_x + along_y * along_y));
         let direction = atan2(along_y, along_x);

@@ -3,11 +3,11 @@
 //! The surface bulges towards the camera where an indenter presses. A light adds its colour times
 //! `(c + sqrt(c^2 + w^2)) / 2 / d^2` to a pixel: `c` is the cosine between the normal and the
 //! direction of the light, `d` its distance, `w` its width, because a wide light sets little by
-//! little behind a slope. A part of the surface that rises above the line to a light takes some of
-//! it away: a cast shadow. The sum of the lights and an even light becomes grey levels by the power
-//! `1 / gamma`. The [`Lens`] bends, darkens and blurs the picture.
+//! little behind a slope. A part of the surface that rises above the line to a light blocks some of
+//! it: a cast shadow. The sum of the lights and an even light becomes grey levels by the power `1 /
+//! gamma`. The [`Lens`] bends, darkens and blurs the picture.
 //!
-//! Left out: light that the surface reflects onto itself.
+//! The model leaves out light that the surface reflects onto itself.
 
 use libm::{ceil, exp, hypot, log, pow, sqrt};
 use meissner_kernels::random::Random;
@@ -30,13 +30,13 @@ pub struct Light {
 #[expect(missing_docs, reason = "the names say it")]
 pub struct GelCamera {
     pub lights: [Light; 3],
-    /// How wide they are, as a cosine.
+    /// Width of the lights, as a cosine.
     pub wide: f64,
-    /// The share of a light that a cast shadow takes; any but 0 made the fit worse.
+    /// The share of a light that a cast shadow blocks; any value except 0 made the fit worse.
     pub shadow: f64,
-    /// Red, green and blue of light that comes from everywhere.
+    /// Red, green and blue of the light from all directions.
     pub even: [f64; 3],
-    /// The power that makes light of grey levels.
+    /// The power that converts grey levels to light.
     pub gamma: f64,
     pub lens: Lens,
     /// Standard deviation of a grey level.
@@ -67,7 +67,7 @@ impl GelCamera {
     /// camera; its slopes are interpolated. O(pixels).
     ///
     /// # Errors
-    /// [`SimulatorError::Pixels`] where there is not a displacement for each pixel of `surface`.
+    /// [`SimulatorError::Pixels`] if there is not one displacement for each pixel of `surface`.
     pub fn picture(
         &self,
         surface: &Grid,
@@ -87,9 +87,9 @@ impl GelCamera {
         Ok(levels.into_iter().map(|level| noisy(level, self.noise, random.as_deref_mut())).collect())
     }
 
-    /// This camera on a picture that lies on its side: of a surface that was turned by a quarter
-    /// from rows to columns, it shows the picture turned in the same way. `aspect` is the width of
-    /// the picture over its height, before the turn.
+    /// This camera for a picture on its side: if the surface is turned by a quarter from rows to
+    /// columns, its picture is turned in the same way. `aspect` is the width of the picture over
+    /// its height, before the turn.
     #[must_use]
     pub fn turned(&self, aspect: f64) -> Self {
         let lights = self.lights.map(|Light { place: [x, y, z], colour }| Light {
@@ -99,7 +99,8 @@ impl GelCamera {
         Self { lights, ..*self }
     }
 
-    /// The grey levels of the surface at a place (column, row), of which the lens passes a share.
+    /// The grey levels of the surface at a position (column, row); the lens passes a share of the
+    /// light.
     fn levels(&self, surface: &Surface<'_>, [column, row]: [f64; 2], share: f64) -> [f64; 3] {
         let width = surface.grid.width as f64;
         let here = [column / width, row / width];
@@ -131,7 +132,7 @@ impl GelCamera {
         let here = surface.grid.between([column, row], |i| surface.displacement_mm[i]);
         let (rises, wide) = (to[2] / away, self.wide.max(1e-6));
         let (mut horizon, mut steps) = (0.0_f64, 1.0);
-        // As long as a place so far away can hide more of the light.
+        // As long as a point at this distance can hide more of the light.
         while (surface.highest_mm - here) / (steps * pitch_mm) > horizon.max(rises - wide) {
             let place = [column + steps * step_x, row + steps * step_y];
             let is_outside = |place: f64, count: usize| !(0.0..=(count - 1) as f64).contains(&place);
@@ -170,7 +171,7 @@ struct Surface<'a> {
 /// The slopes along columns and rows at each pixel: half the difference of the neighbours within.
 ///
 /// # Errors
-/// [`SimulatorError::Pixels`] where there is not a displacement for each pixel.
+/// [`SimulatorError::Pixels`] if there is not one displacement for each pixel.
 pub(super) fn slopes(grid: &Grid, displacement_mm: &[f64]) -> Result<Vec<[f64; 2]>> {
     let (expected, found) = (grid.pixels(), displacement_mm.len());
     if found != expected {
@@ -196,21 +197,21 @@ pub(super) fn slopes(grid: &Grid, displacement_mm: &[f64]) -> Result<Vec<[f64; 2
 }
 
 /// Standard deviations of the drift of the light from the picture at rest, in grey levels, for each
-/// term of a quadratic in the place from -1 to 1: those of the 20 real pictures that the lights are
-/// fitted to, away from contacts, equal for terms of equal degree.
+/// term of a quadratic in the position from -1 to 1. They are from the 20 real pictures to which
+/// the lights are fitted, away from contacts, and equal for terms of equal degree.
 const DRIFT: [f64; 6] = [12.0, 12.0, 12.0, 7.0, 7.0, 7.0];
 
-/// How the light has changed since the picture at rest: a quadratic for each colour.
+/// The change of the light since the picture at rest: a quadratic for each colour.
 #[derive(Clone, Copy, Debug)]
 pub struct Drift([[f64; 3]; 6]);
 
 impl Drift {
-    /// A change as large as those of the real sensor.
+    /// A random change as large as the changes of the real sensor.
     pub fn drawn(random: &mut Random) -> Self {
         Self(DRIFT.map(|deviation| [(); 3].map(|()| deviation * normal(random))))
     }
 
-    /// The change of red, green and blue at a place from -1 to 1.
+    /// The change of red, green and blue at a position from -1 to 1.
     fn at(&self, [u, v]: [f64; 2]) -> [f64; 3] {
         let terms = [1.0, u, v, u * u, u * v, v * v];
         [0, 1, 2].map(|channel| terms.iter().zip(&self.0).map(|(term, drift)| term * drift[channel]).sum())
@@ -230,7 +231,7 @@ pub fn picture_bytes(levels: &[[f32; 3]], size: [usize; 2], drift: Option<&Drift
     pixels.collect()
 }
 
-/// Roughly normal: the sum of twelve uniform values less six, whose variance is 1.
+/// Roughly normal: the sum of twelve uniform values minus six, with a variance of 1.
 fn normal(random: &mut Random) -> f64 {
     (0..12).map(|_| random.uniform()).sum::<f64>() - 6.0
 }
@@ -248,7 +249,7 @@ pub struct Lens {
 }
 
 impl Lens {
-    /// The place (column, row) that pixel `i` of a picture shows, and the share of its light.
+    /// The position (column, row) that pixel `i` of a picture shows, and the share of its light.
     pub(super) fn pixel(&self, surface: &Grid, size: [usize; 2], i: usize) -> ([f64; 2], f64) {
         let [x, y] = offset(size, i);
         let squared = x * x + y * y;
@@ -260,24 +261,25 @@ impl Lens {
     }
 
     /// The force on the surface that each pixel of a picture of this size shows, from the pressure:
-    /// in newtons where the pressure is in megapascals. O(pixels).
+    /// in newtons if the pressure is in megapascals. O(pixels).
     ///
     /// # Panics
-    /// Where there is not a pressure for each pixel of `surface`.
+    /// If there is not one pressure for each pixel of `surface`.
     pub fn forces(&self, surface: &Grid, pressure_mpa: &[f64], size: [usize; 2]) -> Vec<f64> {
         assert_eq!(pressure_mpa.len(), surface.pixels(), "a pressure for each pixel");
         let side_mm = surface.pitch_mm * surface.width as f64 / size[0] as f64;
         let force = |i: usize| {
             let [x, y] = offset(size, i);
             let bent = self.distortion * (x * x + y * y);
-            // The determinant of the derivative of the place.
+            // The determinant of the derivative of the position.
             let area = side_mm * side_mm * (1.0 + bent) * (1.0 + 3.0 * bent);
             area * surface.between(self.pixel(surface, size, i).0, |i| pressure_mpa[i])
         };
         (0..size[0] * size[1]).map(force).collect()
     }
 
-    /// Blurs along rows, then columns, by a Gaussian cut at three deviations. O(pixels x blur).
+    /// Blurs along rows, then columns, with a Gaussian that is cut at three deviations. O(pixels x
+    /// blur).
     pub(super) fn blur(&self, size: [usize; 2], levels: &mut [[f64; 3]]) {
         let deviation = self.blur * size[0] as f64;
         if deviation <= 0.0 {
@@ -310,8 +312,8 @@ fn offset([width, height]: [usize; 2], i: usize) -> [f64; 2] {
     [from_middle(i % width, width), from_middle(i / width, height)].map(|twice| twice / width as f64)
 }
 
-/// A gel with its camera. The default has the lights that are fitted to pictures of a real sensor,
-/// turned to pictures that are wider than high.
+/// A gel with its camera. The default has the lights that were fitted to pictures of a real sensor,
+/// turned for pictures that are wider than high.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[expect(missing_docs, reason = "the names say it")]
 pub struct GelSensor {
@@ -331,9 +333,9 @@ impl Default for GelSensor {
 }
 
 impl GelSensor {
-    /// A second sensor of the same kind: a stiffer and thinner gel, lights of other strength at
-    /// other places, a lens that bends and darkens, shadows, another scale. Each differs from the
-    /// default by about as much as [`Self::drawn`] spreads it.
+    /// A second sensor of the same kind: a stiffer and thinner gel, lights of other strengths at
+    /// other positions, a lens that bends and darkens, shadows, another scale. Each differs from
+    /// the default by about as much as [`Self::drawn`] spreads it.
     pub fn second() -> Self {
         let mut sensor = Self::default();
         sensor.gel.modulus_mpa *= 1.12;

@@ -1,15 +1,15 @@
-//! How a gel answers pressure: how far its surface moves under a uniform pressure on one pixel, the
-//! convolution with that kernel, and the slow part of the answer.
+//! The response of a gel to pressure: the movement of its surface under a uniform pressure on one
+//! pixel, the convolution with that kernel, and the slow part of the response.
 //!
-//! A half-space moves as Love 1929 has it (Johnson 1985, "Contact Mechanics", Eq. 3.25). A layer of
-//! thickness H bonded to a plate adds `(1 - nu^2) / (pi E H) * integral of (S(w) - 1) J0(w r / H)
-//! dw` times the area of the pixel, with the transfer function S of Bentall and Johnson 1968, "An
-//! elastic strip in plane rolling contact", section 2.
+//! A half-space moves according to Love 1929 (Johnson 1985, "Contact Mechanics", Eq. 3.25). A layer
+//! of thickness H bonded to a plate adds `(1 - nu^2) / (pi E H) * integral of (S(w) - 1) J0(w r /
+//! H) dw` times the area of the pixel, with the transfer function S of Bentall and Johnson 1968,
+//! "An elastic strip in plane rolling contact", section 2.
 //!
 //! `S(w) = ((3 - 4 nu) sinh 2w - 2w) / ((3 - 4 nu) cosh 2w + 2 w^2 + 5 - 12 nu + 8 nu^2)`: 1 for
 //! short waves, which do not reach the plate. The difference from the half-space is smooth, so that
-//! the middle of a pixel stands for its area. The transforms are rustfft's scalar ones, so that the
-//! bits are those of every machine.
+//! its value at the middle of a pixel stands for the pixel's area. The transforms are rustfft's
+//! scalar ones, so that the bits are the same on every machine.
 
 use std::f64::consts::PI;
 use std::sync::Arc;
@@ -18,24 +18,26 @@ use libm::{asinh, cosh, expm1, fabs, j0, log1p, sinh, sqrt};
 use rustfft::num_complex::Complex;
 use rustfft::{Fft, FftPlannerScalar};
 
-/// How far a gel moves under large pressures.
+/// The movement of a gel under large pressures.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Strain {
-    /// In proportion to the pressure. A gel of finite thickness is too soft from a third of it on.
+    /// In proportion to the pressure. A gel of finite thickness is too soft if it moves by a third
+    /// of the thickness or more.
     #[default]
     Small,
     /// Logarithmic: a surface that would move by `w` moves by `H (1 - exp(-w / H))` in a gel of
-    /// thickness H, which gets stiffer the more it is compressed, and is never pressed through.
+    /// thickness H, which gets stiffer under compression and is never pressed through.
     ///
     /// A wide, thin layer of Hencky's material (Hencky 1928; Anand 1979, "On H. Hencky's
     /// approximate strain-energy function for moderate deformations"), whose stress is linear in
-    /// the logarithm of the stretch, moves exactly so. Anywhere else the law is a model: it keeps
-    /// the small-strain field of a point load, and bends each place by itself.
+    /// the logarithm of the stretch, moves exactly like this. In all other cases the law is a
+    /// model: it keeps the small-strain field of a point load, and bends each point separately.
     Logarithmic,
 }
 
 impl Strain {
-    /// How far the surface of a layer of this thickness moves that would move by `linear_mm`.
+    /// The movement of the surface of a layer of this thickness, if it would move by `linear_mm`
+    /// under small strains.
     pub fn moved(self, thickness_mm: f64, linear_mm: f64) -> f64 {
         match self {
             Self::Logarithmic if thickness_mm.is_finite() => -thickness_mm * expm1(-linear_mm / thickness_mm),
@@ -94,14 +96,16 @@ impl Grid {
         self.width * self.height
     }
 
-    /// The place of the pixel in this column and row from the middle of the grid, in millimetres.
+    /// The position of the pixel in this column and row relative to the middle of the grid, in
+    /// millimetres.
     pub fn place(&self, column: usize, row: usize) -> (f64, f64) {
         let from_middle =
             |index: usize, count: usize| (index as f64 - (count - 1) as f64 / 2.0) * self.pitch_mm;
         (from_middle(column, self.width), from_middle(row, self.height))
     }
 
-    /// The value at a place (column, row), bilinear from those `at` pixels; outside, the border's.
+    /// The value at a position (column, row), bilinear from the values `at` pixels; outside, the
+    /// border's value.
     pub fn between(&self, [column, row]: [f64; 2], at: impl Fn(usize) -> f64) -> f64 {
         let split = |place: f64, count: usize| {
             let place = place.clamp(0.0, (count - 1) as f64);
@@ -118,7 +122,7 @@ impl Grid {
         above + down * (below - above)
     }
 
-    /// The heights of an indenter, row by row, from its height at a place in millimetres.
+    /// The heights of an indenter, row by row, from its height at a position in millimetres.
     pub fn heights(&self, height: impl Fn(f64, f64) -> f64) -> Vec<f64> {
         let pixels =
             (0..self.height).flat_map(|row| (0..self.width).map(move |column| self.place(column, row)));
@@ -142,7 +146,7 @@ pub(super) struct Convolution {
 }
 
 impl Convolution {
-    /// `kernel` gives the value so many columns and rows from the middle, on either side.
+    /// `kernel` gives the value at a number of columns and rows from the middle, on either side.
     pub(super) fn new(width: usize, height: usize, kernel: impl Fn(usize, usize) -> f64) -> Self {
         let mut planner = FftPlannerScalar::new();
         let rows = [planner.plan_fft_forward(2 * width), planner.plan_fft_inverse(2 * width)];
@@ -184,7 +188,7 @@ impl Convolution {
         self.by_columns.iter_mut().zip(&self.kernel).for_each(|(value, kernel)| *value *= kernel);
         let Self { rows, columns, by_rows, by_columns, scratch, .. } = self;
         columns[1].process_with_scratch(by_columns, scratch);
-        // Only the rows of the picture go back.
+        // Only the rows of the picture are transformed back.
         let lines = &mut by_rows[..2 * width * height];
         for (row, line) in lines.chunks_exact_mut(2 * width).enumerate() {
             for (column, value) in line.iter_mut().enumerate() {
@@ -195,7 +199,7 @@ impl Convolution {
         lines.chunks_exact(2 * width).flat_map(|line| line[..width].iter().map(|value| value.re)).collect()
     }
 
-    /// Transforms `by_rows`, of whose rows the first `filled` are not zero, into `by_columns`.
+    /// Transforms `by_rows` into `by_columns`; only its first `filled` rows are not zero.
     fn forward(&mut self, filled: usize) {
         let (width, height) = (2 * self.width, 2 * self.height);
         self.rows[0].process_with_scratch(&mut self.by_rows[..width * filled], &mut self.scratch);
@@ -261,7 +265,7 @@ fn corner(x: f64, y: f64) -> f64 {
 
 /// The integral of `(S(w) - 1) J0(w distance)`, by Simpson's rule.
 fn layer(poisson: f64, distance: f64) -> f64 {
-    // Steps that follow both S and the waves of J0.
+    // Enough steps to follow both S and the waves of J0.
     let steps = 2 * (SHORT * (20.0 + 4.0 * distance)) as usize;
     let width = SHORT / steps as f64;
     let value = |i: usize| {
@@ -279,12 +283,12 @@ fn transfer(nu: f64, w: f64) -> f64 {
     above / below
 }
 
-/// The pressure of a gel of which a share of the stiffness relaxes, from elastic pressures.
+/// The pressure of a gel with a partly relaxing stiffness, from elastic pressures.
 ///
 /// `p(t) = (1 - share) e(t) + share * integral of exp(-(t - s) / time) de(s)`, with the elastic
 /// pressure `e` linear between two steps (Fung 1981, "Biomechanics", section 7.6: quasi-linear
-/// viscoelasticity). Where this is negative the indenter has left the gel, and the pressure is 0.
-/// What relaxes slowly makes loading and unloading differ.
+/// viscoelasticity). Where this is negative, the indenter has left the gel, and the pressure is 0.
+/// The slow relaxation makes loading and unloading differ.
 #[derive(Clone, Debug)]
 pub struct Relaxation {
     share: f64,
@@ -296,7 +300,8 @@ pub struct Relaxation {
 }
 
 impl Relaxation {
-    /// A gel at rest, of which `share` (0 to 1) relaxes with the time constant `time_s` above 0.
+    /// A gel at rest; `share` (0 to 1) of its stiffness relaxes with the time constant `time_s`
+    /// above 0.
     pub fn new(pixels: usize, share: f64, time_s: f64) -> Self {
         Self { share, time_s, elastic: vec![0.0; pixels], memory: vec![0.0; pixels] }
     }
@@ -304,7 +309,7 @@ impl Relaxation {
     /// The pressure `seconds` after the last step, when the elastic one is `elastic`. O(pixels).
     ///
     /// # Panics
-    /// Where `elastic` has another number of pixels.
+    /// If `elastic` has another number of pixels.
     pub fn step(&mut self, seconds: f64, elastic: &[f64]) -> Vec<f64> {
         assert_eq!(elastic.len(), self.elastic.len(), "a pressure for each pixel");
         let steps = seconds / self.time_s;

@@ -1,19 +1,19 @@
-//! The contact of a bolt with a pad along time: tabled pressures, and their relaxation.
+//! The contact of a bolt with a pad over time: tabled pressures, and their relaxation.
 //!
-//! Contacts are solved at [`DEPTHS`] depths. Between them a field is linear in depth that is the
-//! pressure where the bolt touches, and less than 0 in proportion to the gap elsewhere: the edge of
-//! a contact then moves evenly from one depth to the next.
+//! Contacts are solved at [`DEPTHS`] depths. Between them, a field is linear in depth. It is the
+//! pressure where the bolt touches, and negative in proportion to the gap elsewhere, so that the
+//! edge of a contact moves evenly from one depth to the next.
 
 use meissner_engine::Sensor;
 
 use crate::Result;
 use crate::gel::{GelSolver, Grid, Load, Placed, Relaxation};
 
-/// Depths of the table, with 0.
+/// Depths of the table, including 0.
 const DEPTHS: usize = 12;
-/// What of the gap counts as negative pressure, in MPa/mm: it shapes the edge between depths.
+/// Negative pressure per gap, in MPa/mm: it shapes the edge between depths.
 const PULL_MPA_PER_MM: f64 = 0.05;
-/// The elastic force of a table as a multiple of a grasp's: what relaxes takes the rest.
+/// The elastic force of a table as a multiple of a grasp's, because relaxation takes a part of it.
 const SPARE: f64 = 1.4;
 /// Halvings of the interval of a depth.
 const HALVINGS: usize = 40;
@@ -21,14 +21,14 @@ const HALVINGS: usize = 40;
 /// A pad under a bolt.
 pub struct PressedPad {
     depths_mm: Vec<f64>,
-    /// Of each depth: pressure, or negative gap, of each pixel.
+    /// Pressure, or negative gap, of each pixel, for each depth.
     pressed: Vec<Vec<f64>>,
-    /// Of each depth: displacement of each pixel in millimetres.
+    /// Displacement of each pixel in millimetres, for each depth.
     displaced: Vec<Vec<f64>>,
     relaxes: (f64, f64),
     relaxation: Relaxation,
     lowest_mm: f64,
-    /// Fields now.
+    /// Current fields.
     pressure_mpa: Vec<f64>,
     displacement_mm: Vec<f64>,
 }
@@ -59,7 +59,7 @@ impl PressedPad {
             let contact = solver.press(&heights, Load::Depth(depth_mm))?;
             let fields = contact.pressure_mpa.iter().zip(&contact.displacement_mm).zip(&heights);
             let field = fields.map(|((&pressure, displacement), height)| {
-                // Beside the bolt there is no gap to speak of, only none to come.
+                // Beside the bolt the gap is bounded, because no contact will come there.
                 let gap = (height.min(2.0 * deepest) + displacement - depth_mm).max(0.0);
                 if pressure > 0.0 { pressure } else { -PULL_MPA_PER_MM * gap }
             });
@@ -88,10 +88,11 @@ impl PressedPad {
         if depth_mm > 0.0 { sum * PAD.pitch_mm * PAD.pitch_mm } else { 0.0 }
     }
 
-    /// The greatest depth of a loading to `force_n`, whose `depths` at each step it gives.
+    /// The greatest depth of a loading to `force_n`; `depths` gives the depths at each step for a
+    /// greatest depth.
     pub fn depth_of<I: Iterator<Item = f64>>(&self, force_n: f64, depths: impl Fn(f64) -> I) -> f64 {
         let (mut low, mut high) = (0.0, self.deepest_mm());
-        // While every pixel is loaded, the sum relaxes as each of them does.
+        // While every pixel is loaded, the sum relaxes like each pixel.
         let table: Vec<f64> = (0..=TABLED).map(|i| self.elastic_n(high * i as f64 / TABLED as f64)).collect();
         let spacing = high / TABLED as f64;
         let elastic = |depth_mm: f64| {
@@ -153,7 +154,7 @@ impl PressedPad {
     }
 }
 
-/// Forces that a search for a depth looks up.
+/// Number of tabled forces for the search for a depth.
 const TABLED: usize = 256;
 
 /// The pixels of a pad's surface, on which contacts are solved.

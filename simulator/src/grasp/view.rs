@@ -1,4 +1,5 @@
-//! What the camera inside a finger sees through the pad: a bolt that comes near, the contact.
+//! The picture of the camera inside a finger through the pad: a bolt that comes near, and the
+//! contact.
 //!
 //! The light of a pixel, as a share of a white surface's, is
 //!
@@ -17,8 +18,8 @@
 //! the pad, which turns away from the camera where its slope rises (the lobe of Beckmann and
 //! Spizzichino 1963).
 //!
-//! Left out: refraction, light from one part of the pad onto another, shadows. No constant was
-//! fitted to a real sensor: contrasts, light and scratches are drawn over ranges.
+//! The model leaves out refraction, light from one part of the pad onto another, and shadows. No
+//! constant was fitted to a real sensor: contrasts, light and scratches are drawn over ranges.
 
 use std::f64::consts::TAU;
 
@@ -35,7 +36,7 @@ const CLOSES_MPA: f64 = 0.004;
 const FALLS_MM: f64 = 5.0;
 /// The width W of the reflection, as a slope.
 const LOBE: f64 = 0.12;
-/// Blur of an edge, and what each millimetre of distance adds.
+/// Blur of an edge, and the blur that each millimetre of distance adds.
 const BLUR_MM: (f64, f64) = (0.2, 0.12);
 /// Wavelengths of the scratches along the bolt, and their slant across it.
 const SCRATCHES_MM: [(f64, f64); 3] = [(0.9, 0.2), (1.7, -0.4), (3.1, 0.1)];
@@ -45,7 +46,7 @@ const SCRATCHES_MM: [(f64, f64); 3] = [(0.9, 0.2), (1.7, -0.4), (3.1, 0.1)];
 pub struct Look {
     /// Light of a white surface, in lux.
     pub lux: f64,
-    /// Share of the light that the metal gives back where it faces the camera.
+    /// Share of the light that the metal reflects where it faces the camera.
     pub metal: f64,
     /// The same share, relative to the metal, where silicone touches it.
     pub wet: f64,
@@ -57,7 +58,7 @@ pub struct Look {
     pub scratches: (f64, [f64; 3]),
 }
 
-/// The view of a bolt, a cylinder; of other indenters only the contact is seen.
+/// The view of a bolt, a cylinder; for other indenters, only the contact is visible.
 pub(super) struct View<'a> {
     bolt: &'a Placed,
     look: &'a Look,
@@ -99,7 +100,7 @@ impl<'a> View<'a> {
         }
     }
 
-    /// What is seen through an untouched pad, and the metal's brightness; 0 beside it.
+    /// The light through an untouched pad, and the metal's brightness; 0 beside the metal.
     fn behind(&self, (x, y): (f64, f64), depth_mm: f64, displacement_mm: f64, blur_mm: f64) -> (f64, f64) {
         let Look { metal, ground, scratches: (contrast, phases), .. } = *self.look;
         let (x, y) = (x - self.bolt.at_mm[0], y - self.bolt.at_mm[1]);
@@ -140,7 +141,7 @@ impl<'a> View<'a> {
     }
 }
 
-/// A place between four pixels of the pad.
+/// A point between four pixels of the pad.
 struct Corner {
     first: usize,
     share: [f64; 2],

@@ -1,4 +1,4 @@
-//! Forces against the energy, whose gradient they are.
+//! Forces against the gradient of the energy.
 
 use super::{Dome, Press, Shell, Triangle, Vector, angle};
 

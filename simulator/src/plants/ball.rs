@@ -1,6 +1,6 @@
 //! A ball on a gel under a camera, which a controller moves.
 //!
-//! Enters: motions of the ball. Leaves: pictures, and what is true; equal for an equal seed.
+//! Input: motions of the ball. Output: pictures and the truth; equal for an equal seed.
 
 use meissner_kernels::random::Random;
 
@@ -9,17 +9,19 @@ use crate::gel::{
     Contact, Drift, GelSensor, GelSolver, Grid, Indenter, Load, Placed, max_depth_share, picture_bytes,
 };
 
-/// Pixels of the picture for each one of the grid of contacts, along a side: a ball is smooth.
+/// Pixels of the picture for each pixel of the grid of contacts, along a side. A coarse grid is
+/// enough because a ball is smooth.
 const COARSENESS: usize = 4;
 /// The ball stays within this share of the surface around its middle, along each side.
 const WITHIN: f64 = 0.6;
 
-/// A contact: what is true, or what a network says of a picture.
+/// A contact: the truth, or a network's reading of a picture.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct BallContact {
     /// The force in newtons.
     pub force_n: f64,
-    /// The contact's middle from that of the picture, in millimetres; `None` without contact.
+    /// The contact's middle relative to that of the picture, in millimetres; `None` without
+    /// contact.
     pub middle_mm: Option<[f64; 2]>,
 }
 
@@ -31,7 +33,7 @@ pub struct BallOnGel {
     size: [usize; 2],
     drift: Drift,
     random: Random,
-    /// How deep the ball is, negative above the gel, and where.
+    /// Depth of the ball, negative above the gel, and its position.
     depth_mm: f64,
     at_mm: [f64; 2],
     contact: Option<Contact>,
@@ -53,7 +55,8 @@ impl BallOnGel {
         Ok((plant, picture_bytes(&at_rest, size, None)))
     }
 
-    /// Moves the ball as far as it can go, and returns that: deeper, along x, along y, in mm.
+    /// Moves the ball as far as possible, and returns the actual motion: deeper, along x, along y,
+    /// in mm.
     ///
     /// # Errors
     /// As [`GelSolver::press`].
@@ -78,16 +81,16 @@ impl BallOnGel {
         Ok(moved)
     }
 
-    /// What is true now.
+    /// The current truth.
     pub fn truth(&self) -> BallContact {
         let Some(contact) = &self.contact else { return BallContact::default() };
         BallContact { force_n: contact.force_n, middle_mm: (contact.force_n > 0.0).then_some(self.at_mm) }
     }
 
-    /// What the camera sees now: red, green and blue of each pixel, row by row.
+    /// The current picture of the camera: red, green and blue of each pixel, row by row.
     ///
     /// # Errors
-    /// None for a plant that was made.
+    /// Never, once the plant exists.
     pub fn picture(&mut self) -> Result<Vec<u8>> {
         let grid = self.solver.grid();
         let flat;

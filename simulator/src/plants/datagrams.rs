@@ -1,8 +1,8 @@
-//! What fingertip and controller tell each other, beside the events.
+//! Messages between fingertip and controller, in addition to the events.
 //!
 //! Events go to the controller as records of 16 bytes (`meissner_io::record`). The controller sends
-//! its target once in each cycle to the fingertip, which answers to where the newest target came
-//! from, once in each millisecond. Least significant byte first:
+//! its target to the fingertip once per cycle. The fingertip sends its state once per millisecond
+//! to the sender of the newest target. Least significant byte first:
 //!
 //! | bytes of a target | value |
 //! |---|---|
@@ -19,7 +19,7 @@
 
 use super::{Angles, Phase};
 
-/// Where the wrist should point.
+/// The target direction of the wrist.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct WristTarget {
     /// Number of the controller's cycle.
@@ -28,7 +28,7 @@ pub struct WristTarget {
     pub angles: Angles,
 }
 
-/// What the fingertip knows of itself. The plane is not among it.
+/// The fingertip's knowledge of itself, without the plane.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FingertipState {
     /// Time in microseconds, on the clock of the events.
@@ -37,7 +37,7 @@ pub struct FingertipState {
     pub depth_mm: f64,
     /// Roll and pitch of the wrist in radians.
     pub wrist: Angles,
-    /// What it does.
+    /// Its phase.
     pub phase: Phase,
     /// Number of the tap, from 0.
     pub tap: u32,

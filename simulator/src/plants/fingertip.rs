@@ -1,10 +1,10 @@
 //! The simulated fingertip: a soft dome on a wrist that taps a plane, and the events of its camera.
 //!
-//! Enters: time, targets of the wrist. Leaves: events in order, and the fingertip's state.
+//! Input: time, targets of the wrist. Output: events in order, and the fingertip's state.
 //!
-//! The wrist turns between two contacts only: the model of the dome has no turn of the plane during
-//! a press. What the camera sees in a tap is thus decided when the tap begins, a tenth of a second
-//! before the contact, and can be filmed ahead of real time.
+//! The wrist turns only between two contacts, because the model of the dome has no turn of the
+//! plane during a press. The images of a tap are thus fixed when the tap begins, a tenth of a
+//! second before the contact, and can be filmed ahead of real time.
 
 use std::sync::Arc;
 
@@ -33,14 +33,14 @@ const RESTING_US: i64 = 10_000;
 pub struct Fingertip {
     surface: Surface,
     wrist: Wrist,
-    /// Angles of the plane beside the dome in this tap.
+    /// Angles of the plane relative to the dome in this tap.
     contact: Angles,
     /// Time that has passed, in ticks.
     now_us: i64,
     film: Film,
 }
 
-/// The camera and what it has seen.
+/// The camera and its film.
 #[derive(Clone, Debug)]
 struct Film {
     table: Arc<PressTable>,
@@ -52,7 +52,7 @@ struct Film {
     image: Vec<f32>,
     /// Time of the newest image.
     filmed_us: i64,
-    /// Events that were not taken yet.
+    /// Events that are not taken yet.
     events: Vec<SimulatedEvent>,
 }
 
@@ -67,7 +67,7 @@ impl Fingertip {
     /// # Errors
     /// Never: the camera's settings are in range.
     pub fn new(table: Arc<PressTable>, surface: Surface, seed: u64) -> Result<Self> {
-        // Those of the training, which agree with a real stream (docs/simulated-touch.md).
+        // Settings of the training, which agree with a real stream (docs/simulated-touch.md).
         let scene = MarkerScene::default();
         let mut film = Film {
             view: DomeView::new(&Dome::default(), FINGERTIP_SENSOR),
@@ -101,7 +101,7 @@ impl Fingertip {
         }
     }
 
-    /// Films an image if what it shows is decided and not yet filmed; whether it did.
+    /// Films an image if its content is fixed and not yet filmed; returns whether it did.
     ///
     /// # Errors
     /// Never: images are finite and in order of time.
@@ -117,7 +117,7 @@ impl Fingertip {
         Ok(true)
     }
 
-    /// Appends the events since the call before and up to now to `events`.
+    /// Appends the events from the previous call up to now to `events`.
     ///
     /// # Errors
     /// As [`Self::film_ahead`].
@@ -128,7 +128,7 @@ impl Fingertip {
         Ok(())
     }
 
-    /// What it knows of itself.
+    /// The fingertip's knowledge of itself.
     pub fn state(&self) -> FingertipState {
         FingertipState {
             t_us: self.now_us,
@@ -153,7 +153,7 @@ impl Fingertip {
         u32::try_from(self.now_us / TAP_US).unwrap_or(u32::MAX)
     }
 
-    /// Angles of the plane beside the dome.
+    /// Angles of the plane relative to the dome.
     fn away(&self) -> Angles {
         let (plane, dome) = (self.plane(), self.wrist.angles());
         [plane[0] - dome[0], plane[1] - dome[1]]

@@ -90,8 +90,8 @@ fn random_phases_spread_the_first_events_of_equal_pixels_over_a_threshold() {
     let mut camera =
         Camera::new(sensor, CameraSettings { dark_lux: 1e-12, ..CameraSettings::ideal() }, 3).unwrap();
     let mut events = Vec::new();
-    // The logarithm rises by one threshold in 10 ms: each pixel fires once, at a time that its
-    // phase decides, except for the half that start below their reference.
+    // The logarithm rises by one threshold in 10 ms: each pixel fires once, at a time that depends
+    // on its phase, except for the half that start below their reference.
     camera.push(0, &[0.5; 2_000], &mut events).unwrap();
     camera.push(10_000, &[0.5 * 0.2_f32.exp(); 2_000], &mut events).unwrap();
     camera.finish(&mut events);
@@ -193,8 +193,8 @@ fn settings_out_of_range_are_refused_by_name() {
     assert_eq!(refused(CameraSettings { cutoff_max_hz: 0.0, ..settings }), "cutoff_max_hz");
 }
 
-/// The pixel's equations in steps of a twentieth of a microsecond: slow, and obviously what the
-/// table of `camera` says.
+/// The pixel's equations in steps of a twentieth of a microsecond: slow, and obviously equal to the
+/// list in `camera`.
 fn in_small_steps(settings: &CameraSettings, images: &[(i64, f32)]) -> Vec<Event> {
     const STEP_US: f64 = 0.05;
     let logarithm = |intensity: f32| (settings.lux * f64::from(intensity) + settings.dark_lux).ln();
@@ -255,9 +255,9 @@ proptest! {
             ..in_phase()
         };
         let (found, expected) = (events_of(settings, &images), in_small_steps(&settings, &images));
-        // Where the level only touches a threshold, one of the two may miss it, and everything
-        // after it differs. Where it comes close slowly, a small difference of levels is a larger
-        // one of times.
+        // If the level only touches a threshold, one of the two may miss it, and everything after
+        // it differs. If it comes close slowly, a small difference of levels is a larger difference
+        // of times.
         let close = |i: usize| {
             let since = if i == 0 { 0 } else { expected[i].t_us - expected[i - 1].t_us };
             found[i].on == expected[i].on && (found[i].t_us - expected[i].t_us).abs() <= 3 + since / 100
@@ -319,7 +319,7 @@ proptest! {
 }
 
 mod noise {
-    //! Noise against measured facts: how many of 2,500 pixels of a real sensor show any, by light
+    //! Noise against measurements: the share of 2,500 pixels of a real sensor with noise, by light
     //! and polarity.
 
     use meissner_engine::Sensor;
@@ -352,7 +352,7 @@ mod noise {
     #[test]
     fn noise_by_light_and_polarity_is_that_of_a_measured_sensor() {
         // Measured, on and off in per cent: 100 and 100 at 0.1 lux, 34 and 0.2 at 161 lux, 95 and 0
-        // at 3,000 lux. How long the sensor was watched is not known; the rates are set for ten
+        // at 3,000 lux. The duration of the measurement is not known; the rates are set for ten
         // seconds.
         let sensor = Sensor::new(50, 50);
         let settings = CameraSettings { hot_share: 0.0, ..CameraSettings::default() };

@@ -1,7 +1,7 @@
 //! The dome: its mesh and presses, markers in a camera, and the table of presses.
 
 mod markers {
-    //! Markers: where a moving disc makes events, and of which polarity.
+    //! Markers: the positions and polarities of the events of a moving disc.
 
     use meissner_engine::Sensor;
     use meissner_simulator::{Camera, CameraSettings, MarkerScene, MarkerTracks, SimulatorError};

@@ -30,7 +30,7 @@ fn near(found: f64, expected: f64, share: f64) {
     assert!((found - expected).abs() <= share * expected.abs(), "{found}, expected {expected}");
 }
 
-/// The largest distance from the middle of the pixels that `is_there`.
+/// The largest distance from the middle among pixels with `is_there`.
 fn radius(grid: &Grid, is_there: impl Fn(usize) -> bool) -> f64 {
     let places =
         (0..grid.pixels()).filter(|&i| is_there(i)).map(|i| grid.place(i % grid.width, i / grid.width));
@@ -118,7 +118,7 @@ fn a_thin_layer_is_as_stiff_as_a_column_and_a_thick_one_a_half_space() {
 }
 
 /// Displacements of the nodes at the top of a finite-element gel, 5.5 mm thick and slightly domed,
-/// that is loaded in one node: distance in mm, mean of the nodes of a ring as a share of the loaded
+/// under a load on one node: distance in mm, mean of the nodes of a ring as a share of the loaded
 /// one's, and their standard deviation. Computed from the published field of Taxim (Si and Yuan
 /// 2022), which states neither load nor material.
 const FINITE_ELEMENTS: [[f64; 3]; 6] = [
@@ -179,7 +179,7 @@ fn a_stiffening_gel_touches_where_it_presses_and_never_lies_beyond_the_indenter(
             assert!(gap > -2e-4, "{indenter:?}: {gap} at {i}");
             assert!(contact.pressure_mpa[i] == 0.0 || gap.abs() < 2e-4, "{indenter:?}: {gap} at {i}");
         }
-        // The force that a depth takes leads to that depth.
+        // The force at a depth leads back to that depth.
         let again = gel.press(&heights, Load::Force(contact.force_n)).unwrap();
         near(again.depth_mm, 0.5, 1e-3);
         near(again.force_n, contact.force_n, 1e-9);
@@ -213,8 +213,8 @@ fn a_ball_that_is_shifted_sticks_in_the_circle_of_mindlin() {
     let mut gel = solver(HALF_SPACE, GRID);
     let contact = gel.press(&heights, Load::Depth(depth_mm)).unwrap();
     let limit_n = HALF_SPACE.friction * contact.force_n;
-    // Mindlin 1949; Johnson 1985, Eq. 7.39 and 7.42: the shift and the stick circle that a share of
-    // the limit takes.
+    // Mindlin 1949; Johnson 1985, Eq. 7.39 and 7.42: the shift and the stick circle under a share
+    // of the limit.
     let (a, shear) = ((radius_mm * depth_mm).sqrt(), HALF_SPACE.modulus_mpa / 3.0);
     for share in [0.2, 0.5, 0.9_f64] {
         let slips = (1.0 - share).powf(1.0 / 3.0);
@@ -230,7 +230,7 @@ fn a_ball_that_is_shifted_sticks_in_the_circle_of_mindlin() {
     assert_eq!(gel.slide(&heights, &contact, 0.0).unwrap().force_n, 0.0);
 }
 
-/// The displacement as a plain sum over all pairs of pixels.
+/// The displacement as a direct sum over all pairs of pixels.
 fn summed(kernel: &[Vec<f64>], pressure: &[f64]) -> Vec<f64> {
     kernel.iter().map(|row| row.iter().zip(pressure).map(|(k, p)| k * p).sum()).collect()
 }
@@ -281,7 +281,8 @@ proptest! {
         for i in 0..grid.pixels() {
             prop_assert!((pressure_mpa[i] - slow[i]).abs() < 1e-3 * largest, "{i}: {} {}", pressure_mpa[i], slow[i]);
             prop_assert!((displacement_mm[i] - moved[i]).abs() < 1e-9);
-            // Nowhere pulled, nowhere inside each other, and touching where pressed.
+            // No pixel is pulled, gel and indenter do not overlap, and they touch where there is
+            // pressure.
             let gap = displacement_mm[i] - (depth_mm - heights[i]);
             prop_assert!(pressure_mpa[i] >= 0.0 && gap > -1e-4, "{i}: {gap}");
             prop_assert!(pressure_mpa[i] < 1e-3 * largest || gap < 1e-4, "{i}: {gap}");
@@ -289,7 +290,7 @@ proptest! {
         prop_assert!((force_n - pressure_mpa.iter().sum::<f64>() * 0.09).abs() < 1e-9);
     }
 
-    /// However a ramp is cut into steps, the pressure at its end is the same.
+    /// The pressure at the end of a ramp does not depend on its division into steps.
     #[test]
     fn a_ramp_relaxes_the_same_in_any_steps(cuts in prop::collection::vec(0.001..0.2, 1..20), share in 0.0..1.0, time_s in 0.01..2.0) {
         let whole: f64 = cuts.iter().sum();
@@ -310,7 +311,7 @@ fn what_is_held_relaxes_and_what_is_let_go_is_0() {
     assert_eq!(gel.step(0.0, &[2.0, 0.0]), [2.0, 0.0]);
     near(gel.step(0.5, &[2.0, 0.0])[0], 2.0 * (0.6 + 0.4 * (-1.0_f64).exp()), 1e-12);
     near(gel.step(50.0, &[2.0, 0.0])[0], 1.2, 1e-9);
-    // Let go at once, the gel is still below its place at rest.
+    // After a sudden release, the gel is still below its position at rest.
     assert_eq!(gel.step(0.0, &[0.0, 0.0]), [0.0, 0.0]);
 }
 
@@ -428,10 +429,10 @@ fn pins_are_apart_or_overlap_within_their_radius() {
         let mut is_left: Vec<_> = heights.iter().map(|height| height.is_finite()).collect();
         for (pixel, height) in heights.iter().enumerate().filter(|(_, height)| height.is_finite()) {
             let [x, y] = [pixel % 121, pixel / 121].map(|i| (i as f64 - 60.0) * 0.15);
-            // Half a diagonal of the largest end beyond the outermost middle.
+            // The outermost middle plus half a diagonal of the largest end.
             assert!(x.hypot(y) <= 6.0 + 2.0 * SQRT_2 && (0.0..=0.2).contains(height), "{seed}: {x}, {y}");
         }
-        // Places that touch, by filling one after another.
+        // Count of separate touching regions, by flood fill.
         let mut places = 0;
         while let Some(first) = is_left.iter().position(|&is| is) {
             let mut open = vec![first];
@@ -474,7 +475,7 @@ fn polygons_hold_their_corners_and_wires_follow_their_arc() {
         let is_inside = |angle: f64, away: f64| polygon.height(away * angle.cos(), away * angle.sin()) == 0.0;
         for i in 0..90 {
             let angle = TAU * (f64::from(i) + 0.5) / 90.0;
-            // Along a ray from the middle it ends once, and within its radius.
+            // Along a ray from the middle, the polygon ends once, and within its radius.
             let inside: Vec<_> = (1..40).map(|step| is_inside(angle, 0.06 * f64::from(step))).collect();
             assert!(inside.is_sorted_by(|before, after| before >= after) && !inside[33], "{seed}: {angle}");
             assert!(inside[0], "{seed}: {angle}");

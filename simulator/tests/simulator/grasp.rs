@@ -1,4 +1,4 @@
-//! Grasps of a bolt: forces, hysteresis, phases, and what the camera sees.
+//! Grasps of a bolt: forces, hysteresis, phases, and the camera's events.
 
 use std::sync::OnceLock;
 
@@ -97,7 +97,7 @@ fn at_equal_depth_the_force_is_smaller_when_the_bolt_leaves() {
 #[test]
 fn the_edge_of_a_growing_contact_becomes_darker_and_that_of_a_shrinking_one_brighter() {
     let mut grasp = Grasp::drawn(3, 1);
-    // Nothing but the contact moves: the bolt begins and ends at the pad, and stays in its place.
+    // Only the contact moves: the bolt begins and ends at the pad, and does not slip.
     grasp.away_mm = [0.0; 2];
     grasp.settles_mm = [0.0; 2];
     grasp.look.reflection = 0.0;

@@ -1,4 +1,4 @@
-//! Pictures of a gel: the fitted lights against their twin in Python, and what a picture shows.
+//! Pictures of a gel: the fitted lights against their twin in Python, and the content of pictures.
 
 use std::f64::consts::{FRAC_PI_2, PI};
 
@@ -38,7 +38,7 @@ fn slopes_have_the_levels_of_the_fit() {
     }
 }
 
-/// Optics of 5 bins a side whose red follows the slope along columns, green that along rows, and
+/// Optics of 5 bins a side: red follows the slope along columns, green the slope along rows, and
 /// blue the column of the picture.
 fn optics() -> MeasuredOptics {
     let bins = 5;
@@ -68,7 +68,7 @@ fn measured_optics_show_in_which_direction_a_surface_rises_and_nothing_where_it_
     near(shown(0.0, 1.0), [128.0, 178.0, blue], 0.1);
     near(shown(0.0, -1.0), [128.0, 78.0, blue], 0.1);
     near(shown(0.0, 0.0), [128.0; 3], 1e-3);
-    // Half-way up to the angle from which the table alone is true.
+    // Half of the angle from which the table is used without correction.
     near(shown(0.06_f64.tan(), 0.0), [128.0 + 100.0 * 0.06 / FRAC_PI_2 as f32, 128.0, 128.0 + 16.11], 0.1);
 }
 
@@ -158,7 +158,7 @@ fn a_shadow_falls_behind_a_wall_away_from_the_light_and_nowhere_else() {
     for column in [10, 50, 115] {
         assert_eq!(level(1.0, column).to_bits(), level(0.0, column).to_bits(), "{column}: in the light");
     }
-    // Only the even light is left in the shadow, a share of the light where a share is taken away.
+    // Only the even light is left in the shadow, or a share of the light if a share is blocked.
     let even = (255.0 * camera.even[0].powf(1.0 / camera.gamma)) as f32;
     assert!((level(1.0, 66) - even).abs() < 0.01);
     assert!(level(1.0, 66) < level(0.5, 66) && level(0.5, 66) < level(0.0, 66));

@@ -85,7 +85,7 @@ fn a_ball_stays_on_the_sensor_and_within_its_depth() {
 fn a_coarse_grid_is_fine_enough_for_a_ball() {
     let sensor = GelSensor::default();
     for force_n in [0.4, 1.6] {
-        // Pictures of twice as many pixels a side are solved on a grid twice as fine.
+        // Pictures with twice as many pixels a side are solved on a grid twice as fine.
         let [coarse, fine] =
             [[320, 240], [640, 480]].map(|size| ball_depth_mm(&sensor, 5.0, size, force_n).unwrap());
         assert!((coarse / fine - 1.0).abs() < 0.02, "{force_n} N: {coarse} mm, {fine} mm");

@@ -32,7 +32,7 @@ impl BatchNorm {
         Self { gamma: scale, beta: shift, mean, variance, epsilon: 0.0 }
     }
 
-    /// (x - mean) / sqrt(variance + epsilon) gamma + beta, of channel `o`.
+    /// (x - mean) / sqrt(variance + epsilon) gamma + beta, for channel `o`.
     fn of(&self, x: f64, o: usize) -> f64 {
         let [gamma, beta, mean, variance] =
             [&self.gamma, &self.beta, &self.mean, &self.variance].map(|v| f64::from(v[o]));

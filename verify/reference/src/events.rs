@@ -254,7 +254,7 @@ fn input(reference: &EventReference, event: &Event) -> Vec<f64> {
     row
 }
 
-/// Range of event indices that event `i` may read from; it may include `i`.
+/// Range of event indices from which event `i` may read; it may include `i`.
 fn candidates(reference: &EventReference, events: &[Event], i: usize) -> Range<usize> {
     let parts = reference.network.parts();
     match parts.graph.candidates {

@@ -5,9 +5,10 @@
 //! as in the equations. Elementary functions are the platform's, so that the last bits may differ
 //! between machines.
 //!
-//! A neighbour search by a k-d tree proposes candidates to a batch, the oracle of large windows.
+//! A neighbour search by a k-d tree proposes candidates to a batch. The batch is the oracle for
+//! large windows.
 //!
-//! | type | what it is |
+//! | type | meaning |
 //! |---|---|
 //! | [`EventReference`] | a network over events; every row of every level of a stream |
 //! | [`FrameReference`] | a network over frames, frame by frame |

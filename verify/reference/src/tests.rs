@@ -125,7 +125,7 @@ fn image() -> Image {
 fn a_convolution_sees_zeros_beyond_the_border() {
     let ones = conv(&image(), 3, 1, &[1.0; 9], Some(&[0.5]), false);
     assert_eq!(ones.values, [12.5, 21.5, 16.5, 12.5, 21.5, 16.5]);
-    // A weight at the first place reads the pixel above and to the left.
+    // The first weight reads the pixel above and to the left.
     let mut first = [0.0; 9];
     first[0] = -1.0;
     assert_eq!(conv(&image(), 3, 1, &first, None, false).values, [0.0, 0.0, 0.0, 0.0, -1.0, -2.0]);

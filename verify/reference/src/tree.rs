@@ -9,7 +9,7 @@ use std::ops::Range;
 use kiddo::{ImmutableKdTree, SquaredEuclidean};
 use meissner_engine::{Places, Propose};
 
-/// Number of events up to which all pairs are proposed: a tree is no faster there.
+/// Number of events up to which all pairs are proposed, because a tree is not faster there.
 const FEW: usize = 500;
 
 /// Proposes neighbours for windows of any size: all pairs of a few events, else near events from a
@@ -48,7 +48,8 @@ pub fn from_tree(places: &Places<'_>, tell: &mut dyn FnMut(&[u32])) {
     }
 }
 
-/// Squared distance that contains the first `most` candidates of event `i`; none without any.
+/// Squared distance within which the first `most` candidates of event `i` lie; `None` without
+/// candidates.
 fn bound(
     tree: &ImmutableKdTree<f64, 3>,
     position: &[f64; 3],

@@ -1,9 +1,9 @@
 //! Recordings in an endless loop, and disturbances between their events.
 //!
-//! Enters: recordings, and a seed. Leaves: events. All stamps of a recording are shifted, so that
-//! it begins after the one before. Invariants: within a recording, differences between stamps are
-//! its own, except for inserted silences; a shuffled deck of eight disturbances is dealt to its
-//! end.
+//! Input: recordings, and a seed. Output: events. All stamps of a recording are shifted, so that
+//! it begins after the one before; the first one begins with any of its events. Invariants: within
+//! a recording, differences between stamps are those of the recording, except for inserted
+//! silences; a shuffled deck of eight disturbances is dealt to its end.
 
 use std::sync::Arc;
 
@@ -12,8 +12,10 @@ use meissner_kernels::random::Random;
 
 use crate::error::VerifyError;
 
-/// Silences are below 2 to this power, in microseconds: some 9 minutes.
+/// Silences are below 2 to this power, in microseconds: about 9 minutes.
 const MAX: u64 = 29;
+/// The first event comes before 2 to this power, in microseconds: about a year.
+const MAX_START: u64 = 45;
 
 /// A recording with at least one event.
 #[derive(Debug)]
@@ -35,9 +37,17 @@ impl Recording {
         events.iter_mut().for_each(|event| event.t_us = event.t_us.saturating_sub(begin));
         Ok(Self { name, events })
     }
+
+    pub(crate) fn name(&self) -> &str {
+        &self.name
+    }
+
+    pub(crate) fn events(&self) -> &[Event] {
+        &self.events
+    }
 }
 
-/// The stream, at an event. A clone looks ahead.
+/// The stream, positioned at an event. A clone can look ahead.
 #[derive(Clone, Debug)]
 pub(crate) struct Endless {
     recordings: Arc<[Recording]>,
@@ -52,22 +62,14 @@ pub(crate) struct Endless {
 }
 
 impl Endless {
-    /// The stream over `recordings`, at least one, with random silences between them.
-    pub(crate) fn new(recordings: Vec<Recording>, random: Random) -> Self {
-        Self {
-            recordings: recordings.into(),
-            recording: 0,
-            next: 0,
-            shift_us: 0,
-            newest_us: 0,
-            silent_us: 0,
-            rounds: 0,
-            random,
-        }
-    }
-
-    pub(crate) fn names(&self) -> Vec<String> {
-        self.recordings.iter().map(|recording| recording.name.clone()).collect()
+    /// The stream over `recordings`, at least one, with random silences between them. It begins
+    /// with a random event, at a random time.
+    pub(crate) fn new(recordings: Arc<[Recording]>, mut random: Random) -> Self {
+        let recording = random.below(recordings.len() as u64) as usize;
+        let next = random.below(recordings[recording].events.len() as u64) as usize;
+        let newest_us = random.below(1 << MAX_START) as i64;
+        let shift_us = newest_us.saturating_sub(recordings[recording].events[next].t_us);
+        Self { recordings, recording, next, shift_us, newest_us, silent_us: 0, rounds: 0, random }
     }
 
     /// Number of recordings that have begun after the first.
@@ -75,7 +77,7 @@ impl Endless {
         self.rounds
     }
 
-    /// Delays the next event by 1 us to some 9 minutes, and returns the middle of the silence.
+    /// Delays the next event by 1 us to about 9 minutes, and returns the middle of the silence.
     pub(crate) fn fall_silent(&mut self) -> i64 {
         let magnitude = 1 << self.random.below(MAX);
         let silence = (magnitude + self.random.below(magnitude)) as i64;
@@ -107,9 +109,9 @@ impl Endless {
 pub(crate) enum Disturbance {
     /// Nothing happens for a while.
     Silence,
-    /// A silence, and time is moved on to its middle.
+    /// A silence, with an advance of the time to its middle.
     Advance,
-    /// The state is written as bytes, and a new engine goes on from them.
+    /// The state is written as bytes, and a new engine continues from them.
     Bytes,
     /// A snapshot in memory, events that are to be forgotten, and the return to it.
     Snapshot {

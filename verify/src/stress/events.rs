@@ -18,15 +18,15 @@ use crate::error::VerifyError;
 #[derive(Clone, Debug)]
 pub(crate) struct EventRun {
     pub(crate) network: Arc<Network>,
-    /// Batch norms as they were before they were folded.
+    /// Batch norms before they were folded.
     pub(crate) norms: BTreeMap<String, BatchNorm>,
     pub(crate) sensor: Sensor,
     pub(crate) events: Vec<Event>,
 }
 
-/// Predictions of a stream that are compared with a batch.
+/// Number of predictions of a stream that are compared with a batch.
 const COMPARED: usize = 32;
-/// One in so many of these is computed in f64, too.
+/// One in so many of these is also computed in f64.
 const PER_REFERENCE: usize = 8;
 
 impl Run for EventRun {
@@ -39,7 +39,7 @@ impl Run for EventRun {
         let batch = BatchEngine::new(Arc::clone(network), *sensor)?;
         let batch = batch.with_search(Search::Proposed(meissner_reference::PROPOSE));
         let mut checked = CheckedEngine::of(poisoned(Arc::clone(network), *sensor)?, batch);
-        // No network that is stressed has a head.
+        // No network under stress has a head.
         let reference = EventReference::new(Arc::clone(network), *sensor, None)?.with_norms(norms);
         let mut errors = LayerErrors::default();
         let stride = events.len().div_ceil(COMPARED);
@@ -53,7 +53,7 @@ impl Run for EventRun {
                     &trace.as_ref().map(|trace| trace.prediction.clone()).map_err(Clone::clone),
                 );
                 let Ok(trace) = trace else { continue };
-                // Counted at the prediction, if that is another one.
+                // If the prediction differs, the difference is already counted there.
                 result.different += u64::from(got.is_ok() && checked.compare_rows(&trace).is_err());
                 if i + 1 == events.len() || (i + 1) / stride % PER_REFERENCE == 0 {
                     errors.add(network, &trace, &reference.forward(checked.batch.stream()));
@@ -70,7 +70,7 @@ impl Run for EventRun {
         let start = Instant::now();
         for &event in &self.events {
             engine.push(event);
-            // A prediction that is refused is timed, too.
+            // A refused prediction is timed, too.
             let _ = engine.predict();
         }
         Ok(start.elapsed().as_secs_f64() * 1e6 / self.events.len() as f64)
@@ -81,7 +81,7 @@ impl Run for EventRun {
 #[derive(Default)]
 struct LayerErrors {
     prediction: Difference,
-    /// Of each feature that a block wrote, level by level.
+    /// Differences of each feature that a block wrote, level by level.
     layers: BTreeMap<(usize, usize), Difference>,
 }
 
@@ -113,11 +113,12 @@ impl LayerErrors {
     }
 }
 
-/// Neighbours among all, with one pooling and with three, and from the past, frozen and not.
+/// Networks with neighbours among all events, with one pooling and with three, and with neighbours
+/// from the past, frozen and not.
 pub(crate) const NETWORKS: [&str; 4] = ["graphres", "tactigraph", "tactigraph-frozen", "tactigraph-past"];
-/// Most events in the window: fewer than there are, so that some are evicted.
+/// Maximum number of events in the window: below the number of events, so that some are evicted.
 const CAPACITY: usize = 300;
-/// Of the shipped networks, in microseconds.
+/// Span of the shipped networks, in microseconds.
 const SPAN: i64 = 150_000;
 const SENSOR: Sensor = Sensor { width: 240, height: 180 };
 
@@ -127,16 +128,17 @@ pub(crate) struct Shape {
     pub(crate) name: &'static str,
     span_us: i64,
     pub(crate) sensor: Sensor,
-    /// Event `i` of so many.
+    /// Event `i` of `count` events.
     event: fn(i: i64, count: i64, &mut Random) -> Event,
 }
 
-/// Anywhere on the sensor.
+/// An event anywhere on the sensor.
 fn spread(t_us: i64, random: &mut Random) -> Event {
     Event::new(t_us, random.below(240) as u16, random.below(180) as u16, random.below(2) == 1)
 }
 
-/// Time `i` of those that begin at `first` and are `mean` microseconds apart, give or take as much.
+/// Time `i` of a sequence that begins at `first` with steps of `mean` microseconds, give or take as
+/// much.
 fn at(first: i64, i: i64, mean: i64, random: &mut Random) -> i64 {
     first + i * mean + random.below(mean as u64 + 1) as i64
 }
@@ -218,8 +220,8 @@ pub(crate) fn events(shape: &Shape, count: usize) -> Vec<Event> {
     events
 }
 
-/// The shipped network `name` with capacity [`CAPACITY`], without its filters: they would keep most
-/// of what stresses it away.
+/// The shipped network `name` with capacity [`CAPACITY`], without its filters, because they would
+/// drop most of the stressing events.
 pub(crate) fn network(name: &str, weights: &Weights) -> Result<Network, VerifyError> {
     let (description, _) = meissner_run::model::describe(name)?;
     let network =

@@ -27,7 +27,7 @@ struct FrameRun {
     steps: u64,
 }
 
-/// Most frames that are timed.
+/// Maximum number of timed frames.
 const TIMED: u64 = 20_000;
 /// Frames from one reading of all layers to the next.
 const LAYERS_EVERY: u64 = 997;
@@ -43,7 +43,7 @@ impl FrameRun {
         FrameEngine::with_options(network, FrameOptions::new().with_skip(skip))
     }
 
-    /// The first `steps` frames, in order, for `take`.
+    /// Passes the first `steps` frames, in order, to `take`.
     fn each(
         &self,
         steps: u64,
@@ -106,7 +106,7 @@ impl Run for FrameRun {
         let start = Instant::now();
         for frame in frames.chunks_exact(self.parts.input.values()) {
             engine.push(frame)?;
-            // A prediction that is refused is timed, too.
+            // A refused prediction is timed, too.
             let _ = engine.predict();
         }
         Ok(start.elapsed().as_secs_f64() * 1e6 / steps as f64)
@@ -133,7 +133,7 @@ pub(crate) const CELLS: [Cell; 3] = [
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Gates {
     pub(crate) name: &'static str,
-    /// Of i, f, g and o.
+    /// Biases of i, f, g and o.
     bias: [f32; 4],
     /// Largest weights on the frame and on the state.
     weights: [f32; 2],
@@ -163,7 +163,7 @@ const ORDINARY_GATES: Gates = Gates {
 pub(crate) const GATES: &[Gates] = &[
     ORDINARY_GATES,
     Gates { name: "forget gate at 1", bias: [0.0, 40.0, 0.0, 0.0], within: 1e-1, ..ORDINARY_GATES },
-    // Nothing leaves, everything enters: the cell is a sum over all frames.
+    // The cell forgets nothing and takes everything: it is a sum over all frames.
     Gates {
         name: "all gates at 1",
         bias: [40.0, 40.0, 0.0, 40.0],
@@ -175,8 +175,8 @@ pub(crate) const GATES: &[Gates] = &[
     Gates { name: "all gates at 0", bias: [-200.0, -200.0, 0.0, -200.0], ..ORDINARY_GATES },
     Gates { name: "gates in the denormal range", bias: [-95.0, 0.0, 0.0, 0.0], ..ORDINARY_GATES },
     Gates { name: "gates that alternate", weights: [1e4, 0.3], frames: alternating, ..ORDINARY_GATES },
-    // Gates are steps there: where the sum of a gate is nearer to 0 than its rounding, f32 and f64
-    // stand on different sides of the step.
+    // Gates are steps there: if the sum of a gate is nearer to 0 than its rounding, f32 and f64 are
+    // on different sides of the step.
     Gates {
         name: "frames of 1e30",
         within: 1.0,
@@ -205,7 +205,7 @@ fn of_gates(cell: &Cell, gates: &Gates, size: Size) -> FrameRun {
     let bias = gates.bias.iter().flat_map(|&bias| vec![bias; hidden]).collect();
     let [on_frame, on_state] = gates.weights;
     let (input, mut layers, outputs) = if cell.convolutional {
-        // For each output, one channel of the frame and then those of the state.
+        // For each output, one channel of the frame and then the channels of the state.
         let weight = (0..4 * hidden).flat_map(|_| {
             let mut weights = random.values(9, on_frame);
             weights.extend(random.values(9 * hidden, on_state / 2.0));
@@ -243,14 +243,15 @@ pub(crate) const CONVOLUTIONS: [Convolution; 3] = [
     Convolution::Winograd(WinogradTile::Four),
 ];
 
-/// Images on which the transforms of Winograd's tiles lose most, and weights of two layers.
+/// Images on which the transforms of Winograd's tiles lose the most precision, and weights of two
+/// layers.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Images {
     pub(crate) name: &'static str,
     frames: Frames,
     /// Largest weight of the first layer.
     weight: f32,
-    /// Whether its weights of each kernel sum to nothing, so that an even image becomes 0.
+    /// Whether the weights of each of its kernels sum to 0, so that an even image becomes 0.
     edges: bool,
     /// Whether tiles of four overflow.
     overflows: bool,
@@ -258,7 +259,7 @@ pub(crate) struct Images {
     within: [f64; 3],
 }
 
-/// Sets a few pixels anew; the whole image with the first frame.
+/// Sets new values for a few pixels; for the whole image in the first frame.
 fn some(step: u64, random: &mut Random, frame: &mut [f32], value: impl Fn(usize, &mut Random) -> f32) {
     if step == 0 {
         for (i, pixel) in frame.iter_mut().enumerate() {
@@ -331,7 +332,7 @@ pub(crate) const IMAGES: &[Images] = &[
     },
 ];
 
-/// `images`, convolved as [`CONVOLUTIONS`] has it at `index`.
+/// `images`, convolved by the algorithm at `index` of [`CONVOLUTIONS`].
 pub(crate) fn winograd(images: &Images, index: usize) -> Prepared {
     let overflows = images.overflows && index == 2;
     Prepared {

@@ -7,7 +7,8 @@ use serde::Serialize;
 
 /// Inputs that are computed together.
 const CHUNK: u64 = 1 << 16;
-/// Of all bit patterns, one in so many; prime, so that all patterns of low bits occur.
+/// One in so many bit patterns is computed. The number is prime, so that all patterns of low bits
+/// occur.
 const STRIDE: u64 = 4099;
 /// Bit patterns to each side of a special value.
 const NEAR: u32 = 512;
@@ -25,7 +26,7 @@ pub struct FunctionResult {
     pub at: f32,
     /// The bound that the function's documentation states.
     pub bound: f64,
-    /// Inputs that are not NaN and whose results are.
+    /// Inputs that are not NaN but whose results are NaN.
     pub not_numbers: u64,
     /// Promises that are broken.
     pub broken: Vec<String>,
@@ -37,7 +38,7 @@ impl FunctionResult {
         Self { function, inputs: 0, ulps: 0.0, at: 0.0, bound, not_numbers: 0, broken: Vec::new() }
     }
 
-    /// The larger error of both; of equal ones that of the smaller bit pattern.
+    /// The larger of both errors; if they are equal, the one with the smaller bit pattern.
     fn with(self, other: Self) -> Self {
         let key = |result: &Self| (result.ulps, u32::MAX - result.at.to_bits());
         let (inputs, not_numbers) = (self.inputs + other.inputs, self.not_numbers + other.not_numbers);
@@ -46,8 +47,8 @@ impl FunctionResult {
     }
 }
 
-/// The largest error of `function` over all bit patterns, or over a part of them where `quick`.
-/// `done` is called after every 256th part.
+/// The largest error of `function` over all bit patterns, or over a part of them if `quick`. `done`
+/// is called after every 256th part.
 pub fn sweep(function: Elementary, quick: bool, done: impl Fn() + Sync) -> FunctionResult {
     let none = || FunctionResult::of_none(function);
     let mut result = if quick {

@@ -21,13 +21,13 @@ const EPSILON: f64 = 1e-5;
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Altered {
     pub(crate) name: &'static str,
-    /// Of the weights of the first block, and of all others.
+    /// Factors of the weights of the first block, and of all others.
     blocks: [f32; 2],
-    /// Of the weights of the dense layers.
+    /// Factor of the weights of the dense layers.
     dense: f32,
-    /// Of biases and shifts, those of the dense layers too.
+    /// Factor of biases and shifts, also those of the dense layers.
     added: f32,
-    /// In place of all running variances.
+    /// Replaces all running variances.
     variance: Option<f32>,
     expect: Expect,
     within: f64,
@@ -59,7 +59,7 @@ pub(crate) const ALTERED: &[Altered] = &[
         ..NONE
     },
     Altered { name: "denormal weights", blocks: [1e-39; 2], ..NONE },
-    // Of 24 bits, 20 are left near 1e-39.
+    // Near 1e-39, 20 of 24 bits are left.
     Altered { name: "denormal activations", blocks: [1e-39, 1.0], added: 0.0, within: 1e-3, ..NONE },
     Altered { name: "variances of 0", variance: Some(0.0), ..NONE },
     Altered { name: "variances of 1e-30", variance: Some(1e-30), ..NONE },

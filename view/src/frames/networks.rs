@@ -1,4 +1,4 @@
-//! Networks over frames by name, and what a page knows about one.
+//! Networks over frames by name, and the facts about one for a page.
 
 use std::sync::Arc;
 
@@ -11,12 +11,12 @@ use crate::error::ViewError;
 use crate::facts::{Facts, FrameFacts, LayerFacts};
 use crate::networks::{Chosen, Networks};
 
-/// A network over frames, and how its frames are made.
+/// A network over frames, and the source of its frames.
 #[derive(Clone, Debug)]
 pub struct Framed {
     /// The network.
     pub network: Arc<FrameNetwork>,
-    /// How its frames are made.
+    /// The source of its frames.
     pub source: FrameSource,
     /// The word of each layer in a file: "conv", "lstm".
     words: Vec<&'static str>,
@@ -25,15 +25,15 @@ pub struct Framed {
 }
 
 impl Framed {
-    /// What the values of a prediction are.
+    /// The kind of the values of a prediction.
     pub(super) fn predicts(&self) -> &'static str {
         if let FrameSource::Picture(_) = self.source { "force of each pixel" } else { "prediction" }
     }
 }
 
 impl Chosen<Framed> {
-    /// `network` with the frames and the outputs of its `description`. Of forces on pixels, the
-    /// area of the contact and the sum of its forces are shown.
+    /// `network` with the frames and the outputs of its `description`. For forces on pixels, the
+    /// page shows the area of the contact and the sum of its forces.
     pub fn framed(network: Arc<FrameNetwork>, description: &FrameDescription, source: FrameSource) -> Self {
         let of = |name: &str| description.layers().iter().find(|layer| layer.name == name);
         let channels = |shape| match shape {
@@ -56,9 +56,9 @@ impl Chosen<Framed> {
 /// The networks over frames of the same kind that come with the program.
 #[derive(Clone, Copy, Debug)]
 pub struct ShippedFrames {
-    /// How the frames of one of them are made.
+    /// The source of the frames.
     pub source: FrameSource,
-    /// Shape of a frame: the same pictures fit networks of one size alone.
+    /// Shape of a frame: the same pictures fit only networks of one size.
     pub shape: FrameShape,
 }
 
@@ -95,7 +95,7 @@ impl Networks<Framed> for ShippedFrames {
     }
 }
 
-/// What a page knows about a network over frames.
+/// The facts about a network over frames for a page.
 pub(super) fn facts(input: &str, sensor: &FrameSensor, name: &str, chosen: &Chosen<Framed>) -> Facts {
     let framed = &chosen.network;
     let layers = framed.network.layers().zip(&framed.words).zip(&framed.channels);

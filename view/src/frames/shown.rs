@@ -1,9 +1,9 @@
-//! What a frame of the page shows of an engine over frames.
+//! The data of an engine over frames in a frame of the page.
 
 use super::{Content, Frame, Frames, Kind};
 use crate::frame::{Bytes, FrameWriter};
 
-/// Readings that are shown, of 10 ms.
+/// Number of shown readings, each of 10 ms.
 const READINGS: usize = 200;
 
 impl Frames {

@@ -10,20 +10,20 @@ use tungstenite::{Bytes, Error, Message, WebSocket};
 use super::hub::{Hub, Seen};
 use super::request::{self, Answer, Gate};
 
-/// Bytes of a command.
+/// Maximum bytes of a command.
 const MAX_COMMAND: usize = 4 << 10;
-/// Time in which a client must take what it is sent.
+/// Time within which a client must accept sent data.
 const WRITE_TIME: Duration = Duration::from_secs(5);
-/// Time between two questions whether a client is there.
+/// Time between two pings of a client.
 const PING: Duration = Duration::from_secs(5);
-/// Time after which one that does not answer is given up.
+/// Time without an answer after which a client is dropped.
 const SILENCE: Duration = Duration::from_secs(20);
-/// Longest wait for a frame before commands are looked for.
+/// Longest wait for a frame before a check for commands.
 const FRAME_WAIT: Duration = Duration::from_millis(10);
-/// Longest wait for a command before frames are looked for.
+/// Longest wait for a command before a check for frames.
 const COMMAND_WAIT: Duration = Duration::from_millis(1);
 
-/// What a browser may do with the page: load its files, connect to this host, and no more.
+/// The page may load its files and connect to this host, and nothing else.
 const HEADERS: &str = "Content-Security-Policy: default-src 'none'; script-src 'self'; style-src 'self'; \
     img-src 'self' blob: data:; connect-src 'self' ws://127.0.0.1:* ws://localhost:*; worker-src 'self'; \
     base-uri 'none'; form-action 'none'; frame-ancestors 'none'\r\n\
@@ -36,7 +36,7 @@ const HEADERS: &str = "Content-Security-Policy: default-src 'none'; script-src '
 /// Serves a connection to its end.
 ///
 /// # Errors
-/// The client broke off, was too slow, or sent what is no request and no message.
+/// The client broke off, was too slow, or sent neither a request nor a message.
 pub(super) fn serve(mut stream: TcpStream, gate: &Gate, hub: &Hub) -> io::Result<()> {
     stream.set_write_timeout(Some(WRITE_TIME))?;
     stream.set_nodelay(true)?;
@@ -95,7 +95,7 @@ fn respond(mut stream: TcpStream, status: &str, kind: &str, content: &[u8], whol
         stream.write_all(content)?;
     }
     stream.shutdown(Shutdown::Write)?;
-    // What is closed with unread bytes is reset, and the client may lose the answer.
+    // A connection that is closed with unread bytes is reset, and the client may lose the answer.
     stream.set_read_timeout(Some(Duration::from_millis(500)))?;
     let _ = stream.read(&mut [0; 1024]);
     Ok(())
@@ -113,7 +113,7 @@ fn talk(mut socket: WebSocket<TcpStream>, hub: &Hub) -> io::Result<()> {
             asked = Instant::now();
             send(&mut socket, Message::Ping(Bytes::new()))?;
         }
-        // One message a turn: whoever sends without pause does not keep its frames away.
+        // One message per turn, so that a client that sends without pause still gets its frames.
         match socket.read() {
             Ok(Message::Text(text)) => hub.take(text.as_str().to_owned()),
             Ok(Message::Close(_)) => return Ok(()),
@@ -137,7 +137,7 @@ fn waits(error: &Error) -> bool {
     matches!(error, Error::Io(error) if matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut))
 }
 
-/// Sends a message whole, or fails.
+/// Sends a complete message, or fails.
 fn send(socket: &mut WebSocket<TcpStream>, message: Message) -> io::Result<()> {
     let deadline = Instant::now() + WRITE_TIME;
     let mut sent = socket.send(message);

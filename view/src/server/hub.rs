@@ -1,19 +1,19 @@
-//! Where frames wait for clients, and commands for whoever makes frames.
+//! The exchange between clients and the thread that makes frames.
 //!
-//! Invariant: one frame waits, the newest. A client that is slower than the frames misses those in
-//! between and nothing else; facts that it has not seen come first.
+//! Invariant: only the newest frame waits. A client that is slower than the frames misses only
+//! those in between; facts that it has not seen come first.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
-/// Commands that wait; more are dropped.
+/// Maximum number of waiting commands; further ones are dropped.
 const MAX_COMMANDS: usize = 256;
-/// Pages at a time.
+/// Maximum number of pages at a time.
 const MAX_CLIENTS: usize = 16;
 
-/// Bytes that several clients send.
+/// Bytes that are sent to several clients.
 type Shared = Arc<Vec<u8>>;
 
 /// The newest frame, and the commands of all clients.
@@ -32,19 +32,19 @@ struct State {
     facts: Option<(u64, Shared)>,
     frame: Option<(u64, Shared)>,
     clients: usize,
-    /// Clients so far.
+    /// Number of clients so far.
     opened: u64,
     closed: bool,
 }
 
-/// What a client has sent.
+/// The state that was sent to a client.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Seen {
     facts: u64,
     frame: u64,
 }
 
-/// A place among the clients; dropped, it is free again.
+/// A place among the clients; a drop frees it.
 pub(super) struct Place<'a>(&'a Hub);
 
 impl Drop for Place<'_> {
@@ -66,7 +66,7 @@ impl Hub {
     }
 
     fn lock(&self) -> MutexGuard<'_, State> {
-        // Every change of the state is a whole one.
+        // Every change of the state is complete.
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
@@ -91,7 +91,7 @@ impl Hub {
         self.arrived.notify_all();
     }
 
-    /// Hands a frame to all clients that wait for one.
+    /// Gives a frame to all clients that wait for one.
     pub fn publish(&self, frame: Vec<u8>) {
         let mut state = self.lock();
         let number = state.frame.as_ref().map_or(0, |(number, _)| *number) + 1;
@@ -106,7 +106,7 @@ impl Hub {
         self.received.lock().unwrap_or_else(PoisonError::into_inner).try_recv().ok()
     }
 
-    /// Waits for a command, but no longer than `time`.
+    /// Waits for a command for at most `time`.
     pub fn command_within(&self, time: Duration) -> Option<String> {
         self.received.lock().unwrap_or_else(PoisonError::into_inner).recv_timeout(time).ok()
     }
@@ -128,7 +128,7 @@ impl Hub {
         Some(Place(self))
     }
 
-    /// Waits for what a client has not `seen`, but no longer than `time`: facts, then the frame.
+    /// Waits for data that a client has not `seen`, for at most `time`: facts, then the frame.
     pub(super) fn next(&self, seen: &mut Seen, time: Duration) -> Vec<Shared> {
         let mut state = self.lock();
         let is_news = |state: &State| {

@@ -1,4 +1,4 @@
-//! The head of a request, read with limits, and whether it may pass.
+//! The head of a request, read with limits, and the decision about it.
 
 use std::io::{self, Read};
 use std::net::TcpStream;
@@ -8,21 +8,21 @@ use tungstenite::handshake::derive_accept_key;
 
 use super::assets;
 
-/// Bytes of a head.
+/// Maximum bytes of a head.
 const MAX_HEAD: usize = 8 << 10;
-/// Headers of a request.
+/// Maximum number of headers of a request.
 const MAX_HEADERS: usize = 64;
-/// Time for a whole head.
+/// Maximum time for a complete head.
 const HEAD_TIME: Duration = Duration::from_secs(3);
 
-/// Who may come in.
+/// The rules for accepted requests.
 #[derive(Debug)]
 pub(super) struct Gate {
     hosts: [String; 2],
     token: String,
 }
 
-/// What a request gets.
+/// The answer to a request.
 #[derive(Debug, PartialEq, Eq)]
 pub(super) enum Answer {
     /// A file of the page, without its content for HEAD.
@@ -38,7 +38,7 @@ impl Gate {
         Self { hosts: ["127.0.0.1", "localhost"].map(|host| format!("{host}:{port}")), token }
     }
 
-    /// What the request with this head gets.
+    /// The answer to the request with this head.
     pub(super) fn answer(&self, head: &[u8]) -> Answer {
         let mut headers = [httparse::EMPTY_HEADER; MAX_HEADERS];
         let mut request = httparse::Request::new(&mut headers);
@@ -48,14 +48,14 @@ impl Gate {
         let header = |name: &str| {
             let mut of = request.headers.iter().filter(|header| header.name.eq_ignore_ascii_case(name));
             let value = of.next().and_then(|header| std::str::from_utf8(header.value).ok());
-            // Two of them: two readers may each believe another one.
+            // A repeated header is refused, because two readers may use different values.
             value.filter(|_| of.next().is_none())
         };
         let has = |name: &str, word: &str| {
             header(name).is_some_and(|list| list.split(',').any(|of| of.trim().eq_ignore_ascii_case(word)))
         };
         let (method, target) = (request.method.unwrap_or_default(), request.path.unwrap_or_default());
-        // A name that someone else's server gives to this address does not make it theirs.
+        // A foreign name for this address does not give access to it.
         if !header("host").is_some_and(|host| self.hosts.iter().any(|own| own == host)) {
             return Answer::Refused(403, "the host is not this machine");
         }
@@ -90,7 +90,7 @@ impl Gate {
         }
     }
 
-    /// Whether `token` is the token. The time does not depend on how much of it is right.
+    /// Whether `token` is the token. The time does not depend on the number of right bytes.
     fn knows(&self, token: &str) -> bool {
         let (own, given) = (self.token.as_bytes(), token.as_bytes());
         own.len() == given.len() && own.iter().zip(given).fold(0, |odd, (a, b)| odd | (a ^ b)) == 0
@@ -100,7 +100,7 @@ impl Gate {
 /// Reads the head of a request, and nothing after it.
 ///
 /// # Errors
-/// It is too long or too slow, something follows it, or the connection fails.
+/// The head is too long or too slow, something follows it, or the connection fails.
 pub(super) fn head(stream: &mut TcpStream) -> io::Result<Vec<u8>> {
     let deadline = Instant::now() + HEAD_TIME;
     let mut head = Vec::new();
@@ -119,7 +119,7 @@ pub(super) fn head(stream: &mut TcpStream) -> io::Result<Vec<u8>> {
         if head.ends_with(b"\r\n\r\n") {
             return Ok(head);
         }
-        // A browser waits for the answer before it sends more.
+        // Browsers wait for the answer before they send more.
         if head.len() > MAX_HEAD || head.windows(4).any(|end| end == b"\r\n\r\n") {
             return Err(io::ErrorKind::InvalidData.into());
         }

@@ -1,4 +1,4 @@
-//! Whatever a head says, only the address of the page leads to the page.
+//! Only the address of the page leads to the page, with any head.
 
 use proptest::prelude::*;
 
@@ -18,7 +18,7 @@ fn is_closed(head: &[u8]) -> bool {
     }
 }
 
-/// Parts of which requests are made, right ones and wrong ones.
+/// Parts of requests, right ones and wrong ones.
 fn part() -> impl Strategy<Value = String> {
     prop_oneof![
         Just("GET /socket?token=".to_owned()),

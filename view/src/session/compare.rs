@@ -1,4 +1,4 @@
-//! When an engine is compared with full recomputation, and what came of it.
+//! Times and results of comparisons of an engine with full recomputation.
 
 use crate::clock::Clock;
 use crate::facts::Compared;
@@ -6,15 +6,15 @@ use crate::subject::Subject;
 
 /// While playing, comparisons take at most this share of the time.
 const SHARE: f64 = 0.25;
-/// Why there is no comparison of a very long live input.
+/// The reason why there is no comparison for a very long live input.
 const FORGOTTEN: &str = "its first events are forgotten, on which full recomputation depends";
 
-/// Comparisons with full recomputation, while they are wanted.
+/// Comparisons with full recomputation, while requested.
 #[derive(Debug, Default)]
 pub(super) struct Comparison {
     on: bool,
     pub(super) newest: Option<Compared>,
-    /// Time of the clock before which the next one does not begin while playing.
+    /// Earliest time of the clock for the next comparison while playing.
     next: f64,
 }
 
@@ -27,7 +27,7 @@ impl Comparison {
         *self = Self { on, ..Self::default() };
     }
 
-    /// Forgets what was compared.
+    /// Forgets the comparison.
     pub(super) fn forget(&mut self) {
         self.newest = None;
     }
@@ -38,7 +38,7 @@ impl Comparison {
     }
 
     /// Compares `subject` after `cursor` items, whose prediction has been read. `None`: some of
-    /// them are not known any more.
+    /// these items are forgotten.
     pub(super) fn compare<S: Subject>(
         &mut self,
         subject: &S,

@@ -1,7 +1,8 @@
 //! The items of a session, a cursor between them, and states of the engine to return to.
 //!
 //! Invariant: states are of the engine after the items before them, and take a bounded number of
-//! bytes: when they become too many, every second one goes, and those to come are further apart.
+//! bytes. If they become too many, every second one is removed, and the next ones are further
+//! apart.
 
 use crate::subject::Item;
 
@@ -32,7 +33,7 @@ impl<I: Item> History<I> {
         self.items.len()
     }
 
-    /// Whether there was no item yet.
+    /// Whether no item has come yet.
     pub(super) fn is_new(&self) -> bool {
         self.items.is_empty() && self.forgotten == 0
     }
@@ -44,7 +45,7 @@ impl<I: Item> History<I> {
         self.items.extend(items);
     }
 
-    /// Forgets the oldest `count` items; returns how many.
+    /// Forgets the oldest `count` items; returns the number of forgotten ones.
     pub(super) fn forget(&mut self, count: usize) -> usize {
         self.items.drain(..count);
         self.forgotten += count as u64;

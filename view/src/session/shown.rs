@@ -1,4 +1,4 @@
-//! The frame of a session: what its engine shows, and what the session knows beside it.
+//! The frame of a session: the data of its engine, and of the session itself.
 
 use super::{Course, Session};
 use crate::facts::{Facts, Info, TruthFacts};
@@ -6,7 +6,7 @@ use crate::frame::FrameWriter;
 use crate::subject::Subject;
 
 impl<S: Subject> Session<S> {
-    /// Counts changes of [`Self::facts`]: where it has changed, a page needs them again.
+    /// Counts changes of [`Self::facts`]: after a change, a page needs them again.
     pub fn facts_version(&self) -> u64 {
         self.facts
     }

@@ -1,5 +1,5 @@
-//! Networks over pictures, readings and frames of events: what they show is what an engine that
-//! computes everything gives, from wherever the cursor comes.
+//! Networks over pictures, readings and frames of events: sessions show the values of an engine
+//! that computes everything, from any earlier position of the cursor.
 
 use std::sync::Arc;
 
@@ -121,7 +121,7 @@ fn other_networks_keep_the_reference_and_agree_with_full_computation() {
     assert_eq!(compared["layers"][0]["differ"], 0);
 }
 
-/// Readings, of which one follows none.
+/// Readings, one of which does not continue those before it.
 fn readings(count: i64, gap: i64) -> Vec<Frame> {
     let value = |n: i64, e: usize| 3000.0 + 7.0 * ((n * (e as i64 % 5 + 1)) % 31) as f32 - 9.0 * e as f32;
     let reading = |n: i64| Frame {
@@ -218,7 +218,7 @@ fn live_pictures_are_followed_and_old_ones_are_forgotten() {
     session.push((0..1001).map(small).collect());
     let frame = session.step(1e9).expect("a frame");
     assert_eq!(json(&frame, "INFO")["forgotten"], 500);
-    // They are no pictures of this size: the session says so, and lives on.
+    // The pictures have another size: the session reports it and continues.
     let frame = seek(&mut session, 2);
     assert!(json(&frame, "INFO")["error"].as_str().is_some_and(|error| !error.is_empty()));
 }

@@ -64,7 +64,7 @@ pub(super) fn prediction(frame: &[u8]) -> Vec<u32> {
     (0..outputs).map(|_| of.u32()).collect()
 }
 
-/// An engine after the first `count` events, the last of which has its own prediction.
+/// An engine after the first `count` events, with a separate prediction for the last one.
 fn engine(network: &str, sensor: Sensor, events: &[Event]) -> Engine {
     let options = Options::new().with_record_rows(true);
     let network = Shipped.load(network).expect("a network").network;

@@ -29,7 +29,7 @@ fn connect(server: &Server) -> TcpStream {
 /// The answer to bytes.
 fn ask(server: &Server, bytes: &[u8]) -> String {
     let mut stream = connect(server);
-    // Whoever refuses may close before everything is written.
+    // A server that refuses may close before everything is written.
     let _ = stream.write_all(bytes);
     let mut answer = Vec::new();
     let _ = stream.read_to_end(&mut answer);
@@ -155,7 +155,7 @@ fn what_is_no_request_is_refused() {
         (format!("GET /socket HTTP/1.1\r\nHost: {host}\r\n\r\n").as_bytes(), 400),
     ] {
         let answer = ask(&server, bytes);
-        // A reset may take the answer with it, where more was sent than was read.
+        // A reset may discard the answer if more was sent than read.
         let refused = answer.starts_with(&format!("HTTP/1.1 {status}"));
         assert!(refused || (bytes.len() > 10_000 && answer.is_empty()), "{bytes:?}: {answer}");
     }
@@ -221,8 +221,9 @@ fn a_client_that_never_reads_keeps_nobody_waiting() {
     let mut longest = Duration::ZERO;
     for _ in 0..20 {
         assert!(soon(|| server.hub().wants_frame()));
+        let copy = big.clone();
         let begun = Instant::now();
-        server.hub().publish(big.clone());
+        server.hub().publish(copy);
         longest = longest.max(begun.elapsed());
         assert_eq!(frame(&mut quick).len(), big.len());
     }
@@ -273,7 +274,7 @@ fn sensors_are_side_by_side_and_a_page_selects_one() {
     for i in 0..20_i64 {
         (0..3000).for_each(|n| sensors.event(i as usize, Event::new(n + i, 1, 2, n % 2 == 0)));
     }
-    // A sensor that is not there is passed over.
+    // A sensor that does not exist is ignored.
     sensors.event(20, Event::new(0, 0, 0, true));
     sensors.report(20, &Report::default());
     let facts = json(&frame(&mut socket), "FACT");
@@ -286,7 +287,7 @@ fn sensors_are_side_by_side_and_a_page_selects_one() {
     assert_eq!(prediction(&shown), [7.0_f32, 0.5].map(f32::to_bits));
     assert_eq!(json(&first, "INFO")["queue"], serde_json::json!([0, 0]));
     assert!(json(&shown, "INFO")["queue"][1].as_u64() >= Some(3));
-    // Of the newest millisecond, and of one that is not selected a few.
+    // Events of the newest millisecond, and a few of a sensor that is not selected.
     assert_eq!(section(&shown, "EVNT").0.len(), 1001 * 8);
     let mut tips = section(&shown, "TIPS");
     assert_eq!((tips.u32(), tips.u32(), tips.u32()), (20, 7, 2));

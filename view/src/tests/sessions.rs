@@ -7,7 +7,7 @@ use crate::{Networks, Session, Shipped};
 const PLAYING: u32 = 1;
 const AT_END: u32 = 2;
 
-/// All of a frame that depends on the events alone.
+/// The parts of a frame that depend on the events alone.
 fn picture(frame: &[u8]) -> Vec<&[u8]> {
     ["TIME", "EVNT", "NEAR", "WAVE", "CELL", "READ", "WORK"].map(|tag| section(frame, tag).0).to_vec()
 }
@@ -26,7 +26,7 @@ fn a_place_looks_the_same_whatever_was_there_before() {
         let there = after(&mut session, r#"{"do": "step", "events": 1}"#);
         let again = after(&mut session, &seek);
         for frame in [&there, &again] {
-            // A state that was returned to has counted its own predictions.
+            // A restored state has counted its own predictions.
             assert_eq!(picture(frame)[..6], picture(&from_the_end)[..6]);
             assert_eq!(prediction(frame), prediction(&from_the_end));
         }
@@ -68,7 +68,7 @@ fn it_plays_at_its_speed_and_ends_at_the_end() {
     let frame = session.step(1e9).expect("it has gone on");
     assert_eq!(time(&frame).1 & (PLAYING | AT_END), AT_END);
     assert!(session.step(1e9).is_none(), "nothing more happens");
-    // From the end it begins again.
+    // At the end, playing begins again from the start.
     let frame = after(&mut session, r#"{"do": "play"}"#);
     assert_eq!(time(&frame), (1, PLAYING));
 }
@@ -199,7 +199,7 @@ fn a_place_that_was_asked_for_is_reached_though_it_takes_many_steps_and_though_i
         session.command(r#"{"do": "play"}"#).expect("a command");
         session.command(&format!(r#"{{"do": "seek_event", "event": {after}}}"#)).expect("a command");
         session.command(&format!(r#"{{"do": "{command}"}}"#)).expect("a command");
-        // No budget at all: a step takes what it must.
+        // Without a budget, a step takes the minimum.
         let mut steps = 0;
         while section(&session.show(), "TIME").0[24 + 8 + 4] & 8 != 0 || steps == 0 {
             session.go_on(0.0);

@@ -194,7 +194,7 @@ mod plane {
         let line =
             document.descendants().find(|node| node.has_tag_name("polyline")).expect("there is a line");
         assert!(line.attribute("stroke-dasharray").is_some());
-        // Nothing at all is an empty field.
+        // An empty picture is an empty field.
         assert!(Document::parse(&page(Vec::new())).is_ok());
     }
 
@@ -213,7 +213,7 @@ mod plane {
         let step = |i: usize| (places[i + 1].0 - places[i].0, places[i + 1].1 - places[i].1);
         assert!(step(0).0 > 50.0 && step(0).1 < -50.0, "{places:?}");
         assert!((step(0).0 - step(1).0).abs() < 0.2 && (step(0).1 - step(1).1).abs() < 0.2, "{places:?}");
-        // What has no logarithm is at the end.
+        // Values without a logarithm are at the end.
         assert!((places[3].0 - 66.0).abs() < 1e-6, "{places:?}");
     }
 

@@ -1,4 +1,4 @@
-//! A picture with many points: 62 settings of three networks, most with error bars that meet.
+//! A picture with many points: 62 settings of three networks, most with error bars that touch.
 
 use roxmltree::{Document, Node};
 
@@ -95,7 +95,7 @@ fn every_label_is_in_the_picture_as_it_is_or_in_the_key() {
 #[test]
 fn where_points_of_networks_meet_no_colour_is_hidden_under_another() {
     let mut crowded = crowded();
-    // All three networks at one place.
+    // All three networks at one position.
     for point in crowded.points.iter_mut().filter(|point| point.tooltip.ends_with(", exact")) {
         (point.time, point.error) = (10.0, 3.0);
     }
@@ -150,7 +150,7 @@ fn the_axis_of_quantities_is_as_fine_as_they_are_and_has_no_greatest_value() {
         let field = TradeOff { errors: Errors::Quantities, points, ..crowded() }.field();
         [errors[0], errors[1]].map(|error| field.y.place(error))
     };
-    // Forces squared of a hundredth, and of several hundred N^2.
+    // Squared forces of a hundredth, and of several hundred N^2.
     for errors in [[0.01, 0.02], [200.0, 400.0]] {
         let [small, large] = axis(&errors);
         assert!(small - large > 100.0, "{errors:?}: {small} {large}");

@@ -1,4 +1,4 @@
-//! Benches: latency, work, stages, deadlines, of networks over events and over frames.
+//! Benchmarks: latency, work, stages, deadlines, of networks over events and over frames.
 
 use meissner_plot::{Panel, Scale, Series, Style};
 use serde_json::Value;
@@ -9,7 +9,7 @@ use crate::parts::{Section, Table, bars, plane};
 use crate::read::Outcome;
 use crate::words::{bytes, count, percent, time};
 
-/// Calls that are timed, with the name in tables: of events, and of frames.
+/// Timed calls, with the name in tables: for events, and for frames.
 const OF_EVENTS: &[(&str, &str)] =
     &[("push", "event"), ("predict", "prediction"), ("push_predict", "event with prediction")];
 const OF_FRAMES: &[(&str, &str)] = &[
@@ -19,7 +19,7 @@ const OF_FRAMES: &[(&str, &str)] = &[
     ("push_predict", "frame with prediction"),
 ];
 
-/// The section of a bench.
+/// The section of a benchmark.
 pub(crate) fn section(outcome: &Outcome, object: &Value) -> Section {
     let mut section = Section::default();
     let name = outcome.network().unwrap_or("The network");
@@ -28,7 +28,7 @@ pub(crate) fn section(outcome: &Outcome, object: &Value) -> Section {
         return section;
     }
     let of_frames = object.get("skipping");
-    // What is timed, and where.
+    // The timed item, and the object with its times.
     let (timed, measured) = of_frames.map_or(("an event", object), |skipping| ("a frame", skipping));
     let latency = |quantile: &str| number(measured, &format!("latency_us/push_predict/{quantile}"));
     if let (Some(p50), Some(p99)) = (latency("p50"), latency("p99")) {
@@ -65,7 +65,7 @@ pub(crate) fn section(outcome: &Outcome, object: &Value) -> Section {
         let path = format!("phases/{phase}/latency_us/push_predict");
         quantiles(object, &path).map(|of| (format!("while {phase}"), of))
     });
-    // A phase alone is all of it.
+    // A single phase equals the whole.
     if let [Some(idle), Some(burst)] = phases {
         rows.extend([idle, burst]);
     }
@@ -146,7 +146,7 @@ fn work(section: &mut Section, object: &Value) {
     section.table(Table::new("Work", &headings, rows));
 }
 
-/// The work of periods by how many events they had.
+/// The work of periods by their number of events.
 fn bins(section: &mut Section, object: &Value) {
     let bins = list(object, "deadline/bins");
     if bins.len() < 2 {

@@ -1,4 +1,5 @@
-//! Control by touch: how well the goal is followed with what a network says, and what delays cost.
+//! Control by touch: how well a controller follows the goal with a network's readings, and the cost
+//! of delays.
 
 use meissner_plot::{Errors, Panel, Scale, Series, Setting, Style, TradeOff};
 use serde_json::Value;
@@ -7,9 +8,9 @@ use crate::json::{at, list, number, text};
 use crate::parts::{Section, Table, bars, plane, shares};
 use crate::words::{count, counted, number as shown, time};
 
-/// Most loops whose errors are lines of a picture.
+/// Maximum number of loops whose errors are lines of a picture.
 const MAX_SERIES: usize = 6;
-/// Time in seconds, goal and what was reached, at each picture.
+/// Time in seconds, goal and reached value, at each picture.
 type Trace = Vec<[f64; 3]>;
 
 /// The section of loops.
@@ -50,10 +51,10 @@ pub(crate) fn section(object: &Value) -> Section {
     section
 }
 
-/// What is controlled.
+/// The controlled quantity.
 #[derive(Clone, Copy)]
 struct Goal {
-    /// What is kept near which goal.
+    /// The controlled quantity and its goal.
     words: [&'static str; 2],
     unit: &'static str,
     axis: &'static str,
@@ -72,7 +73,7 @@ impl Goal {
     }
 }
 
-/// The row that is not varied, and the one that follows worst.
+/// The row without variation, and the row that follows the goal worst.
 fn answer(section: &mut Section, goal: Goal, name: &str, rows: &[Value], known: Option<f64>) {
     let Some(first) = rows.first() else { return };
     let found = |key: &str| number(first, key);
@@ -141,7 +142,7 @@ fn trade_off(goal: Goal, networks: &[(&str, &[Value])], known: Option<f64>) -> T
     }
 }
 
-/// Time in seconds, goal, and what was reached.
+/// Time in seconds, goal, and reached value.
 fn trace(row: &Value) -> Trace {
     let point = |point: &Value| {
         let part = |i: usize| point.get(i).and_then(Value::as_f64);
@@ -182,7 +183,7 @@ fn errors(section: &mut Section, goal: Goal, name: &str, rows: &[Value]) {
     if traced.len() < 2 {
         return;
     }
-    // What is shown of many: the first, which is not varied, and the last ones, with delays.
+    // If there are many, the first, without variation, and the last ones, with delays, are shown.
     let later = traced.len().saturating_sub(MAX_SERIES - 1).max(1);
     let shown = traced[..1].iter().chain(&traced[later..]).enumerate();
     let series = shown.map(|(colour, (name, trace))| {
@@ -198,7 +199,7 @@ fn errors(section: &mut Section, goal: Goal, name: &str, rows: &[Value]) {
     );
 }
 
-/// How old readings are, and what became of the pictures.
+/// The age of readings, and the fate of the pictures.
 fn ages(section: &mut Section, networks: &[(&str, &[Value])]) {
     let several = networks.len() > 1;
     let named = |name: &str, row: &Value| {

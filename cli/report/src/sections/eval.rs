@@ -1,4 +1,4 @@
-//! Evaluations on labelled data: classes over time and by set, and what filters pass.
+//! Evaluations on labelled data: classes over time and by set, and the events that filters pass.
 
 use meissner_plot::{AccuracyCurve, Bar, Bars, Curves, Matrix, Panel};
 use serde_json::Value;
@@ -24,7 +24,7 @@ pub(super) fn networks(object: &Value) -> impl Iterator<Item = (&str, &Value)> {
     list(object, "networks").iter().map(|of| (text(of, "network/name").unwrap_or("?"), of))
 }
 
-/// The mean of a figure, and its standard deviation behind it where there is one.
+/// The mean of a figure, followed by its standard deviation if there is one.
 pub(super) fn spread(value: &Value, path: &str, factor: f64) -> String {
     let Some(mean) = number(value, &format!("{path}/mean")) else { return String::new() };
     let std = number(value, &format!("{path}/std"));
@@ -42,7 +42,7 @@ fn matrix(section: &mut Section, title: String, about: String, classes: &[&str],
     }
 }
 
-/// Digits, objects, containers, letters: a class along time.
+/// Digits, objects, containers, letters: a class over time.
 fn events(section: &mut Section, object: &Value) {
     let classes = texts(object, "classes");
     let times: Vec<f64> = numbers(object, "times_us").into_iter().map(|t_us| t_us / 1e3).collect();
@@ -211,7 +211,8 @@ pub(super) fn cell(value: &Value, path: &str) -> String {
     number(value, path).map_or_else(String::new, count)
 }
 
-/// Adds a table of predictions of input unlike the training's, for each name and what is judged.
+/// Adds a table of predictions for input unlike the training's, for each pair of a name and judged
+/// predictions.
 pub(super) fn doubts(section: &mut Section, judged: Vec<(String, &Value)>) {
     let row = |(name, of): (String, &Value)| {
         let found = |key: &str| number(of, &format!("doubts/{key}"));
@@ -253,7 +254,7 @@ fn filters(section: &mut Section, object: &Value) {
     section.table(Table::new("Events", &["cause", "events", "passed", "share (%)"], cells.collect()));
 }
 
-/// Times and work of predictions, where they were measured.
+/// Times and work of predictions, if they were measured.
 pub(super) fn work(section: &mut Section, object: &Value) {
     let mut times = Vec::new();
     let mut rows = Vec::new();

@@ -1,4 +1,4 @@
-//! Fits: how good a network is for a person's own sensor, and whether more presses would help.
+//! Fits: how good a network is for the user's own sensor, and whether more presses would help.
 
 use meissner_plot::{Matrix, Panel, Scale, Series, Style};
 use serde_json::Value;

@@ -1,4 +1,4 @@
-//! What each layer computed and what it left out, of events and of frames.
+//! Computed and skipped work of each layer, for events and for frames.
 
 use meissner_plot::Panel;
 use serde_json::Value;
@@ -10,9 +10,9 @@ use crate::words::{count, percent};
 /// A kind of rows or pixels.
 struct Kind {
     key: &'static str,
-    /// In the legend.
+    /// Name in the legend.
     name: &'static str,
-    /// Whether it is counted among those that were computed too.
+    /// Whether it is also counted among the computed ones.
     within_computed: bool,
     is_work: bool,
     /// Number of its colour; 5 is grey.
@@ -27,7 +27,7 @@ const fn saved(key: &'static str, name: &'static str, colour: usize) -> Kind {
     Kind { key, name, within_computed: false, is_work: false, colour }
 }
 
-/// Those of layers over events, and of frame layers; the first are those that were computed.
+/// Kinds of layers over events, and of frame layers; the first kind is the computed ones.
 const ROWS: &[Kind] = &[
     work("recomputed", "computed", false, 0),
     work("unchanged", "computed, equal", true, 4),
@@ -40,7 +40,7 @@ const PIXELS: &[Kind] = &[
     saved("absorbed", "only zeros came", 2),
 ];
 
-/// Reasons of what an engine over events skipped, and what they mean.
+/// Reasons for skipped work of an engine over events, and their meaning.
 const REASONS: [(&str, &str); 10] = [
     ("rows_recomputed", "rows that were computed"),
     ("rows_unchanged", "of them equal to the stored row: nothing above follows"),

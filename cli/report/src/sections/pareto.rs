@@ -7,7 +7,7 @@ use crate::json::{at, list, number, text};
 use crate::parts::{Section, Table};
 use crate::words;
 
-/// What errors are: the kind in the JSON, its title, and what one is multiplied by.
+/// Kinds of errors: the kind in the JSON, its title, and the factor of an error.
 const KINDS: [(&str, &str, Errors, f64); 4] = [
     ("wrong_answers", "wrong answers (%)", Errors::Percentages, 100.0),
     ("one_minus_iou", "1 - IoU (%)", Errors::Percentages, 100.0),

@@ -55,7 +55,7 @@ fn angle(section: &mut Section, object: &Value) {
             let colour = series.iter().filter(|(of, _)| of == unit).count();
             series
                 .push((unit.to_owned(), Series::new(format!("{name}, {what}"), colour, Style::Line, points)));
-            // All angles together have no pairs of their own.
+            // The figures of all angles together have no pairs.
             if let Some(of) = list(of, "pairs").get(i) {
                 dots.push((format!("{name}, {what}"), unit.to_owned(), pairs(of), count_of));
             }

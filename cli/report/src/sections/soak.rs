@@ -1,4 +1,4 @@
-//! Soaks: whether promises hold over a long time, and whether times and memory stay.
+//! Soaks: whether promises hold over a long time, and whether times and memory stay constant.
 
 use meissner_plot::{Panel, Scale, Series, Style};
 use serde_json::Value;

@@ -1,4 +1,4 @@
-//! Runs and plays: what the network said along time, and what it cost.
+//! Runs and plays: the predictions of the network over time, and their cost.
 
 use meissner_plot::{Panel, Scale, Series, Style};
 use serde_json::Value;
@@ -11,10 +11,10 @@ use crate::read::Outcome;
 use crate::stream::{Along, Named, Stream, Valued};
 use crate::words::{count, counted, file_name, percent, time};
 
-/// Most lines of a picture; the ones that rise highest are shown.
+/// Maximum number of lines of a picture; the lines with the highest values are shown.
 const MAX_SERIES: usize = 6;
 
-/// Calls that are timed: the key and what it is.
+/// Timed calls: the key and its meaning.
 const CALLS: [(&str, &str); 10] = [
     ("push", "event"),
     ("predict", "prediction"),
@@ -61,7 +61,8 @@ pub(crate) fn section(outcome: &Outcome, of: &Stream) -> Section {
             Some(((*name).to_owned(), quantiles(summary, &format!("latency_us/{key}"))?))
         });
         let calls: Vec<(String, Vec<f64>)> = calls.collect();
-        // A prediction of a frame costs more than its events, a report of a play covers them.
+        // A prediction for a frame costs more than its events, and a report of a play includes
+        // them.
         let main = ["prediction", "from an event to its report"];
         section.times = main.iter().find_map(|main| calls.iter().find(|(name, _)| name == main)).cloned();
         section.latencies("How long one call takes. The line goes from the median to the longest.", calls);
@@ -145,7 +146,7 @@ fn answer(section: &mut Section, outcome: &Outcome, of: &Stream) {
     section.figure("predictions unlike the training", found("unlike_training"));
 }
 
-/// What the last prediction says.
+/// The last prediction in words.
 fn last(of: &Stream) -> Option<String> {
     if let Some(class) = of.last_decision.as_ref().or(of.last_class.as_ref()) {
         return Some(class.clone());
@@ -245,7 +246,7 @@ fn rows(section: &mut Section, of: &Stream, names: &[&str]) {
     section.draw("Layers that computed equally many rows share a line.", &Panel::Plane(panel));
 }
 
-/// A table of what was dropped or left out, and of warnings.
+/// A table of dropped and omitted input, and of warnings.
 fn losses(section: &mut Section, summary: &Value) {
     let dropped = summary.get("dropped").and_then(Value::as_object).into_iter().flatten();
     let mut rows: Vec<Vec<String>> = dropped

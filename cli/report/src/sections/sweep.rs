@@ -15,7 +15,7 @@ const QUANTITIES: [(&str, &str, &str); 5] = [
     ("channels", "channels", "channels, as a factor"),
     ("sensor", "pixels", "pixels of the sensor"),
 ];
-/// A power below it, either way, is taken for none.
+/// A power with a smaller absolute value counts as none.
 const FLAT: f64 = 0.1;
 
 /// The section of a sweep.

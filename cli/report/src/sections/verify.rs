@@ -1,5 +1,5 @@
-//! Verifications: whether results equal full recomputation, and how far they are from the oracle
-//! in f64 under stress.
+//! Verifications: whether results equal full recomputation, and their distance from the oracle in
+//! f64 under stress.
 
 use meissner_plot::{Panel, Parts, Quantiles};
 use serde_json::Value;
@@ -110,7 +110,7 @@ pub(crate) fn section(outcome: &Outcome, object: &Value) -> Section {
     section
 }
 
-/// What a case or a function is called, with its network.
+/// The name of a case or a function, with its network.
 fn named(of: &Value) -> String {
     let parts = ["case", "network"].map(|key| text(of, key));
     parts.into_iter().flatten().collect::<Vec<_>>().join(", ")
@@ -206,7 +206,7 @@ fn short(value: f64) -> String {
     if value == 0.0 { "0".to_owned() } else { format!("{value:.1e}") }
 }
 
-/// Adds errors beside their bounds, a row each.
+/// Adds errors next to their bounds, one row for each.
 fn beside_bound(
     section: &mut Section,
     title: &str,
@@ -237,7 +237,7 @@ fn conditions(section: &mut Section, group: &str, cases: &[&Value]) {
         let name = text(case, "case").unwrap_or("?").to_owned();
         if let (Some(error), Some(within)) = (number(case, "prediction/relative"), number(case, "within")) {
             match errors.iter_mut().find(|(known, _)| *known == name) {
-                // Bounds of networks may differ: the one that is nearest to its own is shown.
+                // Bounds of networks may differ: the error nearest to its own bound is shown.
                 Some((_, worst)) if error / within > worst[0] / worst[1] => *worst = vec![error, within],
                 Some(_) => {}
                 None => errors.push((name.clone(), vec![error, within])),

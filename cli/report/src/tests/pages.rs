@@ -311,7 +311,7 @@ fn regressions_show_what_was_predicted_over_what_was_true() {
             "predicted (degrees)",
         ],
     );
-    // A truth that never changes says nothing.
+    // A constant truth tells nothing.
     let constant = of(
         "eval force",
         &format!(

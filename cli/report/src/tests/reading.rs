@@ -57,7 +57,7 @@ fn a_last_line_that_is_cut_short_is_told_and_the_rest_is_shown() {
     assert!(outcome.notes.iter().any(|note| note.contains("Line 4 is cut short")), "{:?}", outcome.notes);
     assert!(outcome.notes.iter().any(|note| note.contains("no summary")), "{:?}", outcome.notes);
     assert_eq!(stream(cut).predictions, 2);
-    // A line that is wrong in the middle is no cut.
+    // A wrong line in the middle does not count as a cut.
     let wrong = text.replacen("\"value\"", "value", 1);
     let error = outcomes(&wrong).expect_err("a wrong line").to_string();
     assert!(error.starts_with("result.json, line 2"), "{error}");

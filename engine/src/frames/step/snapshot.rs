@@ -2,7 +2,7 @@
 //!
 //! The bytes hold all values, the layers' memories, and the changes that layers have not processed:
 //! with a tolerance, values can depend on the past. Sizes are those of the reading engine and marks
-//! lie on its pixels, so layers can run on whatever is read.
+//! lie on its pixels, so layers can run on all values that are read.
 
 use super::{Background, State};
 use crate::EngineError;
@@ -34,7 +34,7 @@ impl State {
         for reached in self.background.iter().flat_map(|background| &background.reached).flatten() {
             write_changes(reached, to);
         }
-        // A network that does not know its training writes, and expects, nothing here.
+        // A network without statistics of its training writes and expects nothing here.
         if let Some(statistics) = &self.statistics {
             to.size(statistics.sums().len());
             statistics.sums().iter().for_each(|sum| to.u64(sum.to_bits()));

@@ -13,8 +13,7 @@ mod consecutive {
         ConsecutiveFrames::counts(Sensor::new(4, 1), options, 4.0).expect("admissible")
     }
 
-    /// What comes out, in words: begin, values, touched, changed; or begin and number of empty
-    /// frames.
+    /// The output as text: start, values, touched, changed; or start and number of empty frames.
     fn told(completed: Completed<'_>) -> String {
         match completed {
             Completed::Frame(f) => {

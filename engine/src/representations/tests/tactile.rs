@@ -52,7 +52,7 @@ mod layout {
         let at = |row: usize, column: usize| image[row * TACTILE_COLUMNS + column];
         assert_eq!(at(0, 1), 1.0);
         assert_eq!(at(5, 5), (1 << 23) as f32);
-        // First pass: beside electrode 0 alone; between electrodes 0 and 1.
+        // First pass: a cell next to electrode 0 only, and a cell between electrodes 0 and 1.
         assert_eq!([at(0, 0), at(0, 2)], [1.0, 1.5]);
         // Second pass: (2, 0) sees (1, 0), (1, 1), (2, 1), (3, 0), (3, 1) of the first: electrodes
         // 0, 0 and 1, 1, 2, 2.

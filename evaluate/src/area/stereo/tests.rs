@@ -101,7 +101,7 @@ fn the_depth_and_the_force_of_a_ball_are_found() {
 #[test]
 fn an_unchanged_picture_has_no_depth_and_fewer_pixels_bear_more() {
     let stereo = Stereo::calibrated(&workers()).expect("it can be calibrated");
-    // No change of colour is no slope, whatever the place.
+    // Without a change of colour there is no slope, at any position.
     let picture: Vec<u8> = (0..8 * 6 * 3).map(|i| (i % 250) as u8).collect();
     let size = ImageSize { width: 8, height: 6 };
     assert!(terms(&picture, &picture, size).flatten().all(|term| term == 0.0));

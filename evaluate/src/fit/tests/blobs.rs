@@ -1,4 +1,4 @@
-//! What is found, and that an engine predicts it.
+//! Results of fits, and that an engine predicts the same.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -99,7 +99,7 @@ fn predicts_what_was_fitted(folder: &Folder, hidden: usize) {
         let truth = presses.rows_of(press).last().expect("labels").values[0];
         errors += (f64::from(predicted[0]) - truth).abs() / 12.0;
     }
-    // Presses that it was fitted to are predicted better than those that were held out.
+    // The head predicts the presses that it was fitted to better than held-out ones.
     assert!(errors < fitted.report.outputs[0].error.mean, "{errors}: {:?}", fitted.report.outputs[0]);
 }
 
@@ -191,7 +191,7 @@ fn a_fitted_network_can_be_fitted_again_and_is_compared_with_itself() {
     assert_eq!(head(&first), head(&second));
     let before = second.report.outputs[0].before.expect("it predicts x already");
     assert!(before.mean < second.report.outputs[0].constant.mean, "{before:?}");
-    // Its head has seen these presses: held out, they would seem to need no other.
+    // Its head has seen these presses: on held-out ones it would seem better than it is.
     assert_eq!(second.report.heads.len(), 1);
 }
 
@@ -220,7 +220,7 @@ fn a_head_that_knows_more_than_a_new_one_is_kept_but_its_last_layer() {
     let [new, kept] = &second.report.heads[..] else { panic!("{:?}", second.report.heads) };
     assert!(new.head == Head::New && matches!(kept.head, Head::Kept { values: 2, .. }), "{kept:?}");
     assert!(kept.error <= new.error && second.report.base.readout == 2, "{new:?} {kept:?}");
-    // What was read is what the last layer reads at a run.
+    // The readouts are the values that the last layer reads in a run.
     let presses = Presses::read(few.path(), &ReadOptions::default()).expect("presses");
     let mut engine = engine(&second);
     let wrong = (0..12).filter(|&press| {

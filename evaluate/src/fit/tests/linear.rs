@@ -49,7 +49,7 @@ fn quantities(count: usize) -> Target {
     Target::Quantities((0..count).map(one).collect())
 }
 
-/// What dense layers give for the rows of a readout.
+/// The outputs of dense layers for the rows of a readout.
 pub(super) fn run(dense: &Dense, readout: &Array2<f64>) -> Array2<f64> {
     dense.0.iter().fold(readout.clone(), |inputs, (layer, activation)| {
         let sums: Array2<f64> = layer.of(inputs.view());
@@ -103,7 +103,7 @@ proptest! {
             of_channel().for_each(|column| x.column_mut(column).mapv_inplace(|value| value / deviation));
         }
         prop_assert!(largest(&(found.dot(&found.t()) - x.dot(&x.t()))) < 1e-5);
-        // What is linear in the coordinates is linear in the readout.
+        // A linear function of the coordinates is linear in the readout.
         let of = matrix(3, found.ncols(), seed ^ 1);
         let linear = basis.of_readout(of.view());
         prop_assert!(largest(&(linear.of(readout.view()) - found.dot(&of.t()))) < 1e-5);

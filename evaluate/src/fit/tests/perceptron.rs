@@ -1,4 +1,4 @@
-//! What a perceptron learns, and that dense layers give it.
+//! What a perceptron learns, and that dense layers compute the same.
 
 use ndarray::{Array2, Axis};
 

@@ -2,7 +2,7 @@
 
 use super::{Folder, Options, places};
 
-/// The error of fitting to `folder`, with what it names.
+/// Asserts that fitting to `folder` fails, with `expected` in the message.
 fn refused(folder: &Folder, options: &Options, expected: &[&str]) {
     let error = folder.fit(options, 1).expect_err("it is refused").to_string();
     for part in expected {

@@ -1,5 +1,5 @@
-//! The study on a few simulated grasps: the exact setting against `eval force`, and what settings
-//! make of the frames.
+//! The study on a few simulated grasps: the exact setting against `eval force`, and the effect of
+//! settings on the frames.
 
 use std::path::{Path, PathBuf};
 
@@ -25,7 +25,7 @@ fn workers(threads: usize) -> Workers {
     ThreadPoolBuilder::new().num_threads(threads).build().expect("threads").into()
 }
 
-/// A file in a folder of its own.
+/// A file in its own folder.
 fn written(bytes: &[u8]) -> (tempfile::TempDir, PathBuf) {
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("grasps.safetensors");
@@ -38,8 +38,8 @@ fn simulated() -> (tempfile::TempDir, PathBuf) {
     written(&grasps(RECORDINGS, 4, &pool).expect("recordings").file.into_bytes())
 }
 
-/// Recordings without any event, of which each lasts so many microseconds, under a force that rises
-/// to 1 N.
+/// Recordings without events, each with its length in microseconds, under a force that rises to 1
+/// N.
 fn silent(lengths: &[i64]) -> (tempfile::TempDir, PathBuf) {
     let mut file = TensorFile::new([("sensor".to_owned(), "[115, 115]".to_owned())].into());
     ["t_us", "x", "y", "on"].into_iter().for_each(|name| file.i64(name, &[0], &[]));
@@ -59,10 +59,10 @@ fn studied(path: &Path, networks: &[&str], only: &[&str], threads: usize) -> Res
     let options = Options { timed: Some(2), repeats: 1, only };
     let workers = workers(threads);
     let request = Request { networks: &networks, ..Request::default() };
-    force(path, request, &options, &workers)?.run(&options, &mut State::default(), |_| Ok(()))
+    force(path, request, &options, &workers)?.run(&options, &mut State::open(None).unwrap(), |_| Ok(()))
 }
 
-/// What `eval force` says, which reads event graphs every millisecond.
+/// The errors of `eval force`, which reads event graphs every millisecond.
 fn evaluated(path: &Path, network: &str) -> ForceErrors<MeanStd> {
     let networks = [network.to_owned()];
     let request = Request { networks: &networks, ..Request::default() };

@@ -100,7 +100,7 @@ impl Folder {
         let options = Options { timed: Some(4), repeats: 1, only };
         let workers = workers(threads);
         let study = area(files, self.request(), &options, &workers).unwrap();
-        study.run(&options, &mut State::default(), |_| Ok(())).unwrap()
+        study.run(&options, &mut State::open(None).unwrap(), |_| Ok(())).unwrap()
     }
 
     fn judged(&self, file: &Path) -> Figures {
@@ -186,7 +186,7 @@ fn an_answer_stands_for_the_picture_after_it() {
     let folder = Folder::new();
     let file = folder.presses("a.safetensors", 2, 4);
     let report = folder.measured(std::slice::from_ref(&file), &["every 2nd frame"], 2);
-    // The same presses, whose pictures 1 and 3 are those before them.
+    // The same presses, but pictures 1 and 3 equal the pictures before them.
     let bytes = std::fs::read(&file).unwrap();
     let tensors = safetensors::SafeTensors::deserialize(&bytes).unwrap();
     let mut pictures = tensors.tensor("picture").unwrap().data().to_vec();
@@ -226,7 +226,7 @@ fn presses_of_one_picture_leave_nothing_out_and_presses_without_contact_have_an_
     assert_eq!(exact.error, 1.0 - folder.judged(&file).iou.mean);
     for setting in &silent.networks[0].settings {
         let task = &setting.measurement.task;
-        // All pictures are equal, so their error is known exactly, whatever is left out.
+        // All pictures are equal, so their error is known exactly, independent of the omitted ones.
         assert_eq!(
             (setting.error, task[0].trials, task[1].trials),
             (exact.error, 4, 4),

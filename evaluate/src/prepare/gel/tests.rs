@@ -41,7 +41,7 @@ fn pressed(plan: &GelPlan<'_>) -> (Vec<f64>, Vec<Vec<f32>>, Vec<u8>, f32) {
 fn a_saw_tooth_rises_and_falls_in_straight_lines() {
     let plan = GelPlan { pictures: 19, saw_teeth: 2, ..plan(Shapes::Larger, 1) };
     let shares: Vec<_> = (0..19).map(|picture| plan.share(picture)).collect();
-    // Of ten steps a tooth, the fifth is the top, and the tenth is back at rest.
+    // A tooth has ten steps: the fifth is the top, and the tenth is back at rest.
     let tooth = [0.2, 0.4, 0.6, 0.8, 1.0, 0.8, 0.6, 0.4, 0.2, 0.0];
     let expected: Vec<_> = tooth.iter().chain(&tooth[..9]).copied().collect();
     assert!(
@@ -50,7 +50,8 @@ fn a_saw_tooth_rises_and_falls_in_straight_lines() {
     );
     let (forces, ..) = pressed(&plan);
     for (force, share) in forces.iter().zip(expected) {
-        // Beyond the middles of the outer pixels there is surface, but no pressure is known.
+        // The surface extends beyond the middles of the outer pixels, but the pressure there is
+        // unknown.
         assert!((force - 2.0 * share).abs() < 0.02, "{force} N, {share} of 2 N");
     }
     // Without teeth, one squared sine.

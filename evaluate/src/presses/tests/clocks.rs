@@ -1,4 +1,4 @@
-//! Clocks whose offset and drift are known: what motion and events say about them.
+//! Estimates of clocks from motion and events, against a known offset and drift.
 
 use std::fmt::Write;
 
@@ -37,7 +37,7 @@ fn poses(session: &[(i64, i64)]) -> Vec<(i64, f64)> {
     (0..end / 8_000).map(|i| (i * 8_000, at(i * 8_000))).collect()
 }
 
-/// Events of a press on the host's clock: as many for each change of depth.
+/// Events of a press on the host's clock: their number is proportional to the change of depth.
 fn events(press: (i64, i64), random: &mut Random) -> Vec<i64> {
     let mut times: Vec<i64> = Vec::new();
     let steps = 400;

@@ -53,8 +53,8 @@ fn table() -> impl Strategy<Value = String> {
     })
 }
 
-/// The time of the host of an event at the end of the clock does not exist: it was taken to be the
-/// first one that does.
+/// The host's time of an event at the end of the clock does not exist: the first existing time was
+/// used instead.
 #[test]
 fn a_pose_at_the_end_of_the_clock_joins_no_press_beyond_it() {
     let tables = Folder::new();

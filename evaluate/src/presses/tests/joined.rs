@@ -1,4 +1,4 @@
-//! What labels and presses become together.
+//! Labels joined with presses.
 
 use std::fmt::Write;
 
@@ -67,7 +67,7 @@ fn names_are_those_of_files_or_places_with_or_without_extension() {
 #[test]
 fn poses_join_where_they_are_during_a_press_and_at_its_ends_between_their_neighbours() {
     let folder = Folder::three();
-    // A pose every 40 ms, off the presses by 20 ms.
+    // A pose every 40 ms, shifted by 20 ms against the presses.
     let poses = (0..60).map(|i| format!("{},{}\n", i * 40_000 - 20_000, i * 40)).collect::<Vec<_>>().concat();
     folder.file("labels.csv", &format!("t_us,z_mm\n{poses}"));
     let presses = folder.read();

@@ -6,7 +6,7 @@ use meissner_io::{Format, ReadOptions};
 use super::{Folder, kinds, odd};
 use crate::presses::{Oddity, OddityKind, Options};
 
-/// The one oddity of three presses with these labels.
+/// The only oddity of three presses with these labels.
 fn only(labels: &str) -> Oddity {
     let folder = Folder::three();
     folder.file("labels.csv", labels);
@@ -107,7 +107,7 @@ fn times_that_step_back_and_other_sensors_are_named() {
     assert!(odd(&presses, OddityKind::StepsBack).first.starts_with("back.npy, in which 1 events"));
     assert_eq!(odd(&presses, OddityKind::SensorSize).first, "other.es with 64x64, most have 32x24");
     assert_eq!(presses.events(0).expect("it is read").len(), 199, "late events are left out");
-    // A sensor that is given is that of all, and events outside of it are odd.
+    // A given sensor applies to all recordings, and events outside of it are odd.
     let read = ReadOptions::default().sensor(Sensor::new(2, 2));
     let presses = folder.try_read(&Options { read, ..Options::default() }).expect("they join");
     assert!(kinds(&presses).contains(&OddityKind::OutsideSensor), "{:?}", presses.odd);

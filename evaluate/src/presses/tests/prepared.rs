@@ -67,7 +67,7 @@ fn a_file_has_the_presses_of_the_folder_that_it_was_made_of() {
     }
 }
 
-/// Two presses of classes alone, of which the second one is of the split test.
+/// Two presses with classes alone; the second one belongs to the split test.
 struct Classes(Vec<(&'static str, String)>, Vec<(&'static str, Vec<i64>)>);
 
 impl Classes {
@@ -107,7 +107,7 @@ impl Classes {
         })
     }
 
-    /// The same with this text or these values; without them where there are none.
+    /// The same with this text; without the entry if it is `None`.
     fn text(mut self, key: &str, text: Option<&str>) -> Self {
         self.0.retain_mut(|entry| {
             if entry.0 == key {

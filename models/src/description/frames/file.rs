@@ -1,6 +1,6 @@
-//! A frame network's file as written: values typed and in range, references not resolved.
+//! A frame network's file in its written form: values typed and in range, references not resolved.
 //!
-//! Enters: tables. Leaves: layers whose kind is `None` where a problem of it was reported.
+//! Input: tables. Output: layers; the kind of a layer is `None` if a problem of it was reported.
 
 use std::ops::RangeInclusive;
 
@@ -44,7 +44,8 @@ pub(super) fn read_layers(root: &mut Table<'_, '_>) -> Vec<ParsedLayer<FrameKind
     layers(root, LAYER, FRAME, reference, &KINDS, |word, table, layer| keys(word, reference, table, layer))
 }
 
-/// Reads the filters of the events that frames of `source` are made of; others have none.
+/// Reads the filters of the events from which frames of `source` are made; other sources have no
+/// filters.
 pub(super) fn read_filters(root: &mut Table<'_, '_>, source: Option<&FrameSource>) -> Vec<FilterRule> {
     match source {
         Some(FrameSource::EventCounts { .. } | FrameSource::Signed { .. }) | None => filters::read(root),
@@ -122,7 +123,7 @@ fn kind(word: &str, table: &mut Table<'_, '_>) -> FrameKind {
     }
 }
 
-/// The prefix of batch norm's tensors, where there is any.
+/// The prefix of batch norm's tensors, if there is any.
 fn norm(table: &mut Table<'_, '_>) -> Option<String> {
     table.text("norm", "the prefix of batch norm's tensor names")
 }
@@ -206,7 +207,7 @@ fn crop(table: &mut Table<'_, '_>) -> CropPlace {
     table.value("crop", expected, Some(CropPlace::Centre), read)
 }
 
-/// The settings of frames that are made of readings, as images or as they are.
+/// The settings of frames that are made of readings, either as images or unchanged.
 fn readings(table: &mut Table<'_, '_>, image: bool) -> Option<Readings> {
     let expected = if image {
         "\"image\", \"reading\", or a range such as [1800, 3500]"

@@ -9,7 +9,7 @@ use serde::{Serialize, Serializer};
 use crate::description::layer::{activation_word, serialize_activation};
 use crate::description::tensors::{Listing, Needed};
 
-/// The input of a network: the name that layers refer to it by.
+/// The name by which layers refer to the input of a network.
 pub(crate) const FRAME: &str = "frame";
 pub(super) const MAX_SIDE: usize = 4096;
 pub(super) const MAX_CHANNELS: usize = 4096;
@@ -35,9 +35,10 @@ pub struct FrameLayer {
     /// Shape of its output.
     #[serde(serialize_with = "serialize_shape")]
     pub output: FrameShape,
-    /// Values that it keeps from frame to frame.
+    /// Number of values that it keeps from frame to frame.
     pub state: usize,
-    /// Trained parameters: weights, biases, batch norm's two, without the running statistics.
+    /// Number of trained parameters: weights, biases, the two of batch norm, without the running
+    /// statistics.
     pub parameters: usize,
     /// Multiply-adds for one frame; in a head, for one prediction.
     pub multiply_adds: usize,
@@ -50,7 +51,7 @@ pub struct FrameLayer {
     /// Its second input, an image or a vector.
     #[serde(skip)]
     pub(crate) joins: Option<usize>,
-    /// About the mean square of the values that it reads, where weights are drawn.
+    /// Approximate mean square of the values that it reads, for drawn weights.
     #[serde(skip)]
     pub(crate) square: f64,
 }
@@ -68,7 +69,7 @@ pub enum FrameKind {
         kernel: usize,
         /// Whether there is a bias.
         bias: bool,
-        /// Prefix of the tensors of batch norm, where there is any.
+        /// Prefix of the tensors of batch norm, if there is any.
         norm: Option<String>,
         /// Activation: identity or max(x, 0).
         #[serde(serialize_with = "serialize_activation")]
@@ -122,7 +123,7 @@ pub enum FrameKind {
     },
     /// The last vectors, value after value, each from the oldest to the newest.
     Delay {
-        /// How many.
+        /// Number of vectors.
         frames: usize,
     },
     /// An image as a vector.
@@ -133,7 +134,7 @@ pub enum FrameKind {
         outputs: usize,
         /// Whether there is a bias.
         bias: bool,
-        /// Prefix of the tensors of batch norm, where there is any.
+        /// Prefix of the tensors of batch norm, if there is any.
         norm: Option<String>,
         /// Activation after the sum.
         #[serde(serialize_with = "serialize_activation")]
@@ -163,7 +164,7 @@ impl FrameKind {
 }
 
 impl std::fmt::Display for FrameKind {
-    /// Its word with its options, short.
+    /// Its word with its options, in short form.
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.write_str(self.word())?;
         let (norm, activation) = match self {
@@ -295,9 +296,9 @@ impl FrameLayer {
         self
     }
 
-    /// About the mean square of what it writes, with drawn weights and values around 0 before each
-    /// activation. Running variances are drawn around it, as trained ones lie near their input's
-    /// variance.
+    /// Approximate mean square of its output, with drawn weights and values around 0 before each
+    /// activation. Running variances are drawn around it, because trained ones lie near their
+    /// input's variance.
     pub(super) fn mean_square(&self) -> f64 {
         match &self.kind {
             FrameKind::Conv { norm, activation, .. } | FrameKind::Dense { norm, activation, .. } => {
@@ -305,12 +306,12 @@ impl FrameLayer {
                 if *activation == Activation::Relu { sum / 2.0 } else { sum }
             }
             FrameKind::UpConv { .. } => GAIN * self.square,
-            // Of neighbours that are much alike.
+            // For neighbours that are similar.
             FrameKind::MaxPool => 1.5 * self.square,
             FrameKind::AveragePool { .. } | FrameKind::GlobalAverage => self.square / 2.0,
             // A sigmoid around 0 is about a half.
             FrameKind::SqueezeExcite { .. } => self.square / 4.0,
-            // A half of the tangent of a small cell.
+            // Half of the hyperbolic tangent of a small cell.
             FrameKind::ConvLstm { .. } | FrameKind::Lstm { .. } => 0.1,
             FrameKind::Sum | FrameKind::Concat { .. } | FrameKind::Delay { .. } | FrameKind::Flatten => {
                 self.square

@@ -1,7 +1,8 @@
 //! The inputs of layers, and shapes, costs and bounds, layer after layer in the order of the file.
 //!
-//! Enters: a [`Stack`] of layers. Leaves: checked [`FrameLayer`]s, but those with problems.
-//! Invariant: without problems all are there, read layers above, and the last depends on all.
+//! Input: a [`Stack`] of layers. Output: checked [`FrameLayer`]s, except those with problems.
+//! Invariant: without problems, the output contains all layers, each reads layers above it, and the
+//! last depends on all.
 
 use meissner_engine::frames::FrameShape::{self, Image, Vector};
 
@@ -12,23 +13,24 @@ use crate::description::references::{Reads, Scope, check_names, references, repo
 use crate::description::table::Spanned;
 use crate::description::tensors::{MAX_TENSOR, Needed};
 
-/// Most parameters of a network, and most values that its layers write and keep: 1 GiB of f32 each.
+/// Maximum number of parameters of a network, and of values that its layers write and keep: 1 GiB
+/// of f32 each.
 const MAX_VALUES: usize = 1 << 28;
 
-/// The two shapes, as messages ask for them.
+/// The two shapes, as named in messages.
 const IMAGE: &str = "an image";
 const VECTOR: &str = "a vector (an image becomes one in a flatten layer)";
 
-/// Layers as they are written, one above the other.
+/// Layers in the order of the file.
 #[derive(Clone, Copy, Debug)]
 pub(in crate::description) struct Stack<'a> {
     pub(in crate::description) layers: &'a [ParsedLayer<FrameKind>],
     pub(in crate::description) scope: Scope<'a>,
-    /// The shape of the input; `None` where a problem of it was reported.
+    /// The shape of the input; `None` if a problem of it was reported.
     pub(in crate::description) shape: Option<FrameShape>,
     pub(in crate::description) state: bool,
     pub(in crate::description) names: Option<&'a Spanned<Vec<String>>>,
-    /// Whether an image that is predicted has a name for each channel, rather than for each value.
+    /// Whether a predicted image has a name for each channel instead of for each value.
     pub(in crate::description) by_channel: bool,
 }
 
@@ -36,7 +38,7 @@ pub(in crate::description) struct Stack<'a> {
 #[derive(Clone, Copy, Debug)]
 struct Known {
     shape: FrameShape,
-    /// About the mean square of its values, where weights are drawn.
+    /// Approximate mean square of its values, for drawn weights.
     square: f64,
 }
 
@@ -46,7 +48,7 @@ type Reference = (&'static str, usize, usize);
 struct Shapes<'a> {
     stack: Stack<'a>,
     problems: &'a mut Problems,
-    /// Of the frame, then of each layer so far.
+    /// Properties of the frame, then of each layer so far.
     known: Vec<Option<Known>>,
     values: usize,
     parameters: usize,
@@ -89,7 +91,7 @@ impl Shapes<'_> {
         self.problems.add(line, Some(&layer.name), kind);
     }
 
-    /// The frame or a layer, as messages name it.
+    /// The name of the frame or of a layer in messages.
     fn describe(&self, read: usize) -> String {
         let shape = self.known[read].map_or_else(String::new, |known| format!(" ({})", known.shape));
         match read.checked_sub(1).map(|i| &self.stack.layers[i]) {
@@ -178,7 +180,7 @@ impl Shapes<'_> {
                 }
                 FrameKind::SqueezeExcite { .. } => input,
                 FrameKind::Flatten => Vector(channels * height * width),
-                // A sum or a mean of each channel; the rest has been dealt with.
+                // A sum or a mean of each channel; the other kinds are handled above.
                 _ => Vector(channels),
             },
         };
@@ -215,7 +217,7 @@ impl Shapes<'_> {
         }
     }
 
-    /// `checked`, unless the network is too large with it.
+    /// Returns `checked`, unless the network is too large with it.
     fn bounded(&mut self, layer: &ParsedLayer<FrameKind>, checked: FrameLayer) -> Option<FrameLayer> {
         let largest = checked.tensors().iter().map(Needed::values).max().unwrap_or(0);
         self.values = self.values.saturating_add(checked.output.values()).saturating_add(checked.state);

@@ -21,7 +21,7 @@ pub enum FrameSource {
         period_us: i64,
         /// Pixels that are shown.
         place: CropPlace,
-        /// Count that becomes 1.
+        /// Count that is scaled to 1.
         maximum: f32,
     },
     /// Polarities of events: signed frames of
@@ -46,7 +46,8 @@ pub enum FrameSource {
 /// Place of the shown pixels on the sensor; the network's input has their number.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum CropPlace {
-    /// In the middle; with an odd rest one pixel further to the left and the top.
+    /// In the middle; if the remaining number of pixels is odd, one pixel further to the left and
+    /// the top.
     #[default]
     Centre,
     /// From this pixel on.
@@ -59,8 +60,8 @@ pub enum CropPlace {
 }
 
 impl CropPlace {
-    /// `width` x `height` pixels of `sensor`; from the first pixel, and then refused, if it is
-    /// smaller.
+    /// `width` x `height` pixels of `sensor`. If the sensor is smaller, the crop starts at the
+    /// first pixel and is refused later.
     pub fn crop(self, width: u16, height: u16, sensor: Sensor) -> Crop {
         let (x, y) = match self {
             Self::Centre => {
@@ -72,7 +73,7 @@ impl CropPlace {
     }
 }
 
-/// Which events a signed frame shows.
+/// The events that a signed frame shows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SignedTiming {
     /// The events of the last microseconds, at any time.
@@ -87,22 +88,24 @@ pub enum SignedTiming {
     },
 }
 
-/// How readings become a sequence's frames. The state starts from zero with each sequence; its
-/// prediction is that of the last frame.
+/// The conversion of readings to the frames of a sequence. The state starts from zero with each
+/// sequence; its prediction is that of the last frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Readings {
-    /// Frames of a sequence.
+    /// Number of frames of a sequence.
     pub steps: usize,
     /// The readings of one sequence.
     pub sampling: Sampling,
-    /// The values that become 0 and 1.
+    /// The values that are scaled to 0 and 1.
     pub scaling: Scaling,
 }
 
-/// How pictures enter, and forces leave, a network for contact areas.
+/// The conversions of pictures to the input, and of the output to forces, of a network for contact
+/// areas.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PictureSettings {
-    /// Whether pictures enter as differences from a reference, a picture without contact.
+    /// Whether the input is the difference of a picture from a reference, a picture without
+    /// contact.
     pub difference: bool,
     /// Mean of red, green and blue, of values in [0, 1], or of their differences.
     pub mean: [f32; 3],
@@ -121,7 +124,7 @@ pub struct PictureSettings {
 }
 
 impl PictureSettings {
-    /// From a picture to the input of the network.
+    /// The conversion from a picture to the input of the network.
     ///
     /// # Errors
     /// As [`ImageNormalisation::new`]; never for the settings of a checked description.
@@ -129,7 +132,7 @@ impl PictureSettings {
         ImageNormalisation::new(self.mean, self.std)
     }
 
-    /// From the output of the network to forces.
+    /// The conversion from the output of the network to forces.
     ///
     /// # Errors
     /// As [`ForceNormalisation::new`]; never for the settings of a checked description.
@@ -158,7 +161,8 @@ impl FrameSource {
         }
     }
 
-    /// Frames after which the network's state starts from zero again; `None` where it runs on.
+    /// Number of frames after which the network's state starts from zero again; `None` if the state
+    /// is kept.
     pub fn steps(&self) -> Option<usize> {
         match self {
             Self::TactileImage(readings) | Self::Electrodes(readings) => Some(readings.steps),
@@ -166,7 +170,7 @@ impl FrameSource {
         }
     }
 
-    /// The shapes that its frames can have, where `shape` is not one of them.
+    /// The possible shapes of its frames, if `shape` is not one of them.
     pub(super) fn refuses(&self, shape: FrameShape) -> Option<String> {
         let (expected, fits) = match (self, shape) {
             (Self::TactileImage(_), _) => {
@@ -261,7 +265,7 @@ fn scaling_value(scaling: Scaling) -> Value {
     }
 }
 
-/// The shortest decimal number that is `value` as f32.
+/// The shortest decimal number that equals `value` as f32.
 fn short(value: f32) -> f64 {
     value.to_string().parse().unwrap_or(f64::from(value))
 }

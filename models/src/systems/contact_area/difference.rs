@@ -1,4 +1,4 @@
-//! Contact without a network: where the image differs from an image without contact.
+//! Contact without a network: the pixels at which the image differs from an image without contact.
 //!
 //! d(p) = mean over a box around p (cut at the border) and channels of |image - reference|, in
 //! levels of 0 to 255; contact where d > threshold. Integer sums of four rectangles from the top
@@ -10,14 +10,14 @@ use serde::Serialize;
 
 use super::{Centroid, ContactError, ImageSize, PixelSize, same_length, setting};
 
-/// How images are compared.
+/// Settings of the comparison.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DifferenceSettings {
     /// Size of the images.
     pub size: ImageSize,
     /// Size of a pixel on the surface of the sensor.
     pub pixel: PixelSize,
-    /// A pixel is in contact where its difference is greater than this, in levels; 0 to 255.
+    /// A pixel is in contact if its difference is greater than this, in levels; 0 to 255.
     pub threshold: f32,
     /// Number of pixels that the box reaches to each side; 0: no blur.
     pub blur_radius: usize,
@@ -69,7 +69,7 @@ impl DifferenceBaseline {
     /// Compares an interleaved RGB image; O(pixels), whatever the radius.
     ///
     /// # Errors
-    /// [`ContactError::Length`] where `rgb` is not of the size.
+    /// [`ContactError::Length`] if `rgb` is not of the size.
     pub fn measure(&mut self, rgb: &[u8]) -> Result<DifferenceReport, ContactError> {
         same_length("image (3 bytes a pixel)", self.reference.len(), rgb.len())?;
         let ImageSize { width, height } = self.settings.size;

@@ -1,9 +1,9 @@
-//! Draws a contact over the image that shows it.
+//! Draws a contact over its image.
 //!
-//! Enters: an image, its contact, its forces. Leaves: a copy with these drawn over it: forces in
+//! Input: an image, its contact, its forces. Output: a copy with these drawn over it: forces in
 //! contact by colour and opacity (out = (image (255 - a) + colour a) / 255, rounded); the outline,
-//! contact at the border or beside a pixel (above, below, left, right) without; a cross at the
-//! centroid.
+//! which is contact at the border or next to a pixel (above, below, left, right) without contact; a
+//! cross at the centroid.
 
 use super::{Centroid, ContactError, ImageSize, same_length, setting};
 
@@ -16,7 +16,7 @@ pub struct Picture<'a> {
     pub mask: &'a [bool],
     /// Forces (H, W) in N per pixel, if any.
     pub force: Option<&'a [f32]>,
-    /// Place of the cross, if any.
+    /// Position of the cross, if any.
     pub centroid: Option<Centroid>,
 }
 
@@ -31,7 +31,7 @@ pub struct Overlay {
     pub outline: [u8; 3],
     /// Colour of the cross.
     pub cross: [u8; 3],
-    /// Length of the arms of the cross, in pixels beside its centre.
+    /// Length of the arms of the cross, in pixels from its centre.
     pub arm: usize,
 }
 
@@ -52,7 +52,7 @@ impl Overlay {
     /// Draws into `out` (H, W, 3); O(pixels).
     ///
     /// # Errors
-    /// [`ContactError::Length`] where a part of the picture or `out` is not of the size.
+    /// [`ContactError::Length`] if a part of the picture or `out` has another size.
     pub fn draw(&self, picture: &Picture<'_>, out: &mut [u8]) -> Result<(), ContactError> {
         let Picture { rgb, mask, force, centroid } = *picture;
         let pixels = self.size.pixels()?;

@@ -1,7 +1,8 @@
-//! Reads a map of forces: where the contact is, its area, its force and its centroid.
+//! Reads a map of forces: the pixels in contact, their area, force and centroid.
 //!
-//! C is the set of pixels whose force f exceeds the threshold: area = |C| times a pixel's, total
-//! force = sum of f over C, centroid = sum of f (x, y) over C / total force; f64 sums, row-major.
+//! C is the set of pixels whose force f exceeds the threshold: area = |C| times the area of a
+//! pixel, total force = sum of f over C, centroid = sum of f (x, y) over C / total force; f64 sums,
+//! row-major.
 
 use std::collections::VecDeque;
 
@@ -9,14 +10,14 @@ use serde::Serialize;
 
 use super::{Centroid, ContactError, ImageSize, PixelSize, same_length, setting};
 
-/// How a map of forces is read.
+/// Settings for reading maps of forces.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ContactSettings {
     /// Size of the maps.
     pub size: ImageSize,
     /// Size of a pixel on the surface of the sensor.
     pub pixel: PixelSize,
-    /// A pixel is in contact where its force is greater than this, in N per pixel; at least 0.
+    /// A pixel is in contact if its force is greater than this, in N per pixel; at least 0.
     pub threshold_n: f32,
     /// Number of reports in the running median of total forces; odd.
     pub median_window: usize,
@@ -44,7 +45,7 @@ pub struct ContactReport {
     pub area_mm2: f64,
     /// The sum of their forces in N; 0 without a contact.
     pub force_n: f64,
-    /// The median of the last total forces, this one included, in N ([`RunningMedian`]).
+    /// The median of the last total forces, including this one, in N ([`RunningMedian`]).
     pub median_force_n: f64,
     /// Mean of their coordinates, weighted by force; `None` without a contact.
     pub centroid: Option<Centroid>,
@@ -87,7 +88,7 @@ impl ContactMeter {
     /// Reads a map of forces (H, W) in N per pixel; O(pixels).
     ///
     /// # Errors
-    /// [`ContactError::Length`] or [`ContactError::NotFinite`]; the meter stays as it was.
+    /// [`ContactError::Length`] or [`ContactError::NotFinite`]; the meter is then unchanged.
     pub fn measure(&mut self, force: &[f32]) -> Result<ContactReport, ContactError> {
         let ImageSize { width, .. } = self.settings.size;
         same_length("map of forces", self.mask.len(), force.len())?;
@@ -134,7 +135,7 @@ impl ContactMeter {
 /// The running median of an odd number of values.
 ///
 /// Until the window is full, it is the median so far; of an even number, the mean of the middle two
-/// (a / 2 + b / 2), by [`f64::total_cmp`]. O(window) a value, without allocation.
+/// (a / 2 + b / 2), by [`f64::total_cmp`]. O(window) per value, without allocation.
 ///
 /// Invariant: `sorted` holds the values of `ring` in order.
 #[derive(Clone, Debug, PartialEq)]
@@ -149,7 +150,7 @@ impl RunningMedian {
     /// A median over `window` values.
     ///
     /// # Errors
-    /// [`ContactError::Setting`] where `window` is even (0 included) or above 65535.
+    /// [`ContactError::Setting`] if `window` is even (0 included) or above 65535.
     pub fn new(window: usize) -> Result<Self, ContactError> {
         let holds = window % 2 == 1 && window < 1 << 16;
         setting("window of the running median", "an odd number up to 65535", window as f64, holds)?;
@@ -180,10 +181,10 @@ impl RunningMedian {
     }
 }
 
-/// Intersection over union of two masks; 1 where neither has a contact, since they agree.
+/// Intersection over union of two masks; 1 if neither has a contact, because they agree.
 ///
 /// # Errors
-/// [`ContactError::Length`] where the masks differ in length.
+/// [`ContactError::Length`] if the masks differ in length.
 pub fn iou(found: &[bool], truth: &[bool]) -> Result<f64, ContactError> {
     same_length("mask", truth.len(), found.len())?;
     let (mut both, mut either) = (0_usize, 0_usize);

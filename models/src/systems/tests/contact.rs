@@ -1,4 +1,4 @@
-//! Contact area: images and maps against plain loops.
+//! Contact area: images and maps compared with plain loops.
 
 mod difference {
     use proptest::prelude::*;
@@ -70,7 +70,7 @@ mod difference {
             let (image, reference): (Vec<u8>, Vec<u8>) = images.into_iter().map(<(u8, u8)>::from).unzip();
             let mut baseline =
                 DifferenceBaseline::new(&reference, settings(width, height, 80.0, radius)).unwrap();
-            // Nothing of an image before stays.
+            // Data of a previous image do not remain.
             baseline.measure(&reference).unwrap();
             let report = baseline.measure(&image).unwrap();
             let mut pixels = 0;
@@ -113,7 +113,7 @@ mod normalisation {
         let mut map = [0.0, 1.0, -0.5];
         normalisation.apply(&mut map);
         assert_eq!(map, [0.25, 2.25, -0.75]);
-        assert_eq!(ForceNormalisation::IDENTITY.force(1e-4), 1e-4);
+        assert_eq!(ForceNormalisation::new(0.0, 1.0).unwrap().force(1e-4), 1e-4);
     }
 
     #[test]

@@ -17,7 +17,7 @@ mod decision {
 
     use crate::systems::slip::{Decision, DecisionError, DecisionFilter};
 
-    /// Class and windows held behind each window.
+    /// Class and number of windows held after each window.
     fn decisions(hold: u32, least: f32, windows: &[(usize, f32)]) -> Vec<Option<(usize, u64)>> {
         let mut filter = DecisionFilter::new(hold, least).unwrap();
         let decision = |&(class, probability): &(usize, f32)| filter.push(class, probability);
@@ -75,7 +75,8 @@ mod decision {
         assert!(DecisionFilter::new(u32::MAX, 1.0).is_ok());
     }
 
-    /// The decision behind the last of `votes`: the class of its newest `hold` equal ones in a row.
+    /// The decision after the last of `votes`: the class of its newest `hold` consecutive equal
+    /// votes.
     fn decided(hold: usize, votes: &[Option<usize>]) -> Option<usize> {
         let agree =
             |run: &[Option<usize>]| run.iter().all(|vote| *vote == run[0]).then_some(run[0]).flatten();
@@ -152,7 +153,7 @@ mod windows {
             (0..13).map(|i| std::array::from_fn(|e| (i * 100 + e) as f32)).collect();
         let mut frames = Vec::new();
         let mut windows = windows("slip-lstm");
-        // A part of a window before, as a stretch leaves it, does not reach into the next stretch.
+        // An incomplete window at the end of a stretch does not continue in the next stretch.
         assert_eq!(windows.cut(&readings[..3], &mut frames), Ok(0));
         assert_eq!(windows.cut(&readings, &mut frames), Ok(2));
         assert_eq!((frames.len(), frames[0], frames[23]), (2 * 5 * 24, 0.0, 1.0));
