@@ -9,16 +9,17 @@
 //! | DVS128 | bit 15: external event | bits 14-8 | bits 7-1 | bit 0: 0 |
 //! | DAVIS | bit 31: frame or IMU; bit 10: external event | bits 30-22 | bits 21-12 | bit 11: 1 |
 //!
-//! Columns count from the right and rows from the bottom; events here count from the left and the
-//! top, as those of the other formats. Files from before 2014 name no chip, nor do those of v2e:
-//! the caller can ([`ReadOptions::chip`], or [`ReadOptions::sensor`] with a size that only one chip
-//! has). Otherwise they are taken for a DVS128's where every address has at most 16 bits, and the
-//! recording says so ([`Recording::assumed`]). Events outside the chip, as some sensors send them,
-//! are left out and counted unless the reader is strict. Source: iniVation's page on AEDAT 2.0; for
-//! the mirrored column, and for the DVS128's polarity (the page has it the other way round), the
-//! extractors of jAER and the parser of `dv-processing`, which agree.
+//! Columns count from the right and rows from the bottom; the decoded events count from the left
+//! and the top, as in the other formats. Files from before 2014 and files of v2e name no chip, but
+//! the caller can name it ([`ReadOptions::chip`], or [`ReadOptions::sensor`] with a size that only
+//! one chip has). Otherwise, if every address has at most 16 bits, the chip is assumed to be a
+//! DVS128, and the recording states this assumption ([`Recording::assumed`]). Events outside the
+//! chip, which some sensors send, are left out and counted unless the reader is strict. Source:
+//! iniVation's page on AEDAT 2.0; for the mirrored column, and for the DVS128's polarity (the page
+//! has it the other way round), the extractors of jAER and the parser of `dv-processing`, which
+//! agree.
 //!
-//! Invariant: the 32-bit time wraps where it falls by 2^31 or more; a smaller fall is a step back.
+//! Invariant: the 32-bit time wraps if it falls by 2^31 or more; a smaller fall is a step back.
 
 mod chip;
 
@@ -42,7 +43,7 @@ const STRIDE: usize = 8;
 /// Times count from 0 to this value - 1, and wrap.
 const TIME_RANGE: i64 = 1 << 32;
 
-/// What is taken for granted of a file that names no chip.
+/// The assumption about a file that names no chip.
 const ASSUMED: &str = "the header names no AEChip: a DVS128 of 128 x 128 pixels is assumed, because no address has more than its 16 bits";
 
 impl Records for Header {
@@ -100,7 +101,7 @@ impl Records for Header {
         for (record, at) in all.iter().zip((0..).step_by(STRIDE)) {
             decoder.push(*record, at)?;
         }
-        // Without a record, nothing says that an unnamed chip is a DVS128.
+        // Without a record, there is no evidence that an unnamed chip is a DVS128.
         let sensor = match self.chip {
             None if self.is_empty => None,
             chip => Some(chip.unwrap_or(Chip::DVS128).sensor),
@@ -125,7 +126,7 @@ struct Decoder<'a> {
     passed: PassedOver,
 }
 
-/// What an address says.
+/// The meaning of an address.
 enum Word {
     /// Column from the right, row from the bottom, and whether brightness rose.
     Change(u16, u16, bool),
@@ -158,7 +159,8 @@ impl<'a> Decoder<'a> {
             Some(Chip { is_davis: true, .. }) => davis(address),
             _ => match self.dvs128(address, at) {
                 Ok(word) => word,
-                // One odd address of a DVS128 is noise, or where no chip is named, another's.
+                // One odd address of a DVS128 is noise or, if no chip is named, the address of a
+                // different chip.
                 Err(error) if self.chip.is_some() => {
                     return self.passed.pass(LeftOutKind::OtherWords, 1, error);
                 }
@@ -216,10 +218,10 @@ fn davis(address: u32) -> Word {
 /// First bytes of a file.
 pub(crate) const MAGIC: &[u8] = b"#!AER-DAT2.0";
 
-/// Longest rest of a file that is examined as a line of its header.
+/// Largest number of remaining bytes that are examined as a line of the header.
 const LINE_BYTES: usize = 1 << 16;
 
-/// The content of a header, and where it ends.
+/// The content and the end of a header.
 #[derive(Debug)]
 pub(crate) struct Header {
     /// First byte after the header.
@@ -244,7 +246,7 @@ fn line(bytes: &[u8]) -> Option<&[u8]> {
     }
 }
 
-/// Whether `tail`, the rest of a file behind the last complete line, is the beginning of a line.
+/// Whether `tail`, the bytes of a file after the last complete line, is the beginning of a line.
 fn is_cut(tail: &[u8]) -> bool {
     tail.starts_with(b"#") && tail.len() < LINE_BYTES && !tail.iter().any(u8::is_ascii_control)
 }

@@ -8,12 +8,12 @@
 //! packets                     28 bytes of header and the events, least significant byte first
 //! ```
 //!
-//! The header of a packet has the type (i16; 1: changes of brightness), the source (i16), and as
-//! i32 the bytes of an event, the place of the time in it, the number of times that the 31-bit
-//! clock has passed its end, the capacity, the number of events, and the number of valid ones. A
-//! change of brightness has 8 bytes: bits 31-17 x, 16-2 y, 1 polarity, 0 whether it is valid, then
-//! the time in microseconds (i32, 0 and above). Source: iniVation's page on AEDAT 3.1 and the
-//! headers of `libcaer`.
+//! The header of a packet contains the type (i16; 1: changes of brightness), the source (i16), and
+//! as i32 the bytes of an event, the offset of the time in it, the number of overflows of the
+//! 31-bit clock, the capacity, the number of events, and the number of valid ones. A change of
+//! brightness has 8 bytes: bits 31-17 x, 16-2 y, 1 polarity, 0 whether it is valid, then the time
+//! in microseconds (i32, 0 and above). Source: iniVation's page on AEDAT 3.1 and the headers of
+//! `libcaer`.
 //!
 //! Invariants: packets fill the file exactly. A time is the packet's overflows times 2^31 plus the
 //! event's own time, so nothing wraps. Events that are not marked as valid are counted and left
@@ -48,7 +48,7 @@ pub(crate) fn decode(bytes: &[u8], options: ReadOptions) -> Result<Recording, Io
     container.events(file.after(container.header.end), options.salvage)
 }
 
-/// What is known of a file before its packets are read.
+/// Information about a file before its packets are read.
 pub(crate) struct Container {
     header: Header,
     /// The source whose events are read, once it is found.
@@ -59,14 +59,14 @@ pub(crate) struct Container {
 /// The source whose events are read: the first with changes of brightness, or of this number.
 #[derive(Clone)]
 struct Main {
-    /// Counted from 1 in the order of their first packets.
+    /// Number of the source, counted from 1 in the order of their first packets.
     asked: usize,
     /// The sources that were found so far.
     found: Vec<i16>,
 }
 
 impl Main {
-    /// Whether `source` is the one, which has a packet of changes of brightness.
+    /// Whether `source`, which has a packet of changes of brightness, is the source to read.
     fn is(&mut self, source: i16) -> bool {
         if self.found.len() < self.asked && !self.found.contains(&source) {
             self.found.push(source);
@@ -191,7 +191,7 @@ struct Decoder<'a> {
     /// The sensor of the main source.
     sensor: Option<Sensor>,
     events: Vec<Event>,
-    /// What was counted, by name.
+    /// Counts by name.
     others: BTreeMap<&'static str, StreamSummary>,
     passed: PassedOver,
 }
@@ -236,7 +236,7 @@ impl<'a> Decoder<'a> {
         Ok(())
     }
 
-    /// Counts a packet with so many elements.
+    /// Counts a packet with this number of elements.
     fn count(&mut self, (name, kind): (&'static str, StreamKind), elements: u64) {
         self.others.entry(name).or_insert_with(|| StreamSummary::new(name, kind)).add(elements);
     }
@@ -258,12 +258,12 @@ pub(crate) const MAGIC: &[u8] = b"#!AER-DAT3.1\r\n";
 /// The header's last line.
 const END: &[u8] = b"#!END-HEADER";
 
-/// The content of a header, and where it ends.
+/// The content and the end of a header.
 #[derive(Debug)]
 struct Header {
     /// First byte of the first packet.
     end: usize,
-    /// The sources whose chip is known, with its pixels.
+    /// The sources with a known chip, and its pixels.
     sources: Vec<(i16, Sensor)>,
 }
 
@@ -305,7 +305,7 @@ impl Header {
         }
     }
 
-    /// The pixels of this source's chip, where it is known.
+    /// The pixels of this source's chip, if it is known.
     fn sensor(&self, source: i16) -> Option<Sensor> {
         self.sources.iter().find(|(known, _)| *known == source).map(|&(_, sensor)| sensor)
     }

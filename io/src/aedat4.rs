@@ -13,9 +13,9 @@
 //! Source: iniVation's pages on the AEDAT file formats and the schemas of its `dv-processing`.
 //!
 //! Invariants: packets fill the space between header and table exactly. Every offset in a buffer is
-//! checked against its packet. Where the header declares no streams (aestream), the packets' names
-//! or content tell them. Odd events are left out and counted unless the reader is strict. A
-//! packet's content is as long as its size prefix (an LZ4 decoder accepts a frame that was cut
+//! checked against its packet. If the header declares no streams (aestream), they are found from
+//! the packets' names or content. Odd events are left out and counted unless the reader is strict.
+//! A packet's content is as long as its size prefix (an LZ4 decoder accepts a frame that was cut
 //! after a block). Frames are not decompressed.
 
 pub(crate) mod header;
@@ -40,14 +40,14 @@ use packet::{Inflater, Table, check_name, name_of};
 
 /// Bytes of a packet's header.
 const PACKET_HEADER: usize = 8;
-/// First bytes of the packet table, which have its name.
+/// Number of first bytes of the packet table, which contain its name.
 const TABLE_START: u64 = 12;
-/// What a packet's size is called in errors.
+/// Name of a packet's size in errors.
 const SIZE: &str = "size of a packet";
 /// Bytes of an event: time, x, y, polarity and three of padding.
 const STRIDE: usize = 16;
 
-/// Packets of events: what they are called, the name in their buffer, and the bytes of an event.
+/// Packets of events: their name in errors, the name in their buffer, and the bytes of an event.
 const EVENTS: (&str, [u8; 4], usize) = ("packet of events", *b"EVTS", STRIDE);
 
 /// The events of the file `bytes`; with `salvage`, those of the complete packets.
@@ -71,9 +71,10 @@ pub(crate) fn decode(bytes: &[u8], options: ReadOptions) -> Result<Recording, Io
     Ok(Recording { salvaged: recording.salvaged.or(salvaged), ..recording })
 }
 
-/// What is taken for granted of a file whose header declares no stream.
+/// The assumption about a file whose header declares no stream.
 const ASSUMED: &str = "the program that wrote this file left out of its header which streams it has: their packets tell, and no sensor is named";
-/// Most streams that packets alone tell: more would take memory for ever.
+/// Maximum number of streams that only packets declare. Without it, memory could grow without
+/// bound.
 const MAX_STREAMS: usize = 1024;
 /// Bytes of a packet's content up to the end of its name.
 const NAMED: u64 = 12;
@@ -90,27 +91,27 @@ fn holds_events(content: Bytes<'_>) -> bool {
     })
 }
 
-/// The places of the streams of events.
+/// The indices of the streams of events.
 fn of_events(streams: &[StreamSummary]) -> impl Iterator<Item = usize> {
     streams.iter().zip(0..).filter(|(stream, _)| stream.kind == StreamKind::Events).map(|(_, index)| index)
 }
 
-/// What is known of a file before its packets are read, and what they told.
+/// Information about a file before its packets are read, and information from the packets.
 #[derive(Clone, Debug)]
 pub(crate) struct Container {
     header: Header,
     /// The streams that the header declares, or those of the packets so far.
     streams: Vec<StreamSummary>,
-    /// Those that nothing names.
+    /// Streams without a name.
     unnamed: BTreeSet<usize>,
-    /// The stream whose events are read: the first, or the chosen one, among those of events.
+    /// Index of the stream whose events are read: the first stream of events, or the chosen one.
     main: Option<usize>,
     /// Its number among the streams of events, from 1.
     asked: usize,
     strict: bool,
-    /// The place of each stream by its number: a header may declare a thousand.
+    /// The index of each stream by its number: a header may declare a thousand streams.
     index_of: BTreeMap<i32, usize>,
-    /// Bytes that the packets may still decompress to while a part is searched.
+    /// Bytes that the packets may still expand to during the search of a part.
     budget: u64,
 }
 
@@ -127,7 +128,7 @@ impl Container {
         Ok(Self { header, streams, unnamed, main, asked, strict, index_of, budget })
     }
 
-    /// The events of `packets`, which are all that there are.
+    /// The events of `packets`, which are all packets of the file.
     fn events(&self, packets: Bytes<'_>, salvage: bool) -> Result<Recording, IoError> {
         let mut container = self.clone();
         let recording = container.read(packets, salvage)?;
@@ -137,10 +138,9 @@ impl Container {
 
     /// The events of `packets`, after those that were read before.
     fn read(&mut self, packets: Bytes<'_>, salvage: bool) -> Result<Recording, IoError> {
-        let Self { header, streams, unnamed, main, asked, strict, index_of, .. } = self;
-        let mut inflater = Inflater::new(header.compression, packets);
-        let sensor = main.and_then(|main| header.streams.get(main)?.sensor);
-        let mut passed = PassedOver::new(*strict);
+        let mut inflater = Inflater::new(self.header.compression, packets);
+        let sensor = self.main.and_then(|main| self.header.streams.get(main)?.sensor);
+        let mut passed = PassedOver::new(self.strict);
         let (mut events, mut at, mut salvaged) = (Vec::new(), 0, None);
         while at < packets.len() {
             if salvage && !is_whole(packets, at) {
@@ -153,47 +153,30 @@ impl Container {
                 return Err(packets.malformed(SIZE, at + 4, "0 and above", size));
             };
             let packet = packets.get("packet", at + PACKET_HEADER, size)?;
-            let index = match index_of.get(&id) {
+            let index = match self.index_of.get(&id) {
                 Some(&index) => index,
-                None if header.streams.is_empty() => {
-                    if streams.len() == MAX_STREAMS {
-                        let expected = format!("at most {MAX_STREAMS} streams");
-                        return Err(packets.malformed("stream of a packet", at, expected, id));
-                    }
-                    let start = inflater.prefix(packet, at, NAMED)?;
-                    let name = name_of(packets.packet(at, start), "packet")?;
-                    let summary = if name.iter().all(u8::is_ascii_alphanumeric) {
-                        StreamSummary::new(&String::from_utf8_lossy(&name), kind_of(&name))
-                    } else {
-                        unnamed.insert(streams.len());
-                        let content = packets.packet(at, inflater.inflate(packet, at)?);
-                        let kind = if holds_events(content) { StreamKind::Events } else { StreamKind::Other };
-                        StreamSummary::new("packets without a name", kind)
-                    };
-                    streams.push(summary);
-                    index_of.insert(id, streams.len() - 1);
-                    *main = of_events(streams).nth(*asked - 1);
-                    streams.len() - 1
+                None if self.header.streams.is_empty() => {
+                    self.begin(id, (at, packet), packets, &mut inflater)?
                 }
                 None => {
-                    let expected = format!("one of the {} that the header declares", streams.len());
+                    let expected = format!("one of the {} that the header declares", self.streams.len());
                     return Err(packets.malformed("stream of a packet", at, expected, id));
                 }
             };
-            let stream = &mut streams[index];
+            let stream = &mut self.streams[index];
             let layout = match stream.kind {
                 StreamKind::Events => Some(EVENTS),
                 // Samples and triggers are tables; a vector holds their offsets of four bytes.
                 StreamKind::Imu => Some(("packet", *b"IMUS", 4)),
                 StreamKind::Triggers => Some(("packet", *b"TRIG", 4)),
-                // They are not decompressed.
+                // These packets are not decompressed.
                 StreamKind::Frames | StreamKind::Unplaced | StreamKind::Other => None,
             };
             if let Some((what, name, stride)) = layout {
                 let content = packets.packet(at, inflater.inflate(packet, at)?);
-                let name = (!unnamed.contains(&index)).then_some(name);
+                let name = (!self.unnamed.contains(&index)).then_some(name);
                 let (start, elements) = Table::parse(content, what, name)?.vector(0, stride)?;
-                if Some(index) == *main {
+                if Some(index) == self.main {
                     append_events(content, (start, elements), sensor, &mut events, &mut passed)?;
                 } else {
                     stream.add((elements.len() / stride) as u64);
@@ -203,13 +186,42 @@ impl Container {
             }
             at += PACKET_HEADER + size;
         }
-        let assumed = if header.streams.is_empty() { vec![ASSUMED] } else { Vec::new() };
-        let (other_streams, left_out) = (StreamSummary::present(streams.clone()), passed.end());
+        let assumed = if self.header.streams.is_empty() { vec![ASSUMED] } else { Vec::new() };
+        let (other_streams, left_out) = (StreamSummary::present(self.streams.clone()), passed.end());
         let plain = Recording::of_events(Format::Aedat4, sensor, events);
         Ok(Recording { other_streams, left_out, assumed, salvaged, ..plain })
     }
 
-    /// Whether there were the events that were asked for, once all packets are read.
+    /// Adds the stream `id`, which the header does not declare, and returns its index. The name or
+    /// the content of its first packet, at byte `at`, shows its kind.
+    fn begin(
+        &mut self,
+        id: i32,
+        (at, packet): (usize, &[u8]),
+        packets: Bytes<'_>,
+        inflater: &mut Inflater<'_>,
+    ) -> Result<usize, IoError> {
+        let index = self.streams.len();
+        if index == MAX_STREAMS {
+            let expected = format!("at most {MAX_STREAMS} streams");
+            return Err(packets.malformed("stream of a packet", at, expected, id));
+        }
+        let start = inflater.prefix(packet, at, NAMED)?;
+        let name = name_of(packets.packet(at, start), "packet")?;
+        self.streams.push(if name.iter().all(u8::is_ascii_alphanumeric) {
+            StreamSummary::new(&String::from_utf8_lossy(&name), kind_of(&name))
+        } else {
+            self.unnamed.insert(index);
+            let content = packets.packet(at, inflater.inflate(packet, at)?);
+            let kind = if holds_events(content) { StreamKind::Events } else { StreamKind::Other };
+            StreamSummary::new("packets without a name", kind)
+        });
+        self.index_of.insert(id, index);
+        self.main = of_events(&self.streams).nth(self.asked - 1);
+        Ok(index)
+    }
+
+    /// Checks after all packets whether the requested stream of events was found.
     fn end(&self) -> Result<(), IoError> {
         if self.main.is_some() {
             return Ok(());
@@ -239,7 +251,7 @@ impl Packets for Container {
     }
 
     fn end(&self, length: u64) -> Option<u64> {
-        // Without declared streams, only the content of the packets tells them.
+        // Without declared streams, only the content of the packets shows which streams exist.
         let is_known = !self.header.is_cut && !self.header.streams.is_empty();
         is_known.then(|| self.header.table.map_or(length, |table| table as u64))
     }
@@ -267,7 +279,7 @@ impl Packets for Container {
     }
 }
 
-/// Whether the packet at byte `at` is complete; true where its size is negative.
+/// Whether the packet at byte `at` is complete; true if its size is negative.
 fn is_whole(packets: Bytes<'_>, at: usize) -> bool {
     let Ok(size) = packets.i32("header of a packet", at + 4) else { return false };
     usize::try_from(size).is_ok_and(|size| size <= packets.len() - at - PACKET_HEADER) || size < 0

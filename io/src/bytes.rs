@@ -1,4 +1,4 @@
-//! Checked reads of the bytes of a file or a packet; every error names its place.
+//! Checked reads of the bytes of a file or a packet; every error contains its place.
 
 use meissner_engine::Sensor;
 
@@ -48,7 +48,7 @@ impl<'a> Bytes<'a> {
         Bytes { format: self.format, data: content, origin: Place::Packet { packet, byte: 0 } }
     }
 
-    /// The bytes from `at` on, which there are.
+    /// The bytes from `at` on, which must exist.
     pub(crate) fn after(&self, at: usize) -> Self {
         Self { data: &self.data[at..], origin: self.place(at), ..*self }
     }
@@ -81,7 +81,8 @@ impl<'a> Bytes<'a> {
         self.array(what, at).map(i32::from_le_bytes)
     }
 
-    /// The records of `N` bytes from byte `start` on. A cut last one is an error without `salvage`.
+    /// The records of `N` bytes from byte `start` on. An incomplete last record is an error without
+    /// `salvage`.
     pub(crate) fn records<const N: usize>(
         &self,
         what: &'static str,
@@ -136,10 +137,10 @@ impl<'a> Bytes<'a> {
         IoError::TooLarge { format, what, place, unit, limit, actual, at_least }
     }
 
-    /// Whether an event at `at` lies inside `sensor`, if it is known; one outside is left out.
+    /// Whether an event at `at` lies inside `sensor`, if it is known; an event outside is left out.
     ///
     /// # Errors
-    /// It is outside, and the reader is strict.
+    /// The event is outside, and the reader is strict.
     #[inline]
     pub(crate) fn is_inside(
         &self,
@@ -168,7 +169,7 @@ impl<'a> Bytes<'a> {
 /// The first `N` bytes of a slice.
 ///
 /// # Panics
-/// Where the slice is shorter: callers check its length before.
+/// If the slice is shorter: callers check its length before.
 #[inline]
 pub(crate) fn array<const N: usize>(bytes: &[u8]) -> [u8; N] {
     *bytes.first_chunk().expect("a slice cut to size")

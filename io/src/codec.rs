@@ -25,17 +25,17 @@ use crate::{aedat2, aedat3, aedat4, dat, es, evt2, evt3, mcap, nmnist, npy};
 /// Reads the recording in the file at `path`, in any format; the file name has no influence.
 ///
 /// # Errors
-/// Those of [`read_with`].
+/// As [`read_with`].
 pub fn read(path: &Path) -> Result<Recording, IoError> {
     read_with(path, ReadOptions::default())
 }
 
 /// Reads the recording in the file at `path` with these options, which may be a [`Format`].
 ///
-/// The unpacked content of the file is held in memory; [`crate::limits`] bounds the rest.
+/// The unpacked content of the file is held in memory; [`crate::limits`] bounds the other memory.
 ///
 /// # Errors
-/// [`IoError::File`] where the file cannot be read, [`IoError::OtherKind`] where it is a folder;
+/// [`IoError::File`] if the file cannot be read, [`IoError::OtherKind`] if it is a folder;
 /// otherwise those of [`decode_with`].
 pub fn read_with(path: &Path, options: impl Into<ReadOptions>) -> Result<Recording, IoError> {
     let options = options.into();
@@ -51,8 +51,8 @@ pub fn read_with(path: &Path, options: impl Into<ReadOptions>) -> Result<Recordi
     decode_content(packed::content_of_file(path, options.salvage)?, options)
 }
 
-/// Reads the events of `range` in the file at `path` without the rest of it; `None` where the
-/// format does not permit that, and [`read_with`] would read the whole file.
+/// Reads the events of `range` in the file at `path` without the other events; `None` if the format
+/// does not permit that, so that [`read_with`] would read the whole file.
 ///
 /// # Errors
 /// As [`read_with`].
@@ -71,15 +71,15 @@ pub fn read_range(
     }
 }
 
-/// The recording in the file at `path` block by block; `None` where the format does not permit
-/// that. The ranges of `options` are ignored. Where a clock wraps, no time between two events of a
-/// block or of two is half of its period or more (DAT and AEDAT2: 36 minutes).
+/// The recording in the file at `path` block by block; `None` if the format does not permit that.
+/// The ranges of `options` are ignored. If a clock wraps, the time between two events of one block
+/// or of two adjacent blocks must be less than half of its period (DAT and AEDAT2: 36 minutes).
 ///
-/// Formats with records, packets or chunks that can be read alone have blocks: DAT, AEDAT2, EVT2,
-/// npy, HDF5, AEDAT3 and AEDAT4, where the file is not packed and not cut short.
+/// Formats with records, packets or chunks that can be read separately have blocks: DAT, AEDAT2,
+/// EVT2, npy, HDF5, AEDAT3 and AEDAT4, if the file is not packed and not cut short.
 ///
 /// # Errors
-/// [`IoError::File`] where the file cannot be read; those of its header.
+/// [`IoError::File`] if the file cannot be read; those of its header.
 pub fn blocks(path: &Path, options: impl Into<ReadOptions>) -> Result<Option<seek::Blocks>, IoError> {
     let file = File::open(path).map_err(IoError::file("read", path))?;
     let options = options.into();
@@ -100,13 +100,13 @@ pub fn blocks(path: &Path, options: impl Into<ReadOptions>) -> Result<Option<see
 /// The content of the file at `path`, unpacked from gzip or a zip archive with one recording.
 ///
 /// # Errors
-/// [`IoError::File`] where the file cannot be read; [`IoError::Truncated`], [`IoError::Malformed`],
-/// [`IoError::TooLarge`] or [`IoError::Unsupported`] where it cannot be unpacked.
+/// [`IoError::File`] if the file cannot be read; [`IoError::Truncated`], [`IoError::Malformed`],
+/// [`IoError::TooLarge`] or [`IoError::Unsupported`] if it cannot be unpacked.
 pub fn read_content(path: &Path) -> Result<Vec<u8>, IoError> {
     Ok(packed::content_of_file(path, false)?.0.into_owned())
 }
 
-/// The unpacked content of a pipe or the like, held to be decoded more than once.
+/// The unpacked content of a pipe or similar input, held to be decoded more than once.
 #[derive(Debug)]
 pub struct HeldContent {
     bytes: Vec<u8>,
@@ -114,10 +114,11 @@ pub struct HeldContent {
 }
 
 impl HeldContent {
-    /// Reads what is at `path` up to its end; with `salvage`, also a gzip file that was cut short.
+    /// Reads the input at `path` up to its end; with `salvage`, also a gzip file that was cut
+    /// short.
     ///
     /// # Errors
-    /// Those of [`read_content`].
+    /// As [`read_content`].
     pub fn read(path: &Path, salvage: bool) -> Result<Self, IoError> {
         let (bytes, salvaged) = packed::content_of_file(path, salvage)?;
         Ok(Self { bytes: bytes.into_owned(), salvaged })
@@ -143,19 +144,19 @@ pub fn decode(bytes: &[u8]) -> Result<Recording, IoError> {
 /// Decodes `bytes`, the whole content of a file, with these options, which may be a [`Format`].
 ///
 /// A gzip file or a zip archive with one recording is unpacked first. Format, and places of errors
-/// and salvage, are those of the content.
+/// and salvage, refer to the content.
 ///
 /// # Errors
-/// - Without a format: [`IoError::OtherKind`] where the content is known and no recording,
-///   [`IoError::UnknownFormat`] or [`IoError::Unsupported`] where it has none of the formats.
-/// - [`IoError::Truncated`] where it is cut short (with [`ReadOptions::salvage`]: in its header).
-/// - [`IoError::Malformed`] where it contradicts the format, [`IoError::Lines`] where most of the
-///   first lines of a text are no events, [`IoError::Undecided`] where a text can be read in
-///   several ways, [`IoError::TooLarge`] beyond a bound of [`crate::limits`],
-///   [`IoError::Unsupported`] for a related format or a zip archive without one recording.
+/// - Without a format: [`IoError::OtherKind`] if the content is known but not a recording,
+///   [`IoError::UnknownFormat`] or [`IoError::Unsupported`] if it has none of the formats.
+/// - [`IoError::Truncated`] if it is cut short (with [`ReadOptions::salvage`]: in its header).
+/// - [`IoError::Malformed`] if it contradicts the format, [`IoError::Lines`] if most of the first
+///   lines of a text are not events, [`IoError::Undecided`] if a text can be read in several ways,
+///   [`IoError::TooLarge`] beyond a bound of [`crate::limits`], [`IoError::Unsupported`] for a
+///   related format or a zip archive without one recording.
 ///
 /// With [`ReadOptions::strict`] also [`IoError::OutsideSensor`], and [`IoError::Malformed`] for
-/// each word, event and line that is left out otherwise.
+/// each word, event and line that is otherwise left out.
 ///
 /// After an error there is no recording: the events before the fault are not returned.
 pub fn decode_with(bytes: &[u8], options: impl Into<ReadOptions>) -> Result<Recording, IoError> {
@@ -189,7 +190,7 @@ fn decode_bytes(content: Cow<'_, [u8]>, options: ReadOptions) -> Result<Recordin
     let found = match format {
         Some(format) => format,
         None => format_of(bytes).or_else(|error| match error {
-            // A caller who gives the order of the columns has a text of events.
+            // If the caller gives the order of the columns, the content is a text of events.
             IoError::UnknownFormat { .. } if text.columns.is_some() && is_text() => Ok(Format::Csv),
             error => Err(error),
         })?,
@@ -269,15 +270,15 @@ pub fn write(path: &Path, format: Format, sensor: Option<Sensor>, events: &[Even
 ///
 /// CSV and npy hold every event. AEDAT4 needs a sensor and holds coordinates below 32768. DAT holds
 /// times from 0 to 2^32 - 1 microseconds and coordinates below 16384; EVT3 holds times from 0 to
-/// 2^40 - 1 and coordinates below 2048. Both hold steps back in time unless they look like a wrap
-/// of the clock. ES needs a sensor and holds ascending times from 0 to 2^33 - 1 (2.4 hours). MCAP
-/// needs a sensor and holds times from 0 to 2^64 - 1 nanoseconds and coordinates below 32768. `out`
-/// is written in small pieces: buffer it.
+/// 2^40 - 1 and coordinates below 2048. Both can hold steps back in time unless they look like a
+/// wrap of the clock. ES needs a sensor and holds ascending times from 0 to 2^33 - 1 (2.4 hours).
+/// MCAP needs a sensor and holds times from 0 to 2^64 - 1 nanoseconds and coordinates below 32768.
+/// `out` is written in small pieces, so it should be buffered.
 ///
 /// # Errors
 /// Before anything is written: [`IoError::CannotHold`] names the first event that the format cannot
-/// hold or that lies outside `sensor`; [`IoError::Unsupported`] where the format is read only, or
-/// cannot hold the sensor. Then [`IoError::Stream`] where `out` fails.
+/// hold or that lies outside `sensor`; [`IoError::Unsupported`] if the format is read only, or
+/// cannot hold the sensor. Then [`IoError::Stream`] if `out` fails.
 pub fn encode(
     format: Format,
     sensor: Option<Sensor>,
@@ -294,7 +295,7 @@ pub fn encode(
     })
 }
 
-/// Refuses events that `format` cannot hold or outside `sensor`, and formats that are read only.
+/// Refuses events outside `sensor` or that `format` cannot hold, and formats that are read only.
 fn check(format: Format, sensor: Option<Sensor>, events: &[Event]) -> Result<(), IoError> {
     let capacity = match format {
         Format::Csv | Format::Npy => Capacity::UNLIMITED,

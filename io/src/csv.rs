@@ -11,7 +11,7 @@
 //! line with only width and height, the comment `%geometry:W,H` of Metavision (whose columns are x,
 //! y, p, t), and the header `t,x@W,y@H,on` of faery and aestream.
 //!
-//! A header may stand in a comment. It names the columns (t, ts, time or timestamp; x; y; p, pol,
+//! A header may be in a comment. It names the columns (t, ts, time or timestamp; x; y; p, pol,
 //! polarity or on) in any order, in upper or lower case; other columns are skipped. Without a
 //! header there are four columns, and their order is given by the caller ([`TextOptions`]) or found
 //! from all lines (`layout`). A text with several possible orders is refused.
@@ -43,7 +43,7 @@ use crate::options::ReadOptions;
 use crate::recording::{Recording, Salvage};
 use crate::text::{Lines, is_comment, lines_of};
 
-/// The events of a text, each as soon as its line is there, also from a pipe or a socket.
+/// The events of a text, each as soon as its line has arrived, also from a pipe or a socket.
 ///
 /// Nothing is read before the first call of `next`. No call reads beyond the line feed of its
 /// event, except for the content of the reader's own buffer. A line takes O(its length); a line
@@ -53,10 +53,10 @@ use crate::text::{Lines, is_comment, lines_of};
 /// columns: t, x, y, p if commas separate and the line fits, otherwise the only order that fits.
 /// Times are whole microseconds, or seconds if the first time that is not 0 has four or more
 /// decimals. A line that fits several layouts gives [`IoError::Undecided`]. [`crate::decode_with`]
-/// has the whole text and decides by all lines.
+/// has the whole text and uses all lines to decide.
 ///
 /// A line that is not an event gives an error with its number, and the next call continues with the
-/// line after it, so that a live stream survives a bad line. A caller who needs every event stops
+/// line after it, so that a live stream survives a bad line. A caller that needs every event stops
 /// at the first error. There are no further items after a bad header, an undecided line, an
 /// overlong line, a reader's failure, or input of another kind ([`IoError::OtherKind`]).
 ///
@@ -83,7 +83,7 @@ impl<R: BufRead> CsvEvents<R> {
         Self::with_options(input, TextOptions::default())
     }
 
-    /// The events of `input`, with the layout as far as `options` give it.
+    /// The events of `input`, with the parts of the layout that `options` give.
     pub fn with_options(input: R, options: TextOptions) -> Self {
         let layout = Layout::new(options);
         Self { lines: Lines::new(input), layout, marks: Vec::new(), begun: false, ended: false }
@@ -94,14 +94,14 @@ impl<R: BufRead> CsvEvents<R> {
         self.layout.sensor
     }
 
-    /// Goes on with `input`, whose lines count from 1 again; the layout stays.
+    /// Continues with `input`, whose lines count from 1 again; keeps the layout.
     pub(crate) fn go_on(&mut self, input: R) {
         self.lines = Lines::new(input);
         self.marks.clear();
         self.ended = false;
     }
 
-    /// Goes on with the next line after an error that ended the events.
+    /// Continues with the next line after an error that ended the events.
     pub(crate) fn pass_over(&mut self) {
         self.ended = false;
     }
@@ -148,10 +148,11 @@ fn other_than_text(start: &[u8]) -> Option<IoError> {
 }
 
 impl<'a> CsvEvents<&'a [u8]> {
-    /// The events of a whole text; all lines decide what `options` and the header leave open.
+    /// The events of a whole text; all lines decide the properties that `options` and the header
+    /// leave open.
     ///
     /// # Errors
-    /// [`IoError::Undecided`] where several layouts fit all lines.
+    /// [`IoError::Undecided`] if several layouts fit all lines.
     pub fn of_text(text: &'a [u8], options: TextOptions) -> Result<Self, IoError> {
         let layout = layout_of(text, options)?;
         Ok(Self { layout, ..Self::new(text) })

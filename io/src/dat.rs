@@ -3,9 +3,9 @@
 //! Two bytes follow the text header ([`crate::prophesee`]): the type of the events (0x0C, in old
 //! files 0x00) and their size (8). Each event has two words of 32 bits, least significant byte
 //! first: the time in microseconds, and bits 13-0 x, 27-14 y, 31-28 polarity (0 or 1). Source: the
-//! vendor's page "DAT File Format". Invariant: the 32-bit time wraps where it falls by 2^31 or
-//! more. Events outside the sensor or with another polarity are left out and counted, unless the
-//! reader is strict. Version 1 is refused: it has another layout.
+//! vendor's page "DAT File Format". Invariant: the 32-bit time wraps if it falls by 2^31 or more.
+//! Events outside the sensor or with another polarity are left out and counted, unless the reader
+//! is strict. Version 1 is refused because it has a different layout.
 
 use std::io::{self, Write};
 
@@ -38,7 +38,7 @@ pub(crate) const CAPACITY: Capacity = Capacity {
     is_wrap: |newest_us, t_us| newest_us - t_us >= TIME_RANGE / 2,
 };
 
-/// What the header says.
+/// The content of the header.
 pub(crate) struct Layout {
     sensor: Option<Sensor>,
     /// First byte of the first event.

@@ -1,8 +1,9 @@
-//! Labelled sets of recordings: a folder to labelled recordings, in one order on every machine.
+//! Labelled sets of recordings: a folder to labelled recordings, in the same order on every
+//! machine.
 //!
 //! Recordings are ordered by class and then by file name in natural order (`pen2` before `pen10`).
-//! Entries whose names start with a dot are ignored. Files beside the class folders, and files with
-//! another extension in them, are skipped and listed.
+//! Entries whose names start with a dot are ignored. Files next to the class folders, and files in
+//! them with another extension, are skipped and listed.
 
 mod braille;
 mod gelsight;
@@ -82,7 +83,7 @@ impl<R> Dataset<R> {
         Ok(())
     }
 
-    /// The set, which must have a recording.
+    /// The set, which must contain a recording.
     fn not_empty(self, folder: &Path, layout: &str, classes: &[&str]) -> Result<Self, IoError> {
         if self.recordings.is_empty() {
             let expected = format!("recordings {layout} of the classes {}", classes.join(", "));
@@ -126,43 +127,45 @@ impl fmt::Display for Split {
 /// A recording of events with its class.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct EventRecording {
-    /// Its place in the data set, without an extension: "train/3/00123".
+    /// Its path in the data set, without an extension: "train/3/00123".
     pub name: String,
     /// Its purpose.
     pub split: Split,
     /// Index of its class.
     pub class: usize,
-    /// Its events, in the file's order; at least one, but for a press that was not felt.
+    /// Its events, in the file's order; at least one, except for a press that the sensor did not
+    /// detect.
     pub events: Vec<Event>,
-    /// When the sensor was pressed, where it is known.
+    /// The times of the press, if they are known.
     pub contact: Option<Contact>,
 }
 
 impl EventRecording {
-    /// The time from which its age counts: that of contact, or else of its first event.
+    /// The time from which its age counts: the time of contact if known, otherwise of its first
+    /// event.
     pub fn begin_us(&self) -> i64 {
         let first = || self.events.first().map_or(0, |event| event.t_us);
         self.contact.map_or_else(first, |contact| contact.begin_us)
     }
 }
 
-/// When a robot pressed a sensor, in microseconds of the clock of its events; ascending.
+/// The times of a robot's press on a sensor, in microseconds of the clock of its events; ascending.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Contact {
-    /// The force reached 0.2 N.
+    /// Time at which the force reached 0.2 N.
     pub begin_us: i64,
-    /// The force reached 2.5 N, at which it is held.
+    /// Time at which the force reached 2.5 N, at which it is then held.
     pub held_us: i64,
-    /// The sensor was lifted.
+    /// Time at which the sensor was lifted.
     pub lifted_us: i64,
 }
 
-/// A recording of events with its class that is still in its file.
+/// A recording of events with its class, which has not been read from its file yet.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct EventFile {
     /// The file.
     pub path: PathBuf,
-    /// Its place in the data set, as [`EventRecording::name`].
+    /// Its path in the data set, as [`EventRecording::name`].
     pub name: String,
     /// Its purpose.
     pub split: Split,
@@ -187,7 +190,7 @@ impl EventDataset {
     /// datasets using saccades", 2015.
     ///
     /// # Errors
-    /// [`IoError`], with the path, where folder or recording is missing or odd, or has no events.
+    /// [`IoError`], with the path, if a folder or recording is missing or odd, or has no events.
     pub fn nmnist(folder: impl AsRef<Path>) -> Result<Self, IoError> {
         let Dataset { recordings, passed_over } = Dataset::nmnist_files(folder)?;
         Ok(Self {
@@ -198,10 +201,10 @@ impl EventDataset {
 }
 
 impl Dataset<EventFile> {
-    /// Lists the files that [`EventDataset::nmnist`] reads, in its order, and reads none.
+    /// Lists the files that [`EventDataset::nmnist`] reads, in its order, without reading them.
     ///
     /// # Errors
-    /// [`IoError`], with the path, where the folder is missing, has another layout, or has no
+    /// [`IoError`], with the path, if the folder is missing, has another layout, or has no
     /// recordings.
     pub fn nmnist_files(folder: impl AsRef<Path>) -> Result<Self, IoError> {
         let folder = folder.as_ref();
@@ -223,7 +226,7 @@ impl EventFile {
     /// The recording in the file.
     ///
     /// # Errors
-    /// [`IoError`], with the path, where it cannot be read, or has no events or an odd one.
+    /// [`IoError`], with the path, if it cannot be read, or has no events or an odd event.
     pub fn read(&self) -> Result<EventRecording, IoError> {
         let Self { path, name, split, class } = self;
         let events = read_with(path, ReadOptions::from(Format::Nmnist).strict(true))
@@ -249,7 +252,7 @@ pub enum BadRows {
 /// A row that is not a reading.
 #[derive(Debug)]
 pub struct RefusedRow {
-    /// Number of the recording's readings before it.
+    /// Number of readings of the recording before this row.
     pub after: usize,
     /// The error, with the line.
     pub problem: IoError,
@@ -272,7 +275,7 @@ pub struct SlipRecording {
     pub warnings: ElectrodeWarnings,
 }
 
-/// A recording of a slip that is still in its file.
+/// A recording of a slip, which has not been read from its file yet.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct SlipFile {
     /// The file.
@@ -285,7 +288,7 @@ pub struct SlipFile {
     pub object: String,
 }
 
-/// Slips under 24 electrodes, one folder per class: the `BioTac` direction-of-slip data set.
+/// Slips on 24 electrodes, one folder per class: the `BioTac` direction-of-slip data set.
 ///
 /// ```text
 /// DATA/<class>/<object><number>.csv        DATA/n/pen178.csv
@@ -299,8 +302,8 @@ impl SlipDataset {
     /// class is an index. O(bytes); all readings are held in memory.
     ///
     /// # Errors
-    /// [`IoError`], with the path, where the folder or a recording is missing, has another layout,
-    /// cannot be read, or has no readings; with the line too for a row that is no reading, where
+    /// [`IoError`], with the path, if the folder or a recording is missing, has another layout,
+    /// cannot be read, or has no readings; also with the line for a row that is not a reading, if
     /// `bad_rows` refuses it.
     pub fn read(folder: impl AsRef<Path>, classes: &[&str], bad_rows: BadRows) -> Result<Self, IoError> {
         let Dataset { recordings, passed_over } = Dataset::slip_files(folder, classes)?;
@@ -310,10 +313,10 @@ impl SlipDataset {
 }
 
 impl Dataset<SlipFile> {
-    /// Lists the files that [`SlipDataset::read`] reads, in its order, and reads none.
+    /// Lists the files that [`SlipDataset::read`] reads, in its order, without reading them.
     ///
     /// # Errors
-    /// [`IoError`], with the path, where the folder is missing, has another layout, or has no
+    /// [`IoError`], with the path, if the folder is missing, has another layout, or has no
     /// recordings.
     pub fn slip_files(folder: impl AsRef<Path>, classes: &[&str]) -> Result<Self, IoError> {
         let folder = folder.as_ref();
@@ -329,7 +332,7 @@ impl SlipRecording {
     /// The readings in stretches without a refused row between them.
     ///
     /// # Panics
-    /// Where [`Self::refused`] was changed so that it does not ascend or exceeds the readings.
+    /// If [`Self::refused`] was changed so that it does not ascend or exceeds the readings.
     pub fn stretches(&self) -> impl Iterator<Item = &[Reading]> {
         let ends = self.refused.iter().map(|row| row.after).chain([self.readings.len()]);
         let stretches = ends.scan(0, |start, end| {
@@ -356,8 +359,8 @@ impl SlipFile {
     /// The recording in the file.
     ///
     /// # Errors
-    /// [`IoError`], with the path, where it cannot be read or has no readings; with the line too
-    /// for a row that is no reading, where `bad_rows` refuses it.
+    /// [`IoError`], with the path, if it cannot be read or has no readings; also with the
+    /// line for a row that is not a reading, if `bad_rows` refuses it.
     pub fn read(&self, bad_rows: BadRows) -> Result<SlipRecording, IoError> {
         let path = &self.path;
         let file = File::open(path).map_err(IoError::file("open", path))?;

@@ -1,7 +1,7 @@
 //! The kind of an input, from its first bytes.
 //!
 //! AEDAT, Event Stream, npy and pictures start with a magic number. Prophesee's files have a text
-//! header that names the encoding. A text is of electrodes if its header names electrodes, and of
+//! header that names the encoding. A text contains electrodes if its header names electrodes, and
 //! events if it has a header of events or a first line of four numbers; any other text with a comma
 //! in its first line is tried as events, unless it begins like JSON. N-MNIST has no mark and is
 //! tried last.
@@ -32,16 +32,16 @@ const MARKS: &[(&[u8], Format)] = &[
     (hdf5::MAGIC, Format::Hdf5),
 ];
 
-/// Most bytes of a file that [`Kind::of_file`] reads: whole events of N-MNIST.
+/// Maximum bytes of a file that [`Kind::of_file`] reads: complete events of N-MNIST.
 pub(crate) const START: u64 = 5 << 14;
 
 impl Kind {
     /// The kind of a file that starts with `bytes`: the whole file, or at least its first 4 KiB.
     /// `None`: unknown.
     ///
-    /// A gzip file and a zip archive are foreign here: [`crate::read`] and [`crate::decode`] look
-    /// into them. A text that is neither clearly of events nor clearly of electrodes, such as a
-    /// list of pictures or JSON, is unknown. O(1), for N-MNIST O(n).
+    /// A gzip file and a zip archive are foreign here: [`crate::read`] and [`crate::decode`] unpack
+    /// them. A text that contains neither clearly events nor clearly electrodes, such as a list of
+    /// pictures or JSON, is unknown. O(1), for N-MNIST O(n).
     pub fn of(bytes: &[u8]) -> Option<Self> {
         let marked = MARKS.iter().find(|(mark, _)| bytes.starts_with(mark));
         if let Some(&(_, format)) = marked {
@@ -77,7 +77,7 @@ impl Kind {
     /// The kind of the file or folder at `path`; reads at most 80 KiB.
     ///
     /// # Errors
-    /// Those of opening and reading the file.
+    /// The errors of opening and reading the file.
     pub fn of_file(path: &Path) -> io::Result<Option<Self>> {
         if path.is_dir() {
             return Ok(Some(Self::Folder));
@@ -88,10 +88,10 @@ impl Kind {
     }
 }
 
-/// The format of `bytes`, the whole content of a file; `None` where it has none of the formats.
+/// The format of `bytes`, the whole content of a file; `None` if it has none of the formats.
 ///
-/// Only the marks of the formats are examined: such a file can still be corrupt. What is empty or
-/// packed has no format. O(n) for N-MNIST, O(1) for the others.
+/// Only the marks of the formats are examined: such a file can still be corrupt. An empty or packed
+/// content has no format. O(n) for N-MNIST, O(1) for the others.
 pub fn detect(bytes: &[u8]) -> Option<Format> {
     format_of(bytes).ok()
 }
@@ -166,7 +166,7 @@ const FOREIGN: &[(&[u8], &str, &str)] = &[
     (b"MM\0*", STILLS, AS_STILL),
 ];
 
-/// The format that is known and not read, if a file of it starts with `bytes`.
+/// The known format that is not read, if a file of it starts with `bytes`.
 fn foreign(bytes: &[u8]) -> Option<Foreign> {
     let has = |at: usize, mark: &[u8]| bytes.get(at..).is_some_and(|tail| tail.starts_with(mark));
     if has(4, b"ftyp") || has(0, b"\x1a\x45\xdf\xa3") || (has(0, b"RIFF") && has(8, b"AVI ")) {

@@ -7,13 +7,13 @@
 //!
 //! The header is required, even if no row follows. The name of an electrode's column ends in `e1`
 //! to `e24` or `electrode1` to `electrode24` (upper or lower case, with `_`, a space or nothing
-//! before the number) after a prefix that all 24 share, such as a finger's; the columns may stand
-//! in any order. A column `t`, `time` or `timestamp` is the time in seconds; with `_s`, `_ms`,
-//! `_us` or `_ns` at its end, it is in that unit. Other columns are skipped. Fields, quotes,
-//! comments, blank lines, line ends and the byte order mark are as in the CSV of events.
+//! before the number) after a prefix that all 24 share, such as a finger's; the columns may have
+//! any order. A column `t`, `time` or `timestamp` is the time in seconds; with `_s`, `_ms`, `_us`
+//! or `_ns` at its end, it is in that unit. Other columns are skipped. Fields, quotes, comments,
+//! blank lines, line ends and the byte order mark are as in the CSV of events.
 //!
-//! Invariant: a reading is delivered as soon as its line is there, without allocation; its values
-//! are finite.
+//! Invariant: a reading is delivered as soon as its line has arrived, without allocation; its
+//! values are finite.
 
 pub(crate) mod header;
 
@@ -42,13 +42,13 @@ pub struct Reading {
     pub time_s: Option<f64>,
 }
 
-/// The readings of a text, each as soon as its line is there: for a pipe as well as for a file.
+/// The readings of a text, each as soon as its line has arrived, from a pipe or a file.
 ///
 /// Nothing is read before the first call of `next`. No call reads beyond the line feed of its
 /// reading, except for the content of the reader's own buffer. A line takes O(its length).
 ///
 /// A row that is not a reading gives an error with its line, and the next call continues with the
-/// row after it. A caller who needs every reading stops at the first error. There are no further
+/// row after it. A caller that needs every reading stops at the first error. There are no further
 /// items after a bad or missing header, a line longer than [`crate::limits::LINE_BYTES`], a
 /// reader's failure, or input of another kind ([`IoError::OtherKind`]). Suspicious readings are
 /// delivered and counted in [`Self::warnings`].
@@ -179,7 +179,7 @@ fn parse<T: FromStr>(field: &[u8]) -> Option<T> {
     str::from_utf8(field).ok()?.parse().ok()
 }
 
-/// The expected range and rate of readings; a reading that differs is counted and delivered.
+/// The expected range and rate of readings; a reading outside of them is counted and delivered.
 ///
 /// ```
 /// use meissner_io::ElectrodeSettings;
@@ -213,7 +213,7 @@ impl Default for ElectrodeSettings {
 pub struct ElectrodeWarnings {
     /// Values outside [`ElectrodeSettings::range`]; a reading counts up to 24 times.
     pub values_out_of_range: u64,
-    /// Readings too early or too late after that of the row before, unless that was refused.
+    /// Readings too early or too late after the row before, unless that row was refused.
     pub rows_off_rate: u64,
     /// Readings after a gap: later than the one before by more than
     /// [`ElectrodeSettings::longest_gap`].

@@ -1,4 +1,4 @@
-//! Errors of all readers and writers: each has the place, the expected and the actual value.
+//! Errors of all readers and writers: each contains the place, the expected and the actual value.
 
 use std::fmt;
 use std::io;
@@ -37,7 +37,7 @@ impl fmt::Display for Place {
     }
 }
 
-/// Why a recording, readings of electrodes or an image could not be read or written.
+/// The reason why a recording, readings of electrodes or an image could not be read or written.
 ///
 /// `format` is the name of the format being read or written, as [`Format`] and
 /// [`ImageFormat`](crate::ImageFormat) show it.
@@ -59,21 +59,22 @@ pub enum IoError {
     /// A file or folder does not fit into its sequence of images or its data set.
     #[error("{}: expected {expected}, found {actual}", path.display())]
     Unfit { path: PathBuf, expected: String, actual: String },
-    /// A datagram, or a part of one, is no event; the next part is read as if it had not come.
+    /// A datagram, or a part of one, is not an event; the next part is read as if this one had not
+    /// arrived.
     #[error("datagram {number}")]
     Datagram {
-        /// The datagram, counted from 1.
+        /// Number of the datagram, counted from 1.
         number: u64,
         source: Box<IoError>,
     },
     /// A word of a raw stream is left out.
     #[error("{format}: word at {place}: expected a known one, or an event on the sensor, found {word:#x}")]
     Word { format: &'static str, place: Place, word: u64 },
-    /// Bytes of a raw stream were lost; what follows is read from the next word that is in step.
+    /// Bytes of a raw stream were lost; reading continues with the next word that is in step.
     #[error("{format}: bytes were lost before {place}: {events} events are left out")]
     Lost {
         format: &'static str,
-        /// Where the loss was seen.
+        /// Place where the loss was detected.
         place: Place,
         /// Events that were read out of step, or have lost their time or place.
         events: u64,
@@ -153,13 +154,13 @@ pub enum IoError {
         line: String,
         readings: String,
     },
-    /// Most of the first lines of a text are no events.
+    /// Most of the first lines of a text are not events.
     #[error("expected events in most lines, found that {refused} of the first {lines} lines are refused")]
     Lines {
-        /// Refused lines among the first ones.
+        /// Number of refused lines among the first lines.
         refused: u64,
         lines: u64,
-        /// Why the first of them is refused.
+        /// The reason why the first of them is refused.
         #[source]
         first: Box<IoError>,
     },
@@ -199,8 +200,8 @@ impl IoError {
         }
     }
 
-    /// Whether it is about one line of a text, a part of a datagram or the like, after which
-    /// reading goes on: it is no event, or one outside the sensor.
+    /// Whether the error is about one line of a text, a part of a datagram or a similar part, after
+    /// which reading continues. The part is not an event, or an event outside the sensor.
     pub fn is_about_a_line(&self) -> bool {
         matches!(
             self,
@@ -218,7 +219,7 @@ impl IoError {
     }
 }
 
-/// What a content of `length` bytes is that starts with `start`.
+/// A description of a content of `length` bytes that starts with `start`.
 fn length_and_start(length: u64, start: &str) -> String {
     match length {
         0 => "nothing: it is empty".to_owned(),

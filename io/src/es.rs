@@ -10,9 +10,9 @@
 //!
 //! The first byte of an event has the polarity in bit 0, and in bits 7-1 the microseconds since the
 //! event before it (first: since 0), at most 126. A byte 0xff before an event adds 127; 0xfe is a
-//! reset, which says nothing. Rows count from the bottom, in events here from the top.
-//! Source: <https://github.com/neuromorphic-paris/event_stream>, version 2; for the rows, its
-//! author's `faery`. Invariant: times never go back.
+//! reset, which has no meaning here. Rows count from the bottom; in the decoded events, they count
+//! from the top. Source: <https://github.com/neuromorphic-paris/event_stream>, version 2; for the
+//! rows, its author's `faery`. Invariant: times never go back.
 
 use std::io::{self, Write};
 
@@ -36,9 +36,9 @@ const STRIDE: usize = 5;
 /// The byte that adds [`OVERFLOW_US`].
 const OVERFLOW: u8 = 0xff;
 const OVERFLOW_US: i64 = 127;
-/// Overflows that are written at once.
+/// Overflow bytes that are written at once.
 const OVERFLOWS: [u8; 4096] = [OVERFLOW; 4096];
-/// The byte that says nothing.
+/// The reset byte, which has no meaning here.
 const RESET: u8 = 0xfe;
 /// Latest time that is written: 2.4 hours; such a file starts with 65 MiB of overflows.
 const LATEST_US: i64 = (1 << 33) - 1;
@@ -104,7 +104,7 @@ pub(crate) fn decode(bytes: &[u8], options: ReadOptions) -> Result<Recording, Io
     Ok(Recording { left_out, salvaged, ..Recording::of_events(format, Some(sensor), events) })
 }
 
-/// How many bytes at the start of `bytes` are overflows: minutes of silence have millions.
+/// Number of bytes at the start of `bytes` that are overflows: minutes of silence have millions.
 fn overflows(bytes: &[u8]) -> usize {
     let (blocks, _) = bytes.as_chunks::<64>();
     let whole = 64 * blocks.iter().take_while(|&block| block == &OVERFLOWS[..64]).count();

@@ -12,16 +12,16 @@
 //! | others | reserved, IMU, or values of pictures | | | |
 //!
 //! A word of EVT 2.1 has 64 bits. Its upper half is a word of EVT 2.0; its lower half is the mask
-//! of an event word, which stands for an event at x + i where bit i is set. The `GenX320` sends the
-//! whole word least significant byte first, so that the mask comes before; the IMX636 and the
-//! sensors before it send the upper half first (`endianness` is `legacy`). Where the header does
-//! not say which, the time words do.
+//! of an event word, which represents an event at x + i for each set bit i. The `GenX320` sends the
+//! whole word least significant byte first, so that the mask comes first; the IMX636 and earlier
+//! sensors send the upper half first (`endianness` is `legacy`). If the header does not state the
+//! order, it is found from the time words.
 //!
 //! Source: the vendor's pages "EVT 2.0 Format" and "EVT 2.1 Format"; the key `endianness` is that
 //! of `OpenEB`. Invariants: words of other types and events outside the sensor are left out and
 //! counted, unless the reader is strict; an event's time is the newest time word's plus its own six
-//! bits; the 34-bit time wraps where a time word falls by half its range or more, and a smaller
-//! fall is a step back.
+//! bits; the 34-bit time wraps if a time word falls by half its range or more, and a smaller fall
+//! is a step back.
 
 use meissner_engine::{Event, Sensor};
 
@@ -43,14 +43,14 @@ pub(crate) const TIME_RANGE: i64 = 1 << 34;
 /// Coordinates have 11 bits.
 const SIDE: u16 = 2048;
 
-/// Words from which the order of their halves is found: no more than are read of a file to find its
-/// header.
+/// Number of words from which the order of their halves is found: at most as many as are read from
+/// a file to find its header.
 const TELLING: usize = 1 << 13;
-/// Most units of 64 us between time words that follow one another: 4 s. The masks of events lie
-/// further apart.
+/// Maximum number of units of 64 us between consecutive time words: 4 s. The masks of events differ
+/// by more.
 const NEAR: i64 = 1 << 16;
 
-/// How words follow one another.
+/// Layout of the words.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Words {
     /// EVT 2.0.
@@ -62,8 +62,8 @@ pub(crate) enum Words {
 }
 
 impl Words {
-    /// How the header of `file` says that words of `format` follow one another; `None`: they must
-    /// show it.
+    /// The layout of the words of `format` that the header of `file` states; `None`: it must be
+    /// found from the words.
     pub(crate) fn of(header: &Header, file: Bytes<'_>, format: Format) -> Result<Option<Self>, IoError> {
         let is_legacy = header.is_legacy(file)?;
         Ok(match is_legacy {
@@ -88,8 +88,8 @@ impl Words {
         }
     }
 
-    /// The order of the halves of `words` of EVT 2.1: that in which more time words lie close to
-    /// the one before.
+    /// The order of the halves of `words` of EVT 2.1: the order in which more time words are close
+    /// to the previous one.
     pub(crate) fn found_in(words: &[u8]) -> Self {
         let near = |order: Self| {
             let heads = words.as_chunks::<8>().0.iter().take(TELLING).map(|word| order.split(word).0);
@@ -101,7 +101,7 @@ impl Words {
     }
 }
 
-/// What the header says.
+/// The content of the header.
 pub(crate) struct Layout {
     format: Format,
     sensor: Option<Sensor>,
@@ -137,7 +137,7 @@ pub(crate) struct Decoder {
 }
 
 impl Decoder {
-    /// Before the first word, which is read with `clock`.
+    /// The state before the first word, which is read with `clock`.
     pub(crate) fn new(sensor: Option<Sensor>, strict: bool, clock: WrappingClock) -> Self {
         Self {
             sensor,
@@ -152,7 +152,7 @@ impl Decoder {
     }
 
     /// Takes all of `words`; `split` gives the word of EVT 2.0 in `N` bytes, and its mask. Returns
-    /// what was cut short.
+    /// the part that was cut short.
     #[inline]
     fn push_all<const N: usize>(
         &mut self,
@@ -168,8 +168,8 @@ impl Decoder {
         Ok(salvaged)
     }
 
-    /// Takes the `word` of EVT 2.0 at byte `at` of `file`; one of events stands for one in each
-    /// column x + i where bit i of `mask` is set.
+    /// Takes the `word` of EVT 2.0 at byte `at` of `file`; an event word represents an event in
+    /// each column x + i for which bit i of `mask` is set.
     #[inline]
     pub(crate) fn push(
         &mut self,
@@ -207,8 +207,8 @@ impl Decoder {
         Ok(())
     }
 
-    /// Words may be missing before the next one: events are unplaced until a word of time has come
-    /// again. The clock goes on, so that a loss of less than 2.3 hours hides no wrap.
+    /// Words may be missing before the next one: events are unplaced until the next time word. The
+    /// clock continues, so that a loss of less than 2.3 hours hides no wrap.
     pub(crate) fn resync(&mut self) {
         self.base_us = None;
     }
@@ -218,7 +218,7 @@ impl Decoder {
         self.base_us
     }
 
-    /// Events without a time so far.
+    /// Number of events without a time so far.
     pub(crate) fn unplaced_events(&self) -> u64 {
         self.unplaced.elements
     }

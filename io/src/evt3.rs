@@ -20,16 +20,16 @@
 //! Source: the vendor's page "EVT 3.0 Format", and for 0x1 and 0xD the header `evt3_event_types.h`
 //! of `OpenEB`. Invariants:
 //!
-//! - Nothing odd ends the reading unless it is strict: reserved words, events outside the sensor
-//!   and those of a row of kind 0x1 are left out and counted. Events before the first words of
+//! - Odd data do not end the reading unless it is strict: reserved words, events outside the sensor
+//!   and events of a row of kind 0x1 are left out and counted. Events before the first words of
 //!   time, row and (in a vector) base column are unplaced: a stream may be cut anywhere.
-//! - The 24-bit time wraps where word 0x8 falls by half its range or more, and nowhere else. Within
-//!   word 0x6, a fall is a step back: sensors under load fall by microseconds. Word 0x8 from just
-//!   after a wrap to just before it, then 0x6, steps back over the wrap ([`WrappingClock`]).
+//! - The 24-bit time wraps only if word 0x8 falls by half its range or more. Within word 0x6, a
+//!   fall is a step back: sensors under load fall by microseconds. Word 0x8 from just after a wrap
+//!   to just before it, then 0x6, steps back over the wrap ([`WrappingClock`]).
 //! - A change of word 0x8 clears the lower bits until the next word 0x6.
-//! - Only single events (word 0x2) are written: vectors would reorder those of a row. A silence
-//!   of a whole period of 2^24 microseconds is written as the two time words of a wrap; one above
-//!   half a period has a time word in its middle, so that times are absolute.
+//! - Only single events (word 0x2) are written: vectors would reorder the events of a row. A
+//!   silence of a whole period of 2^24 microseconds is written as the two time words of a wrap; one
+//!   above half a period has a time word in its middle, so that times are absolute.
 
 use std::io::{self, Write};
 
@@ -88,13 +88,13 @@ pub(crate) fn decode(bytes: &[u8], options: ReadOptions) -> Result<Recording, Io
 /// The row of the next events.
 #[derive(Clone, Copy, Debug)]
 enum Row {
-    /// None was named yet.
+    /// No row was named yet.
     Unknown,
-    /// One of the sensor.
+    /// A row of the sensor.
     At(u16),
-    /// One outside the sensor.
+    /// A row outside the sensor.
     Outside(u16),
-    /// One of an external system.
+    /// A row of an external system.
     Other,
 }
 
@@ -106,9 +106,9 @@ pub(crate) struct Decoder {
     pub(crate) clock: WrappingClock,
     /// The newest word 0x8, and its time in microseconds.
     high: Option<(u16, i64)>,
-    /// Whether no word 0x6 came after it.
+    /// Whether no word 0x6 has followed it.
     is_bare: bool,
-    /// Whether words were lost, and both words of time have not come since.
+    /// Whether words were lost, and both words of time have not arrived since.
     is_lost: bool,
     /// The time of the next event.
     t_us: i64,
@@ -123,7 +123,7 @@ pub(crate) struct Decoder {
 }
 
 impl Decoder {
-    /// Before the first word of this sensor, or of the largest there is.
+    /// The state before the first word of this sensor, or of the largest possible sensor.
     pub(crate) fn new(sensor: Option<Sensor>, strict: bool) -> Self {
         Self {
             bounds: sensor.unwrap_or(Sensor::new(SIDE, SIDE)),
@@ -143,7 +143,7 @@ impl Decoder {
     }
 
     /// Words may be missing: events are unplaced until time, row and (in a vector) base column have
-    /// come again. The clock goes on: a loss of less than 8 s hides no wrap.
+    /// arrived again. The clock continues: a loss of less than 8 s hides no wrap.
     pub(crate) fn resync(&mut self) {
         (self.high, self.is_bare, self.is_lost) = (None, false, true);
         (self.row, self.base) = (Row::Unknown, None);
@@ -154,12 +154,12 @@ impl Decoder {
         (self.high.is_some() && !self.is_bare && !self.is_lost).then_some(self.t_us)
     }
 
-    /// Events without a time, a row or a base column so far.
+    /// Number of events without a time, a row or a base column so far.
     pub(crate) fn unplaced_events(&self) -> u64 {
         self.unplaced.elements
     }
 
-    /// The events, what else there was, and what was left out.
+    /// The events, the other streams, and the omitted parts.
     pub(crate) fn end(self) -> (Vec<Event>, Vec<StreamSummary>, Vec<LeftOut>) {
         let Self { events, triggers, vendor, unplaced, passed, .. } = self;
         (events, StreamSummary::present([triggers, vendor, unplaced]), passed.end())
@@ -200,7 +200,7 @@ impl Decoder {
         // The word is repeated while nothing happens: then the lower bits are still valid.
         if self.high.is_none_or(|(newest, _)| newest != high) {
             if self.is_bare {
-                // The words of a silence of whole periods have nothing between them.
+                // The words of a silence of whole periods follow each other directly.
                 self.clock.take_for_forward();
             }
             self.t_us = self.clock.advance(high.into()) << TIME_BITS;
@@ -239,8 +239,8 @@ impl Decoder {
         Ok(())
     }
 
-    /// Leaves out the events at `x` + i for every set bit i, which are in a row outside the sensor,
-    /// beyond its columns, or not its own.
+    /// Leaves out the events at `x` + i for every set bit i, which are outside the sensor's rows or
+    /// columns, or in a row of another system.
     #[cold]
     fn beside(&mut self, file: Bytes<'_>, x: u32, (bits, row): (u16, Row), at: usize) -> Result<(), IoError> {
         if bits == 0 {
@@ -330,7 +330,7 @@ impl Written {
 
     fn write_high(&mut self, high: u16, out: &mut impl Write) -> io::Result<()> {
         if self.high != Some(high) {
-            // Some readers keep the lower bits after this word: they are written again.
+            // Some readers keep the lower bits after this word, so they are written again.
             self.low = None;
         }
         put_change(&mut self.high, word::TIME_HIGH, high, out)

@@ -1,4 +1,4 @@
-//! Files as wholes: replacing in one step, reading up to a bound, listing in natural order.
+//! Whole files: replacing in one step, reading up to a bound, listing in natural order.
 
 use std::cmp::Ordering;
 use std::fs::{self, File, FileType, OpenOptions};
@@ -11,20 +11,20 @@ use crate::error::{IoError, Place};
 /// Number of temporary files of this process so far.
 pub(crate) static COUNT: AtomicU64 = AtomicU64::new(0);
 
-/// Most bytes that are read of what may have no end.
+/// Maximum bytes that are read from an input that may have no end.
 pub(crate) const ENDLESS_BYTES: u64 = 1 << 31;
 
 /// Replaces the file at `path`, which need not exist, with the bytes that `write` writes; a
 /// symbolic link stays a link, and the file keeps its permissions.
 ///
 /// The bytes go to a temporary file in the same folder (`.NAME.PROCESS-COUNT.tmp`), which is synced
-/// to the disk and then renamed; on Unix the folder is synced too. Whenever the program or the
-/// machine stops, the file has its former or its new content.
+/// to the disk and then renamed; on Unix the folder is synced too. If the program or the machine
+/// stops at any time, the file has its former or its new content.
 ///
 /// # Errors
-/// [`IoError::Unfit`] where `path` is neither free nor a regular file nor a link to one;
-/// [`IoError::File`] where the file may not be written, where the temporary file cannot be created,
-/// written or renamed, or where `write` gives an error. The former file is then unchanged.
+/// [`IoError::Unfit`] if `path` exists and is neither a regular file nor a link to one;
+/// [`IoError::File`] if the file may not be written, if the temporary file cannot be created,
+/// written or renamed, or if `write` gives an error. The former file is then unchanged.
 pub fn replace_file(
     path: &Path,
     write: impl FnOnce(&mut BufWriter<File>) -> io::Result<()>,
@@ -38,13 +38,13 @@ pub fn replace_file(
     };
     let written = permitted.and_then(|()| fill(file, write)).and_then(|()| fs::rename(&temporary, &target));
     if written.is_err() {
-        // The caller gets the error of the writing, not one of the clean-up.
+        // The caller gets the error of writing, not an error of the clean-up.
         let _ = fs::remove_file(&temporary);
     }
     written.and_then(|()| sync_folder(&target)).map_err(fail("write"))
 }
 
-/// Checks before the work that [`replace_file`] can replace the file at `path`; changes nothing.
+/// Checks in advance that [`replace_file`] can replace the file at `path`; changes nothing.
 ///
 /// # Errors
 /// As [`replace_file`].
@@ -53,7 +53,7 @@ pub fn check_replaceable(path: &Path) -> Result<(), IoError> {
     fs::remove_file(temporary).map_err(IoError::file("create", path))
 }
 
-/// Writes the file at `path` with [`replace_file`]; a device or a pipe is written to as it is.
+/// Writes the file at `path` with [`replace_file`]; a device or a pipe is written to directly.
 ///
 /// # Errors
 /// As [`replace_file`].
@@ -69,7 +69,7 @@ pub fn write_file(
     write(&mut out).and_then(|()| out.flush()).map_err(IoError::file("write", path))
 }
 
-/// Checks before the work that [`write_file`] can write the file at `path`; changes nothing.
+/// Checks in advance that [`write_file`] can write the file at `path`; changes nothing.
 ///
 /// # Errors
 /// As [`replace_file`].
@@ -77,11 +77,11 @@ pub fn check_writable(path: &Path) -> Result<(), IoError> {
     if is_special(path) { Ok(()) } else { check_replaceable(path) }
 }
 
-/// The bytes of the file at `path`, which may be a device or a pipe: `limit` at most. If it does
-/// not begin with `start`, these are only as many bytes as `start` has.
+/// The bytes of the file at `path`, which may be a device or a pipe: at most `limit`. If it does
+/// not begin with `start`, returns only as many bytes as `start` has.
 ///
 /// # Errors
-/// [`IoError::File`] where it cannot be read; [`IoError::Content`] where it has more.
+/// [`IoError::File`] if it cannot be read; [`IoError::Content`] if it has more bytes.
 pub fn read_file(path: &Path, start: &[u8], limit: u64) -> Result<Vec<u8>, IoError> {
     let mut file = File::open(path).map_err(IoError::file("open", path))?;
     let mut bytes = Vec::new();
@@ -111,12 +111,12 @@ pub fn read_whole(path: &Path) -> Result<Vec<u8>, IoError> {
     read_file(path, b"", if has_end { u64::MAX } else { ENDLESS_BYTES })
 }
 
-/// Whether `path` is there and neither a file nor a folder: a device, a pipe or a socket.
+/// Whether `path` exists and is neither a file nor a folder: a device, a pipe or a socket.
 pub(crate) fn is_special(path: &Path) -> bool {
     fs::metadata(path).is_ok_and(|there| !there.is_file() && !there.is_dir())
 }
 
-/// The file that [`replace_file`] replaces for `path`: behind a link, the file that it leads to.
+/// The file that [`replace_file`] replaces for `path`: for a link, the file that it leads to.
 pub(crate) fn target(path: &Path) -> Result<PathBuf, IoError> {
     let found = match fs::metadata(path) {
         // A file that may not be written is not replaced.
@@ -130,10 +130,10 @@ pub(crate) fn target(path: &Path) -> Result<PathBuf, IoError> {
         }
         Err(_) => return Ok(path.to_owned()),
     };
-    Err(IoError::unfit(path, "a file to replace, or none", found))
+    Err(IoError::unfit(path, "a regular file, or none", found))
 }
 
-/// What something is that is no file.
+/// The kind of a path that is not a file.
 pub(crate) fn kind(kind: FileType) -> &'static str {
     #[cfg(unix)]
     {
@@ -169,7 +169,7 @@ pub(crate) fn fill(file: File, write: impl FnOnce(&mut BufWriter<File>) -> io::R
     out.into_inner().map_err(io::IntoInnerError::into_error)?.sync_all()
 }
 
-/// Syncs the name of a file to the disk, where the file system can do that for a folder.
+/// Syncs the name of a file to the disk, if the file system can sync a folder.
 pub(crate) fn sync_folder(path: &Path) -> io::Result<()> {
     if cfg!(unix) {
         let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
@@ -202,7 +202,7 @@ pub(crate) fn compare(a: &[u8], b: &[u8]) -> Ordering {
     unequal.unwrap_or_else(|| parts(a).count().cmp(&parts(b).count()).then_with(|| a.cmp(b)))
 }
 
-/// The digits of a run of digits without leading zeros; `None`: it is no such run.
+/// The digits of a run of digits without leading zeros; `None`: it is not such a run.
 pub(crate) fn number(part: &[u8]) -> Option<&[u8]> {
     let zeros = part.iter().take_while(|&&b| b == b'0').count();
     part[0].is_ascii_digit().then(|| &part[zeros..])

@@ -16,7 +16,7 @@ pub(crate) const Y: &[&str] = &["y"];
 pub(crate) const POLARITY: &[&str] = &["p", "pol", "polarity", "on"];
 
 /// Names of the fields of an event, in lower case and with the preferred one first: time in
-/// microseconds, column, row, polarity. Files and arrays of events have the same.
+/// microseconds, column, row, polarity. Files and arrays of events use the same names.
 pub const EVENT_FIELDS: [&[&str]; 4] = [TIME, X, Y, POLARITY];
 
 /// The first `most` characters of a text for a message.
@@ -73,7 +73,7 @@ pub enum Format {
     Csv,
     /// `NumPy` structured array (`.npy`).
     Npy,
-    /// HDF5 of DSEC and Prophesee (`.h5`, `.hdf5`); read where this crate has its feature `hdf5`.
+    /// HDF5 of DSEC and Prophesee (`.h5`, `.hdf5`); read if this crate has its feature `hdf5`.
     Hdf5,
     /// The container of ROS 2 and Foxglove, with packets of events (`.mcap`).
     Mcap,
@@ -127,7 +127,7 @@ impl Format {
     /// The format of an input is found from its content ([`crate::detect()`]).
     ///
     /// # Errors
-    /// [`UnknownName`] where the path has no extension, or an unknown one.
+    /// [`UnknownName`] if the path has no extension, or an unknown one.
     pub fn from_path(path: &Path) -> Result<Self, UnknownName> {
         let extension = path.extension().and_then(|e| e.to_str()).unwrap_or_default();
         let lower = extension.to_ascii_lowercase();

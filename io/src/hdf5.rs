@@ -1,4 +1,4 @@
-//! HDF5, as DSEC and Prophesee's Metavision write it; the crate `hdf5-reader` reads the container.
+//! HDF5 files of DSEC and Prophesee's Metavision; the crate `hdf5-reader` reads the container.
 //!
 //! | writer | events | time | sensor | compression |
 //! |---|---|---|---|---|
@@ -37,15 +37,15 @@ use crate::seek::blocks::RECORDS;
 use crate::seek::{Blocks, DISORDER_US, Probe, TimeRange, step};
 use integer::{Integer, Record};
 
-/// A part of the container, whose place is not known.
+/// A part of the container at an unknown place.
 const NOWHERE: Bytes<'static> = Bytes { format: Format::Hdf5.name(), data: &[], origin: Place::Byte(0) };
 /// First bytes of a file.
 pub(crate) const MAGIC: &[u8] = b"\x89HDF";
 /// Events that are decoded at once.
 const BLOCK: u64 = 1 << 14;
-/// Most bytes of a record in an array: Prophesee's has 16.
+/// Maximum bytes of a record in an array: Prophesee's records have 16.
 const MAX_RECORD_BYTES: usize = 64;
-/// Fewest bytes of an event: the arrays of DSEC.
+/// Minimum bytes of an event: that of the arrays of DSEC.
 const EVENT_BYTES: u64 = 9;
 /// Decoded chunks that are kept for the next range, in bytes.
 const CACHE_BYTES: usize = 32 << 20;
@@ -84,7 +84,7 @@ struct Events {
     arrays: Vec<Dataset>,
     /// Number of events.
     count: u64,
-    /// What is added to the times, in microseconds.
+    /// Offset that is added to the times, in microseconds.
     origin_us: i64,
     sensor: Option<Sensor>,
     strict: bool,
@@ -188,7 +188,7 @@ impl Events {
         Ok(())
     }
 
-    /// The records of `range`, put together where each field has an array.
+    /// The records of `range`, assembled if each field has its own array.
     fn records(&self, range: &Range<u64>) -> Result<Vec<Record>, IoError> {
         let [t, x, y, p] = &self.arrays[..] else { return slice(&self.arrays[0], range) };
         let times = slice::<Integer>(t, range)?.into_iter();
@@ -201,7 +201,7 @@ impl Events {
         Ok(records)
     }
 
-    /// The time of the event at `index`, which there is, in microseconds.
+    /// The time in microseconds of the event at `index`, which must exist.
     fn time(&self, index: u64) -> Result<i64, IoError> {
         let range = index..index + 1;
         let t_us = match &self.arrays[..] {
@@ -249,7 +249,7 @@ fn scalar(dataset: &Dataset) -> Result<i64, IoError> {
     }
 }
 
-/// What a file has, if it has it.
+/// An item of a file, if it exists.
 fn present<T>(found: Result<T, Error>) -> Result<Option<T>, IoError> {
     match found {
         Ok(found) => Ok(Some(found)),
@@ -272,7 +272,7 @@ fn unreadable(error: Error) -> IoError {
     malformed("content", "readable HDF5 with integers", error.to_string())
 }
 
-/// The error of a part of the container, whose place is not known.
+/// The error of a part of the container at an unknown place.
 fn malformed(what: &'static str, expected: impl Into<String>, actual: impl ToString) -> IoError {
     NOWHERE.malformed(what, 0, expected, actual)
 }

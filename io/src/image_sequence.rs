@@ -1,4 +1,4 @@
-//! Sequences of images: a folder, a list, the pictures of a file of MCAP.
+//! Sequences of images: a folder, a list, the pictures of an MCAP file.
 
 use std::path::{Path, PathBuf};
 use std::vec;
@@ -11,14 +11,14 @@ use crate::images::{Image, read_bounded, read_image};
 use crate::mcap::images::McapImages;
 use crate::text::BYTE_ORDER_MARK;
 
-/// The images of a sequence with their paths, one at a time, each read when it is asked for.
+/// The images of a sequence with their paths, one at a time, each read when it is requested.
 ///
 /// The first image that can be read determines the size. A malformed image or one of another size
 /// gives an error, and the next call takes the next file.
 #[derive(Clone, Debug)]
 pub struct ImageSequence {
     paths: vec::IntoIter<PathBuf>,
-    /// The pictures of a file of MCAP, whose paths are made of their numbers.
+    /// The pictures of an MCAP file. Their paths are made from their numbers.
     within: Option<McapImages>,
     size: Option<(usize, usize)>,
 }
@@ -31,13 +31,13 @@ impl ImageSequence {
     /// - an image (by its content): this image;
     /// - a file of MCAP: the pictures of its first topic that has any (`sensor_msgs/msg/Image` and
     ///   `CompressedImage` in CDR, `foxglove.RawImage` and `CompressedImage` in JSON or protobuf),
-    ///   with the paths `FILE/000001.png` and so on, which lead to no files;
-    /// - a text: a list of paths, one a line, relative to its folder. Blank lines, lines that start
-    ///   with `#`, and spaces around a path are skipped.
+    ///   with the paths `FILE/000001.png` and so on, which are not files;
+    /// - a text: a list of paths, one per line, relative to its folder. Blank lines, lines that
+    ///   start with `#`, and spaces around a path are skipped.
     ///
     /// # Errors
-    /// [`IoError::File`] where `path` cannot be read, [`IoError::Unfit`] where it has no image,
-    /// [`IoError::Content`] where it has another known kind, is neither an image nor a text, or is
+    /// [`IoError::File`] if `path` cannot be read, [`IoError::Unfit`] if it has no image,
+    /// [`IoError::Content`] if it has another known kind, is neither an image nor a text, or is
     /// longer than [`crate::limits::IMAGE_BYTES`].
     pub fn open(path: &Path) -> Result<Self, IoError> {
         if path.is_dir() {

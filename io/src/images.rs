@@ -6,10 +6,10 @@
 //! | PPM and PGM, binary (`P6`, `P5`), 8 and 16 bits | yes | |
 //! | JPEG, baseline and progressive | yes | |
 //!
-//! The format is found from the content; a raw video ([`RawVideo`]) has none, and its caller knows
-//! it. Grey is repeated in the three channels; alpha is dropped, not blended. A sample v of the
-//! range 0..=m becomes round(255 v / m). Gamma, colour profiles and the camera's orientation are
-//! ignored.
+//! The format is found from the content; a raw video ([`RawVideo`]) has no format, so the caller
+//! must give its properties. Grey is repeated in the three channels; alpha is dropped, not blended.
+//! A sample v of the range 0..=m becomes round(255 v / m). Gamma, colour profiles and the camera's
+//! orientation are ignored.
 //!
 //! Invariant: a file that is cut short or corrupt gives an [`IoError`] with the place; an image of
 //! more than [`crate::limits::IMAGE_PIXELS`] is refused before it is allocated.
@@ -33,8 +33,8 @@ pub use video::{PixelFormat, RawVideo, VideoFormat};
 /// Reads the image of the file at `path`.
 ///
 /// # Errors
-/// [`IoError::File`] where the file cannot be read, [`IoError::Content`] with its path and the
-/// errors of [`decode_image`] where its content is malformed or longer than [`IMAGE_BYTES`].
+/// [`IoError::File`] if the file cannot be read, [`IoError::Content`] with its path and the
+/// errors of [`decode_image`] if its content is malformed or longer than [`IMAGE_BYTES`].
 pub fn read_image(path: &Path) -> Result<Image, IoError> {
     decode_image(&read_bounded(path)?).map_err(IoError::content(path))
 }
@@ -43,7 +43,7 @@ pub fn read_image(path: &Path) -> Result<Image, IoError> {
 ///
 /// # Errors
 /// [`IoError::UnknownFormat`], or [`IoError::Truncated`], [`IoError::Malformed`] and
-/// [`IoError::TooLarge`] where the content is malformed.
+/// [`IoError::TooLarge`] if the content is malformed.
 pub fn decode_image(bytes: &[u8]) -> Result<Image, IoError> {
     let Some(format) = ImageFormat::detect(bytes) else {
         let (length, start) = (bytes.len() as u64, shown(&bytes[..bytes.len().min(8)]));
@@ -62,7 +62,7 @@ pub fn decode_image(bytes: &[u8]) -> Result<Image, IoError> {
 pub(crate) fn read_bounded(path: &Path) -> Result<Vec<u8>, IoError> {
     let file = File::open(path).map_err(IoError::file("open", path))?;
     let mut bytes = Vec::new();
-    // The length that the file system reports may be wrong: the bytes read are counted.
+    // The length that the file system reports may be wrong, so the bytes read are counted.
     file.take(IMAGE_BYTES + 1).read_to_end(&mut bytes).map_err(IoError::file("read", path))?;
     let actual = bytes.len() as u64;
     if actual > IMAGE_BYTES {
@@ -72,7 +72,7 @@ pub(crate) fn read_bounded(path: &Path) -> Result<Vec<u8>, IoError> {
     Ok(bytes)
 }
 
-/// An RGB image of 8 bits a channel.
+/// An RGB image of 8 bits per channel.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Image {
     /// Pixels of a row; at least 1.

@@ -1,11 +1,11 @@
-//! Tables of labels as people keep them: CSV with one row per labelled instant.
+//! Tables of labels: CSV with one row per labelled instant.
 //!
 //! ```text
 //! recording,t_us,roll_deg,force_n,material
 //! press1.aedat4,120000,3.5,1.2,wood
 //! ```
 //!
-//! The header is required. Its names (upper or lower case) say what a column is:
+//! The header is required. Its names (upper or lower case) give the meaning of a column:
 //!
 //! | column | meaning |
 //! |---|---|
@@ -15,18 +15,19 @@
 //! | no name | skipped, such as the index that pandas writes |
 //! | any other | a label, with its unit at the end (`roll_deg`) or in brackets (`force [N]`) |
 //!
-//! A time has the unit `_s`, `_ms`, `_us` or `_ns`. Of a time of either clock, that of the sensor
-//! counts in rows that name a recording, and that of the host in others. Times are rounded to
-//! microseconds without floats, halves away from zero.
+//! A time has the unit `_s`, `_ms`, `_us` or `_ns`. If there are times of both clocks, the sensor's
+//! time counts in rows that name a recording, and the host's time in other rows. Times are rounded
+//! to microseconds without floats, halves away from zero.
 //!
-//! Commas, semicolons or tabs separate fields, whichever the header has; with semicolons and tabs,
-//! numbers may have a decimal comma. Quotes around a field, doubled quotes in it, comments (`#`,
-//! `%`), blank lines, rows of empty fields, the line `sep=;`, both kinds of line end and a byte
-//! order mark are accepted.
+//! Commas, semicolons or tabs separate fields, as in the header; with semicolons and tabs, numbers
+//! may have a decimal comma. Quotes around a field, doubled quotes in it, comments (`#`, `%`),
+//! blank lines, rows of empty fields, the line `sep=;`, both kinds of line end and a byte order
+//! mark are accepted.
 //!
-//! A label is of classes where it is called `class` or `.._class`, or where most of its values are
-//! no numbers. Empty fields and `nan` are missing values; among numbers, so are infinities and the
-//! words `null`, `none`, `na` and `n/a`, which may be names of classes.
+//! A label has classes if its name is `class` or `.._class`, or if most of its values are not
+//! numbers. Empty fields and `nan` are missing values. In a label of numbers, infinities and the
+//! words `null`, `none`, `na` and `n/a` are missing values too; in a label of classes, these words
+//! may be names.
 
 mod fields;
 mod header;
@@ -64,11 +65,11 @@ pub struct LabelTable {
 pub struct LabelColumn {
     /// Its name, without the unit; no two labels have the same.
     pub name: String,
-    /// Its unit, where the header names one: "deg", "N".
+    /// Its unit, if the header names one: "deg", "N".
     pub unit: Option<String>,
     /// Its values.
     pub values: LabelValues,
-    /// Rows of a label of numbers whose field is no number, with the start of the field.
+    /// Rows of a label of numbers whose field is not a number, with the start of the field.
     pub refused: Vec<(usize, String)>,
 }
 
@@ -90,19 +91,20 @@ impl LabelTable {
     /// Reads the table in the file at `path`.
     ///
     /// # Errors
-    /// [`IoError`] with the path, where the file cannot be read or is no table of labels.
+    /// [`IoError`] with the path, if the file cannot be read or is not a table of labels.
     pub fn read(path: impl AsRef<Path>) -> Result<Self, IoError> {
         let path = path.as_ref();
         Self::parse(&read_whole(path)?).map_err(IoError::content(path))
     }
 
-    /// Reads a table from its text. O(bytes): a field takes at most 12 bytes beyond its own.
+    /// Reads a table from its text. O(bytes): a field takes at most 12 bytes in addition to its
+    /// own.
     ///
     /// # Errors
-    /// [`IoError`], with the line and the column of a text: a header without a label or without
-    /// any of recording and time, two columns of one name, a row of another number of fields, a
-    /// time that is none, a line longer than [`crate::limits::LINE_BYTES`], no row, input of
-    /// another kind.
+    /// [`IoError`], with the line and the column of a text: a header without a label or with
+    /// neither recording nor time, two columns of one name, a row with another number of fields, an
+    /// invalid time, a line longer than [`crate::limits::LINE_BYTES`], no row, input of another
+    /// kind.
     pub fn parse(bytes: &[u8]) -> Result<Self, IoError> {
         if bytes.starts_with(b"\xff\xfe") || bytes.starts_with(b"\xfe\xff") {
             return Err(IoError::Unsupported { expected: EXPECTED, actual: "UTF-16".to_owned() });
@@ -115,7 +117,7 @@ impl LabelTable {
         let mut end = 1;
         while let Some(number) = lines.next(|_| None)?.map(|line| line.number) {
             end = number + 1;
-            // With all its tabs, which separate empty fields.
+            // The line with all its tabs, which separate empty fields.
             let line = content(lines.raw(), number);
             let trimmed = line.text.trim_ascii();
             if trimmed.is_empty() || is_comment(trimmed) {
@@ -147,10 +149,10 @@ impl LabelTable {
 }
 
 impl LabelColumn {
-    /// The value in `row` as a number: that of a class is its index. `None`: it is missing.
+    /// The value in `row` as a number; a class is its index. `None`: it is missing.
     ///
     /// # Panics
-    /// Where there is no such row.
+    /// If there is no such row.
     pub fn value(&self, row: usize) -> Option<f64> {
         match &self.values {
             LabelValues::Numbers(values) => Some(values[row]).filter(|value| !value.is_nan()),
@@ -188,13 +190,13 @@ struct Builder {
 /// The values of a label so far.
 #[derive(Default)]
 struct Values {
-    /// NaN where there is a text or nothing.
+    /// NaN if there is a text or nothing.
     numbers: Vec<f64>,
-    /// Of each row the text, counted from 1; 0: it has none.
+    /// For each row the number of its text, counted from 1; 0: it has none.
     texts: Vec<u32>,
     names: Vec<String>,
     known: HashMap<String, u32>,
-    /// Rows with a word that is a missing value among numbers.
+    /// Rows with a word that is a missing value in a label of numbers.
     words: Vec<usize>,
     /// Whether every value is kept as a text.
     is_class: bool,
@@ -331,12 +333,12 @@ impl Values {
     }
 }
 
-/// Whether a field says that there is no value.
+/// Whether a field is a missing value.
 fn is_missing(field: &[u8]) -> bool {
     field.is_empty() || field.eq_ignore_ascii_case(b"nan") || field.eq_ignore_ascii_case(b"-nan")
 }
 
-/// Whether a field says among numbers that there is no value.
+/// Whether a field is a missing value in a label of numbers.
 fn is_word(field: &[u8]) -> bool {
     const WORDS: [&[u8]; 8] = [b"null", b"none", b"na", b"n/a", b"inf", b"+inf", b"-inf", b"infinity"];
     WORDS.iter().any(|word| field.eq_ignore_ascii_case(word))

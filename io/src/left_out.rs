@@ -1,9 +1,10 @@
-//! What a reader leaves out of a recording: no event that its sensor can have.
+//! The parts that a reader leaves out of a recording. None of them is an event that its sensor can
+//! have.
 //!
-//! Enters: each odd word, event or line, as the error that it is. Leaves: the error, where the
-//! reader is strict; otherwise counts by kind, with the first errors as texts. Invariant: whatever
-//! is left out is counted here, or in [`Recording::other_streams`](crate::Recording::other_streams)
-//! if it is another stream or has no place yet.
+//! Input: each odd word, event or line, as an error. Output: the error, if the reader is strict;
+//! otherwise counts by kind, with the first errors as texts. Invariant: every omitted part is
+//! counted here, or in [`Recording::other_streams`](crate::Recording::other_streams) if it belongs
+//! to another stream or has no place yet.
 
 use std::fmt;
 
@@ -13,22 +14,22 @@ use crate::error::IoError;
 
 /// Number of errors of a kind that are kept as texts.
 const KEPT: usize = 5;
-/// Number of first lines of which more than half may not be refused.
+/// Number of lines from the start of a text, of which at most half may be refused.
 const FIRST_LINES: u64 = 100;
 
-/// Why something was left out.
+/// The reason why a part was left out.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[non_exhaustive]
 pub enum LeftOutKind {
     /// Events outside the sensor that the file names.
     OutsideSensor,
-    /// Words of a type that is reserved or says nothing of brightness, such as padding.
+    /// Words of a type that is reserved or does not concern brightness, such as padding.
     OtherWords,
     /// Events of EVT3 in a row of an external system (word 0x1).
     OtherEvents,
     /// Events with a value that no event can have, such as a polarity of 7.
     Malformed,
-    /// Lines of a text that are no events.
+    /// Lines of a text that are not events.
     Lines,
 }
 
@@ -47,7 +48,7 @@ impl LeftOutKind {
 }
 
 impl fmt::Display for LeftOutKind {
-    /// The name for people, in the plural.
+    /// The name for messages, in the plural.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.pad(match self {
             Self::OutsideSensor => "events outside the sensor that the file names",
@@ -59,18 +60,18 @@ impl fmt::Display for LeftOutKind {
     }
 }
 
-/// What was left out of a recording for one reason.
+/// The parts that were left out of a recording for one reason.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct LeftOut {
     /// The reason.
     pub kind: LeftOutKind,
-    /// How many.
+    /// Number of parts.
     pub count: u64,
-    /// The first of them with their places, at most five, as the errors that a strict reader gives.
+    /// The first of them with their places, at most five, as the errors of a strict reader.
     pub first: Vec<String>,
 }
 
-/// Counts what a reader leaves out.
+/// Counts the parts that a reader leaves out.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct PassedOver {
     strict: bool,
@@ -78,20 +79,20 @@ pub(crate) struct PassedOver {
 }
 
 impl PassedOver {
-    /// Nothing yet; with `strict`, the first is an error.
+    /// No counts yet; with `strict`, the first omitted part is an error.
     pub(crate) fn new(strict: bool) -> Self {
         Self { strict, kinds: Vec::new() }
     }
 
-    /// Whether whatever is left out is an error.
+    /// Whether each omitted part is an error.
     pub(crate) fn is_strict(&self) -> bool {
         self.strict
     }
 
-    /// Leaves out `count` elements, of which this `error` is what a strict reader says.
+    /// Leaves out `count` elements; `error` is the error of a strict reader.
     ///
     /// # Errors
-    /// `error`, where the reader is strict.
+    /// `error`, if the reader is strict.
     #[cold]
     pub(crate) fn pass(&mut self, kind: LeftOutKind, count: u64, error: IoError) -> Result<(), IoError> {
         if self.strict {
@@ -101,7 +102,7 @@ impl PassedOver {
         Ok(())
     }
 
-    /// Counts what is left out although the reader may be strict.
+    /// Counts parts that are left out even if the reader is strict.
     pub(crate) fn note(&mut self, kind: LeftOutKind, count: u64, error: &IoError) {
         let known = self.kinds.iter().position(|left_out| left_out.kind == kind);
         let index = known.unwrap_or_else(|| {
@@ -115,28 +116,29 @@ impl PassedOver {
         }
     }
 
-    /// What was left out so far.
+    /// The parts that were left out so far.
     pub(crate) fn so_far(&self) -> &[LeftOut] {
         &self.kinds
     }
 
-    /// What was left out.
+    /// All parts that were left out.
     pub(crate) fn end(self) -> Vec<LeftOut> {
         self.kinds
     }
 }
 
-/// Whether so many of the first lines of a text are refused that it is probably no text of events:
+/// Whether so many of the first lines are refused that the text probably does not contain events:
 /// more than half of the first 100, or of all lines of a shorter text at its `end`.
 pub fn is_mostly_refused(refused: u64, taken: u64, end: bool) -> bool {
     let lines = refused + taken;
     (lines <= FIRST_LINES && 2 * refused > FIRST_LINES) || (end && lines < FIRST_LINES && refused > taken)
 }
 
-/// The events of a text of the lines `items`. `strict`: the first refused line is an error.
+/// The events of a text with the lines `items`. `strict`: the first refused line is an error.
 ///
 /// # Errors
-/// An error not about one line, and [`IoError::Lines`] where most of the first are refused.
+/// An error that is not about one line, and [`IoError::Lines`] if most of the first lines are
+/// refused.
 pub(crate) fn events_of_lines(
     items: impl Iterator<Item = Result<Event, IoError>>,
     strict: bool,
@@ -161,7 +163,7 @@ pub(crate) fn events_of_lines(
     match first {
         Some(first) if is_mostly_refused(refused, taken, true) => {
             let lines = if 2 * refused > FIRST_LINES { FIRST_LINES } else { refused + taken };
-            // One line has nothing to be compared with.
+            // A single line cannot be compared with others.
             Err(if lines == 1 { first } else { IoError::Lines { refused, lines, first: Box::new(first) } })
         }
         _ => Ok((events, passed.end())),

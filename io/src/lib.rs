@@ -2,13 +2,13 @@
 //!
 //! [`read`] and [`decode`] find the format from the content; [`write`](fn@write) and [`encode`]
 //! take it as an argument. A file that is truncated or corrupt gives an [`IoError`] with the place,
-//! the expected and the actual value. It never panics, and never uses more memory than [`limits`]
-//! allows. Odd words, events and lines, such as padding or an event outside the sensor, are left
-//! out and counted in [`Recording::left_out`]; [`ReadOptions::strict`] refuses them. Only AEDAT4,
-//! MCAP and npy contain their length: any other file that is cut between events is a valid shorter
-//! recording. With [`ReadOptions::salvage`], a file that is cut short is read up to the cut, and
-//! [`Recording::salvaged`] describes the rest. Input of another kind ([`Kind`]) is refused by its
-//! name.
+//! the expected and the actual value. Readers never panic, and never use more memory than
+//! [`limits`] allows. Odd words, events and lines, such as padding or an event outside the sensor,
+//! are left out and counted in [`Recording::left_out`]; [`ReadOptions::strict`] refuses them. Only
+//! AEDAT4, MCAP and npy contain their length: any other file that is cut between events is a valid
+//! shorter recording. With [`ReadOptions::salvage`], a file that is cut short is read up to the
+//! cut, and [`Recording::salvaged`] describes the rest. Input of another kind ([`Kind`]) is refused
+//! by its name.
 //!
 //! | format | reads | writes | geometry | module |
 //! |---|---|---|---|---|
@@ -25,9 +25,9 @@
 //! | HDF5 of DSEC and Prophesee (feature `hdf5`) | yes | | Prophesee: `geometry` | `hdf5` |
 //! | MCAP of ROS 2 and Foxglove | yes | yes, by message ([`McapWriter`]) | messages | `mcap` |
 //!
-//! A recording inside a gzip file, or alone of its kind in a zip archive, is unpacked first. With
-//! [`ReadOptions::range`] a part is read by time ([`TimeRange`]); of AEDAT, EVT2, DAT, npy and HDF5
-//! the rest of the file is not read.
+//! A recording inside a gzip file, or the only recording in a zip archive, is unpacked first. With
+//! [`ReadOptions::range`] a part is read by time ([`TimeRange`]); for AEDAT, EVT2, DAT, npy and
+//! HDF5 the other parts of the file are not read.
 //!
 //! [`LiveEvents`] reads events as they arrive: text, records, raw bytes of Prophesee's sensors and
 //! packets of iniVation's. [`EventPackets`] reads the messages of event cameras in ROS 2. The crate

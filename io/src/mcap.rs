@@ -15,13 +15,14 @@
 //! | `dvs_msgs`, `prophesee_event_msgs`: `msg/EventArray` | events: x, y, time, polarity of each |
 //! | images, see `images` | pictures ([`ImageSequence`](crate::ImageSequence)) |
 //!
-//! Written is a topic `/events` of packets in `mono`, which has every event exactly and no state.
-//! The summary is not read: a recorder that is killed leaves none. Source: the specification at
-//! <https://mcap.dev/spec>, the definitions of the messages, and that of CDR (OMG DDS-RTPS).
+//! The writer writes a topic `/events` of packets in `mono`, which contains every event exactly and
+//! has no state. The summary is not read, because a killed recorder leaves none. Source: the
+//! specification at <https://mcap.dev/spec>, the definitions of the messages, and that of CDR (OMG
+//! DDS-RTPS).
 //!
-//! Invariants: a chunk has at most [`PACKET_BYTES`](crate::limits::PACKET_BYTES) once unpacked, and
-//! a file as many events as [`limits`](crate::limits) allows. A chunk or data section whose
-//! checksum is another is refused, and so is a file without its end, unless it is salvaged.
+//! Invariants: an unpacked chunk has at most [`PACKET_BYTES`](crate::limits::PACKET_BYTES), and a
+//! file has at most as many events as [`limits`](crate::limits) allows. A chunk or data section
+//! with a wrong checksum is refused, and so is a file without its end, unless it is salvaged.
 
 pub(crate) mod cdr;
 pub(crate) mod images;
@@ -37,7 +38,7 @@ use crate::recording::Recording;
 use records::Container;
 use streams::Streams;
 
-/// The events of the file `bytes`; with `salvage`, those of the whole records.
+/// The events of the file `bytes`; with `salvage`, those of the complete records.
 pub(crate) fn decode(bytes: &[u8], options: ReadOptions) -> Result<Recording, IoError> {
     let file = Bytes::file(Format::Mcap.name(), bytes);
     let mut streams = Streams::new(options, bytes.len());

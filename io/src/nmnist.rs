@@ -1,10 +1,11 @@
 //! N-MNIST: the bytes of one digit to events.
 //!
 //! Five bytes per event, no header, always 34 x 34 pixels: byte 0 is the column x, byte 1 the row
-//! y; of the other 24 bits the first is the polarity and 23 are microseconds, most significant
-//! first. Source: Orchard, Jayawant, Cohen and Thakor, "Converting static image datasets to spiking
-//! neuromorphic datasets using saccades", 2015, and the readme of the data set. Without a magic
-//! number, only whole events on the sensor are a mark: [`crate::detect()`] tries it last.
+//! y; the first of the other 24 bits is the polarity, and 23 bits are microseconds, most
+//! significant first. Source: Orchard, Jayawant, Cohen and Thakor, "Converting static image
+//! datasets to spiking neuromorphic datasets using saccades", 2015, and the readme of the data set.
+//! The format has no magic number and is only recognised by complete events on the sensor, so
+//! [`crate::detect()`] tries it last.
 
 use meissner_engine::{Event, Sensor};
 
@@ -19,8 +20,8 @@ use crate::recording::Recording;
 const SIDE: u8 = 34;
 /// Bytes of an event.
 const STRIDE: usize = 5;
-/// Fewest events of a file that is recognised although its last event is incomplete: one event of
-/// random bytes is on the sensor once in 57 times.
+/// Minimum number of events of a file that is recognised although its last event is incomplete: one
+/// event of random bytes is on the sensor once in 57 times.
 const ENOUGH: usize = 8;
 
 /// Whether `bytes` can be N-MNIST: events on the sensor, the last complete unless there are many.

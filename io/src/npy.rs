@@ -6,12 +6,12 @@
 //! `shape`. Source: the documentation of `numpy.lib.format`.
 //!
 //! The reader finds the fields t (microseconds), x, y and p or `on` by name, in any order. They are
-//! integers of any width and byte order, or floats ([`field`]), p also booleans, 0/1 or -1/+1;
-//! other fields and padding are skipped. Times as floats are whole microseconds, or in the unit
-//! that the caller names, or in seconds if any of them has four or more decimals, as in a text. Odd
-//! records are left out and counted unless the reader is strict. Four arrays of an `.npz` are put
-//! together to records ([`joined`]). The writer writes `[('t', '<i8'), ('x', '<u2'), ('y', '<u2'),
-//! ('p', '|u1')]`. The header names no sensor.
+//! integers of any width and byte order, or floats ([`field`]); p may also be booleans, 0/1 or
+//! -1/+1. Other fields and padding are skipped. Times as floats are whole microseconds, or in the
+//! unit that the caller names, or in seconds if any of them has four or more decimals, as in a
+//! text. Odd records are left out and counted unless the reader is strict. Four arrays of an `.npz`
+//! are assembled to records ([`joined`]). The writer writes `[('t', '<i8'), ('x', '<u2'), ('y',
+//! '<u2'), ('p', '|u1')]`. The header names no sensor.
 
 mod field;
 mod integers;
@@ -70,11 +70,11 @@ pub(crate) struct Layout {
     /// Byte of the file at which the first record starts.
     start: usize,
     strict: bool,
-    /// The unit of the times, which the caller names; without it, floats tell it.
+    /// The unit of the times, if the caller names it; otherwise it is found from the floats.
     unit: Option<TimeUnit>,
 }
 
-/// What the text of a header says of an array of `N` dimensions; `descr` has its type.
+/// The content of the header of an array of `N` dimensions; `descr` has its type.
 struct Header<T, const N: usize> {
     /// Byte of the file at which the text starts.
     text_at: usize,
@@ -138,7 +138,7 @@ impl<T, const N: usize> Header<T, N> {
 /// An array of `N` dimensions of values of `W` bytes, in C order.
 pub(crate) struct Array<'a, const N: usize, const W: usize> {
     pub(crate) shape: [u64; N],
-    /// As many as the shape says.
+    /// The values; their number is that of the shape.
     pub(crate) values: &'a [[u8; W]],
     /// Byte of the file at which the values start.
     pub(crate) start: usize,
@@ -160,7 +160,7 @@ pub(crate) fn array_of<'a, const N: usize, const W: usize>(
     Ok(Array { shape, values: bytes[start..].as_chunks().0, start })
 }
 
-/// `Ok` where `file` has the values of `width` bytes that `shape` promises from byte `start` on.
+/// `Ok` if `file` has the values of `width` bytes that `shape` promises from byte `start` on.
 fn check_size(file: Bytes<'_>, start: usize, width: usize, shape: &[u64]) -> Result<(), IoError> {
     let promised = shape.iter().fold(width as u64, |bytes, &size| bytes.saturating_mul(size));
     let found = file.len() - start;
@@ -171,7 +171,7 @@ fn check_size(file: Bytes<'_>, start: usize, width: usize, shape: &[u64]) -> Res
     Err(file.malformed("array", start, expected, found))
 }
 
-/// A column of the records by its name; `None`: it is skipped for its type.
+/// A column of the records by its name; `None`: it is skipped because of its type.
 type Column<'a> = (&'a [u8], Option<Field>);
 
 impl Records for Layout {
@@ -212,7 +212,7 @@ impl Records for Layout {
     }
 
     fn is_whole(&self, length: u64) -> bool {
-        // All times together tell the unit of floats.
+        // The unit of floats is found from all times together.
         length - self.start as u64 == self.promised() && !self.fields[0].is_float()
     }
 
@@ -232,7 +232,7 @@ impl Layout {
         self.count.saturating_mul(self.stride as u64)
     }
 
-    /// The events of the whole ones of `records`.
+    /// The events of the complete records of `records`.
     fn events(&self, records: Bytes<'_>) -> Result<Recording, IoError> {
         let mut events = Vec::with_capacity((self.count as usize).min(records.len()));
         let mut passed = PassedOver::new(self.strict);
@@ -266,7 +266,7 @@ impl Layout {
 }
 
 impl Layout {
-    /// The power of ten that makes microseconds of times as floats, whose unit nobody names.
+    /// The power of ten that converts times as floats to microseconds, if the caller names no unit.
     fn power_of_floats(&self, records: Bytes<'_>) -> Result<i32, IoError> {
         let times = || records.data.chunks_exact(self.stride).map(|record| self.fields[0].text(record));
         let decimals = |time: String| Number::parse(time.as_bytes()).map_or(0, Number::decimals);
@@ -324,7 +324,7 @@ fn array_type<'a>(scanner: &mut Scanner<'a>) -> Result<(&'a [u8], usize), IoErro
     }
 }
 
-/// What an array is to a recording.
+/// The role of an array in a recording.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Part {
     /// Records of events.
@@ -334,7 +334,7 @@ pub(crate) enum Part {
     Other,
 }
 
-/// What the array is whose file starts with `start`.
+/// The role of the array in the file that starts with `start`.
 pub(crate) fn part(start: &[u8]) -> Part {
     let file = Bytes::file(Format::Npy.name(), start);
     if Layout::open(file, ReadOptions::default()).is_ok() {
@@ -370,7 +370,7 @@ fn columns<'a>(scanner: &mut Scanner<'a>) -> Result<(Vec<Column<'a>>, usize), Io
         };
         scanner.expect(b')')?;
         columns.push((name, field));
-        // At most 2^16 bytes of header, each field below 2^32: no overflow in 64 bits.
+        // The header has at most 2^16 bytes and each field is below 2^32: no overflow in 64 bits.
         stride = stride.saturating_add(bytes);
         if scanner.peek() != Some(b']') {
             scanner.expect(b',')?;
@@ -390,7 +390,7 @@ fn shape<const N: usize>(scanner: &mut Scanner<'_>) -> Result<[u64; N], IoError>
             return Err(scanner.error("an integer from 0 to 2^64 - 1"));
         };
         *size = count;
-        // Only a tuple of one needs a comma at its end.
+        // Only a tuple with one element needs a comma at its end.
         if i == 0 || i + 1 < N {
             scanner.expect(b',')?;
         }

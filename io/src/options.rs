@@ -1,4 +1,4 @@
-//! How a recording is read.
+//! Options for reading a recording.
 
 use std::num::NonZeroU16;
 
@@ -10,7 +10,7 @@ use crate::error::IoError;
 use crate::format::Format;
 use crate::seek::TimeRange;
 
-/// How to read a recording; by default everything is found from its content.
+/// Options for reading a recording; by default everything is found from its content.
 ///
 /// ```
 /// use meissner_io::{Format, ReadOptions, decode_with};
@@ -32,29 +32,29 @@ pub struct ReadOptions {
     ///
     /// The complete words of EVT2 and EVT3, events of AEDAT2, DAT, ES, N-MNIST and npy, packets of
     /// AEDAT3 and AEDAT4, records and chunks of MCAP, and lines of CSV are kept;
-    /// [`Recording::salvaged`](crate::Recording::salvaged) describes the rest. Headers must be
-    /// complete; a file that is damaged elsewhere is not salvaged.
+    /// [`Recording::salvaged`](crate::Recording::salvaged) describes the remaining part. Headers
+    /// must be complete; a file with other damage is not salvaged.
     pub salvage: bool,
-    /// Whether anything odd is an error: a line of a text that is no event, an event outside the
+    /// Whether odd data are an error: a line of a text that is not an event, an event outside the
     /// sensor that the file names, a word of a type that holds no events, an event before the first
     /// time. Otherwise [`Recording::left_out`](crate::Recording::left_out) and
     /// [`Recording::other_streams`](crate::Recording::other_streams) count them.
     pub strict: bool,
     /// The chip of a recording of AEDAT2, instead of the one that it names.
     pub chip: Option<Chip>,
-    /// The sensor of a recording that names none; with AEDAT2 it names the chip.
+    /// The sensor of a recording that names none; for AEDAT2 it selects the chip.
     pub sensor: Option<Sensor>,
-    /// Which stream of events of AEDAT3 and AEDAT4, or topic of MCAP, is read, counted from 1 in
-    /// the order of the file; `None`: the first.
+    /// Number of the stream of events of AEDAT3 and AEDAT4, or topic of MCAP, to read, counted from
+    /// 1 in the order of the file; `None`: the first.
     pub stream: Option<NonZeroU16>,
     /// The range of times whose events are read; `None`: all events.
     ///
-    /// Where the format permits, the rest of the file is not read: damage there is not found, and
-    /// [`Recording::other_streams`](crate::Recording::other_streams) counts only the part that is
-    /// read. The events are those of the whole recording in the range, provided that no event is
-    /// more than [`DISORDER_US`](crate::DISORDER_US) earlier than one before it, and that the clock
-    /// of DAT, AEDAT2 or EVT2 passes its end at most once between neighbours of 1024 places in the
-    /// file.
+    /// If the format permits it, the other parts of the file are not read: damage there is not
+    /// found, and [`Recording::other_streams`](crate::Recording::other_streams) counts only the
+    /// part that is read. The events are those of the whole recording in the range, provided that
+    /// no event is more than [`DISORDER_US`](crate::DISORDER_US) earlier than a previous one, and
+    /// that the clock of DAT, AEDAT2 or EVT2 wraps at most once between neighbours of 1024
+    /// positions in the file.
     pub range: Option<TimeRange>,
 }
 
@@ -80,7 +80,7 @@ impl ReadOptions {
         self
     }
 
-    /// Sets whether anything odd is an error.
+    /// Sets whether odd data are an error.
     #[must_use]
     pub fn strict(mut self, strict: bool) -> Self {
         self.strict = strict;
@@ -101,14 +101,14 @@ impl ReadOptions {
         self
     }
 
-    /// Sets which stream of events is read, counted from 1.
+    /// Sets the number of the stream of events to read, counted from 1.
     #[must_use]
     pub fn stream(mut self, stream: impl Into<Option<NonZeroU16>>) -> Self {
         self.stream = stream.into();
         self
     }
 
-    /// Which stream of events is read, counted from 1.
+    /// Number of the stream of events to read, counted from 1.
     pub(crate) fn stream_number(self) -> usize {
         self.stream.map_or(1, |stream| stream.get().into())
     }
@@ -128,7 +128,8 @@ impl From<Format> for ReadOptions {
     }
 }
 
-/// The error of a recording with `found` streams of events, of which another one is `asked` for.
+/// The error of a recording with `found` streams of events, if the stream number `asked` does not
+/// exist.
 pub(crate) fn no_stream(asked: usize, found: usize) -> IoError {
     let actual = match found {
         0 => format!("none, and stream {asked} asked for"),

@@ -1,6 +1,6 @@
 //! gzip and zip around one recording.
 //!
-//! Enters: the bytes of a file, or a stream of them. Leaves: the content of a gzip file (of all its
+//! Input: the bytes of a file, or a stream of them. Output: the content of a gzip file (of all its
 //! members, RFC 1952), or of the only recording of a zip archive ([`crate::zip`]). Invariant: a
 //! content has at most [`PACKET_BYTES`] and [`EXPANSION`] bytes for each packed byte.
 
@@ -22,7 +22,7 @@ const GZIP: &[u8] = b"\x1f\x8b\x08";
 /// First bytes of a zip archive with an entry.
 const ZIP: &[u8] = b"PK\x03\x04";
 
-/// A content, and the incomplete end that was left out of it.
+/// A content, and the incomplete end that was left out.
 pub(crate) type Content<'a> = (Cow<'a, [u8]>, Option<Salvage>);
 
 /// Whether a file that starts with `bytes` is a gzip file or a zip archive.
@@ -53,7 +53,7 @@ pub(crate) fn content_of_file(path: &Path, salvage: bool) -> Result<Content<'sta
         let (content, salvaged) = gunzip(input, about.len(), salvage)?;
         return Ok((content.into(), salvaged));
     }
-    // What a file states does not decide alone how much memory is taken.
+    // The stated length of a file must not alone decide how much memory is used.
     let limit = if about.is_file() { about.len().max(STREAM_BYTES) } else { STREAM_BYTES };
     let mut bytes = Vec::new();
     bytes.try_reserve_exact(about.len() as usize).map_err(|_| fail(ErrorKind::OutOfMemory.into()))?;

@@ -2,10 +2,10 @@
 //!
 //! Each line of the header starts with `%` and a space; a key, a space and a value follow. The
 //! header ends with a line `% end` or before the first line of another form, and the binary part
-//! follows at once. These keys are used: `evt 3.0` or `format EVT3` (possibly `format
-//! EVT3;height=720;width=1280`) names the encoding; `endianness` the order of the halves of EVT
-//! 2.1; `geometry 1280x720`, the two values in `format`, or `Width` and `Height` name the sensor;
-//! `Version` belongs to DAT. Source: the vendor's pages on the RAW and DAT file formats.
+//! follows directly. These keys are used: `evt 3.0` or `format EVT3` (possibly `format
+//! EVT3;height=720;width=1280`) names the encoding; `endianness` gives the order of the halves of
+//! EVT 2.1; `geometry 1280x720`, the two values in `format`, or `Width` and `Height` name the
+//! sensor; `Version` belongs to DAT. Source: the vendor's pages on the RAW and DAT file formats.
 
 use meissner_engine::Sensor;
 
@@ -16,16 +16,16 @@ use crate::seek::DISORDER_US;
 
 /// A clock that counts from 0 to `range` - 1 and wraps.
 ///
-/// It wraps where its value falls by half of `range` or more; a smaller fall is a step back in
-/// time. After a wrap, a value that is less than `back` before the newest one, seen over the wrap,
-/// is a step back too: two falls with such a rise between them are one wrap.
+/// It wraps if its value falls by half of `range` or more; a smaller fall is a step back in time.
+/// After a wrap, a value that is less than `back` before the newest one across the wrap is a step
+/// back too: two falls with such a rise between them are one wrap.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct WrappingClock {
     range: i64,
     /// Longest step back over a wrap.
     back: i64,
     newest: i64,
-    /// Sum of the ranges that have passed.
+    /// Sum of the periods that have passed.
     passed: i64,
     /// Whether the newest value is a step back over a wrap.
     stepped_back: bool,
@@ -46,7 +46,8 @@ impl WrappingClock {
         Self { newest, passed: t_us - newest, ..Self::new(range) }
     }
 
-    /// Takes the newest value for a step forward of nearly a period, not one back over a wrap.
+    /// Treats the newest value as a step forward of nearly a period, not as a step back over a
+    /// wrap.
     pub(crate) fn take_for_forward(&mut self) {
         if std::mem::take(&mut self.stepped_back) {
             self.passed += self.range;
@@ -68,7 +69,7 @@ impl WrappingClock {
     }
 }
 
-/// The content of a header, and where it ends.
+/// The content and the end of a header.
 #[derive(Debug, Default)]
 pub(crate) struct Header {
     /// First byte after the header.
@@ -85,7 +86,7 @@ pub(crate) struct Header {
     sides: [Option<(String, usize)>; 2],
 }
 
-/// Whether the bytes start as such a header does.
+/// Whether the bytes start like such a header.
 pub(crate) fn has_header(bytes: &[u8]) -> bool {
     bytes.starts_with(b"% ")
 }
@@ -185,7 +186,7 @@ impl Header {
     }
 
     /// Whether the upper half of each word of EVT 2.1 comes first; `None`: the header of `file`
-    /// does not say.
+    /// does not state it.
     pub(crate) fn is_legacy(&self, file: Bytes<'_>) -> Result<Option<bool>, IoError> {
         let Some((name, line)) = &self.endianness else { return Ok(None) };
         match name.as_str() {

@@ -1,15 +1,15 @@
-//! Bytes of Prophesee's sensors as a driver gives them: EVT2, EVT2.1 and EVT3 from a pipe, a socket
-//! or in datagrams, with a text header or without, from the start or joined in the middle.
+//! Bytes of Prophesee's sensors from a driver: EVT2, EVT2.1 and EVT3 from a pipe, a socket or in
+//! datagrams, with or without a text header, from the start or from the middle of the stream.
 //!
-//! Where a byte is lost, the words after it are out of step, and what they seem to say is no event.
-//! So an event is held until what follows shows that its word was in step: the time of the sensor,
-//! which is sent every 16 us, has advanced twice, or [`HELD`] words have come. A word of a reserved
-//! type, or of an event outside the sensor, is odd. Where two of them are near each other, the
-//! words of every other step are tried. If those of one are not odd, bytes were lost: between the
-//! last odd word of that step and the first odd word of the old one, nobody knows where, so the
-//! events of these words are left out. Otherwise the odd words are left out alone, as in a file.
+//! If a byte is lost, the words after it are out of step, and their apparent events are wrong. So
+//! an event is held until later words show that its word was in step: the time of the sensor, which
+//! is sent every 16 us, has advanced twice, or [`HELD`] words have arrived. A word of a reserved
+//! type, or of an event outside the sensor, is odd. If two odd words are near each other, the words
+//! of every other step are tried. If the words of one step are not odd, bytes were lost between the
+//! last odd word of that step and the first odd word of the old one. The exact position is unknown,
+//! so the events of these words are left out. Otherwise only the odd words are left out.
 //!
-//! Lost words that leave the rest in step, such as a datagram, cannot be seen in these formats.
+//! These formats do not show a loss that leaves the other words in step, such as a lost datagram.
 
 use std::cmp::Reverse;
 use std::collections::VecDeque;
@@ -24,23 +24,23 @@ use crate::evt3::{self, word};
 use crate::format::Format;
 use crate::prophesee::{Header, WrappingClock, has_header};
 
-/// Words within which two odd ones are suspect.
+/// Number of words within which two odd words are suspect.
 const NEAR: usize = 64;
-/// Words from the first odd one on that must not be odd in the right step.
+/// Number of words from the first odd word on that must not be odd in the right step.
 const TRIED: usize = 64;
-/// Words after which an event is given if the sensor sends no time.
+/// Number of words after which an event is delivered if the sensor sends no time.
 const HELD: usize = 256;
 /// Longest advance of the time, in microseconds, that shows that words are in step.
 const ADVANCE_US: i64 = 128;
-/// Bytes of a text header at most.
+/// Maximum bytes of a text header.
 const HEADER_BYTES: usize = 1 << 16;
-/// Bytes that tell the order of the halves of EVT2.1 where no header says it.
+/// Number of bytes from which the order of the halves of EVT2.1 is found if no header states it.
 const TELLING: usize = 1 << 12;
 
-/// What a word is without those before it.
+/// The kind of a word, without the words before it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Kind {
-    /// Of a type that the format reserves, or of an event outside the sensor.
+    /// A word of a reserved type, or of an event outside the sensor.
     Odd,
     /// A time word.
     Time,
@@ -104,8 +104,7 @@ impl Decoder {
         }
     }
 
-    /// The newest time in microseconds; in EVT3 without the lower bits where only the upper are
-    /// known.
+    /// The newest time in microseconds; in EVT3 without the lower bits if only the upper are known.
     fn time_us(&self) -> Option<i64> {
         match self {
             Self::Evt2(decoder, _) => decoder.base_us(),
@@ -120,7 +119,7 @@ impl Decoder {
         }
     }
 
-    /// Goes on after words were lost, with the clock as it was before them.
+    /// Continues after words were lost, with the clock before the loss.
     fn resync(&mut self, clock: Option<WrappingClock>) {
         *self.clock() = clock.unwrap_or(*self.clock());
         match self {
@@ -136,7 +135,7 @@ impl Decoder {
         }
     }
 
-    /// Events without time, row or base column so far.
+    /// Number of events without time, row or base column so far.
     fn unplaced(&self) -> u64 {
         match self {
             Self::Evt2(decoder, _) => decoder.unplaced_events(),
@@ -152,31 +151,31 @@ struct Odd {
     word: u64,
 }
 
-/// A loss that is not told yet.
+/// A loss that is not reported yet.
 #[derive(Clone, Copy, Debug)]
 struct Loss {
-    /// Where it was seen.
+    /// Place where it was detected.
     at: u64,
     /// Events that were left out because their words may have been out of step.
     events: u64,
-    /// Events without a place before it.
+    /// Number of unplaced events before it.
     unplaced: u64,
 }
 
 /// Events of raw bytes as they arrive.
 ///
-/// Bytes that were lost give an [`IoError::Lost`], another odd word an [`IoError::Word`], and the
-/// next call goes on after it.
+/// Lost bytes give an [`IoError::Lost`], other odd words an [`IoError::Word`], and the next call
+/// continues after it.
 #[derive(Debug)]
 pub(crate) struct RawEvents<R> {
     input: R,
-    /// Known after the first call of `next` where a header says it.
+    /// Known after the first call of `next` if a header states it.
     pub(crate) format: Format,
-    /// The sensor that is asked for, or that the header names.
+    /// The requested sensor, or the sensor that the header names.
     pub(crate) sensor: Option<Sensor>,
     /// `None` before the first word.
     decoder: Option<Decoder>,
-    /// The newest bytes, the place of the first, and the index of the next word.
+    /// The newest bytes, the position of the first, and the index of the next word.
     bytes: Vec<u8>,
     start: u64,
     next: usize,
@@ -186,14 +185,14 @@ pub(crate) struct RawEvents<R> {
     advanced: u64,
     /// The end of the words that are known to have been in step.
     sure: u64,
-    /// Odd words before this place are left out alone.
+    /// For odd words before this position, only the words themselves are left out.
     tried: u64,
-    /// Events with the places of their words.
+    /// Events with the positions of their words.
     held: VecDeque<(u64, Event)>,
-    /// The clock after time words, with their places: those since the newest that is known to be in
-    /// step, and that one.
+    /// The clock after time words, with their positions: the newest time word known to be in step,
+    /// and the words since.
     clocks: VecDeque<(u64, WrappingClock)>,
-    /// The newest time, and how often it has advanced.
+    /// The newest time, and the number of its advances.
     time_us: Option<i64>,
     advances: u8,
     loss: Option<Loss>,
@@ -202,9 +201,9 @@ pub(crate) struct RawEvents<R> {
 }
 
 impl<R: BufRead> RawEvents<R> {
-    /// The events of `input` in `format`, which is EVT2, EVT2.1 or EVT3 unless a header says
-    /// another of these. Events outside `sensor`, or outside that of a header, are odd. Nothing is
-    /// read before the first call of `next`.
+    /// The events of `input` in `format`, which is EVT2, EVT2.1 or EVT3 unless a header states
+    /// another of these. Events outside `sensor`, or outside the sensor of a header, are odd.
+    /// Nothing is read before the first call of `next`.
     pub(crate) fn new(input: R, format: Format, sensor: Option<Sensor>) -> Self {
         Self {
             input,
@@ -233,12 +232,12 @@ impl<R: BufRead> RawEvents<R> {
         self.sensor.unwrap_or(Sensor::new(evt3::SIDE, evt3::SIDE))
     }
 
-    /// The place of the next word.
+    /// The position of the next word.
     fn at(&self) -> u64 {
         self.start + self.next as u64
     }
 
-    /// Reads more bytes; there are none at the end.
+    /// Reads more bytes, if the stream has not ended.
     fn read(&mut self) -> Result<(), IoError> {
         let place = Place::Byte(self.start + self.bytes.len() as u64);
         let format = self.format.name();
@@ -277,14 +276,14 @@ impl<R: BufRead> RawEvents<R> {
         }
         let start = header.end;
         (self.sensor, self.format, self.next) = (sensor, format, start);
-        // A stream that is joined in the middle may begin within a word.
+        // A stream that is read from its middle may begin within a word.
         if start == 0 && self.tries(&decoder, 0, 0).odd > 0 {
             self.next = self.step(&decoder, 0).map_or(0, |step| step.next);
         }
         Ok(Some(decoder))
     }
 
-    /// Decodes the bytes that are there, as far as it can be known that words are in step.
+    /// Decodes the bytes so far, as far as words are known to be in step.
     fn decode(&mut self, decoder: &mut Decoder) -> Result<(), IoError> {
         let (stride, bounds) = (decoder.stride(), self.bounds());
         let before = |at: u64| at.saturating_sub((HELD * stride) as u64);
@@ -295,7 +294,7 @@ impl<R: BufRead> RawEvents<R> {
                 let word = word.iter().rev().fold(0, |all, &byte| all << 8 | u64::from(byte));
                 let odd = Odd { at, word };
                 let before = self.odd.filter(|before| at - before.at <= (NEAR * stride) as u64);
-                // A word that is repeated is padding.
+                // A repeated word is padding.
                 if let Some(before) = before.filter(|before| before.word != odd.word && at >= self.tried) {
                     let first = (before.at - self.start) as usize;
                     if self.bytes.len() < first + (TRIED + 3) * stride && !self.ended {
@@ -327,17 +326,18 @@ impl<R: BufRead> RawEvents<R> {
                 if self.odd.is_some_and(|odd| odd.at < sure) {
                     self.pass_over();
                 }
-                // Until time words vouch for an odd word, they vouch for nothing before it.
+                // As long as time words do not confirm an odd word, they do not confirm earlier
+                // words either.
                 if self.odd.is_none() {
                     self.sure = sure;
                     self.give(sure, decoder);
                 }
             }
-            // After each word, so that how bytes come in pieces changes nothing.
+            // After each word, so that the division of the bytes into pieces changes nothing.
             if self.odd.is_some_and(|odd| odd.at < before(self.at())) {
                 self.pass_over();
             }
-            // An odd word is tried with those before it. Padding must not hold events without end.
+            // An odd word is tried with the words before it. Padding must not hold events forever.
             let old = before(self.odd.map_or(self.at(), |odd| odd.at));
             if self.held.front().is_some_and(|&(at, _)| at < old) {
                 self.give(old, decoder);
@@ -368,7 +368,7 @@ impl<R: BufRead> RawEvents<R> {
         self.advances >= 2
     }
 
-    /// The newest odd word was in step: it alone is left out.
+    /// The newest odd word was in step: only this word is left out.
     fn pass_over(&mut self) {
         if let Some(Odd { at, word }) = self.odd.take() {
             let (format, place) = (self.format.name(), Place::Byte(at));
@@ -376,7 +376,7 @@ impl<R: BufRead> RawEvents<R> {
         }
     }
 
-    /// The words from index `first` + `shift` on, and those before them in the same step.
+    /// The words from index `first` + `shift` on, and the words before them in the same step.
     fn tries(&self, decoder: &Decoder, first: usize, shift: usize) -> Step {
         let (stride, next) = (decoder.stride(), first + shift);
         let bounds = self.bounds();
@@ -390,8 +390,8 @@ impl<R: BufRead> RawEvents<R> {
         Step { first, next, odd, times, clean }
     }
 
-    /// The step in which words are not odd soon after index `first`; `None`: in none but the
-    /// present one. The first odd word may hold the end of a right one.
+    /// The step in which words are not odd soon after index `first`; `None`: only in the current
+    /// one. The first odd word may contain the end of a correct word.
     fn step(&self, decoder: &Decoder, first: usize) -> Option<Step> {
         let stride = decoder.stride();
         let shifts = (1..3 * stride).filter(|shift| !shift.is_multiple_of(stride));
@@ -399,7 +399,8 @@ impl<R: BufRead> RawEvents<R> {
         steps.max_by_key(|step| (step.times, Reverse((step.clean, step.next))))
     }
 
-    /// Goes on in another step, and leaves out the events of words that may have been out of step.
+    /// Continues in another step, and leaves out the events of words that may have been out of
+    /// step.
     #[cold]
     fn lose(&mut self, decoder: &mut Decoder, step: &Step) {
         let sure = self.sure.max(self.start + step.clean as u64);
@@ -422,7 +423,7 @@ impl<R: BufRead> RawEvents<R> {
         self.clocks.push_back((self.start, *decoder.clock()));
     }
 
-    /// Gives the events of words before the place `end`, and tells of the loss before them.
+    /// Delivers the events of words before the position `end`, and reports the loss before them.
     fn give(&mut self, end: u64, decoder: &Decoder) {
         while let Some((_, event)) = self.held.pop_front_if(|&mut (at, _)| at < end) {
             if let Some(loss) = self.loss.take() {
@@ -440,8 +441,8 @@ impl<R: BufRead> RawEvents<R> {
         self.ready.push_back(Err(IoError::Lost { format, place, events }));
     }
 
-    /// Reads and decodes more; at the end, what is held has nothing after it that could show that
-    /// it is wrong.
+    /// Reads and decodes more; at the end, held events are delivered, because no later word can
+    /// show that they are wrong.
     fn advance(&mut self) -> Result<(), IoError> {
         self.read()?;
         let mut decoder = match self.decoder.take() {
@@ -471,10 +472,10 @@ struct Step {
     first: usize,
     /// Index of the first word of this step after it.
     next: usize,
-    /// Odd words, and time words, from there on.
+    /// Number of odd words, and of time words, from there on.
     odd: usize,
     times: usize,
-    /// Index of the first word before it from which none is odd.
+    /// Index of the first word before it from which no word is odd.
     clean: usize,
 }
 

@@ -1,5 +1,5 @@
-//! The result of a decoder: the events, the sensor if the file names it, and a summary of the rest
-//! of the file. For encoders: the limits on the events that a format can hold.
+//! The result of a decoder: the events, the sensor if the file names it, and a summary of the other
+//! content of the file. For encoders: the limits on the events that a format can hold.
 
 use std::fmt;
 use std::ops::RangeInclusive;
@@ -13,7 +13,7 @@ use crate::left_out::LeftOut;
 /// A decoded file.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Recording {
-    /// The format that it was read from.
+    /// The format of the file.
     pub format: Format,
     /// The sensor that the file names; every event lies inside it. `None`: the file names none.
     pub sensor: Option<Sensor>,
@@ -23,7 +23,7 @@ pub struct Recording {
     pub other_streams: Vec<StreamSummary>,
     /// Words, events and lines that were left out, by kind (none if [strict](crate::ReadOptions)).
     pub left_out: Vec<LeftOut>,
-    /// What the file does not say and the reader took for granted, as sentences.
+    /// Assumptions of the reader about properties that the file does not state, as sentences.
     pub assumed: Vec<&'static str>,
     /// The incomplete end that was left out; only with [`crate::ReadOptions::salvage`].
     pub salvaged: Option<Salvage>,
@@ -42,7 +42,7 @@ impl Recording {
 pub struct Salvage {
     /// The incomplete part.
     pub what: &'static str,
-    /// Where it starts.
+    /// Its start.
     pub place: Place,
     /// Bytes from there to the end of the file.
     pub bytes_not_read: u64,
@@ -73,8 +73,8 @@ pub enum StreamKind {
     Imu,
     /// External triggers and special signals.
     Triggers,
-    /// Events before the first time (and row) of the stream, as in a recording that starts in the
-    /// middle of a stream: their time or pixel is unknown.
+    /// Events before the first time (and row) of the stream, for example in a recording that starts
+    /// in the middle of a stream: their time or pixel is unknown.
     Unplaced,
     /// Anything else.
     Other,
@@ -104,7 +104,7 @@ impl StreamSummary {
         streams.into_iter().filter(|stream| stream.packets > 0).collect()
     }
 
-    /// Counts a packet with so many elements.
+    /// Counts a packet with this number of elements.
     pub(crate) fn add(&mut self, elements: u64) {
         self.packets += 1;
         self.elements += elements;
@@ -115,7 +115,7 @@ impl StreamSummary {
 pub(crate) struct Capacity {
     /// Times in microseconds.
     pub(crate) times: RangeInclusive<i64>,
-    /// One past the last column and row, and the longest side of a sensor.
+    /// Exclusive upper bound of columns and rows, and longest side of a sensor.
     pub(crate) side: u32,
     /// The sensors that the format can hold, in words.
     pub(crate) sensor: &'static str,

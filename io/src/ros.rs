@@ -1,7 +1,7 @@
 //! Event packets of ROS 2 (`event_camera_msgs/msg/EventPacket`): the bytes of a message to events.
 //!
-//! A node passes on the fields of each message as they come; no part of ROS is needed here. A file
-//! of such messages is MCAP ([`Format::Mcap`](crate::Format::Mcap)).
+//! A node passes the fields of each message directly; no part of ROS is needed here. A file of such
+//! messages is MCAP ([`Format::Mcap`](crate::Format::Mcap)).
 //!
 //! | `encoding` | `events` | time |
 //! |---|---|---|
@@ -11,7 +11,7 @@
 //! | `libcaer_cmp` | words of 16 bits, as `word` lists them | us after `time_base` |
 //!
 //! Source: the readme of `event_camera_msgs`, and the types of `event_camera_codecs`. One decoder
-//! takes all messages of a camera, in order, since `evt3` has a state. Where some are lost, it
+//! takes all messages of a camera, in order, because `evt3` has a state. If messages are lost, it
 //! resynchronises.
 
 use meissner_engine::{Event, Sensor};
@@ -23,7 +23,7 @@ use crate::left_out::{LeftOut, LeftOutKind, PassedOver};
 use crate::recording::StreamSummary;
 
 const NAME: &str = "event packet";
-/// Words after which the number of events is compared with its bound.
+/// Number of words after which the number of events is compared with its bound.
 const WORDS: usize = 4096;
 
 /// Types of a word of `libcaer_cmp`: its four upper bits.
@@ -58,7 +58,7 @@ pub struct EventPackets {
     sensor: Sensor,
     encoding: Encoding,
     events: Vec<Event>,
-    /// Of every encoding but `evt3`, whose decoder has its own.
+    /// For every encoding except `evt3`, whose decoder has its own.
     passed: PassedOver,
 }
 
@@ -76,7 +76,7 @@ struct Compressed {
     /// Upper and lower bits of the time after the packet's, in microseconds.
     high: u64,
     low: u64,
-    /// Column of the next events, and whether a word has told it.
+    /// Column of the next events, and whether a word has given it.
     column: u16,
     is_placed: bool,
     /// Row of the newest event, or first row of the newest vector.
@@ -149,7 +149,7 @@ impl EventPackets {
         Self::of(encoding, sensor, false)
     }
 
-    /// As [`Self::new`]; with `strict`, whatever would be left out is an error.
+    /// As [`Self::new`]; with `strict`, every omitted part is an error.
     pub(crate) fn of(encoding: &str, sensor: Sensor, strict: bool) -> Result<Self, IoError> {
         let encoding = match encoding {
             "evt3" => Encoding::Evt3(Box::new(evt3::Decoder::new(Some(sensor), strict))),
@@ -168,7 +168,7 @@ impl EventPackets {
     /// O(bytes).
     ///
     /// # Errors
-    /// [`IoError::Truncated`] where the bytes end within an event or a word; nothing of the message
+    /// [`IoError::Truncated`] if the bytes end within an event or a word; no part of the message
     /// is then read. Words and events that a recording would leave out are counted in
     /// [`Self::left_out`].
     pub fn decode(&mut self, time_base: u64, bytes: &[u8]) -> Result<&[Event], IoError> {
@@ -177,7 +177,7 @@ impl EventPackets {
         Ok(&self.events)
     }
 
-    /// Adds the events of `packet` to those there are, up to about `most` in all.
+    /// Adds the events of `packet` to the existing ones, up to about `most` in total.
     ///
     /// # Errors
     /// Those of [`Self::decode`], and [`IoError::TooLarge`] beyond `most` events.
@@ -255,7 +255,7 @@ impl EventPackets {
         check_room(packet, 0, events, most)
     }
 
-    /// Adds an event that was decoded elsewhere, at byte `at` of `packet`, up to `most` in all.
+    /// Adds an event that was decoded elsewhere, at byte `at` of `packet`, up to `most` in total.
     pub(crate) fn push(
         &mut self,
         packet: Bytes<'_>,
@@ -269,14 +269,14 @@ impl EventPackets {
         check_room(packet, at, &self.events, most)
     }
 
-    /// Forgets the events, and says how many there were.
+    /// Forgets the events, and returns their number.
     pub(crate) fn clear(&mut self) -> usize {
         let count = self.events.len();
         self.events.clear();
         count
     }
 
-    /// The events, what else there was, and what was left out.
+    /// The events, the other streams, and the omitted parts.
     pub(crate) fn into_parts(self) -> (Vec<Event>, Vec<StreamSummary>, Vec<LeftOut>) {
         match self.encoding {
             Encoding::Evt3(decoder) => {
@@ -287,10 +287,11 @@ impl EventPackets {
         }
     }
 
-    /// Messages before the next one were lost. Words of EVT 3.0 hold for those that follow, so that
-    /// events are left out until the sensor has sent time, row and base column again: none gets the
-    /// row or the time of another. A sensor sends its time every 16 us at the latest. A loss of
-    /// more than 8 s can hide a wrap of its clock. In `libcaer_cmp` a column is waited for.
+    /// Tells the decoder that messages before the next one were lost. Words of EVT 3.0 apply to the
+    /// following words, so events are left out until the sensor has sent time, row and base column
+    /// again: no event gets the row or the time of another. A sensor sends its time at least every
+    /// 16 us. A loss of more than 8 s can hide a wrap of its clock. In `libcaer_cmp`, events are
+    /// left out until the next column.
     pub fn resync(&mut self) {
         match &mut self.encoding {
             Encoding::Evt3(decoder) => decoder.resync(),
@@ -299,8 +300,8 @@ impl EventPackets {
         }
     }
 
-    /// Events so far that had no time, row or base column: at the start of a stream that was joined
-    /// in its middle, and after each [`Self::resync`].
+    /// Number of events so far that had no time, row or base column: at the start of a stream that
+    /// is read from its middle, and after each [`Self::resync`].
     pub fn unplaced(&self) -> u64 {
         match &self.encoding {
             Encoding::Evt3(decoder) => decoder.unplaced_events(),
@@ -313,8 +314,8 @@ impl EventPackets {
         &self.events
     }
 
-    /// What was left out of all messages so far, by kind. The places count from the start of each
-    /// message.
+    /// The parts that were left out of all messages so far, by kind. The places count from the
+    /// start of each message.
     pub fn left_out(&self) -> &[LeftOut] {
         match &self.encoding {
             Encoding::Evt3(decoder) => decoder.passed.so_far(),

@@ -1,6 +1,6 @@
-//! Reading a part of a recording by time, without reading the rest where the format permits.
+//! Reads a part of a recording by time, without the other parts if the format permits it.
 //!
-//! Enters: a seekable file and a [`TimeRange`]. Leaves: its events in the file's order.
+//! Input: a seekable file and a [`TimeRange`]. Output: its events in the file's order.
 //!
 //! | format | how the part is found |
 //! |---|---|
@@ -9,10 +9,11 @@
 //! | AEDAT3, AEDAT4 | the headers of all packets, then binary search over the packets of events |
 //! | others, packed files, and those with a cut record or packet | the whole file is read |
 //!
-//! Invariant: what is read begins and ends [`DISORDER_US`] beyond the range, and is then cut to it
-//! event by event. So the result is that of cutting the whole recording, provided that no event is
-//! more than that earlier than one before it, and that the clock never wraps unseen: between
-//! neighbours of 1024 probes pass less than half of its period (DAT and AEDAT2: 36 minutes).
+//! Invariant: the part that is read begins and ends [`DISORDER_US`] beyond the range, and is then
+//! cut to it event by event. So the result equals that of cutting the whole recording, provided
+//! that no event is earlier than a previous one by more than that, and that every wrap of the clock
+//! is detected: less than half of its period passes between neighbours of 1024 probes (DAT and
+//! AEDAT2: 36 minutes).
 
 pub(crate) mod blocks;
 pub(crate) mod packets;
@@ -33,7 +34,8 @@ pub const DISORDER_US: i64 = 1_000_000;
 
 /// Bytes of a file that are read to find its header; the rest is read if the header is longer.
 const HEAD: u64 = 1 << 18;
-/// Fewest bytes that follow a header that is known to be whole: a line of a text header.
+/// Minimum number of bytes that follow a header that is known to be complete: a line of a text
+/// header.
 const SLACK: u64 = 1 << 16;
 
 /// A range of the times of a recording, in microseconds.
@@ -90,7 +92,7 @@ impl TimeRange {
     }
 }
 
-/// A file that can be read at any place.
+/// A file that can be read at any position.
 pub(crate) struct Input<R> {
     inner: BufReader<R>,
     at: u64,
@@ -114,7 +116,7 @@ impl<R: Read + Seek> Input<R> {
         self.inner.into_inner()
     }
 
-    /// The first bytes of the file, which tell its format.
+    /// The first bytes of the file, which identify its format.
     pub(crate) fn head(&mut self) -> Result<Vec<u8>, IoError> {
         self.read(0, self.length.min(HEAD))
     }
@@ -136,7 +138,7 @@ impl<R: Read + Seek> Input<R> {
         Ok(bytes)
     }
 
-    /// The header of the file, as `open` reads it from the file's start and the file's length.
+    /// The header of the file, which `open` reads from the file's start and length.
     fn open<T>(
         &mut self,
         open: impl Fn(Bytes<'_>, u64) -> Result<T, IoError>,
@@ -155,10 +157,10 @@ impl<R: Read + Seek> Input<R> {
     }
 }
 
-/// A place in a recording whose time is known.
+/// A position in a recording with a known time.
 #[derive(Clone, Copy)]
 pub(crate) struct Probe {
-    /// The record or the packet, counted from 0.
+    /// Index of the record or the packet, counted from 0.
     pub(crate) at: u64,
     /// Value of the clock, in microseconds.
     pub(crate) value: i64,
@@ -166,11 +168,11 @@ pub(crate) struct Probe {
     pub(crate) t_us: i64,
 }
 
-/// A step from before `bound_us` to not before it, if any: the places before and after it.
+/// A step from before `bound_us` to not before it, if any: the positions before and after it.
 ///
-/// `low` is a place before the bound, and `high` ends the search. `probe` gives the first place of
-/// a range whose time is known; its first argument is a known place before the range. O(log n)
-/// probes.
+/// `low` is a position before the bound, and `high` ends the search. `probe` gives the first
+/// position of a range with a known time; its first argument is a known position before the range.
+/// O(log n) probes.
 pub(crate) fn step(
     bound_us: i64,
     mut low: Option<Probe>,

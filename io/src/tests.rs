@@ -1,4 +1,4 @@
-//! Parts of readers and writers that no recording reaches.
+//! Tests of parts of readers and writers that no recording reaches.
 
 mod electrodes_header {
     use crate::electrodes::header::{electrode, unit_of_time};
@@ -119,7 +119,10 @@ mod files {
             ];
             for refused in refused {
                 let error = refused.expect_err(name).to_string();
-                assert!(error.contains("expected a file to replace") && error.ends_with(found), "{error}");
+                assert!(
+                    error.contains("expected a regular file, or none") && error.ends_with(found),
+                    "{error}"
+                );
             }
         }
         assert!(fs::symlink_metadata(path("fifo")).expect("there").file_type().is_fifo());
@@ -203,8 +206,8 @@ mod hdf5_ecf {
         values.chunk_by(PartialEq::eq).map(|run| (&run[0], run.len() as u16))
     }
 
-    /// The chunk of `events` (t, x, y, on) in order of time, with this layout, as the vendor's
-    /// coder writes it.
+    /// The chunk of `events` (t, x, y, on) in order of time, with this layout, in the form of the
+    /// vendor's coder.
     fn encoded(events: &[(u64, u16, u16, bool)], layout: u32) -> Vec<u8> {
         let mut chunk = ((events.len() as u32) << 2 | layout).to_le_bytes().to_vec();
         let times: Vec<_> = events.iter().map(|event| event.0).collect();
@@ -287,7 +290,7 @@ mod hdf5_ecf {
     }
 
     proptest! {
-        /// Steps of time around the lengths that are written otherwise, runs of all lengths, and
+        /// Time steps around the lengths at which the encoding changes, runs of all lengths, and
         /// neighbours in a row.
         #[test]
         fn every_layout_comes_back(

@@ -1,7 +1,7 @@
 //! Lines, fields and decimal numbers, which texts of events and of electrodes share.
 //!
-//! A line comes as soon as its line feed is there. Invariant: a line has at most [`LINE_BYTES`],
-//! and nothing beyond its line feed is requested.
+//! A line is delivered as soon as its line feed has arrived. Invariant: a line has at most
+//! [`LINE_BYTES`], and nothing beyond its line feed is requested.
 
 use std::io::{BufRead, Read};
 use std::iter;
@@ -66,8 +66,8 @@ impl<R: BufRead> Lines<R> {
 
     /// The next line; `None` at the end of the input.
     ///
-    /// `refusal` sees the bytes of the first line, also where it is too long, so that input of
-    /// another kind is refused by its name.
+    /// `refusal` gets the bytes of the first line, even if it is too long, so that input of another
+    /// kind is refused by its name.
     pub(crate) fn next(
         &mut self,
         refusal: impl FnOnce(&[u8]) -> Option<IoError>,
@@ -83,7 +83,7 @@ impl<R: BufRead> Lines<R> {
         Ok(read?.then(|| self.current()))
     }
 
-    /// Reads the next line; whether there is one.
+    /// Reads the next line; returns whether there is one.
     fn read(&mut self) -> Result<bool, IoError> {
         self.line.clear();
         self.number += 1;
@@ -120,7 +120,7 @@ pub(crate) fn is_comment(line: &[u8]) -> bool {
     line.starts_with(b"#") || line.starts_with(b"%")
 }
 
-/// Whether a text whose first line is `line` may be a list or an object in JSON, and no table.
+/// Whether a text whose first line is `line` may be a list or an object in JSON, and not a table.
 pub(crate) fn is_json(line: &[u8]) -> bool {
     line.starts_with(b"[") || line.starts_with(b"{")
 }
@@ -187,15 +187,16 @@ impl Separator {
 pub(crate) struct Number<'a> {
     negative: bool,
     integer: &'a [u8],
-    /// The digits after the point, where there is one.
+    /// The digits after the point, if there is one.
     fraction: Option<&'a [u8]>,
-    /// The power of ten after `e`, where there is one.
+    /// The power of ten after `e`, if there is one.
     exponent: Option<i32>,
 }
 
-/// Largest absolute exponent; one beyond it counts as this one: its number has no use here.
+/// Largest absolute exponent; a larger one counts as this one, because such numbers are not used
+/// here.
 const EXPONENT: i32 = 1 << 16;
-/// Decimal digits that a float of 64 bits always keeps: the digits after them are noise.
+/// Number of decimal digits that a float of 64 bits always keeps: the digits after them are noise.
 const DIGITS: usize = 15;
 
 /// The digits at the start of `text`, and the rest.
@@ -203,7 +204,7 @@ fn digits(text: &[u8]) -> (&[u8], &[u8]) {
     text.split_at(text.iter().take_while(|byte| byte.is_ascii_digit()).count())
 }
 
-/// Whether `text` starts with a minus, and what follows its sign.
+/// Whether `text` starts with a minus, and the text after the sign.
 fn sign(text: &[u8]) -> (bool, &[u8]) {
     match text {
         [b'-', rest @ ..] => (true, rest),
@@ -213,7 +214,7 @@ fn sign(text: &[u8]) -> (bool, &[u8]) {
 }
 
 impl<'a> Number<'a> {
-    /// The number in `field`; `None`: the field is no number.
+    /// The number in `field`; `None`: the field is not a number.
     pub(crate) fn parse(field: &'a [u8]) -> Option<Self> {
         let (negative, rest) = sign(field);
         let (integer, mut rest) = digits(rest);
@@ -232,12 +233,13 @@ impl<'a> Number<'a> {
         (!integer.is_empty() && rest.is_empty()).then_some(number)
     }
 
-    /// Its digits, from the first on.
+    /// Its digits, from the first one.
     fn digits(self) -> impl Iterator<Item = u8> {
         self.integer.iter().chain(self.fraction.unwrap_or_default()).map(|digit| digit - b'0')
     }
 
-    /// Digits before the point once the exponent has moved it; negative: zeros after it.
+    /// Number of digits before the point, after the exponent has moved it; negative: zeros after
+    /// it.
     fn point(self) -> i64 {
         self.integer.len() as i64 + i64::from(self.exponent.unwrap_or(0))
     }
@@ -247,8 +249,8 @@ impl<'a> Number<'a> {
         self.fraction.is_some() || self.exponent.is_some()
     }
 
-    /// Digits after the point. Of a number with an exponent, whose writers print every float with
-    /// all its digits, these are the ones that a float keeps, without zeros at their end.
+    /// Number of digits after the point. For a number with an exponent, whose writers print every
+    /// float with all its digits, only digits that a float keeps count, without zeros at their end.
     pub(crate) fn decimals(self) -> usize {
         if self.exponent.is_none() {
             return self.fraction.unwrap_or_default().len();
@@ -259,7 +261,7 @@ impl<'a> Number<'a> {
             while kept.last() == Some(&9) {
                 kept.pop();
             }
-            // Nothing but nines is the next power of ten, which has no decimals.
+            // If all digits are nines, the number is the next power of ten, which has no decimals.
             if let Some(last) = kept.last_mut() {
                 *last += 1;
             }
@@ -284,7 +286,7 @@ impl<'a> Number<'a> {
 
     /// The number times 10^`power`, rounded, halves away from zero; `None` beyond 128 bits.
     pub(crate) fn scaled(self, power: i32) -> Option<i128> {
-        // Zeros of any exponent are not multiplied out.
+        // Zeros with any exponent are not multiplied out.
         if self.exponent.is_some() && self.is_zero() {
             return Some(0);
         }

@@ -7,11 +7,11 @@
 //! | 12 | polarity, i8: more than 0 for a rise |
 //! | 13-15 | 0 |
 //!
-//! Over TCP and from a pipe, lines and records follow one another. A datagram of UDP stands alone:
-//! it may come after any other or not at all, and so nothing of it continues in the next.
+//! Over TCP and from a pipe, lines and records follow one another. A UDP datagram is independent:
+//! it may arrive in any order or not at all, so no line or record continues in the next.
 //!
-//! All values have their least significant byte first: on most machines, a `meissner_event` of the
-//! C interface is a record as it stands in memory.
+//! All values have their least significant byte first: on most machines, the memory of a
+//! `meissner_event` of the C interface is a record.
 
 use std::collections::VecDeque;
 use std::io::{BufRead, Chain, Cursor, Read};
@@ -30,8 +30,8 @@ use crate::raw::RawEvents;
 pub const RECORD_BYTES: usize = 16;
 const NAME: &str = "records";
 const UNDECIDED: &str = "CSV or records";
-/// Bytes that tell records from a text: the last of them is 0, or 255 before the epoch, which no
-/// byte of a text is. A line with an event is as long.
+/// Number of bytes that distinguish records from a text: the last of them is 0, or 255 before the
+/// epoch, which does not occur in a text. A line with an event has at least as many bytes.
 const TELLING: usize = 8;
 
 /// The record of `event`.
@@ -50,7 +50,7 @@ pub fn record(event: Event) -> [u8; RECORD_BYTES] {
 }
 
 /// The event of a record; `None` if its last three bytes are not 0. For programs that read
-/// datagrams themselves, each of whole records.
+/// datagrams themselves, each with complete records.
 ///
 /// ```
 /// let event = meissner_engine::Event::new(513, 3, 4, true);
@@ -63,13 +63,14 @@ pub fn event_of(record: [u8; RECORD_BYTES]) -> Option<Event> {
     Some(Event::new(t_us, x, y, (polarity as i8) > 0))
 }
 
-/// The first bytes of a stream, then the rest of it.
+/// The first bytes of a stream, then the remaining ones.
 type Whole<R> = Chain<Cursor<Vec<u8>>, R>;
 
-/// Events, each as soon as its last byte is there. The first bytes tell a text from records.
+/// Events, each as soon as its last byte has arrived. The first bytes distinguish a text from
+/// records.
 ///
-/// A record whose last three bytes are not 0 ends the events: what follows would be out of step. In
-/// [datagrams](Self::of_datagrams) nothing ends them.
+/// A record whose last three bytes are not 0 ends the events, because the following records would
+/// be out of step. In [datagrams](Self::of_datagrams), no error ends them.
 ///
 /// ```
 /// use meissner_io::{LiveEvents, TextOptions, record};
@@ -86,7 +87,7 @@ pub struct LiveEvents<R: BufRead>(Kind<R>);
 
 #[derive(Debug)]
 enum Kind<R: BufRead> {
-    /// Before the first bytes; without an input after these could not be read.
+    /// The state before the first bytes; without an input if these could not be read.
     Undecided(Option<R>, TextOptions),
     Text(CsvEvents<Whole<R>>),
     Datagrams(Datagrams<R>),
@@ -94,7 +95,7 @@ enum Kind<R: BufRead> {
     Packets(Box<PacketEvents<R>>),
     Records {
         input: Whole<R>,
-        /// Records that were read; `None` after the end or an error.
+        /// Number of records that were read; `None` after the end or an error.
         read: Option<u64>,
     },
 }
@@ -106,26 +107,27 @@ impl<R: BufRead> LiveEvents<R> {
         Self(Kind::Undecided(Some(input), options))
     }
 
-    /// The events of `input`: each read gives a datagram of whole lines or records; empty: the end.
+    /// The events of `input`: each read gives a datagram of complete lines or records; an empty one
+    /// is the end.
     ///
-    /// What is no event gives an [`IoError::Datagram`], and the next call goes on: a line, a record
-    /// whose last three bytes are not 0, or a datagram with part of a record. The layout and sensor
-    /// of a text hold for all datagrams from the first event on.
+    /// A line that is not an event, a record whose last three bytes are not 0, or a datagram with
+    /// part of a record gives an [`IoError::Datagram`], and the next call continues. The layout and
+    /// sensor of a text hold for all datagrams from the first event on.
     pub fn of_datagrams(input: R, options: TextOptions) -> Self {
         Self(Kind::Datagrams(Datagrams::new(input, options)))
     }
 
     /// The events of `input`, raw bytes in `format`.
     ///
-    /// EVT2, EVT2.1 and EVT3 are bytes of a Prophesee sensor, with a header or without, from the
-    /// start or joined in the middle, over a stream or in datagrams. An event comes when the words
-    /// after it show that its own was in step. Bytes that were lost give an [`IoError::Lost`],
-    /// other odd words an [`IoError::Word`], and the next call goes on after it. The sensor of
-    /// `options` is for streams whose header names none: it tells odd words sooner.
+    /// EVT2, EVT2.1 and EVT3 are bytes of a Prophesee sensor, with or without a header, from the
+    /// start or the middle of the stream, over a stream or in datagrams. An event is delivered when
+    /// the words after it show that its own word was in step. Lost bytes give an [`IoError::Lost`],
+    /// other odd words an [`IoError::Word`], and the next call continues after it. The sensor of
+    /// `options` is for streams whose header names none: with it, odd words are detected sooner.
     ///
-    /// AEDAT4 is a network stream of `dv-processing`, or a file from its start. Its stream of
-    /// events is that of `options`. A packet with odd events gives an [`IoError::Datagram`] and the
-    /// others.
+    /// AEDAT4 is a network stream of `dv-processing`, or a file from its start. `options` selects
+    /// its stream of events. A packet with odd events gives an [`IoError::Datagram`] and its other
+    /// events.
     ///
     /// # Errors
     /// [`IoError::Unsupported`] for another format.
@@ -154,7 +156,7 @@ impl<R: BufRead> LiveEvents<R> {
         }
     }
 
-    /// The sensor that the stream names before its first event, once that was read.
+    /// The sensor that the stream names before its first event; known after this event was read.
     pub fn sensor(&self) -> Option<Sensor> {
         match &self.0 {
             Kind::Text(text) => text.sensor(),
@@ -172,7 +174,7 @@ impl<R: BufRead> LiveEvents<R> {
         read.map_err(|source| failed(0, source))?;
         let is_binary = tells_records(&first);
         if is_binary {
-            // The mark of a format can be the time of a record: the rest tells.
+            // The mark of a format can be the time of a record: the other bytes decide.
             let rest = (RECORD_BYTES - TELLING) as u64;
             input.by_ref().take(rest).read_to_end(&mut first).map_err(|source| failed(0, source))?;
         }
@@ -215,7 +217,7 @@ impl<R: BufRead> Iterator for LiveEvents<R> {
     }
 }
 
-/// Whether `first` are a record of a time between the years -4253 and 4253.
+/// Whether `first` is a record with a time between the years -4253 and 4253.
 fn is_record(first: &[u8]) -> bool {
     let record: Option<[u8; RECORD_BYTES]> = first.try_into().ok();
     record.is_some_and(|record| matches!(record[TELLING - 1], 0 | 0xff) && event_of(record).is_some())
@@ -269,14 +271,14 @@ fn cut(at: u64, length: usize) -> IoError {
 struct Datagrams<R> {
     input: R,
     options: TextOptions,
-    /// What the text says; its lines are those of the newest datagram.
+    /// The text; its lines are those of the newest datagram.
     text: CsvEvents<Cursor<Vec<u8>>>,
-    /// Whether an event of a text has come: its layout is not changed by what comes later.
+    /// Whether an event of a text has arrived: later datagrams do not change its layout.
     begun: bool,
     format: &'static str,
-    /// Datagrams so far.
+    /// Number of datagrams so far.
     number: u64,
-    /// What the newest datagrams were.
+    /// The events and errors of the newest datagrams.
     ready: VecDeque<Result<Event, IoError>>,
 }
 
@@ -310,7 +312,7 @@ impl<R: BufRead> Datagrams<R> {
     fn take_records(&mut self, datagram: &[u8]) {
         let (records, rest) = datagram.as_chunks::<RECORD_BYTES>();
         if !rest.is_empty() {
-            // Nobody knows where the bytes are that are missing or too many.
+            // The position of the missing or surplus bytes is unknown.
             let at = (datagram.len() - rest.len()) as u64;
             return self.put(Err(cut(at, rest.len())), NAME);
         }
@@ -329,7 +331,7 @@ impl<R: BufRead> Datagrams<R> {
                 let large = IoError::TooLarge { format, what, place, unit, limit, actual, at_least };
                 self.put(Err(large), format);
                 refused = true;
-                // Its number stays.
+                // The line number is kept.
                 lines.push(b'\n');
             } else {
                 lines.extend_from_slice(line);
@@ -345,12 +347,12 @@ impl<R: BufRead> Datagrams<R> {
             self.put(event, Format::Csv.name());
         }
         if refused && !self.begun {
-            // It may have been no text of events at all.
+            // It may not have been a text of events at all.
             self.text = CsvEvents::with_options(Cursor::default(), self.options);
         }
     }
 
-    /// Adds what the newest datagram has, in `format`.
+    /// Adds the content of the newest datagram, in `format`.
     fn put(&mut self, found: Result<Event, IoError>, format: &'static str) {
         if found.is_ok() && self.format == UNDECIDED {
             self.format = format;

@@ -1,9 +1,9 @@
-//! Zip archives: their files, whole, one at a time; and the only recording of an archive.
+//! Zip archives: their complete files, one at a time, and the only recording of an archive.
 //!
-//! Enters: the bytes of an archive, whose records the `rawzip` crate reads. Leaves: the name of
-//! each file and its content, stored or deflated, with the size and the CRC-32 that the directory
+//! Input: the bytes of an archive, whose records the `rawzip` crate reads. Output: the name of each
+//! file and its content, stored or deflated, with the size and the CRC-32 that the directory
 //! states. Invariant: one content is held at a time. All contents together have at most [`most`]
-//! bytes, and each of many at most [`PACKET_BYTES`].
+//! bytes, and if there are several, each has at most [`PACKET_BYTES`].
 
 use std::io::Read;
 
@@ -17,7 +17,7 @@ use crate::format::{Format, Kind, POLARITY, TIME, X, Y, beginning};
 use crate::limits::{PACKET_BYTES, most};
 use crate::npy::{self, Part};
 
-/// The end record with the longest comment.
+/// Length of the end record with the longest comment.
 const SEARCHED: u64 = 22 + u16::MAX as u64;
 
 /// Calls `entry` with name and content of each file of the archive `bytes`, in its order.
@@ -26,7 +26,7 @@ pub(crate) fn for_each(
     mut entry: impl FnMut(&str, &[u8]) -> Result<(), IoError>,
 ) -> Result<(), IoError> {
     let archive = Archive::open(bytes)?;
-    // Entries may share bytes: they are counted by what they expand to.
+    // Entries may share bytes, so their expanded bytes are counted.
     let mut left = most(bytes.len() as u64);
     archive.for_each(|name, record| {
         let content = archive.content(record, left.min(PACKET_BYTES))?;
@@ -35,10 +35,10 @@ pub(crate) fn for_each(
     })
 }
 
-/// The content of the recording among the files of the archive `bytes`: the only one, or the one of
-/// several that is called `events`, or, in an `.npz`, the four arrays with the names of an event's
-/// values, put together. Arrays of anything else are no recordings. An only file is taken for it:
-/// its reader says what is wrong with it.
+/// The content of the recording among the files of the archive `bytes`: the only recording, or the
+/// one called `events` if there are several, or, in an `.npz`, the four arrays with the names of an
+/// event's values, assembled. Other arrays are not recordings. If there is only one file, it is
+/// taken as the recording: its reader reports its errors.
 pub(crate) fn recording(bytes: &[u8]) -> Result<Vec<u8>, IoError> {
     let archive = Archive::open(bytes)?;
     let mut left = most(bytes.len() as u64);
@@ -95,7 +95,7 @@ pub(crate) fn recording(bytes: &[u8]) -> Result<Vec<u8>, IoError> {
     }
 }
 
-/// The name of a file without its folders and what follows the first dot.
+/// The name of a file without its folders, up to the first dot.
 fn stem(name: &str) -> &str {
     let file = name.rsplit('/').next().unwrap_or_default();
     file.split('.').next().unwrap_or_default()
@@ -117,7 +117,7 @@ impl<'a> Archive<'a> {
         Ok(Self { file, archive })
     }
 
-    /// Calls `entry` with each file. Folders are passed over, and what macOS puts beside each file.
+    /// Calls `entry` with each file. Skips folders, and the files that macOS adds for each file.
     fn for_each(
         &self,
         mut entry: impl FnMut(&str, &ZipFileHeaderRecord<'_>) -> Result<(), IoError>,
@@ -147,7 +147,7 @@ impl<'a> Archive<'a> {
         }
         let content = self.local(record).and_then(|local| {
             let mut content = Vec::new();
-            // A content that is longer than stated is read no further than that.
+            // A content that is longer than stated is read only one byte beyond the stated size.
             let reader = unpacked(record, &local)?.take(size + 1);
             let read = local.verifying_reader(reader).read_to_end(&mut content);
             let expected = || format!("{size} bytes with CRC-32 {:#010x}", record.crc32());
@@ -157,19 +157,19 @@ impl<'a> Archive<'a> {
         content.map_err(|(expected, actual)| self.file.malformed("entry", at, expected, actual))
     }
 
-    /// The first `most` bytes of a file, or what can be read of them.
+    /// The first `most` bytes of a file, or the readable part of them.
     fn start(&self, record: &ZipFileHeaderRecord<'_>, most: u64) -> Vec<u8> {
         let mut start = Vec::new();
         if let Ok(local) = self.local(record)
             && let Ok(reader) = unpacked(record, &local)
         {
-            // A damaged file is told by what comes before the damage, and refused when it is read.
+            // The bytes before the damage identify a damaged file; it is refused when it is read.
             let _ = reader.take(most).read_to_end(&mut start);
         }
         start
     }
 
-    /// The place of a file in the archive; or what was expected and what was found.
+    /// The position of a file in the archive; or the expected and the found value.
     fn local(&self, record: &ZipFileHeaderRecord<'_>) -> Result<ZipSliceEntry<'_>, (String, String)> {
         if record.flags().is_encrypted() {
             return Err(("no encryption".to_owned(), "an encrypted entry".to_owned()));
@@ -179,7 +179,7 @@ impl<'a> Archive<'a> {
     }
 }
 
-/// The content of a file as a stream; or what was expected and what was found.
+/// The content of a file as a stream; or the expected and the found value.
 fn unpacked<'a>(
     record: &ZipFileHeaderRecord<'_>,
     local: &ZipSliceEntry<'a>,

@@ -32,7 +32,7 @@ impl Chip {
         self.sensor
     }
 
-    /// The chip with this sensor; of the two with 128 x 128 pixels the DVS128.
+    /// The chip with this sensor; for 128 x 128 pixels, which two chips have, the DVS128.
     pub(super) fn of_sensor(sensor: Sensor) -> Option<Self> {
         CHIPS.iter().map(|&(name, _)| name).filter_map(Self::of_class).find(|chip| chip.sensor == sensor)
     }
@@ -50,7 +50,7 @@ impl FromStr for Chip {
     type Err = UnknownName;
 
     /// The chip of this name, in upper or lower case: `DVS128`, `DAVIS128`, `DAVIS208`, `DAVIS240`,
-    /// `DAVIS346` or `DAVIS640`, also with letters behind it, as the classes of jAER have them
+    /// `DAVIS346` or `DAVIS640`, also with letters after it, as in the classes of jAER
     /// (`DAVIS346blue`).
     fn from_str(name: &str) -> Result<Self, UnknownName> {
         Self::of_class(name).ok_or_else(|| UnknownName::new("chip", NAMES, name))

@@ -13,7 +13,7 @@ use crate::recording::{StreamKind, StreamSummary};
 /// First bytes of a file.
 pub(crate) const MAGIC: &[u8] = b"#!AER-DAT4.0\r\n";
 
-/// What is cut where a file ends before its packet table.
+/// The incomplete part if a file ends before its packet table.
 const BEFORE_TABLE: &str = "the recording before its packet table";
 
 /// The content of a file's header.
@@ -25,9 +25,9 @@ pub(super) struct Header {
     pub(super) packets: usize,
     /// Byte of the file at which the packet table starts, if there is one.
     pub(super) table: Option<usize>,
-    /// Whether the file ends before the place of its packet table.
+    /// Whether the file ends before the position of its packet table.
     pub(super) is_cut: bool,
-    /// Whether its buffer has no name, as then that of the packet table.
+    /// Whether its buffer has no name; the buffer of the packet table then has none either.
     pub(super) is_unnamed: bool,
 }
 
@@ -39,7 +39,7 @@ impl Header {
         Self::after_magic(file, MAGIC.len(), length, salvage)
     }
 
-    /// The bytes of the header at `start` behind its size.
+    /// The number of bytes of the header at `start` after its size field.
     pub(super) fn size(file: Bytes<'_>, start: usize) -> Result<u64, IoError> {
         let size = u64::from(file.u32("size of the header", start)?);
         if size > HEADER_BYTES {
@@ -62,7 +62,7 @@ impl Header {
         match Table::root(content, what, *b"IOHE") {
             Ok(root) => Self::of_table(file, (root, content), length, packets, salvage),
             Err(error) => {
-                // Some writers leave the name out. A buffer that can be read is a header.
+                // Some writers omit the name. A buffer that can be read is a header.
                 let unnamed = Table::of_any_name(content, what)
                     .and_then(|root| Self::of_table(file, (root, content), length, packets, salvage));
                 match unnamed {
@@ -74,7 +74,7 @@ impl Header {
         }
     }
 
-    /// Reads the `root` table of the header's `content`, behind which the packets start.
+    /// Reads the `root` table of the header's `content`. The packets start after it.
     fn of_table(
         file: Bytes<'_>,
         (root, content): (Table<'_>, Bytes<'_>),
@@ -101,7 +101,7 @@ impl Header {
         Ok(Self { compression, streams, packets, table, is_cut, is_unnamed: false })
     }
 
-    /// The position of the packet table, which is written last: a file that ends before is cut.
+    /// The position of the packet table, which is written last: a file that ends before it is cut.
     fn table(file: Bytes<'_>, length: u64, packets: usize, at: i64) -> Result<usize, IoError> {
         match u64::try_from(at) {
             Ok(position) if position > length => Err(file.truncated(BEFORE_TABLE, 0, position, false)),
@@ -114,7 +114,7 @@ impl Header {
     }
 }
 
-/// Most nodes of the XML; a stream takes about thirty.
+/// Maximum number of nodes of the XML; a stream needs about thirty.
 const NODES: u32 = 1 << 16;
 
 /// A stream that the header declares.
@@ -126,7 +126,7 @@ pub(super) struct Stream {
     pub(super) summary: StreamSummary,
 }
 
-/// The streams that the XML declares, in its order; none where it has no list of them.
+/// The streams that the XML declares, in its order; empty if it has no list of streams.
 ///
 /// `<dv><node name="outInfo"><node name="ID"><attr key="typeIdentifier">EVTS</attr>..<node
 /// name="info"><attr key="sizeX">346</attr>..`: a node for each stream, named by the number in the

@@ -36,12 +36,12 @@ impl<'a> Table<'a> {
         Self::parse(bytes, what, Some(name))
     }
 
-    /// The same of a buffer that may have no name.
+    /// The same for a buffer that may have no name.
     pub(super) fn of_any_name(bytes: Bytes<'a>, what: &'static str) -> Result<Self, IoError> {
         Self::parse(bytes, what, None)
     }
 
-    /// The same of a buffer whose name must be `name`, if there is one to expect.
+    /// The same for a buffer whose name must be `name`, if given.
     pub(super) fn parse(
         bytes: Bytes<'a>,
         what: &'static str,
@@ -78,8 +78,7 @@ impl<'a> Table<'a> {
         self.position(index)?.map(|at| self.bytes.array(self.what, at)).transpose()
     }
 
-    /// A vector of elements of `stride` bytes: position and bytes, empty where the field is
-    /// missing.
+    /// A vector of elements of `stride` bytes: position and bytes, empty if the field is missing.
     pub(super) fn vector(&self, index: usize, stride: usize) -> Result<(usize, &'a [u8]), IoError> {
         let Some(at) = self.position(index)? else { return Ok((0, &[])) };
         let start = at.saturating_add(self.bytes.u32(self.what, at)? as usize);
@@ -100,7 +99,7 @@ pub(super) fn check_name(bytes: Bytes<'_>, what: &'static str, name: [u8; 4]) ->
     if actual == name { Ok(()) } else { Err(bytes.malformed(what, PREFIX + 4, shown(&name), shown(&actual))) }
 }
 
-/// How the packets of a file are compressed.
+/// Compression of the packets of a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Compression {
     None,
@@ -110,19 +109,19 @@ pub(crate) enum Compression {
 
 /// Decompresses one packet after another into one buffer.
 ///
-/// Invariant: a packet has at most [`PACKET_BYTES`], and all together
-/// [`EXPANSION`](crate::limits::EXPANSION) times the length of the file more.
+/// Invariant: a packet has at most [`PACKET_BYTES`]; all packets together have at most this plus
+/// [`EXPANSION`](crate::limits::EXPANSION) times the length of the file.
 pub(crate) struct Inflater<'a> {
     pub(crate) compression: Compression,
     file: Bytes<'a>,
     buffer: Vec<u8>,
     zstd: Zstd,
-    /// Bytes that the file may still decompress to.
+    /// Bytes that the file may still expand to.
     pub(super) budget: u64,
 }
 
 impl<'f> Inflater<'f> {
-    /// For the packets of `file`.
+    /// An inflater for the packets of `file`.
     pub(crate) fn new(compression: Compression, file: Bytes<'f>) -> Self {
         let mut zstd = Zstd::new();
         zstd.set_max_window_size(PACKET_BYTES);
@@ -144,8 +143,8 @@ impl<'f> Inflater<'f> {
         Ok(&self.buffer)
     }
 
-    /// The first `most` bytes of the content of `packet`, or all of it if it is shorter. Only then
-    /// are the packet's end and its checksum checked.
+    /// The first `most` bytes of the content of `packet`, or all of it if it is shorter. The
+    /// packet's end and its checksum are checked only in that case.
     pub(super) fn prefix<'a>(
         &'a mut self,
         packet: &'a [u8],

@@ -1,7 +1,7 @@
 //! AEDAT4 as it arrives: a stream of `dv-processing` over a socket, or a file through a pipe.
 //!
-//! A network stream has the bytes of a file that is not closed, without its magic number: the
-//! header, then packets. Source: what `dv-processing` 2.0.4 sends.
+//! A network stream has the bytes of a file that was not closed, without its magic number: the
+//! header, then packets. Source: the output of `dv-processing` 2.0.4.
 
 use std::collections::VecDeque;
 use std::io::{BufRead, Read};
@@ -22,7 +22,7 @@ const NAME: &str = Format::Aedat4.name();
 
 /// Events of packets as they arrive.
 ///
-/// A packet with odd events gives an [`IoError::Datagram`] for the first of them, and its other
+/// A packet with odd events gives an [`IoError::Datagram`] for the first odd event, and its other
 /// events.
 #[derive(Debug)]
 pub(crate) struct PacketEvents<R> {
@@ -32,9 +32,9 @@ pub(crate) struct PacketEvents<R> {
     container: Option<Container>,
     /// The sensors of the streams of events.
     sensors: Vec<Option<Sensor>>,
-    /// The place of the next byte.
+    /// The position of the next byte.
     at: u64,
-    /// Packets so far.
+    /// Number of packets so far.
     number: u64,
     ready: VecDeque<Result<Event, IoError>>,
     ended: bool,
@@ -48,7 +48,7 @@ impl<R: BufRead> PacketEvents<R> {
         Self { input, options, container, sensors, at: 0, number: 0, ready, ended: false }
     }
 
-    /// The sensor that the header names, once it was read.
+    /// The sensor that the header names, after the header was read.
     pub(crate) fn sensor(&self) -> Option<Sensor> {
         *self.sensors.get(self.options.stream_number() - 1)?
     }
@@ -63,7 +63,7 @@ impl<R: BufRead> PacketEvents<R> {
         Ok(bytes)
     }
 
-    /// Reads the header, with the magic number before it or without.
+    /// Reads the header, with or without the magic number before it.
     fn begin(&mut self) -> Result<Container, IoError> {
         let mut bytes = self.read(PREFIX as u64)?;
         let mut start = 0;
@@ -86,7 +86,7 @@ impl<R: BufRead> PacketEvents<R> {
         Container::new(header, 0, self.options)
     }
 
-    /// Reads a packet. At the end, there is none.
+    /// Reads a packet, if the stream has not ended.
     fn advance(&mut self, container: &mut Container) -> Result<(), IoError> {
         let place = Place::Byte(self.at);
         let mut bytes = if container.header.table.is_some_and(|table| self.at >= table as u64) {

@@ -1,7 +1,7 @@
-//! AEDAT4 as it is written: one stream of events in packets, each an LZ4 frame.
+//! Writing of AEDAT4: one stream of events in packets, each an LZ4 frame.
 //!
-//! The buffers are those of [`super`], as words of four bytes. Values of eight bytes stand at
-//! multiples of eight from the start of a buffer.
+//! The buffers are those of [`super`], as words of four bytes. Values of eight bytes have offsets
+//! that are multiples of eight from the start of a buffer.
 
 use std::io::{self, Seek, SeekFrom, Write};
 use std::ops::RangeInclusive;
@@ -14,7 +14,7 @@ use super::{EVENTS, PACKET_HEADER, STRIDE};
 use crate::format::Format;
 use crate::recording::Capacity;
 
-/// Events of a packet at most: 128 KiB before compression.
+/// Maximum number of events of a packet: 128 KiB before compression.
 const PACKET_EVENTS: usize = 1 << 13;
 /// Byte of the header's buffer with the position of the packet table.
 const POSITION_AT: usize = 32;
@@ -134,10 +134,11 @@ fn packet(events: &[Event]) -> io::Result<Vec<u8>> {
     Ok(packet)
 }
 
-/// AEDAT4 that grows packet by packet: a file as a recorder writes it, or a stream over a network.
+/// Writes AEDAT4 packet by packet: a file, as a recorder does, or a stream over a network.
 ///
 /// Each packet is one write. A file that was not [finished](Self::finish) has no packet table, and
-/// is read up to its end.
+/// readers read it up to its end. A process that is killed in a write leaves a part of the packet,
+/// which [`ReadOptions::salvage`](crate::ReadOptions::salvage) leaves out.
 ///
 /// ```
 /// use std::io::Cursor;
@@ -173,7 +174,7 @@ impl<W: Write> Aedat4Writer<W> {
     /// Starts a stream as `dv-processing` sends it: without the magic number, and without an end.
     ///
     /// # Errors
-    /// Those of [`Self::new`].
+    /// As [`Self::new`].
     pub fn stream(out: W, sensor: Sensor) -> io::Result<Self> {
         Self { out, length: 0, packets: None }.begin(b"", sensor)
     }
@@ -189,7 +190,7 @@ impl<W: Write> Aedat4Writer<W> {
     /// Appends `events`, whose columns and rows are below 32768, in packets of at most 8192.
     ///
     /// # Errors
-    /// `out` fails; what was written of the packet stands behind [`Self::length`].
+    /// `out` fails; an incomplete packet may then follow the bytes of [`Self::length`].
     pub fn write(&mut self, events: &[Event]) -> io::Result<()> {
         for events in events.chunks(PACKET_EVENTS) {
             let packet = packet(events)?;
@@ -205,14 +206,15 @@ impl<W: Write> Aedat4Writer<W> {
         self.out.flush()
     }
 
-    /// The bytes of the header and of the whole packets so far.
+    /// The bytes of the header and of the complete packets so far.
     pub fn length(&self) -> u64 {
         self.length
     }
 }
 
 impl<W: Write + Seek> Aedat4Writer<W> {
-    /// Ends a file: writes the packet table and its position. Of a [stream](Self::stream), nothing.
+    /// Ends a file: writes the packet table and its position. Writes nothing for a
+    /// [stream](Self::stream).
     ///
     /// # Errors
     /// `out` fails.

@@ -23,24 +23,24 @@ pub struct ColumnOrder {
     pub(super) count: usize,
 }
 
-/// What the header of a text says.
+/// The content of the header of a text.
 pub(super) struct Header {
     pub(super) columns: ColumnOrder,
-    /// The unit of the times, where it names one.
+    /// The unit of the times, if it names one.
     pub(super) unit: Option<TimeUnit>,
-    /// The sensor, where the names of x and y have its sides: `x@346,y@260`.
+    /// The sensor, if the names of x and y contain its sides: `x@346,y@260`.
     pub(super) sensor: Option<Sensor>,
 }
 
 impl ColumnOrder {
     /// Columns t, x, y, p.
     pub(super) const PLAIN: Self = Self { at: [0, 1, 2, 3], count: 4 };
-    /// Columns x, y, p, t, as Metavision's programs write them without a header.
+    /// Columns x, y, p, t, which Metavision's programs write without a header.
     pub(super) const METAVISION: Self = Self { at: [3, 0, 1, 2], count: 4 };
     /// Longest order, in letters.
     const MAX: usize = 64;
 
-    /// Whether a line is a header: its first field starts as a name does.
+    /// Whether a line is a header: its first field starts like a name.
     pub(super) fn is_header(line: &[u8]) -> bool {
         let first = Separator::of(line).fields(line).next().unwrap_or_default();
         first.first().is_some_and(|b| b.is_ascii_alphabetic() || *b == b'_')
@@ -51,10 +51,10 @@ impl ColumnOrder {
         Self::from_header(line, Separator::of(line.text)).is_ok_and(|header| header.columns.count == 4)
     }
 
-    /// What a header says.
+    /// The content of a header.
     pub(super) fn from_header(line: Line<'_>, separator: Separator) -> Result<Header, IoError> {
         let fields: Vec<_> = separator.fields(line.text).map(<[u8]>::to_ascii_lowercase).collect();
-        // The names of x and y may have a side of the sensor behind them: `x@346`.
+        // A side of the sensor may follow the names of x and y: `x@346`.
         let parts = |field: &Vec<u8>| {
             let at = field.iter().position(|&byte| byte == b'@');
             at.map_or((field.clone(), None), |at| (field[..at].to_vec(), Some(field[at + 1..].to_vec())))
@@ -133,7 +133,7 @@ impl FromStr for ColumnOrder {
 
 /// The unit of the times of a text.
 ///
-/// Times become whole microseconds, rounded without floats, halves away from zero.
+/// Times are rounded to whole microseconds without floats, halves away from zero.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum TimeUnit {
     /// `s`.

@@ -7,10 +7,11 @@
 //! Without a header and without options, the lines of a text decide by these rules:
 //! 1. The only possible order, if it is t, x, y, p, if its time cannot be a pixel, or from
 //!    [`ENOUGH`] lines on.
-//! 2. Otherwise, from so many lines on, the only plausible order: pixels do not rise for so long.
-//! 3. Otherwise, of fewer lines with commas, t, x, y, p if it is plausible.
+//! 2. Otherwise, from the same number of lines on, the only plausible order: pixels do not rise for
+//!    so long.
+//! 3. Otherwise, for fewer lines with commas, t, x, y, p if it is plausible.
 //!
-//! Otherwise the caller has to decide. In a stream, the first line alone decides.
+//! Otherwise the caller has to decide. In a stream, only the first line decides.
 
 use meissner_engine::{Event, Sensor};
 
@@ -18,18 +19,19 @@ use super::columns::{ColumnOrder, TimeUnit, coordinate, polarity};
 use crate::error::{IoError, shown};
 use crate::text::{Line, Number, Separator, bare, is_comment};
 
-/// Lines from which on rising times are evidence.
+/// Number of lines from which rising times are evidence.
 const ENOUGH: usize = 16;
 /// Columns of a text without a header.
 const COLUMNS: usize = 4;
-/// Decimals from which on a time is in seconds: in milliseconds it would be finer than
+/// Number of decimals from which a time is in seconds: in milliseconds it would be finer than
 /// microseconds.
 pub(crate) const DECIMALS_OF_SECONDS: usize = 4;
 
 /// Columns of t, x and p in every order in which y follows x.
 const ORDERS: [[usize; 3]; 6] = [[0, 1, 3], [2, 0, 3], [3, 0, 2], [0, 2, 1], [1, 2, 0], [3, 1, 0]];
 
-/// The layout of a text as far as the caller knows it; `None` is found from the text.
+/// The layout of a text as far as the caller knows it. Properties that are `None` are found from
+/// the text.
 ///
 /// ```
 /// use meissner_io::{ColumnOrder, TextOptions, TimeUnit};
@@ -63,7 +65,7 @@ impl TextOptions {
     }
 }
 
-/// How times are written.
+/// Notation of times.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Time {
     /// Whole microseconds.
@@ -90,7 +92,7 @@ impl Layout {
         Self { options, columns: options.columns, time, ..Self::default() }
     }
 
-    /// Whether the values of a text with or without decimal points have nothing left to decide.
+    /// Whether the layout of a text with or without decimal points is completely known.
     pub(super) fn is_known(&self, has_points: bool) -> bool {
         self.columns.is_some() && (self.time.is_some() || !has_points)
     }
@@ -117,7 +119,7 @@ impl Layout {
             self.header(line)?;
             return Ok(true);
         }
-        // Width and height on a line of their own; an event has more fields.
+        // Width and height on a separate line; an event has more fields.
         let size = sensor(line.text, |c| c.is_ascii_whitespace());
         self.sensor = size.or(self.sensor);
         Ok(size.is_some())
@@ -144,7 +146,7 @@ impl Layout {
         *self.separator.get_or_insert_with(|| Separator::of(line))
     }
 
-    /// Decides by all lines of a text whatever is not known yet; `first` is the first event's line.
+    /// Decides the unknown properties by all lines of a text; `first` is the first event's line.
     pub(super) fn decide(&mut self, evidence: &Evidence<'_>, first: Line<'_>) -> Result<(), IoError> {
         let columns = match self.columns {
             Some(columns) => columns,
@@ -157,14 +159,15 @@ impl Layout {
         Ok(())
     }
 
-    /// The event of a line; the first lines decide whatever is not known yet.
+    /// The event of a line; the first lines decide the unknown properties.
     pub(super) fn event(&mut self, line: Line<'_>) -> Result<Event, IoError> {
         let separator = self.separator(line.text);
         if self.columns.is_none() {
             self.columns =
                 Evidence::of(separator, line.text, std::iter::empty()).columns(self.sensor, line)?;
         }
-        // The plain order refuses what is no event in any; the next line may be one.
+        // The plain order refuses a line that is not an event in any order; the next line may be an
+        // event.
         let [t, x, y, p] = self.columns.unwrap_or(ColumnOrder::PLAIN).fields(separator, line)?;
         let t_us = self.time_us(t, line)?;
         let refuse = |what, expected: &str, field| line.malformed(what, expected, shown(field));
@@ -233,8 +236,8 @@ pub(super) struct Evidence<'a> {
 }
 
 impl<'a> Evidence<'a> {
-    /// The evidence of these lines. A line with another number of fields than the `first`, or with
-    /// words instead of values, is ignored: it is refused later.
+    /// The evidence of these lines. A line whose number of fields differs from that of `first`, or
+    /// with words instead of values, is ignored: it is refused later.
     pub(super) fn of(separator: Separator, first: &'a [u8], more: impl Iterator<Item = &'a [u8]>) -> Self {
         let count = separator.fields(first).count();
         let is_word = |field: &[u8]| Number::parse(field).is_none() && polarity(field).is_none();
@@ -275,8 +278,8 @@ impl<'a> Evidence<'a> {
         match (&possible[..], &plausible[..]) {
             ([], _) => Ok(None),
             (&[only], _) if only == plain || many || !pixels(only.at[0], None) => Ok(Some(only)),
-            // A few lines with small numbers can fit by accident, and be damaged ones in the plain
-            // order.
+            // A few lines with small numbers can fit by accident; they may be damaged lines in the
+            // plain order.
             (&[_], _) if self.separator == Separator::Comma => Ok(None),
             (&[only], _) => Err(first.undecided("order of the columns", format!("{plain} or {only}"))),
             (_, &[only]) if many => Ok(Some(only)),
@@ -288,7 +291,7 @@ impl<'a> Evidence<'a> {
         }
     }
 
-    /// How the times of a whole text are written.
+    /// Notation of the times of a whole text.
     fn time(&self, columns: ColumnOrder, first: Line<'_>) -> Result<Time, IoError> {
         let times =
             || self.column(columns.at[0]).filter(|t| nanoseconds(t).is_some()).filter_map(Number::parse);
@@ -303,7 +306,7 @@ impl<'a> Evidence<'a> {
     }
 }
 
-/// A number in 1e-9, as for times in seconds; `None`: it is none, or too large.
+/// A number in units of 1e-9, as for times in seconds; `None`: it is not a number, or too large.
 fn nanoseconds(field: &[u8]) -> Option<i128> {
     Number::parse(field)?.scaled(9)
 }

@@ -1,23 +1,23 @@
 //! Letters of braille under an event skin of 8 x 10 taxels (`NUSkin`), from the arrays of a
 //! `NumPy` archive to labelled recordings of events.
 //!
-//! Enters: a folder with the archive, or its path. Leaves: a recording of each press. A reading
+//! Input: a folder with the archive, or its path. Output: a recording of each press. A reading
 //! `adc` of a taxel falls as pressure rises.
 //!
-//! **Times.** A host gets the readings in batches, every 15.7 ms: only their order within a batch
-//! is true. They are spread evenly over the time that the batch covers, which ends when it arrives
-//! ([`spread`]). Host times that step back are put in order first.
+//! **Times.** A host gets the readings in batches, every 15.7 ms. Within a batch, only their order
+//! is correct. They are spread evenly over the time that the batch covers, which ends when it
+//! arrives ([`spread`]). Host times that step back are sorted first.
 //!
-//! **Events.** A reading that differs from the one before of its taxel (1,024 before the first one)
-//! is an event at the place of the taxel, on where the pressure rises. One that does not differ
-//! says nothing new, and is none. The size of a change is not in the events: letters are told apart
-//! as well without it.
+//! **Events.** A reading that differs from the previous one of its taxel (1,024 before the first
+//! one) is an event at the position of the taxel; it is on if the pressure rises. A reading that
+//! does not differ is not an event. Events do not contain the size of a change: letters are
+//! distinguished equally well without it.
 //!
-//! **Ends.** A recording has the events from 0.2 s before contact to 0.2 s after the lift.
+//! **Ends.** A recording contains the events from 0.2 s before contact to 0.2 s after the lift.
 //!
-//! **Places.** The archive has the two halves of the skin, five columns each, in the other order:
-//! its columns 0 and 9 lie side by side. The event at its column c is in column (c + 5) mod 10. So
-//! letters with dots side by side press taxels side by side, and the middle of the skin has most
+//! **Places.** The archive has the two halves of the skin, five columns each, in swapped order: its
+//! columns 0 and 9 are adjacent on the skin. The event at its column c is in column (c + 5) mod 10.
+//! So letters with adjacent dots press adjacent taxels, and the middle of the skin has the most
 //! events instead of its edges.
 
 use std::collections::BTreeMap;
@@ -40,15 +40,15 @@ const ARRAYS: [&str; 10] =
     ["t_us", "taxel", "adc", "start", "letter", "number", "stamps_us", "test", "place", "letters"];
 /// Columns and rows of the skin.
 const SIZE: [u16; 2] = [10, 8];
-/// Places in the archive: taxels count from 1, so that one has no taxel.
+/// Number of positions in the archive: taxels count from 1, so one position has no taxel.
 const PLACES: usize = 81;
 /// A reading without pressure, before the first one of a taxel.
 const REST: i64 = 1024;
 /// Time from a batch to the next.
 const PERIOD_US: i64 = 15_700;
-/// Readings of a batch are less than this behind the one before them.
+/// Readings of one batch follow the previous reading by less than this.
 const WITHIN_US: i64 = 8_000;
-/// How much of a recording before contact, and after the lift, is read.
+/// Length of the part of a recording that is read before contact and after the lift.
 const MARGIN_US: i64 = 200_000;
 /// Columns of a half of the skin.
 const HALF: u16 = 5;
@@ -73,11 +73,11 @@ impl EventDataset {
     /// | `place` | (81, 2) | column and row of each taxel, with the halves of the skin swapped |
     /// | `letters` | (letters) | `<U1` |
     ///
-    /// A recording is called `<train|test>/<letter>/<number>`. It may have no events: a press that
-    /// the skin did not feel.
+    /// A recording is called `<train|test>/<letter>/<number>`. It may have no events, if the skin
+    /// did not detect the press.
     ///
     /// # Errors
-    /// [`IoError`], with the path and the byte, where the archive cannot be read, lacks an array or
+    /// [`IoError`], with the path and the byte, if the archive cannot be read, lacks an array or
     /// has one twice, shapes do not fit each other, a value is out of range, a reading is ten
     /// minutes away from its press, a letter is not among `classes`, or two presses have one name.
     /// Contents beyond [`limits`](crate::limits) are refused.
@@ -277,8 +277,8 @@ fn of_array(path: &Path, name: &str) -> PathBuf {
     path.join(format!("{name}.npy"))
 }
 
-/// Column and row of each taxel, with the halves in their true order; taxel 0, which there is not,
-/// is at 0.
+/// Column and row of each taxel, with the halves in their correct order; taxel 0, which does not
+/// exist, is at 0.
 fn places(array: &Integers<'_, 2>) -> Result<Vec<[u16; 2]>, IoError> {
     if array.shape != [PLACES as u64, 2] {
         return Err(array.unlike(
@@ -307,11 +307,11 @@ fn letters(content: &[u8]) -> Result<Vec<String>, IoError> {
     Ok(letters.values.iter().map(name).collect())
 }
 
-/// True times, as far as they are known, of readings that a host received at `host` in batches.
+/// Estimated true times of readings that a host received at `host` in batches.
 ///
 /// A batch covers the time since the one before, at most a period, and ends when its first reading
-/// arrives. Its readings follow each other evenly, the last one at its end. Times that do not
-/// descend give times that do not.
+/// arrives. Its readings follow each other evenly, the last one at its end. If the input times do
+/// not descend, the output times do not descend either.
 fn spread(host: &[i64]) -> impl Iterator<Item = i64> {
     let mut before: Option<i64> = None;
     host.chunk_by(|earlier, later| later - earlier < WITHIN_US).flat_map(move |batch| {

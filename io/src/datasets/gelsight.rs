@@ -1,5 +1,5 @@
-//! `GelSight` sensors, from arrays in a `NumPy` archive: pictures of balls pressed on one with the
-//! circle of contact, and tables of the colours of slopes.
+//! `GelSight` sensors, from arrays in a `NumPy` archive: pictures of balls pressed on a sensor,
+//! with the circle of contact, and tables of the colours of slopes.
 
 use std::path::Path;
 
@@ -30,12 +30,12 @@ pub struct Ball {
 
 impl BallPictures {
     /// Reads the archive (npz) at `path`: `background` `|u1` (height, width, 3), `difference` `<i2`
-    /// (pictures, height, width, 3), a picture less the background, and `circle` `<f8` (pictures,
+    /// (pictures, height, width, 3), a picture minus the background, and `circle` `<f8` (pictures,
     /// 3). Other arrays are ignored. O(bytes).
     ///
     /// # Errors
-    /// [`IoError`], with the path, where the archive cannot be read, an array is missing, has
-    /// another type, or their shapes do not fit; where a circle is not finite.
+    /// [`IoError`], with the path, if the archive cannot be read, an array is missing or has
+    /// another type, shapes do not fit, or a circle is not finite.
     pub fn read(path: impl AsRef<Path>) -> Result<Self, IoError> {
         let path = path.as_ref();
         let bytes = std::fs::read(path).map_err(IoError::file("read", path))?;
@@ -104,7 +104,7 @@ impl SlopeColours {
     /// O(bytes).
     ///
     /// # Errors
-    /// [`IoError`], with the path, where the archive cannot be read, or has no such array.
+    /// [`IoError`], with the path, if the archive cannot be read, or has no such array.
     pub fn read(path: impl AsRef<Path>, sensor: &str) -> Result<Self, IoError> {
         let path = path.as_ref();
         let bytes = std::fs::read(path).map_err(IoError::file("read", path))?;

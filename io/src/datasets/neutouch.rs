@@ -1,11 +1,11 @@
 //! `NeuTouch`: spikes of a tactile skin with 39 taxels, from arrays in a zip archive to labelled
 //! recordings of events.
 //!
-//! Enters: a folder with the archive of a set. Leaves: its recordings. A spike of a taxel in a bin
-//! is an event at the place of the taxel and at the beginning of the bin. The events of a bin all
-//! have one time; they come in the order of the taxels, and of one taxel rising before falling.
-//! Source: Taunyazov et al., "Event-driven visual-tactile sensing and learning for robots", 2020,
-//! for the sensor; Gu et al., "`TactileSGNet`", 2020, for the arrays.
+//! Input: a folder with the archive of a set. Output: its recordings. A spike of a taxel in a bin
+//! is an event at the position of the taxel and at the beginning of the bin. All events of a bin
+//! have the same time; they are ordered by taxel, and for one taxel rising pressure precedes
+//! falling pressure. Source: Taunyazov et al., "Event-driven visual-tactile sensing and learning
+//! for robots", 2020, for the sensor; Gu et al., "`TactileSGNet`", 2020, for the arrays.
 
 use std::path::{Path, PathBuf};
 
@@ -20,7 +20,7 @@ use crate::{npy, zip};
 /// Length of a bin in microseconds.
 const BIN_US: i64 = 20_000;
 
-/// Places of the taxels, in steps of 0.05 mm from the least x and the least y.
+/// Positions of the taxels, in steps of 0.05 mm from the smallest x and the smallest y.
 #[rustfmt::skip]
 const PLACES: [(u16, u16); 39] = [
     (0, 178), (14, 118), (14, 238), (28, 22), (28, 334), (50, 178), (59, 74), (59, 282), (58, 143), (58, 213),
@@ -57,8 +57,8 @@ impl NeutouchSet {
 
     /// The index of rising pressure along the second axis of an array.
     ///
-    /// The data do not say it. A contact begins with this index: it has 82 % of the objects' first
-    /// bins and 65 % of the containers', the other has 23 % and 43 %.
+    /// The data do not state it. A contact begins with this index: it occurs in 82 % of the
+    /// objects' first bins and 65 % of the containers', the other index in 23 % and 43 %.
     fn rising(self) -> usize {
         match self {
             Self::Objects => 0,
@@ -69,15 +69,15 @@ impl NeutouchSet {
 
 impl EventDataset {
     /// Reads the recordings of `set` from its archive in `folder`, `Ev-Objects.zip` or
-    /// `Ev-Containers.zip`; the path of the archive itself, or this path without `.zip`, will do
-    /// too. Their pixels are steps of 0.05 mm, on 241 x 357. O(bytes) of the arrays; all events are
-    /// held in memory.
+    /// `Ev-Containers.zip`; `folder` may also be the path of the archive itself, with or without
+    /// `.zip`. Their pixels are steps of 0.05 mm, on 241 x 357. O(bytes) of the arrays; all events
+    /// are held in memory.
     ///
     /// The archive has arrays `<train|test>/sample_<number>_label_<class>.npy` of f32, taxel by
-    /// polarity by bin, 1 for a spike, else 0. Other and hidden files are passed over.
+    /// polarity by bin, 1 for a spike, else 0. Other files and hidden files are skipped.
     ///
     /// # Errors
-    /// [`IoError`], with the path, where the archive is missing or cannot be read, or has no
+    /// [`IoError`], with the path, if the archive is missing or cannot be read, or has no
     /// recording, two of one name, one of another class or shape, or one without spikes. Contents
     /// beyond [`limits`](crate::limits) are refused.
     pub fn neutouch(folder: impl AsRef<Path>, set: NeutouchSet) -> Result<Self, IoError> {
@@ -114,7 +114,7 @@ impl EventDataset {
         found.sorted(&numbers, &path)
     }
 
-    /// The set by split, class and number; every recording has a name of its own.
+    /// The set, sorted by split, class and number; every recording must have a different name.
     fn sorted(self, numbers: &[u64], path: &Path) -> Result<Self, IoError> {
         let Dataset { recordings, passed_over } = self;
         let mut recordings: Vec<_> = recordings.into_iter().zip(numbers).collect();

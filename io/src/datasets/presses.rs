@@ -1,4 +1,4 @@
-//! Recordings of a sensor of one's own: a folder, and folders in it.
+//! Recordings of a user's own sensor: a folder, and folders in it.
 
 use std::io;
 use std::path::{Path, PathBuf};
@@ -7,23 +7,24 @@ use super::{Dataset, name, visible_entries};
 use crate::error::IoError;
 use crate::format::{Format, Kind};
 
-/// A recording of a press that is still in its file.
+/// A recording of a press, which has not been read from its file yet.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct PressFile {
     /// The file.
     pub path: PathBuf,
-    /// Its place in the folder, with `/` between folder and file: "wood/press2.aedat4".
+    /// Its path in the folder, with `/` between folder and file: "wood/press2.aedat4".
     pub name: String,
 }
 
 impl Dataset<PressFile> {
-    /// Lists the recordings in `folder` and in its folders, in natural order, and reads none.
+    /// Lists the recordings in `folder` and in its folders, in natural order, without reading them.
     ///
     /// A file is a recording if its content or its extension is that of a format of events, or if
-    /// it is packed. Files in `except` and hidden ones are left out; others are passed over.
+    /// it is packed. Files in `except` and hidden files are left out; other files are skipped and
+    /// listed.
     ///
     /// # Errors
-    /// [`IoError`] with the path, where a folder cannot be listed or a file cannot be opened.
+    /// [`IoError`] with the path, if a folder cannot be listed or a file cannot be opened.
     pub fn press_files(folder: impl AsRef<Path>, except: &[&Path]) -> Result<Self, IoError> {
         let folder = folder.as_ref();
         let except: Vec<PathBuf> = except.iter().filter_map(|path| path.canonicalize().ok()).collect();
@@ -46,14 +47,14 @@ impl Dataset<PressFile> {
                 continue;
             }
             let place = format!("{}/", name(&path));
-            // What lies deeper is passed over.
+            // Deeper folders are skipped.
             visible_entries(&path)?.into_iter().try_for_each(|inner| add(inner, &place))?;
         }
         Ok(set)
     }
 }
 
-/// Whether the content or the name of the file says that it has events.
+/// Whether the content or the name of the file shows that it contains events.
 fn is_recording(path: &Path) -> io::Result<bool> {
     // Opening a pipe waits for a writer.
     if !path.is_file() {

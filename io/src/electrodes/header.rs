@@ -76,18 +76,19 @@ pub(crate) fn names_electrodes(line: &[u8]) -> bool {
         == ELECTRODES / 2
 }
 
-/// The prefix of an electrode's name and its index from 0; `None`: `name` is no electrode's.
+/// The prefix of an electrode's name and its index from 0; `None`: `name` is not the name of an
+/// electrode.
 pub(crate) fn electrode(name: &str) -> Option<(&str, usize)> {
     let prefix = name.trim_end_matches(|c: char| c.is_ascii_digit());
     let number: usize = name[prefix.len()..].parse().ok()?;
     let word = prefix.trim_end_matches(['_', ' ']);
     let before = word.strip_suffix("electrode").or_else(|| word.strip_suffix('e'))?;
-    // `e` must be a word of its own: `device3` is no electrode.
+    // `e` must be a separate word: `device3` is not an electrode.
     let apart = before.is_empty() || before.ends_with(|c: char| !c.is_ascii_alphanumeric());
     (apart && (1..=ELECTRODES).contains(&number)).then(|| (prefix, number - 1))
 }
 
-/// The unit of a column of time, in seconds; `None`: `name` is no column of time.
+/// The unit of a column of time, in seconds; `None`: `name` is not the name of a column of time.
 pub(crate) fn unit_of_time(name: &str) -> Option<f64> {
     let (stem, unit) = name.rsplit_once('_').unwrap_or((name, "s"));
     let seconds = match unit {

@@ -10,9 +10,9 @@
 //! blocks: streams of a u32, its length, and as many bytes (as it unpacks to: not compressed)
 //! ```
 //!
-//! A block that is split has a stream for each byte of its elements. Codecs: LZ4, zlib and
-//! Zstandard. Source: <https://github.com/Blosc/c-blosc>. Invariant: what a chunk unpacks to is
-//! bounded before it is allocated.
+//! A split block has a stream for each byte of its elements. Codecs: LZ4, zlib and Zstandard.
+//! Source: <https://github.com/Blosc/c-blosc>. Invariant: the unpacked size of a chunk is bounded
+//! before memory is allocated.
 
 use std::io::Read;
 use std::sync::{Mutex, PoisonError};
@@ -123,7 +123,7 @@ impl Decoder {
     }
 }
 
-/// How streams are compressed.
+/// Compression of streams.
 #[derive(Clone, Copy, Debug)]
 enum Codec {
     Lz4,
@@ -132,7 +132,7 @@ enum Codec {
 }
 
 impl Codec {
-    /// The codec of this number; otherwise its name.
+    /// The codec of this number; the name of a codec that is not read.
     fn of(number: u8) -> Result<Self, &'static str> {
         match number {
             1 => Ok(Self::Lz4),
@@ -145,7 +145,8 @@ impl Codec {
     }
 }
 
-/// Puts elements together: `shuffled` has all first bytes, all second ones, and a rest as it is.
+/// Assembles elements: `shuffled` has all first bytes, all second bytes and so on, then remaining
+/// bytes in their order.
 fn unshuffle(shuffled: &[u8], element: usize, out: &mut [u8]) {
     let count = out.len() / element;
     let (columns, rest) = shuffled.split_at(count * element);

@@ -12,10 +12,10 @@
 //!             byte: polarity (bit 7), its events (bits 6-0; 127: the next u16)
 //! ```
 //!
-//! Three words hold four events from the highest bit on; of an event in two words, the low bits are
-//! in the first one. All words begin with the least significant byte. A chunk unpacks to records of
-//! 16 bytes: x and y (u16), p (i16), two bytes of padding, t (i64). Source: the vendor's coder,
-//! <https://github.com/prophesee-ai/hdf5_ecf>. Invariant: a chunk has at most 65535 events.
+//! Three words hold four events from the highest bit on; if an event lies in two words, the first
+//! contains its low bits. All words begin with the least significant byte. A chunk unpacks to
+//! records of 16 bytes: x and y (u16), p (i16), two bytes of padding, t (i64). Source: the vendor's
+//! coder, <https://github.com/prophesee-ai/hdf5_ecf>. Invariant: a chunk has at most 65535 events.
 
 use crate::bytes::Bytes;
 use crate::error::IoError;
@@ -23,7 +23,7 @@ use crate::error::IoError;
 /// HDF5's number of the filter.
 pub(super) const FILTER: u16 = 0x8ecf;
 
-/// Most events of a chunk.
+/// Maximum number of events of a chunk.
 const MAX_EVENTS: usize = 65535;
 /// Bytes of a record.
 pub(crate) const RECORD: usize = 16;
@@ -86,7 +86,7 @@ pub(crate) fn decode(chunk: &[u8]) -> Result<Vec<u8>, IoError> {
     Ok(records)
 }
 
-/// A chunk and the place of the next byte.
+/// A chunk and the index of the next byte.
 struct Input<'a> {
     chunk: Bytes<'a>,
     at: usize,

@@ -3,7 +3,7 @@
 use hdf5_reader::error::{ByteOrder, Error, Result};
 use hdf5_reader::{Datatype, H5Type};
 
-/// An integer of 1, 2, 4 or 8 bytes, or of an enumeration. From 2^63 on it is negative.
+/// An integer of 1, 2, 4 or 8 bytes, or of an enumeration. Values from 2^63 on become negative.
 #[derive(Clone, Copy)]
 pub(super) struct Integer(pub(super) i64);
 
@@ -11,7 +11,7 @@ pub(super) struct Integer(pub(super) i64);
 #[derive(Clone, Copy)]
 pub(super) struct Record(pub(super) [i64; 4]);
 
-/// Where an integer is in an element, and how it is written.
+/// Position of an integer in an element, and its representation.
 #[derive(Clone, Copy)]
 struct Place {
     at: usize,
@@ -44,7 +44,7 @@ impl Place {
         Ok((size, [place("t")?, place("x")?, place("y")?, place("p")?]))
     }
 
-    /// The integer here in `element`, which holds it.
+    /// The integer at this position in `element`, which is long enough.
     #[inline]
     fn read(self, element: &[u8]) -> i64 {
         let Self { at, size, signed, big } = self;
@@ -55,14 +55,14 @@ impl Place {
             4 => word[..4].copy_from_slice(&element[at..at + 4]),
             _ => word.copy_from_slice(&element[at..at + 8]),
         }
-        // At the highest bits, so that a shift back extends the sign.
+        // Placed at the highest bits, so that a shift back extends the sign.
         let shift = 64 - 8 * size as u32;
         let high = if big { u64::from_be_bytes(word) } else { u64::from_le_bytes(word) << shift };
         if signed { high as i64 >> shift } else { (high >> shift) as i64 }
     }
 }
 
-/// The error of a type of elements that are not read.
+/// The error of a type of elements that is not read.
 fn unfit(dtype: &Datatype) -> Error {
     let expected = "integers of 1, 2, 4 or 8 bytes, or records of them named t, x, y and p".to_owned();
     Error::TypeMismatch { expected, actual: format!("{dtype:?}") }
@@ -89,7 +89,7 @@ impl H5Type for Integer {
     fn decode_vec(raw: &[u8], dtype: &Datatype, count: usize) -> Option<Result<Vec<Self>>> {
         let place = Place::of(dtype, 0).ok()?;
         let read = |element: &[u8]| Self(place.read(element));
-        // The usual types as loops without a choice in them.
+        // The usual types as loops without branches.
         let integers = match place {
             Place { size: 1, signed: false, .. } => words(raw, count, |[byte]| byte.into()),
             Place { size: 2, signed: false, big: false, .. } => {

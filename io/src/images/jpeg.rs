@@ -1,8 +1,8 @@
 //! JPEG (ITU-T T.81): bytes to an image, with the `zune-jpeg` crate.
 //!
-//! The segments are checked before decoding: the decoder fills missing data with grey, and passes
-//! over all pixels once per scan. It is built without processor-specific paths: a file gives the
-//! same pixels on every machine.
+//! The segments are checked before decoding: the decoder fills missing data with grey, and
+//! processes all pixels once per scan. It is built without processor-specific paths: a file gives
+//! the same pixels on every machine.
 
 use std::io::Cursor;
 
@@ -15,12 +15,12 @@ use crate::bytes::Bytes;
 use crate::error::IoError;
 use crate::limits::JPEG_SCANS;
 
-/// Most pixels that a byte codes. Every block of 8 x 8 values takes at least a bit, and subsampled
-/// components have at least half as many blocks as one component of all pixels.
+/// Maximum number of pixels that a byte codes. Every block of 8 x 8 values takes at least one bit,
+/// and subsampled components have at least half as many blocks as one component of all pixels.
 const MAX_PIXELS_OF_A_BYTE: usize = 2 * 8 * 64;
 
 /// Refuses sampling factors for which the decoder reads beyond its rows: a component with more
-/// columns or rows than the first. `content` is that of the frame header at `at`.
+/// columns or rows than the first. `content` is the content of the frame header at `at`.
 fn check_sampling(file: Bytes<'_>, content: &[u8], at: usize) -> Result<(), IoError> {
     const FIRST: [u8; 6] = [0x11, 0x12, 0x14, 0x21, 0x22, 0x41];
     // After precision, height, width and number of components: identifier, factors and table of
@@ -36,7 +36,7 @@ fn check_sampling(file: Bytes<'_>, content: &[u8], at: usize) -> Result<(), IoEr
 }
 
 /// Checks the segments up to the end-of-image marker, with at most [`JPEG_SCANS`] scans; returns
-/// where the first scan's data starts.
+/// the start of the first scan's data.
 fn first_scan(file: Bytes<'_>) -> Result<usize, IoError> {
     let (mut at, mut scan, mut scans) = (2, None, 0);
     loop {

@@ -1,7 +1,7 @@
 //! PNG (W3C recommendation, third edition): bytes to and from an image, with the `png` crate.
 //!
 //! The chunks are checked before decoding, so that a missing byte is an error with the position of
-//! its chunk, and no image is allocated that is larger than the compressed bytes can give.
+//! its chunk, and no allocated image is larger than the compressed bytes can give.
 
 use std::io::{Cursor, Write};
 use std::path::Path;
@@ -19,7 +19,8 @@ const SIGNATURE: usize = 8;
 /// Bytes of a chunk in addition to its content: length, type, checksum.
 const AROUND: usize = 12;
 
-/// Most bytes that deflate makes of one: 258 of two bits, and a little less for the block's header.
+/// Maximum number of bytes that deflate makes from one byte: 258 from two bits, and a little less
+/// for the block's header.
 const DEFLATE_MAX: u64 = 1032;
 
 /// Longest side that the format allows.
@@ -99,7 +100,7 @@ fn to_rgb(samples: &[u8], colour: ColorType, depth: BitDepth) -> Vec<u8> {
 /// Encodes interleaved RGB as an 8-bit PNG; O(pixels).
 ///
 /// # Errors
-/// [`IoError::Buffer`] where `rgb` is not `height` x `width` x 3 bytes, or a side not 1..2^31.
+/// [`IoError::Buffer`] if `rgb` is not `height` x `width` x 3 bytes, or a side is not 1..2^31.
 ///
 /// # Panics
 /// Never: an image of this size can be encoded, and writing to memory does not fail.
@@ -121,10 +122,10 @@ pub fn encode_png(width: usize, height: usize, rgb: &[u8]) -> Result<Vec<u8>, Io
 }
 
 /// Encodes `pixels`, a byte each, as a PNG of two bits a pixel: 0 to 3 are colours of `palette`,
-/// and what is larger is the last. O(pixels).
+/// and larger values are the last colour. O(pixels).
 ///
 /// # Errors
-/// [`IoError::Buffer`] where there are not `height` x `width` pixels, or a side is not 1..2^31.
+/// [`IoError::Buffer`] if there are not `height` x `width` pixels, or a side is not 1..2^31.
 ///
 /// # Panics
 /// Never, as [`encode_png`].
@@ -157,7 +158,7 @@ pub fn encode_palette_png(
 /// Writes interleaved RGB to the file at `path` as an 8-bit PNG; O(pixels).
 ///
 /// # Errors
-/// Those of [`encode_png`] and [`write_file`].
+/// As [`encode_png`] and [`write_file`].
 pub fn write_png(path: &Path, width: usize, height: usize, rgb: &[u8]) -> Result<(), IoError> {
     let bytes = encode_png(width, height, rgb)?;
     write_file(path, |out| out.write_all(&bytes))

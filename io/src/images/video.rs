@@ -1,10 +1,10 @@
 //! Raw video: pictures of one size, one after the other, without any header.
 //!
-//! That is what `ffmpeg -f rawvideo -pix_fmt rgb24 -` writes, and an array of `OpenCV` as bytes
-//! (`bgr24`). A picture is row-major from the top left, without padding between rows.
+//! `ffmpeg -f rawvideo -pix_fmt rgb24 -` writes this format; an array of `OpenCV` as bytes has it
+//! too (`bgr24`). A picture is row-major from the top left, without padding between rows.
 //!
-//! Nothing in the bytes tells pictures apart: of another size or pixel format they are other
-//! pictures. Only a rest at the end shows it.
+//! Nothing in the bytes separates pictures: with a wrong size or pixel format, the result is
+//! different pictures. Only remaining bytes at the end show the mistake.
 
 use std::fmt;
 use std::io::{self, Read};
@@ -24,7 +24,7 @@ pub enum PixelFormat {
     /// Red, green, blue.
     #[default]
     Rgb24,
-    /// Blue, green, red, as `OpenCV` has them.
+    /// Blue, green, red, as in `OpenCV`.
     Bgr24,
     /// One byte of grey.
     Gray8,
@@ -107,7 +107,7 @@ impl fmt::Display for VideoFormat {
     }
 }
 
-/// The pictures of a raw video, each as soon as its last byte is there.
+/// The pictures of a raw video, each as soon as its last byte has arrived.
 ///
 /// No call reads beyond its picture, except for the content of the reader's own buffer. A picture
 /// takes O(its bytes), and is allocated once. There are no further items after an error:

@@ -1,4 +1,4 @@
-//! The fields of a row, with quotes as RFC 4180 has them, on one line.
+//! The fields of a row, with quotes as in RFC 4180, on one line.
 
 use std::borrow::Cow;
 
@@ -6,12 +6,13 @@ use crate::error::{IoError, Place, shown};
 use crate::format::Format;
 use crate::text::Line;
 
-/// What separates the fields of a table.
+/// The separator of the fields of a table.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Separator(u8);
 
 impl Separator {
-    /// The separator of a header: a tab, a semicolon or a comma, the first of them that it has.
+    /// The separator of a header: a tab, a semicolon or a comma, the first of these that it
+    /// contains.
     pub(super) fn of(header: &[u8]) -> Self {
         let mut quoted = false;
         let bare: Vec<u8> = header
@@ -55,7 +56,8 @@ impl Separator {
         }
     }
 
-    /// A field with a point for its decimal comma, which it can have where no commas separate.
+    /// A field with a point instead of its decimal comma, which it can have if commas do not
+    /// separate fields.
     pub(super) fn number(self, field: &[u8]) -> Cow<'_, [u8]> {
         if self.0 == b',' || !field.contains(&b',') || field.contains(&b'.') {
             return Cow::Borrowed(field);
@@ -64,7 +66,7 @@ impl Separator {
     }
 }
 
-/// What stands before the closing quote, and what follows it; `None` without a closing quote.
+/// The text before the closing quote, and the text after it; `None` without a closing quote.
 fn quoted(inner: &[u8]) -> Option<(Cow<'_, [u8]>, &[u8])> {
     let mut field = Vec::new();
     let mut from = 0;

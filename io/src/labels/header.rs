@@ -1,4 +1,4 @@
-//! What the columns of a table of labels are.
+//! The meaning of the columns of a table of labels.
 
 use std::borrow::Cow;
 
@@ -16,8 +16,8 @@ const RECORDING: [&str; 3] = ["recording", "file", "filename"];
 const SENSOR: [&str; 4] = ["t", "ts", "time", "timestamp"];
 const HOST: [&str; 3] = ["host", "host_t", "host_time"];
 
-/// Units at the end of a name in lower case, and as they are shown. `nm` is a torque: a robot has
-/// newton metres more often than nanometres. Those with `_` come first.
+/// Units at the end of a name in lower case, and in the form of messages. `nm` is a torque: robots
+/// have newton metres more often than nanometres. Units with `_` come first.
 const UNITS: [(&str, &str); 33] = [
     ("mm_s", "mm/s"),
     ("m_s", "m/s"),
@@ -57,9 +57,9 @@ const UNITS: [(&str, &str); 33] = [
 /// The clock of the times of a table.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum LabelClock {
-    /// That of the events.
+    /// The clock of the events.
     Sensor,
-    /// That of the computer or the robot.
+    /// The clock of the computer or the robot.
     Host,
 }
 
@@ -67,7 +67,7 @@ pub enum LabelClock {
 pub(super) enum Column {
     Skipped,
     Recording,
-    /// A time, with the power of ten that makes it microseconds.
+    /// A time, with the power of ten that converts it to microseconds.
     Time {
         power: i32,
     },

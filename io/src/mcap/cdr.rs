@@ -1,5 +1,5 @@
-//! Messages of ROS 2 in CDR: a value lies at a multiple of its size, counted from after the four
-//! bytes that tell the byte order.
+//! Messages of ROS 2 in CDR: a value lies at a multiple of its size, counted from the end of the
+//! four bytes that give the byte order.
 
 use crate::bytes::Bytes;
 use crate::error::IoError;
@@ -87,7 +87,7 @@ impl<'a> Cdr<'a> {
         Ok(text.strip_suffix(b"\0").unwrap_or(text))
     }
 
-    /// Passes over a `std_msgs/msg/Header`.
+    /// Skips a `std_msgs/msg/Header`.
     pub(super) fn header(&mut self) -> Result<(), IoError> {
         self.i32()?;
         self.u32()?;
@@ -147,7 +147,7 @@ impl Writer {
 
     /// A `std_msgs/msg/Header` of this time in microseconds.
     pub(super) fn header(&mut self, t_us: u64) {
-        // Its seconds end in 2038.
+        // Its seconds overflow in 2038.
         let seconds = i32::try_from(t_us / 1_000_000).unwrap_or(i32::MAX);
         self.put(seconds.to_le_bytes());
         self.put(((t_us % 1_000_000) as u32 * 1000).to_le_bytes());

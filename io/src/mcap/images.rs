@@ -1,4 +1,4 @@
-//! Pictures in MCAP: each is read from the file when it is asked for.
+//! Pictures in MCAP: each is read from the file when it is requested.
 //!
 //! | type of a message | written in | picture |
 //! |---|---|---|
@@ -7,7 +7,7 @@
 //! | `foxglove.RawImage` | JSON, protobuf | pixels |
 //! | `foxglove.CompressedImage` | JSON, protobuf | PNG or JPEG |
 //!
-//! Pixels are `rgb8`, `bgr8`, `rgba8`, `bgra8`, `mono8`, or of `OpenCV` `8UC1` and `8UC3` (blue
+//! Pixels are `rgb8`, `bgr8`, `rgba8`, `bgra8`, `mono8`, or `8UC1` and `8UC3` of `OpenCV` (blue
 //! first). The pictures are those of the first topic that has any.
 
 use std::fs::File;
@@ -33,8 +33,8 @@ use crate::seek::Input;
 pub(crate) struct McapImages {
     path: PathBuf,
     form: Picture,
-    /// Of each picture: the byte of the record that it is in, and the first byte and the length of
-    /// its message there.
+    /// For each picture: the position of the record that contains it, and the first byte and the
+    /// length of its message in the record.
     places: vec::IntoIter<(u64, usize, usize)>,
     /// The newest record, unpacked.
     newest: Option<(u64, Vec<u8>)>,
@@ -81,7 +81,7 @@ impl McapImages {
         Ok(Self { path: path.to_owned(), form, places: places.into_iter(), newest: None })
     }
 
-    /// The number of pictures that were not read yet.
+    /// The number of pictures that have not been read yet.
     pub(crate) fn len(&self) -> usize {
         self.places.len()
     }
@@ -179,7 +179,7 @@ pub(crate) fn picture(form: Picture, message: Bytes<'_>) -> Result<Image, IoErro
             cdr.header()?;
             let (height, width) = (cdr.u32()?, cdr.u32()?);
             let encoding = cdr.text()?;
-            // The byte order of samples of 16 bits, which are refused.
+            // Skips the byte order of samples of 16 bits, because these are refused.
             cdr.u8()?;
             let step = cdr.u32()?;
             let data = cdr.sequence("pixels")?.data;

@@ -29,7 +29,7 @@ pub(crate) mod op {
     pub(crate) const DATA_END: u8 = 0x0f;
 }
 
-/// What the messages of a topic hold.
+/// Content of the messages of a topic.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) enum Content {
     /// `event_camera_msgs/msg/EventPacket`.
@@ -49,11 +49,11 @@ pub(crate) enum Content {
 pub(crate) struct Picture {
     /// Whether it holds the file of an image instead of pixels.
     pub(crate) is_file: bool,
-    /// How its fields are written.
+    /// Encoding of its fields.
     pub(crate) encoding: Encoding,
 }
 
-/// How the fields of a message are written.
+/// Encoding of the fields of a message.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) enum Encoding {
     /// CDR, as in ROS 2.
@@ -63,7 +63,7 @@ pub(crate) enum Encoding {
 }
 
 impl Content {
-    /// What messages of the type `schema` hold that are written in `encoding`.
+    /// Content of messages of the type `schema` in `encoding`.
     fn of(schema: &str, encoding: &str) -> Self {
         let encoding = match encoding {
             "cdr" => Some(Encoding::Cdr),
@@ -98,7 +98,7 @@ impl Content {
     }
 }
 
-/// A topic's name, and what its messages hold.
+/// Name of a topic, and content of its messages.
 pub(crate) type Topic = (String, Content);
 
 /// A message.
@@ -119,7 +119,7 @@ impl<'a> Record<'a> {
     pub(crate) fn at(bytes: Bytes<'a>, at: usize) -> Result<Self, IoError> {
         let header = bytes.get("record before the end of the data", at, RECORD_HEADER)?;
         let length = u64::from_le_bytes(crate::bytes::array(&header[1..]));
-        // No slice is longer.
+        // No slice can be longer.
         let length = usize::try_from(length).unwrap_or(usize::MAX);
         let start = at + RECORD_HEADER;
         let data = bytes.get("record", start, length)?;
@@ -161,12 +161,12 @@ impl<'a> Fields<'a> {
         self.take().map(u64::from_le_bytes)
     }
 
-    /// A text, as far as it is kept.
+    /// The beginning of a text that is kept.
     fn text(&mut self) -> Result<String, IoError> {
         let length = self.u32()? as usize;
         let text = self.bytes.get("text of a record", self.at, length)?;
         self.at += length;
-        // Four bytes make a character at most.
+        // A character has at most four bytes.
         Ok(beginning(&String::from_utf8_lossy(&text[..text.len().min(4 * NAME + 4)]), NAME))
     }
 
@@ -175,7 +175,7 @@ impl<'a> Fields<'a> {
     }
 }
 
-/// A chunk: its records, packed.
+/// A chunk with its packed records.
 pub(crate) struct Chunk<'a> {
     size: u64,
     crc: u32,
@@ -189,7 +189,7 @@ impl<'a> Chunk<'a> {
     /// The chunk of this content, which may be cut.
     pub(crate) fn parse(content: Bytes<'a>) -> Result<Self, IoError> {
         let mut fields = Fields::new(content);
-        // Its first and last times.
+        // Skips its first and last times.
         fields.take::<16>()?;
         let (size, crc, compression) = (fields.u64()?, fields.u32()?, fields.text()?);
         let length = fields.u64()?;
@@ -235,14 +235,14 @@ fn check_crc(at: Bytes<'_>, what: &'static str, stored: u32, data: &[u8]) -> Res
     Err(at.malformed(what, 0, format!("the stored CRC-32 {stored:#010x}"), format!("{found:#010x}")))
 }
 
-/// What the records so far have told of topics.
+/// Topics that the records so far have declared.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Container {
     schemas: BTreeMap<u16, String>,
     /// The topic of each channel.
     channels: BTreeMap<u16, usize>,
     topics: Vec<Topic>,
-    /// The place of each topic.
+    /// The index of each topic.
     places: BTreeMap<Topic, usize>,
 }
 
@@ -254,10 +254,11 @@ impl Container {
         &self.topics[index]
     }
 
-    /// Shows every message of `file` to `see`. With `salvage`, those before the cut, if it is cut.
+    /// Shows every message of `file` to `see`. With `salvage`, the messages before the cut, if it
+    /// is cut.
     ///
     /// # Errors
-    /// Those of the file, and of `see`.
+    /// The errors of the file, and of `see`.
     pub(crate) fn walk(
         &mut self,
         file: Bytes<'_>,
@@ -275,7 +276,7 @@ impl Container {
                 Err(error) => return Err(error),
             };
             match record.op {
-                // The summary repeats what there was.
+                // The summary repeats earlier records.
                 op if has_ended && op != op::FOOTER => {}
                 op::FOOTER => break,
                 op::CHUNK => {
@@ -309,7 +310,7 @@ impl Container {
         Ok(())
     }
 
-    /// Takes the whole records of a cut chunk that is not compressed; what was left out.
+    /// Takes the complete records of a cut chunk that is not compressed; returns the omitted part.
     fn cut(&mut self, file: Bytes<'_>, at: usize, see: &mut See<'_>) -> Result<Salvage, IoError> {
         let rest = file.after(at);
         let mut salvaged = file.salvage("the last record", at);
@@ -328,7 +329,7 @@ impl Container {
         Ok(salvaged)
     }
 
-    /// Takes a record that is no chunk.
+    /// Takes a record that is not a chunk.
     pub(super) fn take(&mut self, record: &Record<'_>, see: &mut See<'_>) -> Result<(), IoError> {
         let mut fields = Fields::new(record.content);
         match record.op {
@@ -352,7 +353,7 @@ impl Container {
             }
             op::MESSAGE => {
                 let channel = fields.u16()?;
-                // Its number, and the times when it was logged and published.
+                // Skips its number, and the times when it was logged and published.
                 fields.take::<20>()?;
                 let Some(&topic) = self.channels.get(&channel) else {
                     let expected = "one that a record before it declares";

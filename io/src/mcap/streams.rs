@@ -1,4 +1,5 @@
-//! Streams of events in MCAP: the messages of one topic to events, those of the others counted.
+//! Streams of events in MCAP: decodes the messages of one topic to events, and counts those of the
+//! other topics.
 
 use meissner_engine::{Event, Sensor};
 
@@ -14,38 +15,38 @@ use crate::ros::EventPackets;
 
 /// Bytes of an event in memory.
 const EVENT: usize = 16;
-/// Most events of a byte: a vector of EVT3.
+/// Maximum number of events per byte: a vector of EVT3.
 const DENSEST: usize = 6;
 
 /// The topics so far that have messages.
 pub(super) struct Streams {
-    /// By index of the topic; `None`: without a message.
+    /// By index of the topic; `None`: no message yet.
     all: Vec<Option<Stream>>,
-    /// Topics of events so far, and which of them is read, from 1.
+    /// Number of topics of events so far, and number of the topic to read, from 1.
     events: usize,
     asked: usize,
     strict: bool,
-    /// Most events of the file.
+    /// Maximum number of events of the file.
     most: usize,
 }
 
 struct Stream {
     summary: StreamSummary,
-    /// If it is of events.
+    /// Present if the stream contains events.
     packets: Option<Packets>,
 }
 
 /// The events of a topic.
 struct Packets {
     is_main: bool,
-    /// From the first message.
+    /// Present from the first message on.
     decoder: Option<(EventPackets, Vec<u8>, Sensor)>,
     /// The number of the newest message.
     seq: Option<u64>,
 }
 
 impl Streams {
-    /// Before the first message of a file of `length` bytes.
+    /// The state before the first message of a file of `length` bytes.
     pub(super) fn new(options: ReadOptions, length: usize) -> Self {
         let most = (PACKET_BYTES as usize / EVENT).saturating_add(length.saturating_mul(DENSEST));
         let (asked, strict) = (options.stream_number(), options.strict);
@@ -77,13 +78,13 @@ impl Streams {
         if packets.is_main {
             return taken;
         }
-        // A fault of another stream is none of the one that is read.
+        // A fault of another stream does not affect the stream that is read.
         let decoder = packets.decoder.as_mut().map(|(decoder, ..)| decoder);
         stream.summary.add(decoder.map_or(0, |decoder| decoder.clear() as u64));
         Ok(())
     }
 
-    /// The events of the stream that is read, and what else there was.
+    /// The events of the stream that is read, and the other streams.
     pub(super) fn recording(self) -> Result<Recording, IoError> {
         if self.events < self.asked && self.asked > 1 {
             return Err(no_stream(self.asked, self.events));
@@ -151,7 +152,7 @@ impl Packets {
         Ok(())
     }
 
-    /// The decoder, which the first message makes.
+    /// The decoder, which is created at the first message.
     fn decoder(
         &mut self,
         message: Bytes<'_>,

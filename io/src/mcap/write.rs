@@ -12,14 +12,14 @@ use crate::recording::Capacity;
 
 /// Bytes after which a chunk is written.
 const CHUNK: usize = 1 << 20;
-/// Most events of a packet.
+/// Maximum number of events of a packet.
 const PACKET: usize = 8192;
-/// Most microseconds of a packet: its times are 32 bits of nanoseconds.
+/// Maximum microseconds of a packet: its times are 32 bits of nanoseconds.
 const PACKET_US: u64 = u32::MAX as u64 / 1000;
 /// Latest time in microseconds: times are 64 bits of nanoseconds.
 const LATEST_US: u64 = u64::MAX / 1000;
 
-/// The type of packets of events, and those that it names, as ROS 2 writes them.
+/// The type of packets of events, and the types that it uses, as ROS 2 writes them.
 const EVENT_PACKET: &str = "\
 std_msgs/Header header
 uint32 height
@@ -48,7 +48,7 @@ pub(crate) const CAPACITY: Capacity = Capacity {
     is_wrap: |_, _| false,
 };
 
-/// Writes a file of MCAP, which is readable up to the newest [flush](Self::flush) at any time.
+/// Writes an MCAP file, which is readable up to the newest [flush](Self::flush) at any time.
 ///
 /// Chunks are compressed (LZ4), and have a checksum and an index. A summary ends the file.
 ///
@@ -94,7 +94,7 @@ impl<W: Write> McapWriter<W> {
     /// Begins a file.
     ///
     /// # Errors
-    /// Those of `out`, as of every method.
+    /// The errors of `out`, as for every method.
     pub fn new(mut out: W) -> io::Result<Self> {
         let library = concat!("meissner ", env!("CARGO_PKG_VERSION"));
         let mut start = MAGIC.to_vec();
@@ -212,10 +212,11 @@ impl<W: Write> McapWriter<W> {
         }
     }
 
-    /// Writes what there is, so that it is readable.
+    /// Writes the data so far, so that they are readable.
     ///
     /// # Errors
-    /// Those of `out`; the file is then as it was at the flush before, with a part that is cut.
+    /// The errors of `out`; the file then has the content of the previous flush and an incomplete
+    /// part.
     pub fn flush(&mut self) -> io::Result<()> {
         if self.chunk.is_empty() {
             return self.out.flush();
@@ -248,7 +249,7 @@ impl<W: Write> McapWriter<W> {
         self.out.flush()
     }
 
-    /// Ends the file with its summary, and returns what it was written to.
+    /// Ends the file with its summary, and returns the output.
     ///
     /// # Errors
     /// Those of `out`.

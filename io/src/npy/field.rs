@@ -1,7 +1,7 @@
-//! A field of a record, or a value of an array: its type, and what it says.
+//! A field of a record, or a value of an array: its type and its value.
 //!
 //! Integers have 1, 2, 4 or 8 bytes; a boolean is a byte without a sign. A float of 32 or 64 bits
-//! is taken by its shortest decimal digits, so that 0.1 s are 100,000 us exactly.
+//! counts with its shortest decimal digits, so that 0.1 s are exactly 100,000 us.
 
 use crate::bytes::array;
 use crate::text::Number;
@@ -82,7 +82,7 @@ impl Field {
     }
 
     /// Its value in `record` times 10^`power`, rounded to the nearest integer, halves away from
-    /// zero; `None`: too large or no number.
+    /// zero; `None`: too large or not a number.
     #[inline]
     pub(super) fn scaled(self, record: &[u8], power: i32) -> Option<i128> {
         match (self.class, power) {
@@ -91,7 +91,7 @@ impl Field {
         }
     }
 
-    /// Its value in `record` as a decimal number; `NaN` and `inf` are none.
+    /// Its value in `record` as a decimal number; `NaN` and `inf` are not decimal numbers.
     pub(super) fn text(self, record: &[u8]) -> String {
         match (self.class, self.width) {
             (Class::Float, 4) => format!("{:e}", f32::from_bits(self.bits(record) as u32)),

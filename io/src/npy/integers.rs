@@ -42,7 +42,7 @@ impl<'a, const N: usize> Integers<'a, N> {
     /// The value at `i`, which must be in `range`.
     ///
     /// # Panics
-    /// Where there are not so many values.
+    /// If there are fewer values.
     pub(crate) fn within(&self, i: usize, range: Range<i64>) -> Result<i64, IoError> {
         let found = self.field.whole(&self.file.data[self.start + i * self.width..]).unwrap_or(i128::MAX);
         match i64::try_from(found) {

@@ -1,8 +1,8 @@
-//! A recording block by block, without holding the rest of it.
+//! Reads a recording block by block, without holding the other blocks.
 //!
-//! Enters: a file whose parts can be read alone. Leaves: its events in the file's order, those of
-//! the whole recording. Invariant: a block of records begins at a record with a clock, and with the
-//! clock that the block before it ended with; a block of packets has whole packets.
+//! Input: a file whose parts can be read separately. Output: its events in the file's order, equal
+//! to those of the whole recording. Invariant: a block of records begins at a record with a clock,
+//! and with the clock at the end of the previous block; a block of packets has complete packets.
 
 use std::io::{Read, Seek};
 
@@ -13,12 +13,12 @@ use crate::error::{IoError, Place};
 use crate::options::ReadOptions;
 use crate::recording::Recording;
 
-/// Records of a block.
+/// Number of records of a block.
 pub(crate) const RECORDS: u64 = 1 << 16;
 /// Bytes of a block of packets.
 const BYTES: u64 = 1 << 20;
 
-/// The next block; `None`: there is none.
+/// The next block; `None` at the end.
 type Next = dyn FnMut() -> Result<Option<Recording>, IoError> + Send;
 
 /// The blocks of about 65,536 events of a recording, in order ([`blocks`](crate::blocks)).
@@ -68,7 +68,8 @@ pub(crate) fn of_records<T: Records + Send + 'static>(
         let next = part.probe(clock, count.min(begin + RECORDS)..count)?;
         let end = next.map_or(count, |next| next.at);
         let recording = part.decode(begin..end, clock.map_or_else(fresh::<T>, resumed::<T>))?;
-        // The clock may have wrapped more than once within the block: its last event knows.
+        // The clock may have wrapped more than once within the block: the time of its last event
+        // shows it.
         let last = recording.events.last().map(|event| {
             let value = T::PERIOD.map_or(event.t_us, |period| event.t_us.rem_euclid(period));
             Probe { at: end, value, t_us: event.t_us }
@@ -98,7 +99,7 @@ pub(crate) fn of_packets<T: Packets + Send + 'static>(
         while at < end && at - begin < BYTES {
             let header = input.read(at, T::HEADER as u64)?;
             let length = container.header(&header).map(|PacketHeader { length, .. }| length);
-            // What is not whole is decoded with the rest, which says what is wrong with it.
+            // An incomplete packet is decoded with the remaining bytes, to get its error.
             let whole = length.map_or(u64::MAX, |length| length.saturating_add(T::HEADER as u64));
             at = at.saturating_add(whole).min(end);
         }

@@ -17,7 +17,7 @@ pub(crate) struct PacketHeader {
     pub(crate) is_main: bool,
 }
 
-/// A format whose packets say how long they are.
+/// A format whose packets contain their length.
 pub(crate) trait Packets: Sized {
     /// Bytes of a packet's header.
     const HEADER: usize;
@@ -28,11 +28,11 @@ pub(crate) trait Packets: Sized {
     fn start(&self) -> usize;
     /// First byte after the last packet of a file of `length` bytes; `None`: the file is cut short.
     fn end(&self, length: u64) -> Option<u64>;
-    /// What the header of the next packet says; `None`: it is malformed.
+    /// The content of the next packet's header; `None`: it is malformed.
     fn header(&mut self, header: &[u8]) -> Option<PacketHeader>;
     /// The time of the first event in a packet of events, in microseconds; `None`: it has none.
     fn first_us(&mut self, packet: Bytes<'_>) -> Result<Option<i64>, IoError>;
-    /// The events of whole packets.
+    /// The events of complete packets.
     fn decode(&self, packets: Bytes<'_>) -> Result<Recording, IoError>;
 }
 
@@ -44,7 +44,7 @@ pub(crate) fn read<T: Packets>(
 ) -> Result<Option<Recording>, IoError> {
     let mut container: T = input.open(|file, length| T::open(file, length, options), T::start)?;
     let Some(end) = container.end(input.length) else { return Ok(None) };
-    // The first byte and the bytes of each packet of events.
+    // The first byte and the number of bytes of each packet of events.
     let mut places = Vec::new();
     let mut at = container.start() as u64;
     while at < end {

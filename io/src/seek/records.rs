@@ -11,9 +11,9 @@ use crate::options::ReadOptions;
 use crate::prophesee::WrappingClock;
 use crate::recording::Recording;
 
-/// Places at which the clock is read to count its wraps.
+/// Number of positions at which the clock is read to count its wraps.
 const PROBES: u64 = 1024;
-/// Records that are read at once.
+/// Number of records that are read at once.
 const BLOCK: u64 = 512;
 
 /// A format whose records all have the same size, some of them with a clock.
@@ -27,14 +27,14 @@ pub(crate) trait Records: Sized {
     fn start(&self) -> usize;
     /// Bytes of a record.
     fn stride(&self) -> usize;
-    /// Whether a file of `length` bytes has only whole records, as many as its header says.
+    /// Whether a file of `length` bytes has only complete records, as many as its header states.
     fn is_whole(&self, length: u64) -> bool {
         (length - self.start() as u64).is_multiple_of(self.stride() as u64)
     }
     /// The value of the clock in a record, in microseconds; `None`: the record has none.
     fn clock(&self, record: &[u8]) -> Option<i64>;
     /// The events of records, the first of which is read with `clock`; with `salvage`, the last one
-    /// may be cut.
+    /// may be incomplete.
     fn decode(&self, records: Bytes<'_>, clock: WrappingClock, salvage: bool) -> Result<Recording, IoError>;
 }
 
@@ -78,7 +78,7 @@ pub(super) fn fresh<T: Records>() -> WrappingClock {
     WrappingClock::new(T::PERIOD.unwrap_or(i64::MAX))
 }
 
-/// A clock at this place.
+/// A clock at this position.
 pub(super) fn resumed<T: Records>(Probe { value, t_us, .. }: Probe) -> WrappingClock {
     WrappingClock::resumed(T::PERIOD.unwrap_or(i64::MAX), value, t_us)
 }
@@ -92,7 +92,7 @@ pub(super) struct Part<'a, T, R> {
 }
 
 impl<T: Records, R: Read + Seek> Part<'_, T, R> {
-    /// The bytes of these records, and the first one's place.
+    /// The bytes of these records, and the position of the first.
     fn bytes(&mut self, records: &Range<u64>) -> Result<(Vec<u8>, u64), IoError> {
         let stride = self.layout.stride() as u64;
         let at = self.layout.start() as u64 + records.start * stride;
@@ -141,7 +141,8 @@ impl<T: Records, R: Read + Seek> Part<'_, T, R> {
         Ok(None)
     }
 
-    /// Known places throughout the recording, in order, with the wraps between them. O(1024) reads.
+    /// Known positions throughout the recording, in order, with the wraps between them. O(1024)
+    /// reads.
     fn probes(&mut self) -> Result<Vec<Probe>, IoError> {
         let mut probes: Vec<Probe> = Vec::new();
         if T::PERIOD.is_none() {

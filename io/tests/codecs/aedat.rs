@@ -60,7 +60,7 @@ fn frames_imu_and_external_events_are_counted() {
 
 #[test]
 fn the_time_goes_on_where_its_32_bits_wrap_and_a_small_step_back_is_no_wrap() {
-    // The value of a frame carries the clock over the wrap, too.
+    // The value of a frame also carries the clock over the wrap.
     let records = [[0, u32::MAX], [0, u32::MAX - 9], [1 << 31, 3], [0, 5]];
     let recording = decode(&aedat2(&DAVIS346, &records)).unwrap();
     let times: Vec<_> = recording.events.iter().map(|e| e.t_us).collect();

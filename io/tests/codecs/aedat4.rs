@@ -156,7 +156,7 @@ proptest! {
     }
 }
 
-/// What a recorder writes of these batches of events, before and after it is finished.
+/// The output of a recorder for these batches of events, before and after it is finished.
 fn recorded(batches: &[&[Event]]) -> [Vec<u8>; 2] {
     let mut file = Cursor::new(Vec::new());
     let mut writer = Aedat4Writer::new(&mut file, SENSOR).unwrap();

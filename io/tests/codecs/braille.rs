@@ -49,14 +49,14 @@ impl Made {
         ])
     }
 
-    /// The same with another array of this name.
+    /// The same with a different array of this name.
     fn with(&self, name: &str, change: impl Fn(&mut (&'static str, &'static str, String, Vec<i64>))) -> Self {
         let mut other = self.clone();
         change(other.0.iter_mut().find(|array| array.0 == name).unwrap());
         other
     }
 
-    /// The same with another value at `i` of this array.
+    /// The same with a different value at `i` of this array.
     fn value(&self, name: &str, i: usize, value: i64) -> Self {
         self.with(name, |array| array.3[i] = value)
     }
@@ -98,7 +98,7 @@ fn read(archive: &[u8]) -> Result<Vec<EventRecording>, String> {
     found.map(|set| set.recordings).map_err(|error| chain(&error))
 }
 
-/// Two presses, the first one of the training.
+/// Two presses; the first belongs to the training.
 fn two() -> Made {
     let readings = [(1_000_000, 1, 1000), (1_000_100, 80, 1020), (1_015_700, 1, 900)];
     Made::new(&[(&readings, [1, 7, 0]), (&readings[..1], [0, 3, 1])])
@@ -107,16 +107,16 @@ fn two() -> Made {
 #[test]
 fn a_reading_that_changes_is_an_event_at_its_taxel_and_readings_of_a_batch_are_spread() {
     let readings = [
-        // Before what is read: it only says what the taxel had.
+        // Before the part that is read: it only gives the former value of the taxel.
         (700_000, 2, 600),
         (1_000_000, 2, 700),
         (1_000_150, 11, 1023),
         (1_000_300, 11, 1023),
         (1_000_450, 80, 0),
-        // 10 ms after the batch before, which it does not reach back into.
+        // 10 ms after the previous batch, into which it does not reach back.
         (1_010_000, 80, 1024),
         (1_010_100, 80, 1023),
-        // After what is read.
+        // After the part that is read.
         (1_500_000, 80, 3),
     ];
     let found = Made::new(&[(&readings, [2, 4, 1])]).read().unwrap().remove(0);
@@ -305,7 +305,7 @@ fn a_million_presses_and_readings_of_a_press_are_the_most() {
     assert!(readings.contains("start.npy") && readings.contains(expected), "{readings}");
 }
 
-/// What the reader does with a press, one reading at a time and from the whole list before it.
+/// The reader's steps for a press, one reading at a time and from the whole list before it.
 fn twin(readings: &[Reading]) -> Vec<Event> {
     let is_first = |i: usize| i == 0 || readings[i].0 - readings[i - 1].0 >= 8_000;
     let firsts: Vec<usize> = (0..readings.len()).filter(|&i| is_first(i)).collect();

@@ -103,7 +103,7 @@ fn a_comment_names_the_sensor_and_events_beside_it_are_refused() {
 fn an_event_is_there_as_soon_as_its_line_is() {
     let (reader, mut writer) = io::pipe().unwrap();
     let mut events = CsvEvents::new(BufReader::new(reader));
-    // Were anything read beyond the line, this would wait for ever: nothing more is in the pipe.
+    // If the reader read beyond the line, this would wait forever: the pipe contains nothing more.
     for t in 0..5 {
         writeln!(writer, "{t},1,2,1").unwrap();
         assert_eq!(events.next().unwrap().unwrap(), Event::new(t, 1, 2, true));

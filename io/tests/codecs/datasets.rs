@@ -12,7 +12,7 @@ use crate::shared_files::shared;
 
 const CLASSES: [&str; 3] = ["e", "n", "w"];
 
-/// A recording of `rows` readings, reading i of value i.
+/// A recording of `rows` readings; reading i has value i.
 fn csv(rows: usize) -> String {
     let header: Vec<String> = (1..=24).map(|e| format!("ff_e{e}")).collect();
     let rows: Vec<String> = (0..rows).map(|i| [i.to_string().as_str(); 24].join(",") + "\n").collect();
@@ -312,7 +312,7 @@ mod gelsight {
         ]
     }
 
-    /// What `read` makes of an archive of these arrays.
+    /// The result of `read` for an archive of these arrays.
     fn archived<T>(
         arrays: &[(&str, Vec<u8>)],
         read: impl Fn(&Path) -> Result<T, IoError>,

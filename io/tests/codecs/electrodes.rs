@@ -153,8 +153,8 @@ fn names_in_a_header_are_quoted_in_part_and_escaped() {
     assert!(error.to_string().len() < 200, "{error}");
 }
 
-/// Any bit of a text flipped, and the text cut anywhere: rows that are finite, in the order of
-/// their lines, or an error with its line.
+/// With any bit of a text flipped, and the text cut anywhere: finite rows in the order of their
+/// lines, or an error with its line.
 #[test]
 fn a_text_that_was_cut_or_flipped_anywhere_gives_readings_or_errors_with_their_lines() {
     let text = format!("time_ms,{}\n0,{}\n1.5,{}\n", header("ff_e"), row(3000), row(17)).into_bytes();
@@ -199,8 +199,8 @@ fn values_beyond_the_range_are_delivered_and_counted() {
 
 #[test]
 fn intervals_that_are_not_those_of_the_rate_are_counted() {
-    // From one to the next: 10, 12 and 8 ms, which the tolerance of a fifth allows; 12.5, 7.5, -5
-    // and 0 ms, which not.
+    // Intervals: 10, 12 and 8 ms, which the tolerance of a fifth allows; 12.5, 7.5, -5 and 0 ms,
+    // which it does not allow.
     let times_ms =
         [1e12, 1e12 + 10.0, 1e12 + 22.0, 1e12 + 30.0, 1e12 + 42.5, 1e12 + 50.0, 1e12 + 45.0, 1e12 + 45.0];
     let rows: Vec<String> = times_ms.iter().map(|t| format!("{t},{}", row(0))).collect();
@@ -222,8 +222,8 @@ fn across_a_refused_row_no_interval_is_judged() {
     assert_eq!(readings.warnings().rows_off_rate, 0);
 }
 
-/// Whether each reading follows the one before it, and how many gaps, repeated and earlier times
-/// there were.
+/// Whether each reading follows the one before it, and the numbers of gaps, repeated and earlier
+/// times.
 fn followed(text: &str) -> (Vec<bool>, [u64; 3]) {
     let mut readings = readings(text);
     let mut follows = vec![];
@@ -236,7 +236,7 @@ fn followed(text: &str) -> (Vec<bool>, [u64; 3]) {
 
 #[test]
 fn a_reading_behind_a_refused_row_a_gap_or_a_step_back_in_time_does_not_follow() {
-    // From one to the next: 10, 50, 51, 0 and -1 ms; then 10 ms across a refused row.
+    // Intervals: 10, 50, 51, 0 and -1 ms; then 10 ms across a refused row.
     let times_ms = ["0", "10", "60", "111", "111", "110", "x", "120", "130"];
     let rows = times_ms.map(|t| format!("{t},{}\n", row(0))).concat();
     let (follows, counts) = followed(&format!("t_ms,{}\n{rows}", header("e")));
@@ -275,7 +275,7 @@ fn a_reading_is_there_as_soon_as_its_line_is() {
     let (reader, mut writer) = io::pipe().unwrap();
     let mut readings = Electrodes::new(BufReader::new(reader), ElectrodeSettings::default());
     writeln!(writer, "{}", header("e")).unwrap();
-    // Were anything read beyond the line, this would wait for ever: nothing more is in the pipe.
+    // If the reader read beyond the line, this would wait forever: the pipe contains nothing more.
     for first in 0..5 {
         writeln!(writer, "{}", row(first)).unwrap();
         assert_eq!(readings.next().unwrap().unwrap().values, values(first));

@@ -1,4 +1,4 @@
-//! Which format it is: by content, name and extension; other kinds of input; what encoders refuse.
+//! The format by content, name and extension; other kinds of input; refusals of encoders.
 
 use std::fs;
 use std::io::{self, BufReader, Write};
@@ -74,7 +74,7 @@ fn an_output_has_the_format_of_its_extension() {
     assert!(matches!(of("b.h6"), Err(UnknownName { actual, .. }) if actual == "h6"));
 }
 
-/// The starts of files that nothing here reads, with a word of their name and one of the advice.
+/// The starts of files that no reader here reads, with a word of their name and one of the advice.
 const FOREIGN: &[(&[u8], &str, &str)] = &[
     #[cfg(not(feature = "hdf5"))]
     (b"\x89HDF\r\n\x1a\n\0\0", "HDF5", "h5py"),
@@ -125,7 +125,7 @@ fn a_format_that_is_not_read_is_named_with_what_converts_it() {
                 .unwrap_err()
                 .to_string(),
         ];
-        // What is packed is looked into.
+        // Packed content is unpacked.
         let whole = (!["gzip", "zip"].contains(&name)).then(|| decode(&bytes).unwrap_err().to_string());
         for message in messages.into_iter().chain(whole) {
             assert!(message.contains(name) && message.contains(instead), "{name}: {message}");
@@ -139,7 +139,7 @@ fn a_binary_recording_in_place_of_text_is_named() {
         assert_eq!(Kind::of(&bytes), Some(Kind::Events(format)));
         let mut text = CsvEvents::new(&bytes[..]);
         let error = text.next().unwrap().unwrap_err();
-        // The marks of N-MNIST are all of its bytes, and a line is only some of them.
+        // N-MNIST is recognised by all of its bytes, and a line is only a part of them.
         if format != Format::Nmnist {
             assert_eq!(found(&error), Kind::Events(format), "{error}");
         }
@@ -197,7 +197,7 @@ fn json_is_no_table_of_events_or_electrodes_whatever_names_it_has() {
     }
 }
 
-/// The index and field of the refusal, and that nothing was written.
+/// The index and field of the refusal; also checks that nothing was written.
 fn refusal(format: Format, sensor: Option<Sensor>, events: &[Event]) -> (usize, &'static str) {
     let mut bytes = Vec::new();
     let error = encode(format, sensor, events, &mut bytes).unwrap_err();

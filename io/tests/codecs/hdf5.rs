@@ -1,4 +1,4 @@
-//! HDF5 of DSEC and Prophesee. The files stand beside this one; `hdf5/write.py` wrote them.
+//! HDF5 of DSEC and Prophesee. The files are next to this one; `hdf5/write.py` wrote them.
 
 use std::path::{Path, PathBuf};
 
@@ -96,7 +96,7 @@ fn a_part_and_the_blocks_are_those_of_the_whole() {
     }
 }
 
-/// A chunk in the middle of the part is damaged, and one far from it.
+/// One chunk in the middle of the part is damaged, and one far from it.
 #[test]
 fn chunks_beyond_the_part_are_not_unpacked() {
     let folder = tempfile::tempdir().unwrap();

@@ -1,4 +1,5 @@
-//! Truncations, flipped bits, absurd lengths and bombs: an error or a whole result, never a panic.
+//! Truncations, flipped bits, absurd lengths and bombs: an error or a complete result, never a
+//! panic.
 
 use meissner_engine::Event;
 use meissner_io::limits::{HEADER_BYTES, PACKET_BYTES};
@@ -8,9 +9,10 @@ use proptest::prelude::*;
 use meissner_io_tests::codecs::aedat4::{Compression, File, event_packet, header, outputs, vector};
 use meissner_io_tests::codecs::{events, samples};
 
-/// What a reader makes of `bytes` is whole, or an error that says in brief what was expected. Of
-/// what is whole, every event is inside the sensor, nothing is salvaged, and a strict reader reads
-/// the same unless something was left out and counted. Says how much was read or counted.
+/// Checks that the result of a reader for `bytes` is complete, or an error that states briefly what
+/// was expected. In a complete result, every event is inside the sensor, nothing is salvaged, and a
+/// strict reader reads the same unless something was left out and counted. Returns how much was
+/// read or counted.
 fn sound(bytes: &[u8], options: ReadOptions, about: &str) -> Option<u64> {
     let Recording { format, sensor, events, other_streams, left_out, salvaged, .. } =
         match decode_with(bytes, options) {
@@ -49,7 +51,8 @@ fn a_file_cut_at_any_length_gives_an_error_or_whole_events_from_its_start() {
                 Ok(recording) => {
                     assert!(whole.starts_with(&recording.events), "{format} cut at {length}");
                 }
-                // Each has a place. What is cut within its header may be of no format or version.
+                // Each error has a place. A file that is cut within its header may have no known
+                // format or version.
                 Err(IoError::Truncated { .. } | IoError::Malformed { .. } | IoError::Undecided { .. }) => {}
                 Err(IoError::UnknownFormat { .. } | IoError::Unsupported { .. }) if length < 100 => {}
                 Err(error) => panic!("{format} cut at {length}: {error}"),
@@ -85,7 +88,8 @@ fn any_flipped_bit_gives_an_error_or_a_recording() {
             let about = format!("{format}, bit {bit}");
             sound(&bytes, ReadOptions::default(), &about);
             let counted = sound(&bytes, format.into(), &about);
-            // Of 40 events. A packet has many, and a header of EVT2 without its end takes some in.
+            // At least 39 of 40 events. A packet contains many, and a header of EVT2 without its
+            // end includes some.
             let has_many = matches!(format, Format::Evt2 | Format::Aedat4 | Format::Mcap);
             assert!(has_many || counted.is_none_or(|counted| counted >= 39), "{about}: {counted:?}");
             bytes[bit / 8] ^= 1 << (bit % 8);
@@ -156,7 +160,7 @@ fn packets_that_unpack_beyond_the_bound_together_are_refused() {
 
 #[test]
 fn a_window_beyond_the_bound_is_refused() {
-    // 2^41 bytes, the largest that a frame can ask for.
+    // 2^41 bytes, the largest size that a frame can request.
     let mut file = File::new(Compression::Zstd, None);
     file.packets.push((0, zstd_bomb(1, 0xff)));
     let error = decode(&file.bytes()).unwrap_err();
@@ -215,8 +219,8 @@ fn xml_that_expands_or_nests_without_end_is_refused() {
     }
 }
 
-/// A parser that compares each attribute or name space with all before it takes time, and memory,
-/// that grow with the square of the header.
+/// If a parser compares each attribute or name space with all previous ones, its time and memory
+/// grow with the square of the header.
 #[test]
 fn xml_of_nothing_but_attributes_or_name_spaces_takes_no_more_than_seconds() {
     let longest = HEADER_BYTES as usize - 100;

@@ -1,4 +1,4 @@
-//! Tables of labels: what people write, and what no one should.
+//! Tables of labels: usual ones, and ones with errors.
 
 use meissner_io::{IoError, LabelClock, LabelTable, LabelValues, Place};
 use proptest::prelude::*;
@@ -185,7 +185,7 @@ proptest! {
                 prop_assert!(!expected.is_empty() && line > 0);
             }
             Err(IoError::TooLarge { place: Place::Line(line), .. }) => prop_assert!(line > 0),
-            // Of another kind as a whole.
+            // The whole input is of another kind.
             Err(error) => {
                 let is_other = matches!(error, IoError::OtherKind { .. } | IoError::Unsupported { .. });
                 prop_assert!(is_other && error.to_string().contains("expected"), "{}", error);

@@ -1,5 +1,5 @@
-//! What is odd in a recording is left out and counted by kind, and the rest is read; a strict
-//! reader refuses it.
+//! Odd data in a recording are left out and counted by kind, and the other data are read; a strict
+//! reader refuses the recording.
 
 use meissner_engine::{Event, Sensor};
 use meissner_io::{
@@ -19,7 +19,7 @@ fn counts(recording: &Recording) -> Vec<(LeftOutKind, u64)> {
     recording.left_out.iter().map(|left_out| (left_out.kind, left_out.count)).collect()
 }
 
-/// Events `expected` of `bytes` besides what is left out, which a strict reader refuses.
+/// Checks the events `expected` of `bytes` and the omitted parts, which a strict reader refuses.
 fn reads(bytes: &[u8], expected: &[Event], left_out: &[(LeftOutKind, u64)]) {
     let recording = decode(bytes).expect("the rest is read");
     let format = recording.format;
@@ -58,7 +58,7 @@ fn a_stream_that_begins_within_a_vector_has_unplaced_events() {
 
 #[test]
 fn rows_and_columns_of_evt3_outside_the_sensor_are_counted_by_their_events() {
-    // Row 1500 without events says nothing; then a vector over the right edge, and a vector in row
+    // Row 1500 without events has no effect; then a vector over the right edge, and a vector in row
     // 1500.
     let words = [
         0x8000, 0x6001, 0x05dc, 0x0003, 0x2801, 0x3cfe, 0x4fff, 0x05dc, 0x2002, 0x3800, 0x5007, 0x0004,
@@ -87,7 +87,8 @@ fn one_event_outside_the_sensor_costs_one_event_in_every_format() {
     let stray = Event::new(all[20].t_us, 345, 306, true);
     let with = |stray: Event| [&all[..20], &[stray], &all[20..]].concat();
     let left_out = [(LeftOutKind::OutsideSensor, 1)];
-    // A writer refuses such an event for the sensor that it writes: the header is the other's.
+    // A writer refuses such an event for the sensor that it writes, so the header of a smaller
+    // sensor is used.
     let large = Sensor::new(346, 360);
     let mut dat = encoded(Format::Dat, Some(large), &with(stray));
     let at = dat.windows(10).position(|bytes| bytes == b"Height 360").unwrap();
@@ -151,7 +152,7 @@ fn a_step_back_over_the_wrap_of_the_clock_is_not_two_wraps() {
     ];
     let times: Vec<_> = decode(&evt3(EVT3, &words)).unwrap().events.iter().map(|e| e.t_us).collect();
     assert_eq!(times, [16_777_120, 16_777_221, 16_777_210, 16_777_225, 16_781_312]);
-    // Two whole periods of silence have nothing between their words.
+    // The words of two whole periods of silence follow each other directly.
     let words = [0x8fff, 0x6fff, 0x0001, 0x2801, 0x8000, 0x8fff, 0x8000, 0x6001, 0x2801];
     let times: Vec<_> = decode(&evt3(EVT3, &words)).unwrap().events.iter().map(|e| e.t_us).collect();
     assert_eq!(times, [(1 << 24) - 1, (2 << 24) + 1]);
@@ -202,7 +203,7 @@ fn a_chip_that_is_taken_for_granted_is_told() {
     assert!(recording.assumed[0].contains("DVS128"), "{:?}", recording.assumed);
     let said = decode_with(&bytes, ReadOptions::default().chip("DVS128".parse::<Chip>().unwrap())).unwrap();
     assert!(said.assumed.is_empty());
-    // Where the sensor is known, small addresses say nothing.
+    // If the sensor is known, small addresses have no meaning.
     let said = decode_with(&bytes, ReadOptions::default().sensor(SENSOR)).unwrap();
     assert_eq!(said.sensor, Some(SENSOR));
 }
@@ -310,7 +311,7 @@ fn records_whose_first_time_begins_as_another_format_does_are_records() {
         let arriving: Result<Vec<_>, _> = LiveEvents::new(&bytes[..], TextOptions::default()).collect();
         assert_eq!(arriving.expect("records"), all, "{mark:?}");
     }
-    // What is packed is refused by its name.
+    // Packed content is refused by its name.
     let packed =
         b"\x1f\x8b\x08\0\0\0\0\0\0\xff\x01\x15\0\xea\xff1,2,3,1\n2,2,3,1\noops\n\xa2\x1b\x69\x37\x15\0\0\0";
     let error = LiveEvents::new(&packed[..], TextOptions::default()).next().unwrap().unwrap_err();

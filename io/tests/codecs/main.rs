@@ -1,5 +1,5 @@
-//! The promises of the codecs, on bytes that the tests make themselves, and on real recordings
-//! where they are at hand.
+//! The promises of the codecs, on bytes that the tests make themselves, and on real recordings if
+//! they are available.
 #![forbid(unsafe_code)]
 
 mod aedat;

@@ -153,7 +153,7 @@ fn arrays_of_events_are_read_in_either_byte_order() {
     }
 }
 
-/// Two topics of events with something between, and one that nobody reads.
+/// Two topics of events with other messages between them, and one topic that no reader reads.
 fn topics() -> Vec<u8> {
     let right: Vec<_> = events()[..3].to_vec();
     let records = [
@@ -263,7 +263,7 @@ fn a_checksum_that_is_another_is_an_error_with_its_place() {
         let error = decode_with(&bytes, options).unwrap_err();
         assert!(matches!(error, IoError::Malformed { what: "chunk", place: Place::Byte(_), .. }), "{error}");
     }
-    // That of the data section, which this file does not have.
+    // The checksum of the data section, which this file does not have.
     let mut bytes = good;
     bytes[end + 9] = 1;
     let error = decode(&bytes).unwrap_err();
@@ -310,7 +310,7 @@ fn a_chunk_or_events_beyond_the_bounds_are_refused() {
     let zeros = vec![0; PACKET_BYTES as usize + 1];
     let bomb = file(&[packed_chunk("lz4", &zeros, &Compression::Lz4.pack(&zeros))]);
     assert!(matches!(decode(&bomb).unwrap_err(), IoError::TooLarge { limit: PACKET_BYTES, .. }));
-    // Vectors of EVT3 without end: six events a byte, of which a packed byte has hundreds.
+    // Endless vectors of EVT3: six events per byte, and hundreds of bytes per packed byte.
     let mut words = vec![0x8001, 0x6002, 0x0003];
     words.extend([0x3000, 0x4fff].repeat(1 << 20));
     let messages = message(1, 0, &packet(SENSOR, 0, 0, "evt3", &evt3("", &words)));
@@ -320,12 +320,12 @@ fn a_chunk_or_events_beyond_the_bounds_are_refused() {
     assert!(matches!(error, IoError::TooLarge { what: "events so far", .. }), "{error}");
 }
 
-/// 3 x 2 pixels, all of them told apart.
+/// 3 x 2 pixels, all different.
 fn image() -> Image {
     Image { width: 3, height: 2, data: (0..18).map(|i| i * 13).collect() }
 }
 
-/// A message of `sensor_msgs/msg/Image`, with rows of two bytes more.
+/// A message of `sensor_msgs/msg/Image`; its rows have two bytes more.
 fn ros_image(encoding: &str, rows: &[&[u8]]) -> Vec<u8> {
     let mut cdr = Cdr::new(false);
     cdr.header();
@@ -383,7 +383,7 @@ fn pictures_of_every_form_are_read_one_after_the_other() {
             assert_eq!(read.unwrap().1, image, "{name} {encoding}");
         }
     }
-    // Grey, and what is refused.
+    // Grey pictures, and refused ones.
     let path = folder.path().join("grey.mcap");
     let grey = ros_image("mono8", &[&[1, 2, 3], &[4, 5, 6]]);
     let deep = ros_image("16UC1", &[&[0; 6], &[0; 6]]);
@@ -413,7 +413,7 @@ fn a_cut_or_empty_file_has_no_pictures() {
         let source = std::error::Error::source(&error).unwrap().to_string();
         assert!(source.contains(expected), "{source}");
     }
-    // A record that nobody reads, of a length that overflows with its place.
+    // A record that no reader reads, with a length that overflows together with its position.
     for op in [6, 0x80] {
         let huge = [&b"\x89MCAP0\r\n"[..], &[op], &u64::MAX.to_le_bytes()].concat();
         fs::write(&path, huge).unwrap();

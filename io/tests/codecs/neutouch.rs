@@ -45,7 +45,7 @@ const ONE: &str = "Ev-Objects/train/sample_0_label_0.npy";
 fn a_spike_is_an_event_at_the_place_of_its_taxel_and_the_beginning_of_its_bin() {
     let spikes = [(38, 0, 2), (0, 1, 2), (0, 0, 2), (20, 1, 0)];
     let events = |set| read(set, &zip([(ONE, array(&spikes))])).unwrap().recordings.remove(0).events;
-    // Rising before falling pressure of one taxel, in the order of the taxels.
+    // In the order of the taxels; for one taxel, rising pressure precedes falling pressure.
     let of_objects = [
         Event::new(0, 120, 178, false),
         Event::new(40_000, 0, 178, true),
@@ -161,7 +161,7 @@ fn the_path_of_the_archive_does_as_that_of_its_folder() {
 fn a_bomb_is_refused_before_it_is_unpacked() {
     let message = refusal(ONE, vec![0; (64 << 20) + 1]);
     assert!(message.contains("content at byte 0 is too large") && message.contains("67108865"), "{message}");
-    // Three entries of 40 MiB each share the bound of an archive that is short.
+    // Three entries of 40 MiB each share the bound of a short archive.
     let entries = ["train/sample_0_label_0.txt", "train/sample_1_label_0.txt", "train/sample_2_label_0.txt"];
     let archive = zip(entries.map(|name| (name, vec![0; 40 << 20])));
     let message = read(NeutouchSet::Objects, &archive).unwrap_err();

@@ -89,7 +89,7 @@ fn an_archive_without_one_recording_is_refused_with_their_number() {
     assert_eq!(error.to_string(), expected);
     let error = decode(&zip([("a", b""), ("b", b"")])).unwrap_err().to_string();
     assert!(error.contains("found 0 among 2 files"), "{error}");
-    // An only file is refused by its own reader.
+    // If there is only one file, its own reader refuses it.
     let error = decode(&zip([("a", b"#ROSBAG V2.0\n")])).unwrap_err();
     assert!(matches!(error, IoError::OtherKind { .. }), "{error}");
     let error = decode(&gzip(&gzip(&bytes))).unwrap_err();
@@ -114,7 +114,7 @@ fn a_cut_or_damaged_gzip_file_is_refused() {
 
 #[test]
 fn a_cut_gzip_file_is_salvaged_up_to_the_cut() {
-    // Every member is whole or not there.
+    // Every member is complete or missing.
     let bytes = encoded(Format::Dat, Some(SENSOR), &events());
     let (first, second) = bytes.split_at(bytes.len() - 80);
     let whole = gzip(first);
@@ -165,7 +165,7 @@ fn arrays_of_anything_else_beside_the_events_are_no_recordings() {
     let label = npy("'<i8'", "()", &[3, 0, 0, 0, 0, 0, 0, 0]);
     let files = [("K.npy", &matrix), ("events.npy", &records), ("label.npy", &label), ("t.npy", &label)];
     assert_eq!(decode(&zip(files)).unwrap().events, events());
-    // Of two recordings, the one that is called so.
+    // If there are two recordings, the one with this name is read.
     let other = encoded(Format::Npy, None, &events()[..7]);
     assert_eq!(
         decode(&zip([("triggers.npy", &other), ("a/events.npy", &records)])).unwrap().events,
@@ -206,7 +206,7 @@ fn four_arrays_of_an_archive_are_put_together_to_events() {
     let short = npy("'|b1'", "(1,)", &[1]);
     let files = [("x.npy", &x), ("y.npy", &y), ("t.npy", &whole), ("p.npy", &short)];
     assert!(decode(&zip(files)).unwrap_err().to_string().contains("one length"));
-    // Floats whose unit nobody says.
+    // Floats without a stated unit.
     let unclear = npy("'<f8'", "(1,)", &1.25_f64.to_le_bytes());
     let one = |descr: &str, width: usize| npy(descr, "(1,)", &vec![0; width]);
     let files =

@@ -10,7 +10,7 @@ use proptest::prelude::*;
 use meissner_io_tests::codecs::aedat4::{Compression, File, event_packet, outputs, sample, stream, vector};
 use meissner_io_tests::codecs::{SENSOR, any_event, events};
 
-/// Everything that these bytes give, read in pieces.
+/// All results for these bytes, read in pieces.
 fn arriving(bytes: &[u8], options: ReadOptions) -> (Vec<Result<Event, IoError>>, Option<Sensor>) {
     let input = BufReader::with_capacity(7, bytes);
     let mut items = LiveEvents::raw(input, Format::Aedat4, options).expect("a raw format");
@@ -23,7 +23,7 @@ fn sound(bytes: &[u8], options: ReadOptions) -> (Vec<Event>, Option<Sensor>) {
     (items.into_iter().map(|item| item.expect("an event")).collect(), sensor)
 }
 
-/// The error that ends these bytes, after so many events.
+/// The error that ends these bytes, and the number of events before it.
 fn refused(bytes: &[u8]) -> (usize, String) {
     let (mut items, _) = arriving(bytes, ReadOptions::default());
     let last = items.pop().expect("an error").expect_err("an error");
@@ -46,8 +46,8 @@ fn a_file_of_any_compression_gives_its_events_with_its_magic_number_and_without(
     }
 }
 
-/// A packet was told by itself alone: of two streams both were read, and one whose name was damaged
-/// ended the events.
+/// Formerly, each packet was identified only by itself: both of two streams were read, and a packet
+/// with a damaged name ended the events.
 #[test]
 fn where_the_header_declares_no_stream_packets_are_of_what_those_before_told() {
     let mut file = File::new(Compression::Lz4, None);
@@ -74,7 +74,7 @@ fn where_the_header_declares_no_stream_packets_are_of_what_those_before_told() {
     let (mut items, _) = arriving(&file.bytes(), options(3));
     let error = items.pop().expect("an item").expect_err("there are two").to_string();
     assert!(error.contains("found 2, and stream 3 asked for"), "{error}");
-    // A stream of events stays one, whatever a packet of it is called.
+    // A stream of events remains one, whatever the name of a packet is.
     file.push(4, &damaged);
     let (count, error) = refused(&file.bytes());
     let expected = decode(&file.bytes()).expect_err("the name of a packet").to_string();
@@ -92,7 +92,7 @@ fn another_stream_of_events_is_read_where_it_is_asked_for() {
     file.push(5, &event_packet(&events()));
     let options = |number| ReadOptions::default().stream(std::num::NonZeroU16::new(number));
     assert_eq!(sound(&file.bytes(), options(1)), (events(), Some(SENSOR)));
-    // The engine counts those outside.
+    // The engine counts events outside the sensor.
     assert_eq!(sound(&file.bytes(), options(2)), (events()[..3].to_vec(), Some(second)));
     let (items, _) = arriving(&file.bytes(), options(3));
     assert!(matches!(&items[..], [Err(IoError::Unsupported { .. })]), "{items:?}");

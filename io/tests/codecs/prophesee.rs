@@ -460,8 +460,8 @@ fn after_a_loss_no_event_gets_the_row_or_the_time_of_another() {
     let mut packets = packets_of_words();
     let first = bytes_of(&[0x8001, 0x6005, 0x0007, 0x2803]);
     assert_eq!(packets.decode(0, &first).expect("good words"), [Event::new(4101, 3, 7, true)]);
-    // The lost packet went on to time 0x002'000 and row 9. Each event before what is sent again is
-    // left out.
+    // The lost packet continued to time 0x002'000 and row 9. Each event before the state is sent
+    // again is left out.
     packets.resync();
     let next = bytes_of(&[
         0x2804, 0x6007, 0x2804, 0x8002, 0x2804, 0x6001, 0x2804, 0x4003, 0x000a, 0x2005, 0x4007, 0x3010,
@@ -470,7 +470,7 @@ fn after_a_loss_no_event_gets_the_row_or_the_time_of_another() {
     let expected = [(5, false), (16, false), (18, false)].map(|(x, on)| Event::new(8193, x, 10, on));
     assert_eq!(packets.decode(0, &next).expect("good words"), expected);
     assert_eq!(packets.unplaced(), 4 + 2 + 3);
-    // From here on every word means what the camera meant.
+    // From here on, every word has its correct meaning.
     assert_eq!(packets.decode(0, &bytes_of(&[0x2804])).expect("good words").len(), 1);
     assert_eq!(packets.unplaced(), 9);
 }

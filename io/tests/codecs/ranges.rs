@@ -1,4 +1,4 @@
-//! Parts of recordings by time: equal to the whole, cut; and what is outside of them is not read.
+//! Parts of recordings by time: equal to the cut whole recording; the other parts are not read.
 
 use std::fs;
 use std::ops::Range;
@@ -23,7 +23,8 @@ fn cut(events: &[Event], times: &Range<i64>) -> Vec<Event> {
     events.iter().copied().filter(|event| times.contains(&event.t_us)).collect()
 }
 
-/// The part is that of the whole recording, in the file's times and since the first event.
+/// Checks that the part equals that of the whole recording, in the file's times and since the first
+/// event.
 fn is_cut(format: Format, bytes: &[u8], times: &Range<i64>) {
     let whole = decode_with(bytes, format).unwrap();
     let first = whole.events.first().map_or(0, |event| event.t_us);
@@ -47,7 +48,7 @@ fn dat(events: &[Event]) -> Vec<u8> {
     bytes
 }
 
-/// `events` in every format; those that hold only times in order get them sorted.
+/// `events` in every format; formats that hold only ascending times get them sorted.
 fn files(events: &[Event], packet: usize) -> Vec<(Format, Vec<u8>)> {
     let mut sorted = events.to_vec();
     sorted.sort_by_key(|event| event.t_us);
@@ -80,8 +81,8 @@ fn files(events: &[Event], packet: usize) -> Vec<(Format, Vec<u8>)> {
     files
 }
 
-/// So many events from `first_us` on, with `step_us` between them in the mean, and steps back of up
-/// to `back_us`.
+/// `count` events from `first_us` on, with a mean distance of `step_us`, and steps back of up to
+/// `back_us`.
 fn stream(count: i64, first_us: i64, step_us: i64, back_us: i64) -> Vec<Event> {
     let event = |i: i64| {
         let wobble = (i * 7919) % (back_us / 2 + 1);
@@ -124,7 +125,7 @@ fn the_clock_is_followed_over_its_wraps() {
     }
 }
 
-/// The events of the blocks of a file; `None` where it has none.
+/// The events of the blocks of a file; `None` if it has no blocks.
 fn in_blocks(path: &Path, format: Format) -> Option<Vec<Recording>> {
     Some(blocks(path, format).unwrap()?.map(|block| block.unwrap()).collect())
 }
@@ -132,7 +133,7 @@ fn in_blocks(path: &Path, format: Format) -> Option<Vec<Recording>> {
 #[test]
 fn the_blocks_of_a_file_are_the_whole_recording() {
     let folder = tempfile::tempdir().unwrap();
-    // Times that step back, and the clock of 32 bits wraps twice: in a block and between two.
+    // Times step back, and the clock of 32 bits wraps twice: in a block and between two blocks.
     for (count, step_us, back_us) in [(150_000, 70_000, 90_000), (3, 5, 0), (0, 0, 0)] {
         for (i, (format, bytes)) in
             files(&stream(count, 1_000_000, step_us, back_us), 900).into_iter().enumerate()
@@ -271,7 +272,7 @@ proptest! {
         (a, b) in (0_i64..31_000_000, 0_i64..31_000_000),
         first_us in prop_oneof![Just(0_i64), Just((1_i64 << 32) - 10_000_000)],
     ) {
-        // Sorted, then each earlier by less than the step back that is allowed for.
+        // Sorted, then each made earlier by less than the allowed step back.
         let mut times = times;
         times.sort_unstable();
         let events: Vec<Event> = times

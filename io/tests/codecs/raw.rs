@@ -1,4 +1,4 @@
-//! Raw bytes of sensors: cut anywhere, joined in the middle, with bytes that are lost.
+//! Raw bytes of sensors: cut anywhere, read from the middle, with lost bytes.
 
 use std::io::{BufReader, Read};
 
@@ -10,7 +10,7 @@ use meissner_io_tests::codecs::{evt2, evt2_words, evt3, evt21, evt21_words};
 
 const SENSOR: Sensor = Sensor { width: 1280, height: 720 };
 
-/// Gives so many bytes at each read.
+/// Gives a given number of bytes at each read.
 struct Pieces<'a> {
     bytes: &'a [u8],
     lengths: Box<dyn Iterator<Item = usize> + 'a>,
@@ -26,7 +26,8 @@ impl Read for Pieces<'_> {
     }
 }
 
-/// What a raw stream gives: events, losses with what they left out, and other odd words.
+/// The output of a raw stream: events, losses with their numbers of omitted events, and other odd
+/// words.
 #[derive(Debug, Default, PartialEq)]
 struct Given {
     events: Vec<Event>,
@@ -49,7 +50,7 @@ fn given(bytes: &[u8], format: Format, lengths: &[usize]) -> Given {
     given
 }
 
-/// A scene: an edge of some rows that moves, and pixels anywhere, `count` events.
+/// A scene of `count` events: a moving edge of some rows, and pixels anywhere.
 fn scene(count: usize, seed: u64) -> Vec<Event> {
     let mut state = seed | 1;
     let mut random = move |most: u64| {
@@ -73,7 +74,7 @@ fn scene(count: usize, seed: u64) -> Vec<Event> {
 }
 
 /// The words of EVT3 as a sensor sends them: both words of time every 16 us, vectors, and a row
-/// where it changes.
+/// when it changes.
 fn sensor_words(events: &[Event]) -> Vec<u16> {
     let (mut words, mut y) = (Vec::new(), None);
     let mut now = events.first().map_or(0, |event| event.t_us);
@@ -127,11 +128,11 @@ fn sensor_words_are_those_of_their_events() {
     assert_eq!(decode(&bytes).expect("EVT3").events, events);
 }
 
-/// One byte in 10,000 is lost: each is counted, and no event is one that was not sent.
+/// One byte in 10,000 is lost: each loss is counted, and every event was really sent.
 fn check_losses(seed: u64) -> Result<(), TestCaseError> {
     let events = scene(60_000, seed);
     for (format, mut bytes) in streams(&events, false) {
-        // One byte in 10,000, anywhere within it but near its ends.
+        // One byte in 10,000, anywhere in it except near its ends.
         let lost: Vec<usize> = (0..bytes.len() / 10_000)
             .map(|i| 10_000 * i + 2_000 + (seed.rotate_left(i as u32) % 6_000) as usize)
             .collect();
@@ -148,7 +149,7 @@ fn check_losses(seed: u64) -> Result<(), TestCaseError> {
     Ok(())
 }
 
-/// Two words that were out of step looked like time that advances, one of them behind an odd word.
+/// Two words that were out of step looked like advancing time, one of them after an odd word.
 #[test]
 fn time_behind_an_odd_word_vouches_for_nothing_before_it() {
     check_losses(8_885_792_680_622_177_987).expect("no event that is none");
@@ -173,7 +174,7 @@ proptest! {
     fn a_stream_that_is_joined_in_the_middle_gives_the_events_from_there(seed: u64, share in 0.0f64..0.9) {
         let events = scene(6_000, seed);
         for (format, bytes) in streams(&events, false) {
-            // At the start of a word, as a driver gives it, and in EVT3 at any byte.
+            // At the start of a word, like a driver, and in EVT3 at any byte.
             let step = if format == Format::Evt3 { 1 } else { 8 };
             let at = (bytes.len() as f64 * share) as usize / step * step;
             let found = given(&bytes[at..], format, &[1_400]);
@@ -185,7 +186,7 @@ proptest! {
 }
 
 proptest! {
-    // Each loses a byte some 30 times in each format.
+    // Each case loses a byte about 30 times in each format.
     #![proptest_config(ProptestConfig::with_cases(50))]
 
     #[test]
@@ -199,7 +200,7 @@ proptest! {
     fn of_any_bytes_pieces_change_nothing_not_even_an_order(
         runs in prop::collection::vec((any::<u8>(), prop::collection::vec(any::<u8>(), 0..40), 1..40_usize), 1..60),
     ) {
-        // Noise, and runs of a word that repeats or of a text.
+        // Noise, and runs of a repeated word or of a text.
         let bytes: Vec<u8> = runs.into_iter().flat_map(|(kind, noise, count)| match kind % 3 {
             0 => noise,
             1 => noise.iter().copied().take(2).collect::<Vec<_>>().repeat(8 * count),
@@ -229,7 +230,7 @@ fn padding_and_single_odd_words_are_left_out_alone() {
     assert!(found.odd >= 2, "{}", found.odd);
 }
 
-/// Odd words that never end do not hold events without end, also where the time stands still.
+/// Endless odd words do not hold events forever, even if the time stands still.
 #[test]
 fn events_come_although_padding_never_ends() {
     let mut words = vec![0x8001, 0x6002, 0x0003];

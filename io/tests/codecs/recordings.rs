@@ -1,4 +1,4 @@
-//! Real recordings where they are at hand, and recordings that were cut short.
+//! Real recordings if they are available, and recordings that were cut short.
 
 use meissner_engine::{Event, Sensor};
 use meissner_io::{
@@ -40,7 +40,8 @@ fn nine_steps_back_of_time_low_leave_the_peak_at_8_8_ms_and_in_order() {
     let peak = recording("evk3_1280x720_peak.evt3.raw");
     assert_eq!((peak.events.len(), peak.sensor), (219_596, None));
     assert_eq!(span_us(&peak), 8_801);
-    // The steps are of time words with no event between them: the events themselves are in order.
+    // The steps are between time words without events between them: the events themselves are in
+    // order.
     assert!(peak.events.is_sorted_by_key(|e| e.t_us));
 }
 
@@ -111,13 +112,13 @@ fn salvage(format: Format, bytes: &[u8]) -> Result<Recording, IoError> {
     decode_with(bytes, ReadOptions::from(format).salvage(true))
 }
 
-/// Where a salvaged part of `bytes` ends.
+/// End of a salvaged part of `bytes`.
 fn end(recording: &Recording, bytes: &[u8]) -> usize {
     recording.salvaged.map_or(bytes.len(), |salvaged| bytes.len() - salvaged.bytes_not_read as usize)
 }
 
-/// The sample files, and for each how many events are whole in its first `length` bytes; `None`
-/// where the header is not.
+/// For a sample file, the number of complete events in its first `length` bytes; `None` if the
+/// header is not complete.
 fn whole(format: Format, bytes: &[u8], length: usize) -> Option<usize> {
     let start = match format {
         Format::Nmnist => 0,
@@ -155,8 +156,7 @@ fn whole(format: Format, bytes: &[u8], length: usize) -> Option<usize> {
             let lines = bytes[..length].split_inclusive(|&b| b == b'\n').filter(|line| line.ends_with(b"\n"));
             lines.filter(|line| line[0].is_ascii_digit()).count()
         }
-        // Cut exactly between two words: checked against the reader itself, which the other tests
-        // hold.
+        // Cut exactly between two words: compared with the reader itself, which other tests check.
         _ => decode_with(&bytes[..length - content.len() % 2], format).unwrap().events.len(),
     })
 }
@@ -173,8 +173,8 @@ fn salvage_gives_exactly_the_whole_events_before_a_cut_at_any_byte() {
             let salvaged = salvage(format, cut).unwrap_or_else(|e| panic!("{format} cut at {length}: {e}"));
             assert_eq!(salvaged.events, all.events[..expected], "{format} cut at {length}");
             assert!(end(&salvaged, cut) <= length);
-            // Where nothing is left out, the cut is one that nobody can tell, or the array's
-            // promise is not kept.
+            // If nothing is left out, the cut cannot be detected, or the array's stated length is
+            // not reached.
             if salvaged.salvaged.is_none() {
                 assert_eq!(decode_with(cut, format).unwrap().events, salvaged.events);
             } else if format != Format::Csv {
@@ -228,8 +228,7 @@ fn a_strict_reader_refuses_a_damaged_recording_with_salvage_as_without() {
         let mut changed = bytes.clone();
         match format {
             Format::Csv => changed[middle..middle + 4].copy_from_slice(b"oops"),
-            // Column 255 on 34; a polarity that is none; a pixel beyond the sensor; a reserved
-            // word.
+            // Column 255 of 34; an invalid polarity; a pixel beyond the sensor; a reserved word.
             Format::Nmnist => changed[100] = 255,
             Format::Npy => changed[bytes.len() - 1] = 9,
             Format::Dat => *changed.last_mut().unwrap() = 0x70,

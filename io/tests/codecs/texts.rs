@@ -1,5 +1,5 @@
-//! Texts of events as people have them: orders of columns, separators, units of time, and what is
-//! refused because it could be read in several ways.
+//! Texts of events from many programs: orders of columns, separators, units of time, and texts that
+//! are refused because they could be read in several ways.
 
 use meissner_engine::{Event, Sensor};
 use meissner_io::{
@@ -9,13 +9,13 @@ use proptest::prelude::*;
 
 use meissner_io_tests::codecs::{any_event, strictly};
 
-/// Events as of a moving edge, `count` of them, 40 us apart.
+/// `count` events like those of a moving edge, 40 us apart.
 fn scene(count: u16) -> Vec<Event> {
     let event = |i: u16| Event::new(i64::from(i) * 40, i * 7 % 128, i * 31 % 97, i.is_multiple_of(3));
     (0..count).map(event).collect()
 }
 
-/// `events` as text, a line each.
+/// `events` as text, one line each.
 fn lines(events: &[Event], line: impl Fn(&Event) -> String) -> String {
     events.iter().map(|event| line(event) + "\n").collect()
 }
@@ -45,7 +45,7 @@ fn t_x_y_p_in_seconds_with_a_point_is_read_as_it_is() {
     let events = scene(500);
     let text = lines(&events, |e| format!("{} {} {} {}", seconds(e.t_us), e.x, e.y, u8::from(e.on)));
     assert_eq!(decode(text.as_bytes()).unwrap().events, events);
-    // Line by line, the first has to tell: at time 0 it could be in another order.
+    // Line by line, the first line must decide: at time 0 it could have another order.
     let arriving: Result<Vec<_>, _> =
         CsvEvents::new(&text.as_bytes()[text.find("0.00004").unwrap()..]).collect();
     assert_eq!(arriving.unwrap(), events[1..]);
@@ -113,7 +113,7 @@ fn a_text_that_can_be_read_in_several_ways_is_refused_with_its_line_and_the_ways
     }
 }
 
-/// One late event among small times: taken as t, x, y, p, nearly every event of it would be late.
+/// One late event among small times: in the order t, x, y, p, nearly every event would be late.
 #[test]
 fn columns_in_another_order_are_never_taken_for_late_events() {
     let mut events = scene(842);
@@ -167,9 +167,9 @@ fn what_is_finer_than_a_microsecond_is_rounded_to_the_nearest_without_a_float() 
 
 #[test]
 fn the_first_line_of_a_stream_decides_or_is_refused() {
-    // As documented, where commas separate and nothing contradicts it.
+    // As documented, if commas separate and nothing contradicts it.
     assert_eq!(first("5,1,2,1\n").unwrap(), Event::new(5, 1, 2, true));
-    // Only one order can be.
+    // Only one order is possible.
     assert_eq!(first("1 2 1589163005561252 -1\n").unwrap(), Event::new(1_589_163_005_561_252, 1, 2, false));
     assert_eq!(
         first("120,80,1,1589163005561252\n").unwrap(),
@@ -234,7 +234,7 @@ fn two_lines_that_fit_only_another_order_are_refused_not_half_read() {
 }
 
 proptest! {
-    /// For any values: the events that were written, or a refusal, and never other events.
+    /// For any values: the written events, or a refusal, but never other events.
     #[test]
     fn no_order_is_guessed(
         events in prop::collection::vec(any_event(0..500_i64, 300), 1..60),
@@ -253,7 +253,7 @@ proptest! {
         };
         let line = |e: &Event| order.chars().map(|l| field(e, l)).collect::<Vec<_>>().join(separator);
         let text = lines(&events, line);
-        // A few lines with commas are t, x, y, p where they can be: that is documented.
+        // A few lines with commas are t, x, y, p if this is possible: this is documented.
         let documented = !blanks && events.len() < 16;
         if let Ok(recording) = decode(text.as_bytes()) && recording.events != events {
             prop_assert!(documented, "{}", text);
@@ -267,7 +267,8 @@ proptest! {
 
 #[test]
 fn numbers_with_an_exponent_are_read_in_every_column() {
-    // `str(float)` of Python below 1e-4, as v2e writes; the times are seconds by their decimals.
+    // `str(float)` of Python below 1e-4, as v2e writes; the decimals show that the times are
+    // seconds.
     let text = b"0.0 0 0 0\n1.9999999949504854e-06 1 3 1\n1e-05 2 6 0\n0.00011 3 9 1\n0.25 4 12 0\n";
     let recording = decode(text).unwrap();
     assert_eq!(recording.events.iter().map(|e| e.t_us).collect::<Vec<_>>(), [0, 2, 10, 110, 250_000]);
@@ -290,7 +291,7 @@ fn numbers_with_an_exponent_are_read_in_every_column() {
     // Whole microseconds of a float.
     let whole = decode(b"t,x,y,p\n1.5e+06,1.2e+01,2e0,-1.0e+00\n1500001.0,12,2,1e0\n").unwrap();
     assert_eq!(whole.events, [Event::new(1_500_000, 12, 2, false), Event::new(1_500_001, 12, 2, true)]);
-    // Three decimals can be milliseconds, whatever a float adds to them.
+    // Three decimals can be milliseconds, whatever digits a float adds.
     let error =
         decode(b"t,x,y,p\n1.234000000000000000e+00,1,2,1\n2.345000000000000195e+00,1,2,1\n").unwrap_err();
     assert!(matches!(error, IoError::Undecided { what: "unit of time", .. }), "{error}");

@@ -1,4 +1,4 @@
-//! Pictures that lie: sizes beyond memory, damaged and invented bytes.
+//! Malicious pictures: sizes beyond memory, damaged and random bytes.
 
 use std::fs::File;
 use std::time::{Duration, Instant};
@@ -185,7 +185,7 @@ proptest! {
 /// Longest time that an input may take; far more than any input here needs.
 const CEILING: Duration = Duration::from_secs(10);
 
-/// Bits, the first in the lowest place of a byte (deflate) or in the highest (JPEG).
+/// Bits; the first is the lowest bit of a byte (deflate) or the highest (JPEG).
 #[derive(Default)]
 struct Bits(Vec<bool>);
 
@@ -217,15 +217,15 @@ fn zlib_bomb(bytes: usize) -> Vec<u8> {
     bits.code(0x30, 8);
     (0..16).for_each(|_| bits.code(0b1100_0101 << 5, 13));
     let start = bits.deflate();
-    // Eight copies are 13 bytes, wherever they are taken from.
+    // Eight copies take 13 bytes, whatever their start.
     let repeated = start[2..15].repeat(bytes / (8 * 258) + 1);
-    // The rest of a copy, the end of the block, and room for a checksum.
+    // The end of a copy, the end of the block, and room for a checksum.
     [&[0x78, 0x9c][..], &start[..2], &repeated, &start[2..3], &[0; 8]].concat()
 }
 
 #[test]
 fn compressed_text_and_profiles_of_a_png_are_not_unpacked() {
-    // Unpacked, each would be beyond what the decoder holds of all chunks together.
+    // Unpacked, each would exceed the decoder's limit for all chunks together.
     let bomb = zlib_bomb(256 << 20);
     assert!(bomb.len() < 2 << 20, "{}", bomb.len());
     let with = |start: &[u8]| [start, &bomb].concat();

@@ -6,7 +6,8 @@ use meissner_io::limits::IMAGE_PIXELS;
 use meissner_io::{Image, IoError, PixelFormat, Place, RawVideo, VideoFormat};
 use proptest::prelude::*;
 
-/// A reader that gives at most `most` bytes at once, is interrupted between, and may fail at last.
+/// A reader that gives at most `most` bytes at once, is interrupted between them, and may fail at
+/// the end.
 struct Pieces<'a> {
     bytes: &'a [u8],
     most: usize,

@@ -1,4 +1,4 @@
-//! Bytes of every format, made here, and the strategies that the properties draw from.
+//! Bytes of every format, made here, and the strategies of the property tests.
 
 use std::error::Error;
 use std::io::{self, Read};
@@ -18,15 +18,15 @@ pub fn chain(error: &dyn Error) -> String {
     text
 }
 
-/// What a strict reader makes of `bytes`: nothing odd is left out.
+/// The result of a strict reader for `bytes`: no odd data are left out.
 ///
 /// # Errors
-/// Those of the reader.
+/// The errors of the reader.
 pub fn strictly(bytes: &[u8]) -> Result<Recording, IoError> {
     decode_with(bytes, ReadOptions::default().strict(true))
 }
 
-/// A recording that every format but N-MNIST can hold, with all of its values told apart.
+/// A recording that every format except N-MNIST can hold, with all values different.
 pub fn events() -> Vec<Event> {
     (0..40_u16).map(|i| Event::new(1000 + i64::from(i) * 700, i * 3, 200 - i * 5, i % 3 == 0)).collect()
 }
@@ -48,7 +48,7 @@ pub fn evt2(header: &str, words: &[u32]) -> Vec<u8> {
     bytes
 }
 
-/// The words of `events`, each with a time word before it where one is due.
+/// The words of `events`, with a time word before an event if one is due.
 pub fn evt2_words(events: &[Event]) -> Vec<u32> {
     let mut words = Vec::new();
     let mut high = None;
@@ -146,7 +146,7 @@ pub fn samples() -> Vec<(Format, Vec<u8>)> {
     samples
 }
 
-/// A text without a line feed that fails where more than `left` bytes of it are read.
+/// A text without a line feed that fails if more than `left` bytes of it are read.
 pub struct Endless {
     /// Bytes that are left.
     pub left: u64,
@@ -161,12 +161,12 @@ impl Read for Endless {
     }
 }
 
-/// Any event with a time of `times`, on `side` x `side` pixels.
+/// Any event with a time from `times`, on `side` x `side` pixels.
 pub fn any_event(times: impl Strategy<Value = i64>, side: u16) -> impl Strategy<Value = Event> {
     (times, 0..side, 0..side, any::<bool>()).prop_map(|(t, x, y, on)| Event::new(t, x, y, on))
 }
 
-/// Events in order of time from 0 to `most`, bursts and long silences both.
+/// Events in order of time from 0 to `most`, with bursts and long silences.
 pub fn sorted_events(most: i64, side: u16) -> impl Strategy<Value = Vec<Event>> {
     let times = prop_oneof![0..=most, 0..=most.min(20_000)];
     prop::collection::vec(any_event(times, side), 0..60).prop_map(|mut events| {
@@ -236,8 +236,8 @@ pub mod aedat {
         events.iter().flat_map(event).collect()
     }
 
-    /// A file of AEDAT 3.1 of a DAVIS346: a packet for every so many events, and where the clock
-    /// passes its end.
+    /// A file of AEDAT 3.1 of a DAVIS346: a new packet after at most `most` events, and when the
+    /// clock overflows.
     pub fn aedat3(events: &[Event], most: usize) -> Vec<u8> {
         let mut bytes = aedat3_header(1, "DAVIS346");
         for period in events.chunk_by(|a, b| a.t_us >> 31 == b.t_us >> 31) {
@@ -251,8 +251,8 @@ pub mod aedat {
 }
 
 pub mod aedat4 {
-    //! A writer of AEDAT4 for the tests: the container, and its tables laid out as the recorders
-    //! do.
+    //! A writer of AEDAT4 for the tests: the container, and its tables with the layout of the
+    //! recorders.
 
     use std::io::Write;
 
@@ -262,10 +262,10 @@ pub mod aedat4 {
 
     use super::{SENSOR, events};
 
-    /// How packets are compressed, by its number in the header.
+    /// Compression of packets, by its number in the header.
     #[derive(Clone, Copy, Debug, PartialEq, Eq)]
     pub enum Compression {
-        /// Not at all.
+        /// No compression.
         None = 0,
         /// Frames of LZ4.
         Lz4 = 1,
@@ -274,7 +274,7 @@ pub mod aedat4 {
     }
 
     impl Compression {
-        /// All of them.
+        /// All compressions.
         pub const ALL: [Self; 3] = [Self::None, Self::Lz4, Self::Zstd];
 
         /// The compressed bytes.
@@ -291,9 +291,9 @@ pub mod aedat4 {
         }
     }
 
-    /// A file to be: its packets are compressed already.
+    /// A file under construction: its packets are compressed already.
     pub struct File {
-        /// How all packets are compressed.
+        /// Compression of all packets.
         pub compression: Compression,
         /// The streams, as the header names them.
         pub xml: String,

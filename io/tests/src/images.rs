@@ -1,4 +1,4 @@
-//! Writers of PNG and JPEG that compress nothing: every byte is known, and no code is shared with
+//! Writers of PNG and JPEG without compression: every byte is known, and they share no code with
 //! the readers.
 
 /// CRC-32 as in PNG's appendix, bit by bit.
@@ -32,7 +32,7 @@ pub fn chunk(kind: [u8; 4], content: &[u8]) -> Vec<u8> {
     chunk
 }
 
-/// Sides, depth, colour type and interlacing, as IHDR has them.
+/// Sides, depth, colour type and interlacing, as in IHDR.
 pub struct Ihdr {
     /// Columns.
     pub width: u32,
@@ -42,7 +42,7 @@ pub struct Ihdr {
     pub depth: u8,
     /// The colour type.
     pub colour: u8,
-    /// Whether by Adam7.
+    /// Whether it is interlaced by Adam7.
     pub interlaced: bool,
 }
 

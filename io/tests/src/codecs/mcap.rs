@@ -1,4 +1,4 @@
-//! A writer of MCAP and CDR for the tests, which shares no code with the one of the crate.
+//! A writer of MCAP and CDR for the tests, which shares no code with the crate's writer.
 
 use meissner_engine::{Event, Sensor};
 
@@ -59,7 +59,7 @@ pub fn file(records: &[Vec<u8>]) -> Vec<u8> {
 
 /// Values of a message in CDR, each at a multiple of its size.
 pub struct Cdr {
-    /// What was written, from the encapsulation header on.
+    /// The written bytes, from the encapsulation header on.
     pub bytes: Vec<u8>,
     big: bool,
 }
