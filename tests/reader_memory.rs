@@ -1,4 +1,4 @@
-//! What readers hold at once, whatever a file asks for.
+//! The memory that readers hold at once, for any content of a file.
 #![allow(unsafe_code, reason = "a global allocator cannot be written without; this one only counts")]
 
 use std::alloc::{GlobalAlloc, Layout, System};
@@ -11,11 +11,11 @@ use meissner_models::{AnyDescription, Weights};
 struct Counting;
 
 thread_local! {
-    /// Bytes that this thread allocated and did not free, and the most of them at once.
+    /// Bytes that this thread allocated and did not free, and their maximum.
     static HELD: Cell<(usize, usize)> = const { Cell::new((0, 0)) };
 }
 
-/// Counts an allocation or what is freed; after the thread's end nobody asks.
+/// Counts allocated and freed bytes; after the thread's end the count is not needed.
 fn count(grown: usize, freed: usize) {
     let _ = HELD.try_with(|held| {
         let now = (held.get().0 + grown).saturating_sub(freed);
@@ -41,7 +41,8 @@ unsafe impl GlobalAlloc for Counting {
 #[global_allocator]
 static COUNTING: Counting = Counting;
 
-/// Has `read` refuse what it is given; the most bytes that this thread held meanwhile.
+/// Asserts that `read` refuses its input; returns the maximum bytes that this thread held
+/// meanwhile.
 fn held<T, E>(read: impl FnOnce() -> Result<T, E>) -> usize {
     let before = HELD.get().0;
     HELD.set((before, before));
@@ -49,7 +50,8 @@ fn held<T, E>(read: impl FnOnce() -> Result<T, E>) -> usize {
     HELD.get().1 - before
 }
 
-/// Bytes that a length of 2^63 may make a reader hold: none of that size.
+/// Maximum bytes that a reader may hold for a stated length of 2^63: it must not allocate that
+/// size.
 const LITTLE: usize = 64 << 10;
 
 #[test]

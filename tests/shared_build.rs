@@ -1,4 +1,4 @@
-//! Sets `no_shared` for crates whose tests read recordings and golden files where there are none:
+//! Sets `no_shared` for crates whose tests read recordings and golden files, if there are none:
 //! these tests then count as ignored, not as passed.
 
 use std::env;
@@ -12,8 +12,9 @@ fn main() {
     println!("cargo::rustc-check-cfg=cfg(no_shared)");
     println!("cargo::rerun-if-env-changed=MEISSNER_SHARED");
     println!("cargo::rerun-if-env-changed=MEISSNER_REQUIRE_SHARED");
-    // A file: cargo would search a folder for changes. With a missing one, cargo would compile the
-    // crate again in every build: a folder that comes later is seen when MEISSNER_SHARED names it.
+    // A file, because cargo would search a folder for changes. With a missing file, cargo would
+    // compile the crate again in every build: a folder that is added later is found if
+    // MEISSNER_SHARED names it.
     let readme = folder.join("README.md");
     if readme.exists() {
         println!("cargo::rerun-if-changed={}", readme.display());

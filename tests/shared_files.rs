@@ -4,7 +4,7 @@
 use std::path::{Path, PathBuf};
 
 /// `path` in the folder that `MEISSNER_SHARED` names, else in `shared` beside the workspace, if it
-/// is there.
+/// exists.
 pub fn find_shared(path: &str) -> Option<PathBuf> {
     let mut folders = Path::new(env!("CARGO_MANIFEST_DIR")).ancestors();
     let root = folders.find(|folder| folder.join("Cargo.lock").exists())?;
@@ -16,7 +16,7 @@ pub fn find_shared(path: &str) -> Option<PathBuf> {
 /// `path` in the shared folder, for tests marked `#[cfg_attr(no_shared, ignore = "no ../shared")]`.
 ///
 /// # Panics
-/// If it is not there.
+/// If it does not exist.
 #[track_caller]
 pub fn shared(path: &str) -> PathBuf {
     find_shared(path).unwrap_or_else(|| {

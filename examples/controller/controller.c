@@ -4,7 +4,7 @@
 //     target/release/fingertip &
 //     target/c/controller
 //
-// The README beside this file has the datagrams and the law. A machine whose least significant byte comes first is assumed.
+// The README beside this file describes the datagrams and the control law. The program assumes a little-endian machine.
 #define _GNU_SOURCE
 #include <arpa/inet.h>
 #include <errno.h>
@@ -60,7 +60,7 @@ static void report(const char *what, int error) {
   printf("%s: %s%s\n", what, error ? "refused: " : "granted", error ? strerror(error) : "");
 }
 
-// A thread starts with the priority of the one that starts it.
+// A thread starts with the priority of the thread that starts it.
 static void raise_to(const char *whose, int priority) {
   const struct sched_param wanted = {.sched_priority = priority};
   report(whose, pthread_setschedparam(pthread_self(), SCHED_FIFO, &wanted));
@@ -84,7 +84,7 @@ static struct sockaddr_in local(uint16_t port) {
   return address;
 }
 
-// The sensor's thread: records of 16 bytes are events as they stand in memory. An empty datagram is the end.
+// The sensor's thread: records of 16 bytes are events in their memory layout. An empty datagram ends the stream.
 static void *feed(void *argument) {
   meissner_input *input = argument;
   const int events_socket = socket(AF_INET, SOCK_DGRAM, 0);
@@ -106,7 +106,7 @@ static void *feed(void *argument) {
   return NULL;
 }
 
-// How often a time was at most each of these, in microseconds.
+// Upper limits of the times that each row counts, in microseconds.
 enum { ROWS = 9 };
 static const int64_t ROWS_US[ROWS] = {5, 10, 20, 50, 100, 200, 500, 900, INT64_MAX};
 
@@ -127,7 +127,7 @@ int main(int argc, char **argv) {
 
   report("locked memory", mlockall(MCL_CURRENT | MCL_FUTURE) ? errno : 0);
   raise_to("priority of the engine's thread", 60);
-  // Short batches: the engine begins a prediction two of them before the deadline.
+  // Short batches: the engine begins a prediction two batches before the deadline.
   const meissner_live_options options = {.size = sizeof options, .batch = 8};
   check(meissner_live_new(engine, &options, &input, &live));
   raise_to("priority of the feed", 70);
@@ -157,7 +157,7 @@ int main(int argc, char **argv) {
     check(meissner_live_predict(live, left > 0 ? (uint64_t)left : 0, angles, 2, &timely));
     const int64_t answered = now_ns();
 
-    // While a press is held, the angle of the contact is what the wrist must still turn.
+    // While a press is held, the angle of the contact is the angle that the wrist must still turn.
     if (newest.phase == HOLD) {
       wanted.roll = newest.roll + GAIN * (double)angles[0];
       wanted.pitch = newest.pitch + GAIN * (double)angles[1];

@@ -4,7 +4,7 @@
     cargo run --release -p meissner-controller --bin fingertip &
     python examples/controller/controller.py udp://127.0.0.1:5000
 
-The README beside this file has the datagrams and the law.
+The README next to this file describes the datagrams and the law of levelling.
 """
 
 import argparse
@@ -23,7 +23,7 @@ import numpy as np
 import meissner
 
 NETWORK, SENSOR, GAIN, HOLD = "tactigraph-past", (346, 260), 0.8, 2
-# Events as they stand in a datagram, 16 bytes each.
+# Layout of events in a datagram, 16 bytes each.
 RECORD = np.dtype({"names": ["t", "x", "y", "p"], "formats": ["<i8", "<u2", "<u2", "i1"], "itemsize": 16})
 # Cycle, roll, pitch of the wrist; and time, depth, roll, pitch, phase, tap.
 TARGET, STATE = struct.Struct("<Qdd"), struct.Struct("<qdddII")
@@ -36,7 +36,7 @@ def main():
     sensor, play = opened(arguments.source)
     engine = meissner.Engine(NETWORK, sensor)
     report("locked memory", lock_memory)
-    # A thread starts with the priority of the one that starts it.
+    # A thread inherits the priority of the thread that starts it.
     report("priority of the engine's thread", lambda: raise_to(60))
     live = meissner.Live(engine, capacity=arguments.queue)
     report("priority of the feed", lambda: raise_to(70))
@@ -58,7 +58,7 @@ def main():
 
 
 def run(live, robot, start, ended, arguments):
-    """Cycles until the feed has ended: their times in microseconds, and how many missed their deadline."""
+    """Cycles until the feed has ended; returns their times in microseconds, and the number of missed deadlines."""
     period, deadline = arguments.period / 1e6, arguments.deadline / 1e6
     late_us, answer_us, late, stale, cycle, due = [], [], 0, 0, 0, start
     roll = pitch = 0.0
@@ -118,7 +118,7 @@ class Remote:
 
 
 class Alone:
-    """A wrist beside a recording, on which it has no effect: always in a hold, at rest."""
+    """A wrist for a recording, on which it has no effect: always in a hold, at rest."""
 
     def state(self):
         return HOLD, 0.0, 0.0
@@ -128,7 +128,7 @@ class Alone:
 
 
 def opened(source):
-    """The sensor of a source, and what feeds a live engine from it in a thread of its own."""
+    """The sensor of a source, and a function that feeds a live engine from it, for a separate thread."""
     if source.startswith("udp://"):
         receiver = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         receiver.bind(address_of(source.removeprefix("udp://")))
@@ -179,7 +179,7 @@ def histogram(late_us, answer_us):
 
 
 def report(what, ask):
-    """Says whether the operating system granted a request."""
+    """Prints whether the operating system granted a request."""
     try:
         ask()
     except (OSError, AttributeError) as error:

@@ -1,4 +1,4 @@
-//! An engine takes its memory when it is made and nothing later, and how much that is.
+//! An engine allocates all its memory when it is made; the amount is checked.
 #![allow(unsafe_code, reason = "a global allocator cannot be written without; this one only counts")]
 
 mod frames;
@@ -25,19 +25,19 @@ use meissner_verify::Random;
 /// The system's allocator, counted.
 struct Counting;
 
-// Of each thread by itself: the harness allocates in its own when another test ends.
+// For each thread separately: the harness allocates in its own thread when another test ends.
 thread_local! {
-    /// Allocations.
+    /// Number of allocations.
     static COUNT: Cell<u64> = const { Cell::new(0) };
     /// Bytes allocated and not freed.
     static HELD: Cell<i64> = const { Cell::new(0) };
-    /// Most of them at once.
+    /// Maximum of `HELD`.
     static PEAK: Cell<i64> = const { Cell::new(0) };
 }
-/// Held by each test: what runs beside it would be counted too.
+/// Held by each test, because allocations of a parallel test would be counted too.
 static ALONE: Mutex<()> = Mutex::new(());
 
-/// Counts an allocation; one after the thread's end has no counter, and nobody asks.
+/// Counts an allocation. After the thread's end there is no counter, and none is needed.
 fn count_one() {
     let _ = COUNT.try_with(|count| count.set(count.get() + 1));
 }
@@ -51,7 +51,8 @@ fn held_bytes() -> i64 {
     HELD.try_with(Cell::get).unwrap_or(0)
 }
 
-/// What `run` gives, bytes that this thread then holds more than before, and the most of them.
+/// The result of `run`, the additional bytes that this thread then holds, and their maximum during
+/// the run.
 fn measured<T>(run: impl FnOnce() -> T) -> (T, [u64; 2]) {
     let before = held_bytes();
     PEAK.set(before);
@@ -87,7 +88,7 @@ unsafe impl GlobalAlloc for Counting {
 #[global_allocator]
 static ALLOCATOR: Counting = Counting;
 
-/// Marker dots that appear and vanish in bursts, for where there is no recording.
+/// Marker dots that appear and vanish in bursts, used if there is no recording.
 fn synthetic() -> (Sensor, Vec<Event>) {
     let mut random = Random::new(4);
     let mut t = 0;
@@ -160,7 +161,7 @@ fn two_threads_that_share_rows_allocate_nothing_after_their_first() {
     }
 }
 
-/// Scenes that are unlike any recording, each a way to ask much of one of an engine's parts.
+/// Scenes that are unlike any recording; each stresses one part of an engine.
 #[derive(Clone, Copy, Debug)]
 enum Scene {
     /// A hot spot that stays for a while in one cell of the search grid, then in the next.
@@ -175,7 +176,7 @@ enum Scene {
     Bursts,
     /// A while without events, then many.
     SilenceThenBurst,
-    /// Pixels as far from each other as can be.
+    /// Pixels as far apart as possible.
     Corners,
 }
 
@@ -216,7 +217,7 @@ impl Scene {
     }
 }
 
-/// Runs all scenes; allocations meanwhile.
+/// Runs all scenes; returns the number of allocations meanwhile.
 fn through_all_scenes(engine: &mut Engine, events: i64, every: i64) -> u64 {
     let mut random = Random::new(4);
     let before = COUNT.get();
@@ -313,7 +314,7 @@ fn an_engine_takes_at_most_the_bytes_that_it_tells_and_at_least_four_fifths_of_t
     }
 }
 
-/// An engine that says how much its thread has allocated.
+/// An engine that reports the allocations of its thread.
 struct Watched(Engine, Arc<AtomicU64>);
 
 impl Predictor for Watched {
@@ -355,7 +356,8 @@ fn behind_a_queue_a_second_pass_allocates_nothing_on_either_side() {
     let engine = Engine::new(network.expect("the weights fit"), sensor).expect("exact");
     let theirs = Arc::new(AtomicU64::new(0));
     let filter = BackgroundActivity::new(sensor, 1_250).expect("admissible");
-    // Room for all of a pass, so that what enters does not depend on how fast the worker is.
+    // Room for all events of a pass, so that the accepted events do not depend on the worker's
+    // speed.
     let options = QueueOptions::new()
         .with_capacity(1 << 16)
         .with_overload(Overload::Filter(Chain::new(vec![Filter::BackgroundActivity(filter)])));
@@ -412,7 +414,8 @@ fn a_third_pass_through_filters_a_tolerance_and_a_stale_readout_allocates_nothin
         }
         COUNT.get() - before
     };
-    // What stands from one pass to the next shifts when pooled levels are computed: warm up twice.
+    // State that stays from one pass to the next shifts the times at which pooled levels are
+    // computed: warm up twice.
     let [first, second, third] = [0, 1, 2].map(|i| pass(i * (span + 10 * 150_000)));
     println!("{first} allocations in the first pass, {second} in the second, {third} in the third");
     assert_eq!(third, 0);

@@ -44,7 +44,7 @@ fn staleness() -> impl Strategy<Value = Staleness> {
         .prop_map(|(events, us)| Staleness::new().with_events(events).with_us(us))
 }
 
-/// A prediction as it was when it was computed.
+/// A prediction at the time of its computation.
 #[derive(Clone, Debug)]
 struct Exact {
     values: Vec<u32>,

@@ -1,4 +1,4 @@
-//! The book: its contents are the pages of `docs`, links lead to something, listings to anchors.
+//! The book: its contents are the pages of `docs`, links have targets, and listings have anchors.
 
 use std::collections::BTreeSet;
 use std::fs;

@@ -1,4 +1,4 @@
-//! Every engine keeps the claims of [`conformance`], over random networks, streams and clocks.
+//! The claims of [`conformance`] hold for every engine, over random networks, streams and clocks.
 //!
 //! `MEISSNER_CASES` sets the number of cases (400 without it).
 
@@ -44,7 +44,7 @@ fn cuts() -> impl Strategy<Value = Vec<usize>> {
     prop::collection::vec(1_usize..100, 1..30)
 }
 
-/// Options that results depend on, and one that shows a stale read.
+/// Options that affect results, and one that makes a stale read visible.
 fn options() -> impl Strategy<Value = Options> {
     let tolerance = prop_oneof![2 => Just(0.0f32), 1 => Just(0.02), 1 => Just(f32::MAX)];
     (tolerance, any::<bool>()).prop_map(|(tolerance, clamps)| {
@@ -63,8 +63,8 @@ fn filters() -> impl Strategy<Value = Vec<FilterRule>> {
     prop_oneof![2 => Just(Vec::new()), 1 => prop::collection::vec(rule, 1..3)]
 }
 
-/// An engine that takes slices, cut where `cuts` say, has in the end the whole state of one that
-/// takes event by event, as bytes, but for the counts of work, of which a slice may save some.
+/// An engine that takes slices, cut at `cuts`, has in the end the same state as bytes as one that
+/// takes event by event. Only the counts of work differ, because a slice may save work.
 fn slices_leave_the_state(
     make: impl Fn() -> Engine,
     steps: &[Step<Event>],
@@ -159,7 +159,7 @@ fn convolution() -> impl Strategy<Value = Convolution> {
     ]
 }
 
-/// The frames with times, some of them late, which a clock of their own gives them.
+/// The frames with times from a separate clock; some are late.
 fn timed(steps: &[Step<Vec<f32>>]) -> Vec<Step<Frame>> {
     let mut t_us = 0;
     let step = |(i, step): (usize, &Step<Vec<f32>>)| match step {
@@ -240,7 +240,7 @@ impl<P: Predictor<Input: Item> + Send + 'static> Behind<P> {
 impl<P: Predictor<Input: Item>> Predictor for Behind<P> {
     type Input = P::Input;
 
-    /// The worker decides what becomes of it.
+    /// The worker decides about it.
     fn push(&mut self, input: &P::Input) -> Result<Outcome, EngineError> {
         self.push_slice(std::slice::from_ref(input)).map(|()| Outcome::Held)
     }
@@ -274,7 +274,8 @@ impl<P: Predictor<Input: Item>> Predictor for Behind<P> {
     }
 }
 
-/// The steps of a queue, each advance with its prediction: a later event would make it void.
+/// The steps of a queue. Each advance has its own prediction, because a later event would cancel
+/// its effect.
 fn queueable<I: Clone>(steps: &[Step<I>]) -> Vec<Step<I>> {
     let kept = steps.iter().filter(|step| !matches!(step, Step::Reset));
     kept.flat_map(|step| {
@@ -312,7 +313,7 @@ proptest! {
     }
 }
 
-/// An engine that fills expired rows with NaN, so that a row that is computed too late shows.
+/// An engine that fills expired rows with NaN, so that a row that is computed too late is visible.
 fn poisoned(shape: &NetworkShape, sensor: Sensor) -> Engine {
     Engine::with_options(shape.build(), sensor, Options::new().with_poison(true))
         .expect("the network is exact")
@@ -342,7 +343,7 @@ fn frozen(capacity: usize, k: usize, blocks: usize) -> NetworkShape {
     }
 }
 
-/// Every event of the slice evicts one that another of the slice reads.
+/// Every event of the slice evicts an event that another event of the slice reads.
 #[test]
 fn rows_are_computed_before_what_they_read_is_evicted_or_expires() {
     let sensor = Sensor::new(16, 16);
@@ -401,7 +402,8 @@ fn small(keys: &str) -> String {
         .readout("grid = [2, 2]", &["a", "b"], "rad")
 }
 
-/// A stream of a small network with predictions and counts, which bindings compare with theirs.
+/// A stream of a small network with predictions and counts, with which bindings compare their
+/// results.
 fn fixed_case(name: &str, keys: &str, seed: u64) -> Value {
     let (text, sensor) = (small(keys), Sensor::new(64, 48));
     let description = Description::parse(&text).expect("consistent");

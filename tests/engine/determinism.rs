@@ -1,5 +1,5 @@
-//! The same bits at any number of threads, on every instruction set, in every build, and as they
-//! were; what a fingerprint covers.
+//! The same bits at any number of threads, on every instruction set, in every build, and as in
+//! earlier versions; the content of a fingerprint.
 
 use meissner_engine::frames::{FrameEngine, FrameSnapshot};
 use meissner_engine::{

@@ -20,7 +20,7 @@ const WITHOUT_PIXELS: [Sensor; 3] = [
     Sensor { width: u16::MAX, height: 0 },
 ];
 
-/// Stamps of all sizes, the ends among them.
+/// Stamps of all sizes, including the ends.
 fn time() -> impl Strategy<Value = i64> {
     let end = prop_oneof![Just(i64::MIN), Just(i64::MIN + 1), Just(-1), Just(0), Just(i64::MAX)];
     prop_oneof![3 => any::<i64>(), 3 => end, 6 => 0i64..3_000]
@@ -31,7 +31,7 @@ fn pixel() -> impl Strategy<Value = u16> {
     prop_oneof![8 => 0u16..5, 1 => Just(u16::MAX), 1 => any::<u16>()]
 }
 
-/// Events, and after some of them a time to move on to.
+/// Events, some followed by a time to which the clock advances.
 fn steps() -> impl Strategy<Value = Vec<(Event, Option<i64>)>> {
     let event = (time(), pixel(), pixel(), any::<bool>()).prop_map(|(t, x, y, on)| Event::new(t, x, y, on));
     proptest::collection::vec((event, proptest::option::weighted(0.2, time())), 0..40)
@@ -41,7 +41,7 @@ fn late() -> impl Strategy<Value = LatePolicy> {
     prop_oneof![Just(LatePolicy::Drop), Just(LatePolicy::Clamp)]
 }
 
-/// Numbers of a network, the ends of what it may have among them.
+/// Numbers of a network, including the ends of the admissible range.
 fn scale() -> impl Strategy<Value = f32> {
     prop_oneof![Just(f32::from_bits(1)), Just(f32::MIN_POSITIVE), Just(f32::MAX), 0.01f32..10.0]
 }
@@ -59,7 +59,7 @@ fn fraction() -> impl Strategy<Value = Fraction> {
     (term.clone(), term).prop_map(|(n, d)| Fraction::new(n, d).expect("positive"))
 }
 
-/// Whether a prediction is there, or is refused for a reason that a network may have.
+/// Whether there is a prediction, or it is refused for an admissible reason.
 fn is_in_order<T>(prediction: Result<T, EngineError>) -> bool {
     matches!(prediction, Ok(_) | Err(EngineError::NotANumber { .. }))
 }

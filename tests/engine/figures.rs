@@ -1,8 +1,8 @@
-//! Figures of networks name the weights that they are of.
+//! Figures of networks name their weights.
 //!
-//! Beside every table and picture that shows a shipped network stands a comment, which readers of a
-//! page do not see: when and on what machine it was made, of which commit, how the fingerprints of
-//! its networks begin, and the command.
+//! Every table and picture of a shipped network has a comment, invisible to readers of the page:
+//! date, machine and commit of the measurement, the beginnings of the fingerprints of its networks,
+//! and the command.
 //!
 //! ```text
 //! <!-- figures: 28 November 2026, 6f0abd1f, Xeon with AVX-512
@@ -10,8 +10,8 @@
 //! $ meissner eval angle on/test.safetensors --network tactigraph-past -->
 //! ```
 //!
-//! Where a page has figures of weights that are not shipped, the comment is `figures of other
-//! weights: DATE, COMMIT, MACHINE, of NETWORK, NETWORK`, without fingerprints.
+//! If a page has figures of weights that are not shipped, the comment is `figures of other weights:
+//! DATE, COMMIT, MACHINE, of NETWORK, NETWORK`, without fingerprints.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
@@ -22,8 +22,8 @@ use meissner_models::{AnyDescription, Weights};
 use crate::book::{prose, text};
 use crate::house::{files, root};
 
-/// Pages without figures of shipped networks: results of a day, what changed, what was tried,
-/// choices and promises.
+/// Pages without figures of shipped networks: results of one day, changes, experiments, choices and
+/// promises.
 const APART: [&str; 6] = [
     "CHANGELOG.md",
     "TRIED.md",
@@ -39,12 +39,12 @@ struct Part {
     heading: String,
     /// Shipped networks in tables with figures, and pictures.
     shown: BTreeSet<String>,
-    /// Lines of comments with figures; those of other weights without fingerprints.
+    /// Lines of comments with figures; comments about other weights have no fingerprints.
     told: Vec<String>,
 }
 
 impl Part {
-    /// The names that its comments tell, with their fingerprints.
+    /// The names in its comments, with their fingerprints.
     fn networks(&self) -> BTreeMap<&str, &str> {
         let lines = self.told.iter().filter(|line| !line.starts_with("$ ") && !line.starts_with("figures"));
         lines.flat_map(|line| line.split(',')).filter_map(|told| told.trim().split_once(' ')).collect()
@@ -86,7 +86,8 @@ fn parts(text: &str, names: &[&str]) -> Vec<Part> {
     parts
 }
 
-/// The networks that a table names, if it has figures: cells but the first that begin with a digit.
+/// The networks that a table names, if it has figures: cells, except the first, that begin with a
+/// digit.
 fn shown(table: &[&str], names: &[&str]) -> Vec<String> {
     let is_figure = |cell: &str| cell.trim_start().starts_with(|c: char| c.is_ascii_digit());
     if !table.iter().any(|row| row.split('|').skip(2).any(is_figure)) {

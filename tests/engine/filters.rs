@@ -1,4 +1,4 @@
-//! Event filters against their slow twin, and what each promises.
+//! Event filters against their slow twin, and the promises of each.
 
 use meissner_engine::filters::{
     BackgroundActivity, Chain, EventFilter, Filter, FilterCounters, FilterRule, HotPixel, RateLimit,
@@ -117,7 +117,7 @@ proptest! {
         us in 1i64..300, burst in 1u32..5, events in events(),
     ) {
         let mut filter = HotPixel::new(SENSOR, us, burst).expect("admissible");
-        // Nothing is owed beyond the end of time.
+        // There is no debt beyond the end of time.
         let counts = |e: &Event| SENSOR.contains(e.x, e.y) && e.t_us < i64::MAX / 2;
         let mut events: Vec<Event> = events.into_iter().filter(counts).collect();
         events.sort_by_key(|event| event.t_us);
@@ -139,7 +139,7 @@ proptest! {
         let now_us = before.iter().map(|event| event.t_us).max().unwrap_or(i64::MIN);
         let remembered = chain.remembered(now_us);
         let mut other = Chain::of_rules(&rules, SENSOR).expect("admissible");
-        // What it saw is forgotten.
+        // The filter forgets earlier events.
         run(&mut other, &after);
         prop_assert!(other.remember(&remembered));
         prop_assert_eq!(other.remembered(now_us), remembered);
@@ -170,7 +170,7 @@ fn at(t_us: i64, x: u16, y: u16) -> Event {
 #[test]
 fn every_event_passes_while_the_rate_is_below_the_bound() {
     let mut filter = RateLimit::new(10_000).expect("admissible");
-    // One event in 100 us, and now and then ten at once, as the rate allows over a millisecond.
+    // One event per 100 us, and sometimes ten at once, as the rate allows over a millisecond.
     let steady: Vec<Event> = (0..1_000).map(|i| at(100 * i, 0, 0)).collect();
     assert_eq!(passed(&mut filter, &steady), 1_000);
     let bursts: Vec<Event> = (0..1_000).map(|i| at(1_000_000 + i / 10 * 1_000, 0, 0)).collect();
@@ -179,7 +179,8 @@ fn every_event_passes_while_the_rate_is_below_the_bound() {
 
 #[test]
 fn a_steady_stream_above_the_bound_is_thinned_evenly() {
-    // 4 events a microsecond and 1 million a second: every fourth, once the depth is used up.
+    // 4 events per microsecond and a rate of 1 million per second: every fourth passes, once the
+    // depth is used up.
     let mut filter = RateLimit::new(1_000_000).expect("admissible");
     let events: Vec<Event> = (0..40_000).map(|i| at(i / 4, 0, 0)).collect();
     let passes = run(&mut filter, &events);
@@ -194,14 +195,15 @@ fn an_event_alone_is_noise_and_its_neighbour_is_not() {
     let mut filter = BackgroundActivity::new(SENSOR, us).expect("admissible");
     let events =
         [at(0, 2, 2), at(10, 2, 2), at(20, 3, 3), at(20 + us, 2, 3), at(21 + 2 * us, 3, 3), at(0, 4, 4)];
-    // The pixel is no neighbour of its own; a microsecond too late is noise; order is no matter.
+    // A pixel is not its own neighbour; an event that is a microsecond too late is noise; the order
+    // does not matter.
     assert_eq!(run(&mut filter, &events), [false, false, true, true, false, false]);
 }
 
 #[test]
 fn a_corner_has_three_neighbours_and_no_pixel_of_another_row() {
     let mut filter = BackgroundActivity::new(SENSOR, 10).expect("admissible");
-    // (5, 0) and (0, 1) follow each other in memory and are no neighbours.
+    // (5, 0) and (0, 1) follow each other in memory but are not neighbours.
     assert_eq!(run(&mut filter, &[at(0, 5, 0), at(0, 0, 1), at(0, 0, 0)]), [false, false, true]);
 }
 
@@ -230,7 +232,7 @@ fn a_pixel_that_fires_faster_than_its_period_is_muted_until_it_has_been_silent()
     let slow: Vec<Event> = (0..200).map(|i| at(100 * i, 3, 3)).collect();
     assert_eq!(passed(&mut filter, &slow), 200);
     let end_us = fast[199].t_us;
-    // At most twice the burst is owed: 600 us less the pause, and 100 for the event itself.
+    // The debt is at most twice the burst: 600 us minus the pause, and 100 for the event itself.
     let pauses = [399, 2, 601].iter().scan(end_us, |t_us, pause| {
         *t_us += pause;
         Some(at(*t_us, 2, 2))

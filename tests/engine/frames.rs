@@ -1,4 +1,5 @@
-//! Frame networks: what is skipped changes no bit, and what is computed is what a change reaches.
+//! Frame networks: skipping changes no bit, and the computed pixels are those that a change
+//! reaches.
 
 use meissner_engine::EngineError;
 use meissner_engine::frames::{
@@ -42,7 +43,7 @@ proptest! {
     }
 }
 
-/// Layers over a vector of 6 values, each with what it reads.
+/// Layers over a vector of 6 values, each with its input.
 fn over_a_vector(layers: Vec<(usize, FrameLayerKind)>) -> FrameNetworkParts {
     let name = |(i, (from, kind))| FrameLayer { name: format!("layer{i}"), from, kind };
     let layers = layers.into_iter().enumerate().map(name).collect();
@@ -59,7 +60,7 @@ fn lstm_of_6() -> FrameLayerKind {
 fn a_concatenation_of_vectors_is_the_values_of_one_and_then_of_the_other() {
     let (lstm, delay) = (lstm_of_6(), FrameLayerKind::Delay { frames: 3 });
     let join = |with| FrameLayerKind::Concat { with };
-    // Both read the frame; the frame stands behind them.
+    // Both read the frame; the frame follows after them.
     let parts = over_a_vector(vec![(0, lstm.clone()), (0, delay.clone()), (1, join(2)), (3, join(0))]);
     for skip in [Skip::Exact, Skip::Nothing, Skip::Tolerance(0.0)] {
         let options = FrameOptions::new().with_skip(skip);
@@ -74,7 +75,7 @@ fn a_concatenation_of_vectors_is_the_values_of_one_and_then_of_the_other() {
             }
             joined.push(frame).expect("a frame that fits");
             alone.iter_mut().for_each(|engine| engine.push(frame).expect("a frame that fits"));
-            // Several frames may meet in a prediction.
+            // A prediction may cover several frames.
             if n % 4 != 1 {
                 let expected = [predict(&mut alone[0]), predict(&mut alone[1]), bits(frame)].concat();
                 assert_eq!(predict(&mut joined), expected, "frame {n}, {skip:?}");
@@ -190,7 +191,7 @@ fn an_empty_frame_of_events_is_taken_from_what_zeros_give() {
     frame[20 * 128 + 70] = 1.0;
     engine.push(&frame).expect("a frame that fits");
     predict(&mut engine);
-    // What it reaches pools to rows 9 and 10 of two columns.
+    // The changed pixels pool to rows 9 and 10 of two columns.
     let first = engine.counters().layers[1];
     assert_eq!((first.computed, first.absorbed), (4, 32 * 64 - 4));
     engine.push(&vec![0.0; 64 * 128]).expect("a frame that fits");

@@ -35,15 +35,14 @@ const SMALL_ALONE: [&str; 2] = ["slip-best", "canf-live"];
 
 type Case = (&'static str, Option<[usize; 2]>, bool);
 
-/// The golden files of a network that are at hand, with its description for their images and its
-/// weights.
+/// The available golden files of a network, with its description for their images and its weights.
 fn goldens((name, size, _): Case) -> Vec<(Golden, FrameDescription, Weights)> {
     let large = name.replace('-', "_");
     let small = format!("{large}_small");
     let names = if SMALL_ALONE.contains(&name) { vec![&small[..]] } else { vec![&small[..], &large[..]] };
     let of = |(file, golden): (&str, Golden)| {
         if Golden::is_small(file) {
-            // The dense layer of this one is for whole images.
+            // The dense layer of this network is for whole images.
             let size = size.filter(|_| name != "force-convlstm");
             (golden, frame_description(name, size), Weights::shipped(name).expect("shipped weights"))
         } else {

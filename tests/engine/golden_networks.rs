@@ -309,7 +309,7 @@ fn assert_pools(golden: &Golden) {
     assert_eq!(merged, golden.edges("pool_edge_index").into_iter().collect());
 }
 
-/// Largest share of the reference's largest magnitude, in f64.
+/// Largest difference, as a share of the reference's largest magnitude, in f64.
 pub(crate) const WIDE: f64 = 1e-5;
 
 /// Asserts that the golden values are within a share of the largest magnitude of the reference's.

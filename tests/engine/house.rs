@@ -1,5 +1,5 @@
-//! The rules of the house: what a crate may use, no circle of imports, short files, errors that do
-//! not repeat their source, and promises that name their tests.
+//! The rules of the project: the crates that a crate may use, no cycle of imports, short files,
+//! errors that do not repeat their source, and promises that name their tests.
 //!
 //! ARCHITECTURE.md states the rules as invariants.
 
@@ -18,7 +18,7 @@ use meissner_models::systems::slip::SlipError;
 use meissner_reference::ReferenceError;
 use proptest::prelude::ProptestConfig;
 
-/// Each crate with the crates of the house that it may use, its tests apart.
+/// Each crate with the crates of the project that it may use, without its tests.
 const MAY_USE: [(&str, &[&str]); 17] = [
     ("kernels", &[]),
     ("engine", &["kernels"]),
@@ -69,7 +69,7 @@ const MAY_USE: [(&str, &[&str]); 17] = [
     ("examples/packets", &["engine", "io", "live", "models", "run"]),
 ];
 
-/// A file that is longer than this is more than one idea.
+/// A longer file contains more than one idea.
 const MAX_LINES: usize = 500;
 
 /// The folder of the workspace.
@@ -77,7 +77,7 @@ pub(crate) fn root() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("..")
 }
 
-/// The files below `folder` with this extension, in order, without what is built or installed.
+/// The files below `folder` with this extension, in order, without built or installed files.
 pub(crate) fn files(folder: &Path, extension: &str) -> Vec<PathBuf> {
     let (mut found, mut folders) = (Vec::new(), vec![folder.to_owned()]);
     while let Some(folder) = folders.pop() {
@@ -272,7 +272,7 @@ fn imports(module: &Module, text: &str, all: &BTreeMap<Module, String>) -> Vec<(
     found
 }
 
-/// The files that each file imports from; a re-exported item is imported from where it is.
+/// The files that each file imports from; a re-exported item is imported from its original file.
 fn graph(all: &BTreeMap<Module, String>) -> BTreeMap<&Module, BTreeSet<Module>> {
     let imports: BTreeMap<&Module, _> = all.iter().map(|(m, text)| (m, imports(m, text, all))).collect();
     let exported: BTreeMap<(&Module, &str), &Module> = imports
@@ -301,7 +301,7 @@ fn no_file_imports_from_one_that_imports_from_it() {
         let mut all = BTreeMap::new();
         modules(&root().join(name).join("src"), &Vec::new(), &mut all);
         let mut graph = graph(&all);
-        // Files that import from no other, or that no other imports, are removed: circles are left.
+        // Files that import from no other, or that no other imports, are removed: cycles are left.
         loop {
             let imported: BTreeSet<&Module> = graph.values().flatten().collect();
             let outside = |(m, to): &(&&Module, &BTreeSet<Module>)| to.is_empty() || !imported.contains(**m);
@@ -320,7 +320,7 @@ fn denied() -> io::Error {
     io::Error::new(io::ErrorKind::PermissionDenied, "denied")
 }
 
-/// Errors of every library with a source, or standing for one, and the number of sources.
+/// Errors of every library with a source, or that replace one, and the number of sources.
 fn errors() -> Vec<(Box<dyn Error>, usize)> {
     let path = || PathBuf::from("some.file");
     let layer = || {
@@ -369,7 +369,7 @@ fn an_error_of_a_library_does_not_repeat_its_source() {
 const PAGES: [&str; 2] =
     [include_str!("../../docs/what-you-can-rely-on.md"), include_str!("../../docs/bad-input.md")];
 
-/// What stands between backticks and ends as the path of a Rust file, with a test or without.
+/// Text between backticks that ends like the path of a Rust file, with or without a test.
 fn references() -> Vec<(&'static str, Option<&'static str>)> {
     let of_rust = |path: &str| Path::new(path).extension().is_some_and(|extension| extension == "rs");
     let code = PAGES.iter().flat_map(|page| page.split('`').skip(1).step_by(2));
@@ -403,7 +403,7 @@ fn every_row_of_promises_names_what_holds_it() {
     }
 }
 
-/// proptest says nothing where it finds none.
+/// proptest gives no message if it finds none.
 #[test]
 fn failing_seeds_of_property_tests_are_found_where_they_are_kept() {
     let persistence = ProptestConfig::default().failure_persistence.expect("failures are kept by default");

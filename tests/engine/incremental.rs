@@ -11,7 +11,7 @@ use meissner_verify::networks::{NetworkShape, PoolShape};
 use meissner_verify::{CheckedEngine, strategies};
 use proptest::prelude::*;
 
-/// One case of so many.
+/// A configuration that runs one in `of` cases.
 fn config(of: u32) -> ProptestConfig {
     let all = cases(5_000);
     ProptestConfig { cases: all.cases.div_ceil(of), ..all }
@@ -25,16 +25,16 @@ proptest! {
         let mut checked = CheckedEngine::new(shape.build(), script.sensor, Search::Exhaustive);
         prop_assert_eq!(checked.run(&script), Ok(()));
         prop_assert_eq!(checked.refused, 0, "random networks compute numbers");
-        // The grid of a batch, which is there for speed, has the same rows in the end.
+        // The grid of a batch exists for speed and gives the same rows.
         prop_assert_eq!(checked.compare_with(Search::Grid), Ok(()));
     }
 }
 
 proptest! {
-    // Each batch makes tables of all columns and rows.
+    // Fewer cases, because each batch makes tables of all columns and rows.
     #![proptest_config(config(100))]
 
-    /// The graph is searched in larger cells there.
+    /// The search of the graph uses larger cells there.
     #[test]
     fn incremental_equals_batch_bit_for_bit_on_large_sensors(shape in strategies::network(), script in strategies::script_on((70..=u16::MAX, 70..=u16::MAX), 60)) {
         let mut checked = CheckedEngine::new(shape.build(), script.sensor, Search::Exhaustive);
@@ -72,7 +72,7 @@ const SHIPPED: [&str; 3] = ["graphres", "tactigraph", "tactigraph-past"];
 const EVENTS: usize = 20_000;
 /// Events from one comparison with a batch that searches by its grid to the next.
 const EVERY: usize = 50;
-/// One in so many comparisons looks at every row, with another search.
+/// One in so many comparisons checks every row, with another search.
 const WHOLE: usize = 10;
 
 /// Pushes the recording's first events and compares.

@@ -1,4 +1,4 @@
-//! What an engine shows of its state to those who watch it.
+//! The state that an engine shows to viewers.
 
 use meissner_engine::{Batch, Candidates, ComputedRow, Engine, Event, Lifetime, Options, Stream};
 

@@ -35,7 +35,7 @@ fn scenes() -> impl Strategy<Value = (Vec<Event>, Sensor, i64)> {
             let place = |(dt, cluster, x, y, on): (i64, u16, u16, u16, bool)| {
                 t += dt / 4 * step_us;
                 let [left, top] = [[3, 5], [60, 20], [200, 90], [225, 160]][usize::from(cluster % 4)];
-                // In units of 240 columns and 180 rows but for the pixels of a cluster.
+                // In units of 240 columns and 180 rows, except for the pixels of a cluster.
                 let at = |corner: u16, pixel: u16, units: u16, extent: u16| {
                     let (pixel, scale) = (u32::from(pixel), u32::from(extent) / u32::from(units));
                     let wide = if cluster == 7 { 12 * scale } else { 1 };
@@ -48,7 +48,7 @@ fn scenes() -> impl Strategy<Value = (Vec<Event>, Sensor, i64)> {
     )
 }
 
-/// A network of which the graph alone matters: the `k` nearest of all nodes.
+/// A network that is used only for its graph: the `k` nearest of all nodes.
 fn graph_alone(k: usize, span_us: i64) -> NetworkShape {
     NetworkShape {
         graph: GraphRule { reach: Reach::Knn { k }, candidates: Candidates::All },
@@ -113,7 +113,7 @@ proptest! {
     }
 }
 
-/// A thousand events of which hundreds share pixel and time, and a few thousand at all distances.
+/// A thousand events, hundreds of which share pixel and time, and a few thousand at all distances.
 #[test]
 fn a_k_d_tree_takes_equal_coordinates_and_windows_of_thousands() {
     let mut random = Random::new(5);

@@ -216,7 +216,7 @@ fn small() -> Network {
     NetworkShape { head: None, ..small_shape() }.build()
 }
 
-/// `count` layers without weights over `input`, each of which writes what it reads.
+/// `count` layers without weights over `input`; each writes its input.
 fn copies(count: usize, input: FrameShape) -> FrameNetwork {
     let kind = |from| match input {
         FrameShape::Image { .. } => FrameLayerKind::AveragePool { size: 1 },

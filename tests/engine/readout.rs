@@ -78,7 +78,7 @@ fn sums() -> String {
     NetworkText::over_events("sums").network("span_us = 300").readout(keys, &["a", "b", "c"], "1")
 }
 
-/// Cells that one more prediction recomputes.
+/// Number of cells that one more prediction recomputes.
 fn recomputed(checked: &mut CheckedEngine) -> u64 {
     let before = checked.engine.counters().predictions.cells_recomputed;
     checked.predict().expect("equal to batch");

@@ -1,4 +1,4 @@
-//! Which rows are recomputed, on graphs small enough to know the answer.
+//! Recomputed rows, on graphs small enough to know the answer.
 
 use meissner_engine::{
     Candidates, Counters, Engine, Event, GraphRule, LayerCounters, Lifetime, Network, Options, Reach, Sensor,
@@ -24,7 +24,7 @@ pub(crate) fn block() -> BlockShape {
     }
 }
 
-/// A chain of `blocks` at the event level, and what is pooled above.
+/// A chain of `blocks` at the event level, and pooled levels above.
 pub(crate) fn shape(graph: GraphRule, blocks: usize, pooled: Vec<PoolShape>) -> NetworkShape {
     NetworkShape {
         graph,
@@ -52,7 +52,7 @@ pub(crate) fn engine(network: Network) -> Engine {
     Engine::with_options(network, SENSOR, options).expect("the network is exact")
 }
 
-/// Events at one instant at columns 0, 10, 20, ..., each a neighbour of the next alone.
+/// Events at one instant at columns 0, 10, 20, ..., each a neighbour only of the next.
 pub(crate) fn chain(shape: &NetworkShape, events: u16) -> Engine {
     let mut engine = engine(shape.build());
     for i in 0..events {
@@ -139,7 +139,7 @@ fn an_event_outside_the_sensor_recomputes_nothing() {
 
 #[test]
 fn a_row_that_keeps_its_bits_stops_the_wave() {
-    // The first block writes the same row whatever it reads: only the new row changes there.
+    // The first block writes the same row for any input: only the new row changes there.
     let mut parts = shape(near(Candidates::All), 2, vec![]).build().parts().clone();
     let constant = SplineParts {
         inputs: 1,
@@ -245,7 +245,7 @@ fn a_pointnet_row_is_computed_for_itself_and_for_what_it_reads() {
 
 #[test]
 fn a_pointnet_row_whose_maximum_stays_stops_the_wave() {
-    // A block whose outputs no input reaches: ReLU leaves the bias alone where it is the largest.
+    // A block whose outputs no input reaches: ReLU leaves only the bias where it is the largest.
     let mut parts = shape(near(Candidates::All), 2, vec![]).build().parts().clone();
     let constant = PointNetParts {
         inputs: 1,
@@ -261,7 +261,7 @@ fn a_pointnet_row_whose_maximum_stays_stops_the_wave() {
     }
     engine.predict().expect("finite");
     engine.push(Event::new(1, 50, 50, true));
-    // The new row and its neighbour are computed; the second block reads new in-edges alone.
+    // The new row and its neighbour are computed; the second block reads only new in-edges.
     assert_eq!(recomputed(&mut engine), [vec![4, 5], vec![4, 5]]);
 }
 
@@ -444,12 +444,12 @@ fn neighbourhoods_of_cells_are_checked_where_an_edge_or_a_position_changed_and_n
         assert_eq!(count(&engine), counted, "nothing changed");
         counted
     };
-    // An event where another is leaves the mean where it was; one beside it does not.
+    // An event at the position of another one does not change the mean; one beside it does.
     assert_eq!(checked(true, &[(0, 50)], &[(0, 50)], 0), (0, 0));
     assert_eq!(checked(true, &[(0, 50)], &[(0, 51)], 0), (1, 1));
-    // A cell that has gone is not checked, the one that read it is.
+    // A removed cell is not checked; the cell that read it is.
     assert_eq!(checked(false, &[(0, 0), (10, 10)], &[], SPAN_US + 1), (1, 0));
-    // An edge between two cells of which more than one pair of events is left stays as it was.
+    // An edge between two cells stays unchanged if more than one pair of its events is left.
     assert_eq!(checked(false, &[(0, 0), (10, 10)], &[(11, 1)], SPAN_US + 1), (0, 0));
     // The oldest event makes room for one of its cell, which has a new edge.
     assert_eq!(checked(false, &[(0, 0), (1, 10), (1, 90)], &[(2, 1)], 2).0, 2);

@@ -1,4 +1,5 @@
-//! Engine and batch against the same network in f64: random, and small enough for a hand.
+//! Engine and batch against the same network in f64: random networks, and networks small enough to
+//! compute by hand.
 //!
 //! `MEISSNER_CASES` sets the number of cases (200 without it).
 
@@ -22,7 +23,8 @@ use proptest::prelude::*;
 /// may be a few times as far off.
 const WITHIN: f64 = 3e-5;
 
-/// Adds to `scale` the magnitudes of a feature, and says where it is further off than they allow.
+/// Adds the magnitudes of a feature to `scale`, and returns an error if its difference exceeds
+/// their limit.
 fn check(what: &str, difference: Difference, scale: &mut f64) -> Result<(), String> {
     *scale = scale.max(difference.largest);
     if difference.not_numbers + difference.infinite == 0 && difference.absolute <= WITHIN * *scale {
@@ -32,7 +34,7 @@ fn check(what: &str, difference: Difference, scale: &mut f64) -> Result<(), Stri
     }
 }
 
-/// Holds every value of a batch against f64.
+/// Compares every value of a batch with f64.
 fn compare(got: &Trace, want: &EventTrace) -> Result<(), String> {
     let mut scale = 1.0;
     for (l, (got, want)) in got.levels.iter().zip(&want.levels).enumerate() {
@@ -164,7 +166,8 @@ fn three_events_on_a_line_are_what_a_hand_computes() {
     let network = Arc::new(line(Normalisation::Fixed));
     let reference = EventReference::new(Arc::clone(&network), sensor, None).expect("fixed scales");
     let trace = reference.forward(Stream::new(&events));
-    // u = dx / 8 + 0.5: the first reads the second (0.75, on), the second the first, the third it.
+    // u = dx / 8 + 0.5: the first reads the second (0.75, on), the second the first, the third the
+    // second.
     assert_eq!(trace.levels[0].features[1], [[0.75], [0.25], [0.125]]);
     // Columns 0 to 3 hold the first two, of which 0.75 is larger.
     assert_eq!(trace.readout, [[0.75], [0.125]]);

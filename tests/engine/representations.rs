@@ -1,4 +1,4 @@
-//! Frames and tactile windows from the stream equal those from the whole list.
+//! Frames and tactile windows from the stream equal frames and windows from the complete list.
 //!
 //! `MEISSNER_CASES` sets the number of cases (2,000 without it).
 
@@ -21,7 +21,7 @@ fn crop(sensor: Sensor, [x, y, width, height]: [u16; 4]) -> Crop {
     Crop::new(x, y, 1 + width % (sensor.width - x), 1 + height % (sensor.height - y))
 }
 
-/// Every frame since time began, the open one last.
+/// Every frame since the start of time, the open one last.
 fn all_frames(what: FrameKind, options: Consecutive, history: &History) -> Vec<Kept> {
     let Some((epoch, now)) = history.clock() else { return vec![] };
     let mut before = vec![0.0; what.channels() * options.crop.pixels()];

@@ -1,4 +1,4 @@
-//! A clock that restarts, single stamps far ahead, and what is held until they are decided.
+//! A clock that restarts, single stamps far ahead, and the events that are held until a decision.
 
 use meissner_engine::{Engine, Event, LatePolicy, Options, RestartPolicy};
 use meissner_verify::CheckedEngine;

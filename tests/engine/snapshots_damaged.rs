@@ -1,5 +1,5 @@
-//! Snapshots that were damaged at any place, made up, or do not fit are refused with the place, and
-//! the engine is as it was.
+//! Snapshots that were damaged anywhere, made up, or do not fit are refused with the location, and
+//! the engine stays unchanged.
 
 use std::sync::Arc;
 
@@ -17,7 +17,7 @@ use meissner_verify::strategies::frame_style;
 use meissner_verify::{Incremental, bits};
 use proptest::prelude::*;
 
-/// An engine over events that has seen some, and the bytes of one that has seen more.
+/// An engine over events that has taken some events, and the bytes of one that has taken more.
 fn over_events() -> (Engine, Vec<u8>) {
     let block = |channels| BlockShape {
         channels,
@@ -54,7 +54,7 @@ fn over_events() -> (Engine, Vec<u8>) {
     (run(4), run(12).to_bytes())
 }
 
-/// An engine over frames that remembers some, and the bytes of one that has seen more.
+/// An engine over frames that remembers some frames, and the bytes of one that has taken more.
 fn over_frames() -> (FrameEngine, Vec<u8>) {
     const SMALL: [usize; 3] = [1, 4, 6];
     let parts = network(Style::ConvLstm { hidden: 3, peepholes: true }, SMALL, 2, 1);
@@ -67,7 +67,8 @@ fn over_frames() -> (FrameEngine, Vec<u8>) {
     (run(1), run(2).to_bytes())
 }
 
-/// Has `wrong` refused with a typed error that says what was expected, or restored; says which.
+/// Asserts that `wrong` is refused with a typed error that states what was expected, or restored;
+/// returns which.
 fn is_refused(engine: &mut impl Incremental, before: &[u8], wrong: &[u8], at: usize) -> bool {
     match engine.restore_bytes(wrong) {
         Ok(()) => {
@@ -77,11 +78,11 @@ fn is_refused(engine: &mut impl Incremental, before: &[u8], wrong: &[u8], at: us
         Err(error) => {
             let text = error.to_string();
             match error {
-                // Its place is a byte of what is read, or its end.
+                // The location is a byte of the snapshot, or its end.
                 EngineError::SnapshotBytes { at: place, .. } => {
                     assert!(place <= wrong.len() && text.contains("at byte"), "{at}: {text}");
                 }
-                // Of another version, network, sensor or option, which is named.
+                // The snapshot has another version, network, sensor or option; the error names it.
                 EngineError::Snapshot { what, .. } => assert!(!what.is_empty(), "{at}: {text}"),
                 _ => panic!("{at}: {text}"),
             }
@@ -105,7 +106,7 @@ fn damage(mut engine: impl Incremental, bytes: &[u8]) {
         let mut flipped = bytes.to_vec();
         flipped[bit / 8] ^= 1 << (bit % 8);
         assert!(is_refused(&mut engine, &before, &flipped, bit / 8), "bit {bit}");
-        // With length and checksum that fit, it may be another state.
+        // With the right length and checksum, it may be another state.
         is_refused(&mut engine, &before, &sealed(flipped), bit / 8);
     }
     for at in 0..bytes.len() - 8 {
@@ -180,7 +181,7 @@ fn counts_that_were_made_up_leave_room_to_go_on() {
     let style = Style::Classifier;
     let (mut engine, bytes) = after_frames(style, FrameOptions::default(), 1);
     let fields = Fields::of(&bytes, |bytes| engine.restore_bytes(bytes));
-    // Pixels that the pooling computed, the second layer.
+    // Pixels that the pooling, the second layer, computed.
     let (start, end) = (fields.at("count of pixels"), fields.end("count of pixels"));
     let at = start + (end - start) / engine.counters().layers.len();
     let with = |count: u64| {

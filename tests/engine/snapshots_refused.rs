@@ -1,4 +1,4 @@
-//! Snapshots that an engine refuses by name, and the engine as it was.
+//! Snapshots that an engine refuses with a named cause, without a change of the engine.
 
 use std::sync::{Arc, LazyLock};
 
@@ -14,7 +14,7 @@ use meissner_verify::networks::{BlockShape, ConvolutionShape, NetworkShape, Pool
 use proptest::prelude::*;
 
 pub(crate) const SENSOR: Sensor = Sensor { width: 20, height: 10 };
-/// Where the snapshots below have their fields; all have the same up to the window's events.
+/// Positions of the fields of the snapshots below; all have the same up to the window's events.
 static FIELDS: LazyLock<Fields> = LazyLock::new(|| {
     let (mut engine, bytes) = after_events(Candidates::Past(Lifetime::Frozen), 0.0);
     Fields::of(&bytes, |bytes| engine.restore_bytes(bytes))
@@ -65,7 +65,8 @@ pub(crate) fn engine(network: Network, sensor: Sensor, options: Options) -> Engi
     Engine::with_options(Arc::new(network), sensor, options).expect("admissible")
 }
 
-/// Pushes events and reads a prediction now and then; the predictions, or why there were none.
+/// Pushes events and reads a prediction now and then; returns the predictions, or the reason why
+/// there were none.
 pub(crate) fn run(
     engine: &mut Engine,
     from_us: i64,
@@ -152,13 +153,14 @@ proptest! {
             prop_assert_eq!(run(&mut engine, 200, 60, 3), run(&mut untouched, 200, 60, 3));
             return Ok(());
         }
-        // Whatever it is now, it goes on: over events that fill the window, silence, and a reset.
+        // The engine continues from any state: over events that fill the window, silence, and a
+        // reset.
         let now = engine.now_us().unwrap_or(0);
         run(&mut engine, now, 90, 3);
         engine.advance(now.saturating_add(1_000));
         let _ = engine.predict();
         if let Err(error) = engine.restore_bytes(&engine.to_bytes()) {
-            // Numbers that were too large grow too large.
+            // Large numbers can grow too large.
             let error = error.to_string();
             let grown = ["expected a finite number", "expected a count below 2^56"];
             prop_assert!(grown.iter().any(|grown| error.contains(grown)), "{}", error);
@@ -168,7 +170,7 @@ proptest! {
     }
 }
 
-/// Writes `value` to the content at `at`, and has it refused.
+/// Writes `value` to the content at `at`, and asserts that it is refused.
 fn refused(candidates: Candidates, at: usize, value: &[u8]) -> String {
     let (mut engine, mut bytes) = after_events(candidates, 0.0);
     bytes[at..at + value.len()].copy_from_slice(value);
@@ -364,7 +366,7 @@ fn a_note_comes_back_and_one_that_is_longer_than_the_snapshot_is_refused() {
         assert_eq!(snapshot_note(&bytes).expect_err("too long").to_string(), expected);
         assert_eq!(engine.restore_bytes(&bytes).expect_err("too long").to_string(), expected);
     }
-    // A note may be all there is.
+    // There may be only a note.
     bytes[at..at + 8].copy_from_slice(&(at as u64 - 24).to_le_bytes());
     assert_eq!(snapshot_note(&sealed(bytes.clone())), Ok(&bytes[24..at]));
 }
@@ -436,7 +438,7 @@ fn a_snapshot_of_the_same_network_with_another_late_policy_or_tolerance_is_refus
         let error = wanted.restore(&new(options).snapshot()).expect_err(name);
         assert!(matches!(error, EngineError::Snapshot { what, .. } if what == name), "{error}");
     }
-    // The policy is still the engine's own.
+    // The engine keeps its own policy.
     wanted.push(Event::new(9, 1, 1, true));
     wanted.push(Event::new(5, 1, 1, true));
     assert_eq!(wanted.counters().events.late, 1);

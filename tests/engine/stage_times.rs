@@ -1,4 +1,4 @@
-//! The time that stages take: where it is spent, and that none is lost.
+//! Times of stages: each time belongs to its stage, and no time is lost.
 
 use std::collections::BTreeSet;
 use std::time::{Duration, Instant};
@@ -73,6 +73,6 @@ fn every_stage_takes_time_and_none_of_it_between_the_calls() {
     let names: BTreeSet<&str> = Stage::ALL.into_iter().map(Stage::name).collect();
     assert_eq!(names.len(), Stage::ALL.len());
     assert!(names.iter().all(|name| !name.is_empty()));
-    // Other programs may stop this one at any place, for as long as they like.
+    // Other programs may stop this one at any point, for any time.
     assert!((0..10).any(|_| attempt()));
 }

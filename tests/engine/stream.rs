@@ -1,4 +1,4 @@
-//! Late, distant and other unusual events, and the neighbourhoods that they leave behind.
+//! Late, distant and other unusual events, and the neighbourhoods after them.
 
 use meissner_engine::{
     Admission, Candidates, DropReason, Engine, EngineError, Event, GraphRule, LatePolicy, Lifetime, Options,
@@ -235,7 +235,7 @@ fn a_gate_gives_events_their_times_on_their_own_clock() {
     assert_eq!((resumed.epoch_us(), resumed.now_us()), (Some(100), Some(160)));
     assert_eq!(resumed.admit(at(159)), Err(DropReason::Late));
     assert_eq!(resumed.admit(at(160)), Ok(at(160)));
-    // A newest time that cannot be is the epoch.
+    // An impossible newest time becomes the epoch.
     for (epoch, now) in [(100, 40), (i64::MIN, i64::MAX)] {
         resumed.resume(epoch, now);
         assert_eq!((resumed.epoch_us(), resumed.now_us()), (Some(epoch), Some(epoch)));
@@ -255,7 +255,7 @@ fn a_node_as_far_as_the_last_neighbour_is_found_beyond_the_cells_that_are_nearer
         for i in 0..70 {
             stream.push(Event::new(0, 40 + i % 20, 40 + i / 20, true));
         }
-        // In the cell of the last event, and in the one left of it: one pixel away both.
+        // In the cell of the last event, and in the cell to its left: both are one pixel away.
         for x in [9, 7, 8] {
             stream.push(Event::new(0, x, 8, true));
         }

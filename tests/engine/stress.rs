@@ -1,4 +1,4 @@
-//! What overflows: no NaN passes for a prediction, and infinities are the same in every way.
+//! Overflows: no NaN becomes a prediction, and infinities are the same in every way of computation.
 
 use std::sync::Arc;
 
@@ -89,7 +89,7 @@ fn a_tile_that_overflows_is_an_error_and_not_a_prediction() {
         engine.predict().map(|p| p.values.iter().all(|v| v.is_finite()))
     };
     assert_eq!(predict(Convolution::Direct), Ok(true), "directly, nothing overflows");
-    // Sums inside a tile of F(4 x 4) are up to a hundred times as large as what comes of them.
+    // Sums inside a tile of F(4 x 4) are up to a hundred times as large as the results.
     let expected = EngineError::NotANumber { layer: "conv".to_owned(), rows: 1 };
     assert_eq!(predict(Convolution::Winograd(WinogradTile::Four)), Err(expected));
 }
@@ -100,7 +100,8 @@ fn events(count: i64) -> Vec<Event> {
     (0..count).map(|i| Event::new(i * 700, pixel(60), pixel(40), i % 3 == 0)).collect()
 }
 
-/// The shipped network with its blocks' weights and those of its last dense layer times these.
+/// The shipped network with the weights of its blocks and of its last dense layer multiplied by
+/// these factors.
 fn changed(name: &str, blocks: f32, last: f32) -> Arc<Network> {
     changed_from(name, &Weights::shipped(name).expect("shipped weights"), blocks, last)
 }
@@ -125,7 +126,7 @@ fn changed_from(name: &str, weights: &Weights, blocks: f32, last: f32) -> Arc<Ne
     Arc::new(Network::new(parts).expect("the parts fit"))
 }
 
-/// Prediction or error after each event, which are the same from scratch.
+/// Prediction or error after each event; asserts that both are the same from scratch.
 fn outcomes(network: &Arc<Network>) -> Vec<Result<Vec<f32>, EngineError>> {
     let batch = Batch::new(Arc::clone(network), SENSOR).expect("the sensor has pixels");
     let mut engine = Engine::new(Arc::clone(network), SENSOR).expect("the network is exact");
@@ -230,7 +231,7 @@ fn rows_that_are_no_numbers_are_counted_in_the_first_layer_that_has_them_until_t
     // The middle one has two neighbours; the others read it.
     three(&mut engine);
     assert_eq!(outcome(&mut engine), error(2));
-    // One of the two leaves, and the other no longer reads what is infinite.
+    // One of the two leaves, and the other no longer reads an infinite value.
     engine.advance(1_001);
     assert_eq!(outcome(&mut engine), Ok(()));
     engine.reset();

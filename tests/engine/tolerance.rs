@@ -1,4 +1,4 @@
-//! Every stored row is within the tolerance of what its stored inputs give, after any stream.
+//! Every stored row is within the tolerance of the result from its stored inputs, after any stream.
 //!
 //! `MEISSNER_CASES` sets the number of cases (1,000 without it).
 
@@ -105,7 +105,7 @@ fn a_row_that_enters_is_stored_whatever_its_slot_held() {
         let shape = chain(Candidates::Past(Lifetime::Window), capacity);
         let (mut kept, mut exact) = (engine(&shape, f32::MAX), engine(&shape, 0.0));
         for i in 0..20u16 {
-            // Every event evicts one, takes its slot and reads its predecessor alone.
+            // Every event evicts one, takes its slot and reads only its predecessor.
             let event = Event::new(i64::from(i), 10 * (i % 8), 50, i % 3 == 0);
             for engine in [&mut kept, &mut exact] {
                 engine.push(event);

@@ -1,4 +1,5 @@
-//! The shipped, trained networks give what `PyTorch` gives, and at any time what a batch gives.
+//! The shipped, trained networks give the values of `PyTorch`, and at any time the values of a
+//! batch.
 //!
 //! `golden/{digits,angles,touch,force,slip}.json` hold streams or readings made by a formula, and
 //! `PyTorch`'s values (`models/train/*/golden.py`). Those for force use the streams of the angles.
@@ -15,9 +16,9 @@ use meissner_tests::shared::shared;
 use meissner_verify::bits;
 use serde_json::Value;
 
-/// Relative to the largest magnitude of a stream's values, at least 1.
+/// Maximum difference, relative to the largest magnitude of a stream's values, at least 1.
 const MAX: f64 = 1e-4;
-/// In newtons, and relative to larger forces.
+/// Maximum difference in newtons, and relative to larger forces.
 const MAX_FORCE: f64 = 2e-4;
 /// Event graphs for angles and forces.
 const ANGLE_GRAPHS: [&str; 8] = [
@@ -31,7 +32,7 @@ const ANGLE_GRAPHS: [&str; 8] = [
     "tactip-shear",
 ];
 
-/// These, one that is computed from scratch alone, and a baseline over frames.
+/// These, one that is only computed from scratch, and a baseline over frames.
 const ANGLES: [&str; 9] = [
     "graphres",
     "graphres-published",
@@ -46,14 +47,14 @@ const ANGLES: [&str; 9] = [
 
 const TOUCH: [&str; 3] = ["touch-containers", "touch-letters", "touch-objects"];
 const FORCES: [&str; 5] = ["force-cnnlstm", "force-convlstm", "force-graph", "force-lstm", "force-tdnn"];
-/// Readings of a window of slip.
+/// Number of readings of a window of slip.
 const STEPS: usize = 5;
 
-/// Streams of events, and what `PyTorch` says at their ends.
+/// Streams of events, and the predictions of `PyTorch` at their ends.
 pub(crate) struct Golden {
     pub(crate) sensor: Sensor,
     pub(crate) streams: Vec<Vec<Event>>,
-    /// Of each network, of each stream.
+    /// Values of each network for each stream.
     pub(crate) logits: Vec<(String, Vec<Vec<f64>>)>,
 }
 
@@ -119,7 +120,7 @@ fn largest(values: &[f64]) -> usize {
     (0..values.len()).fold(0, |best, i| if values[i] > values[best] { i } else { best })
 }
 
-/// Values at the end of `events`, which are what a batch has of them.
+/// Values at the end of `events`; asserts that a batch gives the same.
 fn logits(name: &str, sensor: Sensor, events: &[Event]) -> Vec<f32> {
     if let Some(description) = FrameDescription::shipped(name) {
         return of_sliding_frames(&description, sensor, events);
@@ -155,7 +156,7 @@ fn of_sliding_frames(description: &FrameDescription, sensor: Sensor, events: &[E
     engine.predict().expect("numbers").values.to_vec()
 }
 
-/// Class and values of `found` are those that are expected.
+/// Asserts that class and values of `found` are the expected ones.
 fn assert_values(of: &str, found: &[f64], expected: &[f64]) {
     assert_eq!(found.len(), expected.len(), "{of}");
     assert_eq!(largest(found), largest(expected), "{of}");
@@ -165,7 +166,7 @@ fn assert_values(of: &str, found: &[f64], expected: &[f64]) {
     }
 }
 
-/// Class and values of the engines are those of `golden`.
+/// Asserts that class and values of the engines are those of `golden`.
 fn agree(golden: &Golden) {
     let Golden { sensor, streams, logits: expected } = golden;
     for (name, expected) in expected {
@@ -177,7 +178,8 @@ fn agree(golden: &Golden) {
     }
 }
 
-/// Incremental equals batch `later_us` after each `every`-th event of `events`, and after the last.
+/// Asserts that incremental equals batch `later_us` after each `every`-th event of `events`, and
+/// after the last.
 fn equals_batch(name: &str, sensor: Sensor, events: &[Event], every: usize, later_us: &[i64]) {
     let batch = Batch::new(network(name), sensor).expect("the sensor has pixels");
     let batch = batch.with_search(Search::Proposed(meissner_reference::PROPOSE));
@@ -293,7 +295,7 @@ fn the_three_differ_in_nothing_but_the_graph() {
     assert!(graphs[0] != graphs[1] && graphs[1] != graphs[2] && graphs[0] != graphs[2]);
 }
 
-/// Forces at the end of each frame, the open one too.
+/// Forces at the end of each frame, including the open one.
 fn forces(description: &FrameDescription, sensor: Sensor, events: &[Event]) -> Vec<f64> {
     let mut engine = frame_engine(description);
     let &FrameSource::EventCounts { period_us, place, maximum } = description.source() else {

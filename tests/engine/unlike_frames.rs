@@ -1,4 +1,4 @@
-//! How unlike frames are to those of a training.
+//! Unlikeness of frames to those of a training.
 
 use std::time::Duration;
 
@@ -62,7 +62,7 @@ fn naive(frames: &[&[f32]], [channels, height, width]: [usize; 3]) -> Vec<f64> {
     means[..groups].iter().copied().chain(squares).chain(cosines).chain(roots).collect()
 }
 
-/// A frame of which the part `filled` is not zero, some of it -0.
+/// A frame; the part `filled` of its values is not zero, and some zeros are -0.
 fn frame(size: [usize; 3], filled: f64, random: &mut Random) -> Vec<f32> {
     let value = |_| match random.uniform() {
         part if part < filled => (random.uniform() * 4.0 - 2.0) as f32,
@@ -109,7 +109,7 @@ proptest! {
     }
 }
 
-/// A training on frames of `size` of which a fifth is not zero.
+/// A training on frames of `size`; a fifth of their values is not zero.
 fn trained(size: [usize; 3], remembers: bool) -> TrainingFrames {
     let mut random = Random::new(5);
     let mut statistics =
@@ -205,14 +205,14 @@ fn states_of_networks_that_do_not_know_their_training_are_restored() {
     let expected = known.predict().expect("finite").unlike;
     let (copy, bytes) = (known.snapshot(), known.to_bytes());
     let of_unknown = (unknown.snapshot(), unknown.to_bytes());
-    // What it knows is kept through its own states.
+    // The engine keeps its statistics through its own states.
     known.reset();
     known.restore(&copy).expect("its own state");
     assert_eq!(known.predict().expect("finite").unlike, expected);
     known.reset();
     known.restore_bytes(&bytes).expect("its own state");
     assert_eq!(known.predict().expect("finite").unlike, expected);
-    // A state without what it needs says what the newest frame is like.
+    // A state without these statistics describes the newest frame only.
     let mut newest = FrameStatistics::new(&FrameFeatures::Image, shape(SIZE), true).expect("an image");
     newest.push(&frames[19]);
     let newest = known.network().training().map(|training| training.unlikeness(&newest)).expect("it knows");

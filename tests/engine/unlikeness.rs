@@ -1,4 +1,4 @@
-//! How unlike a window is to those of a training.
+//! Unlikeness of a window to those of a training.
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -19,8 +19,7 @@ fn network() -> Network {
     description.expect("shipped").network(&weights.expect("shipped")).expect("they fit")
 }
 
-/// `count` events within a span, of which the part `on` is on, at places that lie around the
-/// middle.
+/// `count` events within a span, around the middle of the sensor; the part `on` of them is on.
 fn window(count: usize, on: f64, seed: u64) -> Vec<Event> {
     let mut random = Random::new(seed);
     let mut times: Vec<i64> = (0..count).map(|_| (random.uniform() * SPAN_US as f64) as i64).collect();

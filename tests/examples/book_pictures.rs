@@ -1,10 +1,10 @@
-//! The pictures of the page on concepts, of the press that the program holds.
+//! Draws the pictures of the page on concepts, from the embedded press.
 //!
 //! ```text
 //! cargo run --release -p meissner-tests --example book_pictures
 //! ```
 //!
-//! Enters: `run/assets/dome_press.evt3`. Leaves: `docs/concepts/*.svg`, equal bytes at each run.
+//! Input: `run/assets/dome_press.evt3`. Output: `docs/concepts/*.svg`, equal bytes at each run.
 
 use std::collections::BTreeSet;
 use std::error::Error;
@@ -19,7 +19,8 @@ use meissner_plot::{Panel, Plane, Series, Style, page};
 const NOW_US: i64 = 100_000;
 const SPAN_US: i64 = 50_000;
 
-/// Three blocks of 8 neighbours; `graph` says from where they are chosen, and for how long.
+/// Three blocks of 8 neighbours; `graph` states from which events they are chosen, and for how
+/// long.
 fn network(graph: &str) -> String {
     let blocks = (1..=3).map(|i| {
         format!(
@@ -64,7 +65,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-/// Events of a strip of rows along time: those that have left, are in the window, or will come.
+/// Events of a strip of rows over time: events that have left, are in the window, or will come.
 fn window(events: &[Event]) -> String {
     let strip = events.iter().filter(|event| (127..=128).contains(&event.y)).step_by(2);
     let place = |event: &&Event| (event.t_us as f64 / 1e3, f64::from(event.x));
@@ -84,7 +85,7 @@ fn window(events: &[Event]) -> String {
     page("The window", "a simulated press", &[vec![plane("Events", about, ["time (ms)", "column"], series)]])
 }
 
-/// The newest event with its neighbours, and theirs, among the events near it.
+/// The newest event with its neighbours, and their neighbours, among the events near it.
 fn graph(seen: &[Event], sensor: Sensor) -> Result<String, Box<dyn Error>> {
     let mut engine = engine("candidates = \"past\"\nlifetime = \"window\"", sensor)?;
     engine.push_slice(seen);

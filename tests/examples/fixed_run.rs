@@ -1,4 +1,4 @@
-//! Runs `meissner_tests::fixed_run` in this build, and fails where a bit is another one.
+//! Runs `meissner_tests::fixed_run` in this build, and fails if a bit differs.
 //!
 //!     cargo run --release -p meissner-tests --example fixed_run
 

@@ -1,8 +1,9 @@
-//! Pushes and predicts under the real-time sanitizer, which ends at a call that may block.
+//! Pushes and predicts under the real-time sanitizer, which stops the program at a call that may
+//! block.
 //!
 //!     .ci/sanitize realtime
 //!
-//! Without `--cfg meissner_realtime`, which needs a nightly toolchain, nothing is watched.
+//! Without `--cfg meissner_realtime`, which needs a nightly toolchain, nothing is checked.
 #![cfg_attr(meissner_realtime, feature(sanitize))]
 
 use meissner_engine::{Engine, EngineError, Event, Sensor};

@@ -3,7 +3,7 @@
     python tests/golden/make.py tests/golden
 
 Events, pictures and weights are drawn. Graphs, splines and poolings are written by hand from their equations, in plain PyTorch, and share
-no code with the engine; pictures go through `meissner.torch`. A file has the names of the larger golden files that real recordings gave:
+no code with the engine; pictures go through `meissner.torch`. A file has the same names as the larger golden files from real recordings:
 integers are I64, everything else F32, and weights are below `w.` unless they are the shipped ones. Edges are (sources, readers).
 """
 
@@ -21,13 +21,13 @@ from safetensors.torch import save_file
 
 SENSOR, SPAN_US, EVENTS, K = (240, 180), 150_000, 56, 16
 # On a sensor of 346 x 260 a cell of `graphres` has 16 columns. From this column on, float32 puts some events on the edge of a cell into
-# the cell before.
+# the previous cell.
 WIDE_SENSOR, FIRST = (346, 260), 99
 # Frame networks, the steps of a sequence (0: single images), and smaller sides of images.
 FRAMES = {name: (5, {}) for name in ("slip-best", "slip-regularised", "slip-tuned", "slip-lstm")}
 FRAMES |= {name: (3, {}) for name in ("force-cnnlstm", "force-convlstm", "force-lstm", "force-tdnn")}
 FRAMES |= {"event-frame-cnn": (0, {})} | {name: (0, {"height": 48, "width": 64}) for name in ("canf", "canf-plain", "canf-live")}
-# Networks over events, and how the larger files name the tensors of their layers; None of those that they leave out.
+# Networks over events, and the names of their layers' tensors in the larger files; None if these files leave them out.
 POOL = {"pool1": None, "fc": None, "grid": "readout"}
 POOL |= {f"pool1_{part}": f"pool_{part}" for part in ("x", "pos", "edge_index", "cell")}
 LEVELS = {f"conv{i}": None for i in range(1, 11)} | {"conv4": "level0", "conv7": "level1", "conv10": "level2"}
@@ -73,7 +73,7 @@ def maxima(x, place, places):
 
 
 def pooled(x, positions, edges, cell, origin, columns=None):
-    """Cells of the image plane that have members: maxima, mean positions, merged edges, numbers row after row."""
+    """Cells of the image plane with members: maxima, mean positions, merged edges, numbers row by row."""
     index = ((positions[:, :2] - origin) / torch.tensor(cell)).floor().long()
     columns = columns or int(index[:, 0].max()) + 1
     numbers, member = torch.unique(index[:, 1] * columns + index[:, 0], return_inverse=True)
@@ -84,7 +84,7 @@ def pooled(x, positions, edges, cell, origin, columns=None):
 
 
 def readout(x, positions, origin):
-    """Maxima over 4 x 4 parts of the image, part after part."""
+    """Maxima over 4 x 4 parts of the image, part by part."""
     index = ((positions[:, :2] - origin) * 4).floor().long().clamp(0, 3)
     return maxima(x, index[:, 1] * 4 + index[:, 0], 16).flatten()
 
@@ -100,8 +100,8 @@ def graph(events, sensor):
 
 
 def network(events, sensor, description, tensors):
-    """What all layers of a network over events give, by name, with poolings and a readout of 4 x 4 maxima; tensors of a pooling as NAME_x,
-    NAME_pos, NAME_edge_index, NAME_cell."""
+    """Outputs of all layers of a network over events, by name, with poolings and a readout of 4 x 4 maxima; tensors of a pooling as
+    NAME_x, NAME_pos, NAME_edge_index, NAME_cell."""
     said, per_graph = description.summary(), description.summary()["normalisation"] == "per-graph"
     edges, positions = graph(events, sensor)
     origin = positions[:, :2].min(0).values if per_graph else torch.zeros(2)
@@ -175,7 +175,7 @@ def main(folder):
     found = dict(zip(("pool_x", "pool_pos", "pool_edge_index", "cell"), pooled(x, positions, edges, (1 / 8, 1 / 6), torch.zeros(2), 8)))
     save("voxel_pool_small", {"x": x, "pos": positions, "edge_index": edges} | found)
 
-    # Of each event its time, place and polarity: a bar that moves, and some noise.
+    # Time, position and polarity of each event: a bar that moves, and some noise.
     t_us = np.sort(random.integers(0, SPAN_US * 3 // 4, EVENTS)) + 5_000_000
     bar = 40 + (t_us - t_us[0]) // 1000 + random.integers(-6, 7, EVENTS)
     columns = np.where(random.random(EVENTS) < 0.8, bar, random.integers(0, 240, EVENTS))
@@ -200,7 +200,7 @@ def main(folder):
             text = re.sub(rf"^{key} = \d+$", f"{key} = {side}", text, flags=re.M)
         module = Module.from_description(Description(text), shipped(name)).eval()
         shape = (1, *[steps] * (steps > 0), *module.said["input"])
-        # Counts, as most of these networks see; fractions where there are readings and pictures.
+        # Counts, as most of these networks read; fractions for readings and pictures.
         x = random.poisson(0.3, shape).astype("u1") if name.startswith(("force", "event")) else random.normal(size=shape).astype("f4")
         found = module(torch.tensor(x, dtype=torch.float32), last=name.startswith("slip"))
         save(f"{name.replace('-', '_')}_small", {"x": torch.tensor(x), "y": found})

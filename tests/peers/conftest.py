@@ -1,4 +1,4 @@
-"""Tests of the program beside other people's programs. `.ci/peers` installs these and runs them."""
+"""Tests of the program against other people's programs. `.ci/peers` installs these and runs them."""
 import json
 import os
 import pathlib
@@ -14,7 +14,7 @@ SENSOR = (346, 260)
 
 
 def events(number, seed=0):
-    """Events of a finger that moves over the sensor: columns t, x, y and p; times ascend, 10 us apart in the mean."""
+    """Events of a finger that moves over the sensor: columns t, x, y and p; times ascend, 10 us apart on average."""
     draw = np.random.default_rng(seed)
     t = np.cumsum(draw.integers(1, 20, number)).astype(np.int64)
     phase = t / 3e5

@@ -35,7 +35,7 @@ def read_by_dv(path):
 
 
 def address(where):
-    """A port, or a local socket, as dv takes it."""
+    """A port, or a local socket, in the form for dv."""
     return ("127.0.0.1", where) if isinstance(where, int) else (dv.Path(str(where)),)
 
 
@@ -58,7 +58,7 @@ def serve(where, rows, size=5_000):
 
 
 class Camera:
-    """A process of its own: it is killed with its connection."""
+    """A separate process: a kill also ends its connection."""
 
     def __init__(self, where, rows):
         self.process = multiprocessing.get_context("spawn").Process(target=serve, args=(where, rows), daemon=True)

@@ -1,4 +1,4 @@
-"""MCAP, beside the Python packages mcap and mcap-ros2-support: what they read of a log, and a bag that they write."""
+"""MCAP, compared with the Python packages mcap and mcap-ros2-support: they read a log, and write a bag."""
 import base64
 import json
 import struct

@@ -1,9 +1,10 @@
-//! What filters must let pass, from all events: the slow twin of `meissner_engine::filters`.
+//! The events that filters must pass, computed from all events: the slow twin of
+//! `meissner_engine::filters`.
 
 use meissner_engine::filters::RateLimit;
 use meissner_engine::{Event, Sensor};
 
-/// A filter, by what it asks for.
+/// A filter, by its rule.
 #[derive(Clone, Copy, Debug)]
 pub enum Rule {
     /// Every nth event.
@@ -38,8 +39,8 @@ fn apart(a: Event, b: Event) -> i128 {
     (i128::from(a.t_us) - i128::from(b.t_us)).abs()
 }
 
-/// Whether depth and rate allow the last event, since each that passed before. Times are the newest
-/// ones so far.
+/// Whether depth and rate allow the last event, counted from each event that passed before. Times
+/// are the newest ones so far.
 fn allowed(rate: u64, events: &[Event], passed: &[bool]) -> bool {
     let depth = i128::from((rate * RateLimit::DEPTH_US).max(1_000_000));
     let newest = |i: usize| events[..=i].iter().map(|e| i128::from(e.t_us)).max().unwrap_or(0);
@@ -70,7 +71,7 @@ fn supported(sensor: Sensor, us: i64, events: &[Event]) -> bool {
         .any(|neighbour| apart(event, *neighbour) <= i128::from(us))
 }
 
-/// Whether the last event of the same pixel that passed is far enough.
+/// Whether the last passed event of the same pixel is old enough.
 fn rested(sensor: Sensor, us: i64, events: &[Event], passed: &[bool]) -> bool {
     let event = events[events.len() - 1];
     let before = (0..passed.len()).rev().find(|&i| {

@@ -1,4 +1,5 @@
-//! What frames must hold, from all events: the twin of `meissner_engine::representations`.
+//! The content that frames must have, computed from all events: the twin of
+//! `meissner_engine::representations`.
 
 use std::collections::BTreeSet;
 
@@ -43,7 +44,7 @@ impl History {
         *self = Self::new(self.sensor, self.start_us);
     }
 
-    /// When time began, and the time now.
+    /// The start of time, and the current time.
     pub fn clock(&self) -> Option<(i64, i64)> {
         self.clock
     }
@@ -54,18 +55,18 @@ impl History {
     }
 }
 
-/// A frame that is kept.
+/// A stored frame.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Kept {
-    /// When it begins.
+    /// Start of its window.
     pub start_us: i64,
     /// Its values.
     pub values: Vec<f32>,
-    /// Events of it, negative and positive.
+    /// Number of its events, negative and positive.
     pub events: [u64; 2],
     /// Pixels with events.
     pub touched: BTreeSet<u32>,
-    /// Pixels that differ from the frame before.
+    /// Pixels that differ from the previous frame.
     pub changed: BTreeSet<u32>,
 }
 
@@ -84,7 +85,7 @@ impl Kept {
         }
     }
 
-    /// The frame over `events`, where the one before had the values `before`.
+    /// The frame over `events`; the previous one had the values `before`.
     pub fn over(what: FrameKind, crop: Crop, events: &[Event], start_us: i64, before: &[f32]) -> Self {
         let (pixels, channels) = (crop.pixels(), what.channels());
         let inside = |event: &&Event| place(crop, event).is_some();
@@ -114,7 +115,7 @@ impl Kept {
     }
 }
 
-/// What a frame shows.
+/// The content of a frame.
 #[derive(Clone, Copy, Debug)]
 pub enum FrameKind {
     /// Counts divided by a maximum.
@@ -145,7 +146,7 @@ impl FrameKind {
     }
 }
 
-/// Keeps what comes out, empty frames of so many `values` one by one.
+/// Stores completed frames, with empty frames of so many `values` one by one.
 ///
 /// # Panics
 /// If it is a frame without events, or a run without frames.
@@ -168,7 +169,7 @@ pub fn keep(kept: &mut Vec<Kept>, values: usize, completed: Completed<'_>) {
     }
 }
 
-/// Where `event` stands in a channel of the frame, if it does.
+/// The index of `event` in a channel of the frame, if it is inside.
 pub fn place(crop: Crop, event: &Event) -> Option<usize> {
     let [x, y, left, top, width, height] =
         [event.x, event.y, crop.x, crop.y, crop.width, crop.height].map(i32::from);
@@ -179,7 +180,7 @@ pub fn place(crop: Crop, event: &Event) -> Option<usize> {
 /// The members of a list.
 ///
 /// # Panics
-/// If one stands there twice.
+/// If a member occurs twice.
 pub fn set(list: &[u32]) -> BTreeSet<u32> {
     let set: BTreeSet<u32> = list.iter().copied().collect();
     assert_eq!(set.len(), list.len(), "named twice in {list:?}");

@@ -1,7 +1,7 @@
-//! One run, the same for ever: shipped networks over events, made networks over frames, and one
-//! number for every bit of their predictions.
+//! One run that never changes: shipped networks over events, made-up networks over frames, and one
+//! hash of all bits of their predictions.
 //!
-//! The numbers may change only where semantics or weights are changed on purpose.
+//! The hashes may change only if semantics or weights are changed on purpose.
 
 use std::hash::Hasher;
 use std::sync::Arc;
@@ -15,11 +15,11 @@ use meissner_models::{Description, Weights};
 use meissner_verify::Random;
 use meissner_verify::frame_networks::{self, Style};
 
-/// What [`of_events`] gives, on every machine, instruction set and number of threads.
+/// The result of [`of_events`], on every machine, instruction set and number of threads.
 pub const EVENTS_EXPECTED: u64 = 0x8460_5536_0831_6e1f;
-/// What [`of_frames`] gives.
+/// The result of [`of_frames`].
 pub const FRAMES_EXPECTED: u64 = 0x65ab_181e_afc4_7072;
-/// What [`of_press`] gives; `.ci/wasm` reads it here.
+/// The result of [`of_press`]; `.ci/wasm` reads it here.
 pub const PRESS_EXPECTED: u64 = 0xc81b_886b_a0f0_2234;
 
 const SENSOR: Sensor = Sensor { width: 120, height: 90 };
@@ -33,7 +33,7 @@ const EVERY: usize = 150;
 /// How predictions over events are computed.
 #[derive(Clone, Copy, Debug)]
 pub enum Mode {
-    /// By what each event changes.
+    /// Only the rows that each event changes.
     Incremental {
         /// The instruction set.
         isa: Isa,
@@ -47,7 +47,7 @@ pub enum Mode {
     },
 }
 
-/// FNV-1a over 64 bits, whose values are its authors' on every machine (Fowler, Noll and Vo).
+/// FNV-1a over 64 bits (Fowler, Noll and Vo), with the same values on every machine.
 fn add(hasher: &mut FnvHasher, values: &[f32]) {
     values.iter().for_each(|value| hasher.write(&value.to_bits().to_le_bytes()));
 }

@@ -25,7 +25,7 @@ impl Golden {
     /// Reads a golden file.
     ///
     /// # Panics
-    /// If it is not there, or not as described.
+    /// If it does not exist, or not as described.
     pub fn load(name: &str) -> Self {
         let bytes = std::fs::read(Self::path(name)).expect("a readable file");
         let file = SafeTensors::deserialize(&bytes).expect("a safetensors file");
@@ -46,8 +46,8 @@ impl Golden {
         Self { floats, integers }
     }
 
-    /// The file of a golden file: in `tests/golden` those with small graphs and images, which end
-    /// with `_small`, in `../shared/golden` the others.
+    /// The file of a golden file: files with small graphs and images, whose names end with
+    /// `_small`, are in `tests/golden`, the others in `../shared/golden`.
     pub fn path(name: &str) -> PathBuf {
         if Self::is_small(name) {
             return Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("golden/{name}.safetensors"));
@@ -55,13 +55,13 @@ impl Golden {
         shared(&format!("golden/{name}.safetensors"))
     }
 
-    /// Whether a golden file comes with the project. Where it holds no weights, it is of the
-    /// shipped ones.
+    /// Whether a golden file comes with the project. If it contains no weights, its answers are for
+    /// the shipped weights.
     pub fn is_small(name: &str) -> bool {
         name.ends_with("_small")
     }
 
-    /// Those of `names` that are at hand: all where there is `../shared`, else the small ones.
+    /// The available files among `names`: all if there is `../shared`, else the small ones.
     pub fn at_hand<'a>(names: &[&'a str]) -> Vec<(&'a str, Self)> {
         let at_hand = names.iter().filter(|name| Self::is_small(name) || !cfg!(no_shared));
         at_hand.map(|&name| (name, Self::load(name))).collect()
@@ -109,10 +109,10 @@ impl Golden {
     }
 }
 
-/// A shipped description of a frame network, with images of another size where `size` says so.
+/// A shipped description of a frame network, with images of another size if `size` is given.
 ///
 /// # Panics
-/// If there is none of that name, or `size` is for a network whose frames are no images.
+/// If there is none of that name, or `size` is given for a network whose frames are not images.
 pub fn frame_description(name: &str, size: Option<[usize; 2]>) -> FrameDescription {
     let path = format!("{}/../models/networks/{name}.toml", env!("CARGO_MANIFEST_DIR"));
     let mut text = std::fs::read_to_string(path).expect("a shipped description");

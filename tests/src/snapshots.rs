@@ -10,7 +10,7 @@ const HEADER: usize = 24;
 /// Bytes after the content of a snapshot without a note: the length of the note, and the checksum.
 pub const FOOTER: usize = 16;
 
-/// A snapshot with changed content, with length and checksum (FNV-1a) that fit.
+/// A snapshot with changed content and the right length and checksum (FNV-1a).
 pub fn sealed(mut bytes: Vec<u8>) -> Vec<u8> {
     bytes.truncate(bytes.len() - 8);
     let length = (bytes.len() + 8) as u64;
@@ -21,13 +21,13 @@ pub fn sealed(mut bytes: Vec<u8>) -> Vec<u8> {
     bytes
 }
 
-/// Where the fields of a snapshot start, as its reader names them.
+/// The positions of the fields of a snapshot, with the names that its reader uses.
 #[derive(Debug)]
 pub struct Fields(Vec<(String, usize)>);
 
 impl Fields {
-    /// The fields of `bytes`, which `restore` reads: each is missing where the content is cut
-    /// before its end. Items whose number is checked against the bytes that are left belong to the
+    /// The fields of `bytes`, which `restore` reads: a field is missing if the content is cut
+    /// before its end. Items whose number is checked against the remaining bytes belong to the
     /// field of this number.
     pub fn of(bytes: &[u8], mut restore: impl FnMut(&[u8]) -> Result<(), EngineError>) -> Self {
         let mut fields: Vec<(String, usize)> = Vec::new();

@@ -1,4 +1,4 @@
-//! What an engine has stored against what its own stored inputs give.
+//! Stored values of an engine against the results from its own stored inputs.
 //!
 //! Neighbourhoods and positions come from a batch, as they do not depend on features; cells are
 //! computed once more, in wide integers.
@@ -9,11 +9,11 @@ use meissner_kernels::{Isa, Lanes, Matrix, add, clear_negative_zero, maximum};
 
 use meissner_verify::{CheckedEngine, bits};
 
-/// Asserts that every stored row of a block is within the engine's tolerance of what its stored
-/// inputs give, and that maxima and prediction are exactly those of the stored rows.
+/// Asserts that every stored row of a block is within the engine's tolerance of the result from its
+/// stored inputs, and that maxima and prediction are exactly those of the stored rows.
 ///
 /// # Errors
-/// What is not.
+/// The first value that is not.
 pub fn check(checked: &mut CheckedEngine) -> Result<(), String> {
     let got = checked.engine.predict().map_err(|e| e.to_string())?.values.to_vec();
     let trace = checked.batch.trace().map_err(|e| e.to_string())?;
@@ -45,7 +45,7 @@ pub fn check(checked: &mut CheckedEngine) -> Result<(), String> {
         for (b, block) in network.level(l).blocks.iter().enumerate() {
             let input = &features[block.input];
             if l == 0 && network.parts().graph.is_frozen() {
-                // Frozen rows read what has left: the batch remembers it.
+                // Frozen rows read events that have left: the batch remembers them.
                 let expected = &trace.levels[0].features[b + 1];
                 let expected: Vec<f32> =
                     (level.first..expected.rows()).flat_map(|row| expected.slice(row)).copied().collect();
@@ -112,7 +112,7 @@ fn cell_of_cell(pooling: &Pooling, inner: &Pooling, [x, y, t]: [i128; 3]) -> [i1
     [image(0, x), image(1, y), time.map_or(0, |(inner, outer)| axis(t, inner, outer))]
 }
 
-/// Maximum of the rows of each of `cells`, where `keys` says in which each row is.
+/// Maximum of the rows of each of `cells`; `keys` has the cell of each row.
 fn maxima(features: &Matrix, keys: &[[i128; 3]], cells: &[[i128; 3]]) -> Matrix {
     let mut out = Matrix::zeros(cells.len(), features.columns());
     for (i, cell) in cells.iter().enumerate() {
@@ -192,7 +192,7 @@ fn prediction(checked: &CheckedEngine, trace: &Trace, top: &[Matrix]) -> Vec<f32
     values.values(0).collect()
 }
 
-/// How many cells in time each row of the last level lies before the newest, or 0.
+/// Number of cells in time by which each row of the last level is older than the newest, or 0.
 fn ages(checked: &CheckedEngine, trace: &Trace) -> Vec<usize> {
     let parts = checked.engine.network().parts();
     let top = &trace.levels[trace.levels.len() - 1];

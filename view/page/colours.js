@@ -2,7 +2,7 @@
 
 let known = {};
 
-/** Forgets the colours: the theme has changed. */
+/** Forgets the colours, because the theme has changed. */
 export function forget() { known = {}; }
 
 /** A colour by its name in the style sheet. */
@@ -16,7 +16,7 @@ export function rgb(name) {
   return [number >> 16 & 255, number >> 8 & 255, number & 255].map(value => value / 255);
 }
 
-/** The size of a canvas on the page, after its bitmap was made as fine as the screen. */
+/** Sets a canvas's bitmap to the screen's resolution; returns the canvas's size on the page. */
 export function fit(canvas) {
   const { width, height } = canvas.getBoundingClientRect(), ratio = window.devicePixelRatio || 1;
   const [columns, rows] = [Math.max(1, Math.round(width * ratio)), Math.max(1, Math.round(height * ratio))];
@@ -37,7 +37,7 @@ export function begin(canvas) {
 /** A number with thousands separated. */
 export const grouped = number => Math.round(number).toLocaleString("en-US");
 
-/** Three digits or so. */
+/** A number with about three digits. */
 export function short(value) {
   if (!Number.isFinite(value)) return "–";
   const size = Math.abs(value);

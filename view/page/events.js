@@ -1,6 +1,6 @@
 // The events of the window: red on, blue off, fading with age, larger than their pixels so that a
-// single one shows. WebGL2, or a canvas where there is none. An overlay has the newest event, its
-// neighbourhood, the rows of the wave and the cells.
+// single event is visible. Uses WebGL2, or a plain canvas without it. An overlay shows the newest
+// event, its neighbourhood, the rows of the wave and the cells.
 
 import { begin, colour, fit, rgb } from "./colours.js";
 
@@ -26,7 +26,7 @@ void main() { pixel = vec4(shade.rgb * shade.a, shade.a); }`;
 
 /** A painter of events on a canvas of its own. */
 export function painter(canvas) {
-  // Kept for screenshots.
+  // The drawing buffer is kept for screenshots.
   const gl = canvas.getContext("webgl2", { premultipliedAlpha: true, preserveDrawingBuffer: true, antialias: false });
   return gl && webgl(canvas, gl) || plain(canvas);
 }
@@ -84,7 +84,7 @@ export function viewOf([columns, rows], span, width, height) {
   const scale = Math.min(width / columns, height / rows);
   const [left, top] = [(width - columns * scale) / 2, (height - rows * scale) / 2];
   const place = (x, y) => [left + (x + 0.5) * scale, top + (y + 0.5) * scale];
-  // Dilated: a pixel of the sensor may be less than one of the screen.
+  // Enlarged, because a pixel of the sensor may be smaller than one of the screen.
   return { scale, left, top, span, place, size: Math.max(scale * 1.1, 2.4), width: columns * scale, height: rows * scale };
 }
 
@@ -108,7 +108,7 @@ export function overlay(canvas, frame, view, { graph, grid, phase }) {
     to.fillStyle = colour("ink");
     for (const i of near) { const [u, v] = place(i); to.beginPath(); to.arc(u, v, 3, 0, 7); to.fill(); }
   }
-  // Of the layers of events that the wave has reached, the last.
+  // The last layer of events that the wave has reached.
   const reached = wave.slice(0, Math.ceil(phase)).filter(layer => layer.level === 0).at(-1);
   if (reached && reached.list.length < 2000) {
     to.lineWidth = 1.5;

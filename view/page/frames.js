@@ -4,14 +4,14 @@
 import { begin, colour, grouped, rgb, short } from "./colours.js";
 
 const TITLE = 18, GAP = 14;
-// viridis (Smith and van der Walt, 2015), at equal distances: the colour-blind see its order.
+// viridis (Smith and van der Walt, 2015), at equal distances: colour-blind people see its order.
 const VIRIDIS = [[68, 1, 84], [65, 68, 135], [42, 120, 142], [34, 168, 132], [122, 209, 81], [253, 231, 37]];
 const ramp = Array.from({ length: 256 }, (_, i) => {
   const at = i / 255 * (VIRIDIS.length - 1), low = Math.min(VIRIDIS.length - 2, Math.floor(at));
   return VIRIDIS[low].map((value, c) => Math.round(value + (VIRIDIS[low + 1][c] - value) * (at - low)));
 });
 
-/** Draws what the network read, and what it says of pixels. */
+/** Draws the input of the network, and its prediction for pixels. */
 export function drawInput(canvas, facts, frame, { contact }) {
   const { to, width, height } = begin(canvas);
   if (frame.PICT) pictures(to, width, height, frame, contact);
@@ -19,7 +19,7 @@ export function drawInput(canvas, facts, frame, { contact }) {
   else if (frame.SPAR) spikes(to, width, height, frame);
 }
 
-/** The text below it. */
+/** The text below the input. */
 export function inputText(facts, frame) {
   const changed = frame.DIFF && `${grouped(frame.DIFF.set.length)} of ${grouped(frame.DIFF.columns * frame.DIFF.rows)} pixels differ from the one before`;
   if (frame.FORC) {
@@ -35,7 +35,7 @@ export function inputText(facts, frame) {
   return "";
 }
 
-/** Places for views of this aspect: as large as they can be side by side or below each other. */
+/** Positions of views with this aspect: as large as possible, side by side or below each other. */
 function places(count, aspect, width, height) {
   let found = { scale: 0 };
   for (let columns = 1; columns <= count; columns++) {
@@ -70,7 +70,7 @@ function pixels(to, columns, rows, paint, [left, top, wide, tall]) {
   to.drawImage(small, left, top, wide, tall);
 }
 
-/** The next of 1, 2, 5, 10 and so on: scales that change seldom. */
+/** The next of 1, 2, 5, 10 and so on, so that scales seldom change. */
 function ceiling(value) {
   const power = 10 ** Math.floor(Math.log10(value));
   return [1, 2, 5, 10].find(factor => factor * power >= value * 0.9999) * power;
@@ -155,7 +155,7 @@ function spikes(to, width, height, { SPAR: of, DIFF: changed }) {
   if (changed) differing(to, changed, second);
 }
 
-/** Red above and blue below the median, as strong as it differs. */
+/** Red above and blue below the median, stronger for a larger difference. */
 function deviation(to, value, most, draw, strongest = 1) {
   to.fillStyle = colour(value > 0 ? "on" : "off");
   to.globalAlpha = strongest * Math.min(1, Math.sqrt(Math.abs(value) / most));
@@ -189,7 +189,7 @@ function electrodes(to, width, height, facts, readings) {
     to.textAlign = "center";
     to.fillText(`${value > 0 ? "+" : value < 0 ? "−" : ""}${Math.round(Math.abs(value))}`, u, v, 2 * radius - 3);
   });
-  // The newest readings, one row an electrode.
+  // The newest readings, one row for each electrode.
   const [a, b] = beside ? [room + 24, TITLE] : [0, top + cell * 12 + TITLE + 22], names = 26, wide = width - a - names, deep = height - b - 24;
   const [w, h] = [wide / Math.max(readings.length, 40), deep / count];
   title(to, `The last ${(readings.length / 100).toFixed(1)} s`, a, b, wide);

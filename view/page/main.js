@@ -31,7 +31,7 @@ const source = openSource({
   },
 });
 const send = command => { if (facts?.controls) source.send(command); };
-// For tests and for people who look behind the page.
+// For tests and for people who inspect the page.
 window.meissner = { send, get frame() { return frame; }, get facts() { return facts; } };
 
 const select = sensor => source.send({ do: "select", sensor: Math.max(0, Math.min(facts.sensors.length - 1, sensor)) });
@@ -70,7 +70,7 @@ function render(now) {
   if (!dirty && phase === drawn) return;
   const whole = dirty;
   [dirty, drawn] = [false, phase];
-  // They decide how much room the rest has.
+  // The sensors are drawn first, because they decide how much room the rest has.
   if (frame.TIPS && whole) drawSensors($("sensors"), facts, frame.TIPS, select);
   if (frame.EVNT) {
     const size = facts.sensors ? facts.sensors[frame.TIPS.selected].size : facts.sensor;
@@ -100,10 +100,10 @@ function render(now) {
 /** How many layers the wave of the newest event has reached. */
 function phaseAt(now) {
   const layers = (frame.WAVE ?? frame.LAYR ?? []).length, { taken, playing } = frame.TIME;
-  // Many layers of frames take as long as four of events.
+  // All layers of frames together take as long as four layers of events.
   const slowness = Number($("slowness").value) * (frame.LAYR ? 4 / layers : 1);
   if (taken !== waveOf) [waveOf, waveBegan] = [taken, now];
-  // Faster than a wave, all of it shows.
+  // If playback is faster than a wave, the whole wave is shown.
   const fast = playing && (frame.LAYR || frame.TIME.speed > 0.002);
   if (still.matches || !slowness || fast) return layers;
   return Math.min(layers, (now - waveBegan) / slowness);
@@ -235,7 +235,7 @@ addEventListener("keydown", event => {
     g: () => actions.toggle("graph"), c: () => actions.toggle("grid"), n: () => $("network").focus(), "?": actions.help,
   };
   const key = event.key.length === 1 ? event.key.toLowerCase() : event.key, act = keys[key];
-  // A button and a box answer Space themselves; the range of the slowness answers arrows.
+  // Buttons and checkboxes handle Space themselves; the slider of the slowness handles arrow keys.
   if (!act || (key === " " && on.matches("button, input[type=checkbox]")) || (on.id === "slowness" && key.startsWith("Arrow"))) return;
   event.preventDefault();
   if (frame || key === "?") act();

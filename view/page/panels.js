@@ -5,7 +5,7 @@ import { LINES, best, softmax } from "./plots.js";
 
 const $ = id => document.getElementById(id);
 
-/** Replaces the text of an element where it differs: the page is laid out less often. */
+/** Replaces the text of an element only if it differs, so that the page is laid out less often. */
 export function say(id, text) {
   if ($(id).textContent !== text) $(id).textContent = text;
 }
@@ -28,7 +28,7 @@ export function showKind(kind) {
   say("empty", empty);
   say("latency-title", `Latency of ${/^[aeiou]/.test(one) ? "an" : "a"} ${one}`);
   say("graph-text", kind === "pictures" ? "outline" : "neighbours");
-  // Of the kind before.
+  // Clears the content of the previous kind.
   $("work").textContent = "";
   for (const id of ["overlay", "wave"]) $(id).width = $(id).width;
 }

@@ -12,20 +12,20 @@ export function extent(frame) {
   return live ? [Math.max(0, end / 1e3 - 20_000), Math.max(1, end / 1e3)] : [0, Math.max(1, end / 1e3)];
 }
 
-/** The time in us at a place on the plot. */
+/** The time in us at a position on the plot. */
 export function timeAt(canvas, frame, clientX) {
   const { left, width } = canvas.getBoundingClientRect(), [from, to] = extent(frame);
   const share = (clientX - left - LEFT) / (width - LEFT - RIGHT);
   return 1e3 * (from + (to - from) * Math.max(0, Math.min(1, share)));
 }
 
-/** Predictions over time with the truth; of classes, their probabilities. */
+/** Predictions over time with the truth; for classes, their probabilities. */
 export function drawPrediction(canvas, facts, frame) {
   const { to, width, height } = begin(canvas), { outputs, points, numbers } = frame.SERS, stride = 1 + outputs;
   const values = i => facts.classes ? softmax(numbers.subarray(i * stride + 1, (i + 1) * stride)) : numbers.subarray(i * stride + 1, (i + 1) * stride);
   const rows = Array.from({ length: points }, (_, i) => [numbers[i * stride], values(i)]);
   const shown = facts.classes ? best(softmax(frame.PRED.values), 3) : Array.from({ length: Math.min(outputs, 4) }, (_, i) => i);
-  // Of several units, each has an axis of its own.
+  // Each unit has its own axis.
   const units = facts.classes ? [""] : [...new Set(shown.map(output => facts.units[output]))], deep = height / units.length;
   units.forEach((unit, at) => {
     const own = facts.classes ? shown : shown.filter(output => facts.units[output] === unit), truths = facts.truth.filter(of => own.includes(of.output));

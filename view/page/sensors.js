@@ -1,5 +1,5 @@
-// Several sensors side by side: the events of each, what is predicted of it, how long that took and
-// what was dropped. One is selected, and the other panels are about it.
+// Several sensors side by side: the events of each sensor, its prediction, the time that took and
+// the dropped events. One sensor is selected, and the other panels show it.
 
 import { begin, colour, grouped, short, time } from "./colours.js";
 import { softmax } from "./plots.js";
@@ -13,7 +13,7 @@ export function drawSensors(box, facts, tips, select) {
     made = tips.list.length;
     box.replaceChildren(...tips.list.map((_, i) => tip(facts, i, select)));
   }
-  // Canvases before texts: the page is laid out once.
+  // Draws canvases before texts, so that the page is laid out once.
   const canvases = box.querySelectorAll("canvas");
   tips.list.forEach((of, i) => drawEvents(canvases[i], facts.sensors[i].size, facts.span_us, of.events));
   tips.list.forEach((of, i) => {
@@ -55,7 +55,7 @@ function tip(facts, i, select) {
   return button;
 }
 
-/** What is predicted, short. */
+/** The prediction as a short text. */
 function valueText(facts, { values }) {
   if (values.some(value => !Number.isFinite(value))) return "–";
   if (facts.classes) {

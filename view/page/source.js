@@ -25,7 +25,7 @@ function worker({ onframe, onstate }) {
     if (data instanceof ArrayBuffer) onframe(new DataView(data));
     else if (data.state) onstate(data.state);
   };
-  // What only this source needs: files of the visitor.
+  // Only this source opens files of the visitor.
   import("./drop.js").then(files => files.begin(engine));
   engine.onerror = event => onstate(`failed: ${event.message}`);
   return { send: command => engine.postMessage(command), worker: engine };

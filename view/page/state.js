@@ -9,7 +9,7 @@ export function read() {
   return Object.fromEntries(KEYS.filter(key => parameters.has(key)).map(key => [key, parameters.get(key)]));
 }
 
-/** Writes the state into the address, a few times a second at most: browsers refuse more. */
+/** Writes the state into the address, at most a few times a second: browsers refuse more. */
 export function write(state) {
   wanted = `#${new URLSearchParams(Object.entries(state).filter(([, value]) => value !== undefined && value !== null))}`;
   if (waiting || wanted === written) return;

@@ -1,5 +1,5 @@
-// The rows that the newest event changed, a lane for each layer, from below: rows from the oldest
-// to the newest, computed ones as ticks, and what was kept, with the reason.
+// The rows that the newest event changed, a lane for each layer, the lowest layer first: rows
+// from the oldest to the newest, computed rows as ticks, and the kept rows, with the reason.
 
 import { begin, colour, grouped } from "./colours.js";
 
@@ -37,7 +37,7 @@ function reason(facts, layer) {
   return parts.join(" · ");
 }
 
-/** All work so far against full recomputation at each prediction. */
+/** All work so far, compared with full recomputation at each prediction. */
 export function workText(facts, work) {
   const sum = of => work.layers.reduce((total, layer) => total + layer[of], 0);
   const [computed, kept, unchanged] = [sum("computed"), sum("kept"), sum("unchanged")];

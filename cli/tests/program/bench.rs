@@ -1,4 +1,4 @@
-//! `bench`: counts that fit together, whatever the times are.
+//! `bench`: counts that fit together, independent of times.
 
 use serde_json::Value;
 
@@ -143,7 +143,7 @@ fn a_period_that_no_work_fits_in_is_missed_and_a_second_is_not() {
 
 #[test]
 fn the_drawing_is_well_formed_and_names_what_it_shows() {
-    // A name with characters that XML does not take as they are.
+    // A name with characters that XML must escape.
     let (folder, recording) = file("dots & <taps>.csv", "# sensor 8x8\n0,1,1,1\n100,2,2,1\n900,3,3,0\n");
     let path = folder.path().join("latency.svg");
     object(&meissner(&["bench", argument(&recording), "--svg", argument(&path), "--json"]));

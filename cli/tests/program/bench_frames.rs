@@ -1,5 +1,5 @@
-//! `bench` of frame networks, and against them: counts and bits that fit together, whatever the
-//! times are.
+//! `bench` of frame networks, and against them: counts and bits that fit together, independent of
+//! times.
 
 use serde_json::Value;
 
@@ -159,7 +159,7 @@ fn a_frame_network_has_as_many_latencies_as_frames_and_pixels_that_add_up() {
         let [pixels, computed, skipped, absorbed] =
             ["pixels", "computed", "skipped", "absorbed"].map(|key| count(&layer[key]));
         assert_eq!((name, pixels), (&whole["name"], count(&whole["computed"])));
-        // A block of pixels is computed where one of them has to be.
+        // A block of pixels is computed if one of them must be.
         assert!(computed <= pixels && skipped + absorbed <= pixels, "{layer}");
         assert!(computed + skipped + absorbed >= pixels, "{layer}");
         assert_eq!((count(&whole["skipped"]), count(&whole["absorbed"])), (0, 0));

@@ -1,4 +1,4 @@
-//! Inputs as people have them: other layouts, other kinds, cut short, broken half-way; and outputs
+//! Inputs as users have them: other layouts, other kinds, cut short, broken half-way; and outputs
 //! that exist already.
 
 use std::fs;
@@ -156,7 +156,7 @@ fn a_recording_that_was_cut_short_names_salvage_and_salvage_counts_what_is_whole
         let path = argument(&path);
         fails(&meissner(&["info", path, "--strict"]), 1, &["cut", "--salvage"]);
         assert_eq!(meissner(&["info", path]).status.success(), format == Format::Csv);
-        // A text is read without its last line, which is counted as refused, unless it is to be
+        // A text is read without its last line, which is counted as refused, unless the reader is
         // strict.
         fails(&meissner(&["run", path, "--sensor", "128x128", "--strict"]), 1, &["cut", "--salvage"]);
         let output = meissner(&["info", path, "--salvage", "--json"]);
@@ -177,8 +177,8 @@ fn a_recording_that_was_cut_short_names_salvage_and_salvage_counts_what_is_whole
         }
         assert!(text(&meissner(&["info", path, "--salvage"])).contains("salvaged    "));
     }
-    // Whole recordings say nothing, and a damaged one is refused by a strict reader with it as
-    // without.
+    // Complete recordings cause no message, and a strict reader refuses a damaged one with and
+    // without the option.
     let recording = default_recording();
     let output = meissner(&["info", argument(&recording), "--salvage", "--json"]);
     assert!(text(&output).contains("\"salvaged\":null") && message(&output).is_empty());
@@ -214,7 +214,7 @@ fn convert_reads_and_writes_the_standard_streams() {
     fails(&meissner_reading(&["convert", "-", "-"], &text), 2, &["--to aedat4|csv|npy|dat|evt3|es"]);
 }
 
-/// A folder with a file of before.
+/// A folder with an older file.
 struct Folder(TempDir);
 
 impl Folder {
@@ -233,8 +233,8 @@ impl Folder {
         self.path(name)
     }
 
-    /// Runs the program with each of `options`, first naming the file of before, then one that is
-    /// not there: it fails with `expected`, the file is as it was, and there is no other.
+    /// Runs the program with each of `options`, first with the older file, then with a missing one.
+    /// It fails with `expected`, the file is unchanged, and there is no other.
     fn stays(&self, arguments: &[&str], options: &[&str], expected: &[&str]) {
         for option in options {
             for name in ["kept", "new"] {
@@ -252,8 +252,8 @@ impl Folder {
     }
 }
 
-/// The default recording in every format that is written, N-MNIST and others cut within an event;
-/// the message's place.
+/// The default recording in every written format, N-MNIST and others cut within an event; and the
+/// location in the message.
 fn broken(folder: &Folder) -> Vec<(PathBuf, &'static str)> {
     let recording = meissner_io::read(&default_recording()).expect("the recording is sound");
     let events = &recording.events[..2000];
@@ -289,7 +289,7 @@ fn a_recording_that_breaks_off_leaves_every_output_as_it_was() {
         for format in ["csv", "npy", "dat", "evt3"] {
             folder.stays(&["convert", path, "--to", format, "--force", "--strict"], &[""], &[name, place]);
         }
-        // Without it, a line of a text is passed over.
+        // Without it, a line of a text is skipped.
         let strict = [path, "--sensor", "346x260", "--strict"];
         folder.stays(&[&["run"], &strict[..]].concat(), &["--save-state"], &[name, place]);
         let every = [&["run", "--every", "1ms", "--save-every", "1ms"], &strict[..]].concat();
@@ -312,13 +312,13 @@ fn a_stream_that_breaks_off_leaves_the_file_or_the_state_behind_its_last_event()
     let convert = ["convert", "-", argument(&kept), "--to", "npy", "--force", "--strict"];
     let output = meissner_reading(&convert, &broken);
     fails(&output, 1, &["standard input", "line 401"]);
-    // A line without an end, behind which nothing can be read.
+    // A line without an end, after which nothing can be read.
     let broken = lines + &"9".repeat(5000);
     let run = ["run", "-", "--network", "tactigraph-past", "--sensor", "30x30", "--every", "end"];
     let output = meissner_reading(&[&run[..], &["--save-state", argument(&kept)]].concat(), &broken);
     assert_eq!(output.status.code(), Some(1));
     assert!(message(&output).contains("standard input: CSV: line at line 401"), "{}", message(&output));
-    // The state is that behind the last event: a run can go on from it.
+    // The state is the one after the last event: a run can continue from it.
     let state = fs::read(&kept).expect("it was written");
     assert!(state.starts_with(b"MEISSNER"));
     let resumed = meissner_reading(&[&run[..], &["--resume", argument(&kept)]].concat(), "50000,1,2,1\n");

@@ -1,4 +1,4 @@
-//! Small data sets of digits, slips and touch, trainings over them, and what a network makes of
+//! Small data sets of digits, slips and touch, trainings over them, and a network's results for
 //! them by engines alone.
 
 use std::collections::BTreeMap;
@@ -14,7 +14,7 @@ use tempfile::TempDir;
 /// Recordings of each class in the split train, and in the split test.
 pub(crate) const TRAIN: usize = 2;
 pub(crate) const TEST: usize = 1;
-/// All of them.
+/// Number of all recordings.
 pub(crate) const RECORDINGS: usize = 10 * (TRAIN + TEST);
 
 /// A network over the past, whose events stay for 30 ms.
@@ -57,7 +57,7 @@ names = ["0", "1", "2", "3", "4", "5", "6", "7", "8", "9"]
 unit = "logit"
 "#;
 
-/// [`SMALL`] with this name, and the first of each pair replaced by the second.
+/// [`SMALL`] with this name, with the first text of each pair replaced by the second.
 pub(crate) fn small(name: &str, changes: &[(&str, &str)]) -> String {
     changes.iter().fold(SMALL.replace("NAME", name), |text, (old, new)| {
         assert!(text.contains(old), "{old:?} must be in the description");
@@ -76,7 +76,7 @@ pub(crate) struct Digit {
 pub(crate) fn digits() -> Vec<Digit> {
     let splits = [("train", TRAIN), ("test", TEST)];
     let digit = |split: &str, class: usize, number: usize| Digit {
-        // Natural order is not that of the text.
+        // Natural order differs from the order of the text.
         name: format!("{split}/{class}/{}", 9 + number),
         class,
         events: events(class, split.len() * 7 + number),
@@ -150,7 +150,7 @@ impl Runs {
         (path, description)
     }
 
-    /// Writes weights drawn from `seed` as a whole training, but for what `more` says of it.
+    /// Writes weights drawn from `seed` as a whole training, changed by the metadata in `more`.
     pub(crate) fn training(
         &self,
         file: &str,
@@ -169,7 +169,7 @@ impl Runs {
     }
 }
 
-/// What a network says of a recording.
+/// A network's predictions for a recording.
 pub(crate) struct Said {
     /// Classes at 10, 20, ... ms before the end, then at the end.
     pub(crate) answers: Vec<usize>,
@@ -179,8 +179,8 @@ pub(crate) struct Said {
     pub(crate) end_us: i64,
 }
 
-/// What `description` with `weights` says of every `stride`-th of `events`: an engine of its own
-/// for every time.
+/// The predictions of `description` with `weights` for every `stride`-th of `events`, with a
+/// separate engine for every time.
 pub(crate) fn said(description: &Description, weights: &Weights, events: &[Event], stride: usize) -> Said {
     let network = std::sync::Arc::new(description.network(weights).expect("they fit"));
     let events: Vec<Event> = events.iter().copied().step_by(stride).collect();
@@ -199,7 +199,7 @@ pub(crate) fn said(description: &Description, weights: &Weights, events: &[Event
     Said { answers: values.iter().map(|values| class(values)).collect(), bits, end_us: last - first }
 }
 
-/// What it says of all recordings, in order.
+/// Its predictions for all recordings, in order.
 pub(crate) fn all_said(description: &Description, weights: &Weights, stride: usize) -> Vec<Said> {
     digits().iter().map(|digit| said(description, weights, &digit.events, stride)).collect()
 }
@@ -209,8 +209,8 @@ fn class(values: &[f32]) -> usize {
     values.iter().position(|&value| value == most).expect("one is the largest")
 }
 
-/// A folder with containers: of each class a recording of two spikes for training, and one for the
-/// test.
+/// A folder with containers: for each class, a recording of two spikes for training, and one for
+/// the test.
 pub(crate) fn touch_folder(classes: usize) -> TempDir {
     let folder = tempfile::tempdir().expect("there is a place for temporary files");
     let mut arrays = Vec::new();
@@ -263,8 +263,8 @@ pub(crate) fn letters_network(folder: &Path) -> [PathBuf; 2] {
 /// Presses of each letter in [`letters_archive`].
 pub(crate) const NUMBERS: usize = 4;
 
-/// Presses on letters of braille (`letters.npz`): a letter has a taxel of its own, on which
-/// pressure rises for 0.3 s and falls when the skin is lifted; its last press is for the test.
+/// Presses on letters of braille (`letters.npz`): each letter has its own taxel, on which pressure
+/// rises for 0.3 s and falls when the skin is lifted; its last press is for the test.
 pub(crate) fn letters_archive() -> Vec<u8> {
     let (mut t_us, mut taxel, mut adc, mut start) = (Vec::new(), Vec::new(), Vec::new(), vec![0_i64]);
     for letter in 0..27 {
@@ -328,7 +328,7 @@ fn npy(descr: &str, shape: &str, values: &[u8]) -> Vec<u8> {
 }
 
 pub(crate) mod slip {
-    //! A small data set of slips, trainings of networks over it, and what a network makes of it by
+    //! A small data set of slips, trainings of networks over it, and a network's results for it by
     //! the engine alone.
 
     use std::collections::BTreeMap;

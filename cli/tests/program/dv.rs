@@ -21,7 +21,7 @@ fn events() -> Vec<Event> {
         .collect()
 }
 
-/// The stream of these events: what comes first, and packets of 100 events each.
+/// The stream of these events: its beginning, and packets of 100 events each.
 fn stream(events: &[Event]) -> (Vec<u8>, Vec<Vec<u8>>) {
     let mut all = Vec::new();
     let mut writer = Aedat4Writer::stream(&mut all, SENSOR).expect("memory");
@@ -39,14 +39,23 @@ fn started(arguments: &[&str]) -> Child {
     command.spawn().expect("the program starts")
 }
 
-/// What was predicted, without the times that it took, and the number of what was refused.
+/// Stops listening at once: after `drop` alone, a process that another test is starting would keep
+/// the socket open until it runs.
+fn close(server: TcpListener) {
+    #[cfg(unix)]
+    let _ = TcpStream::from(std::os::fd::OwnedFd::from(server)).shutdown(std::net::Shutdown::Both);
+    #[cfg(not(unix))]
+    drop(server);
+}
+
+/// The predictions, without their run times, and the number of refused items.
 fn values(output: &Output) -> (Vec<(Value, Value)>, Value) {
     let (predictions, summary) = lines(output);
     let values = predictions.iter().map(|line| (line["t_us"].clone(), line["value"].clone())).collect();
     (values, summary["lines_refused"].clone())
 }
 
-/// What is predicted of these events in a file.
+/// The predictions for these events in a file.
 fn expected(events: &[Event]) -> Vec<(Value, Value)> {
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("events.aedat4");
@@ -72,8 +81,9 @@ fn a_connection_that_is_cut_comes_back_and_the_cut_is_counted() {
         client.write_all(packet).expect("it reads");
     }
     let end = Instant::now();
-    // Nobody listens from now on: the program waits for twenty seconds, or for a signal.
-    drop((server, client));
+    // No server listens from now on: the program waits for twenty seconds, or for a signal.
+    close(server);
+    drop(client);
     let id = child.id().to_string();
     thread::sleep(Duration::from_millis(600));
     let _ = std::process::Command::new("kill").args(["-s", "INT", &id]).status();
@@ -95,7 +105,7 @@ fn a_stream_that_is_not_connected_again_ends() {
         let child = started(&["run", &address, "--every", "5ms", "--json", "--reconnect", reconnect]);
         let (greeting, packets) = stream(&events());
         let mut client = server.accept().expect("it connects").0;
-        drop(server);
+        close(server);
         client.write_all(&[greeting, packets.concat()].concat()).expect("it reads");
         drop(client);
         let output = child.wait_with_output().expect("it ends");

@@ -53,7 +53,8 @@ fn weights_are_told_what_the_windows_of_their_training_were_like() {
     assert_eq!((&own["ends"], &own["ends_unlike"]), (&2.into(), &0.into()), "{own}");
     assert_eq!((&shipped["ends"], &shipped["ends_unlike"]), (&2.into(), &2.into()), "{shipped}");
 
-    // The values stay; the shipped weights know a dome, and three markers are none.
+    // The values stay the same; the shipped weights were trained on a dome, and three markers are
+    // not a dome.
     let line = |weights: &[&str]| {
         let run = ["run", "--limit", "500", "--every", "end", "--json"];
         let output = meissner(&[&run[..], weights].concat());

@@ -19,7 +19,7 @@ pub(crate) fn number(value: &Value) -> f64 {
     value.as_f64().unwrap_or_else(|| panic!("{value} is a number"))
 }
 
-/// Places of the split test among all recordings.
+/// Indices of the split test among all recordings.
 pub(crate) const TESTED: std::ops::Range<usize> = 10 * TRAIN..RECORDINGS;
 
 /// Times at which predictions are read.
@@ -29,15 +29,15 @@ pub(crate) fn times() -> usize {
     (longest as usize).div_ceil(10_000)
 }
 
-/// Whether the answer for each of the recordings `chosen` is right at the `time`th time; behind its
-/// end the last one stands.
+/// Whether the answer for each of the recordings `chosen` is right at the `time`th time; after its
+/// end the last answer stands.
 pub(crate) fn right(said: &[Said], chosen: &[usize], time: usize) -> Vec<bool> {
     let digits = digits();
     let answer = |i: usize| *said[i].answers.get(time).unwrap_or(&said[i].answers[said[i].answers.len() - 1]);
     chosen.iter().map(|&i| answer(i) == digits[i].class).collect()
 }
 
-/// Asserts that figures of one training over `chosen` are those of what was `said`.
+/// Asserts that figures of one training over `chosen` equal those of the predictions `said`.
 pub(crate) fn are_those(one: &Value, said: &[Said], chosen: &[usize]) {
     let count = |time| right(said, chosen, time).iter().filter(|&&right| right).count();
     let n = chosen.len();
@@ -136,7 +136,7 @@ fn the_number_of_threads_reaches_no_bit() {
         let more = ["--threads", threads, "--logits", argument(&logits), "--svg", argument(&svg), "--json"];
         let output = meissner(&[&["eval", "digits"], &arguments(&data, &paths)[..], &more].concat());
         let mut report = object(&output);
-        // The command line says how many threads there were.
+        // The command line contains the number of threads.
         report["header"]["made"]["arguments"] = Value::Null;
         (report, std::fs::read(logits).expect("written"), std::fs::read(svg).expect("written"))
     };

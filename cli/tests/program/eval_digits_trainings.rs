@@ -22,7 +22,7 @@ fn judged(data: &DigitsFolder, runs: &Runs, more: &[&str]) -> Value {
     report(&[&own.each_ref().map(String::as_str)[..], more].concat())
 }
 
-/// The refusal of these trainings.
+/// Asserts that the program refuses these trainings.
 fn refused(data: &DigitsFolder, runs: &Runs, more: &[&str], status: i32, expected: &[&str]) {
     let own = arguments(data, runs);
     let own = own.each_ref().map(String::as_str);

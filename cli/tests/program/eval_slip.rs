@@ -80,9 +80,9 @@ fn the_number_of_threads_reaches_no_bit() {
         let logits = data.path().join(format!("logits-{threads}"));
         let arguments = [argument(data.path()), "--threads", threads, "--logits", argument(&logits)];
         let mut report = report(&arguments);
-        // The logits of another run lie in the folder and are listed.
+        // The logits of another run are in the folder and are listed.
         report["data"]["notes"] = Value::Null;
-        // The command line says how many threads there were.
+        // The command line contains the number of threads.
         report["header"]["made"]["arguments"] = Value::Null;
         (report, std::fs::read(&logits).expect("it was written"))
     };

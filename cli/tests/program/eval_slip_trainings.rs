@@ -106,7 +106,7 @@ fn folds_are_judged_on_what_they_held_out_and_together() {
             }
         }
     }
-    // By window: of three windows of each recording the first and the last.
+    // By window: the first and the last of three windows of each recording.
     let windows: Vec<_> =
         CLASSES.iter().flat_map(|class| [0, 2].map(|i| json!([format!("{class}/case1"), i]))).collect();
     let windows = json!(windows).to_string();

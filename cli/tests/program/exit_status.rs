@@ -239,7 +239,7 @@ fn no_message_says_a_thing_twice() {
 fn no_line_of_text_for_people_is_wider_than_80_columns() {
     let recording = default_recording();
     let recording = recording.to_str().expect("the repository's path is text");
-    // As long as paths of the machine may be, they are words of their own.
+    // Paths of the machine may be long, but each is one word.
     let pareto = [
         "pareto",
         "angle",

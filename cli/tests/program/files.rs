@@ -26,7 +26,7 @@ fn every_format_that_is_written_gives_the_same_events_back() {
         ("f.es", Format::Es),
     ] {
         let to = folder.path().join(name);
-        // npy does not hold the geometry, so the next step has to be told.
+        // npy does not contain the geometry, so the next step needs it as an option.
         convert(
             &from,
             &to,
@@ -243,7 +243,7 @@ fn an_empty_file_is_called_empty() {
 }
 
 mod draw {
-    //! `draw`, and what `inspect --json` says for whoever writes weights.
+    //! `draw`, and the output of `inspect --json` for authors of weights.
 
     use std::fs;
     use std::path::Path;
@@ -252,7 +252,7 @@ mod draw {
 
     use crate::support::{argument, default_recording, file, lines, meissner, message, object, text};
 
-    /// A description that nobody has weights for.
+    /// A description without weights.
     const OWN: &str = r#"[network]
 name = "own"
 

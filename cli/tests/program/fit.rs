@@ -16,7 +16,7 @@ use crate::support::{argument, bits, lines, meissner, message, object, text, wor
 const SENSOR: Sensor = Sensor { width: 48, height: 36 };
 const PRESSES: i64 = 12;
 
-/// Events that move from the left to a place that is the label.
+/// Events that move from the left to a position that is the label.
 fn press(i: i64) -> (f64, Vec<Event>) {
     let to = 10.0 + 3.0 * i as f64;
     let event = |k: i64| {
@@ -89,12 +89,12 @@ fn a_fitted_network_runs_with_the_bits_of_an_engine() {
     assert_eq!(bits(last), values.iter().map(|value| value.to_bits()).collect::<Vec<_>>());
     assert!((f64::from(values[0]) - press(4).0).abs() < 3.0, "{values:?}");
     assert_eq!(summary["outside_training"], 0, "{summary}");
-    // Twelve windows do not show what the others are like; the layers know none of them.
+    // Twelve windows are too few for statistics; the layers know none of them.
     assert_eq!(summary["unlike_training"], Value::Null, "{summary}");
     let notes = report["sensor"]["notes"].to_string();
     assert!(notes.contains("windows are unlike those that the layers were trained on"), "{notes}");
 
-    // The card is read, and no file is replaced without a word.
+    // The card is read, and no file is replaced silently.
     let about = meissner(&["run", argument(&recording), "--network", description, "--weights", weights]);
     assert!(words(&about).contains("head fitted to 12 presses of"), "{}", text(&about));
     fails(&fit(presses.path(), &out, &[]), 2, &["no such file", "--force replaces it"]);

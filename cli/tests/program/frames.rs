@@ -1,4 +1,4 @@
-//! Frame networks: what they have in common, and frames of events.
+//! Frame networks: common behaviour, and frames of events.
 
 use std::path::{Path, PathBuf};
 
@@ -144,7 +144,7 @@ fn the_help_has_an_example_for_each_kind_of_network() {
 const PERIOD_US: i64 = 10_000;
 const SIDE: usize = 115;
 
-/// Events on 120 x 120 pixels: bursts, and a gap of some windows; a few beside the middle 115 x
+/// Events on 120 x 120 pixels: bursts, and a gap of some windows; a few outside the middle 115 x
 /// 115.
 fn events() -> Vec<Event> {
     let mut events = Vec::new();

@@ -184,8 +184,8 @@ fn line_ends_of_either_kind_or_none_at_the_end_change_nothing() {
 
 #[test]
 fn no_window_spans_a_gap_or_a_step_back_in_time() {
-    // Readings of 10 ms, but: 50 ms before index 6, 51 ms before 12, back by 5 ms before 18, twice
-    // the same at 24.
+    // Readings every 10 ms, except: 50 ms before index 6, 51 ms before 12, back by 5 ms before 18,
+    // twice the same at 24.
     let mut time_ms = 1_000_000;
     let rows = (0..30).map(|i| {
         time_ms += match i {
@@ -307,7 +307,7 @@ fn the_time_from_a_reading_to_its_decision_covers_the_windows_steps() {
     for quantile in ["p50", "p90", "p99", "p999", "max"] {
         assert!(us("decision", quantile) > 0.0);
     }
-    // A median of sums is no sum of medians, but five steps take longer than two.
+    // A median of sums is not a sum of medians, but five steps take longer than two.
     assert!(us("decision", "p50") > 2.0 * us("push", "p50"), "{summary}");
     let people = text(&meissner_reading(&["run", "-", "--network", "slip-lstm"], &csv(9)));
     assert!(people.lines().any(|line| line.trim_start().starts_with("decision  ")), "{people}");

@@ -197,7 +197,7 @@ fn of_differences_the_first_picture_is_the_reference_unless_there_is_another() {
     assert_eq!(of_first, forces(&["--reference", argument(&first)]));
     let of_third = forces(&["--reference", argument(&third)]);
     assert_ne!(of_first, of_third);
-    // A picture less itself is a picture without anything on it, whichever it is.
+    // Any picture minus itself is an empty picture.
     assert_eq!(of_first[0].to_bits(), of_third[2].to_bits());
     assert_ne!(of_first[0].to_bits(), of_first[2].to_bits());
 }

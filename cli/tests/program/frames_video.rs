@@ -60,7 +60,7 @@ fn reading(arguments: &[String], input: &[u8]) -> std::process::Output {
     meissner_reading(&arguments.iter().map(String::as_str).collect::<Vec<_>>(), input)
 }
 
-/// What is predicted, without the names of pictures and the times that it took.
+/// The predictions, without the names of pictures and the run times.
 fn reports(predictions: &[Value]) -> Vec<Value> {
     let mut reports = predictions.to_vec();
     for report in &mut reports {
@@ -71,7 +71,7 @@ fn reports(predictions: &[Value]) -> Vec<Value> {
     reports
 }
 
-/// The numbers of the pictures that were predicted.
+/// The numbers of the pictures with predictions.
 fn numbers(predictions: &[Value]) -> Vec<u64> {
     predictions.iter().map(|line| line["picture"].as_u64().expect("a number")).collect()
 }
@@ -95,6 +95,10 @@ fn a_raw_video_gives_the_predictions_of_its_pictures_in_files() {
                 ("8x6:bgr24", &in_colour, swapped(video(9))),
                 ("8x6:gray8", &in_grey, greys(video(9))),
             ] {
+                // One format with every option, and every format without.
+                if format != "8x6" && !more.is_empty() {
+                    continue;
+                }
                 let expected =
                     lines(&meissner(&network.arguments(pictures, &[&["--json"], more].concat()))).0;
                 let file = network.path("video.rgb");
@@ -132,7 +136,7 @@ fn of_a_file_no_picture_is_late_whatever_its_rate() {
         let (_, predictions, summary) = headed_lines(&output);
         assert_eq!(numbers(&predictions), (0..40).collect::<Vec<_>>());
         assert_eq!((&summary["pictures"], &summary["pictures_late"]), (&40.into(), &0.into()));
-        // With a rate, pictures have a time that the network is measured against.
+        // With a rate, pictures have times, against which the network is measured.
         assert!(summary["real_time"].is_number());
     }
     let output = meissner(&run(&network, argument(&file), "8x6@25", &[]));
@@ -183,7 +187,7 @@ fn a_rest_of_a_picture_is_counted_and_told_and_an_error_only_with_strict() {
         let said = message(&strict);
         assert!(said.contains("picture at byte 288 is cut short: expected 144 bytes, found 11"), "{said}");
         assert!(String::from_utf8_lossy(&strict.stdout).contains("\"pictures\":2,"), "with its summary");
-        // Nobody asked for the rest.
+        // The rest was not requested.
         let (_, summary) = lines(&reading(&run(&network, "-", format, &["--limit", "2"]), &bytes));
         assert_eq!((&summary["pictures"], &summary["bytes_left_out"]), (&2.into(), &0.into()));
     }
@@ -278,7 +282,7 @@ fn a_signal_ends_a_video_with_its_summary() {
         let arguments: Vec<&str> = arguments.iter().map(String::as_str).collect();
         let mut running = crate::signals::Running::new(&arguments);
         for number in 0..2 {
-            // This would wait forever if a picture were held back.
+            // This would wait without end if a picture were held back.
             running.send(&picture(number));
             assert_eq!(running.line()["picture"], number);
         }
@@ -299,7 +303,7 @@ fn a_signal_ends_a_video_with_its_summary() {
     assert_eq!(running.end()["pictures"], 1);
 }
 
-/// The camera is not kept waiting by whoever reads the predictions, and nothing piles up.
+/// A reader of the predictions does not delay the camera, and no backlog grows.
 #[cfg(target_os = "linux")]
 #[test]
 fn where_nobody_reads_the_output_a_camera_does_not_wait() {
@@ -324,7 +328,7 @@ fn where_nobody_reads_the_output_a_camera_does_not_wait() {
         .spawn()
         .expect("the program starts");
     let mut camera = child.stdin.take().expect("standard input is piped");
-    // More than pipes hold.
+    // More than pipes can hold.
     camera.write_all(&video(PICTURES)).expect("the program reads");
     drop(camera);
     let mut output = Vec::new();

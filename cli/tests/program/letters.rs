@@ -145,7 +145,7 @@ fn a_network_is_fitted_to_the_prepared_file_without_its_test() {
     let accuracy = judged["networks"][0]["test"]["accuracy"]["mean"].as_f64().expect("a share");
     assert!(accuracy > 0.9, "letters differ by their taxel: {judged}");
 
-    // A file has its labels.
+    // A file already contains its labels.
     let more = |more: &[&str]| meissner(&[&["prepare", "presses", argument(&events)], more].concat());
     assert!(words(&more(&[])).contains("81 with labels"), "{}", text(&more(&[])));
     fails(

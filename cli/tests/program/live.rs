@@ -1,4 +1,4 @@
-//! Standard input as it arrives, and standard output that nobody reads on.
+//! Standard input as it arrives, and standard output that is no longer read.
 
 use std::io::{BufRead, BufReader, Read, Write};
 use std::process::{Child, ChildStdin, Stdio};
@@ -7,7 +7,7 @@ use serde_json::Value;
 
 use crate::support::{command, lines, meissner_reading, message};
 
-/// The program at work, its standard input, and the lines of its standard output.
+/// The running program, its standard input, and the lines of its standard output.
 fn piped(arguments: &[&str]) -> (Child, ChildStdin, impl Iterator<Item = String> + use<>) {
     let mut child =
         command(arguments).stdin(Stdio::piped()).stdout(Stdio::piped()).spawn().expect("the program starts");
@@ -25,7 +25,7 @@ fn a_prediction_is_written_before_the_next_event_is_sent() {
         writeln!(input, "# sensor 8x8").expect("the program reads");
         for t in [100, 150, 151] {
             writeln!(input, "{t},1,2,1").expect("the program reads");
-            // This would wait forever if the line were held back.
+            // This would wait without end if the line were held back.
             let line = output.next().expect("there is a line");
             let line: Value = serde_json::from_str(&line).expect("the line is JSON");
             assert_eq!(line["t_us"], t);
@@ -51,7 +51,7 @@ fn a_frames_prediction_is_written_before_more_is_sent_than_completes_it() {
         let (mut child, mut input, mut output) = piped(arguments);
         for part in parts {
             input.write_all(part.as_bytes()).expect("the program reads");
-            // This would wait forever if the line were held back.
+            // This would wait without end if the line were held back.
             let line = output.next().expect("there is a line");
             let line: Value = serde_json::from_str(&line).expect("the line is JSON");
             assert!(line["value"].is_array(), "{line}");
@@ -75,7 +75,7 @@ fn a_decision_is_written_before_the_next_reading_is_sent() {
                 continue;
             }
             if json.is_empty() {
-                // This would wait forever if the line were held back.
+                // This would wait without end if the line were held back.
                 let starts = format!("{:>7}  ", reading + 1);
                 assert!(output.any(|line| line.starts_with(&starts)), "there is a line");
             } else {

@@ -1,5 +1,5 @@
-//! Lines and events that are left out, refused or lost: told on standard error, in JSON, and an
-//! error with `--strict`.
+//! Lines and events that are left out, refused or lost: reported on standard error and in JSON, and
+//! an error with `--strict`.
 
 use std::io::{BufRead, BufReader, Write};
 use std::process::{Output, Stdio};
@@ -12,7 +12,7 @@ use crate::support::{
     times,
 };
 
-/// The last line of standard output, or what it has as its summary.
+/// The last line of standard output, or its summary.
 fn report(output: &Output) -> Value {
     assert!(output.status.success(), "{}", message(output));
     let text = crate::support::text(output);
@@ -20,11 +20,11 @@ fn report(output: &Output) -> Value {
     if last["summary"].is_object() { last["summary"].clone() } else { last }
 }
 
-/// The reasons of a report, each of which is told on standard error with `advice`.
+/// The reasons of a report; each is printed on standard error with `advice`.
 fn reasons(output: &Output, advice: &str) -> Vec<String> {
     let report = report(output);
     let warnings = report["warnings"].as_array().expect("a list");
-    // That the weights were trained on another sensor is no loss of input.
+    // The warning that the weights were trained on another sensor is not a loss of input.
     let said = message(output)
         .lines()
         .filter(|line| !line.starts_with("warning: weights"))
@@ -93,7 +93,7 @@ fn a_live_stream_is_told_while_it_goes_on() {
     let line = |i: u32| format!("{i},{},{},1\n", i % 16 * 43, i / 16);
     let events: String = (0..1000).map(line).collect();
     input.write_all(events.as_bytes()).expect("the program reads");
-    // This would wait forever if it were told at the end alone.
+    // This would wait without end if the warning were printed only at the end.
     let warning = said.find(|line| line.as_ref().is_ok_and(|line| line.starts_with("warning: ")));
     let line = warning.expect("a warning").expect("it is text");
     assert!(line.contains("434 of 1,000 (43.4 %) events are outside the sensor of 346x260 pixels"), "{line}");
@@ -374,7 +374,7 @@ fn a_named_pipe_with_a_bad_line_is_read_once() {
     let made = std::process::Command::new("mkfifo").arg(&path).status();
     assert!(made.expect("there is such a program").success());
     let to = path.clone();
-    // The end of the only writer is the end of the text: a second reader would wait for ever.
+    // The end of the only writer is the end of the text: a second reader would wait without end.
     let writer = std::thread::spawn(move || std::fs::write(to, "1,2,3,1\noops\n2,2,3,1\n"));
     let output = meissner(&[&RUN[..], &[argument(&path)]].concat());
     writer.join().expect("it writes").expect("the program reads");

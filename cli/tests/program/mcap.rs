@@ -1,9 +1,10 @@
-//! MCAP in and out: a log that is read again, whatever happens to it. Other readers and writers are
-//! in `tests/peers/test_mcap.py`.
+//! MCAP in and out: a log that is read again, also when damaged. Other readers and writers are in
+//! `tests/peers/test_mcap.py`.
 
 use std::io::{BufRead, BufReader, Write};
 use std::path::PathBuf;
 use std::process::Stdio;
+use std::sync::mpsc;
 use std::time::{Duration, Instant};
 
 use meissner_engine::{Event, Sensor};
@@ -62,7 +63,7 @@ fn a_play_logs_every_event_that_it_takes() {
     assert_eq!(taken.events.len(), 20_000);
     let reports = taken.other_streams.iter().find(|topic| topic.name == "/prediction");
     assert_eq!(reports.map(|topic| topic.elements), Some(predictions.len() as u64));
-    // Of several inputs, each has its topics.
+    // With several inputs, each has its own topics.
     let (_folder, log, _) = logged(&["play", input, input, "--speed", "9", "--limit", "900"]);
     let second = read_with(&log, ReadOptions::default().stream(std::num::NonZeroU16::new(2)));
     let second = second.expect("it can be read");
@@ -151,26 +152,27 @@ fn a_program_that_is_killed_leaves_all_but_the_last_second() {
         .expect("the program starts");
     let mut input = child.stdin.take().expect("it is piped");
     let output = BufReader::new(child.stdout.take().expect("it is piped"));
-    // The time at which each event was predicted.
-    let shown = std::thread::spawn(move || {
-        output.lines().map_while(Result::ok).map(|_| Instant::now()).collect::<Vec<_>>()
+    // The time at which each event was predicted. The first line is the header.
+    let (sender, receiver) = mpsc::channel();
+    std::thread::spawn(move || {
+        output.lines().skip(1).map_while(Result::ok).try_for_each(|_| sender.send(Instant::now()))
     });
-    let start = Instant::now();
+    let mut shown: Vec<Instant> = Vec::new();
     let mut sent = 0;
-    while start.elapsed() < Duration::from_millis(2_500) {
+    // Several flushes lie between the first prediction and the last.
+    while shown.len() <= 1_000 || shown[0].elapsed() < Duration::from_secs(2) {
+        shown.extend(receiver.try_iter());
         writeln!(input, "{},{},7,1", sent * 100, sent % 300).expect("the program reads");
         sent += 1;
         std::thread::sleep(Duration::from_millis(1));
     }
-    // In a silence nothing waits for longer.
+    // During a silence, nothing waits longer than this.
     std::thread::sleep(Duration::from_millis(900));
     child.kill().expect("it runs");
     let killed = Instant::now();
     child.wait().expect("it ends");
-    let shown = shown.join().expect("it ends");
-    // The first line is the header.
-    let before =
-        shown[1..].iter().filter(|at| killed.duration_since(**at) > Duration::from_millis(850)).count();
+    shown.extend(receiver);
+    let before = shown.iter().filter(|at| killed.duration_since(**at) > Duration::from_millis(850)).count();
     let found = read_with(&log, ReadOptions::default().salvage(true)).expect("it can be read");
     assert!(before > 1_000 && found.events.len() >= before, "{} of {before}", found.events.len());
     let expected = |i: i64| Event::new(i * 100, (i % 300) as u16, 7, true);

@@ -1,4 +1,5 @@
-//! Weights whose tensors have other names than the network's: habits, `--map`, and what is refused.
+//! Weights whose tensors have other names than the network's: common names, `--map`, and refused
+//! files.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -12,7 +13,7 @@ use crate::support::{argument, bits, default_recording, file, lines, meissner, m
 
 const NETWORK: &str = "tactigraph-past";
 
-/// Drawn weights of [`NETWORK`] under their own names and those of `map`, and a place for a map.
+/// Drawn weights of [`NETWORK`] under their own names and the names of `map`, and a path for a map.
 fn files(map: &str) -> (TempDir, [PathBuf; 3]) {
     let description = Description::shipped(NETWORK).expect("shipped");
     let (folder, own) = file("own.safetensors", draw(&description, 3).to_safetensors(&BTreeMap::new()));

@@ -1,4 +1,4 @@
-//! What is printed: keys of JSON against `docs/json.md`, lines, help, completions, pages of the
+//! Printed output: keys of JSON against `docs/json.md`, lines, help, completions, pages of the
 //! manual.
 
 use meissner_models::{AnyDescription, Description, FrameDescription};
@@ -223,7 +223,7 @@ pub(crate) mod page {
     use crate::support::{default_recording, headed_lines, meissner, meissner_reading, object};
 
     const PAGE: &str = include_str!("../../../docs/json.md");
-    /// The heading between what the commands share and what each of them has.
+    /// The heading between the keys that the commands share and the keys of each command.
     const EACH: &str = "## Keys of each command";
     /// Keys whose values have other keys: reasons, indenters, sets, and those of a description.
     const NAMES: [&str; 4] = ["dropped", "kinds", "preparation", "references"];
@@ -269,7 +269,7 @@ pub(crate) mod page {
         }
     }
 
-    /// Refuses a key in `value`, an output of `command`, that the page does not have.
+    /// Refuses a key in `value`, an output of `command`, that is not on the page.
     pub(crate) fn documented(command: &str, value: &Value) {
         let (shared, _) = PAGE.split_once(EACH).expect("the page has this heading");
         let (title, text) = section(command);
@@ -319,7 +319,7 @@ pub(crate) mod page {
             lines(meissner_reading(&["run", "-", "--network", "slip-lstm", "--json"], &readings)),
         ];
         let mut run = run.concat();
-        // Of a value outside the range of the training only.
+        // Only for a value outside the range of the training.
         run.push(serde_json::json!({ "outside_training": [] }));
         are_there("run", &run);
         let play = ["play", "--limit", "300", "--speed", "1000", "--json"];

@@ -23,8 +23,8 @@ fn commands(page: &str) -> Vec<String> {
     lines.filter(|line| !line.is_empty() && !line.starts_with("cargo ")).map(str::to_owned).collect()
 }
 
-/// Runs the commands of `page` in `folder`, each with `instead`: what a reader has, and a file of
-/// the folder or an option that takes its place. `before` is called with each command.
+/// Runs the commands of `page` in `folder`, each with `instead`: something that a reader has, and a
+/// file of the folder or an option that replaces it. `before` is called with each command.
 fn run(page: &str, folder: &Path, instead: &[(&str, &str)], before: impl Fn(&str)) {
     let program = PathBuf::from(env!("CARGO_BIN_EXE_meissner"));
     let own = program.parent().expect("a folder");
@@ -47,7 +47,7 @@ fn run(page: &str, folder: &Path, instead: &[(&str, &str)], before: impl Fn(&str
 }
 
 /// Twelve presses with a pause of half a second between them: a block of pixels that moves to a
-/// place that is the label. `camera.es` and `camera.csv` have them.
+/// position that is the label. `camera.es` and `camera.csv` have them.
 fn presses(sensor: Sensor, folder: &Path) -> Vec<f64> {
     let (mut events, mut labels) = (Vec::new(), Vec::new());
     for press in 0..12_i64 {
@@ -132,7 +132,7 @@ fn electrodes_get_to_the_direction_of_slip() {
     run("sensors/electrodes.md", folder.path(), &[("driver", "cat readings.csv")], |_| ());
 }
 
-/// The page at `name` in `folder` says `expected`.
+/// Asserts that the page at `name` in `folder` contains `expected`.
 fn says(folder: &TempDir, name: &str, expected: &str) {
     let page = fs::read_to_string(folder.path().join(name)).expect("a page");
     assert!(page.starts_with("<!DOCTYPE html>") && page.contains(expected), "{name}: {expected}");

@@ -34,7 +34,7 @@ fn run(data: &DigitsFolder, runs: &Runs, more: &[&str]) -> Value {
     report(&arguments.iter().map(String::as_str).collect::<Vec<_>>())
 }
 
-/// What the exact setting says is the opposite of an accuracy.
+/// Asserts that the error of the exact setting is 1 minus the accuracy.
 fn is_the_rest_of(task: &Value, judged: &Value) {
     let accuracy = number(&judged["accuracy"]["mean"]);
     assert!((number(&task["error"]) - (1.0 - accuracy)).abs() < 1e-12, "{task} {judged}");
@@ -182,7 +182,7 @@ fn networks_over_other_graphs_stand_on_one_front() {
     assert!(texts.contains(&"past") && texts.contains(&"all"), "{texts:?}");
 }
 
-/// What `simulate` writes with these arguments.
+/// The file that `simulate` writes with these arguments.
 fn simulated(folder: &Path, arguments: &[&str]) -> PathBuf {
     let path = folder.join("data.safetensors");
     let output = meissner(&[&["simulate"], arguments, &["--seed", "3", "--out", argument(&path)]].concat());
@@ -238,7 +238,7 @@ fn grasps_have_networks_of_both_kinds_on_one_front_and_the_errors_of_eval() {
     assert_eq!(all.len(), 4);
     is_a_front(&all);
 
-    // What is in the state is not measured again, and all forms have the unit.
+    // Measurements in the state are not repeated, and all forms have the unit.
     let lines = read(&state);
     let [said, picture, csv] = written(folder.path(), &arguments);
     assert_eq!((lines, errors(&found)), (read(&state), errors(&report(&arguments))));

@@ -13,7 +13,7 @@ use crate::support::{argument, bits, file, lines, meissner, message, text};
 const POLICIES: [&str; 7] =
     ["block", "drop-oldest", "drop-newest", "thin:4", "filter:1250us", "refractory:1000us", "rate:400000"];
 
-/// Asserts that every event of `summary` is somewhere, and that each of its reports was made.
+/// Asserts that `summary` accounts for every event, and that each of its reports was made.
 fn check(summary: &Value, reports: &[Value]) {
     let count = |value: &Value| value.as_u64().unwrap_or_else(|| panic!("no count: {value}"));
     let dropped: u64 =
@@ -268,7 +268,7 @@ fn an_input_whose_engine_fails_ends_and_the_others_go_on() {
     let folder = tempfile::tempdir().expect("there is a place for temporary files");
     let network = small("tall", &[]);
     let description = Description::parse(&network).expect("it is consistent");
-    // What an event without neighbours reads stays finite; sums over neighbours overflow.
+    // The values of an event without neighbours stay finite; sums over neighbours overflow.
     let drawn = draw(&description, 3);
     let tall = drawn.iter().map(|(name, tensor)| {
         let factor = if name.contains("norm") || name.contains("fc") { 1.0 } else { 1e30 };

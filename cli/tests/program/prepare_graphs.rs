@@ -57,7 +57,7 @@ const SENSOR: [u16; 2] = [8, 6];
 /// The columns of a file by name.
 type Columns = BTreeMap<&'static str, Vec<i64>>;
 
-/// Two streams; of the second, the first two events have left the window after the last.
+/// Two streams. After the last event of the second one, its first two events have left the window.
 fn streams() -> Vec<Vec<Event>> {
     let event = |t: i64, x, y| Event::new(t, x, y, t % 3 > 0);
     let first =

@@ -1,4 +1,4 @@
-//! `prepare presses`: labels and recordings of people, from a folder to a file that `eval` reads.
+//! `prepare presses`: labels and recordings of users, from a folder to a file that `eval` reads.
 
 use std::fmt::Write;
 use std::fs;
@@ -63,7 +63,7 @@ fn a_folder_without_oddities_is_described_and_written_for_training() {
     ] {
         assert!(said.contains(part), "{part}: {}", text(&output));
     }
-    // The file is not taken for a recording, and is not replaced without a word.
+    // The file is not mistaken for a recording, and is not replaced silently.
     refused(&arguments, 2, &["no such file", "--force replaces it"]);
     let forced = meissner(&[&arguments[..], &["--force"]].concat());
     assert!(forced.status.success(), "{}", message(&forced));
@@ -141,12 +141,12 @@ fn what_is_no_table_or_no_folder_is_a_named_error() {
     assert!(!out.exists());
 }
 
-/// From a stream to labelled presses, as docs/own-sensor.md says it.
+/// From a stream to labelled presses, as docs/own-sensor.md describes it.
 #[test]
 fn what_record_split_from_a_stream_joins_with_labels_of_the_host_by_its_list() {
     let folder = tempfile::tempdir().expect("there is a place for temporary files");
     let presses = folder.path().join("mine");
-    // Three presses of 100 ms, a second from each other.
+    // Three presses of 100 ms, one second apart.
     let mut events = String::new();
     for i in 0..300 {
         let (x, y) = (i % 64, i / 64);

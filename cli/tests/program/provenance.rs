@@ -1,5 +1,5 @@
-//! Weights carry their preparation and results name themselves: what every output says about where
-//! its numbers come from.
+//! Weights contain their preparation, and results name themselves: statements of every output about
+//! the origin of its numbers.
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -15,7 +15,7 @@ use crate::support::{
     words, written,
 };
 
-/// Weights of `name` that say these things about themselves, as a file.
+/// Weights of `name` with these remarks in their metadata, as a file.
 fn weights(name: &str, remarks: &[(&str, &str)]) -> (tempfile::TempDir, PathBuf) {
     let description = Description::shipped(name).expect("shipped");
     let remarks: BTreeMap<String, String> =
@@ -23,7 +23,7 @@ fn weights(name: &str, remarks: &[(&str, &str)]) -> (tempfile::TempDir, PathBuf)
     file("weights.safetensors", draw(&description, 3).to_safetensors(&remarks))
 }
 
-/// What runs a network over events for a moment, with JSON.
+/// Commands that run a network over events for a moment, with JSON.
 const COMMANDS: [&[&str]; 3] = [
     &["run", "--limit", "300", "--every", "end", "--json"],
     &["play", "--limit", "300", "--speed", "1000", "--json"],
@@ -150,16 +150,20 @@ fn run_over_the_test_split_gives_the_classes_that_eval_gives_and_names_them() {
     let judged = judged.values().expect("numbers").chunks_exact(10);
     assert_eq!((names.len(), judged.len()), (100, 100));
     let mut right = 0;
-    for (name, logits) in names.iter().zip(judged) {
+    for (number, (name, logits)) in names.iter().zip(judged).enumerate() {
+        let most = logits.iter().copied().fold(f32::NEG_INFINITY, f32::max);
+        let class = logits.iter().position(|&value| value == most).expect("one is the largest");
+        right += u64::from(name.split('/').nth(1) == Some(&class.to_string()));
+        // Each takes a process: a third of them is enough.
+        if !number.is_multiple_of(3) {
+            continue;
+        }
         let recording = data.join(format!("{name}.bin"));
         let run = ["run", argument(&recording), "--network", "digits-past", "--every", "end", "--json"];
         let (predictions, _) = lines(&meissner(&run));
-        let most = logits.iter().copied().fold(f32::NEG_INFINITY, f32::max);
-        let class = logits.iter().position(|&value| value == most).expect("one is the largest");
         assert_eq!(predictions[0]["class"], class.to_string(), "{name}");
         let expected: Vec<u32> = logits.iter().map(|value| value.to_bits()).collect();
         assert_eq!(bits(&predictions[0]), expected, "{name}");
-        right += u64::from(name.split('/').nth(1) == Some(&class.to_string()));
     }
     let accuracy = report["networks"][0]["test"]["accuracy"]["mean"].as_f64().expect("a share");
     assert_eq!(right, (accuracy * 100.0).round() as u64);
@@ -227,7 +231,7 @@ fn values_outside_the_range_of_the_training_are_marked_and_counted_and_angles_ar
         let run = ["run", "--limit", "2000", "--every", "20ms", "--weights", argument(&weights)];
         meissner(&[&run[..], more].concat())
     };
-    // Roll cannot be anywhere but near 0.
+    // Roll can only be near 0.
     let (narrow, wide) = ("[[100, 101], [-1000, 1000]]", "[[-1000, 1000], [-1000, 1000]]");
     let output = run(narrow, &["--json"]);
     let (predictions, summary) = lines(&output);

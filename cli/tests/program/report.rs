@@ -1,4 +1,4 @@
-//! `meissner report`: pages of what the other commands wrote, and what is refused.
+//! `meissner report`: pages of results of the other commands, and refused files.
 
 use std::fmt::Write;
 use std::fs;
@@ -11,7 +11,7 @@ use crate::support::{
     argument, default_recording, meissner, meissner_reading, message, picture_network, text,
 };
 
-/// Writes what `command` prints into a file of `folder`.
+/// Writes the output of `command` into a file of `folder`.
 fn result(folder: &Path, name: &str, command: &[&str]) -> PathBuf {
     let output = meissner(command);
     assert!(output.status.success(), "{}", message(&output));
@@ -113,7 +113,7 @@ fn a_table_says_what_was_true_of_a_run_from_standard_input() {
     assert!(output.status.success(), "{}", message(&output));
     let page = fs::read_to_string(&out).expect("a page");
     assert!(page.contains("Against the truth it is off by") && page.contains("pitch, true"), "{page}");
-    // A truth that never changes has no picture over true values.
+    // A constant truth has no picture over true values.
     assert!(!page.contains("predicted (degrees)"), "{page}");
     fs::write(&labels, "t_us,roll_deg,pitch_deg\n0,0,-1.85\n300000,9,-1.85\n").expect("it is written");
     assert!(meissner_reading(&words, &text(&run)).status.success());

@@ -1,4 +1,4 @@
-//! A run that goes on from a state predicts what one run over both inputs would.
+//! A run that continues from a state makes the same predictions as one run over both inputs.
 
 use std::path::Path;
 
@@ -17,7 +17,7 @@ fn events() -> Vec<Event> {
     (0..400).map(|i| Event::new(at(i), pixel(i).0, pixel(i).1, i % 4 > 1)).collect()
 }
 
-/// A folder with the first events, the others, all of them, and whatever else will be there.
+/// A folder with the first events, the others, and all of them; other files are added later.
 fn recordings(cut: usize) -> TempDir {
     let folder = tempfile::tempdir().expect("a place for temporary files");
     let events = events();
@@ -43,8 +43,8 @@ fn told(lines: &[Value]) -> Vec<Value> {
     lines.iter().map(told).collect()
 }
 
-/// Runs `arguments`, the input's name in their place of `INPUT`, over all events and over both
-/// halves; what it printed.
+/// Runs `arguments`, with the input's name instead of `INPUT`, over all events and over both
+/// halves; returns the output.
 fn halves(folder: &Path, arguments: &[String]) -> (Vec<Value>, Vec<Value>) {
     let path = |name: &str| argument(&folder.join(name)).to_owned();
     let run = |input: &str, more: &[String]| {
@@ -58,7 +58,7 @@ fn halves(folder: &Path, arguments: &[String]) -> (Vec<Value>, Vec<Value>) {
     let resume = ["--resume".into(), path("state"), "--save-state".into(), path("state")];
     let (mut second, rest) = run("second", &resume);
     parts.append(&mut second);
-    // A run without events ends it: what is due because the input ends.
+    // A run without events ends it, with the predictions that are due at the end of the input.
     std::fs::write(path("nothing"), "# sensor 30x30\nt,x,y,p\n").expect("it can be written");
     let (mut last, _) = run("nothing", &resume[..2]);
     parts.append(&mut last);
@@ -72,16 +72,20 @@ fn halves(folder: &Path, arguments: &[String]) -> (Vec<Value>, Vec<Value>) {
 
 #[test]
 fn two_halves_of_a_recording_print_what_one_run_prints() {
-    for (cut, every) in [(1, "event"), (150, "7"), (151, "2500us"), (222, "90000us"), (399, "1000us")] {
+    let cuts = [(1, "event"), (150, "7"), (151, "2500us"), (222, "90000us"), (399, "1000us")];
+    for (place, (cut, every)) in cuts.into_iter().enumerate() {
         let folder = recordings(cut);
-        for network in INCREMENTAL {
-            let own = ["run", "INPUT", "--network", network, "--every", every, "--span", "20ms", "--json"];
-            for more in [&[][..], &["--tolerance", "0.05"]] {
-                let arguments: Vec<String> = own.iter().chain(more).map(ToString::to_string).collect();
-                let (parts, whole) = halves(folder.path(), &arguments);
-                assert!(!whole.is_empty());
-                assert_eq!(parts, whole, "{arguments:?}, cut at {cut}");
+        for (network, name) in INCREMENTAL.into_iter().enumerate() {
+            let mut own =
+                vec!["run", "INPUT", "--network", name, "--every", every, "--span", "20ms", "--json"];
+            // Every network is run both ways, and so is every cut.
+            if (place + network).is_multiple_of(2) {
+                own.extend(["--tolerance", "0.05"]);
             }
+            let arguments: Vec<String> = own.into_iter().map(str::to_owned).collect();
+            let (parts, whole) = halves(folder.path(), &arguments);
+            assert!(!whole.is_empty());
+            assert_eq!(parts, whole, "{arguments:?}, cut at {cut}");
         }
     }
 }
@@ -126,7 +130,7 @@ fn two_halves_print_what_one_run_prints_over_frames_of_events_too() {
         [(&consecutive, &["1000us", "3000us"][..]), (&sliding, &["event", "7", "1500us"][..])]
     {
         let network = OwnNetwork::new(description);
-        for cut in [1, 149, 150, 298] {
+        for cut in [1, 150, 298] {
             let folder = recordings(cut);
             for every in every {
                 let more = ["--every", every, "--longest-silence", "20", "--json"];
@@ -149,7 +153,7 @@ fn a_state_is_written_as_time_passes() {
     };
     run("first", &["--save-state", &state, "--save-every", "5ms"]);
     let first = std::fs::read(&state).expect("it was written");
-    // Over the same events again all but those at the last time are late.
+    // Over the same events again, all except those at the last time are late.
     assert!(run("first", &["--resume", &state, "--save-state", &state]).0.len() < 4);
     let (rest, summary) = run("second", &["--resume", &state]);
     let count = |of: &str| summary.pointer(of).and_then(Value::as_u64).expect("a count");
@@ -213,7 +217,7 @@ fn a_state_of_what_has_none_is_bad_usage() {
     assert!(!Path::new("s").exists());
 }
 
-/// `state` with `note` in the place of its note, and with length and checksum (FNV-1a) that fit.
+/// `state` with `note` instead of its note, and with the right length and checksum (FNV-1a).
 fn with_note(state: &[u8], note: &str) -> Vec<u8> {
     let old = meissner_engine::snapshot_note(state).expect("a state").len();
     let mut bytes = state[..state.len() - 16 - old].to_vec();
@@ -269,7 +273,7 @@ fn a_state_whose_note_was_made_up_is_refused_with_what_was_expected_and_found() 
     for wrong in ["", "null", "{}", &deep, &format!("{{\"made\": {deep}")] {
         fails(&resume(wrong), 1, &["snapshot: expected note where the making of frames stands", "found"]);
     }
-    // Counts of any size are taken as they are.
+    // Counts of any size are accepted.
     for key in ["silence", "since"] {
         let mut large = note.clone();
         large[key] = u64::MAX.into();

@@ -192,7 +192,7 @@ fn a_loop_has_a_row_for_each_variation_of_each_network() {
     );
     assert_eq!(rows[2]["name"], "2 times slower");
     assert_eq!(rows[0]["trace"].as_array().map(Vec::len), Some(25));
-    // Whoever loses all pictures leaves the marble where it is.
+    // A controller that loses all pictures leaves the marble where it is.
     assert_eq!((rows[5]["read"].as_u64(), rows[5]["error"].as_f64()), (Some(0), Some(4.0)));
     assert!(rows[5]["run_us"].is_null() && report["truth"]["error"].as_f64() < Some(4.0));
     let drawn = std::fs::read_to_string(&svg).expect("it was written");

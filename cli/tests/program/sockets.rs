@@ -39,13 +39,13 @@ fn started(arguments: &[String]) -> Child {
     command.spawn().expect("the program starts")
 }
 
-/// What was predicted, without the times that it took.
+/// The predictions, without their run times.
 fn values(output: &Output) -> Vec<(serde_json::Value, serde_json::Value)> {
     let (predictions, _) = lines(output);
     predictions.iter().map(|line| (line["t_us"].clone(), line["value"].clone())).collect()
 }
 
-/// What is predicted of the same events in a file.
+/// The predictions for the same events in a file.
 fn expected() -> Vec<(serde_json::Value, serde_json::Value)> {
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("events.csv");
@@ -106,7 +106,7 @@ fn datagrams_are_read_until_an_empty_one() {
         let socket = UdpSocket::bind("127.0.0.1:0").expect("a free port");
         socket.connect(&address).expect("an address");
         let whole: Vec<Vec<u8>> = events().chunks(80).map(form).collect();
-        // Nobody is there until the program is: a system that says so refuses what is sent next.
+        // Nobody listens before the program starts: a system that knows this refuses the next send.
         while socket.send(&whole[0]).is_err() || {
             thread::sleep(Duration::from_millis(20));
             socket.take_error().expect("a socket").is_some()
@@ -183,7 +183,7 @@ fn a_play_of_what_arrives_reports_while_the_sender_lives_and_ends_as_a_run_does(
     let all = as_records(&events());
     let (first, rest) = all.split_at(400 * 16);
     client.write_all(first).expect("the program reads");
-    // The sender is silent, and the reports go on.
+    // The sender is silent, and the reports continue.
     let mut out = BufReader::new(child.stdout.take().expect("it is piped"));
     let mut said = String::new();
     while said.lines().filter(|line| line.contains("\"at_us\"")).count() < 20 {
@@ -213,8 +213,8 @@ fn a_play_takes_no_more_than_its_limit_from_a_stream() {
     assert!(reports.is_empty() && summary["events"] == 0, "{summary}");
 }
 
-/// What `meissner run` says of these datagrams, which are followed by the empty one, with the
-/// arguments `more`.
+/// The output of `meissner run` for these datagrams, followed by the empty one, with the arguments
+/// `more`.
 fn of_datagrams(datagrams: &[Vec<u8>], more: &[&str]) -> Output {
     let address = free_address();
     let arguments = ["run", &format!("udp://{address}"), "--every", "event", "--json"];
@@ -222,7 +222,7 @@ fn of_datagrams(datagrams: &[Vec<u8>], more: &[&str]) -> Output {
     let child = started(&arguments.into_iter().chain(more).map(str::to_owned).collect::<Vec<_>>());
     let socket = UdpSocket::bind("127.0.0.1:0").expect("a free port");
     socket.connect(&address).expect("an address");
-    // A blank line is no event. A system that knows that nobody is there refuses what is sent next.
+    // A blank line is not an event. A system that knows that nobody listens refuses the next send.
     while socket.send(b"\n").is_err() || {
         thread::sleep(Duration::from_millis(20));
         socket.take_error().expect("a socket").is_some()
@@ -234,7 +234,7 @@ fn of_datagrams(datagrams: &[Vec<u8>], more: &[&str]) -> Output {
     child.wait_with_output().expect("it ends")
 }
 
-/// The times of the events that were taken, and the number of what was refused.
+/// The times of the accepted events, and the number of refused items.
 fn taken(output: &Output) -> (Vec<Option<i64>>, u64) {
     let (predictions, summary) = lines(output);
     let times = predictions.iter().map(|line| line["t_us"].as_i64()).collect();
@@ -249,14 +249,14 @@ fn a_datagram_of_records_that_is_not_whole_is_counted_and_the_others_stand_alone
         let datagrams = [record(10), odd.clone(), [record(20), record(30)].concat(), record(40)];
         assert_eq!(taken(&of_datagrams(&datagrams, &[])), (times(&[10, 20, 30, 40]), 1), "{odd:?}");
     }
-    // One byte too many before, between or after records: nobody knows which.
+    // One byte too many before, between or after records: its position cannot be known.
     for at in [0, 16, 32] {
         let mut shifted = [record(20), record(30)].concat();
         shifted.insert(at, 0);
         let datagrams = [record(10), shifted, record(40)];
         assert_eq!(taken(&of_datagrams(&datagrams, &[])), (times(&[10, 40]), 1), "a byte at {at}");
     }
-    // One that is no event leaves those beside it.
+    // A record that is not an event does not affect the records beside it.
     let datagrams = [[record(10), vec![0xff; 16], record(20)].concat()];
     assert_eq!(taken(&of_datagrams(&datagrams, &[])), (times(&[10, 20]), 1));
 }
@@ -267,7 +267,7 @@ fn a_line_does_not_go_on_in_the_next_datagram_and_a_long_one_is_counted() {
     let datagram = |text: &str| text.as_bytes().to_vec();
     for (texts, expected, refused) in [
         (vec!["10,3,4,1\n", "1", "20,3,4,1\n"], times(&[10, 20]), 1),
-        // Also before there was an event, and with the header in a datagram of its own.
+        // Also before there was an event, and with the header in a separate datagram.
         (vec!["1", "t,x,y,p\n", "20,3,4,1\n30,3,4,1"], times(&[20, 30]), 1),
         (vec!["x,y,p,t\n3,4,1,10\n", "3,4,", "3,4,1,20\n"], times(&[10, 20]), 1),
         (vec!["10,3,4,1\n", &"9".repeat(5_000), "20,3,4,1\n"], times(&[10, 20]), 1),
@@ -368,7 +368,7 @@ fn lost_bytes_of_a_raw_stream_are_counted_and_the_stream_goes_on() {
     assert_eq!(strict.status.code(), Some(1));
     let refused = meissner_reading(&["run", "-", "--sensor", "64x64", "--format", "npy"], &bytes);
     assert!(message(&refused).contains("expected AEDAT4, EVT2, EVT2.1 or EVT3"), "{}", message(&refused));
-    // A text that is named is still no text if most of its lines are none.
+    // A named text is refused if most of its lines are not events.
     let lines = "no event\n".repeat(200);
     let refused = meissner_reading(&["run", "-", "--sensor", "64x64", "--format", "csv"], &lines);
     assert_eq!(refused.status.code(), Some(1), "{}", message(&refused));

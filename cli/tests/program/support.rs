@@ -1,4 +1,4 @@
-//! Runs the program and reads what it says.
+//! Runs the program and reads its output.
 
 use std::ffi::OsStr;
 use std::io::Write;
@@ -41,8 +41,7 @@ pub(crate) fn meissner_reading(arguments: &[&str], input: &(impl AsRef<[u8]> + ?
     child.wait_with_output().expect("the program ends")
 }
 
-/// Standard error as text, without what a program that is built without optimisation says of
-/// itself.
+/// Standard error as text, without the note of a program that is built without optimisation.
 pub(crate) fn message(output: &Output) -> String {
     let text = String::from_utf8_lossy(&output.stderr);
     let is_said = |line: &&str| !line.starts_with("note: this program was built without optimisation");
@@ -82,7 +81,8 @@ pub(crate) fn headed_lines(output: &Output) -> (Value, Vec<Value>, Value) {
     (header, lines, summary)
 }
 
-/// The JSON value that a successful run prints. A report has only keys that the page on JSON has.
+/// The JSON value that a successful run prints. A report contains only keys that are on the page on
+/// JSON.
 pub(crate) fn object(output: &Output) -> Value {
     assert!(output.status.success(), "{}", message(output));
     parsed(&output.stdout)

@@ -1,4 +1,4 @@
-//! Weights of frame networks that say what their training was like, and what predictions say then.
+//! Weights of frame networks with statistics of their training, and the resulting predictions.
 
 use std::path::Path;
 
@@ -11,7 +11,7 @@ use crate::support::{
     argument, lines, meissner, meissner_reading, message, picture_network, text, words, written,
 };
 
-/// Runs `prepare windows` over `data`; returns what it said.
+/// Runs `prepare windows` over `data`; returns its messages.
 fn prepare(data: &Path, network: &str, weights: Option<&Path>, out: &Path) -> String {
     let prepare = ["prepare", "windows", argument(data), "--network", network, "--out", argument(out)];
     let weights = weights.map(|weights| ["--weights", argument(weights)]);
@@ -37,7 +37,7 @@ fn counts(doubts: &Value) -> [u64; 4] {
     ["predictions", "unlike", "bad", "bad_unlike"].map(|key| doubts[key].as_u64().expect(key))
 }
 
-/// The lines of a table fit a terminal, and some have the mark.
+/// Asserts that the lines of a table fit a terminal, and that some have the mark.
 fn marks(said: &str) {
     assert!(said.lines().all(|line| line.chars().count() <= 80), "{said}");
     assert!(said.contains(" unlike ") && said.contains(" *"), "{said}");
@@ -78,7 +78,7 @@ fn counts_of_grasps_say_that_a_hot_pixel_is_none_of_them() {
 fn readings_say_that_an_electrode_is_stuck() {
     let (data, folder) = (SlipFolder::new(), tempfile::tempdir().expect("a folder"));
     let known = folder.path().join("known.safetensors");
-    // The shipped weights were trained on Basic, of which the folder has little.
+    // The shipped weights were trained on Basic, and the folder has few of its recordings.
     let few =
         ["prepare", "windows", argument(data.path()), "--network", "slip-lstm", "--out", argument(&known)];
     fails(&meissner(&few), 2, &["expected at least 50 frames, found 21 frames"]);

@@ -79,7 +79,7 @@ fn a_play_and_a_run_have_a_page_beside_their_output() {
         let shown = meissner(arguments);
         assert!(shown.status.success(), "{arguments:?}: {}", message(&shown));
         assert!(message(&shown).contains("page: http://127.0.0.1:"), "{arguments:?}: {}", message(&shown));
-        // Nobody looks, and predictions are the same.
+        // Nobody watches, and predictions are the same.
         let alone = meissner(&arguments[..arguments.len() - 1]);
         let values = |output: &std::process::Output| {
             let text = String::from_utf8_lossy(&output.stdout).into_owned();

@@ -1,5 +1,5 @@
-//! A control loop of 1 kHz over live predictions: the wrist of a fingertip is turned until its dome
-//! stands upright on a plane. `src/bin/controller.rs` starts its threads.
+//! A control loop of 1 kHz over live predictions: a controller turns the wrist of a fingertip until
+//! its dome stands upright on a plane. `src/bin/controller.rs` starts its threads.
 #![forbid(unsafe_code)]
 #![deny(clippy::print_stdout, clippy::print_stderr)]
 
@@ -15,7 +15,7 @@ use meissner::io::{RECORD_BYTES, event_of};
 use meissner::live::{Input, Live, Predictor};
 use meissner_simulator::plants::{Angles, FingertipState, Phase, WristTarget};
 
-/// Why a controller ended early.
+/// The reason why a controller ended early.
 pub type Failure = Box<dyn Error + Send + Sync>;
 
 /// Share of the predicted angle by which the wrist is turned: below 1, single errors are averaged.
@@ -53,18 +53,18 @@ pub fn feed(socket: &UdpSocket, input: &mut Input, ended: &AtomicBool) -> Result
     Ok(())
 }
 
-/// How punctual the loop was, and what overload cost.
+/// The punctuality of the loop, and the cost of overload.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Timing {
     /// Cycles.
     pub cycles: u64,
     /// Deadlines missed because the system woke the loop after half of the time to them.
     pub late: u64,
-    /// Deadlines by which no prediction of every event was at hand.
+    /// Deadlines without a prediction that covers every event.
     pub stale: u64,
     /// Greatest number of events that had entered the queue and that a prediction did not cover.
     pub max_behind: u64,
-    /// Longest time from the beginning of a cycle until its prediction was at hand.
+    /// Longest time from the beginning of a cycle to its prediction.
     pub max_answer: Duration,
 }
 
@@ -109,7 +109,7 @@ pub fn run<P: Predictor<Input = Event>>(
     Ok(timing)
 }
 
-/// Nobody may listen yet, or any more: the next datagram may find someone.
+/// Perhaps nobody listens yet, or any more: the next datagram may find a receiver.
 fn unless_alone<T>(result: io::Result<T>) -> io::Result<Option<T>> {
     let is_alone = |kind| matches!(kind, ErrorKind::ConnectionRefused | ErrorKind::WouldBlock);
     match result {

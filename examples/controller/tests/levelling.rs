@@ -29,7 +29,7 @@ fn engine() -> Engine {
 }
 
 /// A processor in simulated time: an engine that takes so many events in a millisecond, behind a
-/// queue for so many, from which the oldest make room. It is what `Live` does, without clocks and
+/// queue for so many, from which the oldest make room. It works like `Live`, without clocks and
 /// threads.
 struct Processor {
     engine: Engine,
@@ -64,8 +64,8 @@ struct Levelled {
 }
 
 impl Levelled {
-    /// Mean over the contacts for which the law is to blame: all but the first, and the first after
-    /// each jump.
+    /// Mean over the contacts that the law controls: all except the first, and the first after each
+    /// jump.
     fn mean(&self) -> f64 {
         let jumps = COURSE.map(|(tap, _)| tap as usize);
         let taps = self.at_contact.iter().enumerate().filter(|(tap, _)| !jumps[..3].contains(tap));
@@ -74,7 +74,7 @@ impl Levelled {
     }
 }
 
-/// What the processor does: its rate and the room of its queue.
+/// Settings of the processor: its rate and the room of its queue.
 const EXACT: [usize; 2] = [usize::MAX, usize::MAX];
 /// A press brings three times as many events in a millisecond, and a tap on average a little less.
 const STALE: [usize; 2] = [50, usize::MAX];
@@ -116,8 +116,8 @@ fn the_dome_is_brought_upright_from_any_side() {
 
 #[test]
 fn events_that_wait_or_are_dropped_make_levelling_worse() {
-    // The figures of the README. A few taps on one plane do not tell: there, exact and stale
-    // predictions err about alike, and the order changes with the weights and the plane.
+    // The figures of the README. A few taps on one plane are not enough: there, exact and stale
+    // predictions have about the same error, and the order changes with the weights and the plane.
     let [exact, stale, drops] = thread::scope(|scope| {
         let runs =
             [EXACT, STALE, DROPS].map(|case| scope.spawn(move || levelled(Surface::Course, 1, case, 24)));

@@ -1,17 +1,17 @@
-//! Which events of a stream reached an engine, and what became of the others.
+//! Tracks which events of a stream reached an engine, and what happened to the others.
 //!
-//! Enters: the numbers of each packet, in order of arrival, and how many packets an input queue
-//! dropped. Leaves: the part of each packet that the engine takes, and the gaps. Invariant: `next =
-//! accepted + lost`, so that every event before `next` is in one of the two.
+//! Input: the numbers of each packet, in order of arrival, and the number of packets that an input
+//! queue dropped. Output: the part of each packet that the engine takes, and the gaps. Invariant:
+//! `next = accepted + lost`, so that every event before `next` is in one of the two.
 //!
-//! A source numbers packets and events. One that does not begin at `next` proves that others are
-//! missing. What arrives later stays lost: the engine takes events in order only.
+//! A source numbers packets and events. A packet that does not begin at `next` proves that others
+//! are missing. Packets that arrive later stay lost, because the engine takes events only in order.
 
 use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
-/// Why an event did not reach the engine.
+/// The reason why an event did not reach the engine.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Reason {
@@ -21,7 +21,8 @@ pub enum Reason {
     Link,
     /// Some were dropped by the queue and others lost on the way, or the transport cannot tell.
     QueueOrLink,
-    /// It was sent before the process was connected, while it was down, or after its saved state.
+    /// It was sent before the process was connected, while the process was down, or after its saved
+    /// state.
     Down,
     /// The engine's own queue was full.
     Overload,
@@ -56,10 +57,10 @@ pub struct Lost {
     pub events: u64,
 }
 
-/// What was lost, by [`Reason`] in its order.
+/// Losses by [`Reason`], in its order.
 pub type Losses = [Lost; Reason::ALL.len()];
 
-/// What was lost by the name of its reason, for summaries.
+/// Losses by the name of their reason, for summaries.
 pub fn by_reason(losses: &Losses) -> BTreeMap<&'static str, Lost> {
     Reason::ALL.into_iter().map(Reason::name).zip(losses.iter().copied()).collect()
 }
@@ -67,13 +68,13 @@ pub fn by_reason(losses: &Losses) -> BTreeMap<&'static str, Lost> {
 /// Events that no prediction covers, by their numbers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Gap {
-    /// The first.
+    /// Number of the first.
     pub from: u64,
-    /// The first after them.
+    /// Number of the first event after them.
     pub until: u64,
-    /// Packets that held them.
+    /// Number of packets that contained them.
     pub packets: u64,
-    /// Why.
+    /// The reason.
     pub reason: Reason,
 }
 
@@ -84,7 +85,8 @@ pub struct Numbers {
     next: Option<u64>,
     /// Packets that the queue dropped and that no gap has shown yet.
     dropped: u64,
-    /// Why packets are missing before the first and between two that the queue did not drop.
+    /// Reasons for missing packets that the queue did not drop: before the first packet, and
+    /// between two.
     reasons: [Reason; 2],
 }
 
@@ -95,18 +97,18 @@ impl Default for Numbers {
 }
 
 impl Numbers {
-    /// Packets from number 0 on, of which some get lost by `reason`.
+    /// Packets from number 0 on; some get lost by `reason`.
     pub fn new(reason: Reason) -> Self {
         Self { next: None, dropped: 0, reasons: [Reason::Down, reason] }
     }
 
-    /// Notes that the queue of the input dropped this many packets.
+    /// Notes that the queue of the input dropped this number of packets.
     pub fn dropped(&mut self, packets: u64) {
         self.dropped += packets;
     }
 
-    /// The packet of this number arrived: how many before it are missing, and why, unless it is
-    /// late.
+    /// The packet of this number arrived: returns the number of missing packets before it, and the
+    /// reason, unless it is late.
     pub fn arrived(&mut self, number: u64) -> Option<(u64, Reason)> {
         let missing = number.checked_sub(self.next.unwrap_or(0))?;
         let [before, between] = self.reasons;
@@ -122,41 +124,42 @@ impl Numbers {
     }
 }
 
-/// What is known of the events of one stream.
+/// The known data about the events of one stream.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Coverage {
     /// Number of the next event.
     pub next: u64,
     /// Events that the engine took.
     pub accepted: u64,
-    /// Events that it did not.
+    /// Events that the engine did not take.
     pub lost: Losses,
     /// Packets that came after their events had been counted as lost, or twice.
     pub late: u64,
     numbers: Numbers,
 }
 
-/// What becomes of a packet.
+/// The decision about a packet.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Placed {
-    /// What is missing before it.
+    /// The gap before it.
     pub gap: Option<Gap>,
-    /// Events at its beginning that are not taken: they are known already.
+    /// Number of events at its beginning that are not taken, because they are known already.
     pub skip: usize,
 }
 
 impl Coverage {
-    /// A stream of whose packets some get lost by `reason`.
+    /// A stream; some of its packets get lost by `reason`.
     pub fn new(reason: Reason) -> Self {
         Self { numbers: Numbers::new(reason), ..Self::default() }
     }
 
-    /// What a state covered: nothing is known of later packets.
+    /// The coverage of a state: nothing is known about later packets.
     pub fn resumed(next: u64, accepted: u64, lost: Losses) -> Self {
         Self { next, accepted, lost, ..Self::default() }
     }
 
-    /// This process was connected before the stream began: its first packets may get lost too.
+    /// The same for a process that was connected before the stream began: its first packets may get
+    /// lost too.
     #[must_use]
     pub fn connected(mut self) -> Self {
         self.numbers.reasons[0] = self.numbers.reasons[1];
@@ -175,7 +178,7 @@ impl Coverage {
         self.numbers.next
     }
 
-    /// Notes that the queue of the input dropped this many packets.
+    /// Notes that the queue of the input dropped this number of packets.
     pub fn dropped(&mut self, packets: u64) {
         self.numbers.dropped(packets);
     }
@@ -211,7 +214,7 @@ impl Coverage {
         self.lose_until(self.next.saturating_add(events as u64), 1, reason)
     }
 
-    /// Counts a packet that does not say which events it holds.
+    /// Counts a packet without the numbers of its events.
     pub fn refuse(&mut self) {
         self.lost[Reason::Malformed as usize].packets += 1;
     }

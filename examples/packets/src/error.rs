@@ -7,10 +7,10 @@ use meissner_io::IoError;
 use meissner_live::LiveError;
 use meissner_run::RunError;
 
-/// What an error is caused by.
+/// The cause of an error.
 pub type Cause = Box<dyn Error + Send + Sync>;
 
-/// An engine or an integration cannot start, or cannot go on.
+/// An engine or an integration cannot start, or cannot continue.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum PacketError {
@@ -23,7 +23,7 @@ pub enum PacketError {
     /// The engine's thread has ended.
     #[error(transparent)]
     Live(#[from] LiveError),
-    /// A state cannot be read or written, or bytes are no events.
+    /// A state cannot be read or written, or bytes are not events.
     #[error(transparent)]
     Io(#[from] IoError),
     /// A sensor changes its size within a stream.
@@ -37,22 +37,22 @@ pub enum PacketError {
     /// A step of the transport, or a file.
     #[error("{what}")]
     Failed {
-        /// What fails.
+        /// The failing step.
         what: String,
-        /// Why.
+        /// The cause.
         source: Cause,
     },
     /// A record does not account for every event, or has other bits.
     #[error("{0}")]
     Record(String),
-    /// A packet or a setting is not as it must be.
+    /// A packet or a setting is wrong.
     #[error("{what}: expected {expected}, got {found}")]
     Unexpected {
-        /// What is wrong.
+        /// The wrong part.
         what: String,
-        /// How it can be.
+        /// The admissible values.
         expected: String,
-        /// How it is.
+        /// The found value.
         found: String,
     },
 }
@@ -65,7 +65,7 @@ impl PacketError {
     }
 }
 
-/// Makes a failure of `what` of its cause.
+/// Makes a failure of `what` from its cause.
 pub fn failed<E: Into<Cause>>(what: impl Into<String>) -> impl FnOnce(E) -> PacketError {
     |source| PacketError::Failed { what: what.into(), source: source.into() }
 }

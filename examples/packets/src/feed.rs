@@ -8,17 +8,18 @@ use meissner_engine::Event;
 use meissner_run::clock::Clock;
 use meissner_run::{RunError, interrupt};
 
-/// Events of a live stream that wait to be sent; more wait in the operating system's buffers.
+/// Maximum number of events of a live stream that wait here; more wait in the operating system's
+/// buffers.
 const WAITING: usize = 1 << 16;
 
-/// How events are sent.
+/// Options for sending events.
 #[derive(Clone, Copy, Debug)]
 pub struct FeedOptions {
-    /// Whether the events arrive from outside, or are those of a recording.
+    /// Whether the events arrive from outside, instead of from a recording.
     pub is_live: bool,
     /// Seconds of a recording per second; 0 sends it as fast as possible.
     pub speed: f64,
-    /// Shortest time between two packets: events that come in this time are sent together.
+    /// Shortest time between two packets: events within this time are sent together.
     pub every: Duration,
     /// Longest time from one call to the next, also while there are no events.
     pub max_wait: Duration,
@@ -31,7 +32,7 @@ pub struct FeedOptions {
 /// whose time steps back is sent with the event before it.
 ///
 /// # Errors
-/// An event cannot be read, or as `send`.
+/// An event cannot be read, or an error of `send`.
 pub fn feed<E: From<RunError>>(
     events: impl Iterator<Item = Result<Event, RunError>> + Send + 'static,
     options: FeedOptions,
@@ -76,7 +77,7 @@ fn recorded<E: From<RunError>>(
                 continue;
             }
         };
-        // What is due and did not fit into the packet does not wait.
+        // Due events that did not fit into the packet do not wait.
         if !(is_full && next <= now) {
             let wait = next.max(now + every).saturating_duration_since(Instant::now());
             interrupt::sleep(wait.min(max_wait));
@@ -92,7 +93,7 @@ fn arriving<E: From<RunError>>(
     mut send: impl FnMut(&[Event], Instant) -> Result<(), E>,
 ) -> Result<(), E> {
     let (sender, receiver) = sync_channel(WAITING);
-    // A thread of its own waits for the stream, which waits for the caller, or loses datagrams.
+    // A separate thread waits for the stream. The stream waits for the caller, or loses datagrams.
     thread::spawn(move || {
         for event in events {
             // The receiver has ended.

@@ -1,16 +1,18 @@
-//! Numbered packets of events into predictions: what the integrations share, without a transport.
+//! Converts numbered packets of events to predictions: the common part of the integrations, without
+//! a transport.
 //!
 //! ```text
 //! source -> feed --packets (stream, number, events)--> [ transport ] --> coverage -> engine
 //! ```
 //!
-//! Enters: numbered packets of a sensor. Leaves: predictions, and for each event that none covers a
-//! reason. Invariants: `next = accepted + lost`; a prediction has the bits of one engine that was
-//! given the accepted events.
+//! Input: numbered packets of a sensor. Output: predictions, and a reason for each event that no
+//! prediction covers. Invariants: `next = accepted + lost`; a prediction has the bits of one engine
+//! with the accepted events.
 //!
 //! | type | use |
 //! |---|---|
-//! | [`Coverage`], [`Gap`], [`Reason`] | numbers of packets and events: what is missing, and why |
+//! | [`Coverage`], [`Gap`], [`Reason`] | numbers of packets and events: missing ones, and the
+//! reason |
 //! | [`SensorEngine`] | an engine for the streams of one sensor, in the caller's thread |
 //! | [`LiveSensor`] | an engine for one stream, in a thread behind a bounded queue |
 //! | [`AnyNetwork`], [`AnyEngine`] | networks over events, or over frames of them |

@@ -1,6 +1,6 @@
 //! An engine for one stream of a sensor, in a thread behind a bounded queue, whose state is saved.
 //!
-//! A packet that finds no room in the queue is dropped as a whole and counted.
+//! A packet without room in the queue is dropped completely and counted.
 
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
@@ -16,7 +16,7 @@ use crate::error::PacketError;
 use crate::network::{AnyEngine, AnyNetwork};
 use crate::saved::{self, Covered, Mark, SavedEngine, Shared, StateTable, lock};
 
-/// What all sensors of a process have in common.
+/// The common options of all sensors of a process.
 #[derive(Clone)]
 pub struct LiveOptions {
     /// The network with its weights.
@@ -29,7 +29,7 @@ pub struct LiveOptions {
     pub states: Option<(PathBuf, Duration)>,
 }
 
-/// A prediction, and what it covers.
+/// A prediction, and the events that it covers.
 #[derive(Debug)]
 pub struct LivePrediction<'a> {
     /// The values.
@@ -40,7 +40,7 @@ pub struct LivePrediction<'a> {
     pub nodes: usize,
     /// Whether it covers everything that had arrived.
     pub fresh: bool,
-    /// What it covers.
+    /// The position up to which it covers events.
     pub place: Mark,
 }
 
@@ -54,20 +54,20 @@ pub struct LiveSensor {
     table: Shared,
     capacity: u64,
     coverage: Coverage,
-    /// Events that were given to this engine.
+    /// Events that this engine got.
     entered: u64,
     /// Events that the newest prediction covers.
     shown: Option<u64>,
     every: Duration,
-    /// When the newest prediction was asked for.
+    /// Time of the newest request for a prediction.
     asked: Option<Instant>,
     state: Option<PathBuf>,
 }
 
 impl LiveSensor {
-    /// The sensor called `name`, for the stream that is named by its number. It goes on from the
+    /// The sensor called `name`, for the stream that is named by its number. It continues from the
     /// state that an earlier process left in `NAME.state`, if that is of the same stream. A state
-    /// that does not fit is not used, and why is returned.
+    /// that does not fit is not used, and the reason is returned.
     ///
     /// # Errors
     /// The engine cannot start, or the state cannot be read.
@@ -94,7 +94,8 @@ impl LiveSensor {
         let table = Shared::new(table.into());
         let every = options.states.as_ref().map(|&(_, every)| every);
         let engine = SavedEngine::new(engine, stream, Arc::clone(&table), every);
-        // Room for a packet is known before it is offered: nothing is dropped here, nobody waits.
+        // The room for a packet is known before it is offered, so nothing is dropped here and
+        // nobody waits.
         let queue = QueueOptions::new().with_capacity(options.capacity).with_overload(Overload::DropNewest);
         let (input, live) = Live::spawn(engine, queue)?;
         let started = Self {
@@ -130,19 +131,19 @@ impl LiveSensor {
         (stream, sensor) != (self.stream, self.sensor)
     }
 
-    /// What is known of its events.
+    /// The known data about its events.
     pub fn coverage(&self) -> &Coverage {
         &self.coverage
     }
 
-    /// Notes that the queue of its packets dropped this many.
+    /// Notes that the queue of its packets dropped this number.
     pub fn dropped(&mut self, packets: u64) {
         self.coverage.dropped(packets);
     }
 
     /// Takes the packet of this number, whose `len` events begin with number `first`; `None` for
-    /// events that cannot be read. `times_ns`: when it was sent and arrived. Every event of it and
-    /// those missing before it are accepted or in one of the gaps.
+    /// events that cannot be read. `times_ns`: its sending time and its arrival. Its events, and
+    /// the missing ones before it, are accepted or in one of the gaps.
     ///
     /// # Errors
     /// The engine's thread has ended.
@@ -167,7 +168,8 @@ impl LiveSensor {
                     let Coverage { next, accepted, lost, .. } = self.coverage;
                     let entered = self.entered;
                     let mark = Mark { entered, next, accepted, lost, sent_ns, received_ns };
-                    // Before the events: the worker looks for the place of each.
+                    // This comes before the events, because the worker looks for the position of
+                    // each.
                     lock(&self.table).marks.push_back(mark);
                     self.input.push_slice(&events[placed.skip..])?;
                 }
@@ -181,13 +183,13 @@ impl LiveSensor {
         self.entered > 0 && self.shown != Some(self.entered)
     }
 
-    /// Time until a prediction is due; for ever without news.
+    /// Time until a prediction is due; without end if there is no news.
     pub fn until_due(&self) -> Duration {
         let since = self.asked.map_or(self.every, |asked| asked.elapsed());
         if self.has_news() { self.every.saturating_sub(since) } else { Duration::MAX }
     }
 
-    /// Asks for a prediction of everything that has arrived.
+    /// Requests a prediction for everything that has arrived.
     pub fn ask(&mut self, deadline: Duration) -> Asked {
         self.asked = Some(Instant::now());
         self.live.ask(deadline)
@@ -217,13 +219,13 @@ impl LiveSensor {
         Ok(Some(LivePrediction { values, t_us, nodes, fresh, place }))
     }
 
-    /// Predictions so far, and accepted events that the engine has no use for, by reason.
+    /// Number of predictions so far, and accepted events that the engine does not use, by reason.
     pub fn counts(&self) -> (u64, Vec<(DropReason, u64)>) {
         let table = lock(&self.table);
         (table.predictions, table.ignored.clone())
     }
 
-    /// The newest state and where it belongs, if there is one that was not collected.
+    /// The newest state and its path, if it was not collected yet.
     pub fn collect(&mut self) -> Option<(PathBuf, Vec<u8>)> {
         let state = self.state.as_ref()?;
         Some((state.clone(), lock(&self.table).state.take()?))

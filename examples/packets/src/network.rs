@@ -1,4 +1,4 @@
-//! The networks that an integration can run: over events, or over frames that are made of them.
+//! The networks that an integration can run: over events, or over frames of events.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -89,7 +89,7 @@ impl AnyEngine {
     /// The note in the state `bytes` of such an engine.
     ///
     /// # Errors
-    /// The bytes are no state.
+    /// The bytes are not a state.
     pub fn note(&self, bytes: &[u8]) -> Result<Vec<u8>, EngineError> {
         match self {
             Self::Events(_) => snapshot_note(bytes).map(<[u8]>::to_vec),
@@ -100,7 +100,7 @@ impl AnyEngine {
     /// Restores a state.
     ///
     /// # Errors
-    /// It is of another network or sensor, or damaged.
+    /// The state is of another network or sensor, or damaged.
     pub fn restore_bytes(&mut self, bytes: &[u8]) -> Result<(), EngineError> {
         match self {
             Self::Events(engine) => engine.restore_bytes(bytes),

@@ -1,8 +1,8 @@
 //! The single process that predictions are compared with.
 //!
-//! Enters: all events of a stream, the gaps, and each prediction with the number of the event up to
-//! which it covers the stream. Leaves: the first difference. After a restart of the process that
-//! predicted, its gaps go back to the event that the restored state ends with; so does this engine.
+//! Input: all events of a stream, the gaps, and each prediction with the number of the event up to
+//! which it covers the stream. Output: the first difference. After a restart of the predicting
+//! process, its gaps go back to the last event of the restored state, and so does this engine.
 
 use meissner_engine::{EngineError, Event, Predictor, Sensor};
 use meissner_run::RunError;
@@ -10,7 +10,7 @@ use meissner_run::RunError;
 use crate::coverage::Gap;
 use crate::network::{AnyEngine, AnyNetwork};
 
-/// An engine that is given the accepted events of a stream, and no others.
+/// An engine that gets only the accepted events of a stream.
 pub struct Replay<'a> {
     network: &'a AnyNetwork,
     sensor: Sensor,
@@ -18,7 +18,7 @@ pub struct Replay<'a> {
     engine: AnyEngine,
     /// Number of the next event.
     next: u64,
-    /// In order, without overlaps.
+    /// Gaps in order, without overlaps.
     gaps: Vec<Gap>,
 }
 
@@ -37,8 +37,8 @@ impl<'a> Replay<'a> {
         &self.gaps
     }
 
-    /// Takes a gap. One that begins before what is known is that of a restored process, which knows
-    /// nothing after the state that it restored.
+    /// Takes a gap. A gap that begins before the known events comes from a restored process, which
+    /// knows nothing after its restored state.
     ///
     /// # Errors
     /// As [`Self::new`].
@@ -57,10 +57,11 @@ impl<'a> Replay<'a> {
     }
 
     /// Compares a prediction that covers the events before number `next`, of which `accepted` were
-    /// accepted, with that of the engine: values, time of the newest event, events in the window.
+    /// accepted, with the engine's prediction: values, time of the newest event, events in the
+    /// window.
     ///
     /// # Errors
-    /// What was expected, and what was found.
+    /// The expected and the found value.
     pub fn compare(
         &mut self,
         (next, accepted): (u64, u64),
@@ -86,10 +87,10 @@ impl<'a> Replay<'a> {
         Ok(())
     }
 
-    /// How many of `sent` events were accepted, if every one is predicted on or lost.
+    /// The number of accepted events among `sent`, if each is covered by a prediction or lost.
     ///
     /// # Errors
-    /// What was expected, and what was found.
+    /// The expected and the found value.
     pub fn end(&self, sent: u64) -> Result<u64, String> {
         let mut covered = self.next;
         for gap in &self.gaps {

@@ -1,8 +1,9 @@
-//! An engine that leaves its state in a table, from time to time, with what the state covers.
+//! An engine that stores its state in a table, from time to time, with the events that the state
+//! covers.
 //!
 //! The engine belongs to its worker's thread; the caller's thread knows which events of the stream
-//! the worker was given. They meet at the table: the caller notes the place of each packet (a
-//! [`Mark`]), and the worker finds the place of its newest event there when it encodes its state.
+//! the worker got. They share the table: the caller notes the position of each packet (a [`Mark`]),
+//! and the worker finds the position of its newest event there when it encodes its state.
 
 use std::collections::VecDeque;
 use std::io::Write;
@@ -19,24 +20,24 @@ use serde::{Deserialize, Serialize};
 use crate::coverage::Losses;
 use crate::network::AnyEngine;
 
-/// The place of a packet: counts after its last event.
+/// The position of a packet: counts after its last event.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Mark {
-    /// Events that were given to this engine.
+    /// Events that this engine got.
     pub entered: u64,
     /// Number of the next event of the stream.
     pub next: u64,
-    /// Events that were accepted in all.
+    /// Total number of accepted events.
     pub accepted: u64,
-    /// Events that were lost in all.
+    /// Total number of lost events.
     pub lost: Losses,
-    /// When the packet was sent, in nanoseconds.
+    /// Sending time of the packet, in nanoseconds.
     pub sent_ns: i64,
-    /// When it arrived, in nanoseconds.
+    /// Its arrival, in nanoseconds.
     pub received_ns: i64,
 }
 
-/// What a state covers.
+/// The events that a state covers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub(crate) struct Covered {
     pub(crate) stream: i64,
@@ -47,7 +48,7 @@ pub(crate) struct Covered {
 }
 
 impl Covered {
-    /// What the state in `bytes` of an `engine` covers, in its note.
+    /// The events that the state in `bytes` of an `engine` covers, from its note.
     pub(crate) fn of_state(engine: &AnyEngine, bytes: &[u8]) -> Result<Self, EngineError> {
         serde_json::from_slice(&engine.note(bytes)?).map_err(|error| EngineError::Snapshot {
             what: "note",
@@ -57,21 +58,21 @@ impl Covered {
     }
 }
 
-/// What the caller and the worker tell each other.
+/// Data that the caller and the worker share.
 #[derive(Debug, Default)]
 pub(crate) struct StateTable {
     /// Marks of packets that the newest prediction does not cover, in order, and one before them.
     pub(crate) marks: VecDeque<Mark>,
     /// Predictions that were answered.
     pub(crate) predictions: u64,
-    /// Events that the engine had no use for, at the newest prediction.
+    /// Events that the engine did not use, at the newest prediction.
     pub(crate) ignored: Vec<(DropReason, u64)>,
     /// The newest state that was not collected.
     pub(crate) state: Option<Vec<u8>>,
 }
 
 impl StateTable {
-    /// The place of the event after the first `entered`.
+    /// The position of the event after the first `entered`.
     pub(crate) fn place(&self, entered: u64) -> Mark {
         let mark = self.marks.iter().find(|mark| mark.entered >= entered).or(self.marks.back());
         let mark = mark.copied().unwrap_or_default();
@@ -90,19 +91,19 @@ impl StateTable {
 /// A table that two threads use.
 pub(crate) type Shared = Arc<Mutex<StateTable>>;
 
-/// Whoever panicked left counts that are consistent: each is written at once.
+/// After a panic the counts are still consistent, because each is written in one step.
 pub(crate) fn lock(table: &Mutex<StateTable>) -> MutexGuard<'_, StateTable> {
     table.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// An engine that leaves its state.
+/// An engine that stores its state in the table.
 pub(crate) struct SavedEngine {
     engine: AnyEngine,
     stream: i64,
-    /// Events that it was given, since it was made.
+    /// Events that it got since it was made.
     entered: u64,
     table: Shared,
-    /// Time between two states; `None` if none are left.
+    /// Time between two states; `None` if none are stored.
     every: Option<Duration>,
     left: Option<(u64, Instant)>,
 }
@@ -113,7 +114,7 @@ impl SavedEngine {
         Self { engine, stream, entered: 0, table, every, left: None }
     }
 
-    /// Leaves the state if it is due and has changed.
+    /// Stores the state if it is due and has changed.
     fn leave(&mut self) {
         let Some(every) = self.every.filter(|_| self.entered > 0) else { return };
         if self.left.is_some_and(|(entered, at)| entered == self.entered || at.elapsed() < every) {
@@ -124,7 +125,7 @@ impl SavedEngine {
         self.left = Some((self.entered, Instant::now()));
     }
 
-    /// The state, with what it covers.
+    /// The state, with the events that it covers.
     pub(crate) fn state(&mut self) -> Vec<u8> {
         let (Mark { next, accepted, lost, .. }, predictions) = {
             let table = lock(&self.table);
@@ -168,7 +169,7 @@ impl Predictor for SavedEngine {
     }
 }
 
-/// Writes states to files in a thread of its own: a disk may take longer than a prediction.
+/// Writes states to files in a separate thread, because a disk may take longer than a prediction.
 pub struct StateWriter {
     states: Sender<(PathBuf, Vec<u8>)>,
     failed: Receiver<IoError>,
@@ -181,7 +182,7 @@ impl Default for StateWriter {
         let (failing, failed) = channel();
         let write = move || {
             for (path, state) in written {
-                // Nobody reads why any more if the caller has ended.
+                // Nobody reads the error if the caller has ended.
                 let _ = write(&path, &state).map_err(|error| failing.send(error));
             }
         };
@@ -190,13 +191,13 @@ impl Default for StateWriter {
 }
 
 impl StateWriter {
-    /// Has a state written to the file at `path`.
+    /// Sends a state to be written to the file at `path`.
     pub fn write(&self, (path, state): (PathBuf, Vec<u8>)) {
         // The thread ends with the writer.
         let _ = self.states.send((path, state));
     }
 
-    /// Why states could not be written, since the call before.
+    /// Errors of writing states since the previous call.
     pub fn failures(&self) -> impl Iterator<Item = IoError> {
         self.failed.try_iter()
     }
@@ -204,12 +205,12 @@ impl StateWriter {
     /// Waits until all states are written.
     pub fn close(self) {
         drop(self.states);
-        // It has not panicked, or has said so.
+        // It has not panicked, or has printed the panic.
         let _ = self.thread.join();
     }
 }
 
-/// Replaces the state in the file at `path` at once, or leaves the former one.
+/// Replaces the state in the file at `path` in one step, or leaves the former one.
 pub(crate) fn write(path: &Path, state: &[u8]) -> Result<(), IoError> {
     replace_file(path, |out| out.write_all(state))
 }

@@ -1,8 +1,8 @@
 //! An engine for the streams of one sensor, one after the other, in the caller's thread.
 //!
-//! A stream begins with an empty window, because its times have nothing to do with those of the
-//! stream before. Predictions do not depend on how events are grouped into packets: after n events
-//! they equal those of any other process that has taken the same n events, bit for bit.
+//! A stream begins with an empty window, because its times are unrelated to those of the stream
+//! before. Predictions do not depend on how events are grouped into packets: after n events they
+//! equal those of any other process that has taken the same n events, bit for bit.
 
 use meissner_engine::{DropReason, EngineError, EventCounters, Prediction, Predictor, Sensor};
 use serde::Serialize;
@@ -11,14 +11,14 @@ use crate::coverage::{Coverage, Gap, Losses, Reason};
 use crate::error::PacketError;
 use crate::network::{AnyEngine, AnyNetwork};
 
-/// What was taken, over all streams.
+/// Counts over all streams.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct Counts {
-    /// Streams that began.
+    /// Number of started streams.
     pub streams: u64,
     /// Packets that were taken.
     pub packets: u64,
-    /// Events that were given to the engine.
+    /// Events that the engine got.
     pub events: u64,
     /// Of those, accepted by the engine.
     pub accepted: u64,
@@ -28,19 +28,19 @@ pub struct Counts {
     pub not_numbers: u64,
 }
 
-/// What a packet brought.
+/// The result of taking a packet.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Taken {
-    /// What is missing before it.
+    /// The gap before it.
     pub gap: Option<Gap>,
-    /// Events that were given to the engine.
+    /// Events that the engine got.
     pub events: usize,
 }
 
 /// A network over the streams of one sensor. `S` names a stream.
 pub struct SensorEngine<S> {
     network: AnyNetwork,
-    /// Why packets get lost between two that arrive.
+    /// The reason for lost packets between two that arrive.
     reason: Reason,
     stream: Option<S>,
     /// Made for the first sensor, and again for another one.
@@ -49,18 +49,18 @@ pub struct SensorEngine<S> {
     /// Losses of the streams before.
     past: Losses,
     counts: Counts,
-    /// Whether a packet was taken that no prediction covers.
+    /// Whether no prediction covers a packet that was taken.
     is_due: bool,
 }
 
 impl<S: PartialEq> SensorEngine<S> {
-    /// Predictions of `network` from packets that get lost by `reason`.
+    /// Predictions of `network` from packets, some of which get lost by `reason`.
     pub fn new(network: AnyNetwork, reason: Reason) -> Self {
         let (coverage, past, counts) = (Coverage::new(reason), Losses::default(), Counts::default());
         Self { network, reason, stream: None, engine: None, coverage, past, counts, is_due: false }
     }
 
-    /// A packet of `stream` on `sensor` follows: whether a stream begins with it.
+    /// Announces a packet of `stream` on `sensor`; returns whether a stream begins with it.
     ///
     /// # Errors
     /// The network does not fit the sensor, or the sensor changes within the stream.
@@ -72,7 +72,7 @@ impl<S: PartialEq> SensorEngine<S> {
             let found = sensor;
             return if expected == found { Ok(false) } else { Err(PacketError::Sensor { expected, found }) };
         }
-        // An engine takes all memory when it is made: one that fits is used again.
+        // An engine allocates all memory when it is made, so a fitting engine is reused.
         match &mut self.engine {
             Some((known, engine)) if *known == sensor => engine.reset(),
             engine => *engine = Some((sensor, self.network.engine(sensor)?)),
@@ -88,8 +88,8 @@ impl<S: PartialEq> SensorEngine<S> {
     }
 
     /// Takes the packet of this number, whose `len` events begin with number `first`, of the stream
-    /// that [began](Self::begin). `push` gives the engine those after the first ones, which are
-    /// known, and returns how many it accepted. `None` if nothing is new.
+    /// that [began](Self::begin). `push` gives the engine the events after the known first ones,
+    /// and returns the number of accepted ones. `None` if nothing is new.
     pub fn take(
         &mut self,
         number: u64,
@@ -108,14 +108,14 @@ impl<S: PartialEq> SensorEngine<S> {
         Some(Taken { gap: placed.gap, events })
     }
 
-    /// Loses the packet of this number, which cannot be read. Returns what is missing before it.
+    /// Counts the packet of this number, which cannot be read, as lost. Returns the gap before it.
     pub fn lose(&mut self, number: u64, first: Option<u64>, len: usize) -> Option<Gap> {
         let placed = self.coverage.place(number, first, len)?;
         self.coverage.lose(len - placed.skip, Reason::Malformed);
         placed.gap
     }
 
-    /// Counts a packet that does not say where it belongs.
+    /// Counts a packet without a position.
     pub fn refuse(&mut self) {
         self.coverage.refuse();
     }
@@ -133,7 +133,7 @@ impl<S: PartialEq> SensorEngine<S> {
         Ok(Some(prediction))
     }
 
-    /// Whether a packet was taken that no prediction covers.
+    /// Whether no prediction covers a packet that was taken.
     pub fn is_due(&self) -> bool {
         self.is_due
     }
@@ -148,7 +148,7 @@ impl<S: PartialEq> SensorEngine<S> {
         self.network.outputs()
     }
 
-    /// What is known of the events of the newest stream.
+    /// The known data about the events of the newest stream.
     pub fn coverage(&self) -> &Coverage {
         &self.coverage
     }
@@ -158,12 +158,12 @@ impl<S: PartialEq> SensorEngine<S> {
         &mut self.coverage
     }
 
-    /// What was taken.
+    /// The counts.
     pub fn counts(&self) -> Counts {
         self.counts
     }
 
-    /// What was lost, over all streams.
+    /// Losses over all streams.
     pub fn losses(&self) -> Losses {
         let mut all = self.past;
         for (sum, lost) in all.iter_mut().zip(self.coverage.lost) {
@@ -173,7 +173,7 @@ impl<S: PartialEq> SensorEngine<S> {
         all
     }
 
-    /// What the engine dropped since its sensor is known, by reason.
+    /// Events that the engine dropped since its sensor is known, by reason.
     pub fn dropped(&self) -> [(DropReason, u64); EventCounters::DROP_REASONS] {
         let none = || EventCounters::default().dropped();
         self.engine.as_ref().map_or_else(none, |(_, engine)| engine.dropped())

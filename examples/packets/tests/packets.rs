@@ -81,7 +81,7 @@ mod coverage {
         let mut lost = Coverage::default().lost;
         lost[Reason::Link as usize].events = 10;
         let mut coverage = Coverage::resumed(40, 30, lost);
-        // How many packets held them is not known.
+        // The number of packets that contained them is not known.
         let after = coverage.place(9, Some(100), 1).unwrap().gap;
         assert_eq!(after, Some(gap(40, 100, 0, Reason::Down)));
         assert!(is_balanced(&coverage));
@@ -235,7 +235,7 @@ mod streams {
         engine.begin(1, sensor).unwrap();
         assert_eq!(take(&mut engine, 1, &events[LEN..]).unwrap().reason, Reason::Down);
         assert!(engine.begin(2, sensor).unwrap());
-        // This process was there when the second stream began.
+        // This process was connected when the second stream began.
         assert_eq!(take(&mut engine, 1, &events[LEN..]).unwrap().reason, Reason::Queue);
         let nodes = engine.predict().unwrap().unwrap().nodes;
         assert_eq!((nodes, engine.counts().streams), (LEN, 2));
@@ -281,7 +281,7 @@ mod live {
         sensor.take(place, Some(events), [0; 2]).unwrap().collect()
     }
 
-    /// Predicts, and compares; whether there was something new.
+    /// Predicts, and compares; returns whether there was something new.
     fn predict(sensor: &mut LiveSensor, replay: &mut Replay<'_>) -> bool {
         let asked = sensor.ask(DEADLINE);
         let Some(answer) = sensor.answer(&asked, DEADLINE).unwrap() else { return false };
@@ -293,7 +293,7 @@ mod live {
     #[test]
     fn events_that_do_not_fit_are_dropped_as_whole_packets_and_the_others_are_predicted_on_exactly() {
         let (sensor, mut events) = recording(40 * LEN);
-        // More than the queue can ever take.
+        // More than the queue can take.
         events.extend([events[40 * LEN - 1]; 251]);
         let network = network();
         let mut replay = Replay::new(&network, sensor, &events).unwrap();
@@ -342,7 +342,7 @@ mod live {
         for (number, packet) in events.chunks(LEN).enumerate().take(30) {
             take(&mut live, number, packet);
             assert!(predict(&mut live, &mut replay));
-            // The process is killed later than its last state is written.
+            // The process is killed after its last state is written.
             if number < 20 {
                 state = live.collect().or(state);
             }

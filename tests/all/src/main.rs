@@ -1,6 +1,6 @@
 //! Runs all tests of the workspace, and prints their total after the totals of each test binary.
 //!
-//! `cargo test-all` is its short name. Arguments are handed to `cargo test`, such as `--locked`.
+//! `cargo test-all` is its short name. Arguments such as `--locked` are passed to `cargo test`.
 
 use std::io::{self, BufRead, BufReader, Write};
 use std::process::{Command, ExitCode, Stdio};

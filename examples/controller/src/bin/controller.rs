@@ -11,10 +11,10 @@ use meissner::{Description, Engine, Weights};
 use meissner_controller::{Failure, feed, run};
 use meissner_simulator::plants::FINGERTIP_SENSOR;
 
-/// Where records of 16 bytes arrive, and where the fingertip takes targets.
+/// The address where records of 16 bytes arrive, and the address where the fingertip takes targets.
 const EVENTS: &str = "127.0.0.1:5000";
 const FINGERTIP: &str = "127.0.0.1:5001";
-/// Time between two cycles, and from when a cycle is due until its prediction must be at hand.
+/// Time between two cycles, and from the due time of a cycle to the deadline of its prediction.
 const RHYTHM: [Duration; 2] = [Duration::from_millis(1), Duration::from_micros(900)];
 
 fn main() -> Result<(), Failure> {
@@ -24,10 +24,10 @@ fn main() -> Result<(), Failure> {
     let engine = Engine::new(description.network(&weights)?, FINGERTIP_SENSOR)?;
     let (events, robot) = (UdpSocket::bind(EVENTS)?, UdpSocket::bind("127.0.0.1:0")?);
     robot.connect(FINGERTIP)?;
-    // Where more events wait, the oldest make room. A prediction begins two batches before the
-    // deadline: short batches leave more time to events.
+    // If more events wait, the oldest make room. A prediction begins two batches before the
+    // deadline, so short batches leave more time for events.
     let options = QueueOptions::new().with_capacity(1 << 16).with_batch(8);
-    // A thread inherits its priority; one that waits for another stands above it.
+    // A thread inherits its priority; a thread that waits for another has the higher priority.
     raise("the engine's thread", 60);
     let (mut input, mut live) = Live::spawn(engine, options)?;
     raise("the sensor's thread", 70);
@@ -43,7 +43,7 @@ fn main() -> Result<(), Failure> {
     Ok(())
 }
 
-/// Asks for a fixed priority; the loop runs without it where the system refuses.
+/// Requests a fixed priority; the loop runs without it if the system refuses.
 #[cfg(target_os = "linux")]
 fn raise(thread: &str, priority: u8) {
     use thread_priority::{RealtimeThreadSchedulePolicy, ThreadPriority, ThreadSchedulePolicy};

@@ -43,7 +43,7 @@ struct Arguments {
 struct Link {
     events: UdpSocket,
     targets: UdpSocket,
-    /// Where the newest target came from, and its cycle.
+    /// The sender of the newest target, and its cycle.
     controller: Option<(SocketAddr, u64)>,
     bytes: Vec<u8>,
 }
@@ -65,7 +65,7 @@ impl Link {
         }
     }
 
-    /// The newest target since the call before.
+    /// The newest target since the previous call.
     fn target(&mut self) -> std::io::Result<Option<WristTarget>> {
         let mut newest = None;
         let mut bytes = [0; WristTarget::BYTES + 1];
@@ -73,7 +73,7 @@ impl Link {
             match self.targets.recv_from(&mut bytes) {
                 Ok((length, from)) => {
                     let Some(target) = WristTarget::read(&bytes[..length]) else { continue };
-                    // Another controller begins to count anew.
+                    // Another controller starts its count from 0.
                     let is_old = |(address, cycle)| address == from && cycle > target.cycle;
                     if !self.controller.is_some_and(is_old) {
                         self.controller = Some((from, target.cycle));
@@ -81,7 +81,7 @@ impl Link {
                     }
                 }
                 Err(error) if error.kind() == ErrorKind::WouldBlock => return Ok(newest),
-                // Answer to a state that nobody took.
+                // The system's answer to a state that nobody received.
                 Err(error) if error.kind() == ErrorKind::ConnectionRefused => {}
                 Err(error) => return Err(error),
             }
@@ -99,7 +99,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     eprintln!("computing the presses of the dome");
     let mut tip = Fingertip::new(presses(), surface, arguments.seed)?;
     let mut events = Vec::new();
-    // The first tap begins when a controller is there.
+    // The first tap begins once there is a controller.
     eprintln!("waiting for a controller at {}", arguments.targets);
     while link.target()?.is_none() {
         thread::sleep(Duration::from_millis(1));
@@ -114,7 +114,7 @@ fn main() -> Result<(), Box<dyn Error>> {
             println!("{tap:>4}  {a:>6.2} {b:>6.2}   {c:>6.2} {d:>6.2}           {error:>6.2}");
         }
         let due = start + tick * (number as u32 + 1);
-        // What is decided is filmed while there is time.
+        // Fixed images are filmed while there is time.
         while Instant::now() < due && tip.film_ahead()? {}
         thread::sleep(due.saturating_duration_since(Instant::now()));
         if let Some(target) = link.target()? {
