@@ -1,4 +1,4 @@
-"""Runs a command whose threads have short time slices, so that none of them keeps a core from the others for long.
+"""Runs a command whose threads have short time slices, so that none of them blocks a core for the others for long.
 
     python3 benches/slice.py MICROSECONDS COMMAND ARGUMENT...
 

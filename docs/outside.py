@@ -9,12 +9,12 @@ import posixpath
 import re
 import sys
 
-# Links of Markdown, with what stands before them: pictures stay.
+# Links of Markdown, with the `!` of pictures, which stay.
 LINK = re.compile(r"(!?)\[((?:[^\[\]]|\[[^\[\]]*\])*)\]\(([^()\s]+)\)")
 
 
 def changed(text, page, pages):
-    """The Markdown of a page whose links lead to other pages alone."""
+    """The Markdown of a page whose links lead only to other pages."""
 
     def link(match):
         mark, shown, target = match.groups()
@@ -24,7 +24,7 @@ def changed(text, page, pages):
         inside = posixpath.normpath(posixpath.join(posixpath.dirname(page), path))
         if inside in pages:
             return match.group(0).replace("README.md", "index.md")
-        # What an included page of the repository links to stands beside that page.
+        # Links of an included page of the repository are relative to that page.
         named = inside if inside.startswith("../") else path
         while named.startswith("../"):
             named = named[3:]
@@ -47,7 +47,7 @@ def main():
         return
     _, book = json.load(sys.stdin)
     every = list(chapters(book.get("items") or book.get("sections")))
-    # A README is an index by now; links name it as it was.
+    # mdBook has already renamed each README to index; links use the old name.
     pages = {chapter[key] for chapter in every for key in ("path", "source_path") if chapter.get(key)}
     folder = pathlib.Path(__file__).parent
     pages |= {path.relative_to(folder).as_posix() for path in folder.rglob("*.svg")}

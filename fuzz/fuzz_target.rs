@@ -1,5 +1,5 @@
-//! The binary of every fuzz target: runs the target of its file's name, so that one build under
-//! other names is all of them.
+//! The binary of every fuzz target: runs the target with the name of its file, so that one build
+//! under other names serves all targets.
 #![no_main]
 use std::path::Path;
 use std::sync::LazyLock;

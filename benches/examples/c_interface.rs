@@ -1,5 +1,5 @@
-//! What the C interface costs: the same events in blocks, each with a prediction, through Rust and
-//! through C by turns. `cargo run --release -p meissner-benches --example c_interface -- [BLOCK
+//! The cost of the C interface: the same events in blocks, each with a prediction, through Rust and
+//! through C in turns. `cargo run --release -p meissner-benches --example c_interface -- [BLOCK
 //! [RECORDING]]`.
 //!
 //! With a block of 4,096 and a recording, the Rust side of `bindings/python/benches/overhead.py`.
@@ -49,7 +49,7 @@ fn main() {
         .map(|e| meissner_event { t_us: e.t_us, x: e.x, y: e.y, polarity: i8::from(e.on) })
         .collect();
 
-    // Called through a pointer, as C does: nothing of it is inlined here.
+    // Called through a pointer, as C does, so that nothing of it is inlined here.
     let push = black_box(meissner_engine_push_events as Push);
     let predict = black_box(meissner_engine_predict as Predict);
     let (mut ratios, mut of_rust) = (Vec::new(), Vec::new());

@@ -39,7 +39,7 @@ const SHAPES: [Shape; 19] = [
     ("event-frame-cnn", &[32], 128, 65, 86),
     ("event-frame-cnn", &[128], 128, 32, 43),
     ("event-frame-cnn", &[128], 256, 16, 21),
-    // Of a convolutional LSTM: input and state.
+    // Input and state of a convolutional LSTM.
     ("slip", &[32, 32], 128, 12, 11),
     ("slip", &[64], 128, 12, 11),
     ("slip", &[1, 32], 128, 12, 11),

@@ -1,9 +1,9 @@
-//! Many engines that take turns on one thread: what another sensor costs in time and memory.
+//! Many engines that take turns on one thread: the cost of another sensor in time and memory.
 //! `cargo run --release -p meissner-benches --example engines -- [NETWORK]`.
 //!
-//! Each engine has the synthetic dots at 5,000 events a second, from another moment on. In each
-//! millisecond every engine takes its events as a slice and predicts. A row is measured in a
-//! process of its own, because freed memory stays with a process. Times are of the second half.
+//! Each engine has the synthetic dots at 5,000 events per second, with a different start. In each
+//! millisecond every engine takes its events as a slice and predicts. Each row is measured in a
+//! separate process, because freed memory stays with a process. Times are of the second half.
 
 use std::process::Command;
 use std::sync::Arc;
@@ -21,7 +21,7 @@ const SLICES: usize = 200_000;
 const STEP_US: i64 = 1000;
 /// Stream time from the start of one fingertip to that of the next.
 const APART: usize = 300;
-/// How much slower the fingertips are than the synthetic dots.
+/// Factor by which the fingertips are slower than the synthetic dots.
 const SLOWER: f64 = 9.4;
 const MIB: f64 = (1 << 20) as f64;
 
@@ -83,7 +83,7 @@ fn row(name: &str, count: usize) -> Result<()> {
     Ok(())
 }
 
-/// The engine predicts what one does that was given the events one by one.
+/// Checks that the engine predicts the same as one that gets the events one by one.
 fn check(
     network: &Arc<Network>,
     stream: &Slices,

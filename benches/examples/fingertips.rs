@@ -6,7 +6,7 @@
 //! |---|---|
 //! | `00.npy`, ... | a dome is pressed to 10 mm and lifted, [`RATE`] events a second, and noise |
 //! | `flood.npy` | the same over and over, [`FLOOD`] times as fast |
-//! | `garbage.npy` | random places, most outside the sensor, times that step back by up to 1 s |
+//! | `garbage.npy` | random positions, most outside the sensor, times that step back by up to 1 s |
 //!
 //! All begin and end at rest and have the same duration. Equal arguments give equal bytes.
 
@@ -22,10 +22,10 @@ use meissner_simulator::{
 const SENSOR: Sensor = Sensor { width: 346, height: 260 };
 /// Events in a second of a fingertip, without the noise that a slower press adds.
 const RATE: f64 = 5000.0;
-/// How much faster the flood is: above a million events in a second.
+/// Factor by which the flood is faster: above a million events per second.
 const FLOOD: i64 = 200;
 const DEPTH_MM: f64 = 10.0;
-/// Times of a track at which markers have places.
+/// Number of times of a track at which markers have positions.
 const STEPS: i64 = 200;
 /// Duration of a first film, which shows how many events a press has.
 const GUESS_US: i64 = 4_000_000;
@@ -76,7 +76,7 @@ fn film(table: &PressTable, number: u32, duration_us: i64) -> Result<Vec<Event>>
     Ok(simulated.into_iter().map(|simulated| simulated.event).collect())
 }
 
-/// As many events as `fine`, none of which a sensor would send in this order.
+/// As many events as `fine`, in an order that no sensor would send.
 fn garbage(fine: &[Event]) -> Vec<Event> {
     // Multiplicative congruences of Knuth's MMIX: any scatter will do.
     let mut state = 1_u64;

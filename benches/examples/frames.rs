@@ -103,7 +103,7 @@ impl<'a> Case<'a> {
             engine.reset();
             for frame in x.chunks_exact(x.len() / steps) {
                 engine.push(frame)?;
-                // Where there is an answer for each frame.
+                // If there is an answer for each frame.
                 if y.len() == steps {
                     answer.extend_from_slice(engine.predict()?.values);
                 }
@@ -147,7 +147,7 @@ impl<'a> Case<'a> {
     }
 }
 
-/// The image `x` with a rectangle replaced, a tenth of it, each time elsewhere.
+/// The image `x` with a rectangle, a tenth of it, replaced at a different position each time.
 fn moving_rectangle(x: &[f32], shape: FrameShape, count: usize) -> Vec<Vec<f32>> {
     let FrameShape::Image { channels, height, width } = shape else { return Vec::new() };
     let (rows, columns) = (height * 316 / 1000, width * 316 / 1000);

@@ -1,5 +1,5 @@
-//! Events read a second from a file of each format, which lies in the page cache:
-//! `cargo run --release -p meissner-benches --example readers -- [FOLDER] [--json]`.
+//! Events per second from a file of each format in the page cache: `cargo run --release -p
+//! meissner-benches --example readers -- [FOLDER] [--json]`.
 //!
 //! The files stay in FOLDER for `benches/peers/readers.py`. Every file is checked before it is
 //! timed.
@@ -16,9 +16,9 @@ use meissner_io_tests::codecs::aedat4::{Compression, File, event_packet};
 use meissner_io_tests::codecs::mcap::{channel, file, message, mono_packet, packed_chunk, schema};
 use meissner_io_tests::codecs::{SENSOR, encoded, evt2, evt2_words, evt21, evt21_words};
 
-/// Events of a file.
+/// Number of events of a file.
 const EVENTS: i64 = 1_000_000;
-/// Times that a file is read.
+/// Number of reads of a file.
 const RUNS: usize = 7;
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
@@ -58,7 +58,7 @@ fn time(path: &Path, options: ReadOptions) -> Result<f64, IoError> {
     median_ms(RUNS, || read_with(path, options).map(drop))
 }
 
-/// Microseconds from event to event in the mean: a hundred seconds in all.
+/// Mean microseconds from event to event: a hundred seconds in total.
 const STEP_US: i64 = 100;
 
 /// A dot that moves in a circle, with noise.

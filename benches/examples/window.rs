@@ -55,7 +55,8 @@ fn main() -> Result<()> {
     Ok(())
 }
 
-/// The graph is a k-d tree's, the layers alone are the whole pass's, and the engine agrees.
+/// Checks that the graph equals a k-d tree's, that the layers alone equal the complete pass, and
+/// that the engine agrees.
 fn check(network: &Arc<Network>, window: &Recording, batch: &Batch, trace: &Trace) -> Result<()> {
     let tree = batch.clone().with_search(networks::TREE).forward(Stream::new(&window.events))?;
     let neighbours = |trace: &Trace, row| trace.levels[0].edges.row(row).to_vec();

@@ -1,13 +1,13 @@
 #!/usr/bin/env python3
-"""Frame networks beside ONNX Runtime and PyTorch: the same weights, one thread, in one run.
+"""Frame networks compared with ONNX Runtime and PyTorch: the same weights, one thread, in one run.
 
     python3 benches/peers/frames.py [--json] [--python PATH] [--runs N] [--recording FILE] [NETWORK ...]
 
 Makes a virtual environment in target/peers-venv (or uses the one that --python names), draws weights in PyTorch, writes
 them with an input and PyTorch's answer to a safetensors file, and gives that file to `--example frames`, which compares
-answers before it times. Ours is measured before and after theirs; the mean of the two medians stands in the table.
+answers before it measures times. Ours is measured before and after theirs; the table has the mean of the two medians.
 
-With --recording (again for each), event-frame-cnn also runs on the frames of a recording, skipping what no event reaches.
+With --recording (again for each), event-frame-cnn also runs on the frames of a recording, skipping values that no event reaches.
 """
 import argparse
 import json
@@ -22,7 +22,7 @@ MORE = ["onnx", "onnxruntime", "safetensors"]
 
 
 def ours(file, name, runs, recordings):
-    """Figures of the `frames` example: milliseconds by way of computing."""
+    """Figures of the `frames` example: milliseconds by method."""
     command = ["cargo", "run", "--release", "--quiet", "-p", "meissner-benches", "--example", "frames", "--"]
     figures = json.loads(output([*command, name, file, "--runs", str(runs)], cwd=ROOT))
     if recordings and name == "event-frame-cnn":

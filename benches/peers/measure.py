@@ -1,7 +1,7 @@
 """Times the peers on an exported window: `measure.py WINDOW [--runs N] [--with-pyg]`, called by run.py.
 
-Prints one JSON object a line: what was computed, by whom, the median in milliseconds, and which of our figures it
-stands beside.
+Prints one JSON object per line: the computation, the peer, the median in milliseconds, and which of our figures
+it is compared with.
 """
 import argparse
 import json
@@ -32,11 +32,11 @@ def report(what, peer, ms, ours):
 
 
 def neighbours(window, runs):
-    """The k nearest others of every event by a k-d tree. Ties may come in another order, so distances are compared."""
+    """The k nearest others of every event by a k-d tree. Ties may be in another order, so distances are compared."""
     positions, k = window.positions.astype(np.float64), window.near.shape[1]
 
     def search():
-        # The first of k + 1 is the event itself, or another one at its very place.
+        # The first of k + 1 is the event itself, or another one at exactly its position.
         return cKDTree(positions).query(positions, k=k + 1)
 
     farthest = np.linalg.norm(positions[window.near[:, -1]] - positions, axis=1)
@@ -46,8 +46,8 @@ def neighbours(window, runs):
 
 class EventLayers:
     """The five event-level blocks for a k-regular graph: the neighbours' rows are gathered and summed into the eight
-    kernel slots by one batched product with the edges' basis, then all slots meet the weights in one matrix product.
-    Batch norm is folded to a product and a sum, as ours is."""
+    kernel slots by one batched product with the edges' basis, then one matrix product applies the weights to all
+    slots. Batch norm is folded to a product and a sum, like ours."""
 
     WIDTHS = [1, 8, 16, 16, 16, 32]
 
@@ -65,7 +65,7 @@ class EventLayers:
             self.blocks.append((weight.reshape(-1, outputs), factor, beta - mean * factor))
 
     def basis(self):
-        """(n, 8, k): how much of edge e enters slot x + 2 y + 4 t, divided by the number of edges."""
+        """(n, 8, k): the share of edge e that enters slot x + 2 y + 4 t, divided by the number of edges."""
         offset = self.positions[self.near] - self.positions[:, None, :]
         u = (offset / (2 * self.scale) + 0.5).clamp_(0, 1)
         x, y, t = (torch.stack((1 - u[..., d], u[..., d]), 1) for d in range(3))

@@ -16,7 +16,7 @@ from networks import NETWORKS
 
 
 def drawn(name):
-    """The network with weights from a seed: PyTorch's own, and running statistics unlike those of a new network."""
+    """The network with weights from a seed: PyTorch's initial weights, and running statistics that differ from those of a new network."""
     torch.manual_seed(0)
     constructor, shape = NETWORKS[name]
     network = constructor().eval()

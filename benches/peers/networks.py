@@ -7,7 +7,7 @@ from torch import nn
 
 
 class Cell(nn.Module):
-    """Convolutional LSTM cell, gates i, f, g, o; with `peephole` weights on i, f and o where `size` is given."""
+    """Convolutional LSTM cell, gates i, f, g, o; with `peephole` weights on i, f and o if `size` is given."""
 
     def __init__(self, inputs, hidden, size=None):
         super().__init__()
@@ -23,7 +23,7 @@ class Cell(nn.Module):
 
 
 class ConvLstm(nn.Module):
-    """Cells on top of each other, over a sequence; the last one's states, step after step."""
+    """Stacked cells over a sequence; the states of the last cell, step by step."""
 
     def __init__(self, depth, inputs, hidden, size, peephole):
         super().__init__()
@@ -44,7 +44,7 @@ class ConvLstm(nn.Module):
 
 
 class Head(nn.Module):
-    """Three dense layers, batch norm behind the first one or not."""
+    """Three dense layers, with or without batch norm after the first one."""
 
     def head(self, inputs, classes=7, norm=True):
         self.fc1, self.fc2, self.fc3 = nn.Linear(inputs, 32), nn.Linear(32, 32), nn.Linear(32, classes)

@@ -41,7 +41,7 @@ class GraphRes:
         return torch.stack((torch.from_numpy(near).reshape(-1), torch.arange(n).repeat_interleave(k)))
 
     def search(self):
-        """The graph; a tie may put an event before itself, so it is the event that is left out."""
+        """The graph. A tie may put another event before the event itself, so the event itself is left out, not the first entry."""
         positions, k = self.window.positions.astype(np.float64), self.window.near.shape[1]
         found = cKDTree(positions).query(positions, k=k + 1)[1]
         itself = found == np.arange(len(found))[:, None]
@@ -53,7 +53,7 @@ class GraphRes:
         return ((positions[edges[0]] - positions[edges[1]]) / (2 * scale) + 0.5).clamp(0, 1)
 
     def pool(self, x, edges):
-        """Maxima and mean positions of the cells that have members, and the edges between them, once each."""
+        """Maxima and mean positions of the cells with members, and the edges between them, once each."""
         index = (self.positions[:, :2] / torch.from_numpy(CELL)).floor().long()
         ids, member = torch.unique(index[:, 1] * COLUMNS + index[:, 0], return_inverse=True)
         wide = member[:, None]
@@ -72,7 +72,7 @@ class GraphRes:
         return torch.where(out.isinf(), 0, out).reshape(-1)
 
     def forward(self, edges=None):
-        """The prediction, over the exported graph unless another is given."""
+        """The prediction, over the exported graph unless another one is given."""
         edges = self.exact if edges is None else edges
         attributes = self.attributes(self.positions, edges, self.window.scale)
         x = self.polarity

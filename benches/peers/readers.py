@@ -1,9 +1,9 @@
-"""Reading of recordings, beside other readers, on the files that `--example readers` writes.
+"""Reading of recordings, compared with other readers, on the files that `--example readers` writes.
 
     python3 benches/peers/readers.py [--python ENV/bin/python] [--folder FOLDER] [--json]
 
 Without --python, an environment with the wheels is made in target/readers-venv. A reader that does not know a format, or that
-reads other events than ours, is marked so and not timed. All files lie in the page cache; a figure is the median of seven runs.
+reads other events than ours, is marked and not timed. All files are in the page cache; a figure is the median of seven runs.
 """
 import argparse
 import json
@@ -53,7 +53,7 @@ def with_dv(path):
 
 
 def with_mcap(path):
-    """The same, from packets in `mono` that the Python package mcap reads; NumPy takes their fields apart."""
+    """The same, from packets in `mono` that the Python package mcap reads; NumPy separates their fields."""
     import numpy as np
     from mcap.reader import make_reader
 
@@ -84,12 +84,12 @@ def expected():
 
 
 def measure(read, path):
-    """Events a second; or why there is no figure."""
+    """Events per second, or the reason why there is no figure."""
     try:
         t, x, y, p = read(path)
     except (StopIteration, ImportError):
         return "not read"
-    except Exception as error:  # What another reader raises is a result.
+    except Exception as error:  # An exception of another reader is a result.
         return f"fails: {str(error)[:60]}"
     first, last = expected()
     if len(t) != EVENTS:

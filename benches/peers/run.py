@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Our figures beside other people's, on one window, one thread, in one run.
+"""Our figures compared with other people's, on one window, one thread, in one run.
 
     python3 benches/peers/run.py [--json] [--python PATH] [--with-pyg] [--runs N]
 
@@ -8,8 +8,8 @@ builds and runs `--example window`, which writes the window with its graph and w
 `measure.py`. Answers are compared before anything is timed. --with-pyg adds PyTorch Geometric's whole forward pass;
 installing it compiles for about 15 minutes.
 
-Ours is measured before and after theirs, and the mean of the two medians stands in the table: a machine that slows down
-meanwhile slows both sides.
+Ours is measured before and after theirs, and the table has the mean of the two medians, so that a machine that slows
+down meanwhile slows both sides.
 """
 import argparse
 import json
@@ -23,7 +23,7 @@ ROOT = pathlib.Path(__file__).resolve().parents[2]
 HERE = pathlib.Path(__file__).resolve().parent
 ENVIRONMENT = ROOT / "target" / "peers-venv"
 PACKAGES = ["numpy", "scipy", "torch"]
-# Extensions that are built against the PyTorch that is there.
+# Extensions that are built against the installed PyTorch.
 PYG = [["torch_geometric==2.6.1"], ["--no-build-isolation", "torch_spline_conv"]]
 
 
@@ -37,7 +37,7 @@ def output(command, **options):
 
 
 def environment(with_pyg, more=()):
-    """The interpreter of a virtual environment that has what the peers need."""
+    """The interpreter of a virtual environment with the packages of the peers."""
     python = ENVIRONMENT / "bin" / "python"
     if not python.exists():
         say(f"making {ENVIRONMENT.relative_to(ROOT)}")

@@ -6,7 +6,7 @@ import numpy as np
 
 
 class Window:
-    """Events, graph, weights and the answers to be found.
+    """Events, graph, weights and the expected answers.
 
     near        (n, k) int64, in-edges in neighbourhood order
     positions   (n, 3) f32, in shares of sensor and span
@@ -36,7 +36,7 @@ class Window:
 
 
 def agree(what, got, expected, tolerance=1e-5):
-    """Stops where `got` is further from `expected` than `tolerance` of its largest magnitude."""
+    """Stops if `got` differs from `expected` by more than `tolerance` of its largest magnitude."""
     error = np.abs(got - expected).max() / np.abs(expected).max()
     if not error <= tolerance:
         raise SystemExit(f"{what}: differs by {error:.1e} of the largest magnitude, {tolerance:.0e} is allowed")

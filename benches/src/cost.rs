@@ -1,9 +1,10 @@
 //! Operations and bytes of a row, from shapes alone.
 //!
 //! The multiply-adds of the equations are counted, two operations each: sums per kernel slot,
-//! weights, root weight. What a faster kernel might do without (basis, ELU, norm, padding) is not.
+//! weights, root weight. Work that a faster kernel might avoid (basis, ELU, norm, padding) is not
+//! counted.
 //!
-//! Bytes are those of a row alone: data that the row before left in a register counts again.
+//! Bytes are those of a row alone: data that the previous row left in a register counts again.
 
 use meissner_engine::{GraphConvolution, Network, Trace};
 use meissner_kernels::{LANES, Lanes, Neighbour, SplineConv};
@@ -11,7 +12,7 @@ use meissner_kernels::{LANES, Lanes, Neighbour, SplineConv};
 /// The cost of a computation.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Cost {
-    /// Products that are added to something.
+    /// Number of products that are added to a sum.
     pub multiply_adds: usize,
     /// Bytes read and written.
     pub bytes: usize,

@@ -12,7 +12,7 @@ use crate::streams::Recording;
 use meissner_kernels::random::Random;
 use meissner_verify::bits;
 
-/// Most rows of a case: enough for many neighbourhoods, few enough to repeat often.
+/// Maximum number of rows of a case: enough for many neighbourhoods, few enough to repeat often.
 const MAX_ROWS: usize = 1_024;
 
 /// One spline block over rows of a real graph, or one dense layer.

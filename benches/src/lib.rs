@@ -12,5 +12,5 @@ pub mod suite;
 mod tests;
 pub mod timing;
 
-/// The result of a program that prints whatever goes wrong.
+/// The result of a program that prints any error.
 pub type Result<T> = std::result::Result<T, Box<dyn std::error::Error>>;

@@ -1,4 +1,4 @@
-//! The networks that the suites run: the shipped ones, and ones that consist of a single stage.
+//! The networks that the suites run: the shipped ones, and networks with a single stage.
 
 use std::sync::Arc;
 
@@ -19,8 +19,8 @@ pub fn shipped(name: &str) -> Arc<Network> {
     with_weights(name, &Weights::shipped(name).expect("shipped weights"))
 }
 
-/// `graphres` with the published checkpoint where the shared folder has it, else with the shipped
-/// weights; the weights, and where they are from.
+/// `graphres` with the published checkpoint if the shared folder has it, else with the shipped
+/// weights; also the weights, and their source.
 ///
 /// # Panics
 /// If the weights cannot be read.
@@ -43,7 +43,8 @@ pub fn grid_batch(network: &Arc<Network>, sensor: Sensor) -> Batch {
 /// The search with a k-d tree, which shares nothing with the engine's, in the same exact order.
 pub const TREE: Search = Search::Proposed(meissner_reference::from_tree);
 
-/// A shipped network with other weights, whatever they were trained on: they are only timed.
+/// A shipped network with other weights. Their training does not matter, because they are only
+/// timed.
 fn with_weights(name: &str, weights: &Weights) -> Arc<Network> {
     let description = Description::shipped(name).expect("a shipped network");
     Arc::new(description.network_ignoring_preparation(weights).expect("the weights fit"))
@@ -54,7 +55,7 @@ pub fn graph_only(k: usize, candidates: Candidates) -> Arc<Network> {
     build(k, candidates, [1, 1], Vec::new(), false)
 }
 
-/// The stages after the event level: a pooling (where `pooled`) and a readout of 4 x 4 cells.
+/// The stages after the event level: a pooling (if `pooled`) and a readout of 4 x 4 cells.
 ///
 /// A block with a single neighbour computes the channels, so that values differ from event to
 /// event. A single channel is the polarity and needs no block.

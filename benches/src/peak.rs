@@ -34,7 +34,7 @@ impl Peak {
         Self { isa, gflops: chains.into_iter().map(|chain| chain(isa)).fold(0.0, f64::max) }
     }
 
-    /// Share of the peak that `gflops` is, in percent.
+    /// `gflops` as a share of the peak, in percent.
     pub fn percent(&self, gflops: f64) -> f64 {
         100.0 * gflops / self.gflops
     }

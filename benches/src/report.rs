@@ -8,9 +8,9 @@ use crate::peak::Peak;
 /// How the numbers of a column are printed. Absent values are printed as nothing.
 #[derive(Clone, Copy, Debug)]
 pub enum Digits {
-    /// This many after the point.
+    /// This number of digits after the point.
     Fixed(usize),
-    /// Two in all, with an exponent.
+    /// Two digits in total, with an exponent.
     Exponent,
 }
 

@@ -11,7 +11,7 @@ use meissner_kernels::random::Random;
 
 /// Span of the shipped networks' windows in microseconds.
 pub const SPAN_US: i64 = 150_000;
-/// Events of the window that batch figures refer to.
+/// Number of events of the window to which batch figures refer.
 pub const WINDOW: usize = 7_006;
 
 /// Events of one sensor.
@@ -112,7 +112,7 @@ impl Recording {
     }
 }
 
-/// The recordings that exist, else the synthetic stream; says which on standard error.
+/// The recordings that exist, else the synthetic stream; prints which on standard error.
 pub fn recordings() -> Vec<Recording> {
     let found: Vec<Recording> =
         ["tactile_dots", "davis346"].into_iter().filter_map(Recording::load).collect();
@@ -125,7 +125,7 @@ pub fn recordings() -> Vec<Recording> {
     found
 }
 
-/// The window of 7,006 events, of `tactile_dots` where that exists; says which.
+/// The window of 7,006 events, of `tactile_dots` if that exists; prints which.
 ///
 /// # Panics
 /// If the recording is another one and has no such window.

@@ -23,7 +23,7 @@ pub fn bench(
     mut call: impl FnMut(),
 ) {
     group.throughput(Throughput::Elements(cost.flops() as u64));
-    // Criterion keeps its samples to itself. The mean of all calls is close to its estimate.
+    // Criterion does not expose its samples. The mean of all calls is close to its estimate.
     let (mut total, mut calls) = (Duration::ZERO, 0u64);
     group.bench_function(name, |bencher| {
         bencher.iter_custom(|iterations| {
@@ -35,7 +35,7 @@ pub fn bench(
             elapsed
         });
     });
-    // Criterion's test mode calls once; a filter that leaves the benchmark out calls never.
+    // Criterion's test mode makes one call; a filter that excludes the benchmark makes none.
     if calls > 1 {
         let gflops = cost.gflops(total.as_secs_f64() * 1e9 / calls as f64);
         println!(
@@ -49,10 +49,10 @@ pub fn bench(
     }
 }
 
-/// An endless stream with a full window: the same events round after round, each later by the span
-/// and one microsecond, so that an event expires exactly when it comes again.
+/// An endless stream with a full window: the same events in each round, each later by the span and
+/// one microsecond, so that an event expires exactly when it comes again.
 ///
-/// A steady state: as many nodes as a round has events, and one expiry an event.
+/// A steady state: as many nodes as a round has events, and one expiry per event.
 #[derive(Clone, Debug)]
 pub struct Rounds {
     events: Vec<Event>,

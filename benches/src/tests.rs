@@ -1,4 +1,4 @@
-//! Costs that a hand can count, and the streams that figures refer to.
+//! Costs that can be counted by hand, and the streams to which figures refer.
 
 use meissner_engine::{Event, Sensor};
 use meissner_kernels::{SplineConv, SplineParts};

@@ -1,6 +1,6 @@
 //! Checks of answers, and medians of times without criterion.
 //!
-//! Every bench compares its answer first: the time of a wrong answer is no figure.
+//! Every bench compares its answer first: the time of a wrong answer is meaningless.
 
 use std::sync::Arc;
 use std::time::{Duration, Instant};

@@ -8,7 +8,7 @@ use meissner_benches::{networks, streams, timing};
 use meissner_engine::{Candidates, Engine, Event, Lifetime};
 use meissner_verify::bits;
 
-/// One event into a full sliding window without layers, its expiries included.
+/// One event into a full sliding window without layers, including its expiries.
 fn graph_update(criterion: &mut Criterion) {
     let windows = [
         ("", streams::window()),

@@ -37,7 +37,7 @@ fn neighbours(criterion: &mut Criterion) {
     group.finish();
 }
 
-/// A forward pass, graph included.
+/// A forward pass, including the graph.
 fn batch(criterion: &mut Criterion) {
     let window = streams::window();
     let stream = Stream::new(&window.events);
@@ -49,7 +49,7 @@ fn batch(criterion: &mut Criterion) {
         timing::checked_engine(&network, window.sensor, &window.events);
         let batch = networks::grid_batch(&network, window.sensor);
         let cost = cost::forward(&network, &batch.forward(stream).expect("finite"));
-        // Neighbour search is in the time and not in the operations.
+        // The time includes the neighbour search, but the operations do not.
         suite::bench(&mut group, name, cost, &peak, || _ = black_box(batch.forward(stream)));
     }
     group.finish();

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Writes twenty_fingertips.yml, in which the same lines stand twenty times."""
+"""Writes twenty_fingertips.yml, which contains the same lines twenty times."""
 
 from pathlib import Path
 

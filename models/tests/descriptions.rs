@@ -1,4 +1,4 @@
-//! What a consistent description says, and the networks that it makes.
+//! The content of a consistent description, and the networks that it makes.
 
 use super::support;
 
@@ -100,7 +100,7 @@ fn graphres_is_the_published_network_on_fixed_scales() {
     assert_eq!(parts.pooled[0].1.blocks[1].skip, Some(0));
     assert_eq!(parts.pooled[0].0.cell.map(|c| c.to_string()), ["16/346", "12/260"]);
     assert_eq!(parts.pooled[0].0.position, Position::Mean);
-    // 27,296 values in the published file, of which 304 are running statistics.
+    // The published file has 27,296 values, of which 304 are running statistics.
     assert_eq!((description.parameters(), description.summary().values), (26_992, 27_296));
 }
 

@@ -18,7 +18,7 @@ fn every_shipped_network_is_a_feature_of_one_task_and_all_are_on_by_default() {
     let features = features();
     let names: BTreeSet<&str> = AnyDescription::shipped_names().collect();
     for name in &names {
-        // One feature of the crate that has its weights.
+        // Exactly one feature of the crate, which contains its weights.
         let [weights] = &features[*name][..] else { panic!("{name}: {:?}", features[*name]) };
         let of = if *name == "digits-frozen" { "digits-past" } else { name };
         let task =

@@ -29,7 +29,7 @@ fn filters_of_a_description_belong_to_the_preparation_in_their_order() {
     let rules = [FilterRule::Refractory { us: 1_000 }, FilterRule::BackgroundActivity { us: 20_000 }];
     assert_eq!((both.filters(), none.filters()), (&rules[..], &[][..]));
     let network = |of: &Description, stated: &Description| of.network(&stating(of, &stated.preparation()));
-    // Weights from before there were filters fit what states none.
+    // Weights from before filters existed fit a description without filters.
     assert!(network(&none, &none).expect("they fit").filters().is_empty());
     assert_eq!(network(&both, &both).expect("they fit").filters(), rules);
     let turned = with(&format!("{other}{one}"));

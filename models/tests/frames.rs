@@ -1,4 +1,4 @@
-//! What the shipped frame networks are, and the parts that weights make of a description.
+//! Properties of the shipped frame networks, and the parts that weights make from a description.
 
 use super::support;
 
@@ -189,7 +189,7 @@ fn drawn_values_have_the_bits_that_another_implementation_gives() {
 #[test]
 #[cfg_attr(no_shared, ignore = "no ../shared")]
 fn the_references_weights_fit_their_descriptions_under_their_prefix() {
-    // The project's own: their twins in PyTorch stand in `models/train/{slip,angle}` and in
+    // Networks of this project: their twins in PyTorch are in `models/train/{slip,angle}` and in
     // `benches/peers`.
     let own = ["canf-live", "slip-best", "tactip-frames"];
     for (name, _, _) in REFERENCE.into_iter().filter(|(name, _, _)| !own.contains(name)) {
@@ -200,7 +200,7 @@ fn the_references_weights_fit_their_descriptions_under_their_prefix() {
             std::fs::read_to_string(format!("{}/networks/{name}.toml", env!("CARGO_MANIFEST_DIR")))
                 .expect("a shipped file");
         if name == "force-convlstm" {
-            // The reference runs on a part of the crop.
+            // The reference uses a part of the crop.
             text = text.replace("height = 115", "height = 21").replace("width = 115", "width = 19");
         }
         let description = parse(&text);

@@ -11,7 +11,7 @@ fn parse(text: &str) -> Description {
     Description::parse(text).unwrap_or_else(|error| panic!("{error}"))
 }
 
-/// [`with_head`] with two cells in time that stay apart; a window fills three.
+/// [`with_head`] with two separate cells in time; a window fills three.
 fn by_time() -> String {
     changed_head("grid = [2, 2]", "grid = [2, 4]\nby_time = true")
         .replace("cell = [\"1/8\", \"1/6\"]", "cell = [\"1/8\", \"1/6\"]\ntime = \"1/2\"")
@@ -81,7 +81,7 @@ fn a_head_that_flattens_predicts_what_a_dense_layer_over_the_readout_predicts() 
     let with = |tables: &str| parse(&format!("{}{tables}\n{}", &text[..start], &text[end..]));
     let (image, vector) = (with(head), with("[[layer]]\nname = \"fc\"\nkind = \"dense\"\noutputs = 1\n"));
     let drawn = draw(&vector, 3);
-    // A dense layer reads cell after cell, the oldest last; an image channel after channel.
+    // A dense layer reads cell after cell, the oldest last; an image is read channel after channel.
     let (channels, cells, times) = (3, 8, 3);
     let weights = Weights::new(drawn.iter().map(|(name, tensor)| {
         let mut tensor = tensor.clone();

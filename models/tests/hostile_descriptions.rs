@@ -1,4 +1,4 @@
-//! Descriptions that are damaged or ask for much: problems with lines, in time and memory.
+//! Descriptions that are damaged or request much: problems with lines, in bounded time and memory.
 
 use super::support;
 
@@ -8,10 +8,10 @@ use std::time::{Duration, Instant};
 use meissner_models::{AnyDescription, Description, ModelError};
 use support::{SMALL, SMALL_FRAMES, with_head};
 
-/// What an input may take, whatever it asks for; by far more than any here needs.
+/// Longest time for an input, whatever it requests; far more than any input here needs.
 const CEILING: Duration = Duration::from_secs(10);
 
-/// A file as long as the longest that is read, or a little longer, of `line` again and again.
+/// A file of repeated lines `line`, as long as the longest that is read, or a little longer.
 fn longest(line: impl Fn(u32) -> String) -> String {
     let mut text = String::new();
     let mut count = 0;
@@ -22,7 +22,7 @@ fn longest(line: impl Fn(u32) -> String) -> String {
     text
 }
 
-/// Checks `text`; what is refused names lines of it, in order, in problems that are brief.
+/// Checks `text`; the problems of a refusal are brief and name lines of it, in order.
 fn check(text: &str) -> bool {
     let start = Instant::now();
     let checked = AnyDescription::parse(text);

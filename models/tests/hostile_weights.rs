@@ -1,5 +1,5 @@
-//! Weights that are damaged or ask for much: an error with its place or whole tensors, in few times
-//! the file's memory, and nothing executed.
+//! Weights that are damaged or request much: an error with its place or complete tensors, with a
+//! few times the file's memory, and nothing executed.
 
 use super::support;
 
@@ -13,7 +13,7 @@ use meissner_models::{
 use support::torch::{Deviation, Pickle, View, archive, file, state_dict};
 use support::{SMALL, SMALL_FRAMES};
 
-/// What an input may take, whatever it asks for; by far more than any here needs.
+/// Longest time for an input, whatever it requests; far more than any input here needs.
 const CEILING: Duration = Duration::from_secs(10);
 
 const VIEW: View<'static> =
@@ -42,7 +42,8 @@ fn samples() -> [(&'static str, Vec<u8>); 3] {
     ]
 }
 
-/// Reads `bytes`: accepted, few values more than bytes; refused, a brief reason.
+/// Reads `bytes`: if accepted, there are few more values than bytes; if refused, the reason is
+/// brief.
 fn read(bytes: &[u8], about: &dyn Debug) -> Result<Weights, FormatError> {
     let read = Weights::from_bytes(bytes);
     match &read {
@@ -188,7 +189,7 @@ fn a_header_that_nests_without_end_is_refused() {
 
 /// An archive whose entries claim to unpack to `size` bytes: zip bombs, if unpacked.
 fn deflated(size: u32) -> Vec<u8> {
-    // Deflate of zeros by zlib: each middle byte stands for 1032, 206,400,128 in all.
+    // Zeros deflated by zlib: each middle byte represents 1032 bytes, 206,400,128 in total.
     let start = [0xed, 0xc1, 0x31, 0x01, 0, 0, 0, 0xc2, 0xa0, 0xf5, 0x4f, 0x6d, 0x0c, 0x1f, 0xa0];
     let copies = [&start[..], &vec![0; 200_000], &[0xbe, 0x06]].concat();
     let entries: [(&str, &[u8]); 2] = [("data.pkl", &copies), ("data/0", &copies)];
@@ -217,14 +218,15 @@ fn a_deflated_entry_is_refused_unread_whatever_it_would_unpack_to() {
 
 #[test]
 fn values_that_are_remembered_and_repeated_take_no_more_than_the_pickle() {
-    // Tuples of two of the one before, 2^100,000 values unfolded; a tensor of such a shape.
+    // Each tuple contains the previous one twice: 2^100,000 values if unfolded; a tensor has this
+    // shape.
     let doubled = [b'h', 0, b'h', 0, 0x86, b'q', 0].repeat(100_000);
     let start = Instant::now();
     let laughs = Pickle::new().raw(b"Nq\0").raw(&doubled).raw(b".");
     let error = read(&file(&laughs, &[]), &"laughs").expect_err("no state dict");
     assert!(matches!(error, FormatError::NoStateDict { .. }), "{error}");
 
-    // A shape of a million sizes, asked for by many tensors.
+    // A shape of a million sizes, which many tensors use.
     let sizes = Pickle::new().raw(b"(").raw(&[b'K', 1].repeat(1 << 20)).raw(b"tq\0.");
     let shape = &sizes.0[2..sizes.0.len() - 1];
     let view = state_dict(&[("a", VIEW)]);
@@ -251,7 +253,7 @@ fn messages_quote_what_a_file_says_in_part() {
     }
 }
 
-/// What a network of each kind says of weights in which `change` was made to a tensor.
+/// The errors of a network of each kind for weights with one tensor changed by `change`.
 fn refusals(change: impl Fn(&Tensor) -> Tensor) -> [(String, ModelError); 2] {
     let changed = |weights: &Weights, name: &str| {
         let tensors = weights.iter().map(|(found, tensor)| {

@@ -1,4 +1,5 @@
-//! What a description lists of its tensors: enough to write weights, as the engine reads them.
+//! The tensors that a description lists: enough information to write weights that the engine can
+//! read.
 
 use std::collections::BTreeMap;
 
@@ -13,7 +14,7 @@ use support::network_text::NetworkText;
 
 const PAGE: &str = include_str!("../../docs/weights-from-pytorch.md");
 
-/// A network of one spline block with nothing but its kernel.
+/// A network of one spline block that has only its kernel.
 fn strides() -> String {
     NetworkText::over_events("strides")
         .graph("kind = \"knn\"; k = 1; candidates = \"past\"; lifetime = \"frozen\"; scale = 0.5")
@@ -21,7 +22,7 @@ fn strides() -> String {
         .readout("grid = [1, 1]", &["value"], "1")
 }
 
-/// What `meissner inspect --json` prints.
+/// The output of `meissner inspect --json`.
 fn listed(description: &AnyDescription) -> Value {
     serde_json::to_value(description.summary()).expect("summaries are JSON")
 }

@@ -1,4 +1,4 @@
-//! Maps of names: what a line means, and what is refused.
+//! Maps of names: the meaning of lines, and refusals.
 
 use super::{names, support};
 
@@ -17,14 +17,14 @@ fn map(text: &str) -> NameMap {
     NameMap::parse(text).unwrap_or_else(|error| panic!("{text}: {error}"))
 }
 
-/// Weights of these names, whose values are their places.
+/// Weights of these names, whose values are their indices.
 fn weights(names: &[&str]) -> Weights {
     Weights::new(names.iter().enumerate().map(|(place, name)| {
         ((*name).to_owned(), Tensor::new(vec![1], vec![place as f32]).expect("one value"))
     }))
 }
 
-/// Names with the places of their tensors.
+/// Names with the indices of their tensors.
 fn places(weights: &Weights) -> Vec<(&str, f32)> {
     weights.iter().map(|(name, tensor)| (name, tensor.values().expect("floats")[0])).collect()
 }

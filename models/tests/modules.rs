@@ -1,11 +1,11 @@
-//! Files of `torch.save` that are no state dict, or hold several.
+//! Files of `torch.save` that are not a state dict, or contain several.
 
 use super::support;
 
 use meissner_models::{FormatError, Weights};
 use support::torch::{Pickle, View, file};
 
-/// An instance of a class, as protocol 2 makes it, with the memos of Python's pickler.
+/// An instance of a class in protocol 2, with the memos of Python's pickler.
 fn instance(pickle: Pickle, module: &str, name: &str) -> Pickle {
     pickle.global(module, name).raw(b"q\x00)\x81q\x01}q\x02").text("training").raw(b"\x88sb")
 }
@@ -55,7 +55,7 @@ fn an_object_whose_making_would_execute_something_is_refused_before_it() {
         assert!(matches!(error, FormatError::Pickle { at: 2, .. }), "{error}");
         assert!(error.to_string().contains("torch.save(model.state_dict(), FILE)"), "{error}");
     }
-    // An instance of a class that the reader knows is none of these.
+    // An instance of a class that the reader knows does not give this error.
     let error = refusal(&Pickle::new().raw(b"ccollections\nOrderedDict\n)\x81."));
     assert!(matches!(error, FormatError::Pickle { .. }), "{error}");
 }

@@ -1,4 +1,5 @@
-//! Names as others save them: each habit, what is ambiguous, and what is said where none fits.
+//! Names as saved by other programs: each habit, ambiguous names, and the messages if no habit
+//! fits.
 
 use super::support;
 
@@ -20,13 +21,13 @@ pub(crate) fn renamed(weights: &Weights, name: impl Fn(&str) -> String) -> Weigh
     Weights::new(weights.iter().map(|(old, tensor)| (name(old), tensor.clone())))
 }
 
-/// `weights` with those of `more` beside them.
+/// `weights` and those of `more` together.
 fn with(weights: &Weights, more: &Weights) -> Weights {
     let all = weights.iter().chain(more.iter());
     Weights::new(all.map(|(name, tensor)| (name.to_owned(), tensor.clone())))
 }
 
-/// A block's convolution and norm beside each other, as `torch_geometric`'s examples have them.
+/// A block's convolution and norm next to each other, as in the examples of `torch_geometric`.
 fn beside(name: &str, conv: &str, norm: &str, first: usize) -> String {
     for (block, number) in [("conv1.", first), ("conv2.", first + 1)] {
         let Some(rest) = name.strip_prefix(block) else { continue };
@@ -40,7 +41,7 @@ fn beside(name: &str, conv: &str, norm: &str, first: usize) -> String {
     name.to_owned()
 }
 
-/// What a file calls a tensor.
+/// Converts a name to that of a tensor in a file.
 type Habit = fn(&str) -> String;
 
 const HABITS: [(&str, Habit); 17] = [
@@ -187,7 +188,7 @@ fn two_prefixes_that_fit_are_refused_by_name_whatever_the_habit() {
         let ModelError::Ambiguous { prefixes, .. } = &error else { panic!("{error}") };
         assert_eq!(*prefixes, ["student.", "teacher."]);
     }
-    // Those without a prefix are meant where there are any.
+    // If there are names without a prefix, they are used.
     let ema = renamed(&weights, |name| format!("ema.{name}"));
     assert!(description.network(&with(&weights, &ema)).is_ok());
 }
@@ -283,7 +284,7 @@ fn names_of_very_many_elements_take_no_long_time() {
     assert!(description.network(&with(&named, &more(&["module."]))).is_err());
 }
 
-/// A Lightning checkpoint: the names of the module's attribute, and much beside.
+/// A Lightning checkpoint: names with the module's attribute, and many other entries.
 fn lightning(weights: &Weights) -> Vec<u8> {
     let all: Vec<(String, Vec<i64>, Vec<u8>)> = weights
         .iter()
@@ -350,7 +351,7 @@ fn the_checkpoint_of_the_contact_angle_authors_is_read_as_they_publish_it() {
     let kept = ["num_batches_tracked", "kernel_size", "is_open_spline"];
     assert_eq!(unused.len(), 21);
     assert!(unused.iter().all(|name| kept.iter().any(|end| name.ends_with(end))), "{unused:?}");
-    // Another network says what does not fit.
+    // Another network reports the tensors that do not fit.
     let other =
         Description::parse(&changed("channels = 3", "channels = 4").replace("skip = \"pool1\"\n", ""));
     let error = other

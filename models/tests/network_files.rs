@@ -1,5 +1,5 @@
-//! The page on network files against the parser: examples are accepted, and keys, values and
-//! defaults of each table are the parser's.
+//! Compares the page on network files with the parser: examples are accepted, and the keys, values
+//! and defaults of each table are those of the parser.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -7,7 +7,7 @@ use meissner_models::{AnyDescription, ProblemKind};
 
 const PAGE: &str = include_str!("../../docs/network-files.md");
 
-/// Of each table "of | key | value | default | meaning": group, key, value, default.
+/// A row of a table "of | key | value | default | meaning": group, key, value, default.
 struct Row<'a> {
     group: &'a str,
     key: &'a str,
@@ -25,7 +25,7 @@ fn rows(section: &str) -> Vec<Row<'static>> {
         let [first, key, value, default, _] = cells[..] else { panic!("five cells: {line}") };
         group = if first.is_empty() { group } else { first };
         if key != "key" && !key.starts_with('-') && !key.is_empty() {
-            // What stands in code is a value of TOML.
+            // Text in code is a value of TOML.
             let is_code = line.contains(&format!("| `{default}` |"));
             found.push(Row {
                 group,
@@ -38,7 +38,8 @@ fn rows(section: &str) -> Vec<Row<'static>> {
     found
 }
 
-/// `text` with `value` for `key` (or without) in the table from line `start`; lines stay in place.
+/// `text` with `value` for `key` (or without) in the table from line `start`; lines keep their
+/// numbers.
 fn edited(text: &str, start: usize, key: &str, value: Option<&str>) -> String {
     let mut lines: Vec<String> = text.lines().map(str::to_owned).collect();
     let length =
@@ -55,7 +56,7 @@ fn edited(text: &str, start: usize, key: &str, value: Option<&str>) -> String {
     lines.join("\n")
 }
 
-/// What is wrong with line `line` of `text`, counted from 0.
+/// The problems of line `line` of `text`, counted from 0.
 fn problems(text: &str, line: impl Fn(usize) -> bool) -> Vec<ProblemKind> {
     let Err(error) = AnyDescription::parse(text) else { return Vec::new() };
     error
@@ -66,7 +67,7 @@ fn problems(text: &str, line: impl Fn(usize) -> bool) -> Vec<ProblemKind> {
         .collect()
 }
 
-/// The keys that the parser asks the table for that starts on line `start`.
+/// The keys that the parser requests from the table that starts on line `start`.
 fn asked(text: &str, start: usize) -> BTreeSet<String> {
     let unknown = problems(&edited(text, start, "zz", Some("1")), |_| true);
     let [ProblemKind::UnknownKey { key, expected }] = &unknown[..] else { panic!("{unknown:?}\n{text}") };
@@ -74,7 +75,7 @@ fn asked(text: &str, start: usize) -> BTreeSet<String> {
     expected.split(", ").map(str::to_owned).collect()
 }
 
-/// The line of the table of `text` that `mark`, one of its lines, stands in.
+/// The line of the table of `text` that contains the line `mark`.
 fn table(text: &str, mark: &str) -> usize {
     let lines: Vec<&str> = text.lines().collect();
     let at = lines.iter().position(|line| *line == mark).unwrap_or_else(|| panic!("{mark}\n{text}"));
@@ -90,8 +91,8 @@ struct Case {
     without: &'static [&'static str],
 }
 
-/// Holds `cases` to the keys, values and defaults of their groups in `section`. Every group is in a
-/// case.
+/// Compares `cases` with the keys, values and defaults of their groups in `section`. Every group
+/// must be in a case.
 fn compare(section: &str, cases: &[Case]) {
     let rows = rows(section);
     let mut compared = BTreeSet::new();
@@ -108,7 +109,7 @@ fn compare(section: &str, cases: &[Case]) {
         );
         for Row { group, key, value, default } in of_case {
             let of = format!("{mark}, {group}, {key}");
-            // A key that only goes with other values is told of in a case where it has them.
+            // A key that is valid only with other values is checked in a case with these values.
             let dated = edited(text, start, key, Some("1979-05-27"));
             let of_key = format!("{key} = 1979-05-27");
             let wrong = problems(&dated, |line| dated.lines().nth(line) == Some(&of_key));
@@ -382,7 +383,7 @@ fn every_example_of_the_page_is_accepted() {
     for text in &whole {
         AnyDescription::parse(text).unwrap_or_else(|error| panic!("{error}\n{text}"));
     }
-    // The part is an output of three classes, instead of that of an example that has three.
+    // The part is an output of three classes; it replaces the output of an example that has three.
     let head = whole.iter().find(|text| text.contains("[[head]]")).expect("an example with a head");
     let (before, _) = head.split_once("[output]").expect("an output");
     AnyDescription::parse(&(before.to_owned() + parts[0])).expect("the part instead of an output");

@@ -1,9 +1,9 @@
 //! Every inconsistency of a description is reported by name and line.
 //!
 //! `problems.txt` is the table: a section (`##`) per changed description, a claim (`#`), then
-//! changes and what is reported. A change is a diff's hunk without line numbers: its lines with two
-//! spaces or `- ` stand in the description, those with two spaces or `+ ` replace them; `@@`
-//! separates hunks. A `> ` is a line of the report, or says that it is accepted.
+//! changes and the report. A change is a diff's hunk without line numbers: its lines with two
+//! spaces or `- ` are in the description, and its lines with two spaces or `+ ` replace them; `@@`
+//! separates hunks. A `> ` is a line of the report, or states that the description is accepted.
 
 use super::support;
 
@@ -16,7 +16,7 @@ use support::{SMALL, SMALL_FRAMES, changed, listed, only_of, with_head};
 const TABLE: &str = include_str!("problems.txt");
 const ACCEPTED: &str = "accepted";
 
-/// A changed description, and what is to be reported of it.
+/// A changed description, and its expected report.
 #[derive(Default)]
 struct Case {
     hunks: Vec<Hunk>,
@@ -31,7 +31,7 @@ struct Hunk {
 }
 
 impl Case {
-    /// `text` with every hunk applied where its old lines first stand.
+    /// `text` with every hunk applied at the first occurrence of its old lines.
     fn apply(&self, text: &str) -> String {
         let mut lines: Vec<&str> = text.lines().collect();
         for Hunk { old, new } in &self.hunks {
@@ -76,7 +76,7 @@ fn cases() -> Vec<(&'static str, &'static str, Case)> {
     cases
 }
 
-/// What both parsers say of a description; they must agree.
+/// The result of both parsers for a description; they must agree.
 fn parse(section: &str, text: &str) -> Result<(), DescriptionError> {
     let parsed = match section {
         "frames" => FrameDescription::parse(text).map(drop),
@@ -141,7 +141,7 @@ fn a_file_without_layers_is_refused() {
 
 #[test]
 fn a_network_that_asks_for_a_terabyte_is_refused_at_the_layer_with_which_it_is_too_large() {
-    // Each layer's weights are within bounds: 2^26 of them.
+    // The weights of each layer are within bounds: 2^26 values.
     let mut text = SMALL.split("[[layer]]").next().map(str::to_owned).unwrap_or_default();
     let layer = |i| {
         format!("[[layer]]\nname = \"c{i}\"\nkind = \"spline\"\nchannels = 2896\nkernel = 2\nnorm = false\n")

@@ -1,4 +1,4 @@
-//! What holds for any description and any bytes.
+//! Properties of any description and any bytes.
 
 use super::support;
 
@@ -10,7 +10,8 @@ use support::network_text::NetworkText;
 use support::torch::{View, file, state_dict};
 use support::{SMALL, SMALL_FRAMES};
 
-/// A description of levels with blocks; each block says its channels, kernel and whether it skips.
+/// A description of levels with blocks; each block has its channels, its kernel, and whether it
+/// skips.
 fn description(levels: &[Vec<(usize, usize, bool, bool)>], hidden: Option<usize>) -> String {
     let graph =
         "kind = \"radius\"; r = 0.1; max = 9; candidates = \"past\"; lifetime = \"window\"; scale = 0.3";
@@ -176,7 +177,7 @@ proptest! {
     fn damaged_pickles_are_read_or_refused_without_a_panic(
         changes in prop::collection::vec((any::<prop::sample::Index>(), any::<u8>()), 1..8),
     ) {
-        // Damaged before archiving: checksums are right, and the reader sees the damage.
+        // Damaged before archiving: checksums are right, and the reader gets the damaged data.
         let view = View { storage: "FloatStorage", key: "0", values: 2, offset: 0, shape: &[2], strides: &[1] };
         let mut pickle = state_dict(&[("a", view)]);
         for (index, value) in changes {

@@ -1,4 +1,4 @@
-//! Descriptions whose layers of events stay, with other dense layers.
+//! Descriptions that keep their layers of events and get other dense layers.
 
 use super::support;
 
@@ -9,7 +9,7 @@ use meissner_models::description::{Outputs, Refit};
 use meissner_models::{Description, Layer, LayerKind, Tensor, Weights, draw};
 use support::{SMALL, shipped};
 
-/// The layers of events of `description`, without the lines at which they stand.
+/// The layers of events of `description`, without their line numbers.
 fn of_events(description: &Description) -> Vec<Layer> {
     let kept = description.layers().iter().filter(|layer| !matches!(layer.kind, LayerKind::Dense { .. }));
     let at_no_line = |layer: &Layer| {
@@ -42,7 +42,7 @@ fn every_shipped_network_keeps_its_layers_of_events_with_dense_layers() {
         assert_eq!(own.outputs().1, ["mm", "N"]);
         let last = own.layers().last().expect("a layer");
         assert_eq!((last.kind.word(), &*last.name, last.outputs), ("dense", "fitted", 2));
-        // Once more, to other outputs, with another layer between.
+        // Once more, for other outputs, with another layer between.
         let classes = Outputs::Classes(vec!["a".to_owned(), "b".to_owned(), "c".to_owned()]);
         let again = Refit { hidden: &[(5, Activation::Elu)], ..refit(&classes, false) };
         let again = Description::refitted(&found.text, &again).expect("a consistent description");
@@ -115,7 +115,7 @@ fn a_readout_that_sums_also_sums_events_and_their_polarities() {
     };
     close(&own[16..20], [3.0, 1.0, -0.5 - 0.5 + 0.5, -0.5 - 0.5 - 0.5]);
     close(&own[own.len() - 4..], [1.0, -1.0, -0.5, -0.5]);
-    // A network that has counts keeps them, and gets no more.
+    // A network that already has counts keeps them, and gets no more.
     let again = Description::refitted(&found.text, &refit(&outputs, true)).expect("a consistent description");
     assert_eq!((again.counts, again.text), (4, found.text));
 }

@@ -1,4 +1,4 @@
-//! Weights files of either kind, whole and damaged, and what happens where they do not fit.
+//! Weights files of either kind, complete and damaged, and the errors if they do not fit.
 
 use super::support;
 
@@ -416,7 +416,7 @@ fn the_published_checkpoint_makes_graphres() {
         assert_eq!(network.outputs(), 2);
         assert!(description.unused_tensors(&weights).expect("no prefix").is_empty());
     }
-    // And by way of a state dict.
+    // And through a state dict.
     let read = Weights::from_bytes(&to_pth(&weights)).expect("readable");
     assert!(read.iter().eq(weights.iter()));
 }

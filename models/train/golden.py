@@ -1,9 +1,10 @@
-"""Writes anew what PyTorch makes of the streams and readings in the golden files, with the shipped weights, for `tests/engine/trained.rs`:
+"""Writes the results of PyTorch for the streams and readings in the golden files again, with the shipped weights, for
+`tests/engine/trained.rs`:
 
     python models/train/golden.py tests/golden
 
-Each of digits.json, angles.json, touch.json, force.json and slip.json keeps its streams and the names of its networks. No sensor made these:
-they were made once, by formulas. The streams of force.json are those of angles.json.
+Each of digits.json, angles.json, touch.json, force.json and slip.json keeps its streams and the names of its networks. These are not from a
+sensor: they were made once, by formulas. The streams of force.json are those of angles.json.
 """
 
 import json
@@ -17,7 +18,7 @@ from meissner import frames_for
 from meissner.torch import Module
 from shared import prepared
 
-# Any object of Basic, since the layout of a data set asks for one.
+# Any object of Basic, because the layout of a data set requires one.
 RECORDING = Path("n/pen0.csv")
 
 

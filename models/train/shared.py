@@ -1,4 +1,4 @@
-"""What the recipes share: their command lines, the program, recordings as it prepares them, and what weights say about themselves."""
+"""Code that the recipes share: their command lines, the program, recordings as it prepares them, and the metadata of weights."""
 
 import argparse
 import json
@@ -14,7 +14,7 @@ from safetensors import safe_open
 
 
 def arguments(about, networks, task, data, **more):
-    """The command line of a recipe, with options of its own and their defaults."""
+    """The command line of a recipe, with its own options and their defaults."""
     parser = argparse.ArgumentParser(description=about, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("data", type=Path, help=data)
     parser.add_argument("--network", nargs="+", choices=networks, default=list(networks), help="default: all")
@@ -28,7 +28,7 @@ def arguments(about, networks, task, data, **more):
 
 
 def missing(args, network, seed, folds):
-    """The weights of a network that are not there yet: what is left out, and their path."""
+    """The missing weights of a network: the part that is held out, and their path."""
     for fold in folds or [None]:
         path = args.out / f"{network}.{seed}{'' if fold is None else f'.{fold}'}.safetensors"
         if not path.exists():
@@ -42,7 +42,7 @@ def meissner(*words, program="target/release/meissner"):
 
 
 def prepared(*words):
-    """The tensors and the metadata of what `meissner prepare` writes."""
+    """The tensors and the metadata of the output of `meissner prepare`."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "prepared.safetensors"
         meissner("prepare", *words, "--out", path)
@@ -51,7 +51,7 @@ def prepared(*words):
 
 
 def some(chosen, quick):
-    """All that are chosen, or about `quick` of them."""
+    """All chosen items, or about `quick` of them."""
     return chosen[:: max(len(chosen) // quick, 1)] if quick else chosen
 
 
@@ -78,8 +78,8 @@ class Recordings:
         return np.flatnonzero(self.in_train if fold is None else self.fold != fold)
 
     def remarks(self, fold, folds, seed, network, of):
-        """What weights say about the recordings that they were trained on. Without the lifetime of edges: no event leaves a window during
-        a recording, so that both give the same graph."""
+        """The metadata of weights about the recordings of their training. The lifetime of edges is left out: no event leaves a window
+        during a recording, so that both lifetimes give the same graph."""
         preparation = json.loads(Description(network).summary()["preparation"])
         preparation.pop("lifetime", None)
         said = {"recordings": len(self.seen(fold)), "sensor": self.sensor, "preparation": preparation, "seed": seed}

@@ -1,10 +1,10 @@
-"""Trainings on presses in stages: where one begins, what it sees, and what its weights say.
+"""Trainings on presses in stages: the start of a stage, its data, and the metadata of its weights.
 
-A stage is a dict: `films` and `valid`, patterns of folders with train.safetensors and valid.safetensors; `start`, the stages whose mean it
-begins with (after a slash, a file in WORK), `blocks`, whether with their layers of events alone; `stride`, the thinning that its weights are
-meant for; `presses` or `readouts`, settings of `meissner.torch.Presses` or `Readouts`; `fit`, settings of `meissner.torch.fit`; `dropout` of
-what the first dense layer reads; `cells`, the share of a readout's cells that are left out; `centre`, whether outputs are moved so that
-their median difference on the presses for validation is 0; `unit` and `seed`.
+A stage is a dict: `films` and `valid`, patterns of folders with train.safetensors and valid.safetensors; `start`, the stages with whose
+mean it begins (after a slash, a file in WORK), `blocks`, whether only with their layers of events; `stride`, the thinning for which its
+weights are meant; `presses` or `readouts`, settings of `meissner.torch.Presses` or `Readouts`; `fit`, settings of `meissner.torch.fit`;
+`dropout` of the input of the first dense layer; `cells`, the share of a readout's cells that are left out; `centre`, whether outputs
+are moved so that their median difference on the presses for validation is 0; `unit` and `seed`.
 """
 
 import numpy as np
@@ -13,13 +13,13 @@ from meissner import Weights
 from meissner.torch import Module, Presses, Readouts, errors, fit, loss_of, save
 
 DEFAULT = {"start": [], "blocks": False, "stride": 1, "presses": {}, "fit": {}, "dropout": 0.0, "cells": 0.0, "centre": False, "seed": 0}
-# A sum over the events of a cell, times this and the stride, is of the size of an event's features.
+# A sum over the events of a cell, times this and the stride, has the size of an event's features.
 SHARE = 0.01
 
 
 def run(network, stages, args, remarks, told=None, loss=loss_of, warm_up=None):
-    """Runs the stages that are not done, to WORK/NETWORK.STAGE.safetensors, the last to OUT/NETWORK.SEED.safetensors. `told(film folder)` is
-    what the targets have beside the outputs; `warm_up(module, presses)` comes before stages that start from layers of events alone."""
+    """Runs the unfinished stages, to WORK/NETWORK.STAGE.safetensors, the last to OUT/NETWORK.SEED.safetensors. `told(film folder)` gives
+    the additional targets beside the outputs; `warm_up(module, presses)` comes before stages that start from layers of events alone."""
     for name, stage in stages.items():
         path = args.work / f"{network}.{name}.safetensors"
         if name == list(stages)[-1]:
@@ -76,7 +76,7 @@ def begun(network, stage, args):
     sums = readout and module.layers[readout]["aggregation"] == "sum"
     module.gain = {head[0]: SHARE * stage["stride"]} if sums else {}
     module.dropout = {next(name for name in head if module.layers[name]["kind"] == "dense"): stage["dropout"]}
-    # A frame network is deep and has no norms: with smaller weights an image is hardly seen at the end.
+    # A frame network is deep and has no norms: with smaller weights an image has hardly any effect at the end.
     module.draw(args.seed, he=not module.over_events)
     paths = [args.work / (f"{network}.{start}.safetensors" if start[0] != "/" else f"{start[1:]}.safetensors") for start in stage["start"]]
     if paths:
@@ -92,6 +92,6 @@ def begun(network, stage, args):
 
 
 def files(data, patterns, part):
-    """The files PART.safetensors in the folders of `data` that fit some patterns, in the order of these."""
+    """The files PART.safetensors in the folders of `data` that match some patterns, in the order of the patterns."""
     found = [path / f"{part}.safetensors" for pattern in patterns for path in ([data] if pattern == "." else sorted(data.glob(pattern)))]
     return list(dict.fromkeys(path for path in found if path.exists()))

@@ -1,23 +1,23 @@
 // Meissner from C: incremental inference for event cameras and event-based touch.
 //
-// Made by cbindgen from bindings/c/src: change it there. bindings/c/README.md has examples.
+// cbindgen generates this file from bindings/c/src: make changes there. bindings/c/README.md has examples.
 //
 // Calls. A function that can fail returns a `meissner_status`; `meissner_error_text` says what was expected and what was found. A call
-// that fails leaves its handles as they were, and writes nothing but what its comment says. Nothing unwinds into the caller.
+// that fails leaves its handles unchanged, and writes only what its comment states. Nothing unwinds into the caller.
 //
-// Handles. A handle is made by one function and ended by the one whose name ends in `_release`, which ignores NULL. It may move between
-// threads. A network may be used by many threads at once, and may be released while engines of it run. Any other handle is used by one
-// thread at a time: a call that finds it in use on another thread changes nothing and returns MEISSNER_BUSY.
+// Handles. One function makes a handle, and the function whose name ends in `_release` ends it; that function ignores NULL. A handle may
+// move between threads. Many threads may use a network at once, and it may be released while its engines run. Only one thread at a time
+// uses any other handle: a call that finds it in use on another thread changes nothing and returns MEISSNER_BUSY.
 //
-// Ends of handles. A release waits for the call that another thread has in the handle, and lets no other begin; a close does not wait and
-// returns MEISSNER_BUSY. A call with a handle that has ended returns MEISSNER_CLOSED, however late it comes, and to release such a handle
-// changes nothing. A handle is a number and no address: nothing can be read where it points. What a handle's calls point at, such as the
-// strings of a network, ends with it.
+// Ends of handles. A release waits for the call of another thread that uses the handle, and lets no other call begin; a close does not
+// wait and returns MEISSNER_BUSY. A call with a handle that has ended returns MEISSNER_CLOSED, however late it comes, and a release of
+// such a handle changes nothing. A handle is a number, not an address: it must not be dereferenced. Memory that the calls of a handle
+// return, such as the strings of a network, is valid until the handle ends.
 //
-// Structs. All but those that come in arrays begin with `size`, which the caller sets to the struct's `sizeof`: programs keep working
-// with later versions, whose structs may be longer. In options, 0 stands for the default.
+// Structs. All structs except those in arrays begin with `size`, which the caller sets to the struct's `sizeof`: programs keep working
+// with later versions, whose structs may be longer. In options, 0 selects the default.
 //
-// Memory. Pushing, advancing and predicting allocate nothing after an engine over events is made; what does allocate says so.
+// Memory. Pushes, advances and predictions allocate nothing after an engine over events is made. Functions that allocate say so.
 
 
 #ifndef MEISSNER_H
@@ -35,14 +35,14 @@
 #define MEISSNER_LATE_CLAMP 1
 
 // When the clock of the sensor restarts, the engine resets and takes the events of the new clock.
-// Events that are earlier than the window, or more than 10 s ahead, are held until those after
-// them tell a restart from a single wrong time.
+// Events that are earlier than the window, or more than 10 s ahead, are held until later events
+// show whether the clock has restarted or a single time is wrong.
 #define MEISSNER_RESTART_RESET 0
 
-// The clock never goes back: events are late until the old time comes again.
+// The clock never goes back: events are late until the old time is reached again.
 #define MEISSNER_RESTART_KEEP 1
 
-// What no change reaches is kept: exact.
+// Values that no change reaches are kept: exact.
 #define MEISSNER_SKIP_EXACT 0
 
 // Everything is computed: the same results, as an oracle.
@@ -51,7 +51,7 @@
 // Pixels that changed by no more than `tolerance` count as unchanged: an approximation.
 #define MEISSNER_SKIP_TOLERANCE 2
 
-// When the queue is full, the oldest waiting event makes room.
+// When the queue is full, the oldest waiting event is dropped.
 #define MEISSNER_OVERLOAD_DROP_OLDEST 0
 
 // When the queue is full, the thread that pushes waits: nothing is dropped.
@@ -60,7 +60,7 @@
 // When the queue is full, new events are dropped.
 #define MEISSNER_OVERLOAD_DROP_NEWEST 2
 
-// From when the queue is half full until it is a quarter full, one event of `stride` enters.
+// From half full until a quarter full, the queue takes one of every `stride` events.
 #define MEISSNER_OVERLOAD_THIN 3
 
 // Convolutions of frame networks: exact sums.
@@ -94,8 +94,8 @@ typedef enum meissner_status {
   MEISSNER_BUFFER_TOO_SMALL = 5,
   // The engine would need more memory than its limit.
   MEISSNER_MEMORY_LIMIT = 6,
-  // A layer computed NaN: there is no prediction. The engine predicts again once what caused it
-  // has left the window.
+  // A layer computed NaN: there is no prediction. The engine predicts again once the cause has
+  // left the window.
   MEISSNER_NOT_A_NUMBER = 7,
   // Bytes are not a snapshot of such an engine.
   MEISSNER_INVALID_SNAPSHOT = 8,
@@ -153,7 +153,7 @@ typedef struct meissner_event {
   int8_t polarity;
 } meissner_event;
 
-// What a prediction is of.
+// Facts about a prediction.
 typedef struct meissner_prediction {
   // `sizeof(meissner_prediction)`, set by the caller.
   size_t size;
@@ -163,15 +163,16 @@ typedef struct meissner_prediction {
   uint32_t has_time;
   // Events in the window; for a frame engine, frames since the last reset.
   uint64_t nodes;
-  // Rows that were computed since the prediction before, over all layers.
+  // Rows that were computed since the previous prediction, over all layers.
   uint64_t rows;
-  // How unlike the window or the newest frames are to those of the training: above 1, fewer than
-  // 1 of 1,000 of these were. NaN where the weights do not say what they were like.
+  // How much the window or the newest frames differ from those of the training. Fewer than 1 in
+  // 1,000 of the training's were above 1. NaN if the weights do not say what the training's were
+  // like.
   float unlike;
 } meissner_prediction;
 
-// Counts of events since the engine was made. `pushed` is the sum of `accepted` and of the five
-// reasons for which events are dropped.
+// Counts of events since the engine was made. `pushed` is the sum of `accepted` and of the counts
+// of the five reasons for which events are dropped.
 typedef struct meissner_counters {
   // `sizeof(meissner_counters)`, set by the caller.
   size_t size;
@@ -209,7 +210,7 @@ typedef struct meissner_layer_counters {
   uint64_t computed;
   // Kept, because nothing that they depend on had changed.
   uint64_t kept;
-  // Computed, with the bits that they had before.
+  // Computed, with the same bits as before.
   uint64_t unchanged;
 } meissner_layer_counters;
 
@@ -219,11 +220,11 @@ typedef struct meissner_frames_options {
   size_t size;
   // Limit of the state in bytes; 0 for 4 GiB.
   uint64_t memory_limit;
-  // MEISSNER_SKIP_EXACT or another.
+  // MEISSNER_SKIP_EXACT or another MEISSNER_SKIP constant.
   uint32_t skip;
-  // With MEISSNER_SKIP_TOLERANCE.
+  // Used with MEISSNER_SKIP_TOLERANCE.
   float tolerance;
-  // 1 if frames are mostly zero, as those of events are: the same results with more memory and
+  // 1 if frames are mostly zero, as frames of events are: the same results with more memory and
   // less time.
   uint32_t sparse;
   // 1 to share large layers between two threads: the same results.
@@ -234,20 +235,21 @@ typedef struct meissner_frames_options {
 typedef struct meissner_live_options {
   // `sizeof(meissner_live_options)`.
   size_t size;
-  // Most waiting events, of 16 bytes each; 0 for 65,536.
+  // Maximum number of waiting events, of 16 bytes each; 0 for 65,536.
   uint64_t capacity;
-  // Most events that the engine takes before it looks whether a prediction is due; 0 for 64.
+  // Maximum number of events that the engine takes before it checks whether a prediction is due;
+  // 0 for 64.
   uint64_t batch;
-  // MEISSNER_OVERLOAD_DROP_OLDEST or another.
+  // MEISSNER_OVERLOAD_DROP_OLDEST or another MEISSNER_OVERLOAD constant.
   uint32_t overload;
-  // With MEISSNER_OVERLOAD_THIN, at least 1.
+  // Used with MEISSNER_OVERLOAD_THIN; at least 1.
   uint32_t stride;
-  // 1 if the engine computes while no event waits and no prediction is asked for: answers come
+  // 1 if the engine computes while no event waits and no prediction is requested: answers come
   // sooner, and more is computed in total.
   uint64_t ahead;
 } meissner_live_options;
 
-// What a live prediction is of, and how old it is.
+// Facts about a live prediction, and its age.
 typedef struct meissner_timely {
   // `sizeof(meissner_timely)`, set by the caller.
   size_t size;
@@ -266,20 +268,22 @@ typedef struct meissner_timely {
   uint64_t waited_ns;
   // 1 if an event has set `t_us`.
   uint32_t has_time;
-  // 1 if it covers every event that had been pushed, except those that the queue dropped: none
-  // waits, and the engine has lost none.
+  // 1 if it covers every event that had been pushed, except those that the queue dropped: no
+  // event waits, and the engine has lost none.
   uint32_t fresh;
-  // 1 if it was computed for this call, 0 if it is the newest that was finished by the deadline.
+  // 1 if it was computed for this call, 0 if it is the newest prediction that was finished by
+  // the deadline.
   uint32_t own;
-  // Events since the prediction before that the engine was given and that are not in this one:
-  // late, outside the sensor, far ahead, or held until it is clear whether the sensor's clock
-  // has restarted.
+  // Events since the previous prediction that the engine received and that this one does not
+  // cover: late, outside the sensor, far ahead, or held until it is clear whether the sensor's
+  // clock has restarted.
   uint64_t lost_events;
-  // Events that the queue dropped since the prediction before.
+  // Events that the queue dropped since the previous prediction.
   uint64_t dropped_events;
-  // Restarts of the sensor's clock since the prediction before, each of which reset the engine.
+  // Restarts of the sensor's clock since the previous prediction, each of which reset the
+  // engine.
   uint64_t restarts;
-  // How unlike the window is to those of the training, as in `meissner_prediction`.
+  // How much the window differs from those of the training, as in `meissner_prediction`.
   float unlike;
 } meissner_timely;
 
@@ -299,7 +303,7 @@ typedef struct meissner_queue_counters {
   uint64_t dropped_newest;
   // Dropped by thinning.
   uint64_t thinned;
-  // Most events that have been waiting at a time.
+  // Maximum number of events that have waited at the same time.
   uint64_t high_water;
   // Nanoseconds for which the thread that pushes has waited for room.
   uint64_t blocked_ns;
@@ -317,12 +321,13 @@ typedef struct meissner_network_options {
   // Length of the window in microseconds, instead of the description's. Networks over events
   // only.
   int64_t span_us;
-  // Most events in the window, instead of the description's. Networks over events only.
+  // Maximum number of events in the window, instead of the description's. Networks over events
+  // only.
   uint64_t capacity;
-  // Most neighbours of an event, at most the description's: an approximation. Networks over
-  // events only.
+  // Maximum number of neighbours of an event, at most the description's: an approximation.
+  // Networks over events only.
   uint64_t neighbours;
-  // MEISSNER_CONVOLUTION_DIRECT or another. Frame networks only.
+  // MEISSNER_CONVOLUTION_DIRECT or another MEISSNER_CONVOLUTION constant. Frame networks only.
   uint32_t convolution;
   // 1 to take weights that were trained on other graphs or frames than the description's.
   uint32_t ignore_preparation;
@@ -342,15 +347,15 @@ typedef struct meissner_network_info {
   uint64_t outputs;
   // Length of the window in microseconds; 0 for frame networks.
   int64_t span_us;
-  // Most events in the window; 0 for frame networks.
+  // Maximum number of events in the window; 0 for frame networks.
   uint64_t capacity;
   // Number of layers that are counted.
   uint64_t layers;
-  // The weights were trained on every `stride`-th event: push as many. At least 1.
+  // The weights were trained on every `stride`-th event: push the same share. At least 1.
   uint64_t stride;
-  // Columns of the sensor of the training; 0 if the weights do not say.
+  // Columns of the training's sensor; 0 if the weights do not say.
   uint16_t sensor_width;
-  // Rows of the sensor of the training; 0 if the weights do not say.
+  // Rows of the training's sensor; 0 if the weights do not say.
   uint16_t sensor_height;
   // Shape of a frame, for frame networks; a vector has a height and width of 1.
   uint32_t input_channels;
@@ -373,7 +378,7 @@ extern "C" {
 // The version of the library: 65536 times the major, 256 times the minor and the patch number.
 uint32_t meissner_version(void);
 
-// The version as text, for example "0.2.0". It stays valid.
+// The version as text, for example "0.2.0". The pointer stays valid.
 const char *meissner_version_text(void);
 
 // Whether this library and this processor have a feature: "events", "frames" and "live" name parts
@@ -392,9 +397,9 @@ enum meissner_status meissner_engine_new(const struct meissner_network *network,
 enum meissner_status meissner_engine_clone(const struct meissner_engine *engine,
                                            struct meissner_engine **result);
 
-// Pushes an event. `accepted`, which may be NULL, is set to whether it entered the window; a
-// dropped event is counted. An event that is held, as its time does not agree with the clock, has
-// not entered: it does, or is counted, with a later one.
+// Pushes an event. `accepted`, which may be NULL, is set to whether the event entered the window;
+// a dropped event is counted. An event whose time does not agree with the clock is held. It has
+// not entered yet: it enters, or is counted as dropped, with a later event.
 enum meissner_status meissner_engine_push(const struct meissner_engine *engine,
                                           int64_t t_us,
                                           uint16_t x,
@@ -402,15 +407,17 @@ enum meissner_status meissner_engine_push(const struct meissner_engine *engine,
                                           int8_t polarity,
                                           bool *accepted);
 
-// Pushes `length` events in order. `accepted`, which may be NULL, is set to how many entered the
-// window: with events that were held before, they can be more than `length`.
+// Pushes `length` events in order. `accepted`, which may be NULL, is set to the number of events
+// that entered the window. It can be more than `length`, because it includes events that were held
+// before.
 enum meissner_status meissner_engine_push_events(const struct meissner_engine *engine,
                                                  const struct meissner_event *events,
                                                  size_t length,
                                                  size_t *accepted);
 
-// Pushes `length` events in order, whose times in microseconds, columns, rows and polarities are
-// in arrays of their own. `accepted`, which may be NULL, is set to how many entered the window.
+// Pushes `length` events in order. Their times in microseconds, columns, rows and polarities are
+// in separate arrays. `accepted`, which may be NULL, is set to the number of events that entered
+// the window.
 enum meissner_status meissner_engine_push_arrays(const struct meissner_engine *engine,
                                                  const int64_t *t_us,
                                                  const uint16_t *x,
@@ -424,8 +431,8 @@ enum meissner_status meissner_engine_push_arrays(const struct meissner_engine *e
 enum meissner_status meissner_engine_advance(const struct meissner_engine *engine, int64_t t_us);
 
 // Predicts for the current window: writes the network's outputs to `values`, which has room for
-// `length`, and what the prediction is of to `prediction`, which may be NULL. Nothing is computed
-// if `length` is less than the number of outputs.
+// `length` values, and facts about the prediction to `prediction`, which may be NULL. Nothing is
+// computed if `length` is less than the number of outputs.
 enum meissner_status meissner_engine_predict(const struct meissner_engine *engine,
                                              float *values,
                                              size_t length,
@@ -434,39 +441,39 @@ enum meissner_status meissner_engine_predict(const struct meissner_engine *engin
 // Removes all events; the next one may have any time. Counters stay.
 enum meissner_status meissner_engine_reset(const struct meissner_engine *engine);
 
-// Counts of events and predictions. Allocates for a moment.
+// Counts of events and predictions. Allocates temporary memory.
 enum meissner_status meissner_engine_counters(const struct meissner_engine *engine,
                                               struct meissner_counters *counters);
 
-// Counts of rows, layer by layer, of which `meissner_network_info` says the number. Allocates for
-// a moment.
+// Counts of rows for each layer; `meissner_network_info` has the number of layers. Allocates
+// temporary memory.
 enum meissner_status meissner_engine_layer_counters(const struct meissner_engine *engine,
                                                     struct meissner_layer_counters *layers,
                                                     size_t length);
 
-// Writes the warnings about an engine, as `meissner_network_warnings`: those about its network, a
-// sensor that is not that of the training, each reason for which more than one of a hundred events
-// has been dropped, and restarts of the sensor's clock.
+// Writes the warnings about an engine, as `meissner_network_warnings` does: about its network, a
+// sensor that is not the training's, each reason for which more than one of a hundred events has
+// been dropped, and restarts of the sensor's clock.
 enum meissner_status meissner_engine_warnings(const struct meissner_engine *engine,
                                               char *text,
                                               size_t capacity,
                                               size_t *length);
 
-// Writes the state as bytes to `bytes`, which has room for `capacity`, and their number to
+// Writes the state as bytes to `bytes`, which has room for `capacity` bytes, and their number to
 // `length`. If there is too little room, only `length` is written: call with a `capacity` of 0 to
-// ask for it. Allocates.
+// get it. Allocates.
 enum meissner_status meissner_engine_snapshot(const struct meissner_engine *engine,
                                               uint8_t *bytes,
                                               size_t capacity,
                                               size_t *length);
 
-// Returns to the state of a snapshot of an engine with the same network, sensor and options.
-// Allocates.
+// Sets the engine to the state of a snapshot of an engine with the same network, sensor and
+// options. Allocates.
 enum meissner_status meissner_engine_restore(const struct meissner_engine *engine,
                                              const uint8_t *bytes,
                                              size_t length);
 
-// Ends an engine, after the call that another thread has in it.
+// Ends an engine. Waits for the call of another thread that is using it.
 void meissner_engine_release(struct meissner_engine *engine);
 
 // Makes an engine for a frame network. `options` may be NULL. Allocates.
@@ -475,45 +482,46 @@ enum meissner_status meissner_frames_new(const struct meissner_network *network,
                                          struct meissner_frames **result);
 
 // Pushes one or more whole frames, one after the other: `length` values in the order (frame,
-// channel, row, column). All of them are finite, or no frame is taken.
+// channel, row, column). If any value is not finite, no frame is taken.
 enum meissner_status meissner_frames_push(const struct meissner_frames *frames,
                                           const float *values,
                                           size_t length);
 
 // Predicts after the last frame: writes the network's outputs in the order (channel, row, column)
-// to `values`, which has room for `length`, and what the prediction is of to `prediction`, which
-// may be NULL. Nothing is computed if `length` is less than the number of outputs.
+// to `values`, which has room for `length` values, and facts about the prediction to `prediction`,
+// which may be NULL. Nothing is computed if `length` is less than the number of outputs.
 enum meissner_status meissner_frames_predict(const struct meissner_frames *frames,
                                              float *values,
                                              size_t length,
                                              struct meissner_prediction *prediction);
 
-// Returns to the state before the first frame. Counters stay.
+// Sets the engine to the state before the first frame. Counters stay.
 enum meissner_status meissner_frames_reset(const struct meissner_frames *frames);
 
-// Counts of pixels, layer by layer, of which `meissner_network_info` says the number. Allocates
-// for a moment.
+// Counts of pixels for each layer; `meissner_network_info` has the number of layers. Allocates
+// temporary memory.
 enum meissner_status meissner_frames_layer_counters(const struct meissner_frames *frames,
                                                     struct meissner_layer_counters *layers,
                                                     size_t length);
 
-// Writes the state as bytes, as `meissner_engine_snapshot`.
+// Writes the state as bytes, as `meissner_engine_snapshot` does.
 enum meissner_status meissner_frames_snapshot(const struct meissner_frames *frames,
                                               uint8_t *bytes,
                                               size_t capacity,
                                               size_t *length);
 
-// Returns to the state of a snapshot of an engine with the same network and options. Allocates.
+// Sets the engine to the state of a snapshot of an engine with the same network and options.
+// Allocates.
 enum meissner_status meissner_frames_restore(const struct meissner_frames *frames,
                                              const uint8_t *bytes,
                                              size_t length);
 
-// Ends a frame engine, after the call that another thread has in it.
+// Ends a frame engine. Waits for the call of another thread that is using it.
 void meissner_frames_release(struct meissner_frames *frames);
 
-// Starts a thread that owns the engine and reads from a queue: `input` is for the thread that has
-// the events, `live` for the one that needs predictions. It starts in the present state of
-// `engine`, which stays the caller's. `options` may be NULL. Allocates.
+// Starts a thread that owns an engine and reads from a queue. `input` is for the thread that has
+// the events, `live` for the thread that needs predictions. The live engine starts in the current
+// state of `engine`, which stays the caller's. `options` may be NULL. Allocates.
 enum meissner_status meissner_live_new(const struct meissner_engine *engine,
                                        const struct meissner_live_options *options,
                                        struct meissner_input **input,
@@ -525,7 +533,7 @@ enum meissner_status meissner_input_push_events(const struct meissner_input *inp
                                                 const struct meissner_event *events,
                                                 size_t length);
 
-// As `meissner_input_push_events`, from arrays as those of `meissner_engine_push_arrays`.
+// As `meissner_input_push_events`, from arrays like those of `meissner_engine_push_arrays`.
 enum meissner_status meissner_input_push_arrays(const struct meissner_input *input,
                                                 const int64_t *t_us,
                                                 const uint16_t *x,
@@ -537,10 +545,10 @@ enum meissner_status meissner_input_push_arrays(const struct meissner_input *inp
 // would be late.
 enum meissner_status meissner_input_advance(const struct meissner_input *input, int64_t t_us);
 
-// The prediction for all events pushed by now or, when `deadline_ns` nanoseconds have passed, the
-// newest finished one, with its age; UINT64_MAX waits for all events. Writes the network's outputs
-// to `values`, which has room for `length`, and what the prediction is of to `timely`, which may
-// be NULL.
+// Gives the prediction for all events pushed so far or, after `deadline_ns` nanoseconds, the
+// newest finished prediction, with its age; UINT64_MAX waits for all events. Writes the network's
+// outputs to `values`, which has room for `length` values, and facts about the prediction to
+// `timely`, which may be NULL.
 enum meissner_status meissner_live_predict(const struct meissner_live *live,
                                            uint64_t deadline_ns,
                                            float *values,
@@ -555,29 +563,31 @@ enum meissner_status meissner_live_counters(const struct meissner_live *live,
 enum meissner_status meissner_live_event_counters(const struct meissner_live *live,
                                                   struct meissner_counters *counters);
 
-// Ends a live engine, as `meissner_live_release`, and gives its engine back through `engine`.
-// Waiting events are discarded: predict with a deadline of UINT64_MAX first to have them taken.
-// While another thread is in a call with `live`, the status is MEISSNER_BUSY and nothing has
-// changed. After MEISSNER_OK and MEISSNER_PANICKED, the handle has ended.
+// Ends a live engine, as `meissner_live_release` does, and returns its engine through `engine`.
+// Waiting events are discarded: predict first with a deadline of UINT64_MAX so that the engine
+// takes them. While another thread is in a call with `live`, the status is MEISSNER_BUSY and
+// nothing has changed. After MEISSNER_OK and MEISSNER_PANICKED, the handle has ended.
 enum meissner_status meissner_live_close(struct meissner_live *live, struct meissner_engine **engine);
 
-// Ends a live engine and its thread, after the call that another thread has in it. Waiting events
-// are discarded.
+// Ends a live engine and its thread. Waits for the call of another thread that is using it.
+// Waiting events are discarded.
 void meissner_live_release(struct meissner_live *live);
 
-// Ends the sensor's side, after the call that another thread has in it. The controller's side goes
-// on.
+// Ends the sensor's side. Waits for the call of another thread that is using it. The controller's
+// side keeps working.
 void meissner_input_release(struct meissner_input *input);
 
-// Sets the function that takes warnings: weights that are untrained or were trained on another
-// sensor, and lost events, at most once a second for each engine. NULL, the default, drops them;
-// `meissner_network_warnings` and `meissner_engine_warnings` return them. The function must call
-// none of the library, must not unwind, and is not called any more once this call has returned.
+// Sets the function that receives warnings: about weights that are untrained or were trained on
+// another sensor, and about lost events, at most once a second for each engine. NULL, the default,
+// drops the warnings; `meissner_network_warnings` and `meissner_engine_warnings` return them. The
+// function must not call the library and must not unwind. After this call has returned, the
+// previous function is not called any more.
 void meissner_set_log(meissner_log function, void *user);
 
-// Makes a network. `network` is the name of one that comes with the library ("tactigraph-past"),
-// or the path of a description. `weights` is the path of a safetensors file or of a PyTorch state
-// dict; NULL for the weights that come with the library. `options` may be NULL. Allocates.
+// Makes a network. `network` is the name of a network that comes with the library
+// ("tactigraph-past"), or the path of a description. `weights` is the path of a safetensors file
+// or of a PyTorch state dict; NULL for the weights that come with the library. `options` may be
+// NULL. Allocates.
 enum meissner_status meissner_network_open(const char *network,
                                            const char *weights,
                                            const struct meissner_network_options *options,
@@ -603,24 +613,24 @@ enum meissner_status meissner_network_output(const struct meissner_network *netw
                                              const char **name,
                                              const char **unit);
 
-// Writes the warnings about a network, each a line, to `text`, which has room for `capacity`
-// bytes, and their number with the NUL at the end to `length`: weights that were drawn from a
-// seed, or trained on other graphs or frames. If there is too little room, only `length` is
-// written: call with a `capacity` of 0 to ask for it. Allocates.
+// Writes the warnings about a network to `text`, one on each line, and the number of bytes with
+// the NUL at the end to `length`. `text` has room for `capacity` bytes. The warnings are about
+// weights that were drawn from a seed, or trained on other graphs or frames. If there is too
+// little room, only `length` is written: call with a `capacity` of 0 to get it. Allocates.
 enum meissner_status meissner_network_warnings(const struct meissner_network *network,
                                                char *text,
                                                size_t capacity,
                                                size_t *length);
 
-// The name of network `index` of those that come with the library, or NULL after the last. It
-// stays valid.
+// The name of network `index` among those that come with the library, or NULL after the last. The
+// pointer stays valid.
 const char *meissner_shipped_network(size_t index);
 
-// Ends a network. Engines of it go on.
+// Ends a network. Its engines keep working.
 void meissner_network_release(struct meissner_network *network);
 
-// What the last call of this thread that failed expected and found, in UTF-8. Valid until another
-// call of this thread fails; empty before the first.
+// What the last failed call of this thread expected and found, in UTF-8. The text is valid until
+// another call of this thread fails, and empty before the first failure.
 const char *meissner_error_text(void);
 
 #ifdef __cplusplus

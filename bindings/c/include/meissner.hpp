@@ -78,7 +78,7 @@ std::string text(Write write) {
 
 }  // namespace detail
 
-// Events whose parts are in arrays of their own, as `meissner_engine_push_arrays` takes them.
+// Events whose parts are in separate arrays, as `meissner_engine_push_arrays` takes them.
 struct Arrays {
   const std::int64_t *t_us;
   const std::uint16_t *x;
@@ -87,7 +87,7 @@ struct Arrays {
   std::size_t length;
 };
 
-// The values of a prediction, and what it is of.
+// The values of a prediction, and facts about it.
 template <class Of>
 struct Predicted {
   std::vector<float> values;
@@ -98,7 +98,7 @@ using Timely = Predicted<meissner_timely>;
 
 class Network {
  public:
-  // A network of the library by its name, or a description by its path; weights by their path, or those of the library.
+  // A network of the library by its name, or a description by its path; weights by their path, or the library's weights.
   static Network open(const std::string &network, const std::string &weights = {},
                       const meissner_network_options &options = detail::sized<meissner_network_options>()) {
     meissner_network *made = nullptr;
@@ -120,7 +120,7 @@ class Network {
     return info;
   }
 
-  // What the library warns of, each a line.
+  // The warnings of the library, one on each line.
   std::string warnings() const {
     return detail::text([this](char *text, std::size_t capacity, std::size_t *length) {
       return meissner_network_warnings(get(), text, capacity, length);
@@ -174,7 +174,7 @@ class Engine {
     return accepted;
   }
 
-  // How many of the events entered the window.
+  // Returns the number of events that entered the window.
   std::size_t push(const meissner_event *events, std::size_t length) {
     std::size_t accepted = 0;
     check(meissner_engine_push_events(get(), events, length, &accepted));
@@ -221,7 +221,7 @@ class Engine {
     check(meissner_engine_restore(get(), bytes.data(), bytes.size()));
   }
 
-  // What the library warns of, each a line.
+  // The warnings of the library, one on each line.
   std::string warnings() const {
     return detail::text([this](char *text, std::size_t capacity, std::size_t *length) {
       return meissner_engine_warnings(get(), text, capacity, length);
@@ -307,7 +307,7 @@ class Live {
   // Waits for all events that have been pushed.
   static constexpr std::uint64_t NO_DEADLINE = std::numeric_limits<std::uint64_t>::max();
 
-  // Both sides of a live engine that starts as `engine` is.
+  // Both sides of a live engine that starts in the state of `engine`.
   static std::pair<Input, Live> start(const Engine &engine,
                                       const meissner_live_options &options = detail::sized<meissner_live_options>()) {
     meissner_input *input = nullptr;
@@ -340,7 +340,7 @@ class Live {
     return counters;
   }
 
-  // Ends it and gives its engine back. After MEISSNER_BUSY it is as it was.
+  // Ends the live engine and returns its engine. After MEISSNER_BUSY it is unchanged.
   Engine close() && {
     meissner_engine *engine = nullptr;
     check(meissner_live_close(get(), &engine));

@@ -6,42 +6,42 @@ use std::slice;
 
 use crate::status::Failure;
 
-/// Memory of the caller for a value, checked before anything is done for it.
+/// The caller's memory for a value, checked before the call does anything else.
 pub(crate) struct Place<T>(*mut T);
 
-/// Memory of the caller for `length` values, checked likewise.
+/// The caller's memory for `length` values, checked in the same way.
 pub(crate) struct Room<T> {
     start: *mut T,
     length: usize,
     what: &'static str,
 }
 
-/// Memory of the caller for the part of a struct that it knows, checked likewise.
+/// The caller's memory for the part of a struct that the caller knows, checked in the same way.
 pub(crate) struct Report<T> {
     pointer: *mut T,
     size: usize,
 }
 
-/// The place that `pointer` points at.
+/// The memory for a value at `pointer`.
 ///
 /// # Safety
-/// A pointer that is aligned and not NULL points at memory for a value, which this thread alone
-/// uses until the call returns.
+/// If the pointer is aligned and not NULL, it points at memory for a value, and only this thread
+/// uses the memory until the call returns.
 pub(crate) unsafe fn place<T>(pointer: *mut T, what: &str) -> Result<Place<T>, Failure> {
     check(pointer, what)?;
     Ok(Place(pointer))
 }
 
-/// As [`place`], for a value that is wanted unless the pointer is NULL.
+/// As [`place`], or `None` if the pointer is NULL: the caller does not want the value.
 ///
 /// # Safety
 /// As [`place`].
 pub(crate) unsafe fn place_if_wanted<T>(pointer: *mut T, what: &str) -> Result<Option<Place<T>>, Failure> {
-    // SAFETY: the caller's.
+    // SAFETY: the caller promises it.
     if pointer.is_null() { Ok(None) } else { unsafe { place(pointer, what) }.map(Some) }
 }
 
-/// The memory for `length` values that `pointer` points at; it may be NULL if there is none.
+/// The memory for `length` values at `pointer`, which may be NULL if `length` is 0.
 ///
 /// # Safety
 /// As [`place`], for `length` values.
@@ -53,17 +53,17 @@ pub(crate) unsafe fn room<T>(pointer: *mut T, length: usize, what: &'static str)
     Ok(Room { start: pointer, length, what })
 }
 
-/// The struct that `pointer` points at, whose first field says how much of it the caller knows.
+/// The struct at `pointer`. Its first field says how much of the struct the caller knows.
 ///
 /// # Safety
 /// As [`place`], for a struct as long as its first field says.
 pub(crate) unsafe fn report<T: Versioned>(pointer: *mut T, what: &str) -> Result<Report<T>, Failure> {
-    // SAFETY: the caller's.
+    // SAFETY: the caller promises it.
     let size = unsafe { size(pointer, what) }?.min(size_of::<T>());
     Ok(Report { pointer, size })
 }
 
-/// As [`report`], for a struct that is wanted unless the pointer is NULL.
+/// As [`report`], or `None` if the pointer is NULL: the caller does not want the struct.
 ///
 /// # Safety
 /// As [`report`].
@@ -71,13 +71,13 @@ pub(crate) unsafe fn report_if_wanted<T: Versioned>(
     pointer: *mut T,
     what: &str,
 ) -> Result<Option<Report<T>>, Failure> {
-    // SAFETY: the caller's.
+    // SAFETY: the caller promises it.
     if pointer.is_null() { Ok(None) } else { unsafe { report(pointer, what) }.map(Some) }
 }
 
 impl<T> Place<T> {
     pub(crate) fn write(self, value: T) {
-        // SAFETY: who made it promised it. What is there is overwritten, not dropped.
+        // SAFETY: the caller of `place` promised it. The old value is overwritten, not dropped.
         unsafe { self.0.write(value) };
     }
 }
@@ -97,8 +97,7 @@ impl<T: Copy> Room<T> {
     pub(crate) fn copy(self, values: &[T]) -> Result<(), Failure> {
         self.fits(values.len())?;
         if !values.is_empty() {
-            // SAFETY: there is room for them, as who made it promised; `values` is ours: no
-            // overlap.
+            // SAFETY: the caller of `room` promised memory for them. `values` is ours: no overlap.
             unsafe { self.start.copy_from_nonoverlapping(values.as_ptr(), values.len()) };
         }
         Ok(())
@@ -110,14 +109,14 @@ impl<T: Versioned> Report<T> {
     pub(crate) fn write(self, value: T) {
         let (from, first) = ((&raw const value).cast::<u8>(), size_of::<usize>());
         let length = self.size - first;
-        // SAFETY: `size` bytes can be written there, and `value` has as many, the first field
-        // apart.
+        // SAFETY: `size` bytes can be written there, and `value` has at least as many. The first
+        // field is skipped.
         unsafe { self.pointer.cast::<u8>().add(first).copy_from_nonoverlapping(from.add(first), length) };
     }
 }
 
-/// Writes what `bytes` gives to `pointer`, which has room for `capacity`, and its length to
-/// `length`. If there is too little room, only the length is written.
+/// Writes the result of `bytes` to `pointer`, which has room for `capacity` bytes, and its length
+/// to `length`. If there is too little room, only the length is written.
 ///
 /// # Safety
 /// As [`room`] and [`place`].
@@ -128,7 +127,7 @@ pub(crate) unsafe fn write_bytes(
     length: *mut usize,
     bytes: impl FnOnce() -> Result<Vec<u8>, Failure>,
 ) -> Result<(), Failure> {
-    // SAFETY: the caller's.
+    // SAFETY: the caller promises it.
     let (room, length) = unsafe { (room(pointer, capacity, what)?, place(length, "length")?) };
     let bytes = bytes()?;
     length.write(bytes.len());
@@ -138,24 +137,27 @@ pub(crate) unsafe fn write_bytes(
 /// The `length` values at `pointer`, which may be NULL if there are none.
 ///
 /// # Safety
-/// A pointer that is aligned and not NULL points at `length` values that nothing changes meanwhile.
+/// If the pointer is aligned and not NULL, it points at `length` values that nothing changes
+/// meanwhile.
 pub(crate) unsafe fn array<'a, T>(pointer: *const T, length: usize, what: &str) -> Result<&'a [T], Failure> {
     if length == 0 {
         return Ok(&[]);
     }
     check(pointer, what)?;
     within_memory(pointer, length, what)?;
-    // SAFETY: neither NULL nor misaligned, and no longer than any memory; the rest is promised.
+    // SAFETY: the pointer is neither NULL nor misaligned, and the array fits in the address space.
+    // The caller promises the rest.
     Ok(unsafe { slice::from_raw_parts(pointer, length) })
 }
 
 /// The string at `pointer`.
 ///
 /// # Safety
-/// A pointer that is not NULL points at a string that ends in NUL, which nothing changes meanwhile.
+/// If the pointer is not NULL, it points at a string that ends in NUL and that nothing changes
+/// meanwhile.
 pub(crate) unsafe fn text<'a>(pointer: *const c_char, what: &str) -> Result<&'a str, Failure> {
     check(pointer, what)?;
-    // SAFETY: not NULL; the rest is promised.
+    // SAFETY: the pointer is not NULL. The caller promises the rest.
     let text = unsafe { CStr::from_ptr(pointer) };
     text.to_str().map_err(|_| Failure::argument(what, "UTF-8", "other bytes"))
 }
@@ -163,24 +165,25 @@ pub(crate) unsafe fn text<'a>(pointer: *const c_char, what: &str) -> Result<&'a 
 /// A struct of the interface whose first field is its size in bytes, as the caller knows it.
 ///
 /// # Safety
-/// The struct is `repr(C)`, its first field is a `usize`, and bytes of zeros are a value of it, as
-/// are any bytes that a caller can pass.
+/// The struct is `repr(C)`, its first field is a `usize`, and zeros are a valid value of it, as are
+/// any bytes that a caller can pass.
 pub(crate) unsafe trait Versioned: Copy {}
 
-/// The options at `pointer`, or zeros where it is NULL, and in fields unknown to the caller.
+/// The options at `pointer`. Fields that the caller does not know are zero, and all are if
+/// `pointer` is NULL.
 ///
 /// # Safety
-/// A pointer that is aligned and not NULL points at a struct as long as its first field says.
+/// If the pointer is aligned and not NULL, it points at a struct as long as its first field says.
 pub(crate) unsafe fn options<T: Versioned>(pointer: *const T, what: &str) -> Result<T, Failure> {
     // SAFETY: `Versioned` promises that zeros are a value.
     let mut found: T = unsafe { std::mem::zeroed() };
     if pointer.is_null() {
         return Ok(found);
     }
-    // SAFETY: the caller's.
+    // SAFETY: the caller promises it.
     let size = unsafe { size(pointer, what) }?;
     if size > size_of::<T>() {
-        // Options that this version does not know cannot be followed.
+        // This version cannot follow options that it does not know.
         return Err(Failure::argument(what, format!("a size of at most {}", size_of::<T>()), size));
     }
     // SAFETY: `size` bytes can be read there, and `found` is at least as long.

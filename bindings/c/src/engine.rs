@@ -20,7 +20,7 @@ pub struct meissner_engine(());
 
 pub(crate) static ENGINES: Handles<meissner_engine, Made> = Handles::new(2, "engine");
 
-/// What a handle of an engine stands for.
+/// The value behind a handle of an engine.
 #[derive(Clone)]
 pub(crate) struct Made {
     pub(crate) engine: Engine,
@@ -33,7 +33,7 @@ impl Made {
         Self { engine, network, losses: LossWatch::default() }
     }
 
-    /// Everything to warn of: what the network, the sensor and the events give cause for.
+    /// All warnings: about the network, the sensor and the events.
     fn warnings(&self) -> Vec<String> {
         let sensor = self.engine.sensor();
         let mut found = self.network.warnings().to_vec();
@@ -43,8 +43,8 @@ impl Made {
     }
 }
 
-/// Pushes by `push`, which returns how many events entered, of `length`. Losses are logged once the
-/// handle is free again.
+/// Pushes `length` events with `push`, which returns how many events entered. Losses are logged
+/// after the handle is free again.
 fn push(
     engine: *const meissner_engine,
     length: usize,
@@ -91,10 +91,10 @@ pub const MEISSNER_LATE_DROP: u32 = 0;
 pub const MEISSNER_LATE_CLAMP: u32 = 1;
 
 /// When the clock of the sensor restarts, the engine resets and takes the events of the new clock.
-/// Events that are earlier than the window, or more than 10 s ahead, are held until those after
-/// them tell a restart from a single wrong time.
+/// Events that are earlier than the window, or more than 10 s ahead, are held until later events
+/// show whether the clock has restarted or a single time is wrong.
 pub const MEISSNER_RESTART_RESET: u32 = 0;
-/// The clock never goes back: events are late until the old time comes again.
+/// The clock never goes back: events are late until the old time is reached again.
 pub const MEISSNER_RESTART_KEEP: u32 = 1;
 
 /// Options of an engine over events. 0 is the default of each.
@@ -114,10 +114,10 @@ pub struct meissner_engine_options {
     pub restart: u64,
 }
 
-// SAFETY: `repr(C)` with numbers alone, the first of which is the size.
+// SAFETY: `repr(C)` with only numbers, the first of which is the size.
 unsafe impl Versioned for meissner_engine_options {}
 
-/// What a prediction is of.
+/// Facts about a prediction.
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
 pub struct meissner_prediction {
@@ -129,18 +129,19 @@ pub struct meissner_prediction {
     pub has_time: u32,
     /// Events in the window; for a frame engine, frames since the last reset.
     pub nodes: u64,
-    /// Rows that were computed since the prediction before, over all layers.
+    /// Rows that were computed since the previous prediction, over all layers.
     pub rows: u64,
-    /// How unlike the window or the newest frames are to those of the training: above 1, fewer than
-    /// 1 of 1,000 of these were. NaN where the weights do not say what they were like.
+    /// How much the window or the newest frames differ from those of the training. Fewer than 1 in
+    /// 1,000 of the training's were above 1. NaN if the weights do not say what the training's were
+    /// like.
     pub unlike: f32,
 }
 
-// SAFETY: `repr(C)` with numbers alone, the first of which is the size.
+// SAFETY: `repr(C)` with only numbers, the first of which is the size.
 unsafe impl Versioned for meissner_prediction {}
 
-/// Counts of events since the engine was made. `pushed` is the sum of `accepted` and of the five
-/// reasons for which events are dropped.
+/// Counts of events since the engine was made. `pushed` is the sum of `accepted` and of the counts
+/// of the five reasons for which events are dropped.
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
 pub struct meissner_counters {
@@ -195,7 +196,7 @@ impl From<EventCounters> for meissner_counters {
     }
 }
 
-// SAFETY: `repr(C)` with integers alone, the first of which is the size.
+// SAFETY: `repr(C)` with only integers, the first of which is the size.
 unsafe impl Versioned for meissner_counters {}
 
 /// Counts of rows of a layer, or of its pixels in a frame network, since the engine was made.
@@ -206,7 +207,7 @@ pub struct meissner_layer_counters {
     pub computed: u64,
     /// Kept, because nothing that they depend on had changed.
     pub kept: u64,
-    /// Computed, with the bits that they had before.
+    /// Computed, with the same bits as before.
     pub unchanged: u64,
 }
 
@@ -263,9 +264,9 @@ pub unsafe extern "C" fn meissner_engine_clone(
     })
 }
 
-/// Pushes an event. `accepted`, which may be NULL, is set to whether it entered the window; a
-/// dropped event is counted. An event that is held, as its time does not agree with the clock, has
-/// not entered: it does, or is counted, with a later one.
+/// Pushes an event. `accepted`, which may be NULL, is set to whether the event entered the window;
+/// a dropped event is counted. An event whose time does not agree with the clock is held. It has
+/// not entered yet: it enters, or is counted as dropped, with a later event.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn meissner_engine_push(
     engine: *const meissner_engine,
@@ -285,8 +286,9 @@ pub unsafe extern "C" fn meissner_engine_push(
     })
 }
 
-/// Pushes `length` events in order. `accepted`, which may be NULL, is set to how many entered the
-/// window: with events that were held before, they can be more than `length`.
+/// Pushes `length` events in order. `accepted`, which may be NULL, is set to the number of events
+/// that entered the window. It can be more than `length`, because it includes events that were held
+/// before.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn meissner_engine_push_events(
     engine: *const meissner_engine,
@@ -305,8 +307,9 @@ pub unsafe extern "C" fn meissner_engine_push_events(
     })
 }
 
-/// Pushes `length` events in order, whose times in microseconds, columns, rows and polarities are
-/// in arrays of their own. `accepted`, which may be NULL, is set to how many entered the window.
+/// Pushes `length` events in order. Their times in microseconds, columns, rows and polarities are
+/// in separate arrays. `accepted`, which may be NULL, is set to the number of events that entered
+/// the window.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn meissner_engine_push_arrays(
     engine: *const meissner_engine,
@@ -330,7 +333,7 @@ pub unsafe extern "C" fn meissner_engine_push_arrays(
 /// Events from arrays of their parts.
 ///
 /// # Safety
-/// As [`array`], for each.
+/// As [`array`], for each pointer.
 pub(crate) unsafe fn from_arrays<'a>(
     t_us: *const i64,
     x: *const u16,
@@ -338,7 +341,7 @@ pub(crate) unsafe fn from_arrays<'a>(
     polarity: *const i8,
     length: usize,
 ) -> Result<impl Iterator<Item = Event> + use<'a>, Failure> {
-    // SAFETY: the caller's.
+    // SAFETY: the caller promises it.
     let (t_us, x, y, polarity): (&'a [i64], &'a [u16], &'a [u16], &'a [i8]) = unsafe {
         (
             array(t_us, length, "t_us")?,
@@ -362,8 +365,8 @@ pub unsafe extern "C" fn meissner_engine_advance(
 }
 
 /// Predicts for the current window: writes the network's outputs to `values`, which has room for
-/// `length`, and what the prediction is of to `prediction`, which may be NULL. Nothing is computed
-/// if `length` is less than the number of outputs.
+/// `length` values, and facts about the prediction to `prediction`, which may be NULL. Nothing is
+/// computed if `length` is less than the number of outputs.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn meissner_engine_predict(
     engine: *const meissner_engine,
@@ -399,7 +402,7 @@ pub unsafe extern "C" fn meissner_engine_reset(engine: *const meissner_engine) -
     call(|| ENGINES.act(engine, |made| made.engine.reset()))
 }
 
-/// Counts of events and predictions. Allocates for a moment.
+/// Counts of events and predictions. Allocates temporary memory.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn meissner_engine_counters(
     engine: *const meissner_engine,
@@ -415,8 +418,8 @@ pub unsafe extern "C" fn meissner_engine_counters(
     })
 }
 
-/// Counts of rows, layer by layer, of which `meissner_network_info` says the number. Allocates for
-/// a moment.
+/// Counts of rows for each layer; `meissner_network_info` has the number of layers. Allocates
+/// temporary memory.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn meissner_engine_layer_counters(
     engine: *const meissner_engine,
@@ -436,9 +439,9 @@ pub unsafe extern "C" fn meissner_engine_layer_counters(
     })
 }
 
-/// Writes the warnings about an engine, as `meissner_network_warnings`: those about its network, a
-/// sensor that is not that of the training, each reason for which more than one of a hundred events
-/// has been dropped, and restarts of the sensor's clock.
+/// Writes the warnings about an engine, as `meissner_network_warnings` does: about its network, a
+/// sensor that is not the training's, each reason for which more than one of a hundred events has
+/// been dropped, and restarts of the sensor's clock.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn meissner_engine_warnings(
     engine: *const meissner_engine,
@@ -453,9 +456,9 @@ pub unsafe extern "C" fn meissner_engine_warnings(
     })
 }
 
-/// Writes the state as bytes to `bytes`, which has room for `capacity`, and their number to
+/// Writes the state as bytes to `bytes`, which has room for `capacity` bytes, and their number to
 /// `length`. If there is too little room, only `length` is written: call with a `capacity` of 0 to
-/// ask for it. Allocates.
+/// get it. Allocates.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn meissner_engine_snapshot(
     engine: *const meissner_engine,
@@ -468,8 +471,8 @@ pub unsafe extern "C" fn meissner_engine_snapshot(
     call(|| unsafe { write_bytes(bytes, capacity, "bytes", length, state) })
 }
 
-/// Returns to the state of a snapshot of an engine with the same network, sensor and options.
-/// Allocates.
+/// Sets the engine to the state of a snapshot of an engine with the same network, sensor and
+/// options. Allocates.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn meissner_engine_restore(
     engine: *const meissner_engine,
@@ -483,7 +486,7 @@ pub unsafe extern "C" fn meissner_engine_restore(
     })
 }
 
-/// Ends an engine, after the call that another thread has in it.
+/// Ends an engine. Waits for the call of another thread that is using it.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn meissner_engine_release(engine: *mut meissner_engine) {
     ENGINES.release(engine);

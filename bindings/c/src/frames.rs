@@ -32,7 +32,7 @@ impl Frames {
     }
 }
 
-/// What no change reaches is kept: exact.
+/// Values that no change reaches are kept: exact.
 pub const MEISSNER_SKIP_EXACT: u32 = 0;
 /// Everything is computed: the same results, as an oracle.
 pub const MEISSNER_SKIP_NOTHING: u32 = 1;
@@ -47,18 +47,18 @@ pub struct meissner_frames_options {
     pub size: usize,
     /// Limit of the state in bytes; 0 for 4 GiB.
     pub memory_limit: u64,
-    /// MEISSNER_SKIP_EXACT or another.
+    /// MEISSNER_SKIP_EXACT or another MEISSNER_SKIP constant.
     pub skip: u32,
-    /// With MEISSNER_SKIP_TOLERANCE.
+    /// Used with MEISSNER_SKIP_TOLERANCE.
     pub tolerance: f32,
-    /// 1 if frames are mostly zero, as those of events are: the same results with more memory and
+    /// 1 if frames are mostly zero, as frames of events are: the same results with more memory and
     /// less time.
     pub sparse: u32,
     /// 1 to share large layers between two threads: the same results.
     pub two_threads: u32,
 }
 
-// SAFETY: `repr(C)` with numbers alone, the first of which is the size.
+// SAFETY: `repr(C)` with only numbers, the first of which is the size.
 unsafe impl Versioned for meissner_frames_options {}
 
 fn frame_options(options: meissner_frames_options) -> Result<FrameOptions, Failure> {
@@ -94,7 +94,7 @@ pub unsafe extern "C" fn meissner_frames_new(
 }
 
 /// Pushes one or more whole frames, one after the other: `length` values in the order (frame,
-/// channel, row, column). All of them are finite, or no frame is taken.
+/// channel, row, column). If any value is not finite, no frame is taken.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn meissner_frames_push(
     frames: *const meissner_frames,
@@ -109,8 +109,8 @@ pub unsafe extern "C" fn meissner_frames_push(
 }
 
 /// Predicts after the last frame: writes the network's outputs in the order (channel, row, column)
-/// to `values`, which has room for `length`, and what the prediction is of to `prediction`, which
-/// may be NULL. Nothing is computed if `length` is less than the number of outputs.
+/// to `values`, which has room for `length` values, and facts about the prediction to `prediction`,
+/// which may be NULL. Nothing is computed if `length` is less than the number of outputs.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn meissner_frames_predict(
     frames: *const meissner_frames,
@@ -140,14 +140,14 @@ pub unsafe extern "C" fn meissner_frames_predict(
     })
 }
 
-/// Returns to the state before the first frame. Counters stay.
+/// Sets the engine to the state before the first frame. Counters stay.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn meissner_frames_reset(frames: *const meissner_frames) -> meissner_status {
     call(|| FRAMES.act(frames, |frames| frames.engine.reset()))
 }
 
-/// Counts of pixels, layer by layer, of which `meissner_network_info` says the number. Allocates
-/// for a moment.
+/// Counts of pixels for each layer; `meissner_network_info` has the number of layers. Allocates
+/// temporary memory.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn meissner_frames_layer_counters(
     frames: *const meissner_frames,
@@ -171,7 +171,7 @@ pub unsafe extern "C" fn meissner_frames_layer_counters(
     })
 }
 
-/// Writes the state as bytes, as `meissner_engine_snapshot`.
+/// Writes the state as bytes, as `meissner_engine_snapshot` does.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn meissner_frames_snapshot(
     frames: *const meissner_frames,
@@ -184,7 +184,8 @@ pub unsafe extern "C" fn meissner_frames_snapshot(
     call(|| unsafe { write_bytes(bytes, capacity, "bytes", length, state) })
 }
 
-/// Returns to the state of a snapshot of an engine with the same network and options. Allocates.
+/// Sets the engine to the state of a snapshot of an engine with the same network and options.
+/// Allocates.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn meissner_frames_restore(
     frames: *const meissner_frames,
@@ -198,7 +199,7 @@ pub unsafe extern "C" fn meissner_frames_restore(
     })
 }
 
-/// Ends a frame engine, after the call that another thread has in it.
+/// Ends a frame engine. Waits for the call of another thread that is using it.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn meissner_frames_release(frames: *mut meissner_frames) {
     FRAMES.release(frames);

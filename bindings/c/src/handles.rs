@@ -1,8 +1,9 @@
 //! Handles: what C holds instead of pointers, and the values behind them.
 //!
-//! A handle is a number, not an address. It names a slot of a table, and which of the slot's
-//! values. So a handle that has ended is known to have, and a call that begins while another thread
-//! releases the handle finds the value or a refusal, never freed memory: slots stay.
+//! A handle is a number, not an address. It identifies a slot of a table and one of the slot's
+//! successive values. So a call recognizes a handle that has ended. A call that begins while
+//! another thread releases the handle finds the value or is refused. It never reads freed memory,
+//! because slots stay.
 //!
 //! ```text
 //! bits of a handle (64):  generation 36 | slot 24 | kind 4
@@ -21,20 +22,22 @@ use crate::status::{Failure, Status, call};
 const KIND_BITS: u32 = 4;
 pub(crate) const SLOT_BITS: u32 = if usize::BITS == 64 { 24 } else { 16 };
 const GENERATIONS: usize = usize::MAX >> (KIND_BITS + SLOT_BITS);
-/// The generation of a new slot: no processor maps such an address, so that reading it stops.
+/// The generation of a new slot: no processor maps such an address, so a read of it stops the
+/// program.
 const FIRST: usize = GENERATIONS / 4 + 1;
-/// Slots of the first chunk; each further one has twice as many.
+/// Slots of the first chunk; each later chunk has twice as many as the one before.
 pub(crate) const CHUNK: usize = 16;
 pub(crate) const CHUNKS: usize = (SLOT_BITS - CHUNK.ilog2()) as usize;
 
-/// The values of one kind of handle, pointers to `H` for C. One thread at a time uses a value.
+/// The values of one kind of handle. The handles are pointers to `H` for C. One thread at a time
+/// uses a value.
 pub(crate) struct Handles<H, T> {
     kind: usize,
-    /// Whether the values have threads, which a forked child has not.
+    /// Whether the values have threads, which a forked child does not have.
     has_threads: bool,
-    /// What messages call such a handle.
+    /// Name of such a handle in messages.
     name: &'static str,
-    /// They are made when they are needed, and stay.
+    /// Chunks are made when they are needed, and stay.
     chunks: [OnceLock<Box<[Slot<T>]>>; CHUNKS],
     free: Mutex<Free>,
     pointers: PhantomData<fn(*const H)>,
@@ -51,12 +54,12 @@ struct Slot<T> {
 /// Slots without a value.
 struct Free {
     left: Vec<usize>,
-    /// Slots that have ever had one.
+    /// Number of slots that have ever had a value.
     used: usize,
 }
 
 impl<H, T: Send> Handles<H, T> {
-    /// A table. `kind` is 1 to 15, another one for each.
+    /// A table. `kind` is 1 to 15 and different for each table.
     pub(crate) const fn new(kind: usize, name: &'static str) -> Self {
         Self {
             kind,
@@ -68,7 +71,7 @@ impl<H, T: Send> Handles<H, T> {
         }
     }
 
-    /// The same, of values that have threads: in a forked child, every call is refused.
+    /// A table of values that have threads: in a forked child, every call is refused.
     pub(crate) const fn with_threads(kind: usize, name: &'static str) -> Self {
         let mut made = Self::new(kind, name);
         made.has_threads = true;
@@ -101,7 +104,7 @@ impl<H, T: Send> Handles<H, T> {
         Ok(ptr::without_provenance_mut(number))
     }
 
-    /// Runs `body` on the value of `handle`; refuses if another call does so at this moment.
+    /// Runs `body` on the value of `handle`; refuses if another call is using it.
     pub(crate) fn with<R>(
         &self,
         handle: *const H,
@@ -111,7 +114,7 @@ impl<H, T: Send> Handles<H, T> {
         body(self.hold(slot, generation)?.as_mut().ok_or_else(|| self.ended())?)
     }
 
-    /// As [`Self::with`], for what cannot fail.
+    /// As [`Self::with`], for a `body` that cannot fail.
     pub(crate) fn act(&self, handle: *const H, body: impl FnOnce(&mut T)) -> Result<(), Failure> {
         self.with(handle, |value| {
             body(value);
@@ -123,7 +126,7 @@ impl<H, T: Send> Handles<H, T> {
     pub(crate) fn take(&self, handle: *const H) -> Result<T, Failure> {
         let (slot, generation) = self.find(handle)?;
         let mut value = self.hold(slot, generation)?;
-        // A release that has begun meanwhile takes it.
+        // A release that began meanwhile takes the value.
         if !slot.end(generation) {
             return Err(self.ended());
         }
@@ -132,17 +135,17 @@ impl<H, T: Send> Handles<H, T> {
         Ok(*value?)
     }
 
-    /// Ends `handle` and drops its value, once no call uses it any more. NULL, and what has ended
-    /// or is no handle, is ignored.
+    /// Ends `handle` and drops its value when no call uses it any more. Ignores NULL, handles that
+    /// have ended and pointers that are no handles.
     pub(crate) fn release(&self, handle: *const H) {
         let Ok((slot, generation)) = self.find(handle) else { return };
-        // From here on no call begins; only the one that is inside ends.
+        // From here on no call begins. Only a call that is already inside can finish.
         if !slot.end(generation) {
             return;
         }
         let is_ours = slot.process.load(Ordering::Relaxed) == process::id();
         let value = match slot.value.try_lock() {
-            // The thread that holds it, or that would have to end, is not in this process.
+            // The thread that holds the value, or that would have to end, is not in this process.
             Err(TryLockError::WouldBlock) if !is_ours => return,
             Ok(_) if self.has_threads && !is_ours => return,
             Err(TryLockError::WouldBlock) => slot.value.lock().unwrap_or_else(PoisonError::into_inner).take(),
@@ -156,7 +159,7 @@ impl<H, T: Send> Handles<H, T> {
         });
     }
 
-    /// The slot of a handle, and its generation by the handle's own account.
+    /// The slot of a handle, and the generation that the handle states.
     fn find(&self, handle: *const H) -> Result<(&Slot<T>, usize), Failure> {
         let number = handle.addr();
         if number == 0 {
@@ -214,10 +217,10 @@ impl<H, T: Send> Handles<H, T> {
 }
 
 impl<H, T: Send + Clone> Handles<H, T> {
-    /// A copy of the value of `handle`, which any number of threads may ask for at once.
+    /// A copy of the value of `handle`. Any number of threads may request it at once.
     pub(crate) fn get(&self, handle: *const H) -> Result<T, Failure> {
         let (slot, generation) = self.find(handle)?;
-        // Held for a copy.
+        // The lock is held only for a copy.
         let value = slot.value.lock().unwrap_or_else(PoisonError::into_inner);
         let is_there = slot.generation.load(Ordering::Acquire) == generation;
         value.as_deref().filter(|_| is_there).cloned().ok_or_else(|| self.ended())
@@ -229,14 +232,14 @@ impl<T> Slot<T> {
         Self { generation: AtomicUsize::new(FIRST), process: AtomicU32::new(0), value: Mutex::new(None) }
     }
 
-    /// Ends a generation; whether it was this one's turn.
+    /// Ends `generation`. Returns whether it was the slot's current generation.
     fn end(&self, generation: usize) -> bool {
         let next = if generation == GENERATIONS { 0 } else { generation + 1 };
         self.generation.compare_exchange(generation, next, Ordering::AcqRel, Ordering::Acquire).is_ok()
     }
 }
 
-/// A call that needs threads of the process that forked this one.
+/// The failure of a call that needs threads of the process that forked this one.
 pub(crate) fn forked(name: &str) -> Failure {
     let expected = "one that was made in this process, after the fork";
     let text =
@@ -244,12 +247,12 @@ pub(crate) fn forked(name: &str) -> Failure {
     Failure::new(Status::MEISSNER_FORKED, text)
 }
 
-/// The slot of a handle.
+/// Index of a handle's slot.
 pub(crate) fn index<H>(handle: *const H) -> usize {
     handle.addr() >> KIND_BITS & ((1 << SLOT_BITS) - 1)
 }
 
-/// Chunk and place of a slot.
+/// Chunk of a slot, and its index in the chunk.
 pub(crate) fn place(index: usize) -> (usize, usize) {
     let chunk = (index / CHUNK + 1).ilog2();
     (chunk as usize, index - CHUNK * ((1 << chunk) - 1))

@@ -1,4 +1,4 @@
-//! The engine from C and C++: what `include/meissner.h` declares.
+//! The C and C++ interface of the engine, as `include/meissner.h` declares it.
 //!
 //! ```text
 //! C program -> meissner_c: arguments checked, panics caught -> meissner: Engine, FrameEngine, Live
@@ -10,11 +10,12 @@
 //! | `engine.rs` | `meissner_engine_*`: events to predictions |
 //! | `frames.rs` | `meissner_frames_*`: frames to predictions |
 //! | `live.rs` | `meissner_input_*`, `meissner_live_*`: a queue, a thread, deadlines |
-//! | `log.rs` | `meissner_set_log`, and what it is told |
-//! | `handles.rs` | what handles stand for, and who may use it when |
+//! | `log.rs` | `meissner_set_log`, and the warnings that it receives |
+//! | `handles.rs` | the values behind handles, and which thread may use them when |
 //! | `status.rs` | results of calls, and their texts |
 //!
-//! The header's comments state what callers must know. A test makes it from this source.
+//! The header's comments state what callers must know. A test generates the header from this
+//! source.
 #![expect(unsafe_code, reason = "the interface is made of raw pointers; each use of one says why it holds")]
 #![allow(non_camel_case_types, reason = "the names are those of the header")]
 #![expect(
@@ -52,7 +53,7 @@ pub extern "C" fn meissner_version() -> u32 {
         + number(env!("CARGO_PKG_VERSION_PATCH"))
 }
 
-/// The version as text, for example "0.2.0". It stays valid.
+/// The version as text, for example "0.2.0". The pointer stays valid.
 #[unsafe(no_mangle)]
 pub extern "C" fn meissner_version_text() -> *const c_char {
     const TEXT: &str = concat!(env!("CARGO_PKG_VERSION"), "\0");

@@ -27,13 +27,13 @@ struct Controller {
     network: Arc<Loaded>,
 }
 
-/// When the queue is full, the oldest waiting event makes room.
+/// When the queue is full, the oldest waiting event is dropped.
 pub const MEISSNER_OVERLOAD_DROP_OLDEST: u32 = 0;
 /// When the queue is full, the thread that pushes waits: nothing is dropped.
 pub const MEISSNER_OVERLOAD_BLOCK: u32 = 1;
 /// When the queue is full, new events are dropped.
 pub const MEISSNER_OVERLOAD_DROP_NEWEST: u32 = 2;
-/// From when the queue is half full until it is a quarter full, one event of `stride` enters.
+/// From half full until a quarter full, the queue takes one of every `stride` events.
 pub const MEISSNER_OVERLOAD_THIN: u32 = 3;
 
 /// Options of a live engine. 0 is the default of each.
@@ -42,23 +42,24 @@ pub const MEISSNER_OVERLOAD_THIN: u32 = 3;
 pub struct meissner_live_options {
     /// `sizeof(meissner_live_options)`.
     pub size: usize,
-    /// Most waiting events, of 16 bytes each; 0 for 65,536.
+    /// Maximum number of waiting events, of 16 bytes each; 0 for 65,536.
     pub capacity: u64,
-    /// Most events that the engine takes before it looks whether a prediction is due; 0 for 64.
+    /// Maximum number of events that the engine takes before it checks whether a prediction is due;
+    /// 0 for 64.
     pub batch: u64,
-    /// MEISSNER_OVERLOAD_DROP_OLDEST or another.
+    /// MEISSNER_OVERLOAD_DROP_OLDEST or another MEISSNER_OVERLOAD constant.
     pub overload: u32,
-    /// With MEISSNER_OVERLOAD_THIN, at least 1.
+    /// Used with MEISSNER_OVERLOAD_THIN; at least 1.
     pub stride: u32,
-    /// 1 if the engine computes while no event waits and no prediction is asked for: answers come
+    /// 1 if the engine computes while no event waits and no prediction is requested: answers come
     /// sooner, and more is computed in total.
     pub ahead: u64,
 }
 
-// SAFETY: `repr(C)` with integers alone, the first of which is the size.
+// SAFETY: `repr(C)` with only integers, the first of which is the size.
 unsafe impl Versioned for meissner_live_options {}
 
-/// What a live prediction is of, and how old it is.
+/// Facts about a live prediction, and its age.
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
 pub struct meissner_timely {
@@ -79,24 +80,26 @@ pub struct meissner_timely {
     pub waited_ns: u64,
     /// 1 if an event has set `t_us`.
     pub has_time: u32,
-    /// 1 if it covers every event that had been pushed, except those that the queue dropped: none
-    /// waits, and the engine has lost none.
+    /// 1 if it covers every event that had been pushed, except those that the queue dropped: no
+    /// event waits, and the engine has lost none.
     pub fresh: u32,
-    /// 1 if it was computed for this call, 0 if it is the newest that was finished by the deadline.
+    /// 1 if it was computed for this call, 0 if it is the newest prediction that was finished by
+    /// the deadline.
     pub own: u32,
-    /// Events since the prediction before that the engine was given and that are not in this one:
-    /// late, outside the sensor, far ahead, or held until it is clear whether the sensor's clock
-    /// has restarted.
+    /// Events since the previous prediction that the engine received and that this one does not
+    /// cover: late, outside the sensor, far ahead, or held until it is clear whether the sensor's
+    /// clock has restarted.
     pub lost_events: u64,
-    /// Events that the queue dropped since the prediction before.
+    /// Events that the queue dropped since the previous prediction.
     pub dropped_events: u64,
-    /// Restarts of the sensor's clock since the prediction before, each of which reset the engine.
+    /// Restarts of the sensor's clock since the previous prediction, each of which reset the
+    /// engine.
     pub restarts: u64,
-    /// How unlike the window is to those of the training, as in `meissner_prediction`.
+    /// How much the window differs from those of the training, as in `meissner_prediction`.
     pub unlike: f32,
 }
 
-// SAFETY: `repr(C)` with numbers alone, the first of which is the size.
+// SAFETY: `repr(C)` with only numbers, the first of which is the size.
 unsafe impl Versioned for meissner_timely {}
 
 /// Counts of pushed events. `offered` is the sum of `delivered`, `waiting` and the dropped ones.
@@ -117,13 +120,13 @@ pub struct meissner_queue_counters {
     pub dropped_newest: u64,
     /// Dropped by thinning.
     pub thinned: u64,
-    /// Most events that have been waiting at a time.
+    /// Maximum number of events that have waited at the same time.
     pub high_water: u64,
     /// Nanoseconds for which the thread that pushes has waited for room.
     pub blocked_ns: u64,
 }
 
-// SAFETY: `repr(C)` with integers alone, the first of which is the size.
+// SAFETY: `repr(C)` with only integers, the first of which is the size.
 unsafe impl Versioned for meissner_queue_counters {}
 
 fn queue_options(options: meissner_live_options) -> Result<QueueOptions, Failure> {
@@ -146,9 +149,9 @@ fn queue_options(options: meissner_live_options) -> Result<QueueOptions, Failure
     Ok(if options.batch == 0 { made } else { made.with_batch(number(options.batch, "batch")?) })
 }
 
-/// Starts a thread that owns the engine and reads from a queue: `input` is for the thread that has
-/// the events, `live` for the one that needs predictions. It starts in the present state of
-/// `engine`, which stays the caller's. `options` may be NULL. Allocates.
+/// Starts a thread that owns an engine and reads from a queue. `input` is for the thread that has
+/// the events, `live` for the thread that needs predictions. The live engine starts in the current
+/// state of `engine`, which stays the caller's. `options` may be NULL. Allocates.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn meissner_live_new(
     engine: *const meissner_engine,
@@ -187,7 +190,7 @@ pub unsafe extern "C" fn meissner_input_push_events(
     })
 }
 
-/// As `meissner_input_push_events`, from arrays as those of `meissner_engine_push_arrays`.
+/// As `meissner_input_push_events`, from arrays like those of `meissner_engine_push_arrays`.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn meissner_input_push_arrays(
     input: *const meissner_input,
@@ -204,7 +207,7 @@ pub unsafe extern "C" fn meissner_input_push_arrays(
     })
 }
 
-/// Pushes events by way of a small array, as the queue takes slices.
+/// Pushes events through a small array, because the queue takes slices.
 fn push_all(input: &mut Input, mut events: impl Iterator<Item = Event>) -> Result<(), Failure> {
     let mut chunk = [Event::new(0, 0, 0, false); 256];
     loop {
@@ -227,10 +230,10 @@ pub unsafe extern "C" fn meissner_input_advance(input: *const meissner_input, t_
     call(|| INPUTS.act(input, |input| input.advance(t_us)))
 }
 
-/// The prediction for all events pushed by now or, when `deadline_ns` nanoseconds have passed, the
-/// newest finished one, with its age; UINT64_MAX waits for all events. Writes the network's outputs
-/// to `values`, which has room for `length`, and what the prediction is of to `timely`, which may
-/// be NULL.
+/// Gives the prediction for all events pushed so far or, after `deadline_ns` nanoseconds, the
+/// newest finished prediction, with its age; UINT64_MAX waits for all events. Writes the network's
+/// outputs to `values`, which has room for `length` values, and facts about the prediction to
+/// `timely`, which may be NULL.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn meissner_live_predict(
     live: *const meissner_live,
@@ -315,10 +318,10 @@ pub unsafe extern "C" fn meissner_live_event_counters(
     })
 }
 
-/// Ends a live engine, as `meissner_live_release`, and gives its engine back through `engine`.
-/// Waiting events are discarded: predict with a deadline of UINT64_MAX first to have them taken.
-/// While another thread is in a call with `live`, the status is MEISSNER_BUSY and nothing has
-/// changed. After MEISSNER_OK and MEISSNER_PANICKED, the handle has ended.
+/// Ends a live engine, as `meissner_live_release` does, and returns its engine through `engine`.
+/// Waiting events are discarded: predict first with a deadline of UINT64_MAX so that the engine
+/// takes them. While another thread is in a call with `live`, the status is MEISSNER_BUSY and
+/// nothing has changed. After MEISSNER_OK and MEISSNER_PANICKED, the handle has ended.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn meissner_live_close(
     live: *mut meissner_live,
@@ -333,15 +336,15 @@ pub unsafe extern "C" fn meissner_live_close(
     })
 }
 
-/// Ends a live engine and its thread, after the call that another thread has in it. Waiting events
-/// are discarded.
+/// Ends a live engine and its thread. Waits for the call of another thread that is using it.
+/// Waiting events are discarded.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn meissner_live_release(live: *mut meissner_live) {
     LIVES.release(live);
 }
 
-/// Ends the sensor's side, after the call that another thread has in it. The controller's side goes
-/// on.
+/// Ends the sensor's side. Waits for the call of another thread that is using it. The controller's
+/// side keeps working.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn meissner_input_release(input: *mut meissner_input) {
     INPUTS.release(input);

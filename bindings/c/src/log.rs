@@ -1,5 +1,4 @@
-//! What the library has to say that is no error: for a function of the caller, and for calls that
-//! return it.
+//! Warnings of the library: a function of the caller receives them, and calls return them.
 
 use std::ffi::{CString, c_char, c_void};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -21,17 +20,19 @@ struct Log {
     user: *mut c_void,
 }
 
-// SAFETY: the pointer is only handed back to the caller, who was told that any thread does so.
+// SAFETY: the pointer is only passed back to the caller's function, which any thread may call, as
+// the documentation of `meissner_log` says.
 unsafe impl Send for Log {}
 
-/// Of `LOG`, for whoever must not wait while a warning is told.
+/// Whether `LOG` has a function. Threads that must not wait for a running warning read it.
 static IS_READ: AtomicBool = AtomicBool::new(false);
 static LOG: Mutex<Log> = Mutex::new(Log { function: None, user: std::ptr::null_mut() });
 
-/// Sets the function that takes warnings: weights that are untrained or were trained on another
-/// sensor, and lost events, at most once a second for each engine. NULL, the default, drops them;
-/// `meissner_network_warnings` and `meissner_engine_warnings` return them. The function must call
-/// none of the library, must not unwind, and is not called any more once this call has returned.
+/// Sets the function that receives warnings: about weights that are untrained or were trained on
+/// another sensor, and about lost events, at most once a second for each engine. NULL, the default,
+/// drops the warnings; `meissner_network_warnings` and `meissner_engine_warnings` return them. The
+/// function must not call the library and must not unwind. After this call has returned, the
+/// previous function is not called any more.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn meissner_set_log(function: meissner_log, user: *mut c_void) {
     IS_READ.store(function.is_some(), Ordering::Relaxed);
@@ -46,12 +47,12 @@ pub(crate) fn is_read() -> bool {
 pub(crate) fn warn(text: &str) {
     let log = LOG.lock().unwrap_or_else(PoisonError::into_inner);
     if let (Some(function), Ok(text)) = (log.function, CString::new(text)) {
-        // SAFETY: the caller's function, with what it was promised.
+        // SAFETY: the caller's function, with the arguments that `meissner_log` promises.
         unsafe { function(text.as_ptr(), log.user) };
     }
 }
 
-/// Time between two warnings of losses of an engine.
+/// Minimum time between two warnings about an engine's losses.
 const PERIOD: Duration = Duration::from_secs(1);
 
 /// Reasons for which more than one of a hundred events was dropped, and restarts of the clock.
@@ -84,14 +85,14 @@ pub(crate) fn warnings_of_losses(events: &EventCounters, sensor: Sensor) -> Vec<
     found
 }
 
-/// When the losses of an engine were last looked at.
+/// When the losses of an engine were last checked.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct LossWatch {
     last: Option<Instant>,
 }
 
 impl LossWatch {
-    /// Whether it is time to tell losses. Nothing is allocated for a log that nobody reads.
+    /// Whether it is time to report losses. Nothing is allocated for a log that nobody reads.
     pub(crate) fn is_due(&mut self) -> bool {
         if !is_read() || self.last.is_some_and(|last| last.elapsed() < PERIOD) {
             return false;
@@ -101,7 +102,8 @@ impl LossWatch {
     }
 }
 
-/// Writes `lines` to `text`, which has room for `capacity` bytes, and their number to `length`.
+/// Writes `lines` to `text`, which has room for `capacity` bytes, and the number of bytes to
+/// `length`.
 ///
 /// # Safety
 /// As [`write_bytes`].
@@ -113,9 +115,9 @@ pub(crate) unsafe fn write_lines(
 ) -> Result<(), Failure> {
     let bytes = || {
         let lines = lines()?.iter().flat_map(|line| [line, "\n"]).collect::<String>();
-        // The names in it are of files: a NUL would end it.
+        // The text contains names from files: a NUL in a name would end the text.
         Ok((lines.replace('\0', " ") + "\0").into_bytes())
     };
-    // SAFETY: the caller's.
+    // SAFETY: the caller promises it.
     unsafe { write_bytes(text.cast(), capacity, "text", length, bytes) }
 }

@@ -20,11 +20,11 @@ pub struct meissner_network(());
 
 pub(crate) static NETWORKS: Handles<meissner_network, Arc<Loaded>> = Handles::new(1, "network");
 
-/// What a handle of a network stands for.
+/// The value behind a handle of a network.
 pub(crate) struct Loaded {
     kind: Kind,
     name: CString,
-    /// Name and unit of each.
+    /// Name and unit of each output.
     outputs: Vec<[CString; 2]>,
     card: Card,
     warnings: Vec<String>,
@@ -51,18 +51,19 @@ pub struct meissner_network_options {
     /// Length of the window in microseconds, instead of the description's. Networks over events
     /// only.
     pub span_us: i64,
-    /// Most events in the window, instead of the description's. Networks over events only.
+    /// Maximum number of events in the window, instead of the description's. Networks over events
+    /// only.
     pub capacity: u64,
-    /// Most neighbours of an event, at most the description's: an approximation. Networks over
-    /// events only.
+    /// Maximum number of neighbours of an event, at most the description's: an approximation.
+    /// Networks over events only.
     pub neighbours: u64,
-    /// MEISSNER_CONVOLUTION_DIRECT or another. Frame networks only.
+    /// MEISSNER_CONVOLUTION_DIRECT or another MEISSNER_CONVOLUTION constant. Frame networks only.
     pub convolution: u32,
     /// 1 to take weights that were trained on other graphs or frames than the description's.
     pub ignore_preparation: u32,
 }
 
-// SAFETY: `repr(C)` with integers alone, the first of which is the size.
+// SAFETY: `repr(C)` with only integers, the first of which is the size.
 unsafe impl Versioned for meissner_network_options {}
 
 /// A network over events.
@@ -86,15 +87,15 @@ pub struct meissner_network_info {
     pub outputs: u64,
     /// Length of the window in microseconds; 0 for frame networks.
     pub span_us: i64,
-    /// Most events in the window; 0 for frame networks.
+    /// Maximum number of events in the window; 0 for frame networks.
     pub capacity: u64,
     /// Number of layers that are counted.
     pub layers: u64,
-    /// The weights were trained on every `stride`-th event: push as many. At least 1.
+    /// The weights were trained on every `stride`-th event: push the same share. At least 1.
     pub stride: u64,
-    /// Columns of the sensor of the training; 0 if the weights do not say.
+    /// Columns of the training's sensor; 0 if the weights do not say.
     pub sensor_width: u16,
-    /// Rows of the sensor of the training; 0 if the weights do not say.
+    /// Rows of the training's sensor; 0 if the weights do not say.
     pub sensor_height: u16,
     /// Shape of a frame, for frame networks; a vector has a height and width of 1.
     pub input_channels: u32,
@@ -110,7 +111,7 @@ pub struct meissner_network_info {
     pub output_width: u32,
 }
 
-// SAFETY: `repr(C)` with integers and a pointer alone, the first of which is the size.
+// SAFETY: `repr(C)` with only integers and a pointer, the first of which is the size.
 unsafe impl Versioned for meissner_network_info {}
 
 impl Kind {
@@ -184,19 +185,19 @@ impl Loaded {
         Ok(Self { kind, name: c_string(name), outputs: outputs.collect(), card, warnings })
     }
 
-    /// The warning of a sensor that is not that of the training.
+    /// The warning about a sensor that is not the training's.
     pub(crate) fn warning_of_sensor(&self, sensor: Sensor) -> Option<String> {
         let trained = self.card.sensor.filter(|&trained| trained != sensor)?;
         let name = self.name.to_string_lossy();
         Some(format!("{name}: the weights were trained on a sensor of {trained}, not {sensor}"))
     }
 
-    /// What was warned of when it was made.
+    /// The warnings from when the network was made.
     pub(crate) fn warnings(&self) -> &[String] {
         &self.warnings
     }
 
-    /// The network over events that it is.
+    /// The network over events. Refuses a frame network.
     pub(crate) fn of_events(&self) -> Result<&Arc<Network>, Failure> {
         match &self.kind {
             Kind::Events(network) => Ok(network),
@@ -204,7 +205,7 @@ impl Loaded {
         }
     }
 
-    /// The frame network that it is.
+    /// The frame network. Refuses a network over events.
     pub(crate) fn of_frames(&self) -> Result<&Arc<FrameNetwork>, Failure> {
         match &self.kind {
             Kind::Frames(network) => Ok(network),
@@ -270,8 +271,8 @@ pub(crate) fn flag(value: u32, what: &str) -> Result<bool, Failure> {
     }
 }
 
-/// A count as the library takes it. One that only an unsigned number of 64 bits holds is refused
-/// here: it would become a negative one.
+/// A count as the library takes it. A count that only fits an unsigned number of 64 bits is refused
+/// here: it would become negative.
 pub(crate) fn number(count: u64, what: &str) -> Result<usize, Failure> {
     let fits = i64::try_from(count).ok().and_then(|count| usize::try_from(count).ok());
     fits.ok_or_else(|| Failure::argument(what, format!("at most {}", isize::MAX), count))
@@ -288,9 +289,10 @@ fn c_string(text: &str) -> CString {
     CString::new(text.replace('\0', " ")).unwrap_or_default()
 }
 
-/// Makes a network. `network` is the name of one that comes with the library ("tactigraph-past"),
-/// or the path of a description. `weights` is the path of a safetensors file or of a PyTorch state
-/// dict; NULL for the weights that come with the library. `options` may be NULL. Allocates.
+/// Makes a network. `network` is the name of a network that comes with the library
+/// ("tactigraph-past"), or the path of a description. `weights` is the path of a safetensors file
+/// or of a PyTorch state dict; NULL for the weights that come with the library. `options` may be
+/// NULL. Allocates.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn meissner_network_open(
     network: *const c_char,
@@ -396,10 +398,10 @@ pub unsafe extern "C" fn meissner_network_output(
     })
 }
 
-/// Writes the warnings about a network, each a line, to `text`, which has room for `capacity`
-/// bytes, and their number with the NUL at the end to `length`: weights that were drawn from a
-/// seed, or trained on other graphs or frames. If there is too little room, only `length` is
-/// written: call with a `capacity` of 0 to ask for it. Allocates.
+/// Writes the warnings about a network to `text`, one on each line, and the number of bytes with
+/// the NUL at the end to `length`. `text` has room for `capacity` bytes. The warnings are about
+/// weights that were drawn from a seed, or trained on other graphs or frames. If there is too
+/// little room, only `length` is written: call with a `capacity` of 0 to get it. Allocates.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn meissner_network_warnings(
     network: *const meissner_network,
@@ -414,8 +416,8 @@ pub unsafe extern "C" fn meissner_network_warnings(
     })
 }
 
-/// The name of network `index` of those that come with the library, or NULL after the last. It
-/// stays valid.
+/// The name of network `index` among those that come with the library, or NULL after the last. The
+/// pointer stays valid.
 #[unsafe(no_mangle)]
 pub extern "C" fn meissner_shipped_network(index: usize) -> *const c_char {
     static NAMES: OnceLock<Vec<CString>> = OnceLock::new();
@@ -423,7 +425,7 @@ pub extern "C" fn meissner_shipped_network(index: usize) -> *const c_char {
     names.get(index).map_or(ptr::null(), |name| name.as_ptr())
 }
 
-/// Ends a network. Engines of it go on.
+/// Ends a network. Its engines keep working.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn meissner_network_release(network: *mut meissner_network) {
     NETWORKS.release(network);

@@ -28,8 +28,8 @@ pub enum meissner_status {
     MEISSNER_BUFFER_TOO_SMALL = 5,
     /// The engine would need more memory than its limit.
     MEISSNER_MEMORY_LIMIT = 6,
-    /// A layer computed NaN: there is no prediction. The engine predicts again once what caused it
-    /// has left the window.
+    /// A layer computed NaN: there is no prediction. The engine predicts again once the cause has
+    /// left the window.
     MEISSNER_NOT_A_NUMBER = 7,
     /// Bytes are not a snapshot of such an engine.
     MEISSNER_INVALID_SNAPSHOT = 8,
@@ -64,13 +64,13 @@ impl Failure {
         self.status
     }
 
-    /// An argument that is not one of those expected.
+    /// An argument with an unexpected value.
     pub(crate) fn argument(what: &str, expected: impl ToString, found: impl ToString) -> Self {
         let text = format!("{what}: expected {}, found {}", expected.to_string(), found.to_string());
         Self::new(Status::MEISSNER_INVALID_ARGUMENT, text)
     }
 
-    /// `error` with what caused it.
+    /// `error` with its causes.
     pub(crate) fn of(status: Status, error: &dyn Error) -> Self {
         let mut text = error.to_string();
         let mut cause = error.source();
@@ -126,17 +126,17 @@ thread_local! {
     static TEXT: RefCell<CString> = RefCell::default();
 }
 
-/// Runs the body of a function of the interface: keeps the text of a failure, and lets no panic
-/// out.
+/// Runs the body of a function of the interface: keeps the text of a failure, and catches every
+/// panic.
 pub(crate) fn call(body: impl FnOnce() -> Result<(), Failure>) -> Status {
     let failure = match catch_unwind(AssertUnwindSafe(body)) {
         Ok(Ok(())) => return Status::MEISSNER_OK,
         Ok(Err(failure)) => failure,
         Err(cause) => Failure::new(Status::MEISSNER_PANICKED, panic_text(&*cause)),
     };
-    // A text holds no NUL, except where a caller's own string was quoted, which ends at its first.
+    // A text contains NUL only where it quotes a string of the caller.
     let text = CString::new(failure.text.replace('\0', " ")).unwrap_or_default();
-    // While a thread ends, there is no place for the text any more.
+    // While a thread ends, the text cannot be stored any more.
     let _ = TEXT.try_with(|last| last.replace(text));
     failure.status
 }
@@ -147,8 +147,8 @@ fn panic_text(cause: &(dyn Any + Send)) -> String {
     format!("a fault in the library: {}", text.unwrap_or_else(|| "without a message".to_owned()))
 }
 
-/// What the last call of this thread that failed expected and found, in UTF-8. Valid until another
-/// call of this thread fails; empty before the first.
+/// What the last failed call of this thread expected and found, in UTF-8. The text is valid until
+/// another call of this thread fails, and empty before the first failure.
 #[unsafe(no_mangle)]
 pub extern "C" fn meissner_error_text() -> *const c_char {
     TEXT.try_with(|last| last.borrow().as_ptr()).unwrap_or(c"".as_ptr())

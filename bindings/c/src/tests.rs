@@ -1,4 +1,4 @@
-//! Handles, and what is warned of.
+//! Handles and warnings.
 
 use std::ptr::null;
 use std::sync::mpsc;
@@ -81,7 +81,7 @@ fn what_is_no_handle_is_refused() {
 #[test]
 fn a_release_waits_for_the_call_inside_and_lets_no_other_in() {
     struct Sends(*mut Kind);
-    // SAFETY: nothing is where it points.
+    // SAFETY: a handle is a number, and nothing is stored at that address.
     unsafe impl Send for Sends {}
 
     let table = Table::new(1, "value");
@@ -107,7 +107,7 @@ fn a_release_waits_for_the_call_inside_and_lets_no_other_in() {
     tells.recv().expect("dropped by the release");
 }
 
-/// Tells that it is dropped.
+/// Sends a message when it is dropped.
 struct Told(mpsc::Sender<()>);
 
 impl Drop for Told {

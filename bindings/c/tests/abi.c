@@ -1,4 +1,4 @@
-// The interface as a C program meets it, for sanitizers and valgrind: every function, and what it refuses.
+// The interface from a C program, for sanitizers and valgrind: every function and its refusals.
 #include <math.h>
 #include <pthread.h>
 #include <stdio.h>
@@ -25,7 +25,7 @@ static int64_t t_us[EVENTS];
 static uint16_t x[EVENTS], y[EVENTS];
 static int8_t polarity[EVENTS];
 
-// A linear congruence: events in a moving square, some off the sensor, some late.
+// A linear congruential generator: events in a moving square, some off the sensor, some late.
 static void make_events(void) {
   uint32_t state = 7;
   for (int i = 0; i < EVENTS; i++) {
@@ -168,7 +168,7 @@ static void *push(void *input) {
   return meissner_input_advance(input, EVENTS * 60) == MEISSNER_OK ? NULL : input;
 }
 
-// A forked child has none of the threads: it is told so, and waits for nobody. What it makes itself works.
+// A forked child has none of the threads: calls that need them return MEISSNER_FORKED and do not wait. Handles that the child makes work.
 static void forked(meissner_network *network, meissner_engine *engine, meissner_live *live, meissner_input *input) {
   meissner_network *of_frames = NULL;
   meissner_frames *frames = NULL;
@@ -200,7 +200,7 @@ static void forked(meissner_network *network, meissner_engine *engine, meissner_
     OK(meissner_live_close(live, &back));
     meissner_engine_release(back), meissner_input_release(input);
     OK(meissner_engine_new(network, 120, 80, NULL, &back));
-    // Valgrind would miss what the threads of the parent hold.
+    // Valgrind would report the memory that the parent's threads hold as lost.
     execlp("true", "true", (char *)NULL);
     _exit(1);
   }
@@ -226,7 +226,7 @@ static void live(meissner_network *network) {
   void *failed = input;
   ASSERT(pthread_join(sensor, &failed) == 0 && failed == NULL);
   OK(meissner_live_predict(live, UINT64_MAX, values, 2, &timely));
-  // Late events are lost, which makes a prediction stale; since then nothing was lost.
+  // Lost late events make the first prediction stale. Nothing is lost after it.
   ASSERT(timely.fresh == 0 && timely.behind_events == 0);
   OK(meissner_live_predict(live, UINT64_MAX, values, 2, &timely));
   ASSERT(timely.fresh == 1 && timely.behind_events == 0);

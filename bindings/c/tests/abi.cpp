@@ -53,7 +53,7 @@ int main() {
   std::thread sensor([&events, &input = input] { input.push(events); });
   sensor.join();
   ASSERT(same(live.predict().values, first.values) && live.counters().delivered == events.size());
-  // The counts of the snapshot, and those since.
+  // The counts of the snapshot plus the counts since then.
   ASSERT(live.event_counters().accepted == 2 * events.size());
   auto back = std::move(live).close();
   ASSERT(same(back.predict().values, first.values));

@@ -34,7 +34,7 @@ fn count() {
     let _ = COUNT.try_with(|count| count.set(count.get() + 1));
 }
 
-// SAFETY: every call goes to the system's allocator as it came.
+// SAFETY: every call goes unchanged to the system's allocator.
 unsafe impl GlobalAlloc for Counting {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
         count();
@@ -167,14 +167,14 @@ impl Spoken {
 impl Predictor for Spoken {
     type Input = Event;
 
-    /// Whether the event entered; of one that did not, the interface tells no reason.
+    /// Whether the event entered. If it did not, the interface gives no reason.
     fn push(&mut self, event: &Event) -> Result<Outcome, EngineError> {
         let (status, entered) = self.handle.push(c_event(event));
         assert_eq!(status, OK);
         Ok(if entered { Outcome::Accepted } else { Outcome::Held })
     }
 
-    /// By each way in turn.
+    /// Uses each way to push in turn.
     fn push_slice(&mut self, events: &[Event]) -> Result<(), EngineError> {
         let events: Vec<meissner_event> = events.iter().map(c_event).collect();
         let before = self.handle.counters().accepted;
@@ -251,7 +251,7 @@ impl Incremental for Spoken {
     }
 
     fn restore_bytes(&mut self, bytes: &[u8]) -> Result<(), EngineError> {
-        // SAFETY: the pointer is that of so many bytes.
+        // SAFETY: the pointer points at `bytes.len()` bytes.
         match unsafe { meissner_engine_restore(self.handle.0, bytes.as_ptr(), bytes.len()) } {
             OK => Ok(()),
             meissner_status::MEISSNER_INVALID_SNAPSHOT => {
@@ -263,7 +263,7 @@ impl Incremental for Spoken {
     }
 }
 
-/// A struct of the interface with zeros but for its size, its first field.
+/// A struct of the interface with zeros except for its size, its first field.
 fn zeros<T>() -> T {
     // SAFETY: zeros are a value of every struct of the interface.
     unsafe {
@@ -337,7 +337,7 @@ fn pushing_advancing_and_predicting_allocate_nothing() {
         assert_eq!(handle.push_events(block).0, OK);
         assert_eq!(handle.push(block[0]), (OK, false), "late");
         assert_eq!(handle.advance(i as i64 * 25_600 + 30_000), OK);
-        // SAFETY: every pointer is valid. A struct of its size alone is one of an older program.
+        // SAFETY: every pointer is valid. A struct with only its size comes from an older program.
         unsafe {
             let (t_us, x, polarity) = (arrays.0.as_ptr(), arrays.1.as_ptr(), arrays.2.as_ptr());
             assert_eq!(meissner_engine_push_arrays(handle.0, t_us, x, x, polarity, 8, null_mut()), OK);
@@ -398,7 +398,7 @@ fn an_engine_goes_on_with_the_restarted_clock_or_keeps_the_old_one_as_the_option
         let resets = policy == RestartPolicy::Reset;
         assert_eq!((found.restarts, found.outliers, found.late == 0), (resets.into(), resets.into(), resets));
 
-        // A program that was built before these counts were there has no room for them.
+        // A program that was built before these counts existed has no room for them.
         // SAFETY: bytes of ones are a value of the struct.
         let mut older: meissner_counters =
             unsafe { std::mem::transmute([0xff_u8; size_of::<meissner_counters>()]) };

@@ -1,8 +1,9 @@
-//! The header says what the library is.
+//! The header matches the library.
 
 use std::path::Path;
 
-/// `include/meissner.h` is what cbindgen makes of the source. `MEISSNER_WRITE` writes it.
+/// `include/meissner.h` is what cbindgen generates from the source. If `MEISSNER_WRITE` is set, the
+/// test writes it.
 #[test]
 fn the_header_is_made_from_the_source() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR"));

@@ -12,7 +12,8 @@ use meissner_c::meissner_status::{
 };
 use meissner_c::*;
 
-/// Memory of the caller, which no refused call may change. As a struct, it states too large a size.
+/// Content of the caller's memory, which no refused call may change. Read as a struct, it states
+/// too large a size.
 const MARK: u64 = 0xaaaa_aaaa_aaaa_aaaa;
 const ROOM: usize = 4096;
 
@@ -30,7 +31,7 @@ struct Scene {
     room: Vec<u64>,
 }
 
-/// What the handles of a scene are, as far as a program can see.
+/// The state of a scene's handles, as far as a program can see it.
 #[derive(PartialEq)]
 struct State(Vec<Vec<u8>>);
 
@@ -44,11 +45,11 @@ fn struct_of<T>(size: usize) -> T {
     }
 }
 
-/// The bytes of what `write` writes to a struct.
+/// The bytes that `write` writes to a struct.
 fn bytes_of<T>(write: impl FnOnce(*mut T) -> meissner_status) -> Vec<u8> {
     let mut made: T = struct_of(size_of::<T>());
     assert_eq!(write(&raw mut made), OK);
-    // SAFETY: the structs that are asked for have no padding.
+    // SAFETY: the requested structs have no padding.
     unsafe { std::slice::from_raw_parts((&raw const made).cast(), size_of::<T>()) }.to_vec()
 }
 
@@ -138,12 +139,13 @@ fn error_text() -> String {
     unsafe { CStr::from_ptr(meissner_error_text()) }.to_string_lossy().into_owned()
 }
 
-/// Pointers to `T`: none, and one that is misaligned.
+/// Pointers to `T`: NULL, and a misaligned one.
 fn bad<T>(room: *mut u64) -> [*mut T; 2] {
     [null_mut(), room.cast::<T>().wrapping_byte_add(1)]
 }
 
-/// Structs that cannot be reported to: none, a misaligned one, and one that states no size.
+/// Pointers that are refused for a struct: NULL, a misaligned one, and one to a struct without a
+/// size.
 fn bad_struct<T>(room: *mut u64) -> [*mut T; 3] {
     static NO_SIZE: [u64; 32] = [0; 32];
     let [none, misaligned] = bad(room);
@@ -171,7 +173,7 @@ fn a_refused_argument_changes_neither_handles_nor_memory() {
     // Calls `$function`, whose text must name `$named`.
     macro_rules! refuse {
         ($status:ident, $named:expr, $function:ident ( $($argument:expr),* $(,)? )) => {
-            // SAFETY: what is not refused is valid.
+            // SAFETY: the arguments that are not refused are valid.
             refused(stringify!($function), $named, $status, unsafe { $function($($argument),*) })
         };
     }
@@ -256,7 +258,7 @@ fn a_refused_argument_changes_neither_handles_nor_memory() {
     refuse!(INVALID, "network", meissner_engine_new(engine.cast(), 40, 30, null(), room.cast()));
     refuse!(INVALID, "sensor", meissner_engine_new(network, 0, 30, null(), room.cast()));
     refuse!(INVALID, "sensor", meissner_engine_new(network, 40, 0, null(), room.cast()));
-    // What is no engine.
+    // Pointers that are no engines.
     for no in [null_mut(), live.cast(), engine.wrapping_byte_add(1), room.cast::<meissner_engine>()] {
         refuse!(INVALID, "engine", meissner_engine_clone(no, room.cast()));
         refuse!(INVALID, "engine", meissner_engine_push(no, 9_000, 1, 1, 1, room.cast()));
@@ -300,7 +302,7 @@ fn a_refused_argument_changes_neither_handles_nor_memory() {
     refuse!(INVALID, &most, meissner_input_push_arrays(input, t_us, x, x, polarity, length));
     refuse!(INVALID, &most, meissner_input_push_events(input, &raw const one, length));
 
-    // What predictions and counts are written to.
+    // Memory that predictions and counts are written to.
     for values in bad(room) {
         refuse!(INVALID, "values", meissner_engine_predict(engine, values, OUTPUTS, room.cast()));
         refuse!(INVALID, "values", meissner_frames_predict(frames, values, 99, room.cast()));

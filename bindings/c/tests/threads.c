@@ -1,4 +1,4 @@
-// Eight threads that push, predict, snapshot, clone, close and release the same handles, for sanitizers and valgrind. What they meet is a
+// Eight threads that push, predict, snapshot, clone, close and release the same handles, for sanitizers and valgrind. Every call returns a
 // result, MEISSNER_BUSY or MEISSNER_CLOSED.
 //
 //     threads [SECONDS]
@@ -21,7 +21,7 @@
 
 enum { THREADS = 8, PLACES = 3, BLOCK = 64, WIDTH = 64, HEIGHT = 48, OUTPUTS = 3, ACTIONS = 20 };
 
-// Handles that every thread uses, those that have ended too, until another one takes their place.
+// Handles that every thread uses. A handle that has ended is used until another one replaces it.
 typedef struct {
   _Atomic(meissner_network *) network;
   _Atomic(meissner_engine *) engine;
@@ -129,7 +129,7 @@ static void *run(void *argument) {
   size_t room = 1;
   uint8_t *bytes = malloc(room);
   ASSERT(bytes != NULL);
-  // Every action comes in 20 rounds, in another order on each thread.
+  // Each 20 rounds do every action once. Each thread starts with a different action.
   for (int round = (int)(random % ACTIONS); !ended; round++) {
     random = random * 1664525u + 1013904223u;
     act(&places[(random >> 8) % PLACES], (int)((unsigned)round * 7 % ACTIONS), random >> 4, &t_us, &bytes, &room);
@@ -154,7 +154,7 @@ int main(int argc, char **argv) {
     ASSERT(pthread_create(&threads[i], NULL, run, &seeds[i]) == 0);
   }
   sleep(seconds);
-  // Under valgrind, threads take turns: two minutes more until each has been done.
+  // Under valgrind, threads take turns: waits up to two minutes more until each action has been done.
   for (int more = 0; more < 120 && !each_was_done(); more++) sleep(1);
   ended = true;
   for (int i = 0; i < THREADS; i++) pthread_join(threads[i], NULL);

@@ -1,4 +1,4 @@
-"""What Python costs: a million events in blocks of 4,096, with a prediction after each block, here and in Rust by turns.
+"""The cost of Python: a million events in blocks of 4,096, with a prediction after each block, alternately here and in Rust.
 
     cargo build --release -p meissner-benches --example c_interface
     python bindings/python/benches/overhead.py target/release/examples/c_interface
@@ -36,7 +36,7 @@ def main():
 
 
 def through_python(events):
-    """Nanoseconds an event, the median over turns of 24,576 events as in the Rust program."""
+    """Nanoseconds per event, the median over turns of 24,576 events as in the Rust program."""
     engine = meissner.Engine("tactigraph-past", sensor=(240, 180))
     out = np.empty(2, np.float32)
     found = []

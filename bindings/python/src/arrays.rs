@@ -24,7 +24,7 @@ pub(crate) fn to_array<'py>(py: Python<'py>, events: &[Event]) -> PyResult<Bound
     PyArray1::from_vec(py, bytes).call_method1("view", (dtype(py)?,))
 }
 
-/// Appends an event as [`dtype`] has it.
+/// Appends an event in the layout of [`dtype`].
 pub(crate) fn put(event: &Event, bytes: &mut Vec<u8>) {
     bytes.extend_from_slice(&event.t_us.to_le_bytes());
     bytes.extend_from_slice(&event.x.to_le_bytes());
@@ -32,7 +32,7 @@ pub(crate) fn put(event: &Event, bytes: &mut Vec<u8>) {
     bytes.push(event.on.into());
 }
 
-/// An array of numbers as contiguous f32, in place where it is that.
+/// An array of numbers as contiguous f32, without a copy if it already is.
 pub(crate) fn contiguous<'py>(
     name: &str,
     object: &Bound<'py, PyAny>,
@@ -56,7 +56,7 @@ pub(crate) fn float32(name: &str, object: &Bound<'_, PyAny>) -> Outcome<(Vec<f32
     Ok((array.as_slice().map_err(PyErr::from)?.to_vec(), shape))
 }
 
-/// The method `__array__` of what holds the array `values`.
+/// The method `__array__` of an object with the array `values`.
 pub(crate) fn as_numpy<'py>(
     values: &Bound<'py, PyAny>,
     dtype: Option<Bound<'py, PyAny>>,

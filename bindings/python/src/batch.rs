@@ -19,10 +19,11 @@ use crate::prediction::{self, Outputs, Prediction};
 use crate::threads::{on_own_threads, turn};
 use crate::warned::Losses;
 
-/// Streams that are computed until signals are handled.
+/// Number of streams that are computed before signals are handled.
 const STREAMS: usize = 16;
 
-/// The same network from scratch at every prediction: the oracle of `Engine`, with its methods.
+/// Computes the same network from scratch at every prediction: the oracle of `Engine`, with its
+/// methods.
 ///
 /// Predictions equal those of an exact `Engine` bit for bit. `search` "exhaustive" compares all
 /// pairs of events; "grid" uses the engine's search, for speed. With frozen in-edges it remembers

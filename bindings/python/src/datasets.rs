@@ -1,4 +1,4 @@
-//! Labelled data sets, of which a recording is read when it is asked for.
+//! Labelled data sets. A recording is read on request.
 //!
 //! `meissner/_datasets.py` makes sequences of them.
 
@@ -32,7 +32,7 @@ pub(crate) struct Recordings {
 enum Parts {
     /// Files of N-MNIST.
     Files(Vec<EventFile>),
-    /// An archive, which is read as a whole.
+    /// An archive, which is read completely.
     Read(Vec<EventRecording>),
     Slips(Vec<SlipFile>),
     Presses(Streams),
@@ -111,7 +111,7 @@ impl Recordings {
         (0..self.parts.len()).map(|i| self.parts.label(i)).collect()
     }
 
-    /// The data of recording `i`, and what else is known of it.
+    /// The data of recording `i`, and its other known properties.
     fn read<'py>(&self, py: Python<'py>, i: usize) -> Outcome<(Bound<'py, PyAny>, Bound<'py, PyDict>)> {
         if i >= self.parts.len() {
             return Err(Failure::input(format!("i: expected below {}, found {i}", self.parts.len())));

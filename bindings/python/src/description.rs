@@ -11,10 +11,10 @@ use toml::{Table, Value};
 
 use crate::error::{Failure, Outcome, wrong_type};
 
-/// A checked description of a network: its layers and how they are joined, without weights.
+/// A checked description of a network: its layers and their connections, without weights.
 ///
 /// `network` is the name of a network that comes with the module (`networks()`), the path or the
-/// text of a TOML file, or a dict with the same tables, where `None` stands for a key that is not
+/// text of a TOML file, or a dict with the same tables, in which `None` means that a key is not
 /// set.
 ///
 /// Raises `DescriptionError` with every inconsistency and its line, `FileError`.
@@ -36,7 +36,7 @@ impl Description {
     }
 
     fn load(path: &Path) -> Outcome<Self> {
-        // Bounds the size of the file.
+        // `load` limits the size of the file.
         AnyDescription::load(path)?;
         let toml = fs::read_to_string(path).map_err(|error| {
             Failure::Refused("FileError", format!("cannot read {}: {error}", path.display()))
@@ -44,7 +44,7 @@ impl Description {
         Self::parse(toml)
     }
 
-    /// The description that an argument `network` stands for.
+    /// The description that an argument `network` names.
     pub(crate) fn of(network: &Bound<'_, PyAny>) -> Outcome<Self> {
         if let Ok(description) = network.cast::<Self>() {
             return Ok(description.get().clone());
@@ -84,7 +84,7 @@ impl Description {
         (AnyDescription::shipped(name)? == self.any).then_some(name)
     }
 
-    /// Of a network over events.
+    /// The description of a network over events.
     pub(crate) fn events(&self) -> Outcome<&meissner::Description> {
         match &self.any {
             AnyDescription::Events(description) => Ok(description),
@@ -92,7 +92,7 @@ impl Description {
         }
     }
 
-    /// Of a network over frames.
+    /// The description of a network over frames.
     pub(crate) fn frames(&self) -> Outcome<&meissner::FrameDescription> {
         match &self.any {
             AnyDescription::Frames(description) => Ok(description),
@@ -108,7 +108,7 @@ impl Description {
     }
 }
 
-/// A refusal without problems of its own.
+/// A refusal without a list of problems.
 fn refused(message: String) -> Failure {
     Failure::Description(message, Vec::new())
 }
@@ -126,7 +126,7 @@ impl Description {
         self.any.name()
     }
 
-    /// "events" or "frames": what the network reads.
+    /// The input of the network: "events" or "frames".
     #[getter]
     fn kind(&self) -> &'static str {
         match self.any {
@@ -141,7 +141,7 @@ impl Description {
         self.events().ok().map(meissner::Description::span_us)
     }
 
-    /// Most events of the window; None for a network over frames.
+    /// Maximum number of events in the window; None for a network over frames.
     #[getter]
     fn capacity(&self) -> Option<usize> {
         self.events().ok().map(meissner::Description::capacity)
@@ -196,7 +196,7 @@ impl Description {
         Ok(tensors)
     }
 
-    /// Everything about the network as a dict: that of `meissner inspect --json`.
+    /// Everything about the network as a dict, as `meissner inspect --json` prints it.
     fn summary<'py>(&self, py: Python<'py>) -> Outcome<Bound<'py, PyAny>> {
         let json = serde_json::to_string(&self.any.summary())
             .map_err(|error| refused(format!("summary: {error}")))?;
@@ -242,7 +242,7 @@ impl Description {
 
     fn __reduce__(slf: &Bound<'_, Self>) -> (Py<PyAny>, (String,)) {
         let toml = slf.get().toml.clone();
-        // A text has a line break: it is taken for neither a name nor a path.
+        // A text with a line break is read neither as a name nor as a path.
         (slf.get_type().into_any().unbind(), (toml + "\n",))
     }
 }

@@ -27,17 +27,18 @@ use crate::weights::Weights;
 ///   time ("clamp").
 /// - `restart`: when the clock of the sensor restarts, "reset" forgets the events before, "keep"
 ///   keeps the old clock, for which the events are late. With "reset", events earlier than the
-///   window or more than 10 s ahead are held until a restart is told from a single wrong time.
+///   window or more than 10 s ahead are held until a restart can be distinguished from a single
+///   wrong time.
 /// - `tolerance`: largest change of a row that does not propagate; 0 is exact.
-/// - `span_us`, `capacity`: replace the length of the window and its most events.
-/// - `memory_limit`: most bytes of state; all memory is taken here.
+/// - `span_us`, `capacity`: replace the length of the window and its maximum number of events.
+/// - `memory_limit`: maximum bytes of state; all memory is allocated here.
 /// - `check_preparation`: False to run weights that were trained with another preparation.
 ///
 /// An engine serves one thread at a time; others wait for their turn. `copy.copy(engine)` is an
 /// independent engine in the same state. `len(engine)` is the number of events in the window.
 ///
 /// Warns (`MeissnerWarning`) if the weights were trained on another sensor, window or preparation,
-/// and once of each reason for which more than a hundredth of the events is lost.
+/// and once for each reason for which more than a hundredth of the events is lost.
 ///
 /// Raises `DescriptionError`, `WeightsError`, `InputError`, `NotIncrementalError` for a network
 /// that only `Batch` runs, `MemoryLimitError`.
@@ -91,7 +92,7 @@ pub(crate) fn network_of(
         network = network.with_span_us(span_us)?;
     }
     if let Some(capacity) = capacity {
-        // Beyond a signed number, the refusal would state another one.
+        // Beyond the range of signed numbers, the refusal would state another number.
         if i64::try_from(capacity).is_err() {
             return Err(Failure::input(format!("capacity: expected at most {}, found {capacity}", i64::MAX)));
         }
@@ -162,7 +163,7 @@ impl Engine {
 
     /// Returns to the state of `snapshot`, of an engine with the same network, sensor and options.
     ///
-    /// Raises `SnapshotError`; the state is then as it was.
+    /// Raises `SnapshotError`; the state is then unchanged.
     fn restore(slf: &Bound<'_, Self>, snapshot: &[u8]) -> Outcome<()> {
         let mut this = turn(slf)?;
         Ok(this.engine.restore_bytes(snapshot)?)
@@ -195,7 +196,7 @@ impl Engine {
         Ok(this.engine.epoch_us())
     }
 
-    /// Bytes of state, all taken when the engine was made.
+    /// Bytes of state, all allocated when the engine was made.
     #[getter]
     fn state_bytes(slf: &Bound<'_, Self>) -> Outcome<u128> {
         let this = turn(slf)?;

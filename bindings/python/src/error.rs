@@ -1,7 +1,8 @@
-//! From the errors of Rust to the exceptions of Python.
+//! Converts the errors of Rust to the exceptions of Python.
 //!
 //! Every exception derives from `meissner.Error` and keeps the text of the error and of its
-//! sources. The classes are in `meissner/_errors.py`: one made by Rust has one base only.
+//! sources. The classes are in `meissner/_errors.py`, because a class made by Rust has only one
+//! base.
 
 use std::error::Error;
 
@@ -16,7 +17,7 @@ use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 use pyo3::types::PyType;
 
-/// What went wrong, before it is raised.
+/// An error before it is raised.
 pub(crate) enum Failure {
     /// An exception that Python raised.
     Raised(PyErr),
@@ -51,7 +52,7 @@ impl From<Failure> for PyErr {
         Python::attach(|py| match failure {
             Failure::Raised(error) => error,
             Failure::Refused(class, message) => match class_named(py, class) {
-                // What a message names can be as long as a caller likes.
+                // A message may quote a text of any length.
                 Ok(class) => PyErr::from_type(class, (in_part(&message).into_owned(),)),
                 Err(error) => error,
             },

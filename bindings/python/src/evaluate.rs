@@ -1,6 +1,6 @@
 //! Networks on labelled data sets: accuracies and errors, and run time against them.
 //!
-//! Enters: a data set, networks. Leaves: the program's JSON report, for `meissner/_evaluate.py`.
+//! Input: a data set, networks. Output: the program's JSON report, for `meissner/_evaluate.py`.
 
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -24,11 +24,11 @@ use crate::arrays::Pixels;
 use crate::error::{Failure, Outcome};
 use crate::threads::{Parts, Seen, watched, workers};
 
-/// Microseconds from one prediction to the next, where nothing else is said.
+/// Default microseconds from one prediction to the next.
 const EVERY_US: i64 = 10_000;
 const EVERY_OF_PRESSES_US: i64 = 1_000;
 
-/// Networks, trainings and how they are run.
+/// Networks, trainings and their settings.
 #[derive(FromPyObject)]
 #[pyo3(from_item_all)]
 pub(crate) struct Asked {
@@ -65,7 +65,7 @@ impl Asked {
         Err(Failure::input(format!("every_us: expected 100 us to 10 s, found {every_us} us")))
     }
 
-    /// What would make a loop endless.
+    /// Refuses values that would make a loop endless.
     fn check(&self) -> Outcome<()> {
         let zero = |what, least| Failure::input(format!("{what}: expected at least {least}, found less"));
         match self {
@@ -147,7 +147,7 @@ pub(crate) fn judge<'py>(
     Ok((report, PyBytes::new(py, &logits)))
 }
 
-/// What is measured of run time and error.
+/// The settings of a measurement of run time and error.
 #[derive(FromPyObject)]
 #[pyo3(from_item_all)]
 pub(crate) struct Measured {
@@ -218,7 +218,7 @@ fn of_recordings<'a, T: EventTask>(
     pareto::events::<T>(data, asked.request(), asked.folds, options, workers)
 }
 
-/// Measures a study, and tells `parts`.
+/// Measures a study, and reports to `parts`.
 fn run(
     study: Study<'_>,
     options: &pareto::Options,

@@ -1,8 +1,8 @@
 //! Events from `NumPy`.
 //!
-//! Enters: a structured array with fields in any order, four arrays, or a recording. Leaves: blocks
-//! of [`Event`]. An array is read in place, whatever its strides and byte order. Invariant: it is
-//! read only while the interpreter is held, and values are checked before the first block.
+//! Input: a structured array with fields in any order, four arrays, or a recording. Output: blocks
+//! of [`Event`]. An array is read in place, with any strides and byte order. Invariant: it is read
+//! only while the interpreter lock is held, and values are checked before the first block.
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -19,23 +19,23 @@ use pyo3::types::{PyDict, PyMappingProxy, PySlice, PyTuple};
 use crate::error::{Failure, Outcome};
 use crate::recording::Recording;
 
-/// Events of a block.
+/// Number of events of a block.
 const BLOCK: usize = 4096;
-/// How long work runs until signals are handled.
+/// Time that work runs before signals are handled.
 const TURN: Duration = Duration::from_millis(50);
 
-/// How work on events is parted.
+/// The division of work on events.
 #[derive(Clone, Copy)]
 pub(crate) struct Parts {
-    /// So many events or fewer do not release the interpreter.
+    /// Up to so many events do not release the interpreter.
     few: usize,
-    /// Events between two looks at the clock.
+    /// Number of events between two reads of the clock.
     stride: usize,
 }
 
-/// For work of microseconds an event.
+/// For work of microseconds per event.
 const COMPUTED: Parts = Parts { few: 32, stride: 8 };
-/// For work that is a copy, and that may wait.
+/// For work that only copies, and that may wait.
 pub(crate) const QUEUED: Parts = Parts { few: 0, stride: 512 };
 
 /// A type of integers.
@@ -43,7 +43,7 @@ pub(crate) const QUEUED: Parts = Parts { few: 0, stride: 512 };
 struct Integer {
     size: usize,
     signed: bool,
-    /// Whether the bytes are in the other order than those of this machine.
+    /// Whether the byte order differs from this machine's.
     swapped: bool,
 }
 
@@ -55,7 +55,7 @@ pub(crate) struct Column<'py> {
     integer: Integer,
 }
 
-/// Events, wherever they are.
+/// Events from any source.
 pub(crate) enum Events<'py> {
     /// t, x, y, p.
     Columns([Column<'py>; 4]),
@@ -159,7 +159,7 @@ impl<'py> Events<'py> {
         Ok(Self::Columns(columns))
     }
 
-    /// Refuses times beyond 64 bits with a sign, and polarities other than -1, 0 and 1.
+    /// Refuses times beyond signed 64 bits, and polarities other than -1, 0 and 1.
     fn check(&self) -> Outcome<()> {
         let Self::Columns([times, .., polarities]) = self else { return Ok(()) };
         if times.integer.size == 8 && !times.integer.signed {
@@ -176,7 +176,8 @@ impl<'py> Events<'py> {
         }
     }
 
-    /// Appends the events of `range`. A coordinate beyond 16 bits becomes 65535, on no sensor.
+    /// Appends the events of `range`. A coordinate beyond 16 bits becomes 65535, which is outside
+    /// every sensor.
     fn append(&self, range: Range<usize>, scratch: &mut [Vec<i64>; 4], to: &mut Vec<Event>) {
         match self {
             Self::Recorded(events) => to.extend_from_slice(&events[range]),
@@ -192,7 +193,7 @@ impl<'py> Events<'py> {
         }
     }
 
-    /// All events, checked to lie on pixels that 16 bits hold.
+    /// All events, checked to have coordinates within 16 bits.
     pub(crate) fn to_vec(&self) -> Outcome<Vec<Event>> {
         if let Self::Columns([_, x, y, _]) = self {
             for (name, column) in [("x", x), ("y", y)] {
@@ -202,7 +203,7 @@ impl<'py> Events<'py> {
         Ok(self.to_vec_clamped())
     }
 
-    /// All events; those outside every sensor at pixel 65535.
+    /// All events; coordinates beyond 16 bits become 65535.
     pub(crate) fn to_vec_clamped(&self) -> Vec<Event> {
         let (mut events, mut scratch) = (Vec::with_capacity(self.len()), Default::default());
         for start in (0..self.len()).step_by(BLOCK) {
@@ -211,9 +212,9 @@ impl<'py> Events<'py> {
         events
     }
 
-    /// Hands all events to `work`, in order. Other threads run meanwhile, and signals are handled
-    /// about every 50 ms: after an exception of a handler (Ctrl-C), the other events are not worked
-    /// on.
+    /// Passes all events to `work`, in order. Other threads run meanwhile, and signals are handled
+    /// about every 50 ms: after an exception of a handler (Ctrl-C), the remaining events are not
+    /// processed.
     pub(crate) fn work(
         &self,
         py: Python<'py>,
@@ -230,7 +231,7 @@ impl<'py> Events<'py> {
         })
     }
 
-    /// As [`Self::work`], in other parts.
+    /// As [`Self::work`], with other parts.
     pub(crate) fn work_in(
         &self,
         py: Python<'py>,
@@ -257,7 +258,7 @@ impl<'py> Events<'py> {
     }
 }
 
-/// Arguments that no signature has.
+/// Arguments that fit no signature.
 fn wrong_call(message: String) -> Failure {
     PyTypeError::new_err(message).into()
 }
@@ -318,7 +319,8 @@ impl<'py> Column<'py> {
         self.bytes.as_array().nrows()
     }
 
-    /// Refuses the first value that `is` not as `expected`, in the words of `found`.
+    /// Refuses the first value for which `is` is false. The message has `expected` and the text of
+    /// `found`.
     fn all(
         &self,
         name: &str,
@@ -339,7 +341,7 @@ impl<'py> Column<'py> {
         Ok(())
     }
 
-    /// Replaces `values` by those of `range`. Unsigned values above 2^63 - 1 become negative.
+    /// Replaces `values` by the values of `range`. Unsigned values above 2^63 - 1 become negative.
     fn read(&self, range: Range<usize>, values: &mut Vec<i64>) {
         values.clear();
         let bytes = self.bytes.as_array();
@@ -376,7 +378,7 @@ fn fill<const N: usize>(
     }));
 }
 
-/// `object` as an array of one dimension, without a copy where its memory is `NumPy`'s.
+/// `object` as an array of one dimension, without a copy if its memory is `NumPy`'s.
 fn as_array<'py>(name: &str, object: &Bound<'py, PyAny>) -> Outcome<Bound<'py, PyAny>> {
     let numpy = object.py().import("numpy")?;
     let array = numpy.call_method1("atleast_1d", (numpy.call_method1("asarray", (object,))?,))?;

@@ -9,7 +9,8 @@ use crate::error::Outcome;
 use crate::events::Events;
 use crate::threads::turn;
 
-/// Filters in series; each sees what those before it passed. One that is None is left out.
+/// Filters in series; each gets the events that the filters before it passed. A filter that is None
+/// is left out.
 ///
 /// - `stride`: passes the first of every `stride` events.
 /// - `rate`: passes at most so many events a second.
@@ -65,7 +66,7 @@ impl Filters {
         Ok(to_array(py, &passed)?)
     }
 
-    /// Forgets all events. Counters go on.
+    /// Forgets all events. Counters are kept.
     fn reset(slf: &Bound<'_, Self>) -> Outcome<()> {
         let mut this = turn(slf)?;
         this.chain.reset();

@@ -17,18 +17,19 @@ use crate::threads::{on_own_threads, turn};
 use crate::warned;
 use crate::weights::Weights;
 
-/// A network over frames with its recurrent state. What no change reaches is not recomputed.
+/// A network over frames with its recurrent state. It does not recompute values that no change
+/// reaches.
 ///
-/// Frames of a gel, for `canf` and its kin, are (3, height, width): red, green and blue, each
-/// ((picture - rest) / 255 - mean) / std, with the picture `rest` without contact, and mean and std
-/// of the description. A prediction times `force_std` plus `force_mean` is the force on each pixel
-/// in N.
+/// Frames of a gel, for `canf` and similar networks, are (3, height, width): red, green and blue,
+/// each ((picture - rest) / 255 - mean) / std, with the picture `rest` without contact, and mean
+/// and std of the description. A prediction times `force_std` plus `force_mean` is the force on
+/// each pixel in N.
 ///
 /// - `network`, `weights`: as for `Engine`.
 /// - `skip`: "exact", "nothing" (the oracle), or the change up to which a pixel keeps its values.
 /// - `sparse`: frames are mostly zero: the answer to zeros is stored. The bits are the same.
 /// - `two_threads`: two threads share large maps. The bits are the same.
-/// - `memory_limit`: most bytes of activations and state.
+/// - `memory_limit`: maximum bytes of activations and state.
 /// - `check_preparation`: False to run weights that were trained with another preparation.
 ///
 /// `copy.copy(engine)` is an independent engine in the same state. `len(engine)` is the number of
@@ -46,7 +47,7 @@ pub(crate) struct FrameEngine {
     pub(crate) two_threads: bool,
 }
 
-/// The way to skip of this name, or up to this tolerance.
+/// The kind of skipping with this name, or up to this tolerance.
 fn skip_of(skip: &Bound<'_, PyAny>) -> Outcome<Skip> {
     if let Ok(tolerance) = skip.extract::<f32>() {
         return Ok(Skip::Tolerance(tolerance));
@@ -83,7 +84,7 @@ pub(crate) fn checked<'py>(
     Ok(array)
 }
 
-/// Frames since the last reset. A copy predicts, so that no counter of `engine` moves.
+/// Frames since the last reset. A copy predicts, so that no counter of `engine` changes.
 fn taken(engine: &Engine, two_threads: bool) -> Outcome<u64> {
     let count = || engine.clone().predict().map_or(0, |prediction| prediction.frames);
     if two_threads { on_own_threads(count) } else { Ok(count()) }
@@ -131,7 +132,7 @@ impl FrameEngine {
         Ok(())
     }
 
-    /// Pushes `count` times what `self.frame` holds.
+    /// Pushes the content of `self.frame` `count` times.
     fn push_taken(&mut self, py: Python<'_>, count: u64) -> Outcome<()> {
         for _ in 0..count {
             self.compute(py, Engine::push)??;
@@ -186,8 +187,8 @@ impl FrameEngine {
     /// Takes the next frame, of shape `input_shape`, or several with one more axis in front.
     ///
     /// Frames of contiguous float32 are read in place; others are converted. A run of equal frames
-    /// (`EventFrame`) is taken as often as it says. Other threads run meanwhile, and Ctrl-C raises
-    /// `KeyboardInterrupt` between two frames.
+    /// (`EventFrame`) is taken as often as its `count` states. Other threads run meanwhile, and
+    /// Ctrl-C raises `KeyboardInterrupt` between two frames.
     ///
     /// Raises `InputError` for another shape or infinite values before the first frame;
     /// `DtypeError`.
@@ -238,7 +239,7 @@ impl FrameEngine {
 
     /// Returns to the state of `snapshot`, which an engine with the same network and options made.
     ///
-    /// Raises `SnapshotError`; the state is then as it was.
+    /// Raises `SnapshotError`; the state is then unchanged.
     fn restore(slf: &Bound<'_, Self>, snapshot: &[u8]) -> Outcome<()> {
         let mut this = turn(slf)?;
         this.engine.restore_bytes(snapshot)?;
@@ -246,7 +247,7 @@ impl FrameEngine {
         Ok(())
     }
 
-    /// Counts: frames, predictions, and of each layer the pixels computed, skipped and absorbed.
+    /// Counts: frames, predictions, and for each layer the pixels computed, skipped and absorbed.
     #[getter]
     fn counters<'py>(slf: &Bound<'_, Self>, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let this = turn(slf)?;

@@ -112,15 +112,15 @@ impl Graph {
         rows(py, &self.attributes, 3)
     }
 
-    /// (nodes, channels), float32: the input of the level. Of events the polarity, -1 or 1, and the
-    /// place in its cell where the network asks for it; of cells the maxima of their members.
+    /// (nodes, channels), float32: the input of the level. For events, the polarity, -1 or 1, and
+    /// the position in the cell if the network reads it; for cells, the maxima of their members.
     #[getter]
     fn x<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         rows(py, &self.features, self.channels)
     }
 
     /// (nodes, 3), float32: x / width, y / height, t / span. Time counts from the oldest event of
-    /// the window; of cells from the first event since the last reset.
+    /// the window; for cells, from the first event since the last reset.
     #[getter]
     fn pos<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         rows(py, &self.positions, 3)
@@ -187,13 +187,13 @@ pub(crate) fn activations<'py>(
     Ok(dict)
 }
 
-/// The events that a stream of a batch has: those of the window are the last ones.
+/// The last `nodes` of the events of a stream in a batch: those of the window.
 pub(crate) fn last(events: &[Event], nodes: usize) -> &[Event] {
     &events[events.len() - nodes..]
 }
 
 /// The graphs of `streams`, as `meissner prepare graphs` makes them: the bytes of a safetensors
-/// file, from those of another.
+/// file, from the bytes of another one.
 #[pyfunction]
 pub(crate) fn _graphs<'py>(
     py: Python<'py>,

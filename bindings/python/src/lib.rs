@@ -1,17 +1,17 @@
 //! The Python module of Meissner: `meissner._meissner`, which the package `meissner` re-exports.
 //!
-//! | file | what it is |
+//! | file | contents |
 //! |---|---|
-//! | `events`, `arrays` | events from `NumPy`, in place and in blocks; what classes share |
+//! | `events`, `arrays` | events from `NumPy`, in place and in blocks; code that classes share |
 //! | `engine`, `batch`, `frames`, `live` | the engines |
-//! | `methods` | what several classes have; tables of a notebook |
-//! | `prediction`, `graph` | what they return |
-//! | `description`, `weights` | networks, from whatever a user has |
+//! | `methods` | methods of several classes; tables of a notebook |
+//! | `prediction`, `graph` | the results of engines |
+//! | `description`, `weights` | networks, from all forms that a user may have |
 //! | `representations`, `filters`, `recording`, `write` | frames of events; files |
 //! | `simulate` | a membrane, markers and a camera |
-//! | `sums` | what trainings compute in Rust |
+//! | `sums` | computations of trainings in Rust |
 //! | `datasets`, `evaluate`, `metrics` | labelled data sets, figures of networks on them |
-//! | `threads` | one at a time in an object; forks; long work that can be stopped |
+//! | `threads` | one thread at a time in an object; forks; long work that can be stopped |
 //! | `error`, `warned` | exceptions, warnings |
 #![forbid(unsafe_code)]
 

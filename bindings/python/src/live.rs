@@ -1,7 +1,7 @@
 //! Live engines: a bounded queue, a thread that owns the engine, and predictions by a deadline.
 //!
-//! Enters: an engine, events from arrays. Leaves: predictions with their age. Invariant: no thread
-//! waits for a lock while it holds the interpreter, except for one held for a copy.
+//! Input: an engine, events from arrays. Output: predictions with their age. Invariant: no thread
+//! waits for a lock while it holds the interpreter lock, except for a lock held for a copy.
 
 mod ends;
 
@@ -28,17 +28,18 @@ use crate::representations::EventFrame;
 use crate::threads::{fork_refused, has_common_threads, turn};
 use ends::Ends;
 
-/// An engine in a thread of its own, behind a bounded queue: one thread pushes what a sensor sends,
+/// An engine in a separate thread, behind a bounded queue: one thread pushes the data of a sensor,
 /// another one reads predictions by a deadline.
 ///
-/// - `engine`: an `Engine` or a `FrameEngine`, which stays as it is.
-/// - `overload`: "drop_oldest" makes room for new events, "drop_newest" drops these, "block" has
-///   `push` wait. "thin" lets one event of `stride` enter, and `Filters` those that pass, from when
-///   the queue is half full until it is a quarter full.
-/// - `capacity`: most waiting events (16 bytes each) or frames.
-/// - `batch`: most events that the engine takes before it looks whether a prediction is due.
-/// - `ahead`: whether the engine computes while it would wait: answers come sooner, and more is
-///   computed in total.
+/// - `engine`: an `Engine` or a `FrameEngine`, which stays unchanged.
+/// - `overload`: "drop_oldest" makes room for new events, "drop_newest" drops these, and with
+///   "block" `push` waits. "thin" accepts one event of `stride`, and `Filters` accept the events
+///   that pass them, from when the queue is half full until it is a quarter full.
+/// - `capacity`: maximum number of waiting events (16 bytes each) or frames.
+/// - `batch`: maximum number of events that the engine takes before it checks whether a prediction
+///   is due.
+/// - `ahead`: whether the engine computes while it would wait: answers come sooner, but it computes
+///   more in total.
 ///
 /// `with Live(engine) as live:` closes it. Predictions have the bits of an engine without threads.
 ///
@@ -56,13 +57,13 @@ pub(crate) struct Live {
     two_threads: bool,
 }
 
-/// What the engine takes.
+/// The input of the engine.
 enum Kind {
     Events(Ends<meissner::Engine>),
     Frames(Ends<TimedFrames>),
 }
 
-/// The rule of this name, or these filters.
+/// The rule with this name, or these filters.
 fn overload_of(overload: &Bound<'_, PyAny>, stride: Option<u32>) -> Outcome<Overload> {
     if let (Ok(filters), None) = (overload.cast::<Filters>(), stride) {
         let chain: Chain = turn(filters)?.chain.clone();
@@ -82,7 +83,7 @@ fn overload_of(overload: &Bound<'_, PyAny>, stride: Option<u32>) -> Outcome<Over
     }
 }
 
-/// A time to wait; `None` is as long as it takes.
+/// A time to wait; `None` waits without a limit.
 fn deadline_of(deadline_us: Option<f64>) -> Outcome<Duration> {
     let Some(us) = deadline_us else { return Ok(Duration::MAX) };
     Duration::try_from_secs_f64(us / 1e6)
@@ -139,7 +140,7 @@ impl Live {
         };
         let engine = turn(engine)?;
         let two_threads = engine.two_threads;
-        // Its thread would hand work to those of the parent.
+        // Its thread would pass work to the threads of the parent.
         if two_threads && !has_common_threads() {
             return Err(fork_refused("Live of a FrameEngine with two_threads"));
         }
@@ -202,7 +203,7 @@ impl Live {
         Ok(())
     }
 
-    /// Advances the clock to `t_us` after what was offered so far: earlier events will be late.
+    /// Advances the clock to `t_us` after everything offered so far: earlier events will be late.
     fn advance(&self, py: Python<'_>, t_us: i64) -> Outcome<()> {
         match &self.ends {
             Kind::Events(ends) => ends.advance(py, t_us),
@@ -210,15 +211,15 @@ impl Live {
         }
     }
 
-    /// The prediction for all that was offered by now or, `deadline_us` microseconds from now, the
-    /// newest finished one, with its age. None waits for all. Other threads run meanwhile, and
-    /// Ctrl-C ends the wait. One thread at a time.
+    /// The prediction for everything offered by now or, `deadline_us` microseconds from now, the
+    /// newest finished one, with its age. None waits for everything. Other threads run meanwhile,
+    /// and Ctrl-C ends the wait. One thread at a time.
     ///
     /// Raises `NotANumberError` if the newest computation failed, `LiveError` if the live engine
-    /// has ended or this process was forked from the one with its thread.
+    /// has ended or this process was forked from the process with its thread.
     #[pyo3(signature = (deadline_us=None))]
     fn predict(&self, py: Python<'_>, deadline_us: Option<f64>) -> Outcome<Py<Timely>> {
-        // Before the arguments are looked at: the deadline counts from the call.
+        // Before the arguments are checked, because the deadline counts from the call.
         let start = Instant::now();
         let deadline = deadline_of(deadline_us)?.saturating_sub(start.elapsed());
         let taken = match &self.ends {
@@ -229,9 +230,9 @@ impl Live {
         timely(py, taken, shape, &self.outputs)
     }
 
-    /// Counts: "offered" is the sum of "delivered", "waiting" and the dropped ones, "high_water"
-    /// the most that has been waiting, "blocked_us" how long `push` has waited. "events" is as in
-    /// `Engine.counters`, as of the newest prediction or of a later batch.
+    /// Counts: "offered" is the sum of "delivered", "waiting" and the dropped ones, "high_water" is
+    /// the maximum number that has been waiting, and "blocked_us" the time that `push` has waited.
+    /// "events" is as in `Engine.counters`, as of the newest prediction or of a later batch.
     #[getter]
     fn counters<'py>(&self, py: Python<'py>) -> Outcome<Bound<'py, PyDict>> {
         let (of, events) = self.counts(py)?;
@@ -261,7 +262,7 @@ impl Live {
         }
     }
 
-    /// Ends the thread and returns its engine; None where it was closed before. What is waiting is
+    /// Ends the thread and returns its engine; None if it was closed before. Waiting input is
     /// discarded: call `predict()` first. A `push` or `predict` that waits in another thread raises
     /// `LiveError`. So does `close` in a forked child.
     fn close(&self, py: Python<'_>) -> Outcome<Option<Py<PyAny>>> {

@@ -1,10 +1,10 @@
-//! Methods that several classes have: each macro writes them for one class. Tables of a notebook.
+//! Methods of several classes: each macro writes them for one class. Also tables of a notebook.
 
 use std::fmt::Write;
 
 use meissner::EventCounters;
 
-/// What every engine has, by its fields `description` and, for copies, all of them.
+/// Methods of every engine. They use its field `description` and, for copies, all fields.
 macro_rules! engine_methods {
     ($class:ident) => {
         #[pymethods]
@@ -33,13 +33,13 @@ macro_rules! engine_methods {
     };
 }
 
-/// What an engine over events has, by its fields `engine`, `outputs` and `losses`. After its name:
-/// the path to its sensor from `self`, and the method of `engine` for the bytes of its state, if a
-/// notebook shows them.
+/// Methods of an engine over events. They use its fields `engine`, `outputs` and `losses`. The
+/// arguments after its name are the path to its sensor from `self`, and the method of `engine` for
+/// the bytes of its state, if a notebook shows them.
 macro_rules! engine_over_events {
     ($class:ident, $field:ident $(.$part:ident())+ $(, $bytes:ident)?) => {
         impl $class {
-            /// Warns of reasons for which many events were lost, each once.
+            /// Warns once for each reason for which many events were lost.
             pub(crate) fn warn_of_losses(&mut self, py: Python<'_>) -> Outcome<()> {
                 self.losses.look(py, *self.engine.event_counters(), self.$field$(.$part())+)
             }
@@ -47,15 +47,15 @@ macro_rules! engine_over_events {
 
         #[pymethods]
         impl $class {
-            /// Inserts events in order; returns how many were accepted, with those that were held
-            /// before. The others are held, or counted in `counters`.
+            /// Inserts events in order; returns the number of accepted ones, including events that
+            /// were held before. The others are held, or counted in `counters`.
             ///
             /// Give a structured array with the fields t (microseconds or timedelta64), x, y, p
             /// (-1, 0, 1 or bool) of any integer types in any order, four arrays `t=, x=, y=, p=`,
-            /// or a `Recording`. The other names that files have are taken too: ts, time,
+            /// or a `Recording`. Other common names in files are accepted, too: ts, time,
             /// timestamp, each also with _us; pol, polarity, on. Arrays are read in place: strides,
-            /// gaps and byte order are free; only durations in another unit than microseconds are
-            /// converted first. Empty lists are no event. While many events are pushed, other
+            /// gaps and byte order are free; only durations in units other than microseconds are
+            /// converted first. Empty lists contain no events. While many events are pushed, other
             /// threads run, and Ctrl-C raises `KeyboardInterrupt` between two events: the events
             /// before have then been inserted.
             ///
@@ -103,8 +103,8 @@ macro_rules! engine_over_events {
                 Ok(())
             }
 
-            /// Counts since it was made: of events, of rows by layer (a `Batch` recomputes each),
-            /// of predictions.
+            /// Counts since it was made: events, rows by layer (a `Batch` recomputes each),
+            /// predictions.
             #[getter]
             fn counters<'py>(slf: &Bound<'_, Self>, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
                 let this = turn(slf)?;
@@ -158,12 +158,12 @@ macro_rules! engine_over_events {
     };
 }
 
-/// What each representation of events that goes on in time has, by its field `$field`.
+/// Methods of each representation of events that advances in time. They use its field `$field`.
 macro_rules! representation {
     ($class:ident, $field:ident) => {
         #[pymethods]
         impl $class {
-            /// Forgets time and all events. Counters go on.
+            /// Forgets time and all events. Counters are kept.
             fn reset(slf: &Bound<'_, Self>) -> Outcome<()> {
                 let mut this = turn(slf)?;
                 this.$field.reset();
@@ -193,7 +193,7 @@ macro_rules! representation {
     };
 }
 
-/// What a representation has that can be read at any time, by its field `$field`.
+/// Methods of a representation that can be read at any time. They use its field `$field`.
 macro_rules! sliding_representation {
     ($class:ident, $field:ident) => {
         representation!($class, $field);
@@ -239,7 +239,7 @@ pub(crate) fn html_table<const N: usize>(title: &str, rows: &[[String; N]]) -> S
     html + "</tbody></table>"
 }
 
-/// The rows of an engine's counts: what came, and what was lost, by reason.
+/// The rows of an engine's counts: pushed events, and lost ones by reason.
 pub(crate) fn rows_of_events(events: EventCounters) -> Vec<[String; 2]> {
     let mut rows = vec![["events pushed".to_owned(), events.pushed.to_string()]];
     let lost = [

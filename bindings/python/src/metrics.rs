@@ -71,7 +71,7 @@ pub(crate) fn _iou(found: Vec<bool>, truth: Vec<bool>) -> Outcome<f64> {
     contact_area::iou(&found, &truth).map_err(|error| Failure::input(error.to_string()))
 }
 
-/// Indices of the points that no other one beats.
+/// Indices of the points that no other point beats.
 #[pyfunction]
 pub(crate) fn _pareto_front(points: Vec<[f64; 2]>) -> Vec<usize> {
     pareto_front(&points.into_iter().map(<(f64, f64)>::from).collect::<Vec<_>>())

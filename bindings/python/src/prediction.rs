@@ -12,16 +12,16 @@ use crate::arrays::as_numpy;
 use crate::error::{Failure, Outcome};
 use crate::methods::html_table;
 
-/// Most values that a notebook shows.
+/// Maximum number of values that a notebook shows.
 const MAX_ROWS: usize = 20;
 
-/// Names and units of what a network predicts.
+/// Names and units of a network's outputs.
 #[derive(Debug)]
 pub(crate) struct Outputs {
     names: Vec<String>,
     units: Vec<String>,
     classes: bool,
-    /// Names of the layers that count rows.
+    /// Names of the layers with counts of rows.
     pub(crate) layers: Vec<String>,
 }
 
@@ -56,8 +56,9 @@ pub(crate) struct Prediction {
     #[pyo3(get)]
     nodes: u64,
     rows: Vec<u64>,
-    /// How unlike the window or the newest frames are to those of the training: above 1, fewer than
-    /// 1 of 1,000 of these were. None where the weights do not say what they were like.
+    /// How unlike the window or the newest frames are to those of the training. Fewer than 1 of
+    /// 1,000 of the training's were above 1. None if the weights have no statistics of the
+    /// training.
     #[pyo3(get)]
     unlike: Option<f32>,
 }
@@ -105,7 +106,7 @@ impl Prediction {
     }
 }
 
-/// What `predictor` predicts, computed without the interpreter.
+/// The prediction of `predictor`, computed without the interpreter lock.
 pub(crate) fn computed(
     py: Python<'_>,
     predictor: &mut (impl Predictor + Send),
@@ -121,7 +122,7 @@ pub(crate) fn computed(
 
 #[pymethods]
 impl Prediction {
-    /// The values: float32 of shape (outputs,), or (channels, height, width) of images.
+    /// The values: float32 of shape (outputs,), or (channels, height, width) for images.
     #[getter]
     fn values(&self, py: Python<'_>) -> Py<PyAny> {
         self.values.clone_ref(py)
@@ -139,7 +140,7 @@ impl Prediction {
         PyTuple::new(py, &self.outputs.units)
     }
 
-    /// Rows that each layer computed since the prediction before: its cost.
+    /// Rows that each layer computed since the previous prediction: its cost.
     #[getter]
     fn rows<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let rows = PyDict::new(py);
@@ -160,7 +161,7 @@ impl Prediction {
         Ok(dict)
     }
 
-    /// Probability of each class by a softmax, float32; None where no classes are predicted.
+    /// Probability of each class by a softmax, float32; None if no classes are predicted.
     #[getter]
     fn probabilities<'py>(&self, py: Python<'py>) -> Outcome<Option<Bound<'py, PyArray1<f32>>>> {
         if !self.outputs.classes {
@@ -172,7 +173,7 @@ impl Prediction {
         Ok(Some(PyArray1::from_vec(py, values)))
     }
 
-    /// Name of the class with the largest logit; None where no classes are predicted.
+    /// Name of the class with the largest logit; None if no classes are predicted.
     #[getter]
     fn label(&self, py: Python<'_>) -> PyResult<Option<&str>> {
         if !self.outputs.classes {
@@ -216,7 +217,7 @@ impl Prediction {
         let Outputs { names, units, .. } = &*this.outputs;
         let mut rows = Vec::new();
         if let Ok(values) = this.values.bind(py).cast::<PyArray1<f32>>() {
-            // The largest of many, such as the classes of a classifier.
+            // If there are many, such as the classes of a classifier, only the largest.
             let mut values: Vec<(usize, f32)> = values.to_vec()?.into_iter().enumerate().collect();
             let many = values.len() > MAX_ROWS;
             if many {
@@ -231,7 +232,7 @@ impl Prediction {
             let shape = this.values.bind(py).getattr("shape")?.str()?.to_string();
             rows.push([names.join(", "), format!("of shape {shape}"), units.join(", ")]);
         }
-        // A timely prediction says its age too.
+        // A timely prediction states its age, too.
         let title = slf.repr()?.to_string();
         Ok(html_table(title.trim_start_matches('<').trim_end_matches('>'), &rows))
     }
@@ -241,11 +242,11 @@ impl Prediction {
     }
 }
 
-/// A prediction that was there by its deadline, with what it covers and how old it is.
+/// A prediction that was available by its deadline, with the events that it covers and its age.
 #[pyclass(module = "meissner", name = "Timely", extends = Prediction, frozen)]
 pub(crate) struct Timely {
-    /// Whether it covers every event that had been offered before the call, except dropped ones:
-    /// none waits, and the engine has lost none.
+    /// Whether it covers every event that had been offered before the call, except dropped ones: no
+    /// event waits, and the engine has lost none.
     #[pyo3(get)]
     fresh: bool,
     /// Whether it was computed for this call; otherwise it is the newest finished one.
@@ -257,15 +258,14 @@ pub(crate) struct Timely {
     /// Microseconds of the stream from the last covered event to the last one in the queue.
     #[pyo3(get)]
     behind_us: u64,
-    /// Events or frames since the prediction before that the engine was given and that are not in
-    /// this one: late, outside the sensor, far ahead, or held until a restart of the clock is
-    /// decided.
+    /// Events or frames that the engine got since the previous prediction and that are not in this
+    /// one: late, outside the sensor, far ahead, or held until a restart of the clock is decided.
     #[pyo3(get)]
     lost_events: u64,
-    /// Events or frames that the queue dropped since the prediction before.
+    /// Events or frames that the queue dropped since the previous prediction.
     #[pyo3(get)]
     dropped_events: u64,
-    /// Restarts of the sensor's clock since the prediction before, each of which reset the engine.
+    /// Restarts of the sensor's clock since the previous prediction; each reset the engine.
     #[pyo3(get)]
     restarts: u64,
     /// Microseconds from the begin of its computation to the answer.
@@ -276,7 +276,7 @@ pub(crate) struct Timely {
     waited_us: f64,
 }
 
-/// What a live engine answered.
+/// The answer of a live engine.
 pub(crate) struct Taken {
     values: Vec<f32>,
     of: (Option<i64>, u64, Option<f32>),
@@ -329,7 +329,7 @@ impl Timely {
     }
 }
 
-/// An array of the caller, checked before anything is computed for it.
+/// An array of the caller, checked before any computation.
 pub(crate) struct Out<'py>(PyReadwriteArrayDyn<'py, f32>);
 
 /// `out`, which must be a writable, contiguous array of `length` float32.

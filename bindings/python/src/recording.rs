@@ -1,4 +1,4 @@
-//! Recordings: from a file to structured arrays.
+//! Recordings: reads files to structured arrays.
 
 use std::num::NonZeroU16;
 use std::path::PathBuf;
@@ -18,15 +18,16 @@ use crate::error::{Failure, Outcome};
 use crate::methods::html_table;
 use crate::threads::turn;
 
-/// Events of a block of an iteration.
+/// Number of events of a block of an iteration.
 const BLOCK: usize = 1 << 16;
 
-/// A recording of events in a file, which is read when something of it is asked for, and then kept:
-/// 16 bytes an event. Iteration, `blocks`, `windows`, `between`, `sensor` and `format` read a DAT,
-/// EVT2, npy, AEDAT 2.0, 3.1 or 4 file part after part, and keep none.
+/// A recording of events in a file. The file is read on the first request, and the events are then
+/// kept: 16 bytes per event. Iteration, `blocks`, `windows`, `between`, `sensor` and `format` read
+/// a DAT, EVT2, npy, AEDAT 2.0, 3.1 or 4 file part by part, and keep no part.
 ///
 /// Iteration gives structured arrays of at most 65,536 events with the fields t (microseconds), x,
-/// y, p. `len()` is the number of events; `recording[i:j]` and `recording.between(a, b)` are some.
+/// y, p. `len()` is the number of events; `recording[i:j]` and `recording.between(a, b)` give a
+/// part of them.
 #[pyclass(module = "meissner", name = "Recording", frozen, weakref)]
 pub(crate) struct Recording {
     path: PathBuf,
@@ -35,7 +36,7 @@ pub(crate) struct Recording {
 }
 
 struct Content {
-    /// Without its events.
+    /// The recording without its events.
     read: io::Recording,
     events: Arc<Vec<Event>>,
     /// Whether no time is earlier than the one before.
@@ -45,7 +46,7 @@ struct Content {
 impl Recording {
     fn content(&self) -> Outcome<Arc<Content>> {
         let content: Result<_, io::IoError> = Python::attach(|py| {
-            // The lock is taken without the interpreter, so that no thread waits for both.
+            // The lock is taken without the interpreter lock, so that no thread waits for both.
             py.detach(|| {
                 let mut content = self.content.lock().unwrap_or_else(PoisonError::into_inner);
                 if let Some(content) = &*content {
@@ -62,7 +63,8 @@ impl Recording {
         Ok(content?)
     }
 
-    /// The times of a part that is read from the file alone; `None` for all, or what is at hand.
+    /// The times of a part that is read only from the file; `None` for all events, or if the events
+    /// are already read.
     fn range(&self, start_us: Option<i64>, end_us: Option<i64>) -> Option<TimeRange> {
         let times = match (start_us, end_us) {
             (None, None) => return None,
@@ -71,12 +73,12 @@ impl Recording {
         self.is_in_file().then(|| TimeRange::of_file(times))
     }
 
-    /// Whether the file was not read: a thread that holds the lock is about to have its events.
+    /// Whether the file was not read yet. A thread that holds the lock is reading its events.
     fn is_in_file(&self) -> bool {
         self.content.try_lock().is_ok_and(|content| content.is_none())
     }
 
-    /// The blocks of a file that was not read, where its format has such.
+    /// The blocks of a file that was not read yet, if its format has blocks.
     fn file_blocks(&self, py: Python<'_>) -> Outcome<Option<io::Blocks>> {
         Ok(if self.is_in_file() { py.detach(|| io::blocks(&self.path, self.options))? } else { None })
     }
@@ -87,7 +89,7 @@ impl Recording {
         Ok(Feed { events, next: 0, file: file.map(Mutex::new) })
     }
 
-    /// Format and sensor, of the beginning of the file where that suffices.
+    /// Format and sensor, from the beginning of the file if that is enough.
     fn head(&self, py: Python<'_>) -> Outcome<(Format, Option<Sensor>)> {
         let first = self.file_blocks(py)?.and_then(|mut blocks| py.detach(|| blocks.next())).transpose()?;
         if let Some(first) = first {
@@ -113,14 +115,15 @@ pub(crate) fn word<T: std::str::FromStr<Err = UnknownName>>(word: Option<&str>) 
 /// N-MNIST, MCAP, text, NumPy, or HDF5 of DSEC and Prophesee; also inside gzip or zip.
 ///
 /// - `format`: "aedat4", "aedat3", "aedat2", "evt2", "evt3", "dat", "es", "nmnist", "csv", "npy",
-///   "hdf5" or "mcap", instead of the one found from the content.
+///   "hdf5" or "mcap", instead of the format that the content shows.
 /// - `columns`, `time_unit`: the columns of a text, such as "txyp"; "s", "ms", "us" or "ns".
 /// - `salvage`: read a file that was cut short up to the cut.
-/// - `strict`: refuse what is left out otherwise (`Recording.left_out`): lines of a text that are
-///   no events, events outside the sensor, words that hold no events, events before the first time.
-/// - `sensor`: (width, height), where the file names none, or where its chip (AEDAT 2.0) is open.
-/// - `chip`: the chip of AEDAT 2.0, such as "DAVIS346", instead of the one that the file names.
-/// - `stream`: which of several streams of events of AEDAT 3.1 and 4 is read, from 1.
+/// - `strict`: refuse items that are otherwise left out (`Recording.left_out`): lines of a text
+///   without an event, events outside the sensor, words without events, events before the first
+///   time.
+/// - `sensor`: (width, height), if the file names none, or if its chip (AEDAT 2.0) is unknown.
+/// - `chip`: the chip of AEDAT 2.0, such as "DAVIS346", instead of the chip that the file names.
+/// - `stream`: number of the stream of events of AEDAT 3.1 and 4 that is read, from 1.
 ///
 /// Raises `FileError`, and `RecordingError` with the place of a fault when the content is read.
 #[pyfunction]
@@ -165,7 +168,7 @@ impl Recording {
         Ok(self.head(py)?.0.to_string())
     }
 
-    /// (width, height) of the sensor, or the one of `open` where the file names none; or None.
+    /// (width, height) of the sensor, or the one of `open` if the file names none; or None.
     #[getter]
     fn sensor(&self, py: Python<'_>) -> Outcome<Option<(u16, u16)>> {
         Ok(self.head(py)?.1.or(self.options.sensor).map(sides))
@@ -192,7 +195,8 @@ impl Recording {
         Ok(content.read.other_streams.iter().map(of).collect())
     }
 
-    /// With `salvage`: what the end of the file lacks, and the bytes not read; None if whole.
+    /// With `salvage`: the part that the end of the file lacks, and the bytes not read; None if the
+    /// file is complete.
     #[getter]
     fn salvaged(&self) -> Outcome<Option<(String, u64)>> {
         let content = self.content()?;
@@ -201,8 +205,9 @@ impl Recording {
         Ok(content.read.salvaged.as_ref().map(of))
     }
 
-    /// What was left out because it is no event of the sensor: (kind, count, the first with its
-    /// place). Kinds are "outside_sensor", "other_words", "other_events", "malformed" and "lines".
+    /// Items that were left out because they are not events of the sensor: (kind, count, the first
+    /// with its location). Kinds are "outside_sensor", "other_words", "other_events", "malformed"
+    /// and "lines".
     #[getter]
     fn left_out(&self) -> Outcome<Vec<(&'static str, u64, String)>> {
         let content = self.content()?;
@@ -212,7 +217,7 @@ impl Recording {
         Ok(content.read.left_out.iter().map(of).collect())
     }
 
-    /// What the file does not say and the reader took for granted, as sentences.
+    /// Facts that the file does not state and that the reader assumed, as sentences.
     #[getter]
     fn assumed(&self) -> Outcome<Vec<&'static str>> {
         Ok(self.content()?.read.assumed.clone())
@@ -225,9 +230,9 @@ impl Recording {
 
     /// Events with start_us <= t < end_us as one structured array; None leaves a side open.
     ///
-    /// Of a file that was not read yet, only this part is read: for DAT, EVT2, npy, AEDAT 2.0, 3.1
-    /// and 4 by a search in the file, which allows for times that step back by at most 1 s.
-    /// Afterwards it is O(log events) where times are in order, O(events) otherwise.
+    /// If the file was not read yet, only this part is read: for DAT, EVT2, npy, AEDAT 2.0, 3.1 and
+    /// 4 by a search in the file, which allows times that step back by at most 1 s. Afterwards it
+    /// is O(log events) if times are in order, O(events) otherwise.
     #[pyo3(signature = (start_us=None, end_us=None))]
     fn between<'py>(
         &self,
@@ -262,9 +267,9 @@ impl Recording {
         Ok(Blocks { feed: self.feed(py)?, size })
     }
 
-    /// Pairs (t_us, events) every `period_us`: the events since the pair before, up to t_us
-    /// included. The first pair ends `period_us` after the first event, the last at or after the
-    /// last event.
+    /// Pairs (t_us, events) every `period_us`: the events since the previous pair, up to and
+    /// including t_us. The first pair ends `period_us` after the first event, the last at or after
+    /// the last event.
     fn windows(&self, py: Python<'_>, period_us: i64) -> Outcome<Windows> {
         if period_us < 1 {
             return Err(Failure::input(format!("period_us: expected at least 1 us, found {period_us}")));
@@ -360,7 +365,7 @@ impl Recording {
     }
 }
 
-/// The events of a recording in the file's order: those at hand, or block by block from the file.
+/// The events of a recording in the file's order: from memory, or block by block from the file.
 struct Feed {
     events: Arc<Vec<Event>>,
     next: usize,
@@ -368,7 +373,7 @@ struct Feed {
 }
 
 impl Feed {
-    /// The events that were not taken and are at hand; none at the end.
+    /// The available events that were not taken yet; none at the end.
     fn rest(&mut self, py: Python<'_>) -> Outcome<&[Event]> {
         while self.next == self.events.len() {
             let Some(file) = &mut self.file else { break };

@@ -27,7 +27,7 @@ fn image<'py>(py: Python<'py>, values: &[f32], shape: [usize; 3]) -> PyResult<Bo
     PyArray1::from_slice(py, values).call_method1("reshape", (shape.to_vec(),))
 }
 
-/// The part of a sensor that an argument `crop` names; None for all of it.
+/// The part of a sensor that an argument `crop` names; None for the complete sensor.
 fn crop_of(crop: Option<Rectangle>, sensor: Sensor) -> Crop {
     crop.map_or(Crop::whole(sensor), |(x, y, width, height)| Crop::new(x, y, width, height))
 }
@@ -108,7 +108,7 @@ impl EventFrame {
     }
 }
 
-/// Frames over consecutive windows of equal length, as events complete them.
+/// Frames over consecutive windows of equal length; events complete them.
 ///
 /// - `rule`: "counts": two channels, the number of OFF and of ON events at a pixel divided by
 ///   `maximum`; "sum": the sum of polarities -1 and 1; "latest": the polarity of the latest event.
@@ -283,7 +283,7 @@ impl TimeSurface {
 /// A voxel grid (bins, height, width): polarities spread over two bins of time each.
 ///
 /// `window_us` is (start, end), both included. `time` maps it to the bins: "bins" as in tonic,
-/// where the end lies one bin after the last, or "centres", where it lies on the last one. The
+/// where the end is one bin after the last, or "centres", where the end is on the last one. The
 /// order of events does not matter.
 ///
 /// Raises `InputError`.
@@ -316,7 +316,7 @@ impl VoxelGrid {
         Ok(Self { grid: Grid::new(sensor.0, crop, bins, time, window_us.0..=window_us.1)? })
     }
 
-    /// Adds events, as `Engine.push`; returns how many lie on sensor, crop and window.
+    /// Adds events, as `Engine.push`; returns the number of events within sensor, crop and window.
     #[pyo3(signature = (*args, **keywords), text_signature = "($self, events=None, *, t=None, x=None, y=None, p=None)")]
     fn push<'py>(
         slf: &Bound<'_, Self>,
@@ -337,7 +337,7 @@ impl VoxelGrid {
         image(py, frame.values, frame.shape)
     }
 
-    /// Empties the grid and begins another window. Counters go on.
+    /// Empties the grid and begins another window. Counters are kept.
     fn restart(slf: &Bound<'_, Self>, window_us: (i64, i64)) -> Outcome<()> {
         let mut this = turn(slf)?;
         Ok(this.grid.restart(window_us.0..=window_us.1)?)
@@ -365,7 +365,7 @@ impl VoxelGrid {
     }
 }
 
-/// What makes the frames that a network reads of events: an `EventFrames` or a `SlidingFrame`.
+/// The maker of the frames of events that a network reads: an `EventFrames` or a `SlidingFrame`.
 ///
 /// Raises `InputError` for a network whose frames are not of events, or too small a sensor.
 #[pyfunction]

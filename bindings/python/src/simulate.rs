@@ -96,7 +96,7 @@ pub(crate) fn film_markers<'py>(
     Ok(to_array(py, &events)?)
 }
 
-/// The settings `base` or the `ideal` ones, with those of `given` in their place.
+/// The settings `base` or the `ideal` ones, replaced by those of `given`.
 fn settings_of(
     base: CameraSettings,
     ideal: bool,
@@ -141,7 +141,8 @@ fn settings_of(
 ///
 /// - `sensor`: (width, height) in pixels.
 /// - `seed`: of thresholds, phases and noise. Equal arguments give equal events on every machine.
-/// - `ideal`: a camera without noise, spread, delay and limit of bandwidth, not one in lamp light.
+/// - `ideal`: a camera without noise, spread, delay and limit of bandwidth, instead of one in lamp
+///   light.
 /// - `settings`: `lux` (light of a white surface), `dark_lux`; `threshold_on`, `threshold_off`,
 ///   `threshold_spread` in units of the natural logarithm; `cutoff_hz_per_lux`, `cutoff_max_hz`;
 ///   `leak_hz`, `leak_hz_per_klux`; `shot_hz`, `shot_corner_lux`; `hot_share`, `hot_hz`;
@@ -167,14 +168,13 @@ impl Camera {
         })
     }
 
-    /// Takes the image at `t_us` microseconds; returns the events that are certain by then, in
-    /// order.
+    /// Takes the image at `t_us` microseconds; returns the events that are then certain, in order.
     ///
     /// `image` has shape (height, width): shares of the light of a white surface, at least 0.
     /// Between two images the logarithm of the light changes linearly. The first image causes no
     /// events.
     ///
-    /// Raises `InputError`, `DtypeError`; the camera is then as it was.
+    /// Raises `InputError`, `DtypeError`; the camera is then unchanged.
     fn push<'py>(
         slf: &Bound<'_, Self>,
         py: Python<'py>,
@@ -193,7 +193,7 @@ impl Camera {
         Ok(to_array(py, &events)?)
     }
 
-    /// The events that wait for their latency. A later event can then precede these.
+    /// The events that wait for their latency. Events of later images can have earlier stamps.
     fn finish<'py>(slf: &Bound<'_, Self>, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         let mut this = turn(slf)?;
         let mut events = Vec::new();
@@ -214,7 +214,7 @@ impl Camera {
     }
 }
 
-/// Depth of a part of a press, after which signals are handled, in millimetres.
+/// Depth of a part of a press in millimetres; signals are handled after each part.
 const STEP_MM: f64 = 0.25;
 
 /// A soft dome with markers inside that is pressed on a plane: a thin, quasi-static Yeoh shell.
@@ -291,7 +291,7 @@ impl Press {
         Ok(())
     }
 
-    /// How deep the dome is pressed, in millimetres.
+    /// Depth to which the dome is pressed, in millimetres.
     #[getter]
     fn depth_mm(slf: &Bound<'_, Self>) -> Outcome<f64> {
         let this = turn(slf)?;
@@ -313,8 +313,8 @@ impl Press {
         PyArray1::from_iter(py, markers.iter().flatten().copied()).call_method1("reshape", (markers.len(), 3))
     }
 
-    /// Where the camera below the base sees the markers: float32 (markers, 2), column and row in
-    /// pixels, for `film_markers`.
+    /// Positions of the markers for the camera below the base: float32 (markers, 2), column and row
+    /// in pixels, for `film_markers`.
     fn positions<'py>(slf: &Bound<'_, Self>, py: Python<'py>, sensor: Pixels) -> PyResult<Bound<'py, PyAny>> {
         let this = turn(slf)?;
         let (view, markers) = (DomeView::new(&this.dome, sensor.0), this.press.markers());

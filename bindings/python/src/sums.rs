@@ -1,11 +1,11 @@
 //! Sums of a spline convolution over in-edges, and their gradient, for trainings on a processor.
 //!
-//! Enters: the values of rows, and the in-edges of a level as `meissner.torch` has them. Leaves:
+//! Input: the values of rows, and the in-edges of a level in the form of `meissner.torch`. Output:
 //! S(s, c) of each row as `kernels/src/spline.rs` defines it, and the gradient of the values for a
-//! gradient of S. PyTorch needs a gather, a batched product and a scatter for these, and an array
-//! with the values of all in-edges between them.
+//! gradient of S. PyTorch needs a gather, a batched product and a scatter for these, and an
+//! intermediate array with the values of all in-edges.
 //!
-//! Every sum has one order, so that no number of threads reaches a bit.
+//! Every sum has a fixed order, so that the number of threads changes no bit.
 #![allow(
     clippy::inline_always,
     reason = "what is not inlined into an instruction set's wrapper misses its instructions"
@@ -26,7 +26,7 @@ use crate::threads::on_own_threads;
 /// Rows that one thread sums at a time.
 const PART: usize = 4096;
 
-/// In-edges of rows: `k` places for each, of which some are empty.
+/// In-edges of rows: `k` entries for each, some of which are empty.
 #[derive(Clone, Copy)]
 struct Edges<'a> {
     k: usize,
@@ -89,7 +89,7 @@ impl<'a> Edges<'a> {
             let upper = place - first as f32;
             for (i, (slot, weight)) in corners.iter_mut().enumerate() {
                 let is_upper = i >> axis & 1 == 1;
-                // An axis of one slot is ignored: its second corner weighs nothing.
+                // An axis with one slot is ignored: the weight of its second corner is 0.
                 *slot += stride * (first + usize::from(is_upper && size > 1));
                 *weight *= if is_upper { upper } else { 1.0 - upper };
             }
@@ -98,7 +98,7 @@ impl<'a> Edges<'a> {
         corners
     }
 
-    /// What each in-edge of a row reads, with its weights of a kernel of 2 x 2 x 2.
+    /// The row that each in-edge of a row reads, with its weights of a kernel of 2 x 2 x 2.
     #[inline(always)]
     fn read(self, row: usize, read: &mut Vec<(usize, Lanes)>) {
         read.clear();
@@ -182,8 +182,8 @@ fn sum_of_slots<S: Simd, V: Vector<S>>(
     }
 }
 
-/// The gradient of the values for those of S in some rows from `first` on: of the values from the
-/// row `low` on.
+/// The gradient of the values from the row `low` on, for a gradient of S in some rows from `first`
+/// on.
 struct Gradient<'a> {
     edges: Edges<'a>,
     gradients: &'a [f32],
@@ -232,8 +232,8 @@ impl Task for Gradient<'_> {
     }
 }
 
-/// Adds to each value that is read its share of the gradients of eight slots, in the channels of
-/// one vector.
+/// Adds to each read value its share of the gradients of eight slots, in the channels of one
+/// vector.
 #[inline(always)]
 fn share_of_slots<S: Simd, V: Vector<S>>(
     simd: S,
@@ -245,7 +245,7 @@ fn share_of_slots<S: Simd, V: Vector<S>>(
     let slots: [V; 8] = std::array::from_fn(|slot| V::load_slice(simd, &gradients[slot * channels..]));
     for (source, basis) in read {
         let found = &mut found[source * channels..];
-        // Two sums, so that a product need not wait for the one before.
+        // Two sums, so that a product need not wait for the previous one.
         let mut sums = [V::load_slice(simd, found), V::splat(simd, 0.0)];
         for (i, (slot, weight)) in slots.iter().zip(basis.0).enumerate() {
             sums[i % 2] = sums[i % 2].add_product(V::splat(simd, weight), *slot);

@@ -1,6 +1,7 @@
-//! Threads: one at a time in an object, forks, and long work that signals can stop.
+//! Threads: one thread at a time in an object, forks, and long work that signals can stop.
 //!
-//! A forked child has one thread, computes on threads of its own, and is told what it cannot use.
+//! A forked child has one thread and computes on its own threads. Objects that it cannot use raise
+//! an error.
 
 use std::ops::{Deref, DerefMut};
 use std::process;
@@ -16,19 +17,19 @@ use rayon::{ThreadPool, ThreadPoolBuilder};
 
 use crate::error::{Failure, Outcome};
 
-/// Time between two looks whether an object is free; signals are handled at each.
+/// Time between two checks whether an object is free; signals are handled at each.
 const TURN_LOOK: Duration = Duration::from_micros(200);
-/// Time between two looks at signals during long work.
+/// Time between two checks for signals during long work.
 const SIGNAL_LOOK: Duration = Duration::from_millis(50);
-/// Time between two looks at the end of long work.
+/// Time between two checks for the end of long work.
 const END_LOOK: Duration = Duration::from_millis(2);
 
-/// The process that uses rayon's common threads: the first one that did.
+/// The process that uses rayon's common threads: the first one that used them.
 static COMMON: OnceLock<u32> = OnceLock::new();
 /// The threads of a process that was forked from it.
 static OWN: Mutex<Option<(u32, Arc<ThreadPool>)>> = Mutex::new(None);
 
-/// Runs `work`, which shares work between threads, on those of this process.
+/// Runs `work`, which shares work between threads, on the threads of this process.
 pub(crate) fn on_own_threads<R: Send>(work: impl FnOnce() -> R + Send) -> Outcome<R> {
     if has_common_threads() {
         return Ok(work());
@@ -40,7 +41,7 @@ pub(crate) fn on_own_threads<R: Send>(work: impl FnOnce() -> R + Send) -> Outcom
             let pool = ThreadPoolBuilder::new().build();
             let pool = pool.map_err(|error| Failure::Refused("Error", format!("threads: {error}")))?;
             let pool = Arc::new(pool);
-            // The threads of the parent cannot be ended from here.
+            // This process cannot end the threads of the parent.
             std::mem::forget(own.replace((process::id(), Arc::clone(&pool))));
             pool
         }
@@ -49,7 +50,7 @@ pub(crate) fn on_own_threads<R: Send>(work: impl FnOnce() -> R + Send) -> Outcom
     Ok(pool.install(work))
 }
 
-/// Whether rayon's common threads are, or would be, those of this process.
+/// Whether rayon's common threads belong, or would belong, to this process.
 pub(crate) fn has_common_threads() -> bool {
     *COMMON.get_or_init(process::id) == process::id()
 }
@@ -64,11 +65,11 @@ pub(crate) fn fork_refused(what: &str) -> Failure {
     Failure::Refused("LiveError", message)
 }
 
-/// Objects that a thread is in: address, thread and process. Changed with the interpreter held, so
-/// that no fork happens meanwhile.
+/// Objects in use by a thread: address, thread and process. Changed while the interpreter lock is
+/// held, so that no fork happens meanwhile.
 static TAKEN: Mutex<Vec<(usize, ThreadId, u32)>> = Mutex::new(Vec::new());
 
-/// An object of Python, for this thread alone.
+/// An object of Python, for exclusive use by this thread.
 pub(crate) struct Turn<'py, T: PyClass<Frozen = False>> {
     value: PyRefMut<'py, T>,
     address: usize,
@@ -78,7 +79,7 @@ fn taken() -> MutexGuard<'static, Vec<(usize, ThreadId, u32)>> {
     TAKEN.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// The object, once no other thread is in it. Others run meanwhile, and signals are handled.
+/// The object, once no other thread uses it. Other threads run meanwhile, and signals are handled.
 pub(crate) fn turn<'py, T: PyClass<Frozen = False>>(object: &Bound<'py, T>) -> Outcome<Turn<'py, T>> {
     let address = object.as_ptr().addr();
     loop {
@@ -128,13 +129,13 @@ impl<T: PyClass<Frozen = False>> Drop for Turn<'_, T> {
     }
 }
 
-/// How far work is that consists of named parts.
+/// Progress of work that consists of named parts.
 #[derive(Debug, Default)]
 pub(crate) struct Parts {
     seen: Mutex<Seen>,
 }
 
-/// Done, of so many, and the part at work.
+/// Number of finished parts, total number, and the current part.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Seen {
     pub(crate) done: u64,
@@ -152,16 +153,16 @@ impl Parts {
     }
 }
 
-/// `threads` threads that tell `watch`, or as many as there are cores.
+/// `threads` threads that report to `watch`, or as many as there are cores.
 pub(crate) fn workers(threads: Option<u16>, watch: &ProgressHandle) -> Outcome<Workers> {
     let pool = ThreadPoolBuilder::new().num_threads(threads.map_or(0, usize::from)).build();
     let pool = pool.map_err(|error| Failure::Refused("Error", format!("threads: {error}")))?;
     Ok(Workers::new(pool, watch.clone()))
 }
 
-/// The result of `work`, which runs in another thread without the interpreter, while `tick(done,
-/// total, name)` is called with what `seen` says. An exception of it or of a signal stops the work
-/// at its next part, and is raised then.
+/// The result of `work`, which runs in another thread without the interpreter lock. Meanwhile
+/// `tick(done, total, name)` is called with the values of `seen`. An exception of `tick` or of a
+/// signal stops the work at its next part, and is then raised.
 pub(crate) fn watched<T: Send>(
     py: Python<'_>,
     watch: &ProgressHandle,

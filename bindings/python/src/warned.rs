@@ -1,4 +1,4 @@
-//! What the program would warn of, as warnings of Python.
+//! The warnings of the program, as warnings of Python.
 
 use std::ffi::CString;
 
@@ -11,7 +11,7 @@ use crate::arrays::sides;
 use crate::description::Description;
 use crate::error::{Failure, Outcome};
 
-/// Warns once of each reason for which an engine has lost more than a hundredth of its events.
+/// Warns once for each reason for which an engine has lost more than a hundredth of its events.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Losses {
     told: Vec<LossReason>,

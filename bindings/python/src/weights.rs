@@ -19,14 +19,14 @@ use crate::error::{Failure, Outcome, wrong_type};
 /// in it is executed), a mapping from names to arrays or torch tensors, or a torch module.
 /// Floating-point values become float32. `metadata` (of texts) replaces that of the file.
 ///
-/// Raises `WeightsError` where they cannot be read, `FileError` where a file cannot.
+/// Raises `WeightsError` if they cannot be read, `FileError` if a file cannot be read.
 #[pyclass(module = "meissner", name = "Weights", frozen, mapping)]
 pub(crate) struct Weights {
     weights: models::Weights,
 }
 
 impl Weights {
-    /// The weights of an argument `weights`; None stands for those that come with the module.
+    /// The weights of an argument `weights`; None means those that come with the module.
     pub(crate) fn of(
         weights: Option<&Bound<'_, PyAny>>,
         description: &Description,
@@ -97,7 +97,7 @@ impl Weights {
     }
 }
 
-/// A tensor of torch as one whose memory `NumPy` can read; anything else as it is.
+/// A tensor of torch as one whose memory `NumPy` can read; any other object unchanged.
 fn in_memory(tensor: Bound<'_, PyAny>) -> PyResult<Bound<'_, PyAny>> {
     if !tensor.hasattr("detach")? {
         return Ok(tensor);
@@ -155,7 +155,7 @@ impl Weights {
         self.weights.metadata().clone()
     }
 
-    /// What a run depends on, from the metadata. Raises `WeightsError` for another form.
+    /// The facts on which a run depends, from the metadata. Raises `WeightsError` for another form.
     #[getter]
     fn card(&self) -> Outcome<Card> {
         Ok(Card::new(self.weights.card()?))
@@ -186,7 +186,7 @@ impl Weights {
 
     /// These weights under other names: a mapping from a name of the file to that of the network,
     /// or from the start of names to another, both with a dot at the end ("" leaves it out).
-    /// Raises `WeightsError` for a name that is not there, or two tensors of one name.
+    /// Raises `WeightsError` for a missing name, or two tensors with one name.
     fn renamed(&self, names: BTreeMap<String, String>) -> Outcome<Self> {
         let map = names.iter().try_fold(NameMap::default(), |map, (old, new)| map.with(old, new))?;
         Ok(Self { weights: self.weights.clone().renamed(&map)? })
@@ -242,10 +242,10 @@ impl Weights {
     }
 }
 
-/// What a run depends on, from the metadata of weights.
+/// The facts on which a run depends, from the metadata of weights.
 #[pyclass(module = "meissner", name = "Card", frozen)]
 pub(crate) struct Card {
-    /// Whether they were trained; None where it is unknown.
+    /// Whether they were trained; None if unknown.
     #[pyo3(get)]
     trained: Option<bool>,
     /// One line about them.
@@ -254,7 +254,7 @@ pub(crate) struct Card {
     /// Preparation of the input of the training, as JSON.
     #[pyo3(get)]
     preparation: Option<String>,
-    /// The training took every `stride`-th event.
+    /// Stride of the training: it took every `stride`-th event.
     #[pyo3(get)]
     stride: usize,
     /// (width, height) of the sensor of the training.
@@ -271,7 +271,7 @@ impl Card {
         Self { trained, about, preparation, stride, sensor: sensor.map(sides), published }
     }
 
-    /// For the end of a `repr`.
+    /// Text for the end of a `repr`.
     fn said(&self) -> String {
         let trained = match self.trained {
             Some(true) => ", trained",

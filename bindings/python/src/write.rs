@@ -1,4 +1,4 @@
-//! Recordings: from structured arrays to a file.
+//! Recordings: writes structured arrays to files.
 
 use std::path::PathBuf;
 
@@ -12,7 +12,7 @@ use crate::recording::word;
 
 /// Writes events to a file: "csv", "npy", "dat" or "evt3", by default by the extension.
 ///
-/// Raises `RecordingError` where the format cannot hold an event, `InputError`, `DtypeError`,
+/// Raises `RecordingError` if the format cannot represent an event, `InputError`, `DtypeError`,
 /// `FileError`.
 #[pyfunction]
 #[pyo3(signature = (path, events, sensor=None, *, format=None))]

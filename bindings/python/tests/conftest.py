@@ -28,7 +28,7 @@ SMALL = {
 
 
 def interrupted(program, *arguments, after, seconds):
-    """What `program` says next, and after how long, when Ctrl-C comes `seconds` after it has said `after`."""
+    """The next output of `program`, and the time until it, if Ctrl-C comes `seconds` after the output `after`."""
     paths = os.pathsep.join([os.path.dirname(__file__), *sys.path])
     child = subprocess.Popen(
         [sys.executable, "-c", program, *arguments],

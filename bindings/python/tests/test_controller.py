@@ -22,7 +22,7 @@ pytestmark = pytest.mark.skipif(not CONTROLLER.exists(), reason="the examples ar
 
 def start(*arguments):
     environment = {"PYTHONPATH": str(Path(meissner.__file__).parents[1]), "PATH": "/usr/bin:/bin"}
-    # A longer period than that of the example: a machine of tests is busy.
+    # A longer period than in the example, because a test machine is busy.
     command = [sys.executable, CONTROLLER, *map(str, arguments), "--period", "5000", "--deadline", "4000"]
     return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, env=environment)
 

@@ -137,7 +137,7 @@ def test_a_prediction_says_how_unlike_its_window_is_to_those_of_the_training(eve
     engine = meissner.Engine("tactigraph-past", SENSOR)
     engine.push(events)
     prediction = engine.predict()
-    assert prediction.unlike > 1  # random events are no press
+    assert prediction.unlike > 1  # random events are not a press
     assert "unlike the training" in repr(prediction)
 
 
@@ -335,7 +335,7 @@ def test_arguments_out_of_range_are_refused_with_what_was_expected():
     assert isinstance(raised.value, MemoryError)
     with pytest.raises(meissner.InputError, match="tolerance"):
         meissner.Engine(SMALL, SENSOR, weights, tolerance=-1)
-    for sensor in [(34, 34, 2), np.array([34, 34]), [np.uint16(34), 34]]:  # the first as tonic has it
+    for sensor in [(34, 34, 2), np.array([34, 34]), [np.uint16(34), 34]]:  # the first in the form of tonic
         assert meissner.Engine(SMALL, sensor, weights).sensor == (34, 34)
 
 

@@ -1,4 +1,4 @@
-"""Data sets, evaluation and run time against error: the figures are those of engines that the test drives itself."""
+"""Data sets, evaluation and run time against error: the figures equal those of engines that the test runs itself."""
 
 import io
 import json
@@ -73,7 +73,7 @@ def presses(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def letters(tmp_path_factory):
-    """Two presses of each letter of braille, on a taxel of its own; the second one is for the test."""
+    """Two presses of each letter of braille, on a separate taxel; the second one is for the test."""
     count = 2 * 27
     letter, number = np.divmod(np.arange(count), 2)
     press = np.repeat(np.arange(count), 6)
@@ -102,7 +102,7 @@ def test_letters_are_presses_with_their_times_of_contact(letters):
     sample = meissner.datasets.letters(letters / "letters.npz").of("train")[3]
     assert (sample.name, sample.label, sample.split) == ("train/D/0", 3, "train")
     assert sample.more == {"contact_us": 1_010_000, "held_us": 1_150_000, "lifted_us": 1_200_000}
-    # A batch ends when it arrives, so that its only reading keeps its time.
+    # A batch ends at its arrival, so that its only reading keeps its time.
     assert sample.events["t"].tolist() == [1_000_000 + 50_000 * step for step in range(6)]
     assert set(zip(sample.events["x"].tolist(), sample.events["y"].tolist(), sample.events["p"].tolist())) == {(9, 0, 1)}
     with pytest.raises(meissner.FileError, match="none"):
@@ -140,7 +140,7 @@ def test_a_data_set_is_a_sequence_whose_recordings_are_read_one_by_one(digits):
     assert [sample.label for sample in tests[::10]] == [0, 3, 6]
     with pytest.raises(IndexError):
         tests[30]
-    # The listing reads no recording: one that is broken is found when it is asked for.
+    # The listing reads no recording: a broken one is found when it is requested.
     (digits / "test/9/00009.bin").write_bytes(b"abc")
     try:
         with pytest.raises(meissner.RecordingError, match="00009.bin"):

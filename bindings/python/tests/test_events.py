@@ -1,4 +1,4 @@
-"""What `push` takes: layouts, types and polarities of other libraries, without copies."""
+"""Input of `push`: layouts, types and polarities of other libraries, without copies."""
 
 import numpy as np
 import pytest
@@ -71,7 +71,7 @@ def test_views_with_strides_read_only_memory_and_subclasses_are_taken_as_they_ar
     expected = predicted(fresh(), events)
     for view in (doubled[::2], backwards[::-1], frozen, mapped, events.view(np.recarray), memory):
         assert predicted(fresh(), view) == expected
-    # What a field of a structured array is: strides of 13 bytes, no alignment.
+    # Like a field of a structured array: strides of 13 bytes, no alignment.
     assert predicted(fresh(), t=doubled["t"][::2], x=events["x"], y=events["y"], p=events["p"]) == expected
 
 

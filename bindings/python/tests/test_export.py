@@ -15,7 +15,7 @@ GRAPH = {"kind": "knn", "k": 6, "candidates": "past", "lifetime": "frozen", "sca
 
 
 def spline_basis(u, kernel_size, _open, _degree):
-    """Weight and slot of each corner, as `pyg_lib.ops.spline_basis` has them for open splines of degree 1."""
+    """Weight and slot of each corner, as `pyg_lib.ops.spline_basis` gives them for open splines of degree 1."""
     weights, slots = [], []
     for corner in range(1 << len(kernel_size)):
         weight, slot, stride = torch.ones(len(u)), torch.zeros(len(u), dtype=torch.long), 1
@@ -63,7 +63,7 @@ def readout(x, pos, columns, rows):
 
 
 def normalised(norm):
-    """With statistics of its own, as after a training."""
+    """With its own statistics, as after a training."""
     norm.running_mean.normal_(0, 0.3)
     norm.running_var.uniform_(0.5, 2)
     torch.nn.init.normal_(norm.weight, 1, 0.2)
@@ -102,7 +102,7 @@ def test_a_model_of_splines_runs_in_ten_lines_and_predicts_what_torch_predicts(s
     assert compare(engine, forward, events) < 1e-5
     assert weights.card.trained is None, "nobody said so"
     assert [layer["name"] for layer in description.layers] == ["conv1", "conv2", "readout1", "dense1", "dense2"]
-    # The comparison sees a difference: here of one weight.
+    # The comparison finds a difference: here of one weight.
     model.fc2.bias.data[0] += 0.01
     assert compare(engine, forward, events) > 1e-4
     batch = meissner.Batch(description, SENSOR, weights)
@@ -127,7 +127,7 @@ def test_a_model_with_pooling_has_the_levels_that_its_list_says(splines):
     events = make_events(300)
     engine.push(events)
     prediction = engine.predict()
-    # The first block is on the event level: what torch computes for it is at hand.
+    # The first block is on the event level: the values of torch for it are available.
     graph = engine.graph()
     with torch.no_grad():
         expected = model.norm1(model.conv1(*(torch.from_numpy(a) for a in (graph.x, graph.edge_index, graph.edge_attr))))
@@ -138,7 +138,7 @@ def test_a_model_with_pooling_has_the_levels_that_its_list_says(splines):
 def test_a_spline_convolution_of_torch_geometric_is_taken_as_it_is(monkeypatch):
     nn = pytest.importorskip("torch_geometric.nn")
     module = importlib.import_module("torch_geometric.nn.conv.spline_conv")
-    # Its two functions are compiled ones, which are not everywhere.
+    # Its two functions are compiled ones, which are not available everywhere.
     monkeypatch.setattr(module, "spline_basis", spline_basis)
     monkeypatch.setattr(module, "spline_weighting", spline_weighting)
     torch.manual_seed(3)

@@ -1,4 +1,4 @@
-"""Processes that os.fork made: nothing waits for threads that stayed in the parent."""
+"""Processes from os.fork: nothing waits for threads that stayed in the parent."""
 
 import multiprocessing
 import os

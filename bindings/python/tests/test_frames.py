@@ -192,7 +192,7 @@ def test_filters_pass_what_their_rules_say(events):
         if t - last.get(pixel, -10_000) >= 10_000:
             expected.append(event)
             last[pixel] = t
-    # In two parts: the filter goes on where it was.
+    # In two parts: the filter continues from its state.
     passed = np.concatenate([silenced.push(events[:200]), silenced.push(events[200:])])
     assert np.array_equal(passed, np.array(expected))
     both = meissner.Filters(SENSOR, stride=2, background_us=30_000)

@@ -1,4 +1,4 @@
-"""Live engines: what enters is predicted with an engine's own bits, whatever the threads do, and what does not is counted."""
+"""Live engines: predictions over accepted events have an engine's own bits, independent of the threads, and other events are counted."""
 
 import os
 import threading
@@ -16,7 +16,7 @@ import meissner
 WIDE = {**SMALL, "network": {"name": "wide", "capacity": 20_000, "span_us": 10**7}}
 
 def wide():
-    """An engine that takes about 20 us an event, so that a queue fills."""
+    """An engine that takes about 20 us per event, so that a queue fills."""
     return meissner.Engine(WIDE, SENSOR, meissner.Weights.draw(SMALL, 1))
 
 
@@ -111,7 +111,7 @@ def test_a_deadline_is_kept_and_an_older_prediction_says_how_far_behind_it_is():
         live.push(events)
         begin = time.perf_counter()
         timely = live.predict(deadline_us=2_000)
-        # The deadline, and what the scheduler of a busy machine adds.
+        # The deadline, plus the delay of the scheduler on a busy machine.
         assert time.perf_counter() - begin < 0.5
         assert not timely.fresh and timely.behind_events > 0 and timely.behind_us > 0
         assert "behind" in repr(timely)

@@ -1,4 +1,4 @@
-"""Descriptions and weights, from whatever a user has."""
+"""Descriptions and weights, from all forms that a user may have."""
 
 import numpy as np
 import pytest

@@ -20,7 +20,7 @@ def stub_names():
     names = {}
     for node in ast.parse((PACKAGE / "_meissner.pyi").read_text()).body:
         if isinstance(node, ast.ClassDef):
-            # What the stubs share; a class of the module has its base's methods from there.
+            # Shared code of the stubs; a class of the module has its base's methods from there.
             ids = [base.value.id if isinstance(base, ast.Subscript) else base.id for base in node.bases]
             bases = [names[name] for name in ids if name.startswith("_")]
             methods = {item.name for item in node.body if isinstance(item, ast.FunctionDef)}
@@ -32,7 +32,7 @@ def stub_names():
 
 def test_the_stubs_have_what_the_module_has():
     stubs = stub_names()
-    # Those of every object, and what the stubs have as methods of `object`.
+    # Members of every object, and methods of `object` in the stubs.
     common = set(dir(object)) | {"__module__", "__weakref__"}
     public = {name: value for name, value in vars(_meissner).items() if not name.startswith("_") and callable(value)}
     assert set(stubs) == set(public)

@@ -1,4 +1,4 @@
-"""Recordings: lazily read files as structured arrays, and what is written is read again."""
+"""Recordings: lazily read files as structured arrays, and written files that are read again."""
 
 import os
 import pathlib
@@ -151,7 +151,7 @@ def test_a_text_has_the_columns_and_the_unit_that_are_named(tmp_path):
 
 @pytest.mark.parametrize("name", ["events.npy", "events.dat", "events.raw"])
 def test_blocks_windows_and_parts_of_a_file_are_those_of_the_whole(tmp_path, name):
-    """npy and DAT are read part by part, EVT3 as a whole."""
+    """npy and DAT are read part by part, EVT3 completely."""
     events = make_events(150_000, every_us=20)
     events["t"][5_000:100_000:7] -= 3
     if name.endswith("raw"):

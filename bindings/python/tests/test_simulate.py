@@ -1,4 +1,4 @@
-"""The simulator: equal arguments give equal events, those of the program, each with its cause."""
+"""The simulator: equal arguments give equal events, the same as the program, each with its cause."""
 
 import json
 import os
@@ -102,7 +102,7 @@ def test_faults_have_their_type_and_text():
 
 
 def program():
-    """The program, where it was built, or as MEISSNER names it."""
+    """The program, if it was built, or the one that MEISSNER names."""
     built = [Path(__file__).parents[3] / "target" / profile / "meissner" for profile in ("release", "debug")]
     found = [os.environ.get("MEISSNER"), *(path for path in built if path.exists()), shutil.which("meissner")]
     return next((str(path) for path in found if path), None)

@@ -55,7 +55,7 @@ def test_other_threads_run_during_a_push():
     end = time.monotonic()
     done.set()
     thread.join()
-    # Without the release there is a tick at most every 5 ms, and none in a push that holds the interpreter.
+    # Without the release there is a tick at most every 5 ms, and none in a push that holds the interpreter lock.
     assert sum(begin < tick < end for tick in ticks) > (end - begin) / 0.05
 
 

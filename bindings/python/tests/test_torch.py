@@ -1,4 +1,4 @@
-"""`meissner.torch` against the engine, and what a training promises. Needs torch and safetensors; `.ci/python` says where it runs."""
+"""`meissner.torch` against the engine, and the promises of a training. Needs torch and safetensors; `.ci/python` states where it runs."""
 
 import copy
 import importlib.util
@@ -52,7 +52,7 @@ PRESSES = {
 
 
 def streams_for(network, sensor):
-    """A stream that ends within a window, one that is longer, a short and a silent one."""
+    """A stream that ends within a window, a longer one, a short one and a silent one."""
     span = meissner.Description(network).span_us
     plans = enumerate([(300, 0.8), (400, 1.7), (20, 0.1)])
     streams = [make_events(count, seed, sensor, every_us=int(share * span / count)) for seed, (count, share) in plans]
@@ -97,7 +97,7 @@ def test_of_the_last_step_alone_is_computed_what_no_memory_reads():
     layer = module._layer
     module._layer = lambda said, read, *more: rows.setdefault(said["name"], len(read[0])) and layer(said, read, *more)
     module(torch.rand(3, 5, 48), last=True)
-    # Batch norm sees what it sees in a prediction.
+    # Batch norm gets the same input as in a prediction.
     assert rows.pop("lstm") == rows.pop("readings") == 15 and set(rows.values()) == {3}
 
 
@@ -141,7 +141,7 @@ def test_a_network_trained_in_other_units_has_the_engines_tensors():
         again = Module.from_description(PRESSES, meissner.Weights(module), unit=[1.0, 5.0]).eval()
         near(again(given).numpy()[0], engine.predict().values)
     assert torch.allclose(module.state_dict()["out.bias"], module["out.bias"] * torch.tensor([2.0, 0.1]))
-    # Copies and modules around it have the engine's tensors too.
+    # Copies and modules around it also have the engine's tensors.
     other = copy.deepcopy(module)
     other.gain["hidden"] = 1.0
     around = torch.nn.Sequential(other)
@@ -168,7 +168,7 @@ def test_a_graph_is_read_at_any_time_and_mirrored():
 
 @pytest.fixture(scope="module")
 def film(tmp_path_factory):
-    """Presses whose events are as many as they are deep, more of them rising where pitch is positive."""
+    """Presses with a number of events in proportion to their depth, more of them rising if pitch is positive."""
     random, folder = np.random.default_rng(0), tmp_path_factory.mktemp("film")
     tensors, start = {name: [] for name in ("t_us", "x", "y", "on")}, [0]
     depths, pitches = random.uniform(1, 4, 48), random.uniform(-1, 1, 48)

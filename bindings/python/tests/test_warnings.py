@@ -1,4 +1,4 @@
-"""What the program warns of, and what is short: warnings, and what a notebook shows."""
+"""Warnings of the program, and short representations: warnings, and the output in a notebook."""
 
 import warnings
 

@@ -7,7 +7,7 @@ const MAX_BYTES = 512 * 2 ** 20;
 
 const HINT = "Drop a recording here: events in any format, or readings of electrodes. It stays on this machine.";
 
-/** Lets people open files, which `engine`, the worker, takes. */
+/** Lets people open files and sends them to `engine`, the worker. */
 export function begin(engine) {
   const input = Object.assign(document.createElement("input"), { type: "file", hidden: true, id: "file" });
   const button = (id, text, title, act) => Object.assign(document.createElement("button"), { id, textContent: text, title, onclick: act });

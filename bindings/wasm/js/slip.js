@@ -4,7 +4,7 @@ const WORDS = { aw: "anticlockwise", cw: "clockwise", e: "east", n: "north", s: 
 const ELECTRODES = 24;
 let panel = null, shown = null;
 
-/** Shows a run of a slip network, or, without one, the events again. */
+/** Shows a run of a slip network, or the events again if there is no run. */
 export function showSlip(run) {
   const main = document.querySelector("main"), foot = document.querySelector("footer");
   if (!run && !panel) return;
@@ -48,7 +48,7 @@ function draw() {
   document.getElementById("slip-answer").textContent = windows
     ? `${word(best)}: the most probable class of ${wins[best]} of ${windows} windows; ${(tookMs / windows).toFixed(1)} ms a window.`
     : "Too few readings for a window.";
-  // Each electrode between its own least and largest value: how it changes shows, not what it rests at.
+  // Each electrode between its own minimum and maximum: this shows its changes, not its value at rest.
   const ranges = Array.from({ length: ELECTRODES }, () => [Infinity, -Infinity]);
   readings.forEach((value, i) => { const of = ranges[i % ELECTRODES]; of[0] = Math.min(of[0], value); of[1] = Math.max(of[1], value); });
   const share = (i, e) => { const [low, high] = ranges[e]; return (readings[i * ELECTRODES + e] - low) / (high - low || 1); };
@@ -56,7 +56,7 @@ function draw() {
   heat("slip-classes", count, classes.length, (i, c) => all[i][c], word);
 }
 
-/** Rows over time, dark where the value is 1; nothing where there is none. */
+/** Rows over time, dark where the value is 1; nothing where there is no value. */
 function heat(id, columns, rows, value, label) {
   const canvas = document.getElementById(id), ratio = devicePixelRatio || 1, style = getComputedStyle(document.body);
   const width = canvas.clientWidth, height = canvas.clientHeight, left = 96, to = canvas.getContext("2d");

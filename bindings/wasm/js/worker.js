@@ -1,14 +1,14 @@
 // The engine in a worker of the page: commands in, frames out. Nothing leaves the machine.
 //
 // In: a command of `view/src/command.rs`; {open: {name, bytes}} for a file; {press: true} for the embedded press.
-// Out: an ArrayBuffer, a frame; {state}, "open" or what went wrong; {opened} or {refused}, of a file, as text;
+// Out: an ArrayBuffer, a frame; {state}, "open" or an error; {opened} or {refused} for a file, as text;
 // {slip}, classes over readings of electrodes.
 
 import init, { Electrodes, Viewer } from "./meissner_wasm.js";
 
 /** Time that the engine may take before the page gets a frame. */
 const BUDGET_US = 12_000;
-/** Time between looks at a clock that plays slowly. */
+/** Time until the next step when the engine has no frame. */
 const IDLE_MS = 8;
 const NETWORK = "tactigraph-past", SLIP = "slip-best";
 

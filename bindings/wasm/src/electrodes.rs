@@ -46,11 +46,11 @@ impl Electrodes {
         })
     }
 
-    /// Takes the values e1 to e24 of a reading, in the sensor's counts; the logits of the window
-    /// that it completes, if it does.
+    /// Takes the values e1 to e24 of a reading, in the sensor's counts; returns the logits of the
+    /// window, if the reading completes one.
     ///
     /// # Errors
-    /// Not 24 finite values.
+    /// There are not 24 finite values.
     pub fn push(&mut self, values: &[f32]) -> Result<Option<Vec<f32>>, JsError> {
         let reading: &[f32; ELECTRODES] = values
             .try_into()
@@ -73,8 +73,8 @@ impl Electrodes {
         self.classes.clone()
     }
 
-    /// The readings of a text (CSV with a header): 24 values each, one after the other. A line that
-    /// is no reading is left out.
+    /// The readings of a text (CSV with a header): 24 values each, one after the other. A line
+    /// without a reading is left out.
     ///
     /// # Errors
     /// The text has no header of electrodes.

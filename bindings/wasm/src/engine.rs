@@ -6,7 +6,7 @@ use wasm_bindgen::prelude::*;
 
 use crate::{refused, thrown};
 
-/// Names of the networks whose weights the module has.
+/// Names of the networks whose weights the module contains.
 #[wasm_bindgen]
 pub fn networks() -> Vec<String> {
     AnyDescription::shipped_names()
@@ -29,7 +29,7 @@ impl Engine {
     /// The network `name` of the module over a sensor of these pixels.
     ///
     /// # Errors
-    /// There is no such network, or not its weights, or it does not run over such a sensor.
+    /// There is no such network, its weights are missing, or it does not run over such a sensor.
     #[wasm_bindgen(constructor)]
     pub fn new(name: &str, width: u16, height: u16) -> Result<Self, JsError> {
         let description = Description::shipped(name)
@@ -60,12 +60,13 @@ impl Engine {
         Ok(Self { engine, outputs: outputs.to_vec(), units: units.to_vec(), classes })
     }
 
-    /// Takes an event; whether it entered the window or will, when later ones have decided.
+    /// Takes an event; returns whether it entered the window, or will once later events have
+    /// decided.
     pub fn push(&mut self, t_us: f64, x: u16, y: u16, on: bool) -> bool {
         !matches!(self.engine.push(Event::new(t_us as i64, x, y, on)), Outcome::Dropped(_))
     }
 
-    /// Takes events from arrays of one length; how many entered the window.
+    /// Takes events from arrays of one length; returns the number that entered the window.
     ///
     /// # Errors
     /// The arrays differ in length; no event is taken then.
@@ -74,8 +75,8 @@ impl Engine {
         Ok(self.engine.push_all(events(t_us, x, y, on)?))
     }
 
-    /// Takes events as [`Self::push_arrays`] does, and predicts after each: the predictions, one
-    /// after the other.
+    /// Takes events as [`Self::push_arrays`] does, and predicts after each: returns the
+    /// predictions, one after the other.
     ///
     /// # Errors
     /// The arrays differ in length, and no event is taken; a layer gave NaN.
@@ -100,7 +101,7 @@ impl Engine {
         self.engine.advance(t_us as i64);
     }
 
-    /// The prediction over the window: a value for each of `outputs`; of classes, logits.
+    /// The prediction over the window: a value for each of `outputs`; logits for classes.
     ///
     /// # Errors
     /// A layer gave NaN.
@@ -140,7 +141,7 @@ impl Engine {
     /// Goes to a state of an engine with this network and sensor.
     ///
     /// # Errors
-    /// The bytes are not such a state; the engine is as before.
+    /// The bytes are not such a state. The engine stays unchanged.
     pub fn restore(&mut self, bytes: &[u8]) -> Result<(), JsError> {
         self.engine.restore_bytes(bytes).map_err(thrown)
     }

@@ -1,12 +1,13 @@
-//! Meissner for JavaScript: what the module `meissner_wasm.js` exports.
+//! Meissner for JavaScript: the exports of the module `meissner_wasm.js`.
 //!
 //! - [`Engine`]: events in, predictions out, states as bytes
 //! - [`Electrodes`]: readings of 24 electrodes in, directions of slip out
 //! - [`Recording`]: the events of a file in any format of `io`
 //! - [`Viewer`]: the session behind the page, one recording and its network
 //!
-//! Times are microseconds as JavaScript's numbers, whole up to 2^53. What Rust refuses is thrown as
-//! an `Error`, with its message. One thread, no clock of its own but the page's, no network.
+//! Times are microseconds as JavaScript's numbers, whole up to 2^53. Errors of Rust are thrown as
+//! an `Error`, with their message. There is one thread, only the page's clock, and no network
+//! access.
 
 mod electrodes;
 mod engine;
@@ -46,7 +47,7 @@ extern "C" {
     fn console_error(text: &str);
 }
 
-/// Shows a panic, a fault of the library, where a developer looks; the module then stops.
+/// Shows a panic, a fault of the library, in the console; the module then stops.
 #[wasm_bindgen(start)]
 fn start() {
     std::panic::set_hook(Box::new(|panic| console_error(&panic.to_string())));

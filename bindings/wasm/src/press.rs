@@ -24,7 +24,7 @@ pub fn press() -> Recording {
     Recording::of(EVENTS).expect("the embedded press is readable")
 }
 
-/// What is true of it, with times from its first event.
+/// The truth about it, with times from its first event.
 pub(crate) fn truth() -> Truth {
     let mut lines = TRUTH.lines();
     let names = lines.next().unwrap_or_default().split(',').skip(1).map(str::to_owned).collect();
@@ -36,7 +36,7 @@ pub(crate) fn truth() -> Truth {
 }
 
 /// A hash of the bits of the prediction after each event of the press, of tactigraph-past, in 16
-/// hexadecimal digits: that of `of_press` of the fixed run, which every build gives.
+/// hexadecimal digits. It equals `of_press` of the fixed run in every build.
 ///
 /// # Panics
 /// Never: the tests run it.

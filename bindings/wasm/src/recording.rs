@@ -14,8 +14,8 @@ pub struct Recording {
 }
 
 impl Recording {
-    /// The content of a file in any format. Where it does not name its sensor, the smallest one
-    /// that has its events is taken.
+    /// The content of a file in any format. If it does not name its sensor, the smallest one that
+    /// contains its events is used.
     pub(crate) fn of(bytes: &[u8]) -> Result<Self, meissner_io::IoError> {
         let recording = meissner_io::decode(bytes)?;
         let largest = |of: fn(&Event) -> u16| {
@@ -42,7 +42,7 @@ impl Recording {
     /// gzip or zip. Its events may step back in time, as in the file.
     ///
     /// # Errors
-    /// The bytes are no recording, or a damaged one; the message has the place.
+    /// The bytes are not a recording, or a damaged one; the message has the location.
     #[wasm_bindgen(constructor)]
     pub fn new(bytes: &[u8]) -> Result<Self, JsError> {
         Self::of(bytes).map_err(thrown)
@@ -90,7 +90,7 @@ impl Recording {
         self.events.iter().map(|event| event.y).collect()
     }
 
-    /// 1 where it became brighter, else 0.
+    /// 1 if it became brighter, else 0.
     #[wasm_bindgen(getter)]
     pub fn on(&self) -> Vec<u8> {
         self.events.iter().map(|event| u8::from(event.on)).collect()

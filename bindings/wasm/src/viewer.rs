@@ -22,7 +22,7 @@ impl Viewer {
     /// The content of a file called `name`, with the network called `network`.
     ///
     /// # Errors
-    /// The bytes are no recording, or the network does not run over its sensor.
+    /// The bytes are not a recording, or the network does not run over its sensor.
     #[wasm_bindgen(constructor)]
     pub fn new(name: &str, bytes: &[u8], network: &str) -> Result<Self, JsError> {
         Self::of(name, Recording::of(bytes).map_err(thrown)?, Truth::default(), network)
@@ -46,12 +46,12 @@ impl Viewer {
     /// Carries out a command, in JSON.
     ///
     /// # Errors
-    /// It is none, or cannot be carried out.
+    /// It is not a command, or it cannot be carried out.
     pub fn command(&mut self, text: &str) -> Result<(), JsError> {
         self.0.command(text).map_err(thrown)
     }
 
-    /// Goes on for about so long, and returns a frame if there is anything new to show.
+    /// Continues for about this time, and returns a frame if there is anything new to show.
     pub fn step(&mut self, budget_us: f64) -> Option<Vec<u8>> {
         self.0.step(budget_us)
     }
@@ -62,8 +62,8 @@ impl Viewer {
         self.0.facts_version() as f64
     }
 
-    /// What frames are about: the recording, the network and its layers. A page needs them before
-    /// its first frame, and where they have changed.
+    /// Facts for frames: the recording, the network and its layers. A page needs them before its
+    /// first frame, and after each change.
     pub fn facts(&self) -> Vec<u8> {
         self.0.facts()
     }

@@ -1,8 +1,8 @@
-//! What to do with records: whether one accounts for every event and has the bits of a single
-//! process, and how long events took, hop by hop.
+//! Checks of records: whether a record accounts for every event and has the bits of a single
+//! process, and the latencies of events, hop by hop.
 //!
-//! An engine in this process ([`Replay`]) is given the events that the record says were accepted,
-//! and predicts where the record has a prediction.
+//! An engine in this process ([`Replay`]) gets the events that were accepted according to the
+//! record, and predicts where the record has a prediction.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write;
@@ -34,7 +34,7 @@ pub(crate) struct CheckOptions {
     weights: Option<PathBuf>,
 }
 
-/// What a check has found.
+/// The results of a check.
 #[derive(Debug, Default, PartialEq, Eq, Serialize)]
 pub(crate) struct Found {
     pub(crate) sensors: usize,
@@ -46,7 +46,7 @@ pub(crate) struct Found {
     pub(crate) sent: u64,
     /// Events that were given to engines.
     pub(crate) accepted: u64,
-    /// Events that were not, by reason.
+    /// Events that were not accepted, by reason.
     pub(crate) dropped: BTreeMap<String, u64>,
     /// Lives of the inference node.
     pub(crate) lives: usize,
@@ -54,7 +54,7 @@ pub(crate) struct Found {
     pub(crate) missed: u64,
 }
 
-/// Checks the record, and prints what was found.
+/// Checks the record, and returns the results as text.
 ///
 /// # Errors
 /// An event is unaccounted for, a count is wrong, or a prediction has other bits.
@@ -65,7 +65,7 @@ pub(crate) fn run(options: &CheckOptions) -> Result<String, PacketError> {
     Ok(serde_json::to_string(&found).expect("counts are written without errors"))
 }
 
-/// What the inference node said of a sensor, in the order in which it did.
+/// Messages of the inference node about a sensor, in their order.
 enum Said<'a> {
     Prediction(&'a PredictionHeader, &'a [f32]),
     Loss(Gap),
@@ -142,7 +142,7 @@ fn check_lines(
                 }
             }
         }
-        // How much a source sent of streams before a restart is not known.
+        // The number of events that a source sent before a restart is not known.
         if streams.iter().any(|&(other, later)| other == name && later > stream) {
             continue;
         }
@@ -198,7 +198,7 @@ pub(crate) fn latencies(options: &LatencyOptions) -> Result<String, PacketError>
         predictions += 1;
         let times = [header.events_sent_ns, header.events_received_ns, header.sent_ns, recorded_ns];
         for (hop, (_, from, to)) in hops.iter_mut().zip(HOPS) {
-            // A clock that was set back between the two makes no time negative.
+            // Times stay positive even if a clock was set back between the two.
             hop.record(Duration::from_nanos((times[to] - times[from]).max(1) as u64));
         }
     }

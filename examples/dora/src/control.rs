@@ -1,10 +1,10 @@
 //! The controller: in each cycle, the newest prediction of each sensor, and a command.
 //!
 //! A cycle waits for predictions until its deadline, or until every known sensor has a new one. A
-//! sensor whose prediction is new gets a command of [`ControlOptions::turn`]. One whose newest
-//! prediction is of events older than the limit gets a command that turns nothing, so that what it
-//! moves stops; between the two, the command of a cycle without news turns nothing either, since
-//! its prediction was already acted on.
+//! sensor whose prediction is new gets a command of [`ControlOptions::turn`]. If its newest
+//! prediction is of events older than the limit, it gets a command that turns nothing, so that its
+//! motion stops. Between the two, the command of a cycle without news also turns nothing, because
+//! its prediction was already used.
 
 use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
@@ -47,12 +47,12 @@ impl ControlOptions {
     }
 }
 
-/// What the controller knows of a sensor.
+/// The controller's data about a sensor.
 #[derive(Debug, Default)]
 struct Known {
-    /// When the events of its newest prediction were sent, and its values.
+    /// Sending time of the events of its newest prediction, and its values.
     newest: Option<(i64, Vec<f32>)>,
-    /// Whether no command was made of it.
+    /// Whether no command was made from it yet.
     is_new: bool,
     /// Cycles with a new prediction, without one, and with one of events that were too old.
     cycles: [u64; 3],
@@ -80,7 +80,7 @@ pub(crate) fn run(options: &ControlOptions) -> Result<(), PacketError> {
             told = Instant::now();
             tell(&mut outputs, &known)?;
         }
-        // A cycle that was missed is not made up for.
+        // A missed cycle is not repeated.
         due = (due + period).max(Instant::now());
     }
     tell(&mut outputs, &known)

@@ -1,8 +1,8 @@
 //! The inference node: events of any number of sensors in, predictions, losses and counts out.
 //!
-//! Each input is a sensor. In each round the node takes every message that has arrived, then asks
-//! the engines of all sensors with news for a prediction, before it waits for the first answer. So
-//! a slow machine makes fewer predictions, of more events each.
+//! Each input is a sensor. In each round the node takes every message that has arrived. Then it
+//! requests a prediction from the engines of all sensors with news, before it waits for the first
+//! answer. So a slow machine makes fewer predictions, each of more events.
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -20,7 +20,7 @@ use crate::message::{
 };
 use crate::node::{Inputs, Message, Outputs, start};
 
-/// Longest wait for what engines still have to do when the dataflow ends.
+/// Longest wait for the remaining work of engines when the dataflow ends.
 const AT_THE_END: Duration = Duration::from_secs(2);
 
 /// Options of the inference node.
@@ -95,7 +95,7 @@ struct Inference {
     sensors: BTreeMap<String, LiveSensor>,
     /// Messages that queues dropped before the input had a sensor.
     dropped: BTreeMap<String, u64>,
-    /// Messages that could not be placed, by input.
+    /// Messages that could not be assigned, by input.
     refused: BTreeMap<String, u64>,
     /// Messages sent, on any output.
     order: u64,
@@ -103,7 +103,7 @@ struct Inference {
     writer: StateWriter,
 }
 
-/// An engine of `sensor` cannot go on.
+/// An engine of `sensor` cannot continue.
 fn of_sensor(sensor: &str) -> impl FnOnce(PacketError) -> PacketError {
     failed(format!("sensor {sensor}"))
 }
@@ -138,12 +138,12 @@ impl Inference {
         let geometry = header.sensor();
         if let Some(sensor) = self.sensors.get(input).filter(|sensor| sensor.is_other(stamp.boot, geometry)) {
             if stamp.boot <= sensor.stream() {
-                // Of a life of the source that has ended, or of a sensor that changed its size in
-                // one life.
+                // The message belongs to an ended life of the source, or to a sensor that changed
+                // its size in one life.
                 self.refuse(input, "a message of another life of the source");
                 return Ok(());
             }
-            // What the old life sent is predicted on before it is forgotten.
+            // The events of the old life get a prediction before they are forgotten.
             self.predict(deadline.max(AT_THE_END), true)?;
             self.sensors.remove(input).map_or(Ok(()), LiveSensor::close).map_err(of_sensor(input))?;
         }
@@ -169,11 +169,11 @@ impl Inference {
         gaps.into_iter().try_for_each(|gap| self.lose(input, stamp.boot, gap))
     }
 
-    /// Counts a message that is none.
+    /// Counts a malformed message.
     fn refuse(&mut self, input: &str, why: &str) {
         let count = self.refused.entry(input.to_owned()).or_default();
         *count += 1;
-        // A source that sends nothing else is reported now and then.
+        // A source that sends nothing else is reported from time to time.
         if count.is_power_of_two() {
             self.outputs.warn(&format!("{input}: {count} messages refused, this one: {why}"));
         }
@@ -190,7 +190,7 @@ impl Inference {
         self.sensors.values().map(LiveSensor::until_due).min().unwrap_or(Duration::MAX)
     }
 
-    /// Sends predictions of the sensors for which one is due; with `at_once`, of those with news.
+    /// Sends due predictions of the sensors; with `at_once`, of all sensors with news.
     fn predict(&mut self, deadline: Duration, at_once: bool) -> Result<(), PacketError> {
         let is_due = |sensor: &LiveSensor| {
             if at_once { sensor.has_news() } else { sensor.until_due().is_zero() }
@@ -223,7 +223,7 @@ impl Inference {
         Ok(())
     }
 
-    /// Has the newest states written.
+    /// Starts writing the newest states.
     fn keep(&mut self) {
         self.sensors.values_mut().filter_map(LiveSensor::collect).for_each(|state| self.writer.write(state));
         for error in self.writer.failures() {
@@ -239,7 +239,7 @@ impl Inference {
         self.outputs.send("counters", &(), texts_array(&all))
     }
 
-    /// Predicts on what is left, sends the last counts and writes the states.
+    /// Predicts for the remaining events, sends the last counts and writes the states.
     fn end(mut self) -> Result<(), PacketError> {
         self.predict(AT_THE_END, true)?;
         self.tell()?;
@@ -258,7 +258,7 @@ pub(crate) fn counters(sensor: &LiveSensor) -> Vec<Counter> {
         Counter::new(name, "predictions", predictions),
     ];
     let dropped = Reason::ALL.into_iter().map(Reason::name).zip(coverage.lost.map(|lost| lost.events));
-    // Of the accepted events, those that the engine has no use for.
+    // Accepted events that the engine does not use.
     let ignored = ignored.into_iter().map(|(reason, count)| ("events_ignored", reason.name(), count));
     let by_reason = dropped.map(|(reason, count)| ("events_dropped", reason, count)).chain(ignored);
     counters.extend(by_reason.map(|(what, reason, count)| Counter::with_reason(name, what, reason, count)));

@@ -8,17 +8,16 @@
 //!
 //! | module | contents |
 //! |---|---|
-//! | [`message`] | what the nodes send each other, as Arrow arrays |
+//! | [`message`] | messages between the nodes, as Arrow arrays |
 //! | [`node`] | numbered messages out and in |
 //! | [`source`] | events of a recording or a stream, when they are due |
 //! | [`infer`] | an engine for each input: `meissner_packets`, between dora's inputs and outputs |
 //! | [`control`] | commands by a deadline |
-//! | [`record`], [`metrics`] | what was said, in a file and for Prometheus |
-//! | [`check`] | a record against a single process; how long hops took |
+//! | [`record`], [`metrics`] | messages in a file, and metrics for Prometheus |
+//! | [`check`] | a record against a single process; the latencies of hops |
 //!
 //! Invariant: every event that a source sent is covered by a prediction or counted as dropped with
-//! a reason, and a prediction has the bits of an engine in one process that was given the same
-//! events.
+//! a reason, and a prediction has the bits of an engine in one process with the same events.
 
 mod check;
 mod control;

@@ -1,4 +1,4 @@
-//! What the nodes send each other: Arrow arrays, with metadata.
+//! Messages between the nodes: Arrow arrays, with metadata.
 //!
 //! Every message has the metadata of a [`Stamp`].
 //!
@@ -58,21 +58,21 @@ pub(crate) fn read<T: DeserializeOwned>(metadata: &MetadataParameters) -> Result
     serde_json::from_value(Value::Object(entries)).map_err(failed("metadata"))
 }
 
-/// Which message it is.
+/// The identity of a message.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub(crate) struct Stamp {
-    /// When its sender started, in nanoseconds since 1970: the name of the sender's life.
+    /// Start of its sender, in nanoseconds since 1970: the name of the sender's life.
     pub(crate) boot: i64,
     /// Its number on its output, from 0 in each life.
     pub(crate) number: u64,
-    /// When it was sent, in nanoseconds since 1970.
+    /// Its sending time, in nanoseconds since 1970.
     pub(crate) sent_ns: i64,
 }
 
-/// Where a message of events belongs.
+/// The position of a message of events.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub(crate) struct EventsHeader {
-    /// Number of its first event in the life of the source, also of a message without events.
+    /// Number of its first event in the life of the source; also set for a message without events.
     pub(crate) first: u64,
     pub(crate) width: NonZeroU16,
     pub(crate) height: NonZeroU16,
@@ -84,7 +84,7 @@ impl EventsHeader {
     }
 }
 
-/// What a prediction covers, and when it was made.
+/// The events that a prediction covers, and its times.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub(crate) struct PredictionHeader {
     /// Name of the sensor: the input of the inference node.
@@ -95,11 +95,11 @@ pub(crate) struct PredictionHeader {
     pub(crate) boot: i64,
     /// Number of the prediction on its output.
     pub(crate) number: u64,
-    /// Place among all messages in this life of the inference node.
+    /// Index among all messages in this life of the inference node.
     pub(crate) order: u64,
     /// Number of the first event that it does not cover; those before were taken or lost.
     pub(crate) next: u64,
-    /// Events that were given to the engine, of this stream.
+    /// Events of this stream that the engine got.
     pub(crate) accepted: u64,
     /// Time of the newest event in the window, in microseconds.
     pub(crate) t_us: Option<i64>,
@@ -107,25 +107,25 @@ pub(crate) struct PredictionHeader {
     pub(crate) nodes: u64,
     /// Whether it covers everything that had arrived.
     pub(crate) fresh: bool,
-    /// When the newest covered message of events was sent, in nanoseconds.
+    /// Sending time of the newest covered message of events, in nanoseconds.
     pub(crate) events_sent_ns: i64,
-    /// When that message arrived at the inference node.
+    /// Arrival of that message at the inference node.
     pub(crate) events_received_ns: i64,
-    /// When the prediction was sent.
+    /// Sending time of the prediction.
     pub(crate) sent_ns: i64,
 }
 
-/// Where a loss belongs.
+/// The position of a loss.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub(crate) struct LossHeader {
     pub(crate) sensor: String,
     /// Life of the source.
     pub(crate) stream: i64,
-    /// Place among all messages in this life of the inference node.
+    /// Index among all messages in this life of the inference node.
     pub(crate) order: u64,
 }
 
-/// What a command was made from.
+/// The origin of a command.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub(crate) struct CommandHeader {
     pub(crate) sensor: String,
@@ -140,7 +140,7 @@ pub(crate) struct CommandHeader {
 pub(crate) struct Counter {
     pub(crate) sensor: String,
     pub(crate) name: String,
-    /// Why, for what was dropped; otherwise empty.
+    /// The reason for drops; otherwise empty.
     pub(crate) reason: String,
     /// The count since the start of the source.
     pub(crate) value: u64,
@@ -186,7 +186,7 @@ pub(crate) fn read_events(data: &DoraArray, events: &mut Vec<Event>) -> Result<(
     Ok(())
 }
 
-/// An array without nulls, of the type that is expected.
+/// An array without nulls, of the expected type.
 fn array<'a, A: Array + 'static>(data: &'a DoraArray, expected: &'static str) -> Result<&'a A, PacketError> {
     let array = data.as_array().as_any().downcast_ref::<A>();
     let array = array.ok_or_else(|| PacketError::unexpected("array", expected, &data.type_name()))?;

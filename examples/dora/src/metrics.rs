@@ -1,6 +1,6 @@
 //! The metrics node: counts and latencies of the nodes in Prometheus's text format.
 //!
-//! One request at a time, of a bounded length and time; all but `GET /metrics` gives 404.
+//! One request at a time, of a bounded length and time; everything except `GET /metrics` gives 404.
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
@@ -56,17 +56,17 @@ struct Hop {
     sum: f64,
 }
 
-/// What was told so far.
+/// The metrics so far.
 #[derive(Debug, Default)]
 pub(crate) struct Metrics {
-    /// By name, sensor and reason.
+    /// Counts by name, sensor and reason.
     counts: BTreeMap<(String, String, String), u64>,
-    /// By sensor and hop.
+    /// Latencies by sensor and hop.
     hops: BTreeMap<(String, &'static str), Hop>,
 }
 
 impl Metrics {
-    /// Takes what a node has counted.
+    /// Takes a count of a node.
     pub(crate) fn count(&mut self, Counter { sensor, name, reason, value }: Counter) {
         self.counts.insert((name, sensor, reason), value);
     }
@@ -154,13 +154,13 @@ pub(crate) fn run(options: &MetricsOptions) -> Result<(), PacketError> {
     Ok(())
 }
 
-/// Serves `page` at `address` in a thread of its own, for as long as the process lives.
+/// Serves `page` at `address` in a separate thread, as long as the process lives.
 pub(crate) fn serve(address: &str, page: impl Fn() -> String + Send + 'static) -> io::Result<SocketAddr> {
     let listener = TcpListener::bind(address)?;
     let bound = listener.local_addr()?;
     thread::spawn(move || {
         for client in listener.incoming().flatten() {
-            // A client that has gone gets no answer; the next one is served.
+            // A client that has left gets no answer; the next one is served.
             let _ = answer(client, &page);
         }
     });
@@ -182,7 +182,7 @@ fn answer(mut client: TcpStream, page: impl Fn() -> String) -> io::Result<()> {
     }
     let asked = request.starts_with(b"GET /metrics ") || request.starts_with(b"GET /metrics?");
     let (status, body) = if asked { ("200 OK", page()) } else { ("404 Not Found", String::new()) };
-    // The type that OpenMetrics has: the text ends with its mark.
+    // The content type of OpenMetrics: the text ends with its mark.
     let kind = "application/openmetrics-text; version=1.0.0; charset=utf-8";
     let length = body.len();
     let head = format!(

@@ -19,10 +19,10 @@ pub(crate) struct Outputs {
     numbers: BTreeMap<&'static str, u64>,
 }
 
-/// The node that the daemon has started this process for.
+/// The node for which the daemon has started this process.
 ///
 /// # Errors
-/// No daemon has, or it cannot be reached.
+/// No daemon has started it, or the daemon cannot be reached.
 pub(crate) fn start() -> Result<(Outputs, Inputs), PacketError> {
     let (node, events) = DoraNode::init_from_env().map_err(daemon)?;
     let outputs = Outputs { node, boot: now_ns(), numbers: BTreeMap::new() };
@@ -35,7 +35,7 @@ fn daemon(error: NodeError) -> PacketError {
 }
 
 impl Outputs {
-    /// When this node started: the name of its life.
+    /// Start of this node: the name of its life.
     pub(crate) fn boot(&self) -> i64 {
         self.boot
     }
@@ -46,7 +46,7 @@ impl Outputs {
     }
 
     /// Sends `array` on `output`, with the fields of `header` and those of every message as
-    /// metadata. An output that the dataflow does not name is no error.
+    /// metadata. An output that the dataflow does not name is not an error.
     ///
     /// # Errors
     /// The daemon cannot be reached.
@@ -69,7 +69,7 @@ impl Outputs {
         self.node.log_warn(text);
     }
 
-    /// Warns of a message that is not as it must be.
+    /// Warns of a malformed message.
     pub(crate) fn warn_of(&self, message: &Message, error: &PacketError) {
         self.warn(&format!("{}: {}", message.input, chain(error)));
     }
@@ -81,7 +81,7 @@ pub(crate) struct Message {
     pub(crate) input: String,
     pub(crate) metadata: MetadataParameters,
     pub(crate) data: DoraArray,
-    /// When it was taken from the queue, in nanoseconds since 1970.
+    /// Time when it was taken from the queue, in nanoseconds since 1970.
     pub(crate) received_ns: i64,
 }
 
@@ -94,7 +94,7 @@ pub(crate) struct Inputs {
 }
 
 impl Inputs {
-    /// The messages that are there, in order on each input; waits at most `most` for the first.
+    /// The waiting messages, in order on each input; waits at most `most` for the first.
     pub(crate) fn take(&mut self, most: Duration) -> Vec<Message> {
         let mut messages = Vec::new();
         if !most.is_zero() {
@@ -103,7 +103,7 @@ impl Inputs {
                 None => self.has_ended = true,
             }
         }
-        // After the end too: what had arrived before it comes after it.
+        // Also after the end: messages that arrived before it come after it.
         match self.events.drain() {
             Some(events) => events.into_iter().for_each(|event| self.note(event, &mut messages)),
             None => self.has_ended = true,
@@ -125,7 +125,7 @@ impl Inputs {
         }
     }
 
-    /// Whether the dataflow asks the node to end, or nobody is left who sends.
+    /// Whether the dataflow asks the node to end, or no sender is left.
     pub(crate) fn have_ended(&self) -> bool {
         self.has_ended
     }
@@ -135,7 +135,7 @@ impl Inputs {
         self.events.drain_drop_counts().into_iter().map(|(input, count)| (input.to_string(), count))
     }
 
-    /// How many messages are missing before `message` on its input, and why.
+    /// The number of missing messages before `message` on its input, and the reason.
     ///
     /// # Errors
     /// The message has no number.

@@ -1,7 +1,7 @@
-//! The recorder: what the other nodes say, as lines of JSON in a file.
+//! The recorder: messages of the other nodes, as lines of JSON in a file.
 //!
 //! Each line is a [`Line`], and is complete in the file before the recorder waits for the next
-//! message. A restarted recorder goes on at the end of the file.
+//! message. A restarted recorder continues at the end of the file.
 
 use std::fs::{File, OpenOptions};
 use std::io::{BufWriter, Write};
@@ -35,7 +35,7 @@ pub(crate) enum Line {
     Prediction {
         #[serde(flatten)]
         header: PredictionHeader,
-        /// When it arrived here.
+        /// Its arrival here.
         recorded_ns: i64,
         values: Vec<f32>,
     },
@@ -67,7 +67,7 @@ pub(crate) enum Line {
 }
 
 impl Line {
-    /// The lines that say what `message` says.
+    /// The lines for `message`.
     fn of(message: &Message) -> Result<Vec<Self>, PacketError> {
         let Message { input, metadata, data, received_ns } = message;
         let Stamp { boot, sent_ns, .. } = message::read(metadata)?;
@@ -89,7 +89,7 @@ impl Line {
     }
 }
 
-/// What an input has: its name up to the first dash, so that there can be several of a kind.
+/// The kind of an input: its name up to the first dash, so that there can be several of a kind.
 pub(crate) fn output(input: &str) -> &str {
     input.split_once('-').map_or(input, |(output, _)| output)
 }
@@ -97,7 +97,7 @@ pub(crate) fn output(input: &str) -> &str {
 /// The lines of the record in the file at `path`.
 ///
 /// # Errors
-/// It cannot be read.
+/// The file cannot be read.
 pub(crate) fn read(path: &Path) -> Result<Vec<Line>, PacketError> {
     let text = std::fs::read_to_string(path).map_err(failed(path.display().to_string()))?;
     let line = |(number, line): (usize, &str)| {

@@ -1,7 +1,7 @@
 //! The source node: events of a recording at a speed, or of a stream, as messages.
 //!
 //! Each message has the number of its first event. While there is nothing to send, messages without
-//! events tell the next number, so that a receiver knows what it has missed.
+//! events contain the next number, so that a receiver knows which events it has missed.
 
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
@@ -39,8 +39,8 @@ pub(crate) struct StreamOptions {
 }
 
 impl StreamOptions {
-    /// The source and the geometry of its sensor. Waits for the first event of a stream unless that
-    /// is given.
+    /// The source and the geometry of its sensor. Waits for the first event of a stream unless the
+    /// geometry is given.
     fn open(&self) -> Result<(Sensor, Source), RunError> {
         let source =
             Source::open(self.recording.as_deref(), &ReadOptions::default(), self.sensor.is_some(), false)?;
@@ -115,7 +115,7 @@ pub(crate) fn run(options: &SourceOptions) -> Result<(), PacketError> {
     let (now, name) = (Instant::now(), outputs.name());
     let counts = [0, 0, 0];
     let mut node = Node { outputs, sensor, name, idle, sent: now, told: now, counts };
-    // A source has no inputs; what comes is the end of the dataflow.
+    // A source has no inputs; the only event is the end of the dataflow.
     let mut has_ended = || {
         inputs.take(Duration::ZERO);
         inputs.have_ended()
@@ -140,7 +140,7 @@ struct Node {
     sensor: Sensor,
     name: String,
     idle: Duration,
-    /// When the last message was sent, and the last counts.
+    /// Times of the last message and of the last counts.
     sent: Instant,
     told: Instant,
     /// Events and messages that were sent, and the longest delay of an event in microseconds.
@@ -148,7 +148,8 @@ struct Node {
 }
 
 impl Node {
-    /// Sends and counts events of which the first was due at `due`, or none if it is time.
+    /// Sends and counts events, the first of which was due at `due`, or an empty message if one is
+    /// due.
     fn pass_on(&mut self, events: &[Event], due: Instant) -> Result<(), PacketError> {
         if !events.is_empty() || self.sent.elapsed() >= self.idle {
             let [width, height] = [self.sensor.width, self.sensor.height]

@@ -109,8 +109,8 @@ mod check {
         lines.push(missed);
         assert!(refusal(&lines).ends_with("got 400; the record lacks messages: 1 of losses"));
 
-        // The last prediction: the events after the one before are neither predicted on nor
-        // dropped.
+        // The last prediction: no prediction covers the events after the one before, and they are
+        // not dropped.
         let mut lines = record();
         lines.remove(lines.len() - 2);
         assert_eq!(refusal(&lines), "finger: expected 1000 events, of 1000, got 900");
@@ -264,7 +264,7 @@ mod metrics {
         for request in [&b"GET / HTTP/1.1\r\n\r\n"[..], b"\r\n\r\n", b"POST /metrics HTTP/1.1\r\n\r\n"] {
             assert!(ask(address, request).starts_with("HTTP/1.1 404 "));
         }
-        // One that says nothing does not keep the others waiting for ever.
+        // A silent client does not block the others without end.
         let _silent = TcpStream::connect(address).unwrap();
         assert!(ask(address, b"GET /metrics HTTP/1.1\r\n\r\n").ends_with("text"));
     }

@@ -36,7 +36,7 @@ def kill_source(folder, dora):
 
 
 def run(dora, nodes, name, folder, *changes, meanwhile=None):
-    """Runs the dataflow of this name with some of its text changed; what it prints."""
+    """Runs the dataflow of this name with some of its text changed, and returns its output."""
     (folder / "target/release").mkdir(parents=True)
     (folder / "target/release/meissner-dora").symlink_to(nodes)
     (folder / "python").symlink_to(FOLDER / "python")
@@ -49,7 +49,7 @@ def run(dora, nodes, name, folder, *changes, meanwhile=None):
     paths = os.pathsep.join([str(Path(dora).parent), os.environ["PATH"]])
     environment = {**os.environ, "DORA_ZENOH_CONFIG_OVERLAY": str(FOLDER / "zenoh.json5"), "DORA_ZENOH_MULTICAST": "off",
                    "PATH": paths}
-    # A session of its own, so that signals of a terminal reach it through this script only.
+    # A separate session, so that signals of a terminal reach it through this script only.
     dataflow = subprocess.Popen([dora, "run", "flow.yml"], cwd=folder, env=environment, stdin=subprocess.DEVNULL,
                                 stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, start_new_session=True)
     if meanwhile:
@@ -57,7 +57,7 @@ def run(dora, nodes, name, folder, *changes, meanwhile=None):
     try:
         log = dataflow.communicate(timeout=180)[0]
     except BaseException:
-        # The nodes notice that who started them has gone.
+        # The nodes notice that their parent process has ended.
         dataflow.send_signal(signal.SIGKILL)
         dataflow.wait()
         raise
@@ -67,10 +67,10 @@ def run(dora, nodes, name, folder, *changes, meanwhile=None):
 
 
 def flow(dora, nodes, name, runs, *changes, meanwhile=None):
-    """Runs a dataflow with a record; what the check of its record has found, and its latencies."""
+    """Runs a dataflow with a record; returns the findings of the record's check, and the latencies."""
     with tempfile.TemporaryDirectory(prefix="meissner-dora-") as folder:
         folder = Path(folder)
-        # A port that is free, more or less: another user of the usual one would stop the metrics.
+        # Any free port, because another user of the usual port would stop the metrics.
         run(dora, nodes, name, folder, ("127.0.0.1:9464", "127.0.0.1:0"), *changes, meanwhile=meanwhile)
         record = folder / "out" / f"{name}.jsonl"
         checked = subprocess.run([nodes, "check", record, "--runs", str(runs)], capture_output=True, text=True)

@@ -1,9 +1,8 @@
 #!/usr/bin/env python3
 """Two machines, a link that is cut and healed, and an inference node that is killed: every event is accounted for.
 
-The machines are two network namespaces, which this test makes and removes, joined by a pair of virtual interfaces. Each has a memory for
-sharing between processes of its own, so nothing but the link joins them. Needs root, iproute2, and the programs that are named in the
-arguments.
+The machines are two network namespaces, which this test makes and removes, joined by a pair of virtual interfaces. Each has its own
+memory for sharing between processes, so only the link joins them. Needs root, iproute2, and the programs in the arguments.
 
     python3 tests/two_machines.py --dora DORA --nodes target/debug/meissner-dora [--times 10]
 """
@@ -64,11 +63,11 @@ class Machines:
             raise
 
     def start(self, label, machine, *command):
-        # A mount namespace of its own comes with the network namespace, so the other machine's memory is not seen.
+        # `ip netns exec` also makes a mount namespace, so the other machine's memory is not visible.
         script = 'mount -t tmpfs tmpfs /dev/shm && exec "$@"'
         inside = ["ip", "netns", "exec", self.names[machine], "sh", "-c", script, "sh", self.dora, *command]
         log = open(self.folder / f"{label}.log", "ab")
-        # A session of its own: signals of the terminal are for this script, which ends it.
+        # A separate session: signals of the terminal are for this script, which ends it.
         self.processes[label] = subprocess.Popen(
             inside, cwd=self.folder, stdout=log, stderr=log, stdin=subprocess.DEVNULL, start_new_session=True)
 
@@ -99,12 +98,12 @@ class Machines:
         return found
 
     def nodes(self, kind=None):
-        """The nodes that run, or those of a kind."""
+        """The running nodes, or only those of a kind."""
         named = {pid: line for pid, line in self.members().items() if line[0].endswith(b"meissner-dora")}
         return [pid for pid, line in named.items() if kind is None or line[1] == kind.encode()]
 
     def __exit__(self, *_):
-        # Only what runs in the namespaces of this test, which nobody else has.
+        # Only processes in the namespaces of this test, which nobody else has.
         for signal_number in [signal.SIGTERM, signal.SIGKILL]:
             for pid in self.members():
                 try:
@@ -148,7 +147,7 @@ class Record:
 
 
 def scrape(machines):
-    """The metrics, asked for at the machine that serves them."""
+    """The metrics, requested on the machine that serves them."""
     script = "import urllib.request as r; print(r.urlopen('http://127.0.0.1:9464/metrics', timeout=5).read().decode())"
     inside = ["ip", "netns", "exec", machines.names["computer"], sys.executable, "-c", script]
     return subprocess.run(inside, check=True, capture_output=True, text=True, timeout=20).stdout
@@ -163,7 +162,7 @@ def once(dora, nodes, keep):
         flow = (FOLDER / "two_machines.yml").read_text()
         own = "source --runs 20\n"
         assert own in flow, flow
-        # After its end the source goes on telling the number of its events, until nothing can be on its way any more.
+        # After its end, the source repeats the number of its events until no event can be in transit.
         flow = flow.replace(own, f"source --runs {RUNS} --speed {SPEED} --linger-ms 4000\n")
         (folder / "flow.yml").write_text(flow)
         record = Record(folder)

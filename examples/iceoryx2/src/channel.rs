@@ -1,9 +1,9 @@
 //! One service of iceoryx2: slices with a header from one publisher to several subscribers.
 //!
-//! What is set here, and never left to a default:
+//! Settings that are made here and never left to a default:
 //!
-//! - A subscriber holds at most [`BUFFER`] slices. Then the newest replaces the oldest: a publisher
-//!   never waits, and the numbers of the headers tell what is lost.
+//! - A subscriber holds at most [`BUFFER`] slices. Then the newest replaces the oldest, so a
+//!   publisher never waits, and the numbers of the headers show the losses.
 //! - There is one publisher. A second one is refused while the first lives.
 //! - A killed process leaves memory behind. Each process removes it when it opens a service.
 
@@ -23,14 +23,14 @@ use iceoryx2::service::static_config::message_type_details::{TypeDetail, TypeVar
 
 use meissner_packets::{Cause, PacketError, failed};
 
-/// Slices that a subscriber can hold.
+/// Maximum number of slices of a subscriber.
 pub const BUFFER: usize = 256;
-/// Subscribers of a service.
+/// Maximum number of subscribers of a service.
 pub const SUBSCRIBERS: usize = 4;
-/// How long the remains of a dead process are waited for that another process removes.
+/// Longest wait while another process removes the remains of a dead process.
 const CLEANUP: Duration = Duration::from_secs(1);
 
-/// What can lie in shared memory.
+/// A type that can be in shared memory.
 pub trait Shared: ZeroCopySend + Debug + 'static {}
 
 impl<T: ZeroCopySend + Debug + 'static> Shared for T {}
@@ -61,7 +61,7 @@ pub struct Receiver<T: Shared, H: Shared> {
     channel: Channel<T, H>,
 }
 
-/// A received slice in shared memory, whose place is used again when this is dropped.
+/// A received slice in shared memory. A drop frees its place.
 pub type Received<T, H> = iceoryx2::sample::Sample<ipc::Service, [T], H>;
 
 impl<T: Shared, H: Shared> Channel<T, H> {
@@ -71,7 +71,7 @@ impl<T: Shared, H: Shared> Channel<T, H> {
     /// The service carries other types, or iceoryx2 cannot open it.
     pub fn open(name: &str) -> Result<Self, PacketError> {
         let service: ServiceName = name.try_into().map_err(cannot(name, "use the name"))?;
-        // Signals are the program's.
+        // The program handles signals itself.
         let node = NodeBuilder::new().signal_handling_mode(SignalHandlingMode::Disabled);
         let node = node.create::<ipc::Service>().map_err(cannot(name, "create a node"))?;
         node.blocking_cleanup_dead_nodes(CLEANUP);
@@ -141,7 +141,7 @@ impl<T: Shared, H: Shared> Channel<T, H> {
             let expected = format!("1 to {BUFFER} slices");
             return Err(PacketError::unexpected("buffer", &expected, &buffer.to_string()));
         }
-        // First the listener: a slice that the subscriber gets is then always notified.
+        // The listener comes first, so that the subscriber is notified of every slice that it gets.
         let listener = self.notifications.listener_builder().create();
         let listener = listener.map_err(cannot(&self.name, "listen to it"))?;
         let subscriber = self.slices.subscriber_builder().buffer_size(buffer).create();
@@ -157,7 +157,7 @@ fn cannot<E: Into<Cause>>(service: &str, step: &str) -> impl FnOnce(E) -> Packet
 
 impl<T: Shared + Copy, H: Shared + Default> Sender<T, H> {
     /// Publishes `length` items and their header, written into shared memory by `item`, and
-    /// notifies the subscribers. The subscribers that are full lose their oldest slice.
+    /// notifies the subscribers. Full subscribers lose their oldest slice.
     ///
     /// # Errors
     /// There is no room: a slice is longer than declared, or a subscriber is broken.
@@ -171,7 +171,7 @@ impl<T: Shared + Copy, H: Shared + Default> Sender<T, H> {
         Ok(())
     }
 
-    /// Subscribers that there are.
+    /// Number of subscribers.
     pub fn subscribers(&self) -> usize {
         self.channel.slices.dynamic_config().number_of_subscribers()
     }

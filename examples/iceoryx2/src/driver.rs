@@ -20,14 +20,14 @@ pub fn predictions_of(name: &str) -> String {
     format!("{name}/predictions")
 }
 
-/// Nanoseconds of `CLOCK_MONOTONIC`, which all processes of a host read alike.
+/// Nanoseconds of `CLOCK_MONOTONIC`, which is the same for all processes of a host.
 pub fn now_ns() -> u64 {
     let now = clock_gettime(ClockId::Monotonic);
     // It counts from the start of the machine: 584 years fit.
     now.tv_sec as u64 * 1_000_000_000 + now.tv_nsec as u64
 }
 
-/// A sensor's driver, as far as the other processes can tell.
+/// A sensor's driver, from the view of the other processes.
 #[derive(Debug)]
 pub struct Driver {
     sender: Sender<EventRecord, SliceHeader>,
@@ -35,7 +35,7 @@ pub struct Driver {
     next: SliceHeader,
 }
 
-/// What was published.
+/// Counts of published data.
 #[derive(Clone, Copy, Debug, Serialize)]
 pub struct Published {
     /// Number of the run.
@@ -57,7 +57,7 @@ impl Driver {
         Ok(Self { sender, next: SliceHeader { run: now_ns(), width, height, ..SliceHeader::default() } })
     }
 
-    /// Publishes `events`, of which the first was due at `due`, in slices of at most [`SLICE`].
+    /// Publishes `events`, the first of which was due at `due`, in slices of at most [`SLICE`].
     ///
     /// # Errors
     /// As [`Sender::publish`].
@@ -84,7 +84,7 @@ impl Driver {
         Ok(Published { run, events, slices })
     }
 
-    /// Subscribers that there are.
+    /// Number of subscribers.
     pub fn subscribers(&self) -> usize {
         self.sender.subscribers()
     }

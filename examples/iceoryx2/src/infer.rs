@@ -1,4 +1,4 @@
-//! The process that infers: slices out of shared memory, predictions into it.
+//! The inference process: takes slices from shared memory, and writes predictions into it.
 //!
 //! Each record goes from the borrowed slice into the engine: the payload is not copied. A start of
 //! the driver is a stream of [`SensorEngine`].
@@ -15,24 +15,24 @@ use serde::Serialize;
 
 use crate::NAP;
 
-/// Gaps that a summary lists.
+/// Maximum number of gaps in a summary.
 const GAPS: usize = 1000;
 
-/// What the process did.
+/// The results of the process.
 #[derive(Debug, Serialize)]
 pub(crate) struct Summary {
     #[serde(flatten)]
     counts: Counts,
-    /// What is missing, by reason.
+    /// Missing events, by reason.
     lost: BTreeMap<&'static str, Lost>,
     /// The first thousand gaps, with their runs.
     gaps: Vec<(u64, Gap)>,
-    /// What the engine dropped since its sensor is known, by reason.
+    /// Events that the engine dropped since its sensor is known, by reason.
     dropped: BTreeMap<&'static str, u64>,
 }
 
 /// Infers under this name until a driver ends (`once`), or until the program is asked to end. Up to
-/// `buffer` slices may wait. A slice that is refused is no error: it is counted and told.
+/// `buffer` slices may wait. A refused slice is not an error: it is counted and reported.
 pub(crate) fn infer(
     name: &str,
     network: AnyNetwork,
@@ -48,7 +48,7 @@ pub(crate) fn infer(
     while !is_over && !interrupt::requested() {
         events.wait(NAP)?;
         let mut has_ended = false;
-        // At most what fits: under a flood, predictions still appear.
+        // At most the slices that fit, so that predictions still appear under a flood.
         for _ in 0..buffer {
             let Some(slice) = events.take()? else { break };
             match inference.take(slice.user_header(), slice.payload(), now_ns()) {
@@ -86,15 +86,15 @@ struct Inference {
 }
 
 impl Inference {
-    /// Predictions of `network`; `origin` tells them from those of another start.
+    /// Predictions of `network`; `origin` distinguishes them from those of another start.
     fn new(network: AnyNetwork, origin: u64) -> Self {
-        // Shared memory loses nothing: what is missing was replaced in the full buffer.
+        // Shared memory loses nothing: missing slices were replaced in the full buffer.
         let engine = SensorEngine::new(network, Reason::Queue);
         Self { engine, next: PredictionHeader { origin, ..PredictionHeader::default() }, gaps: Vec::new() }
     }
 
     /// Takes a slice that was received at `received_ns` of the shared clock. A slice with a record
-    /// that is no event is lost as a whole.
+    /// that is not an event is lost completely.
     fn take(
         &mut self,
         header: &SliceHeader,
@@ -133,7 +133,7 @@ impl Inference {
         Ok(())
     }
 
-    /// Tells and keeps a gap.
+    /// Reports and stores a gap.
     fn note(&mut self, run: u64, gap: Option<Gap>) {
         let Some(gap @ Gap { from, until, packets, reason }) = gap else { return };
         eprintln!("run {run}: {} events in {packets} slices lost: {}", until - from, reason.name());
@@ -142,7 +142,7 @@ impl Inference {
         }
     }
 
-    /// The prediction for what was taken since the last one, if anything; its time is to be set.
+    /// The prediction for the slices since the last one, if any; the caller sets its time.
     fn predict(&mut self) -> Result<Option<(PredictionHeader, &[f32])>, PacketError> {
         let Some(prediction) = self.engine.predict()? else { return Ok(None) };
         let (t_us, nodes) = (prediction.t_us.unwrap_or(0), prediction.nodes as u64);

@@ -10,7 +10,7 @@
 //!
 //! | module | contents |
 //! |---|---|
-//! | [`wire`] | what lies in shared memory: records, and the headers of slices and predictions |
+//! | [`wire`] | the data in shared memory: records, and the headers of slices and predictions |
 //! | [`channel`] | one service of iceoryx2 with its notifications |
 //! | [`driver`] | events into slices, and the clock that processes share |
 //!

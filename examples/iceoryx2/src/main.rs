@@ -88,7 +88,7 @@ fn main() -> ExitCode {
     let Arguments { command, name } = Arguments::parse();
     interrupt::install();
     interrupt::listen();
-    // Its refusals come as errors; IOX2_LOG_LEVEL shows how they came about.
+    // Refusals of iceoryx2 arrive as errors; IOX2_LOG_LEVEL shows their causes.
     set_log_level_from_env_or(LogLevel::Fatal);
     match run(command, &name) {
         Ok(()) => ExitCode::SUCCESS,

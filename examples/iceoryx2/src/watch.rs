@@ -1,4 +1,4 @@
-//! The process that takes predictions, and measures how long they took.
+//! The process that takes predictions and measures their latencies.
 
 use std::io::{Write, stdout};
 use std::time::Duration;
@@ -14,7 +14,7 @@ use serde_json::json;
 
 use crate::NAP;
 
-/// What was received, and how long it took in microseconds.
+/// Counts of received predictions, and their latencies in microseconds.
 #[derive(Debug, Default, Serialize)]
 pub(crate) struct Summary {
     predictions: u64,
@@ -22,8 +22,8 @@ pub(crate) struct Summary {
     missing: u64,
     /// Starts of the inference.
     origins: u64,
-    /// From when the oldest event that a prediction is the first to cover was due until the driver
-    /// published it; then hop by hop until the prediction was here.
+    /// From the due time of the oldest event that a prediction is the first to cover until the
+    /// driver published it; then hop by hop until the prediction arrived here.
     due_to_published: Latency,
     published_to_received: Latency,
     received_to_predicted: Latency,
@@ -63,7 +63,7 @@ pub(crate) fn watch(name: &str, once: bool, lines: bool) -> Result<Summary, Pack
             let (now, header) = (now_ns(), prediction.user_header());
             let next = match expected {
                 Some((origin, next)) if origin == header.origin => next,
-                // What another start has sent before was for nobody.
+                // Predictions that another start has sent before had no receiver.
                 _ => {
                     summary.origins += 1;
                     header.sequence

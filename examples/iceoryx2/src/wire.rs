@@ -1,14 +1,14 @@
-//! What lies in shared memory: records of events, and the headers of slices and predictions.
+//! The data in shared memory: records of events, and the headers of slices and predictions.
 //!
-//! Invariant: every type here is `repr(C)`, has no bytes that belong to no field, and means
-//! something for every bit pattern or is refused by a check. The number at the end of a type's name
-//! is its version: iceoryx2 connects only types of the same name, size and alignment.
+//! Invariant: every type here is `repr(C)`, has no padding bytes, and every bit pattern has a
+//! meaning or is refused by a check. The number at the end of a type's name is its version:
+//! iceoryx2 connects only types of the same name, size and alignment.
 
 use iceoryx2::prelude::ZeroCopySend;
 use meissner_engine::{Event, Sensor};
 use meissner_packets::PacketError;
 
-/// Events of a slice at most.
+/// Maximum number of events of a slice.
 pub const SLICE: usize = 1024;
 
 /// An event in 16 bytes, with the layout of `meissner send --records` and of the C interface on
@@ -36,7 +36,7 @@ impl From<Event> for EventRecord {
 }
 
 impl EventRecord {
-    /// The event; `None` if the record is no event.
+    /// The event; `None` if the record is not an event.
     #[inline]
     pub fn event(&self) -> Option<Event> {
         let Self { t_us, x, y, polarity, zero } = *self;
@@ -44,20 +44,20 @@ impl EventRecord {
     }
 }
 
-/// What a slice of events says about itself.
+/// The header of a slice of events.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ZeroCopySend)]
 #[repr(C)]
 #[type_name("meissner_slice_1")]
 pub struct SliceHeader {
-    /// A number that this start of the driver has alone: its nanoseconds on the shared clock.
+    /// A unique number of this start of the driver: its nanoseconds on the shared clock.
     pub run: u64,
     /// Number of the slice in its run, from 0.
     pub sequence: u64,
     /// Events of the run before this slice.
     pub first_event: u64,
-    /// When its first event was due or received, in nanoseconds of the shared clock.
+    /// Time when its first event was due or received, in nanoseconds of the shared clock.
     pub due_ns: u64,
-    /// When the driver began to write the slice, in nanoseconds of the shared clock.
+    /// Time when the driver began to write the slice, in nanoseconds of the shared clock.
     pub published_ns: u64,
     /// Columns of the sensor.
     pub width: u16,
@@ -67,12 +67,12 @@ pub struct SliceHeader {
     pub end: u32,
 }
 
-/// What a prediction says about itself.
+/// The header of a prediction.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ZeroCopySend)]
 #[repr(C)]
 #[type_name("meissner_prediction_1")]
 pub struct PredictionHeader {
-    /// A number that this start of the inference has alone.
+    /// A unique number of this start of the inference.
     pub origin: u64,
     /// Number of the prediction, from 0.
     pub sequence: u64,
@@ -80,7 +80,7 @@ pub struct PredictionHeader {
     pub run: u64,
     /// Events of the run that were taken.
     pub taken: u64,
-    /// Events of the run that were lost or refused before the newest that was taken.
+    /// Events of the run that were lost or refused before the newest taken one.
     pub lost: u64,
     /// Time of the newest event that it covers, in microseconds; 0 without events.
     pub t_us: i64,
@@ -90,15 +90,15 @@ pub struct PredictionHeader {
     pub due_ns: u64,
     /// [`SliceHeader::published_ns`] of that slice.
     pub published_ns: u64,
-    /// When that slice was received, in nanoseconds of the shared clock.
+    /// Time when that slice was received, in nanoseconds of the shared clock.
     pub received_ns: u64,
-    /// When the prediction was ready, in nanoseconds of the shared clock.
+    /// Time when the prediction was ready, in nanoseconds of the shared clock.
     pub predicted_ns: u64,
     /// 1 if the run has ended; otherwise 0.
     pub end: u64,
 }
 
-/// Checks the header of a slice of so many events by itself.
+/// Checks the header of a slice of so many events on its own.
 ///
 /// # Errors
 /// The first reason to refuse it.
@@ -118,7 +118,7 @@ pub fn check(header: &SliceHeader, events: usize) -> Result<Sensor, PacketError>
 /// Checks the records of a slice.
 ///
 /// # Errors
-/// The first one that is no event.
+/// The first record that is not an event.
 pub fn check_records(records: &[EventRecord]) -> Result<(), PacketError> {
     records.iter().enumerate().try_for_each(|(index, record)| {
         let EventRecord { polarity, zero, .. } = *record;

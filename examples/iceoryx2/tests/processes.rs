@@ -19,7 +19,7 @@ use rustix::process::{Pid, Signal, kill_process};
 use serde_json::Value;
 
 const NETWORK: &str = "tactigraph-past";
-/// Longest wait for another process: machines that test may be busy.
+/// Longest wait for another process, because test machines may be busy.
 const PATIENCE: Duration = Duration::from_mins(2);
 
 /// A process of this program. It is killed with the test.
@@ -94,7 +94,7 @@ fn bits(values: &[f32]) -> Vec<u32> {
 
 fn values(prediction: &Value) -> Vec<u32> {
     let values = prediction["values"].as_array().expect("values").iter();
-    // Written with as many digits as an f32 needs.
+    // The text has as many digits as an f32 needs.
     bits(&values.map(|value| value.as_f64().expect("a number") as f32).collect::<Vec<_>>())
 }
 
@@ -120,7 +120,8 @@ fn predictions_of_three_processes_are_those_of_one_bit_for_bit() {
     let lost = number(&summary["lost"]["queue"], "events");
     assert_eq!(lost + number(&summary, "events"), events.len() as u64, "{summary}");
     assert_eq!(number(&watched, "predictions"), predictions.len() as u64);
-    // A busy machine may lose slices here too: what arrived is compared, and what did not is known.
+    // A busy machine may lose slices here too: arrived slices are compared, and the missing ones
+    // are known.
     let mut arrived = events;
     for gap in summary["gaps"].as_array().expect("gaps").iter().rev() {
         let [from, until] = ["from", "until"].map(|end| number(&gap[1], end) as usize);
@@ -152,7 +153,7 @@ fn a_flood_loses_the_oldest_slices_and_each_is_counted() {
     }
     driver.publish(&events[..100], Instant::now()).expect("a slice");
     infer.told("a driver has started");
-    // While the process stands still, 29 slices come, of which it can hold 3 and the end.
+    // While the process is stopped, 29 slices come; it can hold 3 and the end.
     infer.signal(Signal::STOP);
     thread::sleep(Duration::from_millis(100));
     for slice in events[100..].chunks(100).take(29) {
@@ -165,7 +166,7 @@ fn a_flood_loses_the_oldest_slices_and_each_is_counted() {
     let (taken, lost) = (number(&summary, "events") as usize, number(overflow, "events") as usize);
     assert_eq!(taken + lost, 3000, "{summary}");
     assert!(lost >= 2400 && lost == 100 * number(overflow, "packets") as usize, "{summary}");
-    // It may have been stopped while it took a slice: gaps say which events are missing.
+    // It may have been stopped while it took a slice: the gaps name the missing events.
     let mut arrived = events[..3000].to_vec();
     for gap in summary["gaps"].as_array().expect("gaps").iter().rev() {
         assert_eq!(gap[1]["reason"], "queue");

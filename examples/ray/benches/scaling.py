@@ -1,9 +1,9 @@
-"""Recordings with one and with two workers and in a plain loop, in turn, and the medians of the ratios of neighbouring runs.
+"""Judges recordings with one and two workers and in a plain loop, in turn; prints medians of the ratios of neighbouring runs.
 
     python benches/scaling.py TASK DATA NETWORK [--rounds 5]
 
-A round has a loop, one worker and two workers, in an order that turns from round to round. `judging` is the time from the first
-task to the last one, without the start of Ray. Ray gives its workers a niceness of 15; here they have that of the loop.
+A round has a loop, one worker and two workers, in an order that rotates from round to round. `judging` is the time from the first
+task to the last one, without the start of Ray. Ray gives its workers a niceness of 15; here they have the niceness of the loop.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ def main() -> None:
                 found[f"overhead {which}"] = measured.overhead_s
                 found[f"startup {which}"] = measured.startup_s
                 if which == 1:
-                    # What one worker says about two.
+                    # The prediction for two workers from a run with one.
                     found["computed 2"] = meissner_ray.cost(measured, len(recordings), 2).least_s
             rounds.append(found)
             print("  ".join(f"{name} {value:.3f} s" for name, value in sorted(found.items())), flush=True)

@@ -1,6 +1,6 @@
 """Ray on this machine: nothing listens beyond loopback, nothing is reported, nothing is left behind.
 
-A program that has started Ray, or joined a cluster, before it calls this package keeps its own.
+A program that starts Ray, or joins a cluster, before it calls this package keeps that Ray.
 """
 
 from __future__ import annotations
@@ -24,13 +24,13 @@ _FOLDER = "meissner-ray-"
 # One for all sessions of a process, because Ray keeps the first.
 _TOKEN = secrets.token_hex(32)
 
-# Ray takes loopback as its address where it is told not to form clusters. An address of loopback is replaced otherwise.
+# Ray uses loopback as its address only if clusters are disabled. Otherwise, it replaces a loopback address.
 _LOCAL = "RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER"
 
 
 @contextmanager
 def started(workers: int | None) -> Iterator[int]:
-    """Ray with so many workers, by default as many as there are cores, and their number."""
+    """Starts Ray with `workers` workers, by default the number of cores, and yields their number."""
     ray: Any = import_module("ray")
     if ray.is_initialized():
         if workers is not None:

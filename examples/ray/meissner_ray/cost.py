@@ -1,14 +1,14 @@
-"""What many recordings take, computed from what a run has measured.
+"""The time of many recordings, computed from the measurements of a run.
 
 With n recordings on c cores, one worker a core:
 
     least = startup + n (recording + overhead) / c + shutdown + n write
     most  = least + (1 - 1 / c) longest
 
-`recording` is the mean time of judging in a task, and `overhead` the mean time from there to the start of the next task of the
+`recording` is the mean time of judging in a task, and `overhead` the mean time from its end to the start of the next task of the
 same worker: the file of its rows, and scheduling. `startup` is the time from the call to the first task of a worker (median of
 the workers), `shutdown` that of Ray, and `write` the time of the last file for the rows of a recording.
-`most` is the bound of a list schedule: no core is idle before the last task begins, which is the longest at worst (Graham, 1969).
+`most` is the bound of a list schedule: no core is idle before the last task begins, at worst the longest task (Graham, 1969).
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from .store import runs
 
 @dataclass(frozen=True)
 class Measured:
-    """What a run has measured. All times are in seconds."""
+    """The measurements of a run. All times are in seconds."""
 
     cpu: str
     workers: int
@@ -56,7 +56,7 @@ class Cost:
 
 
 def measured(results: pa.Table) -> Measured:
-    """The costs of the run with the most recordings; of equal ones the last. Raises `ResultsError` where there is none."""
+    """The costs of the run with the most recordings; among equal runs, the last. Raises `ResultsError` if there is none."""
     tasks: dict[str, dict[str, dict[str, Any]]] = {}
     records = results.to_pylist()
     for row in records:
@@ -89,7 +89,7 @@ def measured(results: pa.Table) -> Measured:
 
 
 def cost(costs: Measured, recordings: int, cores: int) -> Cost:
-    """The time of so many recordings like those of the run on so many cores like its own."""
+    """The time of `recordings` recordings like those of the run, on `cores` cores like those of the run."""
     if recordings < 1 or cores < 1:
         raise ValueError(f"recordings and cores: expected at least 1, found {recordings} and {cores}")
     cores_used = min(cores, recordings)

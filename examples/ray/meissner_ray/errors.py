@@ -1,4 +1,4 @@
-"""What can go wrong before a recording is judged. The text says what was expected and what came."""
+"""What can go wrong before a recording is judged. The text states what was expected and what was found."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ class RayError(Exception):
 
 
 class NoRecordingsError(RayError, ValueError):
-    """Nothing that was named is a recording of the task."""
+    """None of the named files is a recording of the task."""
 
 
 class SettingsError(RayError, ValueError):
-    """Settings are out of range, or not those of the results in the folder."""
+    """Settings are out of range, or differ from those of the results in the folder."""
 
 
 class ResultsError(RayError, OSError):
@@ -20,4 +20,4 @@ class ResultsError(RayError, OSError):
 
 
 class ClusterError(RayError, RuntimeError):
-    """Ray runs in another way than was asked for."""
+    """Ray runs in another way than requested."""

@@ -1,7 +1,7 @@
-"""One recording to its rows: the records of `meissner.evaluate` or `meissner.pareto`, with where they come from.
+"""One recording to its rows: the records of `meissner.evaluate` or `meissner.pareto`, with their origin.
 
 A recording that Meissner refuses, or that makes it fail, has one row with the failure. The rows depend on the recording and the
-settings alone, but for the columns of `schema.MEASURED`.
+settings alone, except the columns of `schema.MEASURED`.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ Cards = list[dict[str, Any]]
 
 
 def rows_of(recording: Recording, settings: Settings, cards: Cards, scratch: Path | None = None) -> list[Row]:
-    """The rows of a recording; `cards` are those of the settings, and `scratch` is a folder for what is written on the way."""
+    """The rows of a recording; `cards` are those of the settings, and `scratch` is a folder for temporary files."""
     stamp = recording.stamp() or (None, None)
     head = {"recording": recording.name, "bytes": stamp[0], "modified_ns": stamp[1], "failure": None}
     try:
@@ -42,7 +42,7 @@ def rows_of(recording: Recording, settings: Settings, cards: Cards, scratch: Pat
 
 
 def _root(task: str, recording: Recording) -> Path:
-    """What stands for the staged data in messages."""
+    """The path that replaces the path of the staged data in messages."""
     path = Path(recording.path)
     if task in ARCHIVES:
         return path.parent
@@ -99,7 +99,7 @@ def _outputs(evaluation: meissner.Evaluation, record: Row) -> Row:
 
 
 def _origin(cards: Cards, network: str, files: str | None) -> Row:
-    """Seed and fingerprint of the weights; one for all trainings where `files` does not name one."""
+    """Seed and fingerprint of the weights; one fingerprint for all trainings if `files` does not name one."""
     own = [card for card in cards if card["network"] == network and files in (None, "", card["file"])]
     if files and not own:
         own = [card for card in cards if card["network"] == network]

@@ -1,7 +1,7 @@
 """Recordings, the units of work: from the paths that a user names to files, each judged by itself.
 
-Enters: folders, files, archives. Leaves: a list of `Recording` without duplicates, in the order of their paths. Nothing is read
-but folders and the tables of contents of archives, so that a broken recording is found by the task that judges it.
+Input: folders, files, archives. Output: a list of `Recording` without duplicates, in the order of their paths. Only folders and
+the tables of contents of archives are read, so that a broken recording is found by the task that judges it.
 
     task                  a folder has                            a recording is
     digits                test/<digit>/<number>.bin               a file
@@ -57,11 +57,11 @@ class Recording:
 
     @property
     def key(self) -> str:
-        """A name of its own for a file of results."""
+        """A unique name for a file of results."""
         return hashlib.sha256(os.fsencode(self.name)).hexdigest()[:32]
 
     def stamp(self) -> tuple[int, int] | None:
-        """Size in bytes and time of the last change in nanoseconds; None where there is no file."""
+        """Size in bytes and time of the last change in nanoseconds; None if there is no file."""
         try:
             found = Path(self.path).stat()
         except OSError:
@@ -75,10 +75,10 @@ def tasks(command: str) -> list[str]:
 
 
 def find(command: str, task: str, data: PathLike | Iterable[PathLike]) -> list[Recording]:
-    """The recordings that `data` names: files as they are, and those of folders.
+    """The recordings that `data` names: files as they are, and the recordings in folders.
 
     A file that does not exist is a recording, too: judging it fails. Raises `SettingsError` for an unknown task, and
-    `NoRecordingsError` where a folder has none.
+    `NoRecordingsError` if a folder has none.
     """
     if task not in tasks(command):
         raise SettingsError(f"task: expected one of {', '.join(tasks(command))} for {command}, found {task!r}")

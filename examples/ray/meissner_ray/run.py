@@ -1,7 +1,7 @@
 """A run: recordings to tasks of Ray, rows to a folder.
 
-A task judges one recording with one thread, writes its rows and returns them. A task whose worker dies is started again; one
-whose worker dies each time has failed. So nothing that was finished is lost, whatever is killed.
+A task judges one recording with one thread, writes its rows and returns them. A task whose worker dies is started again; a
+task whose worker dies each time has failed. So no finished recording is lost, whatever is killed.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ _QUEUED = 4
 
 @dataclass(frozen=True)
 class Job:
-    """What all tasks of a run share."""
+    """The data that all tasks of a run share."""
 
     settings: Settings
     cards: Cards
@@ -60,16 +60,16 @@ def evaluate(
     """Judges networks on each of many recordings, as `meissner.evaluate` does on one, and returns a row for each record.
 
     - `task`: "digits", "objects", "containers", "slip", "angle" or "area"; `data`: folders or recordings, as `recordings` says.
-    - `out`: a folder for the results. A run in it goes on where an earlier one stopped: recordings that are finished and have
-      not changed are not computed again, those that failed are.
+    - `out`: a folder for the results. A run in it continues where an earlier one stopped: recordings that are finished and have
+      not changed are not computed again, but failed ones are.
     - `networks`, `weights`, `trainings`, `stride`, `every_us`: as for `meissner.evaluate`; trainings must be whole ones, because
       the folds of a cross-validation belong to a data set as a whole.
-    - `workers`: processes, by default as many as there are cores; None where the caller has started Ray.
+    - `workers`: processes, by default the number of cores; None if the caller has started Ray.
     - `progress`: a callback (done, total, recording).
 
-    A recording that cannot be judged has one row, with its failure. Ctrl-C ends the run; what is finished stays. Raises
-    `SettingsError` where `out` has results of other settings, `NoRecordingsError`, `ResultsError`, and what Meissner raises about
-    networks and weights.
+    A recording that cannot be judged has one row, with its failure. Ctrl-C ends the run; finished recordings stay. Raises
+    `SettingsError` if `out` has results of other settings, `NoRecordingsError`, `ResultsError`, and the exceptions of Meissner
+    about networks and weights.
     """
     settings = Settings.of("eval", task, networks, weights, trainings, stride=stride, every_us=every_us)
     return _run(settings, find("eval", task, data), out, workers, progress)

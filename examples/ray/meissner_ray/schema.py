@@ -43,6 +43,6 @@ _EVAL = {"digits": _CLASSES, "objects": _CLASSES, "containers": _CLASSES, "slip"
 
 
 def schema(command: str, task: str) -> pa.Schema:
-    """The columns of a command and a task; all can be null, and the figures are where a recording fails."""
+    """The columns of a command and a task; all can be null, and the figures are null if a recording fails."""
     figures = _PARETO if command == "pareto" else _EVAL[task]
     return pa.schema(list((_RECORDING | _NETWORK | figures | _ORIGIN | _TIMES).items()))

@@ -1,6 +1,6 @@
-"""What is computed, and its identity: a run with another identity does not go on in the same folder.
+"""Settings of a run, and their identity: a run with another identity does not continue in the same folder.
 
-The identity has the fingerprints of descriptions and weights, so a file that was written anew under its old name is noticed.
+The identity has the fingerprints of descriptions and weights, so a file that was rewritten under its old name is noticed.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ class Settings:
         trainings: PathLike | None,
         **more: Any,
     ) -> Settings:
-        """Settings with networks that exist. Raises `SettingsError`, and what Meissner raises about a file."""
+        """Settings with networks that exist. Raises `SettingsError`, and the exceptions of Meissner about files."""
         networks = [networks] if isinstance(networks, str | os.PathLike) else list(networks)
         if not networks:
             raise SettingsError("networks: expected names of networks or description files, found none")
@@ -72,7 +72,7 @@ class Settings:
         return common | own | {"threads": 1, "progress": False}
 
     def check(self) -> None:
-        """Raises what Meissner raises about these settings, before thousands of recordings do."""
+        """Raises the exceptions of Meissner about these settings, before thousands of recordings do."""
         # Settings are read before the data, which are missing here.
         nowhere = Path(os.devnull, "nothing")
         judge = meissner.evaluate if self.command == "eval" else meissner.pareto
@@ -89,7 +89,7 @@ class Settings:
         return {name: (stat.st_size, stat.st_mtime_ns) for name, stat in stats.items()}
 
     def identity(self) -> dict[str, Any]:
-        """What results depend on, as JSON can hold it."""
+        """Everything that results depend on, as values for JSON."""
         found = asdict(self) | {"networks": self.cards(), "weights": None, "trainings": None} | VERSIONS
         unused = ("only", "timed", "repeats", "sensor", "from_us") if self.command == "eval" else ("stride", "every_us")
         return {name: list(value) if isinstance(value, tuple) else value for name, value in found.items() if name not in unused}
@@ -97,7 +97,7 @@ class Settings:
     def cards(self) -> list[dict[str, Any]]:
         """Name, seed and fingerprint of each network with each of its weights.
 
-        `weights` is SHA-256 of the description and of the weights; `file` is the file of a training, else None.
+        `weights` is the SHA-256 of the description and the weights; `file` is the file of a training, otherwise None.
         """
         cards = []
         for name in self.networks:

@@ -1,7 +1,7 @@
 """One recording as the data that Meissner reads: a file as it is, or a data set with this recording alone.
 
-Data sets with folders for classes are judged as a whole. A folder with a link to one file, in its class, is the data set that
-judges this file, and an archive with one array the one that judges this array.
+Data sets with folders for classes are judged as a whole. To judge one file, the data set is a folder with a
+link to this file, in its class; to judge one array, it is an archive with this array.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from .recordings import ARCHIVES, Recording
 def staged(task: str, recording: Recording, scratch: Path | None) -> Iterator[Path]:
     """The path that `meissner.evaluate` and `meissner.pareto` take.
 
-    What is written for it is in the folder `scratch` (or in that of the system), and removed at the end.
+    Files that are written for it are in the folder `scratch` (or in that of the system), and removed at the end.
     """
     path = Path(recording.path)
     if task not in ("digits", "slip", *ARCHIVES):

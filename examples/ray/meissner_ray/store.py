@@ -1,12 +1,12 @@
-"""Results in a folder, so that a run that is stopped at any moment goes on from there.
+"""Results in a folder, so that a run that is stopped at any moment continues from there.
 
     settings.json      identity of the settings, written before anything is computed
     rows/KEY.parquet   the rows of one finished recording
-    work/              what tasks write on their way, removed at the end of a run
+    work/              temporary files of tasks, removed at the end of a run
     results.parquet    the rows of all recordings, written at the end of a run; their files in rows/ are then removed
 
-A file appears as a whole or not at all: it is written under another name and renamed. Files that stay are synchronised with the
-disk. Those in rows/ are not: after a loss of power, one that cannot be read is computed again.
+A file appears completely or not at all: it is written under another name and renamed. Files that stay are synchronised with the
+disk. Files in rows/ are not: a recording whose file cannot be read after a loss of power is computed again.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ _SETTINGS = b"meissner_ray.settings"
 
 
 def atomically(path: Path, write: Callable[[BinaryIO], object], synchronised: bool = True) -> None:
-    """Lets `write` fill the file at `path`, which changes when all of it is written."""
+    """Lets `write` fill the file at `path`, which changes only after everything is written."""
     beside = path.with_name(f".{path.name}.{os.getpid()}")
     try:
         with beside.open("wb") as file:
@@ -58,16 +58,16 @@ def read(folder: PathLike) -> pa.Table:
     if not path.is_file():
         raise ResultsError(f"{folder}: expected a folder with results.parquet, found none")
     with pq.ParquetFile(path) as file:
-        # What is known at the end of the writing is beside the schema, not in it.
+        # Metadata that is known only after the rows are written is beside the schema, not in it.
         metadata = {name: text for name, text in file.metadata.metadata.items() if name in (_RUNS, _SETTINGS)}
         return file.read().replace_schema_metadata(metadata)
 
 
 def runs(results: pa.Table) -> list[dict[str, Any]]:
-    """The whole runs that results come from, the first one first.
+    """The complete runs that results come from, in order of time.
 
-    `workers`; times in seconds since the epoch: `begun_s`, `judged_s` when the last recording was, `stopped_s` when Ray was
-    down, `ended_s` when the rows were written; `rows` is their number.
+    `workers`; times in seconds since the epoch: `begun_s`, `judged_s` when the last recording was judged, `stopped_s` when Ray
+    was down, `ended_s` when the rows were written; `rows` is their number.
     """
     found: list[dict[str, Any]] = json.loads((results.schema.metadata or {}).get(_RUNS, b"[]"))
     return found
@@ -77,12 +77,12 @@ class Results:
     """The results in a folder, open for one run."""
 
     def __init__(self, folder: Path, identity: dict[str, Any], columns: pa.Schema) -> None:
-        """Results of the settings with this identity. Raises `SettingsError` where the folder has those of others."""
+        """Results of the settings with this identity. Raises `SettingsError` if the folder has results of other settings."""
         self.folder, self.columns = folder, columns
         self._identity = json.dumps(identity, indent=1, sort_keys=True)
         self._check(folder / "settings.json")
         (folder / "rows").mkdir(exist_ok=True)
-        # Those of tasks that were killed go.
+        # Removes the files of tasks that were killed.
         shutil.rmtree(folder / "work", ignore_errors=True)
         (folder / "work").mkdir()
         self._runs: list[dict[str, Any]] = []
@@ -95,7 +95,7 @@ class Results:
             try:
                 self._take(pq.read_table(path))
             except (OSError, pa.ArrowInvalid):
-                # A loss of power, or another program. It is computed again.
+                # Damaged by a loss of power, or by another program. The recording is computed again.
                 path.unlink()
 
     def _check(self, path: Path) -> None:
@@ -109,7 +109,7 @@ class Results:
             raise SettingsError(f"{path.parent}: results of other settings, choose another folder ({differences})")
 
     def _take(self, table: pa.Table) -> None:
-        """Rows instead of those that were there for the same recordings."""
+        """Takes rows instead of earlier rows for the same recordings."""
         found: dict[str, list[Row]] = {}
         for row in table.to_pylist():
             found.setdefault(row["recording"], []).append(row)
@@ -133,7 +133,7 @@ class Results:
         metadata = {_SETTINGS: self._identity.encode(), _RUNS: json.dumps(self._runs).encode()}
 
         def write(file: BinaryIO) -> None:
-            # The names of list items are those of Arrow, so that what is read has the schema of what was written.
+            # The names of list items are those of Arrow, so that a table has the same schema after it is read.
             with pq.ParquetWriter(file, self.columns, use_compliant_nested_type=False) as writer:
                 writer.write_table(table)
                 if run is not None:
@@ -149,7 +149,7 @@ class Results:
 
 @contextmanager
 def locked(folder: Path) -> Iterator[None]:
-    """Holds a folder for one run; the lock goes when the process does. Raises `ResultsError` where another run has it."""
+    """Holds a folder for one run; the lock ends with the process. Raises `ResultsError` if another run has it."""
     folder.mkdir(parents=True, exist_ok=True)
     with (folder / ".lock").open("w") as lock:
         try:

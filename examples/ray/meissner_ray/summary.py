@@ -1,7 +1,7 @@
-"""Rows of recordings to figures over all of them.
+"""From the rows of recordings to figures over all recordings.
 
-Shares and counts of classes are those of one evaluation over all recordings, in bits. Means are weighted with the presses or
-pictures of each recording.
+Shares and counts of classes equal those of one evaluation over all recordings in every bit. Means are weighted with the presses
+or pictures of each recording.
 """
 
 from __future__ import annotations

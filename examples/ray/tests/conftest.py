@@ -40,7 +40,7 @@ def write_digit(path, seed, count=150):
 
 
 def write_digits(folder, each=1, count=150):
-    """N-MNIST with so many tests of each digit, and what is not judged."""
+    """N-MNIST with `each` tests of each digit, and files that are not judged."""
     for digit in range(10):
         write_digit(folder / f"train/{digit}/00000.bin", seed=1000 + digit)
         for number in range(each):
@@ -148,7 +148,7 @@ def determined(table: pa.Table) -> bytes:
 
 
 def processes(begins):
-    """The processes of this machine whose titles begin so, by id."""
+    """The processes of this machine whose titles begin with `begins`, by id."""
     found = {}
     for place in Path("/proc").glob("[0-9]*"):
         try:
@@ -161,7 +161,7 @@ def processes(begins):
 
 
 def descendants(of):
-    """The ids of a process and of all that it started."""
+    """The ids of a process and of all processes that it started."""
     parents = {}
     for place in Path("/proc").glob("[0-9]*"):
         try:
@@ -181,7 +181,7 @@ def workers_at_work():
 
 @pytest.fixture(scope="module")
 def cluster():
-    """Ray with two workers, which runs of a test find running."""
+    """A running Ray with two workers for the runs of a test."""
     with started(2) as count:
         yield count
 

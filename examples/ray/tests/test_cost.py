@@ -10,7 +10,7 @@ from meissner_ray.schema import schema
 
 
 def results(runs):
-    """Rows of runs: for each its workers, and (worker, start, end) of each task."""
+    """Rows of runs: for each run its workers, and (worker, start, end) of each task."""
     rows, known = [], []
     for number, (workers, tasks) in enumerate(runs):
         base = 1_000.0 * number

@@ -39,7 +39,7 @@ def write_set(task, folder):
 
 
 def known(row, record):
-    """What `row` has of the determined values of a record."""
+    """The values of `row` for the determined names of a record."""
     return {name: row[name] for name in record if name not in MEASURED}
 
 
@@ -59,7 +59,7 @@ def test_the_rows_of_every_task_are_those_of_a_loop_bit_for_bit(cluster, tmp_pat
     results = meissner_ray.evaluate(task, data, tmp_path / "out", networks=NETWORKS[task])
     assert results.num_rows >= 3 and results["failure"].null_count == results.num_rows
     assert determined(results) == determined(in_a_loop("eval", task, data, NETWORKS[task]))
-    # What was returned is what was written.
+    # The returned results equal the written ones.
     assert meissner_ray.read(tmp_path / "out").equals(results, check_metadata=True)
 
 
@@ -82,7 +82,7 @@ def test_slips_have_the_outputs_and_figures_of_the_whole_data_set(cluster, tmp_p
     whole = meissner.evaluate("slip", data, networks="slip-lstm", threads=1)
     results = meissner_ray.evaluate("slip", data, tmp_path / "out", networks="slip-lstm")
     [logits] = whole.logits.values()
-    # Meissner has classes in the order of their indices, results in that of paths.
+    # Meissner orders classes by their indices, results are ordered by paths.
     names = [sample.name for sample in meissner.datasets.slip(data)]
     by_name = {row["recording"][len(str(data)) + 1 : -4]: row["outputs"] for row in results.to_pylist()}
     assert np.concatenate([by_name[name] for name in names]).astype("f4").tobytes() == logits.tobytes()

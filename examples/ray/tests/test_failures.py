@@ -1,4 +1,4 @@
-"""A recording that cannot be judged costs a row. What cannot be run at all is said before anything starts."""
+"""A recording that cannot be judged costs a row. Settings that cannot run at all are reported before anything starts."""
 
 import shutil
 import zipfile
@@ -20,7 +20,7 @@ def test_broken_recordings_cost_a_row_each(cluster, tmp_path):
     failed = {row["recording"]: row["failure"] for row in results.to_pylist() if row["failure"] is not None}
     assert results.num_rows == 13 and failed.keys() == {str(path) for path in broken.values()}
     for path in broken.values():
-        # The message has the recording's own path, not that of what was made for it.
+        # The message has the recording's own path, not the path of its staged copy.
         assert failed[str(path)].startswith(("RecordingError: ", "EvaluationError: "))
         assert "meissner-recording-" not in failed[str(path)]
     assert str(broken["cut"]) in failed[str(broken["cut"])]

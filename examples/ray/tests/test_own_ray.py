@@ -1,4 +1,4 @@
-"""Runs that start Ray themselves: numbers of workers, what is killed, what Ray leaves, what a run costs."""
+"""Runs that start Ray themselves: numbers of workers, kills, leftovers of Ray, the cost of a run."""
 
 import os
 import signal
@@ -18,12 +18,12 @@ from meissner_ray.cluster import started
 
 @pytest.fixture(scope="module")
 def long_digits(tmp_path_factory):
-    """Recordings that take long enough to be stopped within."""
+    """Recordings that take long enough for a stop during one of them."""
     return write_digits(tmp_path_factory.mktemp("long"), count=4_000)
 
 
 def until(found, seconds=60):
-    """What `found` returns as soon as that is true."""
+    """The first true result of `found`."""
     end = time.monotonic() + seconds
     while time.monotonic() < end:
         if result := found():
@@ -47,7 +47,7 @@ def test_one_and_two_workers_have_the_same_bits_and_leave_nothing(digits, tmp_pa
     assert len(set(one["worker"].to_pylist())) == 1 and one.num_rows == 20
     assert determined(one) == determined(two) == determined(in_a_loop("eval", "digits", digits, "digits-past"))
     assert left() <= before and ours() == variables
-    # With one worker the formula describes the run itself, but for what is between the tasks and the program.
+    # With one worker the formula describes the run itself, except the time between the tasks and the program.
     measured = meissner_ray.measured(one)
     cost = meissner_ray.cost(measured, 20, 1)
     assert measured.recordings == 20 and measured.workers == 1
@@ -60,7 +60,7 @@ def test_a_killed_worker_loses_nothing(long_digits, tmp_path):
 
     def progress(done, total, name):
         if done == 2:
-            # The worker is in the midst of a recording, or about to begin one.
+            # The worker is in the middle of a recording, or about to begin one.
             [worker] = until(workers_at_work)
             os.kill(worker, signal.SIGKILL)
             killed.append(worker)
@@ -85,7 +85,7 @@ def test_a_recording_that_kills_every_worker_costs_a_row(tmp_path):
         before = set()
         while not over.wait(0.5):
             now = workers_at_work() - killed
-            # One that was here before has begun to read.
+            # A worker that was here before has begun to read.
             for worker in now & before:
                 killed.add(worker)
                 os.kill(worker, signal.SIGKILL)
@@ -121,7 +121,7 @@ def test_a_killed_program_goes_on_where_it_stopped(long_digits, tmp_path):
     finally:
         first.kill()
         first.wait()
-    # What works and what schedules ends with the program; two agents of Ray look for it now and then.
+    # Workers and schedulers end with the program; two agents of Ray check for it from time to time.
     until(lambda: not {title for process, title in processes("").items() if process in own and "Agent" not in title and title})
     assert len(folders) == 1
     finished = {path.name for path in (out / "rows").glob("*.parquet")}

@@ -21,7 +21,7 @@ def test_the_commands_and_the_program_of_the_readme_run(cluster, tmp_path, monke
     commands = [shlex.split(line) for line in re.findall(r"^python -m meissner_ray (.*)$", README, re.MULTILINE)]
     assert len(commands) >= 4
     for command in commands:
-        # Ray runs already.
+        # Ray is already running.
         asked = [word for i, word in enumerate(command) if "--workers" not in command[max(0, i - 1) : i + 1]]
         if asked[1] == "angle":
             asked += ["--sensor", "346x260", "--repeats", "1"]

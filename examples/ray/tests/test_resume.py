@@ -1,4 +1,4 @@
-"""A run that is stopped goes on, and computes nothing twice. Results of other settings are refused."""
+"""A stopped run continues, and computes nothing twice. Results of other settings are refused."""
 
 import json
 
@@ -13,7 +13,7 @@ ASKED = {"networks": "digits-past"}
 
 
 def started(results):
-    """When each recording was begun."""
+    """The time when each recording was begun."""
     return dict(zip(results["recording"].to_pylist(), results["started_s"].to_pylist(), strict=True))
 
 
@@ -63,7 +63,7 @@ def test_new_and_changed_recordings_are_computed_and_no_others(cluster, tmp_path
     after = started(meissner_ray.evaluate("digits", data, out, **ASKED))
     computed = {name for name, at in after.items() if before.get(name) != at}
     assert computed == {str(data / "test/3/00001.bin"), str(data / "test/4/00000.bin")}
-    # What was computed stays, though its recording is no longer there.
+    # Computed results stay, although their recording no longer exists.
     assert str(data / "test/5/00000.bin") in after and len(after) == 11
 
 

@@ -1,4 +1,4 @@
-//! Packets into predictions, one for each packet. Nothing here knows ROS 2.
+//! Converts packets to predictions, one for each packet. Nothing here depends on ROS 2.
 //!
 //! A new publisher, encoding or sensor, and a falling number begin a new stream.
 
@@ -12,17 +12,17 @@ use crate::messages::EventPacket;
 /// A network over the packets of one camera.
 pub(crate) struct Inference<P> {
     engine: SensorEngine<(P, String, Sensor, u64)>,
-    /// Of the stream that began last.
+    /// Decoder of the newest stream.
     decoder: Option<EventPackets>,
-    /// Number of the stream, so that one after a number that falls has another name.
+    /// Number of the stream, so that a stream that begins after a falling number has another name.
     stream: u64,
     counts: PacketCounts,
 }
 
-/// What was taken and lost, over all streams.
+/// Counts of taken and lost data, over all streams.
 #[derive(Clone, Copy, Debug, Default, Serialize)]
 pub(crate) struct PacketCounts {
-    /// What the engine was given.
+    /// Counts of the data that the engine got.
     #[serde(flatten)]
     counts: Counts,
     /// Packets that are missing by their `seq`: lost, or dropped because this node was slow.
@@ -36,7 +36,7 @@ pub(crate) struct PacketCounts {
     left_out: u64,
 }
 
-/// What a packet brought.
+/// The result of taking a packet.
 pub(crate) struct Taken {
     /// Whether a stream begins with it.
     pub(crate) is_new: bool,
@@ -46,7 +46,7 @@ pub(crate) struct Taken {
 
 impl<P: PartialEq> Inference<P> {
     pub(crate) fn new(network: AnyNetwork) -> Self {
-        // A packet that waits too long is dropped by DDS, which does not say so.
+        // DDS silently drops a packet that waits too long.
         let engine = SensorEngine::new(network, Reason::QueueOrLink);
         Self { engine, decoder: None, stream: 0, counts: PacketCounts::default() }
     }
@@ -93,7 +93,7 @@ impl<P: PartialEq> Inference<P> {
         let left_out = |decoder: &EventPackets| decoder.left_out().iter().map(|kind| kind.count).sum::<u64>();
         let (unplaced_before, left_out_before) = (decoder.unplaced(), left_out(decoder));
         if let Err(error) = decoder.decode(time_base, &packet.events) {
-            // Its words are missing to those that follow, as after a loss.
+            // The following words lack its words, as after a loss.
             decoder.resync();
             self.engine.lose(seq, None, 0);
             return Err(error.into());
@@ -110,7 +110,7 @@ impl<P: PartialEq> Inference<P> {
         self.engine.predict()
     }
 
-    /// What was taken and lost.
+    /// Counts of taken and lost data.
     pub(crate) fn counts(&self) -> PacketCounts {
         let counts = self.engine.counts();
         PacketCounts { counts, events_dropped: counts.events - counts.accepted, ..self.counts }

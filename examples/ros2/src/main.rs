@@ -33,7 +33,7 @@ use crate::messages::{EventPacket, Float32MultiArray, Header, Vector3Stamped};
 const RECEIVE_BUFFER: usize = 8 << 20;
 /// Longest wait until an end is noticed.
 const NAP: Duration = Duration::from_millis(100);
-/// Predictions that are kept for a subscriber that is slow.
+/// Number of predictions that are kept for a slow subscriber.
 const PREDICTIONS: usize = 64;
 
 /// A ROS 2 node: packets of an event camera in, predictions out
@@ -73,22 +73,22 @@ struct Arguments {
     domain: u16,
 }
 
-/// What the node did.
+/// The results of the node.
 #[derive(Debug, Default, Serialize)]
 struct Summary {
     #[serde(flatten)]
     counts: PacketCounts,
-    /// Messages that are no packets.
+    /// Messages that are not packets.
     not_packets: u64,
-    /// Predictions that no subscriber got, because one of them does not confirm any.
+    /// Predictions that no subscriber got, because one of the subscribers does not confirm any.
     unsent: u64,
-    /// From a packet at hand until its prediction was given to DDS, in microseconds.
+    /// From the arrival of a packet until its prediction was given to DDS, in microseconds.
     packet_to_prediction_us: Latency,
-    /// From a packet's stamp until it was at hand, in microseconds: clocks of one host.
+    /// From a packet's stamp to its arrival, in microseconds: clocks of one host.
     publisher_to_packet_us: Latency,
 }
 
-/// Where predictions go.
+/// The publisher of predictions.
 enum Predictions {
     Vectors(Publisher<Vector3Stamped>),
     Arrays(Publisher<Float32MultiArray>),
@@ -110,7 +110,7 @@ impl Predictions {
 
 fn main() -> ExitCode {
     let arguments = Arguments::parse();
-    // A thread of DDS that panics would leave a node that receives nothing: it ends.
+    // If a thread of DDS panics, the node would receive nothing more. Therefore it ends.
     let tell_panic = panic::take_hook();
     panic::set_hook(Box::new(move |about| {
         tell_panic(about);
@@ -170,8 +170,8 @@ fn advertise(node: &mut Node, options: &Arguments, outputs: usize) -> Result<Pre
     })
 }
 
-/// Takes packets and publishes predictions until the program is asked to end. A packet that is
-/// refused is no error: it is counted and told.
+/// Takes packets and publishes predictions until the program is asked to end. A refused packet is
+/// not an error: it is counted and reported.
 fn run(options: &Arguments) -> Result<Summary, PacketError> {
     let network = AnyNetwork::named(&options.network, options.weights.as_deref())?;
     let mut builder =
@@ -188,7 +188,7 @@ fn run(options: &Arguments) -> Result<Summary, PacketError> {
     let about = NodeOptions::new().enable_rosout(false).start_parameter_services(false);
     let made = context.new_node(name, about).map_err(|error| format!("{error:?}"));
     let mut node = made.map_err(ros("create the node"))?;
-    // It keeps the list of nodes and topics that `ros2 node list` shows.
+    // The spinner keeps the list of nodes and topics that `ros2 node list` shows.
     let spinner = node.spinner().map_err(ros("run the node"))?;
     thread::spawn(move || drop(block_on(spinner.spin())));
     let predictions = advertise(&mut node, options, network.outputs())?;
@@ -201,7 +201,7 @@ fn run(options: &Arguments) -> Result<Summary, PacketError> {
     pin_mut!(connected);
     let has_ended = matches!(block_on(select(connected, &mut ended)), Either::Right(_));
     if !has_ended {
-        // What it sends from now on arrives, or counts as lost.
+        // Its packets from now on arrive, or count as lost.
         eprintln!("a camera is connected");
     }
     let packets = subscription.async_stream();

@@ -1,4 +1,4 @@
-//! Messages of ROS 2, field by field as their definitions name them: their order is their layout.
+//! Messages of ROS 2, with the fields of their definitions: the order is the layout.
 
 use serde::{Deserialize, Serialize};
 
@@ -37,14 +37,14 @@ pub(crate) struct EventPacket {
 /// `geometry_msgs/msg/Vector3Stamped`, with its `Vector3`: a prediction of at most three values.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub(crate) struct Vector3Stamped {
-    /// That of the newest packet that the prediction covers.
+    /// Header of the newest packet that the prediction covers.
     header: Header,
-    /// An f32 is exact in them.
+    /// They contain an f32 exactly.
     vector: [f64; 3],
 }
 
 impl Vector3Stamped {
-    /// Values of a message.
+    /// Maximum number of values of a message.
     pub(crate) const MAX: usize = 3;
 
     /// The message of a prediction, with 0 for values that the network does not have.

@@ -4,9 +4,10 @@
 
 PACKETS is a file of JSON: a list of packets with the fields of event_camera_msgs/msg/EventPacket, whose events are in base64. It is
 published with RELIABILITY (`reliable` or `best_effort`), one packet every PERIOD_MS. Every prediction that arrives is printed as a line
-of JSON: `{"seq": ..., "values": [...]}`, with the bits of each value as a float64. A packet's number is in the nanoseconds of its stamp, so that it comes back with the prediction.
-KIND is `vector` or `array`, the type of the predictions. It begins at a line `go` on standard input. A packet with the field `waits` is
-published after one more line there, for which it asks with `{"waiting": SEQ}`. It ends when it is killed.
+of JSON: `{"seq": ..., "values": [...]}`, with the bits of each value as a float64. A packet's number is in the nanoseconds of its
+stamp, so that it comes back with the prediction.
+KIND is `vector` or `array`, the type of the predictions. Publishing starts after a line `go` on standard input. A packet with the field
+`waits` is published after one more line there, which it requests with `{"waiting": SEQ}`. It ends when it is killed.
 """
 
 import base64
@@ -122,7 +123,7 @@ def main():
     threading.Thread(target=publish, daemon=True).start()
     while True:
         for prediction in reader.take(N=100):
-            # That a publisher is gone for a while comes as a sample without values.
+            # A publisher that is gone for a while appears as a sample without values.
             if not isinstance(prediction, of):
                 continue
             if kind == "vector":

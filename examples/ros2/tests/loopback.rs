@@ -1,8 +1,8 @@
-//! The node with a camera of another implementation of DDS, Eclipse Cyclone DDS, in a network
-//! namespace that has a loopback interface alone.
+//! The node with a camera on another implementation of DDS, Eclipse Cyclone DDS, in a network
+//! namespace with only a loopback interface.
 //!
 //! `MEISSNER_CYCLONE` names a Python that has the package `cyclonedds`; `.ci/ros2` installs one.
-//! Without it, or where no namespace can be made, these tests say so by name and test nothing; with
+//! Without it, or if no namespace can be made, these tests print their names and test nothing; with
 //! `MEISSNER_REQUIRE_CYCLONE=1` they fail.
 
 use std::io::{BufRead, BufReader, Write};
@@ -19,18 +19,18 @@ use meissner_run::source::Source;
 use rustix::process::{Pid, Signal, kill_process};
 use serde_json::{Value, json};
 
-/// Longest wait for another process: machines that test may be busy.
+/// Longest wait for another process, because test machines may be busy.
 const PATIENCE: Duration = Duration::from_mins(1);
 /// Sets the interface up, and holds the namespace.
 const NETWORK: &str = "ip link set lo up && ip link set lo multicast on && ip route add 224.0.0.0/4 dev lo && echo up && exec sleep 600";
 const CYCLONE: &str = r#"<CycloneDDS><Domain id="any"><General><Interfaces><NetworkInterface name="lo" multicast="true"/></Interfaces></General></Domain></CycloneDDS>"#;
 
-/// A process whose lines are read.
+/// A process and its output lines.
 struct Process {
     child: Child,
     lines: Receiver<String>,
-    /// Whether the lines are those of its standard error; its standard output is then what it says
-    /// at the end.
+    /// Whether the lines come from its standard error; its standard output is then its final
+    /// output.
     is_err: bool,
 }
 
@@ -75,7 +75,7 @@ impl Process {
         kill_process(Pid::from_raw(self.child.id() as i32).expect("a process"), signal).expect("it is there");
     }
 
-    /// Ends it by a signal; what it says then.
+    /// Ends it by a signal; returns its final output.
     fn summary(mut self) -> Value {
         assert!(self.is_err);
         self.signal(Signal::INT);
@@ -92,11 +92,11 @@ impl Drop for Process {
     }
 }
 
-/// A network of its own, with a loopback interface alone.
+/// A separate network with only a loopback interface.
 struct Loopback(Process);
 
 impl Loopback {
-    /// `None` if the test cannot be run here, said by name.
+    /// `None` if the test cannot run here; prints its name then.
     fn new() -> Option<(Self, PathBuf)> {
         let python = std::env::var_os("MEISSNER_CYCLONE").map(PathBuf::from);
         let Some(python) = python else {
@@ -105,7 +105,7 @@ impl Loopback {
             return None;
         };
         let mut holder = Command::new("unshare");
-        // Without root, a user of its own has the right.
+        // Without root, a separate user namespace has the right.
         holder.args(["--map-root-user", "--net", "sh", "-c", NETWORK]);
         let holder = Process::start(&mut holder, false);
         holder.line("up");
@@ -168,7 +168,7 @@ fn base64(bytes: &[u8]) -> String {
     text
 }
 
-/// The words of these events; each packet tells time and row again.
+/// The words of these events; each packet states time and row again.
 fn evt3(sensor: Sensor, events: &[Event]) -> Vec<u8> {
     let mut bytes = Vec::new();
     encode(Format::Evt3, Some(sensor), events, &mut bytes).expect("events that EVT3 can hold");
@@ -187,8 +187,8 @@ fn mono(events: &[Event], base_us: i64) -> Vec<u8> {
     events.iter().flat_map(|event| bits(event).to_le_bytes()).collect()
 }
 
-/// Packets of these events: `lengths` are their numbers of events, in turn. Those of `left_out` are
-/// not in the list.
+/// Packets of these events: `lengths` are their numbers of events, in turn. Packets in `left_out`
+/// are not in the list.
 fn packets(
     encoding: &str,
     sensor: Sensor,
@@ -242,7 +242,8 @@ fn number(of: &Value, key: &str) -> u64 {
 }
 
 /// Runs node and camera up to the prediction for packet `last_seq`; the predictions in order, and
-/// the summary. Where the camera waits the first time, the node stands still until it waits again.
+/// the summary. When the camera waits for the first time, the node is stopped until the camera
+/// waits again.
 fn run(node: Process, mut camera: Process, last_seq: usize) -> (Vec<Value>, Value) {
     node.line("connected");
     camera.order("go");
@@ -253,7 +254,8 @@ fn run(node: Process, mut camera: Process, last_seq: usize) -> (Vec<Value>, Valu
             waits += 1;
             node.signal(if waits == 1 { Signal::STOP } else { Signal::CONT });
             if waits > 1 {
-                // What the operating system has kept is taken before the camera goes on.
+                // The node takes the packets that the operating system has kept before the camera
+                // continues.
                 thread::sleep(Duration::from_secs(1));
             }
             camera.order("on");
@@ -269,7 +271,7 @@ fn run(node: Process, mut camera: Process, last_seq: usize) -> (Vec<Value>, Valu
     (predictions, node.summary())
 }
 
-/// Compares with one process that takes the packets that arrived, and no others.
+/// Compares with one process that takes only the arrived packets.
 fn compare(predictions: &[Value], parts: &[Vec<Event>], sensor: Sensor) {
     let mut engine = Engine::new(network("tactigraph-past"), sensor).expect("the sensor fits");
     for prediction in predictions {
@@ -332,7 +334,7 @@ fn a_node_that_stands_still_loses_packets_counts_them_and_predicts_from_the_othe
     let Some((loopback, python)) = Loopback::new() else { return };
     let (sensor, events) = embedded();
     let (mut packets, parts) = packets("mono", sensor, &events, &[40], &[]);
-    // Between the two, more come than the operating system keeps for a process.
+    // Between the two, more packets come than the operating system keeps for a process.
     packets[30]["waits"] = true.into();
     packets[parts.len() - 20]["waits"] = true.into();
     let file = saved(&packets);

@@ -1,6 +1,7 @@
 //! Writes the seeds of the corpora: `cargo run -p meissner-fuzz --example seeds`.
 //!
-//! The bytes come from the writers of the tests beside each reader, which share no code with it.
+//! The bytes come from the writers in the tests of each reader, which share no code with the
+//! reader.
 
 use std::fs;
 use std::io::{self, Write};
@@ -30,7 +31,7 @@ fn main() -> io::Result<()> {
     let (events, frames) = snapshot_seeds();
     for (target, seeds) in [("snapshot", events), ("frame_snapshot", frames)] {
         for (i, bytes) in seeds.into_iter().enumerate() {
-            // The same without the byte that asks for a right checksum.
+            // The same without the byte that requests a right checksum.
             let plain = [&[i as u8, 0], &bytes[2..]].concat();
             put(target, &format!("engine{i}"), &bytes)?;
             put(target, &format!("engine{i}-as-it-is"), &plain)?;
@@ -45,7 +46,7 @@ fn put(target: &str, name: &str, bytes: &[u8]) -> io::Result<()> {
     fs::write(folder.join(name), bytes)
 }
 
-/// What may arrive on a socket, after a byte that chooses the protocol.
+/// Input that may arrive on a socket, after a byte that chooses the protocol.
 fn sockets() -> io::Result<()> {
     let near: Vec<_> =
         (0..40).map(|i| Event::new(i * 1_000, i as u16 % 30, i as u16 % 7, i % 3 > 0)).collect();
@@ -124,7 +125,7 @@ fn recordings() -> io::Result<()> {
         codecs::aedat::aedat3_packet(kind, 0, size, 1, &vec![5; (size * number) as usize])
     });
     put("aedat3", "types", &[codecs::aedat::aedat3_header(0, "DVS128"), packets.concat()].concat())?;
-    // Written by another library, whose files the tests of the reader hold.
+    // Files from another library, in the tests of the reader.
     for file in fs::read_dir(concat!(env!("CARGO_MANIFEST_DIR"), "/../../io/tests/codecs/hdf5"))? {
         let path = file?.path();
         if path.extension().is_some_and(|extension| extension == "h5") {
@@ -261,7 +262,7 @@ fn pictures() -> io::Result<()> {
     put("png", "grey16", &images::png(1, 2, 16, 0, &[0, 1, 2, 1, 3, 4]))?;
     put("png", "alpha", &images::png(1, 1, 8, 6, &[0, 1, 2, 3, 4]))?;
     put("pnm", "comment", b"P5# a\n2 # b\n1\n7\n\x01\x07")?;
-    // Width, height, shift of both and pixels stand before the pictures.
+    // Width, height, shift of both and pixels come before the pictures.
     let pictures: Vec<u8> = (0..60).collect();
     for (name, format, length) in [
         ("rgb", [2, 3, 0, 0], 54),
@@ -383,7 +384,7 @@ fn scripts() -> io::Result<()> {
         let bytes: Vec<u8> = (0..length).map(|_| random.bits() as u8).collect();
         put("graph", &format!("script{seed}"), &bytes)?;
         put("interleavings", &format!("script{seed}"), &bytes)?;
-        // Options of their right size, so that there is an engine.
+        // Options of the right size, so that there is an engine.
         let options = [size_of::<meissner_c::meissner_engine_options>() as u8, (seed % 2) as u8];
         put("c_interface", &format!("script{seed}"), &[&options[..], &bytes].concat())?;
     }

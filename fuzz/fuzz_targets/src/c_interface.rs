@@ -1,6 +1,6 @@
 //! Bytes as calls of the C interface in any order, with pointers that may be NULL or misaligned,
-//! lengths of any size that memory backs, and structs that state any size. The values agree with an
-//! engine of Rust to the bit.
+//! lengths of any size within the memory, and structs that state any size. The values agree with an
+//! engine of Rust bit for bit.
 #![allow(unsafe_code, reason = "the interface takes raw pointers")]
 #![allow(clippy::wildcard_imports, reason = "its names begin with its own")]
 
@@ -20,10 +20,10 @@ const OK: meissner_status = meissner_status::MEISSNER_OK;
 const INVALID: meissner_status = meissner_status::MEISSNER_INVALID_ARGUMENT;
 const SMALL: meissner_status = meissner_status::MEISSNER_BUFFER_TOO_SMALL;
 const SENSOR: Sensor = Sensor { width: 12, height: 9 };
-/// Most calls, and most events of a call.
+/// Maximum number of calls, and of events of a call.
 const CALLS: usize = 100;
 const EVENTS: usize = 24;
-/// Bytes behind every struct that is passed, of which it may state any size.
+/// Bytes after every passed struct; the struct may state any size within them.
 const ROOM: usize = 128;
 
 static WEIGHTS: LazyLock<Vec<u8>> =
@@ -34,7 +34,7 @@ static RUST: LazyLock<Network> = LazyLock::new(|| {
     Description::parse(NETWORK).expect("a consistent description").network(&weights).expect("its weights")
 });
 
-/// A struct of the interface in memory that is longer than it, aligned or not.
+/// A struct of the interface in a longer memory, aligned or not.
 #[repr(align(8))]
 struct Room([u8; ROOM + 8]);
 
@@ -52,16 +52,16 @@ impl Room {
     }
 }
 
-/// A size that a struct may state: any, up to what is behind it.
+/// A size that a struct may state: any size within its memory.
 fn size(choices: &mut Choices<'_>) -> usize {
     choices.within(0, ROOM)
 }
 
-/// A pointer to `values`, and whether it is one that the interface takes.
+/// A pointer to `values`, and whether the interface accepts it.
 fn pointer<T>(choices: &mut Choices<'_>, values: &[T]) -> (*const T, bool) {
     match choices.byte() {
         0 => (null(), false),
-        // Never read, as it is refused; a single byte is never misaligned.
+        // Never read, because it is refused; a single byte is never misaligned.
         1 if align_of::<T>() > 1 => (values.as_ptr().wrapping_byte_add(1), false),
         _ => (values.as_ptr(), true),
     }

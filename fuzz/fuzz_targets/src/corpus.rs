@@ -7,7 +7,7 @@ use meissner_verify::Random;
 
 /// Longest input.
 const MAX: usize = 1 << 16;
-/// Values that overwrite fields, cut to as many of their lowest bytes as the field has.
+/// Values that overwrite fields, cut to their lowest bytes to fit the field.
 const WORDS: [u64; 10] =
     [0, 1, 0x7f, 0x7fff_ffff, 1 << 31, u32::MAX as u64, 1 << 40, 1 << 63, (1 << 63) - 1, u64::MAX];
 /// Texts that overwrite numbers in texts.
@@ -26,7 +26,7 @@ const NUMBERS: [&str; 12] = [
     "1_000",
 ];
 
-/// Makes inputs out of a corpus.
+/// Makes inputs from a corpus.
 #[derive(Clone, Debug)]
 pub struct Mutator<'c> {
     corpus: &'c [(String, Vec<u8>)],
@@ -34,7 +34,7 @@ pub struct Mutator<'c> {
 }
 
 impl<'c> Mutator<'c> {
-    /// Inputs that `seed` determines.
+    /// A mutator whose inputs depend on `seed`.
     ///
     /// # Panics
     /// If the corpus is empty.
@@ -120,7 +120,7 @@ pub fn folder() -> PathBuf {
 /// The inputs of a target with the names of their files, by name.
 ///
 /// # Errors
-/// Where the target has no corpus, or a file of it cannot be read.
+/// The target has no corpus, or a file of it cannot be read.
 pub fn read(target: &str) -> io::Result<Vec<(String, Vec<u8>)>> {
     let mut inputs = Vec::new();
     for entry in std::fs::read_dir(folder().join(target))? {

@@ -8,12 +8,12 @@ use meissner_models::{AnyDescription, Description, FrameDescription, draw};
 
 use crate::Verdict;
 
-/// Parameters of networks that are built.
+/// Maximum parameters of networks that are built.
 const PARAMETERS: usize = 1 << 16;
-/// Values of a frame, and multiply-adds, of frame networks that are run.
+/// Maximum values of a frame, and maximum multiply-adds, of frame networks that are run.
 const FRAME_VALUES: usize = 1 << 14;
 const MULTIPLY_ADDS: usize = 1 << 22;
-/// Bytes of state of networks that are run: beyond it an engine must refuse.
+/// Maximum bytes of state of networks that are run: an engine must refuse more.
 const STATE_BYTES: u128 = 1 << 24;
 
 /// Descriptions of networks over events and over frames.

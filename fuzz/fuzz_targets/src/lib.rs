@@ -34,7 +34,7 @@ pub enum Verdict {
     Refused,
 }
 
-/// A function over bytes that panics where a promise is broken.
+/// A function over bytes that panics if a promise is broken.
 #[derive(Clone, Copy, Debug)]
 pub struct Target {
     /// Its name, which is also that of its corpus and of its cargo-fuzz binary.

@@ -7,7 +7,8 @@ use meissner_verify::{Script, Step};
 
 use crate::Verdict;
 
-/// Most steps of a stream, and most comparisons: each is a batch from scratch.
+/// Maximum number of steps of a stream, and of comparisons: each comparison is a batch from
+/// scratch.
 const STEPS: usize = 120;
 const COMPARISONS: usize = 12;
 
@@ -47,7 +48,7 @@ pub(crate) fn graph(bytes: &[u8]) -> Verdict {
         };
         match verb {
             0..220 => {
-                // A few pixels lie beside the sensor.
+                // A few pixels lie outside the sensor.
                 let pixel = |choice: u8, side: u16| u16::from(choice) % (side + side.div_ceil(16));
                 let (x, y) = (pixel(choices.byte(), sensor.width), pixel(choices.byte(), sensor.height));
                 checked.push(Event::new(now, x, y, verb & 1 == 1));
@@ -66,7 +67,7 @@ pub(crate) fn graph(bytes: &[u8]) -> Verdict {
     Verdict::Accepted
 }
 
-/// A network of any kind under any interleaving of the engine's verbs: every row of every layer.
+/// A network of any kind under any interleaving of the engine's calls: every row of every layer.
 ///
 /// # Panics
 /// If a promise is broken.
@@ -189,7 +190,7 @@ impl<'a> Choices<'a> {
         (0..4).fold(0, |word, _| word << 16 | u64::from(self.u16()))
     }
 
-    /// A number from `low` to `high`, of a byte.
+    /// A number from `low` to `high`, from a byte.
     pub(crate) fn within(&mut self, low: usize, high: usize) -> usize {
         low + usize::from(self.byte()) % (high - low + 1)
     }

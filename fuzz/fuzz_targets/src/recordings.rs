@@ -1,5 +1,5 @@
-//! Bytes as recordings of events or electrodes, or as images: a typed error, or what keeps its
-//! promises and comes back the same when it is written and read again.
+//! Bytes as recordings of events or electrodes, or as images: a typed error, or a result that keeps
+//! its promises and stays the same when it is written and read again.
 
 use std::io::{BufReader, Write};
 
@@ -14,11 +14,11 @@ use meissner_io::{
 use crate::Verdict;
 use crate::oracle::Choices;
 
-/// Longest message of an error: what a file says is quoted in part.
+/// Longest message of an error: it quotes only a part of the file.
 const MESSAGE_BYTES: usize = 8 << 10;
-/// Events that are written and read again.
+/// Maximum number of events that are written and read again.
 const REWRITTEN: usize = 4096;
-/// Pixels of images that are written and read again.
+/// Maximum number of pixels of images that are written and read again.
 const REWRITTEN_PIXELS: usize = 1 << 16;
 
 /// Recordings of `format`.
@@ -31,7 +31,7 @@ pub(crate) fn recording(format: Format, bytes: &[u8]) -> Verdict {
     match decode_with(bytes, format) {
         Ok(recording) => {
             assert_eq!(recording.format, format);
-            // A strict reader refuses what is left out, and nothing else.
+            // A strict reader refuses exactly the omitted items.
             let unplaced = recording.other_streams.iter().any(|stream| stream.kind == StreamKind::Unplaced);
             match strict {
                 Ok(strict) => assert_eq!((&strict, recording.left_out.len()), (&recording, 0)),
@@ -50,7 +50,7 @@ pub(crate) fn recording(format: Format, bytes: &[u8]) -> Verdict {
 /// If a promise is broken.
 pub(crate) fn mcap(bytes: &[u8]) -> Verdict {
     let verdict = recording(Format::Mcap, bytes);
-    // Where nothing could declare a topic of pictures, there is none.
+    // If nothing could declare a topic of pictures, there is none.
     if !bytes.windows(5).any(|window| window == b"Image") && !bytes.windows(3).any(|window| window == b"lz4")
     {
         return verdict;
@@ -62,7 +62,7 @@ pub(crate) fn mcap(bytes: &[u8]) -> Verdict {
         match picture {
             Ok((_, image)) => assert_eq!(image.data.len(), image.width * image.height * Image::CHANNELS),
             Err(IoError::Content { source, .. }) => drop(refused(&source)),
-            // Any bytes can be a list of files that are not there.
+            // Any bytes can be a list of files that do not exist.
             Err(error) => assert!(matches!(error, IoError::Unfit { .. } | IoError::File { .. }), "{error}"),
         }
     }
@@ -70,8 +70,8 @@ pub(crate) fn mcap(bytes: &[u8]) -> Verdict {
 }
 
 /// Raw bytes of a stream, whose first byte chooses the format and the sensor: in pieces of any
-/// length they give the same, every event of Prophesee's formats is on the sensor and none comes
-/// from nothing, and a file of AEDAT4 gives what its reader gives.
+/// length they give the same, every event of Prophesee's formats is on the sensor, the number of
+/// bytes bounds that of the events, and a file of AEDAT4 gives the same as its reader.
 ///
 /// # Panics
 /// If a promise is broken.
@@ -114,7 +114,7 @@ pub(crate) fn csv(bytes: &[u8]) -> Verdict {
             items.map(|item| item.map_err(|error| error.to_string())).collect()
         };
         let (whole, pieces) = (items(1 << 16), items(7));
-        // How much of an overlong line has been seen depends on the buffer.
+        // The read part of an overlong line depends on the buffer.
         let known = |items: &[Result<Event, String>]| {
             items.iter().take_while(|item| item.is_ok()).cloned().collect::<Vec<_>>()
         };
@@ -133,7 +133,7 @@ pub(crate) fn csv(bytes: &[u8]) -> Verdict {
     recording(Format::Csv, bytes)
 }
 
-/// Whatever the content is found to be.
+/// A recording in the format that its content shows.
 ///
 /// # Panics
 /// If a promise is broken.
@@ -173,7 +173,7 @@ fn salvaged(format: Format, bytes: &[u8]) {
         Ok(recording) => keeps_its_promises(bytes, recording),
         Err(error) => drop(refused(error)),
     }
-    // A last line without a line feed may be what tells the order of the columns.
+    // A last line without a line feed may determine the order of the columns.
     if format != Format::Csv
         && let Ok(whole) = decode_with(bytes, format)
     {
@@ -191,14 +191,14 @@ fn refused(error: &IoError) -> Verdict {
 fn keeps_its_promises(bytes: &[u8], recording: &Recording) {
     let Recording { format, sensor, events, .. } = recording;
     let length = match bytes {
-        // What gzip or zip may expand to.
+        // The maximum size to which gzip or zip may expand.
         [0x1f, 0x8b, ..] | [b'P', b'K', ..] => PACKET_BYTES + bytes.len() as u64 * EXPANSION,
         _ => bytes.len() as u64,
     };
     let most = match format {
         Format::Aedat4 => (PACKET_BYTES + length * EXPANSION) / 16,
         Format::Hdf5 => (PACKET_BYTES + length * EXPANSION) / 9,
-        // And a block of words more, before it is seen.
+        // Plus a block of words, before it is checked.
         Format::Mcap => PACKET_BYTES / 16 + length * 6 + (12 << 12),
         _ => length * 6,
     };
@@ -209,7 +209,8 @@ fn keeps_its_promises(bytes: &[u8], recording: &Recording) {
     rewritten(*sensor, &events[..events.len().min(REWRITTEN)]);
 }
 
-/// Writes `events` in every format that can hold them and reads them again; how many formats did.
+/// Writes `events` in every format that can contain them and reads them again; returns the number
+/// of such formats.
 fn rewritten(sensor: Option<Sensor>, events: &[Event]) -> usize {
     let held = Format::ALL.into_iter().filter(|format| format.is_writable()).filter(|&format| {
         let mut bytes = Vec::new();
@@ -256,7 +257,7 @@ pub(crate) fn electrodes(bytes: &[u8]) -> Verdict {
         (delivered, refused, readings.warnings())
     };
     let (delivered, refused, warnings) = read(1 << 16);
-    // Times may be infinite in seconds where they are finite in their unit.
+    // Times may be infinite in seconds although they are finite in their unit.
     assert_eq!(format!("{:?}", (&delivered, refused, warnings)), format!("{:?}", read(5)));
     if refused == 0 { Verdict::Accepted } else { Verdict::Refused }
 }

@@ -1,4 +1,5 @@
-//! Bytes as snapshots: refused with the engine as it was, or a state that can be gone on from.
+//! Bytes as snapshots: refused without a change of the engine, or a state from which it can
+//! continue.
 //!
 //! The first byte picks the engine, the second whether length and checksum are made to fit.
 
@@ -82,7 +83,7 @@ fn frame_engine(style: Style, options: FrameOptions) -> FrameEngine {
 
 /// Both kinds of engine, driven after a restore.
 trait GoesOn: Incremental + Clone {
-    /// Inputs after whatever time it is, and predictions.
+    /// Takes inputs after the current time, and predicts.
     fn go_on(&mut self);
 }
 
@@ -159,7 +160,7 @@ fn check<E: GoesOn>(engines: &[E], bytes: &[u8]) -> Verdict {
     Verdict::Accepted
 }
 
-/// Snapshots of the engines above, sealed, so that what is changed in them is looked at.
+/// Snapshots of the engines above, sealed, so that changes in them are read.
 pub fn seeds() -> (Vec<Vec<u8>>, Vec<Vec<u8>>) {
     let seed = |(which, bytes): (usize, Vec<u8>)| [&[which as u8, 1][..], &bytes].concat();
     let events = ENGINES.iter().map(Engine::to_bytes).enumerate().map(seed).collect();

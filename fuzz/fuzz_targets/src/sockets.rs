@@ -1,4 +1,4 @@
-//! Bytes that arrive on a socket, through everything that `meissner run` does with them but print.
+//! Bytes that arrive on a socket, through all steps of `meissner run` except printing.
 
 use std::error::Error;
 use std::io::{self, BufReader, Read, Write};
@@ -17,7 +17,7 @@ use meissner_run::source::Source;
 use crate::Verdict;
 
 const SENSOR: Sensor = Sensor { width: 34, height: 34 };
-/// Datagrams beyond these might not find room in the buffer of a socket.
+/// More datagrams might not fit in the buffer of a socket.
 const MAX_DATAGRAMS: usize = 64;
 
 static MODEL: LazyLock<Model> = LazyLock::new(|| {
@@ -46,7 +46,7 @@ impl Observer for Seen {
     }
 }
 
-/// A datagram at each read.
+/// Gives one datagram at each read.
 struct Datagrams<I>(I);
 
 impl<'a, I: Iterator<Item = &'a [u8]>> Read for Datagrams<I> {
@@ -56,8 +56,8 @@ impl<'a, I: Iterator<Item = &'a [u8]>> Read for Datagrams<I> {
 }
 
 /// Bytes over a connection or in datagrams, as their first byte chooses: a run ends, takes the
-/// events that a reader of the same bytes finds, and predicts what an engine does that is pushed
-/// these.
+/// events that a reader of the same bytes finds, and predicts the same as an engine with these
+/// events.
 ///
 /// # Panics
 /// If a promise is broken.
@@ -89,7 +89,7 @@ pub(crate) fn socket(bytes: &[u8]) -> Verdict {
     assert!(failed || seen.events.len() == expected.len(), "{} of {}", seen.events.len(), expected.len());
     let mut engine = Engine::new(MODEL.network.clone(), SENSOR).expect("a sensor");
     engine.push_slice(&seen.events);
-    // Held are events of which only later ones could tell whether the clock has restarted.
+    // Held events are those for which only later ones could decide whether the clock has restarted.
     if !failed && engine.held().is_empty() {
         let found = engine.predict().expect("finite weights").values;
         let bits = |values: &[f32]| values.iter().map(|value| value.to_bits()).collect::<Vec<_>>();
@@ -98,8 +98,8 @@ pub(crate) fn socket(bytes: &[u8]) -> Verdict {
     if items.iter().all(Result::is_ok) { Verdict::Accepted } else { Verdict::Refused }
 }
 
-/// A server, and its address. It is local where it can be: the ports of TCP rest for a minute after
-/// a connection, and there are not enough of them.
+/// A server, and its address. It is local if possible: the ports of TCP stay unusable for a minute
+/// after a connection, and there are not enough of them.
 #[cfg(unix)]
 fn server(folder: &Path) -> (std::os::unix::net::UnixListener, String) {
     let path = folder.join("socket");
@@ -113,7 +113,7 @@ fn server(_: &Path) -> (std::net::TcpListener, String) {
     (server, address)
 }
 
-/// What a run sees of these bytes, and whether it ends with an error.
+/// The events that a run reads from these bytes, and whether it ends with an error.
 fn over_connection(bytes: &[u8], options: &ReadOptions) -> (Seen, bool) {
     let folder = tempfile::tempdir().expect("there is a place for temporary files");
     let (server, address) = server(folder.path());
@@ -130,7 +130,7 @@ fn over_connection(bytes: &[u8], options: &ReadOptions) -> (Seen, bool) {
 /// The same of these datagrams, and an empty one, which ends the stream.
 fn in_datagrams<'a>(datagrams: impl Iterator<Item = &'a [u8]>, options: &ReadOptions) -> (Seen, bool) {
     let sender = UdpSocket::bind("127.0.0.1:0").expect("a port");
-    // A port that is free may be taken by another program before it is opened.
+    // Another program may take a free port before it is opened.
     let opened = || {
         let free = UdpSocket::bind("127.0.0.1:0").and_then(|socket| socket.local_addr()).expect("a port");
         let source = Source::open(Some(Path::new(&format!("udp://{free}"))), options, true, false);

@@ -12,7 +12,7 @@ use torch::{Deviation, archive};
 #[path = "../../../models/tests/support/torch.rs"]
 mod torch;
 
-/// The network that is offered all weights that can be read.
+/// The network that gets all readable weights.
 pub const NETWORK: &str = r#"
 [network]
 name = "small"

@@ -1,4 +1,4 @@
-//! The corpora, replayed: every seed and every finding keeps its promise for good.
+//! The corpora, replayed: the promises hold for every seed and every finding.
 
 use std::path::Path;
 
@@ -10,7 +10,7 @@ fn every_input_of_the_corpora_keeps_its_promise() {
         let inputs = corpus::read(name).unwrap_or_else(|e| panic!("corpus of {name}: {e}"));
         assert!(!inputs.is_empty(), "{name} has a corpus");
         for (file, bytes) in inputs {
-            // The file's name, where it panics, stands above the panic's message.
+            // If it panics, the file's name is printed above the panic's message.
             println!("{name}/{file}");
             run(&bytes);
         }

@@ -1,4 +1,4 @@
-//! What the tests share: the recorded references, and a writer of `torch.save` files.
+//! Common code of the tests: the recorded references, and a writer of `torch.save` files.
 #![allow(dead_code, reason = "every test file uses a part of it")]
 
 pub(crate) mod network_text;
@@ -11,7 +11,7 @@ use meissner_models::{Description, DescriptionError, Problem, Weights};
 
 pub(crate) use shared_files::shared;
 
-/// The problems of `error`, which it prints one a line.
+/// The problems of `error`, which it prints one per line.
 pub(crate) fn listed(error: &DescriptionError) -> Vec<Problem> {
     let printed = error.to_string();
     assert_eq!(printed.lines().count(), error.problems().len(), "one line a problem:\n{printed}");
@@ -71,7 +71,7 @@ names = ["roll"]
 unit = "rad"
 "#;
 
-/// [`SMALL`] with the first `old` replaced, which must be there.
+/// [`SMALL`] with the first `old` replaced, which must exist.
 pub(crate) fn changed(old: &str, new: &str) -> String {
     assert!(SMALL.contains(old), "{old:?} must be in the description");
     SMALL.replacen(old, new, 1)
@@ -103,7 +103,7 @@ outputs = 1
     changed("[[layer]]\nname = \"fc\"\nkind = \"dense\"\noutputs = 1\n", head)
 }
 
-/// [`with_head`] with the first `old` replaced, which must be there.
+/// [`with_head`] with the first `old` replaced, which must exist.
 pub(crate) fn changed_head(old: &str, new: &str) -> String {
     let text = with_head();
     assert!(text.contains(old), "{old:?} must be in the description");
@@ -154,7 +154,7 @@ names = ["left", "right"]
 unit = "logit"
 "#;
 
-/// [`SMALL_FRAMES`] with the first `old` replaced, which must be there.
+/// [`SMALL_FRAMES`] with the first `old` replaced, which must exist.
 pub(crate) fn changed_frames(old: &str, new: &str) -> String {
     assert!(SMALL_FRAMES.contains(old), "{old:?} must be in the description");
     SMALL_FRAMES.replacen(old, new, 1)

@@ -1,5 +1,5 @@
-//! Small descriptions for tests: what a test is about, and defaults. It knows no crate, so that
-//! tests of every crate can include it.
+//! Small descriptions for tests: the part that a test checks, and defaults. The file uses no crate,
+//! so that tests of every crate can include it.
 
 use std::fmt::Write;
 

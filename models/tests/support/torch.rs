@@ -1,4 +1,4 @@
-//! Bytes as `torch.save` writes them: a pickle of protocol 2 and its storages, stored in a zip.
+//! Bytes like those of `torch.save`: a pickle of protocol 2 and its storages, stored in a zip.
 
 /// A pickle under construction.
 #[derive(Clone, Default)]
@@ -62,7 +62,7 @@ impl Pickle {
     }
 }
 
-/// What a pickled tensor refers to.
+/// The reference of a pickled tensor.
 #[derive(Clone, Copy)]
 pub(crate) struct View<'a> {
     pub(crate) storage: &'a str,
@@ -91,14 +91,14 @@ pub(crate) fn state_dict(tensors: &[(&str, View<'_>)]) -> Pickle {
         .raw(b"susb.")
 }
 
-/// How an archive deviates from the plain one.
+/// Deviations of an archive from the plain one.
 #[derive(Clone, Copy, Default)]
 pub(crate) struct Deviation {
     /// Compression method of all entries.
     pub(crate) method: u16,
     /// Bytes that the directory claims for each entry, instead of the true number.
     pub(crate) size: Option<u32>,
-    /// Sizes and places in 64 bits.
+    /// Sizes and positions in 64 bits.
     pub(crate) wide: bool,
 }
 
@@ -109,7 +109,8 @@ pub(crate) fn archive(entries: &[(&str, &[u8])], deviation: Deviation) -> Vec<u8
     for (name, data) in entries {
         let name = format!("archive/{name}");
         let at = bytes.len() as u32;
-        // Sizes in a descriptor after the data, and padding in an extra field, as PyTorch has it.
+        // Sizes in a descriptor after the data, and padding in an extra field, as in files of
+        // PyTorch.
         let local = [0, 0x0808, deviation.method, 0, 0];
         bytes.extend(b"PK\x03\x04");
         bytes.extend(local.iter().flat_map(|v: &u16| v.to_le_bytes()));

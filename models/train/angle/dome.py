@@ -1,9 +1,9 @@
-"""Simulates presses of the dome, with the lamp on and off, and divides them.
+"""Simulates presses of the dome, with the lamp on and off, and divides them into parts.
 
     python models/train/angle/dome.py FOLDER
 
 Writes CAMERA/PART.safetensors. The cameras `on` and `off`, by their lamp, begin with the press. The cameras `on-used` and `off-used` have
-seen another press of the part and its release before, in half of the cases one of the same tilt and direction. Their pixels wait for a
+seen another press of the part and its release before, in half of the cases with the same tilt and direction. Their pixels wait for a
 change in the direction of the last one, and send a sixth fewer events. They film the last 150 ms of the pause before the press, the press,
 and a hold after it. The parts are
 
@@ -14,9 +14,10 @@ and a hold after it. The parts are
     jitter         those of `test`, every event moved by up to a pixel along each axis
 
 The cameras `on-planes` and `off-planes` film other presses to learn from: on planes of any tilt up to 9 degrees and any direction that is no
-nearer to one of UNSEEN than to others of the plan. The dome looks the same after a turn by 60 degrees, so that each computed plane is six.
+nearer to one of UNSEEN than to others of the plan. The dome looks the same after a turn by 60 degrees, so that each computed plane gives
+six.
 
-Cameras that are used film the first three. With `--cameras N`, further cameras of each kind, CAMERA-2 to CAMERA-N, film `train`. All files
+Used cameras film the first three parts. With `--cameras N`, further cameras of each kind, CAMERA-2 to CAMERA-N, film `train`. All files
 are as `meissner simulate markers` writes them: events, and roll, pitch, depth and force along time.
 """
 
@@ -28,7 +29,7 @@ from pathlib import Path
 import numpy as np
 from safetensors.numpy import load_file, save_file
 
-# What all trainings share lies beside their folders.
+# The code that all trainings share is beside their folders.
 sys.path.append(str(Path(__file__).resolve().parents[1]))
 from shared import meissner
 
@@ -41,9 +42,9 @@ PLANES, EACH_PLANE = 150, 16
 UNSEEN = 4, 6, 14, 16
 # The settings that were chosen to agree with a real stream (docs/simulated-touch.md).
 CAMERA = "--marker 0.5 --ground 0.25 --threshold-on 0.2 --threshold-off 0.35 --threshold-spread 0.03 --leak-hz 0.003".split()
-# Off, a tenth of the light is left: pixels are ten times slower, and shot noise is 12 % of the events.
+# With the lamp off, a tenth of the light is left: pixels are ten times slower, and shot noise is 12 % of the events.
 LAMPS = {"on": 300, "off": 30}
-# Of a camera that is used, in microseconds: the pauses before a press, of which the last part is filmed, and holds after it.
+# For a used camera, in microseconds: the pauses before a press, the last part of which is filmed, and holds after it.
 PAUSES, FILMED, HOLDS = (150_000, 300_000), 150_000, (1, 40_000)
 
 
@@ -103,11 +104,11 @@ def film_planes(data):
 
 
 def film(tracks, lamp, out, seed):
-    """Writes what a camera sees of `tracks` from their time 0 on, unless `out` exists."""
+    """Writes the film of `tracks` from their time 0 on, unless `out` exists."""
     if out.exists():
         return
     out.parent.mkdir(exist_ok=True)
-    # Whole or not at all: a file that is there is not filmed again.
+    # The file is written completely or not at all, because an existing file is not filmed again.
     own, filmed = out.with_suffix(".tracks"), out.with_suffix(".filmed.safetensors")
     begin = tracks["t_us"][tracks["start"][:-1]]
     save(tracks | {"t_us": tracks["t_us"] - np.repeat(begin, np.diff(tracks["start"]))}, own)
@@ -124,7 +125,7 @@ def film(tracks, lamp, out, seed):
 
 
 def from_zero(tensors, begin):
-    """What is at time 0 or later when the streams begin at the times `begin`."""
+    """The entries at time 0 or later, if the streams begin at the times `begin`."""
     start = tensors.pop("start")
     t_us = tensors["t_us"] + np.repeat(begin, np.diff(start))
     later = t_us >= 0
@@ -134,7 +135,7 @@ def from_zero(tensors, begin):
 
 def after_others(tracks, each, random):
     """Each press after the release of another and a pause, and held. The filmed part of the pause begins at time 0. Half of the other
-    presses have the same tilt and direction, of which there are `each`: touches in a row are often alike."""
+    presses have the same tilt and direction (`each` presses of a kind), because consecutive touches are often alike."""
     start, presses = tracks["start"], []
     for press, (first, end) in enumerate(zip(start[:-1], start[1:])):
         alike = press - press % each + random.integers(each)

@@ -1,9 +1,9 @@
-"""Films a press and its release as the program embeds them: events as EVT3, and the truth along time as text.
+"""Films the press and release that the program embeds: events as EVT3, and the truth over time as text.
 
     python models/train/angle/embed.py /tmp/dome/tracks.unseen.safetensors 107 run/assets/dome_press
 
-Press 107 of that file has a tilt of 6 degrees towards 252 degrees, a direction that no training has seen. Of the presses with this tilt
-its depth is nearest to 10 mm, the middle of the plan's. The dome is then held for 60 ms, and lifted along the way that it was pressed.
+Press 107 of that file has a tilt of 6 degrees towards 252 degrees, a direction that no training has seen. Among the presses with this
+tilt its depth is nearest to 10 mm, the middle of the plan. The dome is then held for 60 ms, and lifted along the path of the press.
 """
 
 import argparse

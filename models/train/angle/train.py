@@ -3,13 +3,13 @@
     python models/train/angle/dome.py /tmp/dome --cameras 4
     python models/train/angle/train.py /tmp/dome --network tactigraph-past
 
-A training that was cut off goes on. Then `meissner eval angle` says what it is worth.
+An interrupted training continues. Then `meissner eval angle` prints its errors.
 """
 
 import sys
 from pathlib import Path
 
-# What all trainings share lies beside their folders.
+# The code that all trainings share is beside their folders.
 sys.path.append(str(Path(__file__).resolve().parents[1]))
 import shared
 import stages
@@ -27,7 +27,7 @@ def stage(epochs, rate=0.003, start=(), films=LAMPS, stride=1, blocks=False, dec
 
 
 def head(epochs, rate, decay, start, films, valid, ages, ends, seed=0, mirrors=MIRRORS):
-    """The layers behind the readout, on readouts that are kept."""
+    """The layers behind the readout, on stored readouts."""
     readouts = {"mirrors": mirrors, "ages": ages, "ends": ends, "batch": 64}
     said = {"films": films, "valid": valid, "unit": 0.1, "start": list(start), "seed": seed}
     return said | {"readouts": readouts, "fit": {"epochs": epochs, "rate": rate, "decay": decay, "check": 30}}

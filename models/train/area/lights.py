@@ -6,11 +6,11 @@ BALLS.npz has `background` (height, width, 3) in grey levels, `difference` (n, h
 `circle` (n, 3), the middle and the radius of the contact in pixels, marked by hand. 20 pictures, drawn by a fixed seed, are fitted; the
 others are the test.
 
-The surface is that of an elastic half-space under a ball (Johnson 1985, Eq. 3.42a for the outside, scaled to the slope of the ball at its
-rim). Each light has a place, a colour and a width: its part of a pixel is its colour over the squared distance, times the cosine c
-between normal and light, smoothed to (c + sqrt(c^2 + width^2)) / 2, since a wide light sets little by little. The sum and an even light
-become grey levels by a power. Between a picture and the background the light of the whole sensor drifts: a quadratic in the place, the
-same in all pictures, takes that up, and is no part of the model.
+The surface is an elastic half-space under a ball (Johnson 1985, Eq. 3.42a for the outside, scaled to the slope of the ball at its rim).
+Each light has a position, a colour and a width: its part of a pixel is its colour over the squared distance, times the cosine c between
+normal and light, smoothed to (c + sqrt(c^2 + width^2)) / 2, since a wide light sets little by little. The sum and an even light become
+grey levels by a power. Between a picture and the background the light of the whole sensor drifts: a quadratic in the position, the same
+in all pictures, absorbs that, and is not a part of the model.
 """
 
 import argparse
@@ -22,8 +22,8 @@ from scipy.optimize import least_squares
 
 LIGHTS = 3
 FITTED = 20
-UNIT = 100.0  # pixels, of the places of lights
-# Ball radius, gamma, even light (3), width of the lights, then place (3) and colour (3) of each light.
+UNIT = 100.0  # pixels, of the positions of lights
+# Ball radius, gamma, even light (3), width of the lights, then position (3) and colour (3) of each light.
 START = [30.0, 2.0, *[0.2] * 3, 0.1, -3, 0.8, 0.7, 8, 1, 1, 0.6, 5, 0.7, 1, 8, 1, 0.6, -3, 0.7, 1, 1, 8]
 LOW = [24.0, 1.0, *[0] * 3, 0, *[-8, -8, 0.05, 0, 0, 0] * LIGHTS]
 HIGH = [90.0, 8.0, *[4] * 3, 2, *[8, 8, 8, 200, 200, 200] * LIGHTS]
@@ -60,13 +60,13 @@ def picture(settings, circle, x, y):
 
 
 def drift(x, y, size):
-    """Quadratics (n, 6) in the place."""
+    """Quadratics (n, 6) in the position."""
     u, v = 2 * x / size[1] - 1, 2 * y / size[0] - 1
     return np.stack([np.ones_like(u), u, v, u * u, u * v, v * v], 1)
 
 
 def parts(pictures):
-    """The indices of the pictures that are fitted, and of those of the test."""
+    """The indices of the fitted pictures, and of the test pictures."""
     order = np.random.default_rng(0).permutation(pictures)
     return order[:FITTED], order[FITTED:]
 
@@ -91,7 +91,7 @@ def main():
         return
 
     def sample(i):
-        """Every fourth pixel both ways, and every other one about the contact."""
+        """Every fourth pixel in both directions, and every second one around the contact."""
         near = np.hypot(column - circle[i, 0], row - circle[i, 1]) < 1.6 * circle[i, 2]
         chosen = np.where(near, (column + row) % 2 == 0, (column % 4 == 0) & (row % 4 == 0))
         return column[chosen], row[chosen], difference[i].reshape(-1, 3)[chosen]
@@ -112,7 +112,7 @@ def main():
     settings, shift = fit.x[:settings_end], fit.x[settings_end:].reshape(6, 3)
 
     def error(pictures):
-        """Root mean squares in grey levels: nothing fitted, without and with the drift, and with an offset of each picture too."""
+        """Root mean squares in grey levels: nothing fitted, without and with the drift, and also with an offset of each picture."""
         found = []
         for i in pictures:
             seen = difference[i].reshape(-1, 3)

@@ -7,21 +7,21 @@ from safetensors import safe_open
 from torch.nn import functional
 
 UNIT_MPA, UNIT_LEVELS, PIXEL_MM, THRESHOLD_N = 0.1, 25.5, 0.06, 1e-4
-# Real pictures: how often they come, and the pressure in the middle of a contact in UNIT_MPA, that of the default gel under a ball
+# Real pictures: their frequency, and the pressure in the middle of a contact in UNIT_MPA, that of the default gel under a ball
 # whose radius is 1.25 times that of the contact.
 REAL_EVERY, MIDDLE = 8, 1.2
 CROP, BATCH = (160, 128), 4
-# Drift of the light that is added to a picture in training, in grey levels, for each term of a quadratic in the place, and the spread of
-# each colour's gain.
+# Drift of the light that is added to a picture in training, in grey levels, for each term of a quadratic in the position, and the spread
+# of each colour's gain.
 DRIFT, GAIN = (12.0, 12.0, 12.0, 7.0, 7.0, 7.0), 0.1
-# Other sensors' lights: how much of each colour goes into the others, and the logarithm of a colour's strength (standard deviations).
+# Other sensors' lights: the part of each colour that goes into the others, and the logarithm of a colour's strength (standard deviations).
 MIX, STRENGTH = 0.4, 0.3
 
 
 class Pictures:
-    """The pictures of files, read when they are needed, and real ones, turned and enlarged as the program does, with a pressure after Hertz
-    in the circle that was marked by hand. An epoch has so many `steps`. With `others`, half of the pictures are those of another sensor: seen
-    in a mirror along either axis, with its colours in another order and mixed, as if its lights came from other sides."""
+    """The pictures of files, read on demand, and real ones, turned and enlarged like in the program, with a pressure after Hertz in the
+    circle that was marked by hand. An epoch has `steps` steps. With `others`, half of the pictures look like another sensor's: mirrored
+    along either axis, with the colours in another order and mixed, as if the lights came from other sides."""
 
     def __init__(self, paths, balls=None, crop=CROP, steps=1, batch=BATCH, others=False):
         files = [safe_open(path, "np") for path in paths]
@@ -51,7 +51,7 @@ class Pictures:
         return difference, slices["force"][picture : picture + 1][0] / (pixel_mm**2 * UNIT_MPA), pixel_mm**2
 
     def cut(self, pressure, random):
-        """A part of the picture, most often about a pixel in contact."""
+        """A part of the picture, most often around a pixel in contact."""
         (height, width), (rows, columns) = pressure.shape, np.nonzero(pressure > 0.1)
         if len(rows) == 0 or random.random() < 0.15:
             place = [random.integers(side - part + 1) for side, part in zip((height, width), self.crop[::-1])]

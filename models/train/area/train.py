@@ -4,7 +4,7 @@
 
 The loss is the mean squared error of the pressure, in UNIT_MPA, linear from an error of 1 on, plus FORCE_SHARE times the squared error of the
 force on the picture, in N, plus CONTACT_SHARE times the cross entropy of the contact. Pictures enter as differences from the sensor at rest, in UNIT_LEVELS grey levels,
-and in parts, which takes less time. With --balls, one in REAL_EVERY is one of the real pictures that the lights are fitted to.
+and in parts, which takes less time. With --balls, one in REAL_EVERY is one of the real pictures to which the lights are fitted.
 """
 
 import argparse
@@ -16,14 +16,14 @@ import torch
 from pictures import BATCH, CROP, PIXEL_MM, THRESHOLD_N, UNIT_MPA, Pictures, tensors
 from torch.nn import functional
 
-# What all trainings share lies beside their folders.
+# The code that all trainings share is beside their folders.
 sys.path.append(str(Path(__file__).resolve().parents[1]))
 from meissner import Weights
 from meissner.torch import Module, fit, gather_statistics, save
 
 # The published share of the force is 0.05: at 20 N, it leaves no weight for the contact.
 FORCE_SHARE = 0.02
-# The cross entropy of contact: the share in the loss, and the pressure in UNIT_MPA that takes the odds from even to e.
+# The cross entropy of contact: the share in the loss, and the pressure in UNIT_MPA that changes the odds from even to e.
 CONTACT_SHARE, SOFTNESS = 0.5, 0.1
 CHECK, PICTURES = 250, 64
 DATA = "pictures of meissner simulate gel, sensors drawn or the optics of one GelSight, indenters seen; lights fitted to 20 real pictures"
@@ -40,9 +40,9 @@ def loss(network, images, target):
 
 @torch.no_grad()
 def validated(network, presses, most):
-    """1 - IoU of the contact and a line with the mean absolute error of the force in N too, over up to `most` pictures."""
+    """1 - IoU of the contact, and a line that also has the mean absolute error of the force in N, over up to `most` pictures."""
     network.eval()
-    # As the program does: forces on pixels of the network's own size.
+    # As in the program: forces on pixels of the network's own size.
     force, found = PIXEL_MM**2 * UNIT_MPA, []
     for i in np.linspace(0, len(presses.pictures) - 1, min(most, len(presses.pictures))).astype(int):
         images, target = tensors(*([part] for part in presses.read(i)))
@@ -56,8 +56,8 @@ def validated(network, presses, most):
 
 
 def begun(network, seed, start):
-    """The network, perhaps with weights to start from: those of `canf-plain` for `canf` too, whose factors of squeeze-and-excitation begin at
-    a half, and whose batch norm at twice as much."""
+    """The network, perhaps with weights to start from. Those of `canf-plain` also fit `canf`; its factors of squeeze-and-excitation then
+    begin at a half, and its batch norm at twice as much."""
     module = Module.from_description(network, seed=seed)
     if start:
         begin, state = Weights(start), module.state_dict()

@@ -4,8 +4,8 @@
     python models/train/digits/train.py ../shared/data/nmnist --folds
 
 Writes NETWORK.SEED.safetensors, trained on the data set's own training recordings, and with --folds NETWORK.SEED.K.safetensors for
-cross-validation over all recordings. What is there already is not trained again. Then `meissner eval digits DATA --trainings FOLDER` says
-what they are worth. Every recording is another one in every epoch: turned, sheared, stretched, moved, thinned, cut short.
+cross-validation over all recordings. Existing files are not trained again. Then `meissner eval digits DATA --trainings FOLDER` prints
+their accuracies. Every recording is different in every epoch: turned, sheared, stretched, moved, thinned, cut short.
 """
 
 import math
@@ -16,20 +16,20 @@ from pathlib import Path
 import numpy as np
 import torch.nn.functional as F
 
-# What all trainings share lies beside their folders.
+# The code that all trainings share is beside their folders.
 sys.path.append(str(Path(__file__).resolve().parents[1]))
 import shared
 from meissner import Weights
 from meissner.torch import Film, Module, Presses, fit, save
 
-# Of a part: epochs, rate, and the share of the recordings that end early, at so many ms or later. digits-frozen runs with the weights of
-# digits-past.
+# For each part: epochs, rate, and the share of the recordings that end early, at so many ms or later. digits-frozen runs with the
+# weights of digits-past.
 FIRST, SECOND = (80, 0.003, 0.1, 100), (24, 0.0015, 0.5, 20)
 PARTS = {"digits-all": [FIRST, SECOND], "digits-past": [FIRST, SECOND, (40, 0.0015, 0.2, 20), (60, 0.0015, 0.2, 20)]}
 FOLDS, BATCH, SMOOTHING, DROPOUT = 5, 32, 0.05, 0.3
-# Epochs in which the rate rises, the share of all at which it has fallen, and to what share of it.
+# Epochs in which the rate rises, the share of all epochs at which it has fallen, and the share to which it falls.
 RISE, FALLEN, LEAST = 4, 0.4, 0.33
-# Of the events of a recording every second one is what the networks are meant for (README.md has accuracies at others).
+# The networks are meant for every second event of a recording (README.md has accuracies at other strides).
 STRIDE = 2
 TURN, SHEAR = 0.2, 0.2  # radians
 STRETCH = 0.12  # of the logarithm, for each axis
@@ -38,8 +38,9 @@ MAX_STRIDE = 6  # thinning, uniform in the logarithm
 
 
 def augment(events, random, side, share, shortest_ms):
-    """Another recording like `events` (events, 4). A `share` ends early. Pixels stay integers: what comes out a sensor could have sent."""
-    # Every nth event from a random one on for whole n, or each with a chance: the network is to see any density.
+    """Another recording like `events` (events, 4). A `share` ends early. Pixels stay integers, so that a sensor could have sent the
+    result."""
+    # Every nth event from a random one on for whole n, or each with a chance, so that the network sees any density.
     stride = np.exp(random.uniform(0, np.log(MAX_STRIDE)))
     if random.random() < 0.5:
         events = events[random.integers(round(stride)) :: round(stride)]
@@ -57,7 +58,8 @@ def augment(events, random, side, share, shortest_ms):
 
 
 def schedule(epochs, done):
-    """The rate rises, falls and then stays: at a constant rate the weights of an epoch are a sample of where the loss is low."""
+    """The rate rises, falls and then stays constant: at a constant rate the weights of an epoch are a sample from the region of low
+    loss."""
     epoch = done * epochs
     if epoch < RISE:
         return 0.1 + 0.9 * epoch / RISE

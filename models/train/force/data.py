@@ -1,9 +1,9 @@
-"""Simulates the grasps to learn from, to choose by and to test on.
+"""Simulates the grasps for training, validation and test.
 
     python models/train/force/data.py /tmp/force
 
 Writes train.safetensors (900 recordings) and valid.safetensors (100), which are the parts of one run, test.safetensors (92 of another
-seed), and few.safetensors (35 of a third), as many as the force paper had. All are as `meissner simulate grasp` writes them.
+seed), and few.safetensors (35 of a third), as many as in the force paper. All are as `meissner simulate grasp` writes them.
 """
 
 import sys
@@ -12,7 +12,7 @@ from pathlib import Path
 from safetensors import safe_open
 from safetensors.numpy import save_file
 
-# What all trainings share lies beside their folders.
+# The code that all trainings share is beside their folders.
 sys.path.append(str(Path(__file__).resolve().parents[1]))
 from shared import meissner
 

@@ -7,11 +7,11 @@ import torch
 from meissner.torch import Film, Presses, errors
 
 SIDE, FRAMES, PERIOD_US = 115, 41, 10_000
-MAXIMUM = 8.0  # what counts are divided by: `maximum` of the descriptions
+MAXIMUM = 8.0  # divisor of counts: `maximum` of the descriptions
 
 
 class Grasps:
-    """Frames of event counts, or what a layer of `module` makes of them, with the force at the end of each frame."""
+    """Frames of event counts, or a layer of `module` applied to them, with the force at the end of each frame."""
 
     def __init__(self, path, module, first, chosen):
         film = Film(path)
@@ -24,7 +24,7 @@ class Grasps:
             with torch.no_grad():
                 read.append(counts if first == "frame" else module.values(counts[None] / MAXIMUM, first)[0])
         self.values, self.first = torch.stack(read), first
-        self.settings = None  # every so many pixels, recordings of an epoch, recordings of a step
+        self.settings = None  # step in pixels, recordings of an epoch, recordings of a step
         self.bolt = np.array([film.labels["bolt"][press][0] for press in self.presses])
         self.force = torch.from_numpy(np.stack([film.at(["force"], press, ends)[:, 0] for press in self.presses]).astype(np.float32))
 
@@ -38,7 +38,7 @@ class Grasps:
         return part
 
     def of(self, chosen, every, random=None):
-        """Frames of some recordings, of every so many pixels from a random one on, mirrored at random."""
+        """Frames of some recordings, every n-th pixel from a random one on, mirrored at random."""
         frames = self.values[chosen]
         if frames.dim() == 5:
             row, column = (0, 0) if random is None or every == 1 else random.integers(every, size=2)
@@ -62,7 +62,7 @@ class Grasps:
 
 
 class Streams:
-    """The same recordings as events, for a network that reads them at any time; `settings` are those of `Presses`."""
+    """The same recordings as events, for a network that can be read at any time; `settings` are those of `Presses`."""
 
     def __init__(self, path, settings):
         self.film, self.settings = Film(path), settings
@@ -81,7 +81,7 @@ class Streams:
         return len(self.film)
 
     def presses_of(self, **settings):
-        """What `fit` learns from."""
+        """The training data for `fit`."""
         return Presses(self.film, **self.settings | settings)
 
     def error(self, module, _, most):

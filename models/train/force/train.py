@@ -3,11 +3,11 @@
     python models/train/force/data.py /tmp/force
     python models/train/force/train.py /tmp/force --network force-graph force-tdnn force-lstm force-cnnlstm force-convlstm
 
-FOLDER has train.safetensors and valid.safetensors. Writes NETWORK.SEED.safetensors; what is there already is not trained again, and a
-training that was cut off goes on. Then `meissner eval force` says what it is worth.
+FOLDER has train.safetensors and valid.safetensors. Writes NETWORK.SEED.safetensors. An existing file is not trained again, and an
+interrupted training continues. Then `meissner eval force` prints its errors.
 
-`--folds one` learns from the 35 recordings of few.safetensors as the force paper did, and leaves each out once: NETWORK.SEED.K.safetensors.
-Three of the others, one of each bolt, say when to stop, and 31 are learned from. `--folds medium` learns from small and large bolts.
+`--folds one` learns from the 35 recordings of few.safetensors as in the force paper, and leaves each out once: NETWORK.SEED.K.safetensors.
+Three of the others, one of each bolt, decide when to stop, and 31 are for training. `--folds medium` learns from small and large bolts.
 """
 
 import math
@@ -20,26 +20,26 @@ import torch.nn.functional as F
 from grasps import MAXIMUM, SIDE, Grasps, Streams
 from torch import nn
 
-# What all trainings share lies beside their folders.
+# The code that all trainings share is beside their folders.
 sys.path.append(str(Path(__file__).resolve().parents[1]))
 import shared
 import stages
 from meissner.torch import Module, fit, save
 
 PLACES = 23
-FORGET = 2.0  # a forget gate that begins almost open keeps what came before (Jozefowicz et al. 2015, section 3.2)
+FORGET = 2.0  # a forget gate that begins almost open keeps earlier values (Jozefowicz et al. 2015, section 3.2)
 GAIN = {"force-tdnn": {"fc1": 0.01}}  # sums of thousands of counts are learned in units of a hundred
-# The layer whose values are computed once: what is in front of it does not learn.
+# The layer whose values are computed once: the layers in front of it do not learn.
 FIRST = {"force-tdnn": "total", "force-lstm": "pool", "force-cnnlstm": "pool4"}
-# Of each frame network: stages of (every so many pixels, recordings, rate, recordings of a step, validations).
+# For each frame network: stages of (step in pixels, recordings, rate, recordings of a step, validations).
 RECIPES = {
     "force-tdnn": [(1, 180_000, 0.003, 16, 10)],
     "force-lstm": [(1, 45_000, 0.002, 16, 10)],
     "force-cnnlstm": [(1, 45_000, 0.002, 16, 10)],
     "force-convlstm": [(5, 5_400, 0.01, 8, 10), (5, 21_600, 0.01, 8, 10), (1, 64, 0.002, 1, 2), (1, 256, 0.002, 1, 2)],
 }
-# Of folds: the most epochs, each of so many passes over the recordings; epochs without a better validation until the end; rate; recordings
-# of a step; decay.
+# For folds: the maximum number of epochs, each of so many passes over the recordings; epochs without a better validation until the end;
+# rate; recordings of a step; decay.
 FOLDS = {
     "force-tdnn": (200, 4, 20, 0.003, 4, 0.001),
     "force-lstm": (200, 4, 20, 0.002, 4, 0.001),
@@ -75,20 +75,20 @@ class Coarse(nn.Module):
         return cells.flatten(2) @ self.grown(*cells.shape[3:]).mT + self.module["fc.bias"]
 
     def grown(self, height, width):
-        """A mean over pixels times the number of places."""
+        """A mean over pixels times the number of positions."""
         grown = F.interpolate(self.map, (height, width), mode="bilinear", align_corners=False)
         return grown.flatten(1) * (PLACES * PLACES / (height * width))
 
 
 @torch.no_grad()
 def begun(network, seed):
-    """The network with what is drawn in another way: open forget gates, and kernels that blur."""
+    """The network with some weights drawn in another way: open forget gates, and kernels that blur."""
     module = Module.from_description(network, seed=seed, gain=GAIN.get(network))
     for name in module.description.tensors:
         if "bias_ih" in name or "gates.bias" in name:
             module[name][len(module[name]) // 4 : len(module[name]) // 2] = FORGET
         elif name.startswith("convs") and name.endswith("weight"):
-            # A positive blur, mostly of one channel: no rectifier is closed, and polarities stay apart.
+            # A positive blur, mostly of one channel, so that no rectifier is closed and polarities stay separate.
             module[name].uniform_(0.0, 0.1)
             for channel in range(2):
                 module[name][channel, channel].uniform_(0.2, 0.4)
@@ -121,7 +121,7 @@ def train(network, args, path):
 
 
 def train_fold(network, args, grasps, fold, path):
-    """Learns from some of the few recordings, until the others that are not held out are followed no better."""
+    """Learns from some of the few recordings, until the errors on the others that are not held out no longer improve."""
     torch.manual_seed(args.seed)
     epochs, passes, patience, rate, batch, decay = FOLDS[network]
     held_out = grasps.bolt == 12 if fold == "medium" else grasps.presses == fold

@@ -2,14 +2,14 @@
 
     python models/train/slip/train.py ../shared/data/biotac_dos
 
-Writes a file of weights a training: NETWORK.SEED.safetensors on all Basic objects, and with `--folds recordings,windows`
-NETWORK.SEED.SCHEME.K.safetensors for cross-validation. What is there already is not trained again. Then `meissner eval slip DATA
---trainings FOLDER` says what they are worth.
+Writes a file of weights for each training: NETWORK.SEED.safetensors on all Basic objects, and with `--folds recordings,windows`
+NETWORK.SEED.SCHEME.K.safetensors for cross-validation. Existing files are not trained again. Then `meissner eval slip DATA
+--trainings FOLDER` prints their accuracies.
 
 The slip paper's three networks have the paper's settings. `slip-best` was chosen by cross-validation grouped by recording: a committee of
 small networks as one. Three members read the shape of a reading (scaled by its own range) through an LSTM; three read the sensor's counts,
-all five readings at once, through dense layers. Each has a loss of its own; the prediction is the mean of their logits. The members lie
-beside each other in wide layers whose weights between members are zero: they start so, and no gradient reaches them.
+all five readings at once, through dense layers. Each has its own loss; the prediction is the mean of their logits. The members are side by
+side in wide layers whose weights between members are zero: they start as zero, and no gradient reaches them.
 """
 
 import json
@@ -22,7 +22,7 @@ import numpy as np
 import torch
 import torch.nn.functional as F
 
-# What all trainings share lies beside their folders.
+# The code that all trainings share is beside their folders.
 sys.path.append(str(Path(__file__).resolve().parents[1]))
 import shared
 from meissner.torch import Module, constant, fit, save
@@ -54,7 +54,7 @@ class Windows:
 
     def fold(self, scheme):
         """The fold of each window of the Basic objects: the k-th, (k + 4)-th ... recording of each class and object, or drawn as in the
-        paper, where neighbours of nearly every held-out window are trained on."""
+        paper, where the training contains neighbours of nearly every held-out window."""
         if scheme == "windows":
             return torch.randperm(len(self.basic), generator=torch.Generator().manual_seed(0)).numpy() % FOLDS
         met, folds = {}, {}
@@ -66,12 +66,12 @@ class Windows:
         return np.array([folds[self.recording[i]] for i in self.basic])
 
     def part(self, scheme, fold):
-        """The windows that a training sees, and what its weights say about the others."""
+        """The windows that a training sees, and the metadata of its weights about the others."""
         held = self.fold(scheme) == int(fold)
         out, said = self.basic[held], {"scheme": scheme, "fold": fold}
         if scheme == "recordings":
             return self.basic[~held], said | {"held_out": [self.names[i] for i in np.unique(self.recording[out])]}
-        # A recording's windows follow each other: its first one is where its number first stands.
+        # A recording's windows are consecutive: its first one is where its number occurs first.
         places = [[self.names[self.recording[i]], int(i - np.argmax(self.recording == self.recording[i]))] for i in out]
         return self.basic[~held], said | {"held_out_windows": places}
 
@@ -90,7 +90,7 @@ def committee(module):
         "lstm.weight_hh_l0": (torch.kron(eye, torch.ones(LSTM, LSTM)).repeat(4, 1), LSTM),
         "shape1.weight": (torch.kron(eye, torch.ones(LSTM_DENSE, LSTM)), LSTM),
         "shape2.weight": (torch.kron(eye, torch.ones(LSTM_DENSE, LSTM_DENSE)), LSTM_DENSE),
-        # The delay holds value after value, each over time.
+        # The delay contains one value after the other, each over time.
         "counts1.weight": (counts.repeat_interleave(STEPS).expand(MEMBERS * DENSE, -1), STEPS * ELECTRODES),
         "counts2.weight": (torch.kron(eye, torch.ones(DENSE, DENSE)), DENSE),
         "out.weight": (torch.ones_like(module["out.weight"]), DENSE),
@@ -102,7 +102,7 @@ def committee(module):
 
 
 def loss(module, frames, label, smoothing):
-    """Cross-entropy; of a committee the sum of its members'."""
+    """Cross-entropy; for a committee, the sum over its members."""
     if "members" not in module.layers:
         return F.cross_entropy(module(frames, last=True).float(), label, label_smoothing=smoothing)
     hidden = F.dropout(module.values(frames, "members", last=True), DROPOUT)
@@ -127,7 +127,7 @@ def train(network, seed, windows, seen, said, path, quick):
     settings |= {"epochs": 2 if quick else recipe["epochs"], "decay": 2 * recipe["l2"], "precision": torch.bfloat16 if tiles else None}
     settings |= {"loss": lambda *given: loss(*given, recipe["smoothing"]), "checkpoint": path.with_suffix(".state")}
     windows.seen, windows.batch = seen, recipe["batch"]
-    # Statistics over the windows in their order: those of a batch are alike, and vary less than all do (README.md).
+    # Statistics over the windows in their order: the windows of a batch are alike, and vary less than all windows (README.md).
     in_order = copy(windows)
     in_order.batch, in_order.shuffles = 256, False
     history = fit(module, windows, statistics=in_order, **settings)

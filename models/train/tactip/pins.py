@@ -1,7 +1,7 @@
-"""Pins of TacTip images: where they are, and how they move with the pose of a press.
+"""Pins of TacTip images: their positions, and their motion with the pose of a press.
 
-A pin is a white blob. Pins are told apart by a model of their motion, fitted pin by pin from the middle of all poses outwards:
-position = rest + motion, where every term of the motion has a factor of depth. At depth 0 the pins are at rest, whatever the tilts.
+A pin is a white blob. A model of their motion, fitted pin by pin from the middle of all poses outwards, distinguishes the pins:
+position = rest + motion, where every term of the motion has a factor of depth. At depth 0 the pins are at rest for any tilts.
 """
 
 from dataclasses import dataclass
@@ -14,11 +14,11 @@ SIDE = 128  # pixels of an image
 CENTRE, RADIUS = (SIDE - 1) / 2, 52.0  # of the field of pins, in pixels
 AREA = 3, 60  # of a pin, in pixels
 PINS = 331
-NEAR = 2.5  # pixels between a pin of the model and the blob that is taken for it
+NEAR = 2.5  # maximum distance in pixels between a pin of the model and its blob
 MIDDLE = 3.5  # mm, of all depths
 STAGES = 300, 1000, 2500  # images of the first fits, from the middle of all poses; then all, three times
 RIDGE = 1e-3
-REST_DEGREE = 5  # of the polynomial in the image that the motion from rest to SHALLOW is smoothed by
+REST_DEGREE = 5  # of the polynomial in the image that smooths the motion from rest to SHALLOW
 SHALLOW = 2.0  # mm, the least depth of the images
 
 
@@ -95,8 +95,8 @@ def regressed(design, seen):
 
 
 def smooth_rest(field):
-    """Positions at rest (pin, 2). No image is shallower than SHALLOW: the motion from there to rest is extrapolated, and a pin alone
-    extrapolates badly. All pins together follow a polynomial of their place, fitted so that outliers count little."""
+    """Positions at rest (pin, 2). No image is shallower than SHALLOW: the motion from there to rest is extrapolated, and a single
+    pin extrapolates badly. All pins together follow a polynomial of their position, fitted so that outliers count little."""
     shallow = field(np.array([[SHALLOW, 0.0, 0.0]]))[0]
     x, y = ((shallow - CENTRE) / RADIUS).T
     degrees = range(REST_DEGREE + 1)

@@ -4,8 +4,8 @@
     python models/train/tactip/presses.py DATA FOLDER --set shear
 
 DATA has tap_train.npz and tap_test.npz, and for `--set shear` also shear_train.npz and shear_test.npz. Each real image becomes a press:
-every pin moves from rest, along the field that was fitted to the training images, to where the image has it. The camera of
-`meissner simulate markers` sees the pins move. Writes
+every pin moves from rest, along the field that was fitted to the training images, to its position in the image. The camera of `meissner
+simulate markers` sees the pins move. Writes
 
     FILM/train.safetensors   all training images but the last 500, once for each of the cameras FILM = 0, 1, ...
     0/valid.safetensors      these 500, to choose by
@@ -14,18 +14,18 @@ every pin moves from rest, along the field that was fitted to the training image
                              not take
 
 with the events of all presses as `prepare graphs` reads them, and along the time of each press `truth.depth` in mm, and `truth.tilt_x`
-and `truth.tilt_y` in degrees, as the robot had them. Beside each are the tracks of the pins, PART.tracks.safetensors.
+and `truth.tilt_y` in degrees, as recorded by the robot. Beside each are the tracks of the pins, PART.tracks.safetensors.
 
 After a rest of 10 to 60 ms, depth rises from 0 to that of the pose within 100 to 200 ms, as 3 t^2 - 2 t^3; then the press is held for
-20 ms. The tilts are constant. No image shows the way: there the pins are off the field by as much as in another image of the same set,
-drawn at random, so that no state of a press is more exact than an image.
+20 ms. The tilts are constant. No image shows the path: there the pins deviate from the field by as much as in another image of the
+same set, drawn at random, so that no state of a press is more exact than an image.
 
 The robot made an image with shear in two steps: it pressed at the pose minus the move, then moved and turned to the pose, at constant
-depth. Here the press takes 60 to 130 ms, and so does the move, as 3 t^2 - 2 t^3 each. Within a move, the field knows each state: it is
-that of an image with a smaller move. The tilts are those of the press until the move begins, and then turn to those of the pose. What
-the field misses of an image grows with the move. No image shows the end of the press: there the pins are off the field by as much as in
-another image of the same set, drawn at random, so that a press is not more exact than an image. A drawn press has the depth, the tilts and
-the move of training images drawn at random, each on its own, and is off the field by as much as another one.
+depth. Here the press takes 60 to 130 ms, and so does the move, as 3 t^2 - 2 t^3 each. Within a move, the field knows each state: it is the
+state of an image with a smaller move. The tilts are those of the press until the move begins, and then turn to those of the pose. The
+deviation of an image from the field grows with the move. No image shows the end of the press: there the pins deviate from the field by as
+much as in another image of the same set, drawn at random, so that a press is not more exact than an image. A drawn press has the depth,
+the tilts and the move of training images, each drawn at random separately, and deviates from the field by as much as another one.
 """
 
 import argparse
@@ -37,16 +37,16 @@ import pins
 import shear
 from safetensors.numpy import save_file
 
-# What all trainings share lies beside their folders.
+# The code that all trainings share is beside their folders.
 sys.path.append(str(Path(__file__).resolve().parents[1]))
 from shared import meissner
 from tracks import shears, taps
 
 VALID = 500
-# No film of the training has the number of one of these.
+# No film of the training has one of these numbers.
 VALID_CAMERA, TEST_CAMERA = 8, 9
-# Grey pins on dark ground, and thresholds that give some thousand events a press, as the real stream of a tactile sensor with
-# markers has (docs/simulated-touch.md).
+# Grey pins on dark ground, and thresholds that give some thousand events per press, as in the real stream of a tactile sensor
+# with markers (docs/simulated-touch.md).
 SCENE = ["--radius", "1.5", "--marker", "0.5", "--ground", "0.2", "--threshold-on", "0.3", "--threshold-off", "0.3"]
 SCENE += ["--threshold-spread", "0.02", "--leak-hz", "0.061"]
 
@@ -65,7 +65,7 @@ def main():
     args = arguments()
     train, test, drawn = (tapped if args.set == "tap" else sheared)(args.data)
     random = np.random.default_rng(args.seed)
-    # Every press of every film has a camera of its own.
+    # Every press of every film has its own camera.
     seed = 1_000_000 * args.seed
     numbers = [number for number in range(args.films + args.drawn + 2) if number not in (VALID_CAMERA, TEST_CAMERA)]
     for number in numbers[: args.films]:
@@ -78,14 +78,14 @@ def main():
 
 
 def tapped(data):
-    """What makes tracks of some of the training images with a random generator, and of the test images, of taps."""
+    """The functions that make tracks of some training images of taps, with a random generator, and of the test images."""
     images, pose = pins.read(data / "tap_train.npz")
     field, seen = pins.fit(images, pose)
     said("train", seen, field(pose))
     images, test = pins.read(data / "tap_test.npz")
     there = pins.followed([pins.blobs(image) for image in images], field(test))
     said("test", there, field(test))
-    # A pin that was not seen ends where the field says.
+    # A pin that was not seen ends at its position in the field.
     residual = np.nan_to_num(seen - field(pose))
     missed = np.nan_to_num(there - field(test))
 
@@ -102,7 +102,7 @@ def tapped(data):
 
 
 def sheared(data):
-    """The same of presses with a move."""
+    """The same for presses with a move."""
     images, tap = pins.read(data / "tap_train.npz")
     field, seen = pins.fit(images, tap, shear.followed)
     blobs, pose, move = shear.read(data / "shear_train.npz")
@@ -127,7 +127,7 @@ def sheared(data):
 
 
 def said(name, seen, expected):
-    """Says how well the field follows the pins of some images."""
+    """Prints how well the field follows the pins of some images."""
     off = np.hypot(*(seen - expected).transpose(2, 0, 1))
     print(f"{name}: {100 * np.mean(~np.isnan(off)):.2f} % of the pins followed, {np.nanmean(off):.3f} pixels off the field", flush=True)
 

@@ -1,11 +1,11 @@
-"""Pins of TacTip images after a sideways move: where they are, and how they got there.
+"""Pins of TacTip images after a sideways move: their positions, and their path.
 
 The robot pressed the sensor on the plane, then moved it sideways by up to 5 mm along x and y and turned it by up to 5 degrees about x, y
-and z, and the image was taken there. Pins in contact stick to the plane at first and slip when the move is large. The field of
-`pins.fit` gets terms in the move, in which sideways moves saturate; each has a factor of depth and of the move.
+and z, and then took the image. Pins in contact stick to the plane at first and slip when the move is large. The field of `pins.fit` gets
+terms in the move, in which sideways moves saturate; each has a factor of depth and of the move.
 
-Whatever the field misses of an image is alike in neighbouring pins: a pin is looked for where its neighbours say, and they are matched
-anew with what they say. Two pins never take the same blob.
+The deviation of an image from the field is alike in neighbouring pins: a pin is searched at the position that its neighbours suggest,
+and the matching is repeated with this position. Two pins never take the same blob.
 """
 
 from dataclasses import dataclass
@@ -18,7 +18,7 @@ from scipy.spatial import cKDTree
 # Deep presses spread the pins, and the outermost look small.
 RADIUS, AREA = 57.0, (2, 60)  # pixels
 SLIP = 3.0  # mm, of the sideways move at which pins slip rather than stick
-STAGES = (400, 1), (1500, 2), (None, 2), (None, 3), (None, 3)  # images of a fit, from the least move out, and degree of its terms
+STAGES = (400, 1), (1500, 2), (None, 2), (None, 3), (None, 3)  # images of a fit, from the smallest move outwards, and degree of its terms
 WIDTHS = 20, 20, 10, 10, 6, 6, 6  # pixels, of the Gaussian weights of neighbours, from one match to the next
 
 
@@ -59,7 +59,8 @@ def read(path):
 
 
 def followed(found, expected):
-    """The blob of each pin (press, pin, 2), looked for around `expected` and where its neighbours say; NaN where none is near."""
+    """The blob of each pin (press, pin, 2), searched around `expected` and at the position that its neighbours suggest; NaN if none is
+    near."""
     mean = expected.mean(0)
     away = ((mean[:, None] - mean) ** 2).sum(-1)
     weights = {width: np.exp(-away / (2 * width**2)) - np.eye(len(mean)) for width in set(WIDTHS)}
@@ -76,7 +77,7 @@ def followed(found, expected):
 
 
 def matched(tree, where):
-    """Which pins have a blob near, and the nearest blob of each. Of the pins with the same blob only the nearest has it."""
+    """Whether each pin has a blob near, and its nearest blob. If several pins have the same blob, only the nearest pin keeps it."""
     away, blob = tree.query(where)
     order = np.lexsort((away, blob))
     taken = np.zeros(len(where), bool)
@@ -86,7 +87,7 @@ def matched(tree, where):
 
 def fit(tap, shear):
     """The field of presses with and without a move, and the pins (press, pin, 2) of those with one. `tap` has poses, the pins that were
-    followed, and their field; `shear` has what `read` gives."""
+    followed, and their field; `shear` has the result of `read`."""
     pose, seen, field = tap
     found, pose_after, move = shear
     far = np.hypot(*move[:, :2].T) + np.abs(move[:, 2:]).sum(1) / 5

@@ -1,12 +1,12 @@
-"""Tracks of the pins of presses, as `meissner simulate markers` reads them, with labels along time. `presses.py` says what a press is like."""
+"""Tracks of the pins of presses, as `meissner simulate markers` reads them, with labels over time. `presses.py` describes a press."""
 
 import numpy as np
 from pins import SHALLOW
 
-# The rest differs, so that a press begins anywhere within a cell in time.
+# The rest varies, so that a press begins anywhere within a cell in time.
 REST_US, HOLD_US = (10_000, 60_000), 20_000
 DURATION_US = 100_000, 200_000
-# Of a press before a move, and of the move: both together fit into the 300 ms that the networks look back.
+# Durations of a press before a move, and of the move: both together fit into the 300 ms that the networks look back.
 PART_US = 60_000, 130_000
 STEPS = 12  # of the motion; markers move along straight lines between them
 
@@ -17,9 +17,9 @@ def risen(shares):
 
 
 def taps(field, pose, residual, random):
-    """The tracks of presses without a move, at whose end the pins are off the field by `residual`. On the way they are off by as much as
-    in another image: from rest on growing with the depth until images begin, and from the middle on turning into `residual`. Weights whose
-    squares sum to 1 keep the mean square of what is off."""
+    """The tracks of presses without a move, at whose end the pins deviate from the field by `residual`. On the way they deviate by as much
+    as in another image: from rest on growing with the depth until images begin, and from the middle on turning into `residual`. Weights
+    whose squares sum to 1 keep the mean square of the deviation."""
     times = knots(random, len(pose), DURATION_US)
     other = random.permutation(residual)
     states = []
@@ -32,7 +32,7 @@ def taps(field, pose, residual, random):
 
 
 def shears(field, pose, move, residual, random):
-    """The tracks of presses that are followed by a move, at whose end the pins are off the field by `residual`."""
+    """The tracks of presses that are followed by a move, at whose end the pins deviate from the field by `residual`."""
     times = knots(random, len(pose), PART_US, PART_US)
     other = random.permutation(residual)
     pressed = pose - np.column_stack([np.zeros(len(pose)), move[:, 2:4]])

@@ -5,8 +5,8 @@
     python models/train/tactip/presses.py DATA /tmp/shear --set shear --drawn 5
     python models/train/tactip/train.py /tmp/shear --network tactip-shear
 
-The first layer `pins` of `tactip-shear` is told how the pins have moved, in principal modes, which only the training knows. The layers behind
-it learn from the true motion first, with noise. A training that was cut off goes on. Then `meissner eval angle` says what it is worth.
+The first layer `pins` of `tactip-shear` learns the motion of the pins, in principal modes, which only the training knows. The layers behind
+it learn from the true motion first, with noise. An interrupted training continues. Then `meissner eval angle` prints its errors.
 """
 
 import sys
@@ -17,15 +17,15 @@ import torch
 import torch.nn.functional as F
 from safetensors.numpy import load_file
 
-# What all trainings share lies beside their folders.
+# The code that all trainings share is beside their folders.
 sys.path.append(str(Path(__file__).resolve().parents[1]))
 import shared
 import stages
 from meissner.torch import cosine
 
 UNIT = [1.0, 10.0, 10.0]
-MODES, PIXELS = 40, 10.0  # of the motion of the pins, and the unit of a mode
-# Of the motion: its weight in the loss, the noise that the last layers learn with at first, in modes, and their steps.
+MODES, PIXELS = 40, 10.0  # modes of the motion of the pins, and the unit of a mode
+# For the motion: its weight in the loss, the initial noise for the last layers, in modes, and their steps.
 PINS, NOISE, STEPS, PRESSES = 0.05, 0.04, 6000, 64
 
 
@@ -35,7 +35,7 @@ def stage(epochs, rate=0.003, start=(), films=("0", "1"), stride=1, blocks=False
 
 
 def head(epochs, start, films="01", rate=0.003, decay=0.001, dropout=0.1, unit=UNIT, **more):
-    """The layers behind the readout, on readouts that are kept, of the films with some numbers."""
+    """The layers behind the readout, on stored readouts, of the films with some numbers."""
     said = {"films": list(films), "valid": ["0"], "unit": unit, "dropout": dropout, "start": start, "readouts": {}}
     return said | {"fit": {"epochs": epochs, "rate": rate, "decay": decay, "check": 3}} | more
 
@@ -120,7 +120,7 @@ class Modes:
 
 
 def loss(module, given, target):
-    """That of the outputs, and of how the pins have moved."""
+    """The loss of the outputs, and of the motion of the pins."""
     pins = module.values(given, "pins")
     moved = F.smooth_l1_loss(pins[:, :MODES] * PIXELS, target[:, 3:] * PIXELS)
     return F.smooth_l1_loss(module({"pins": pins}) / module.unit, target[:, :3] / module.unit, beta=0.1) + PINS * moved

@@ -1,9 +1,9 @@
 """Linear classifiers of values of recordings, one for each age of a contact.
 
 A discriminant assumes that recordings differ from the mean of their class in the same way in every class (Fisher 1936, "The use of multiple
-measurements in taxonomic problems"); a share of the covariance is replaced by a multiple of the identity (Friedman 1989, "Regularized
-discriminant analysis"). A classifier by margins looks at the recordings that are hard to tell apart alone (Crammer and Singer 2001, "On the
-algorithmic implementation of multiclass kernel-based vector machines", here with squares of what a margin is too small by).
+measurements in taxonomic problems"); a multiple of the identity replaces a share of the covariance (Friedman 1989, "Regularized
+discriminant analysis"). A classifier by margins depends only on the recordings that are hard to distinguish (Crammer and Singer 2001, "On
+the algorithmic implementation of multiclass kernel-based vector machines", here with squares of the missing part of a margin).
 """
 
 import torch
@@ -15,7 +15,7 @@ LEAST_SPREAD, STEPS = 0.05, 100  # of a value, as a share of the largest; of the
 
 def classify(module, group, ages, features, label, share, recipe, margin):
     """Fits the classifier of age `group` to `features` (recordings, values) of the classes `label`, each with its `share`: a linear
-    discriminant, or, where `margin` says how far margins are fitted, the sum of it and of a classifier by margins."""
+    discriminant or, with `margin`, the strength of the fit of margins, the sum of it and of a classifier by margins."""
     classes, found = len(module["out.bias"]), features[:, :-ages].double()
     share = share.double() / share.sum()
     mean = share @ found
@@ -40,7 +40,7 @@ def classify(module, group, ages, features, label, share, recipe, margin):
 
 def discriminant(values, label, share, classes, shrinkage):
     """Weights and biases of the linear discriminants of `values`, whose mean is 0."""
-    # In the span of the recordings, whose dimension is smaller than that of the values.
+    # Computed in the span of the recordings, whose dimension is smaller than that of the values.
     scaled = share.sqrt()[:, None] * values
     power, rotation = torch.linalg.eigh(scaled @ scaled.T)
     kept = power > 1e-6 * power.max()
@@ -58,12 +58,12 @@ def discriminant(values, label, share, classes, shrinkage):
 
 @torch.enable_grad()
 def margins(values, label, share, classes, margin):
-    """Weights and biases that leave margins between the right class and all others. A value that varies more counts for less than
+    """Weights and biases that leave margins between the right class and all others. A value with more variation counts less than
     its size, by the root of its spread."""
     spread = (share @ values.square()).sqrt()
     factor = (spread + LEAST_SPREAD * spread.max()).rsqrt()
     factor = factor / (share @ (values * factor).square().sum(1)).sqrt()
-    # In the span of the recordings.
+    # Computed in the span of the recordings.
     basis = torch.linalg.qr((values * factor).T)[0]
     inside = (values * factor) @ basis
     weight = torch.zeros(classes, basis.shape[1], dtype=torch.float64, requires_grad=True)

@@ -3,11 +3,12 @@
     python models/train/touch/letters.py ../shared/data/braille
     python models/train/touch/letters.py ../shared/data/braille --folds --out runs
 
-Writes touch-letters.SEED.safetensors, and with --folds touch-letters.SEED.K.safetensors for cross-validation over all presses. What is there
-already is not made again. Then `meissner eval touch letters DATA --trainings FOLDER --folds 5` says what they are worth.
+Writes touch-letters.SEED.safetensors, and with --folds touch-letters.SEED.K.safetensors for cross-validation over all presses. Existing
+files are not made again. Then `meissner eval touch letters DATA --trainings FOLDER --folds 5` prints their accuracies.
 
-The layers of events and the sums follow from what they are to measure. Behind them, two kernel machines, of whole presses and of presses
-that still last, know that a letter can be pressed elsewhere. The dense layers learn what these say of presses, and of presses moved and mixed.
+The layers of events and the sums follow from the quantities that they measure. Behind them, two kernel machines, for complete presses and
+for presses that still last, know that a letter can be pressed elsewhere. The dense layers learn the scores of these machines for presses,
+and for moved and mixed presses.
 """
 
 import sys
@@ -18,17 +19,17 @@ import torch
 from machine import Machine, made
 from torch import nn
 
-# What all trainings share lies beside their folders.
+# The code that all trainings share is beside their folders.
 sys.path.append(str(Path(__file__).resolve().parents[1]))
 import shared
 from meissner.torch import Module, fit, save
 
-NETWORK, FOLDS, PART = "touch-letters", 5, 60  # presses whose graphs are held at a time
+NETWORK, FOLDS, PART = "touch-letters", 5, 60  # presses whose graphs are in memory at a time
 TIMES, WINDOWS, STEP, CENTRE = 101, 6, 15, 13  # cells in time, sums and cells from one to the next, the slot of a kernel for no distance
-KNOTS = (0.0, 0.25, 1.0, 4.0, 16.0, 64.0, 256.0)  # where a bent sum changes its slope, and the largest
+KNOTS = (0.0, 0.25, 1.0, 4.0, 16.0, 64.0, 256.0)  # sums at which a bent sum changes its slope, and the largest
 BLUR = 0.8  # of maps, in taxels
-EARLIER = 3  # ends of each press that come earlier
-WHOLE, EARLY = (16_000, 6), (4_000, 1)  # presses made of presses, and how often the presses themselves count
+EARLIER = 3  # earlier ends of each press
+WHOLE, EARLY = (16_000, 6), (4_000, 1)  # presses made from presses, and the weight of the original presses
 EPOCHS, BATCH, RATE, SHARPNESS = 40, 128, 0.002, 8.0  # SHARPNESS: logits of a score of 1
 
 
@@ -39,7 +40,7 @@ def lay_out(module):
     # Rising pressure is (1, 0), falling (0, 1).
     module["sides.conv.lin.weight"][:, 0] = torch.tensor([0.5, -0.5])
     module["sides.conv.bias"].fill_(0.5)
-    # A spline is a mean over 16 in-edges; as many as are near are counted.
+    # A spline is a mean over 16 in-edges; all near ones are counted.
     module["rate.conv.weight"][CENTRE] = 16 * torch.eye(2)
     module["rate.conv.lin.weight"].copy_(torch.eye(2))
     centres = STEP * torch.arange(WINDOWS)
@@ -56,7 +57,7 @@ def lay_out(module):
 
 
 class Taught:
-    """Maps and what machines say of them, as `fit` reads presses."""
+    """Maps and the scores of machines for them, in the form in which `fit` reads presses."""
 
     def __init__(self, maps, scores):
         self.maps, self.scores = maps, scores
@@ -73,13 +74,13 @@ def apart(net, given, target):
 
 @torch.no_grad()
 def maps_of(module, sensor, streams):
-    """Maps (streams, channels, rows, columns) of what the dense layers read."""
+    """Maps (streams, channels, rows, columns): the input of the dense layers."""
     parts = [streams[first : first + PART] for first in range(0, len(streams), PART)]
     return torch.cat([module.values(module.graphs(sensor, part).batch(range(len(part))), "blur") for part in parts])
 
 
 def teach(module, groups, random, seed):
-    """Fits the dense layers to groups of maps with their labels, each with a machine of its own."""
+    """Fits the dense layers to groups of maps with their labels; each group has its own machine."""
     scale, inputs, scores = groups[0][0].std(), [], []
     for maps, label, count, times in groups:
         maps = maps / scale
@@ -96,7 +97,7 @@ def teach(module, groups, random, seed):
         for name, layer in zip(names, net[::2]):
             module[f"{name}.weight"].copy_(layer.weight)
             module[f"{name}.bias"].copy_(layer.bias)
-        # It was taught on maps of that scale and mean.
+        # It was trained on maps of that scale and mean.
         module["hidden.weight"].div_(scale)
         module["hidden.bias"].sub_(net[0].weight @ mean)
         module["out.weight"].mul_(SHARPNESS)

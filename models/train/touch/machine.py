@@ -1,7 +1,8 @@
-"""A kernel machine that knows that a press can be elsewhere on the skin, and presses made of presses for what learns from it.
+"""A kernel machine that knows that a press can be elsewhere on the skin, and presses made from presses for the layers that learn from it.
 
-It is a ridge regression (Saunders et al. 1998, "Ridge regression learning algorithm in dual variables") of blurred maps. Its kernel adds up
-over shifts of one of two maps, as in Haasdonk and Burkhardt 2007, "Invariant kernel functions for pattern analysis and machine learning".
+It is a ridge regression (Saunders et al. 1998, "Ridge regression learning algorithm in dual variables") of blurred maps. Its kernel is a
+sum over shifts of one of two maps, as in Haasdonk and Burkhardt 2007, "Invariant kernel functions for pattern analysis and machine
+learning".
 """
 
 import numpy as np
@@ -14,7 +15,7 @@ MIX = 0.5  # share of made presses that is moved, and that is mixed
 
 
 def moved(maps, down, right):
-    """Maps (..., rows, columns) moved by taxels; what enters is zero."""
+    """Maps (..., rows, columns) moved by taxels; new values at the border are zero."""
     found, (rows, columns) = torch.zeros_like(maps), maps.shape[-2:]
     to, of = ((slice(max(0, s * a), n + min(0, s * a)) for a, n in ((down, rows), (right, columns))) for s in (1, -1))
     found[(..., *to)] = maps[(..., *of)]
@@ -22,7 +23,7 @@ def moved(maps, down, right):
 
 
 class Machine:
-    """A kernel ridge regression of classes. Presses are alike where one, or one that is moved, is near the other."""
+    """A kernel ridge regression of classes. Presses are alike if one, or a moved one, is near the other."""
 
     def __init__(self, maps, label, classes):
         shifts = range(-SHIFT, SHIFT + 1)
@@ -32,7 +33,7 @@ class Machine:
         flat = (flat - self.mean) / self.scale
         self.axes = torch.linalg.eigh(sum(part.T @ part for part in flat).double()).eigenvectors[:, -AXES:].float()
         self.known, lost = flat @ self.axes, torch.stack([(maps.square() - copy.square()).sum((1, 2, 3)) for copy in copies])
-        # What has left the skin counts as a difference.
+        # Values that have left the skin count as a difference.
         self.size = self.known.square().sum(2) + lost / self.scale**2
         kernel = self.kernel(maps).double()
         kernel, self.level = (kernel + kernel.T) / 2, kernel.diagonal().mean()

@@ -3,11 +3,12 @@
     python models/train/touch/train.py ../shared/data/neutouch
     python models/train/touch/train.py ../shared/data/neutouch --folds --out runs
 
-Writes NETWORK.SEED.safetensors, of the data set's own training recordings, and with --folds NETWORK.SEED.K.safetensors for cross-validation
-over all recordings. What is there already is not made again. Then `meissner eval touch SET DATA --trainings FOLDER --folds 5` says what
-they are worth.
+Writes NETWORK.SEED.safetensors, from the data set's own training recordings, and with --folds NETWORK.SEED.K.safetensors for
+cross-validation over all recordings. Existing files are not made again. Then `meissner eval touch SET DATA --trainings FOLDER --folds 5`
+prints their accuracies.
 
-All but the last two layers follow from what they are to measure; these are linear classifiers, one for each age of the contact.
+All layers except the last two follow from the quantities that they measure; the last two are linear classifiers, one for each age of the
+contact.
 """
 
 import sys
@@ -17,18 +18,18 @@ import numpy as np
 import torch
 from classifiers import classify
 
-# What all trainings share lies beside their folders.
+# The code that all trainings share is beside their folders.
 sys.path.append(str(Path(__file__).resolve().parents[1]))
 import shared
 from meissner.torch import Module, save
 
-FOLDS, COPIES, PART = 5, 2, 60  # copies that are other recordings, and recordings whose graphs are held at a time
+FOLDS, COPIES, PART = 5, 2, 60  # changed copies of recordings, and recordings whose graphs are in memory at a time
 BIN_US, CELL_US, LONGEST_US = 20_000, 40_000, 5_000_000
-LATER, NOISE, LOST = 12, 3, 0.1  # bins by which a recording can begin later, most spikes that nothing caused, largest share that is lost
-WHOLE = 8  # times that a whole recording counts, against one of the same age that ends early
+LATER, NOISE, LOST = 12, 3, 0.1  # bins by which a recording can begin later, maximum number of spikes without a cause, largest lost share
+WHOLE = 8  # weight of a complete recording, relative to one of the same age that ends early
 LAGS, CHANNELS, TIMES, WINDOWS = 5, 12, 126, 12  # slots of the past; channels and cells in time of the readout; sums over times
-KNOTS = (0.0, 0.05, 0.3, 1.0, 3.0)  # where a bent sum changes its slope
-# All objects are held for 5 s: from the last age on, every recording is whole.
+KNOTS = (0.0, 0.05, 0.3, 1.0, 3.0)  # sums at which a bent sum changes its slope
+# All objects are held for 5 s: from the last age on, every recording is complete.
 OBJECTS = {"lags": 1.0, "spikes": 0.3, "curve": "1 - exp(-x)", "ages": (25, 60, 94, 122), "ended": 0, "shrinkage": 0.1, "margin": 34_560}
 CONTAINERS = {"lags": 0.25, "spikes": 1.0, "curve": "sqrt(x)", "ages": (25, 60, 94), "ended": 1, "shrinkage": 0.05, "margin": None}
 RECIPES = {"touch-objects": OBJECTS, "touch-containers": CONTAINERS}
@@ -81,7 +82,7 @@ def lay_out(module, recipe):
 
 
 def values(module, sensor, streams, layer):
-    """Values of a layer for streams, some at a time."""
+    """Values of a layer for streams, in parts."""
     for first in range(0, len(streams), PART):
         part = streams[first : first + PART]
         yield module.values(module.graphs(sensor, part).batch(range(len(part))), layer)
@@ -107,7 +108,7 @@ def fitted(network, recipe, recordings, seen, random):
     encode(module, CURVES[recipe["curve"]], values(module, recordings.sensor, whole, "steps"))
     label, bounds = torch.from_numpy(recordings.label[seen]), [5 * CELL_US, *(CELL_US * age for age in ages), LONGEST_US]
     for group, between in enumerate(zip(bounds, bounds[1:])):
-        # The oldest contacts are whole, most of them: that is when an answer counts most.
+        # Most of the oldest contacts are complete: an answer counts most then.
         last = group == len(ages)
         streams = [augment(events, random, between) for _ in range(recipe["ended"] if last else COPIES) for events in whole]
         share = torch.cat([torch.ones(len(streams)), torch.full((len(whole) * last,), float(WHOLE))])

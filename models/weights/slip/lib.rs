@@ -3,18 +3,18 @@
 //! Each is behind the feature of its network's name; `meissner-models` reads them.
 #![no_std]
 
-/// Of `slip-best`.
+/// Weights of `slip-best`.
 #[cfg(feature = "slip-best")]
 pub static SLIP_BEST: &[u8] = include_bytes!("slip-best.0.safetensors");
 
-/// Of `slip-lstm`.
+/// Weights of `slip-lstm`.
 #[cfg(feature = "slip-lstm")]
 pub static SLIP_LSTM: &[u8] = include_bytes!("slip-lstm.0.safetensors");
 
-/// Of `slip-regularised`.
+/// Weights of `slip-regularised`.
 #[cfg(feature = "slip-regularised")]
 pub static SLIP_REGULARISED: &[u8] = include_bytes!("slip-regularised.0.safetensors");
 
-/// Of `slip-tuned`.
+/// Weights of `slip-tuned`.
 #[cfg(feature = "slip-tuned")]
 pub static SLIP_TUNED: &[u8] = include_bytes!("slip-tuned.0.safetensors");

@@ -1,7 +1,7 @@
 """Incremental inference for event cameras and event-based touch.
 
 An `Engine` keeps the graph of the events of the last fraction of a second. When an event enters or leaves, it recomputes only
-what this event affects, and its predictions have the bits of a full recomputation (`Batch`).
+what this event affects, and its predictions equal those of a full recomputation (`Batch`) in every bit.
 
 | you want | look at |
 |---|---|
@@ -9,17 +9,17 @@ what this event affects, and its predictions have the bits of a full recomputati
 | the same from scratch, as an oracle | `Batch` |
 | predictions by a deadline, while events arrive | `Live` |
 | predictions from frames | `FrameEngine`, `frames_for` |
-| frames, voxel grids, time surfaces | `EventFrames`, `SlidingFrame`, `VoxelGrid`, `TimeSurface`, and functions of whole arrays |
+| frames, voxel grids, time surfaces | `EventFrames`, `SlidingFrame`, `VoxelGrid`, `TimeSurface`, and functions over whole arrays |
 | fewer events | `Filters` |
 | networks and weights | `networks`, `Description`, `Weights` |
 | recordings | `open`, `write` |
-| events of a model, with their causes | `Camera`, `film_images`, `film_markers`, `Press` |
+| simulated events, with their causes | `Camera`, `film_images`, `film_markers`, `Press` |
 | labelled data sets | `meissner.datasets` |
-| figures of networks on them | `evaluate`, `pareto`, `meissner.metrics` |
+| figures of networks on data sets | `evaluate`, `pareto`, `meissner.metrics` |
 | a model of PyTorch Geometric | `meissner.export` |
 | to train a network in PyTorch | `meissner.torch` |
 
-Times are microseconds. Events are NumPy arrays with the fields t, x, y, p (`EVENT_DTYPE`), or with those of other libraries.
+Times are microseconds. Events are NumPy arrays with the fields t, x, y, p (`EVENT_DTYPE`), or with the fields of other libraries.
 """
 
 from . import datasets, metrics

@@ -1,4 +1,4 @@
-"""The exceptions of Meissner. Each keeps the text of the engine: what was expected, and what came."""
+"""The exceptions of Meissner. Each keeps the text of the engine: what was expected, and what was found."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ class InputError(Error, ValueError):
 
 
 class DtypeError(Error, TypeError):
-    """An array has another type than events or frames can have."""
+    """An array has a type that events or frames cannot have."""
 
 
 class DescriptionError(Error, ValueError):
@@ -51,7 +51,7 @@ class LiveError(Error, RuntimeError):
 
 
 class EvaluationError(Error, ValueError):
-    """Networks, trainings and a data set do not fit together, or a file of theirs cannot be read."""
+    """Networks, trainings and a data set do not fit together, or one of their files cannot be read."""
 
 
 class RecordingError(Error, ValueError):

@@ -18,18 +18,18 @@ from ._progress import Callback, ticks
 Path = str | os.PathLike[str]
 Record = dict[str, Any]
 
-# Rows of a table in a notebook.
+# Maximum number of rows of a table in a notebook.
 _MOST_ROWS = 40
 
 
 def _text(of: Any, count: str) -> str:
-    """The task, the networks and how many figures there are."""
+    """The task, the networks and the number of figures."""
     networks = ", ".join(dict.fromkeys(record["network"] for record in of.records)) or "no network"
     return f"<{type(of).__name__} of {of.task!r}: {networks}; {count}>"
 
 
 def _table(title: str, records: list[Record]) -> str:
-    """Records as HTML, the first of many."""
+    """Records as HTML, at most the first `_MOST_ROWS`."""
     columns = list(dict.fromkeys(key for record in records for key in record))
     head = "".join(f"<th>{escape(column)}</th>" for column in columns)
     shown = ([_cell(record.get(column)) for column in columns] for record in records[:_MOST_ROWS])
@@ -48,7 +48,7 @@ class Evaluation:
 
     - `report`: what `meissner eval TASK --json` writes; `docs/json.md` explains its keys.
     - `records`: a dict for each training of each network (on each part of the data, or for each output).
-    - `over_time`: a dict for each of these and each time of a prediction; empty for slip, area and force.
+    - `over_time`: a dict for each record and each time of a prediction; empty for slip, area and force.
     - `logits`: float32 outputs of the networks by the name NETWORK.SEED: (recordings, classes) or (presses, outputs); for force
       (frames, 1) in N; for area
       NETWORK.SEED.0: (pictures, H, W), the force on each pixel in N.
@@ -69,7 +69,7 @@ class Evaluation:
     def confusion(self, network: str, of: str | None = None) -> np.ndarray:
         """Predictions of all trainings of a network: int64, true classes by row, predicted ones by column.
 
-        `of` is the part of the data as in the records; None for the first. Raises `InputError` where there is none.
+        `of` is the part of the data as in the records; None for the first part. Raises `InputError` if there is none.
         """
         found = [(part, judged) for name, part, judged in _parts(self.report) if name == network and of in (None, part)]
         if not found or "confusion" not in found[0][1]:
@@ -82,7 +82,7 @@ class Pareto:
     """Run time against error. `pandas.DataFrame(pareto.records)` is a table of the settings.
 
     - `report`: what `meissner pareto TASK --json` writes.
-    - `records`: a dict for each setting of each network, the exact one first: time, error, whether no other setting beats it.
+    - `records`: a dict for each setting of each network, the exact one first: time, error, and whether no other setting beats it.
     """
 
     task: str
@@ -119,9 +119,9 @@ def evaluate(
       "angle").
     - `weights`, `trainings`, `folds`: a file of weights for the only network, or a folder of trainings and the number of folds of
       its cross-validation.
-    - `stride`: every so many events one is pushed; `every_us`: microseconds between predictions, by default 10,000 (1,000 for
+    - `stride`: one of every `stride` events is pushed; `every_us`: microseconds between predictions, by default 10,000 (1,000 for
       "angle" and "force"); `mode`: "incremental" or "batch", which give the same figures.
-    - `threads`: by default as many as there are cores. Their number changes no figure.
+    - `threads`: by default the number of cores. It changes no figure.
     - `progress`: a callback (done, total, training), True or False; None for a bar on a terminal and in a notebook.
 
     Ctrl-C ends it. Raises `EvaluationError`, `RecordingError`, `InputError`.
@@ -168,12 +168,12 @@ def pareto(
     """Measures run time against error of networks, exact and with each approximation, as `meissner pareto TASK` does.
 
     - `task`, `data`, `networks`, `weights`, `trainings`, `folds`, `threads`: as for `evaluate`; for "angle" `data` is a recording,
-      and errors are those against the exact network; "force" and a safetensors file of grasps.
-    - `only`: parts of "NETWORK, SETTING"; other settings are left out, the exact ones excepted.
-    - `timed`: events (windows for "slip", pictures for "area", recordings for "force") that are timed in each of `repeats` repeats; about
-      20,000 events, 400 windows, 40 pictures or 20 recordings by default.
-    - `state`: a file that keeps what was measured, so that a stopped study goes on from there.
-    - `sensor`, `from_us`: for "angle", instead of the recording's, and the microseconds at its beginning that are left out.
+      and errors are measured against the exact network; "force" and a safetensors file of grasps.
+    - `only`: parts of "NETWORK, SETTING"; other settings are left out, except the exact ones.
+    - `timed`: number of events (windows for "slip", pictures for "area", recordings for "force") that are timed in each of `repeats`
+      repeats; about 20,000 events, 400 windows, 40 pictures or 20 recordings by default.
+    - `state`: a file that keeps the measurements, so that a stopped study continues from there.
+    - `sensor`, `from_us`: for "angle", the sensor instead of the recording's, and the microseconds that are left out at its beginning.
     - `progress`: a callback (done, total, setting), True or False; None for a bar on a terminal and in a notebook.
 
     Ctrl-C ends it after the setting that is being measured. Raises `EvaluationError`, `RecordingError`, `InputError`.

@@ -1,4 +1,4 @@
-"""Functions of whole arrays and recordings, over the classes that take events as they come."""
+"""Functions over whole arrays and recordings, based on the classes that take events as they arrive."""
 
 from __future__ import annotations
 
@@ -65,10 +65,10 @@ def event_frames(
     start_us: int | None = None,
     most: int = 100_000,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Frames over consecutive windows: float32 (frames, channels, height, width), and the begin of each in microseconds, int64.
+    """Frames over consecutive windows: float32 (frames, channels, height, width), and the start of each in microseconds, int64.
 
     The last window is part of the result although it is still open. `rule` and the other arguments are those of `EventFrames`.
-    More than `most` frames, as of a recording with a long silence, raise `InputError`: use `EventFrames` there.
+    More than `most` frames, for example from a recording with a long silence, raise `InputError`: use `EventFrames` there.
     """
     makes = EventFrames(sensor, rule=rule, period_us=period_us, maximum=maximum, crop=crop, start_us=start_us)
     done = makes.push(events)
@@ -97,9 +97,9 @@ def voxel_grid(
     time: str = "bins",
     crop: tuple[int, int, int, int] | None = None,
 ) -> np.ndarray:
-    """The voxel grid of events: float32 (bins, height, width). By default the window is that of the events.
+    """The voxel grid of events: float32 (bins, height, width). By default the window is the time range of the events.
 
-    Of `events` without a window, an array with a field t or a `Recording`. The other arguments are those of `VoxelGrid`.
+    Without a window, `events` is an array with a field t or a `Recording`. The other arguments are those of `VoxelGrid`.
     """
     if window_us is None:
         array = np.asarray(events)
@@ -119,7 +119,7 @@ def time_surface(
     at_us: int | None = None,
     crop: tuple[int, int, int, int] | None = None,
 ) -> np.ndarray:
-    """The time surface after all events, or at a later time `at_us`: float32 (2, height, width). As `TimeSurface`."""
+    """The time surface after all events, or at a later time `at_us`: float32 (2, height, width). Arguments as for `TimeSurface`."""
     surface = TimeSurface(sensor, tau_us=tau_us, span_us=span_us, crop=crop)
     surface.push(events)
     if at_us is not None:

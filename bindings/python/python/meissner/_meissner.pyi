@@ -5,7 +5,7 @@ from typing import Any, Generic, TypeVar, final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-# What the classes are for, shapes, units and errors: their docstrings, in the compiled module.
+# The docstrings in the compiled module explain the classes, shapes, units and errors.
 
 _Network = str | PathLike[str] | Mapping[str, Any] | "Description"
 _Tensors = str | PathLike[str] | bytes | Mapping[str, Any] | "Weights" | Any

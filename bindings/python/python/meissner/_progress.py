@@ -1,4 +1,4 @@
-"""How far long work is: a bar on a terminal or in a notebook, a callback, or nothing."""
+"""Progress of long work: a bar on a terminal or in a notebook, a callback, or nothing."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from typing import Any
 
 Callback = Callable[[int, int, str], Any]
 
-# Work that is over sooner has no bar.
+# Shorter work has no bar.
 _PATIENCE_S = 1.0
 
 
 def ticks(progress: bool | Callback | None, unit: str) -> _Silent:
-    """What is told (done, total, name) of long work; total is 0 while it is not known.
+    """An object that is called with (done, total, name) during long work; total is 0 while it is unknown.
 
     `progress` is a callback with these arguments, True or False; None is True on a terminal and in a notebook.
     """

@@ -1,4 +1,4 @@
-"""Films of images, over the camera that takes them one by one."""
+"""Films of images: `Camera` takes their images one by one."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from ._meissner import SIMULATED_DTYPE, Camera
 def film_images(images: Iterable[Any], t_us: Iterable[int], *, seed: int = 0, ideal: bool = False, **settings: Any) -> np.ndarray:
     """Events of a camera that sees grey images: `SIMULATED_DTYPE`, in order of time.
 
-    `images` has shape (times, height, width), or gives one image after the other: shares of the light of a white surface. `t_us`
-    are their times in microseconds, ascending. The other arguments are those of `Camera`. Fast motion needs many images: at most
-    a pixel of motion from one to the next.
+    `images` has shape (times, height, width), or yields one image after the other; values are shares of the light of a white surface.
+    `t_us` are their times in microseconds, ascending. The other arguments are those of `Camera`. Fast motion needs many images: at
+    most one pixel of motion from one image to the next.
     """
     camera, parts = None, []
     for image, at in zip(images, t_us, strict=True):

@@ -1,10 +1,10 @@
-"""Labelled data sets as sequences. A recording is read when it is asked for.
+"""Labelled data sets as sequences. A recording is read when it is requested.
 
     digits = meissner.datasets.nmnist("nmnist/")
     sample = digits[0]                                   # sample.events, sample.label, sample.split, sample.name
     few = digits.of("test")[::100]                       # slices are sequences too, and read nothing
 
-A sequence is what `torch.utils.data.DataLoader` takes as a data set of the map style.
+`torch.utils.data.DataLoader` takes such a sequence as a map-style data set.
 """
 
 from __future__ import annotations
@@ -28,8 +28,8 @@ class Sample:
     """A recording with its label.
 
     - `data`: a structured array of events (t in microseconds, x, y, p), or float32 (readings, 24) of electrodes.
-    - `label`, `name`, `split`: index of the class, place in the data set, "train" or "test"; None where there is none.
-    - `more`: the object of a slip; of a press the labels along time, float32, and their times `t_us`, int64 in microseconds; of a
+    - `label`, `name`, `split`: index of the class, name within the data set, "train" or "test"; None if there is none.
+    - `more`: for a slip the object; for a press the labels along time, float32, and their times `t_us`, int64 in microseconds; for a
       letter the times `contact_us` (0.2 N), `held_us` (2.5 N) and `lifted_us`.
     """
 
@@ -75,7 +75,7 @@ class Dataset(Sequence[Sample]):
 
     @property
     def passed_over(self) -> list[os.PathLike[str]]:
-        """Files in the folder that are no recordings."""
+        """Files in the folder that are not recordings."""
         return self._recordings.passed_over
 
     def of(self, split: str) -> Dataset:
@@ -108,7 +108,7 @@ def nmnist(folder: Path) -> Dataset:
 
 
 def neutouch(folder: Path, which: str = "objects") -> Dataset:
-    """Events of a tactile skin: "objects" (36 classes) or "containers" (20), of the archive of that set in `folder`.
+    """Events of a tactile skin: "objects" (36 classes) or "containers" (20), from the archive of that set in `folder`.
 
     The archive is read as a whole.
     """
@@ -120,8 +120,8 @@ def neutouch(folder: Path, which: str = "objects") -> Dataset:
 def letters(path: Path) -> Dataset:
     """Presses on letters of braille under a skin of 10 x 8 taxels: `letters.npz` in the folder, or the path of such an archive.
 
-    Readings of a batch are spread over its time: only their order is true. Columns 0 to 4 are 5 to 9 of the archive, whose halves
-    of the skin are swapped. The archive is read as a whole.
+    Readings of a batch are spread over its time: only their order is exact. Columns 0 to 4 are columns 5 to 9 of the archive, which
+    swaps the halves of the skin. The archive is read as a whole.
     """
     return Dataset(_Recordings("letters", path))
 

@@ -11,12 +11,12 @@
     engine = meissner.Engine(description, sensor, weights)
     assert compare(engine, lambda graph: model(graph.x, graph.edge_index, graph.edge_attr), events) < 1e-4
 
-The list has the modules in the order in which the model computes: `SplineConv` or `PointNetConv`, its `ELU` or `ReLU`, its batch
-norm; `Linear` with its activation at the end. What is not a module has a class here: `Pool` for voxel pooling, `Readout` for the
-maximum over a grid of the image, `Add` for a skip connection. Modules are known by the names of their classes, so neither torch nor
-torch_geometric is imported until values are read.
+The list contains the modules in the order of computation: `SplineConv` or `PointNetConv`, its `ELU` or `ReLU`, its batch
+norm; `Linear` with its activation at the end. Steps that are not modules have a class here: `Pool` for voxel pooling, `Readout` for the
+maximum over a grid of the image, `Add` for a skip connection. Modules are recognised by the names of their classes, so neither torch
+nor torch_geometric is imported until values are read.
 
-An order or an option that an engine does not compute raises `meissner.DescriptionError` with the place in the list.
+An order or an option that an engine does not compute raises `meissner.DescriptionError` with the index in the list.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ from ._meissner import Description, Engine, Weights
 
 __all__ = ["Add", "Pool", "Readout", "compare", "export"]
 
-# What an engine adds to a variance.
+# An engine adds this value to a variance.
 _EPSILON = 1e-5
 # Modules that change nothing in a trained model.
 _IGNORED = ("Dropout", "Identity", "Flatten")
@@ -43,8 +43,8 @@ _IGNORED = ("Dropout", "Identity", "Flatten")
 class Pool:
     """Maximum over the voxels of a grid with origin 0.
 
-    `cell` is the size along x and y as a share of the sensor, "16/346" or a `Fraction`; `time` that along t as a share of the span,
-    None for one cell. `position` is "mean" (of the members) or "centre". `scale` is that of the edge attributes above.
+    `cell` is the size along x and y as a share of the sensor, "16/346" or a `Fraction`; `time` is the size along t as a share of
+    the span, None for one cell. `position` is "mean" (of the members) or "centre". `scale` is the scale of the edge attributes after it.
     """
 
     cell: tuple[str | Fraction, str | Fraction]
@@ -64,7 +64,7 @@ class Readout:
 
 @dataclass(frozen=True)
 class Add:
-    """Adds the output of the layer `layer` to that of the block before: a skip connection."""
+    """Adds the output of the layer `layer` to the output of the previous block: a skip connection."""
 
     layer: str
 
@@ -83,13 +83,13 @@ def export(
 ) -> tuple[Description, Weights]:
     """The description and the weights of a model, for `meissner.Engine`.
 
-    - `stages`: modules and `Pool`, `Readout`, `Add`, in the order of evaluation; a pair (name, module) names a layer. Others are
-      called conv1, conv2, pool1, dense1 and so on.
+    - `stages`: modules and `Pool`, `Readout`, `Add`, in the order of evaluation; a pair (name, module) names a layer. Other
+      layers are called conv1, conv2, pool1, dense1 and so on.
     - `graph`: the table `[graph]` of a description, with the `scale` of the edge attributes of the training.
     - `outputs` with `unit`, or `classes` for logits.
-    - `metadata` of the weights, such as `{"trained": "true", "about": "..."}`: without `trained` they do not say whether they are.
+    - `metadata` of the weights, such as `{"trained": "true", "about": "..."}`: without `trained` they do not state whether they are.
 
-    Raises `DescriptionError` for what an engine does not compute, `WeightsError` for values that are not finite.
+    Raises `DescriptionError` for modules and options that an engine does not compute, `WeightsError` for values that are not finite.
     """
     builder = _Builder()
     for place, stage in enumerate(stages):
@@ -105,7 +105,7 @@ def export(
             "output": predicted,
         }
     )
-    # Whether the modules were ever trained cannot be seen in them.
+    # The modules do not show whether they were ever trained.
     texts = {"network": name, **(metadata or {})}
     preparation = description.summary().get("preparation")
     if preparation is not None:
@@ -117,8 +117,9 @@ def compare(engine: Engine, forward: Callable[[Any], Any], events: Any) -> float
     """The largest difference between the predictions of `engine` and of `forward` after `events`, relative to the largest value.
 
     `forward` gets an object with the torch tensors x, edge_index, edge_attr and pos of the window, and returns the outputs. The
-    engine is reset before, and has the events afterwards. With frozen in-edges the events must not be longer than the window:
-    a model does not see what has left it. About 1e-6 is the rounding of float32; more than 1e-4 is another computation.
+    engine is reset first, and contains the events afterwards. With frozen in-edges the events must not be longer than the window:
+    a model does not see events that have left the window. A difference of about 1e-6 is the rounding of float32; more than 1e-4 means a
+    different computation.
     """
     import torch
 
@@ -144,7 +145,7 @@ class _Builder:
         self.tensors: dict[str, np.ndarray] = {}
         self.place = ""
         self.counts: dict[str, int] = {}
-        # What may follow the last layer: the activation and the batch norm of its block, in this order.
+        # Modules that may follow the last layer: the activation and the batch norm of its block, in this order.
         self.open: list[str] = []
 
     def refuse(self, expected: str, found: Any) -> DescriptionError:
@@ -158,7 +159,7 @@ class _Builder:
         return name
 
     def close(self) -> None:
-        """A block without an activation or a batch norm says so."""
+        """Marks a last block without an activation or a batch norm as such."""
         if self.layers and self.layers[-1]["kind"] == "block":
             block = self.layers[-1]
             if "relu" in self.open:
@@ -297,7 +298,7 @@ class _Builder:
 
 
 def _array(values: Any) -> np.ndarray:
-    """A tensor, or what NumPy takes, as an array."""
+    """A tensor, or any input of NumPy, as an array."""
     if hasattr(values, "detach"):
         values = values.detach().cpu()
         return (values.float() if values.is_floating_point() else values).numpy()

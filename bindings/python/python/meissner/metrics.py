@@ -1,4 +1,4 @@
-"""Figures of merit as the program reports them, of arrays."""
+"""Figures of merit of arrays, as the program reports them."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def mean_std(values: ArrayLike) -> tuple[float, float | None]:
 
 
 def mean_absolute_error(found: ArrayLike, truth: ArrayLike) -> tuple[float, float | None]:
-    """Mean of the absolute errors and their sample standard deviation, in the unit of the values, which have one shape."""
+    """Mean of the absolute errors and their sample standard deviation, in the unit of the values. Both have the same shape."""
     found, truth = np.asarray(found, np.float64), np.asarray(truth, np.float64)
     if found.shape != truth.shape:
         raise InputError(f"found: expected shape {truth.shape}, that of the truth, found {found.shape}")

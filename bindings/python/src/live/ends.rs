@@ -1,7 +1,7 @@
 //! Both ends of a live engine, for threads that share them.
 //!
-//! The sensor's end is held for a whole push; a second push is refused. The controller's end is
-//! given back every [`LOOK`] while a prediction is awaited, for `close` and `counters`.
+//! The sensor's end is held for a whole push; a second push is refused. While a prediction is
+//! awaited, the controller's end is released every [`LOOK`] for `close` and `counters`.
 
 use std::process;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -16,7 +16,7 @@ use crate::error::{Failure, Outcome};
 use crate::prediction::Taken;
 use crate::threads::fork_refused;
 
-/// How long a prediction is awaited until signals are handled.
+/// Wait for a prediction before signals are handled.
 const LOOK: Duration = Duration::from_millis(10);
 
 /// Counts of the queue, and of the events that the engine took.
@@ -24,10 +24,10 @@ type Counts = (QueueCounters, EventCounters);
 
 /// The ends of a live engine.
 pub(super) struct Ends<P: Predictor<Input: Item>> {
-    /// The process that the thread is in.
+    /// The process of the thread.
     process: u32,
     input: Mutex<Input<P::Input>>,
-    /// `Err` has what is left of it after it was closed.
+    /// `Err` has the remaining counts after it was closed.
     live: Mutex<Result<Live<P>, Counts>>,
     /// Held by the thread that awaits a prediction.
     awaited: Mutex<()>,
@@ -62,7 +62,8 @@ impl<P: Predictor<Input: Item> + Send + 'static> Ends<P> {
         })
     }
 
-    /// Whether its thread is in this process. In a forked child, a lock may be held for ever.
+    /// Whether its thread is in this process. In a forked child, a lock may stay locked without
+    /// end.
     pub(super) fn is_here(&self) -> bool {
         self.process == process::id()
     }
@@ -125,7 +126,7 @@ impl<P: Predictor<Input: Item> + Send + 'static> Ends<P> {
         self.closing.load(Ordering::Relaxed)
     }
 
-    /// Ends the thread; its engine, unless it was closed before.
+    /// Ends the thread; returns its engine, unless it was closed before.
     pub(super) fn close(&self, py: Python<'_>) -> Outcome<Option<P>> {
         self.here()?;
         self.closing.store(true, Ordering::Relaxed);
@@ -142,7 +143,7 @@ impl<P: Predictor<Input: Item> + Send + 'static> Ends<P> {
 impl<P: Predictor<Input: Item>> Drop for Ends<P> {
     fn drop(&mut self) {
         if self.process != process::id() {
-            // Its thread is in the parent: there is none to wait for.
+            // Its thread is in the parent, so there is no thread to wait for.
             let live = self.live.get_mut().unwrap_or_else(PoisonError::into_inner);
             std::mem::forget(std::mem::replace(live, Err(Counts::default())));
         }

@@ -2,7 +2,7 @@
 //!
 //! `mutate [TARGET..] [--count N] [--seed N] [--seconds N]`: without targets all of them, without a
 //! count 100,000 inputs of each. A panic, an input of more than 10 s, or of more than 1 GiB ends
-//! the program and is left in a file. Input `i` depends on the seed and `i` alone.
+//! the program, and the input is written to a file. Input `i` depends only on the seed and `i`.
 #![allow(unsafe_code, reason = "a global allocator cannot be written without; this one only counts")]
 
 use std::alloc::{GlobalAlloc, Layout, System};
@@ -17,7 +17,7 @@ use meissner_fuzz::{Mutator, TARGETS, Target, Verdict, corpus};
 
 /// Longest time of an input.
 const MAX: Duration = Duration::from_secs(10);
-/// Most memory of an input, in bytes.
+/// Maximum memory of an input, in bytes.
 const MAX_BYTES: usize = 1 << 30;
 
 /// The system's allocator, counted.
@@ -25,7 +25,7 @@ struct Counting;
 
 /// Bytes allocated and not freed.
 static HELD: AtomicUsize = AtomicUsize::new(0);
-/// Most of them at once since it was last set.
+/// Maximum of `HELD` since the last reset.
 static PEAK: AtomicUsize = AtomicUsize::new(0);
 
 fn hold(bytes: usize) {
@@ -48,7 +48,7 @@ unsafe impl GlobalAlloc for Counting {
     }
 
     unsafe fn realloc(&self, block: *mut u8, layout: Layout, size: usize) -> *mut u8 {
-        // Both blocks may be there while one is copied to the other.
+        // Both blocks may exist while one is copied to the other.
         hold(size);
         HELD.fetch_sub(layout.size(), Ordering::Relaxed);
         // SAFETY: as above, also about `block`, which this allocator gave with `layout`.
@@ -65,7 +65,7 @@ unsafe impl GlobalAlloc for Counting {
 #[global_allocator]
 static ALLOCATOR: Counting = Counting;
 
-/// The input that is running, and since when.
+/// The running input, and its start.
 static RUNNING: Mutex<Option<Running>> = Mutex::new(None);
 
 struct Running {
@@ -123,7 +123,7 @@ struct Row {
     failures: Vec<String>,
 }
 
-/// Writes an input that broke a promise; the name of the file.
+/// Writes an input that broke a promise; returns the name of the file.
 fn keep(target: &str, index: u64, input: &[u8]) -> String {
     let file = format!("failure-{target}-{index}");
     match std::fs::write(&file, input) {
@@ -132,7 +132,7 @@ fn keep(target: &str, index: u64, input: &[u8]) -> String {
     }
 }
 
-/// Ends the program where an input does not come to an end.
+/// Ends the program if an input does not finish.
 fn watch() {
     loop {
         thread::sleep(Duration::from_secs(1));
@@ -148,7 +148,7 @@ fn watch() {
 fn run(target: Target, arguments: &Arguments) -> Result<Row, String> {
     let inputs = corpus::read(target.name).map_err(|e| format!("corpus of {}: {e}", target.name))?;
     let mutator = Mutator::new(&inputs, arguments.seed);
-    // What is made once is not an input's.
+    // Objects that are made once do not count for an input.
     inputs.iter().for_each(|(_, bytes)| drop(catch_unwind(|| (target.run)(bytes))));
     let (start, mut row) = (Instant::now(), Row::default());
     for index in 0..arguments.count {

@@ -20,7 +20,7 @@ from ._presses import errors
 
 @dataclass
 class History:
-    """What a training did: the mean loss of each epoch, and what each validation said, by epoch."""
+    """The course of a training: the mean loss of each epoch, and the error of each validation, by epoch."""
 
     losses: list[float] = field(default_factory=list)
     valid: dict[int, float] = field(default_factory=dict)
@@ -29,19 +29,19 @@ class History:
 
 
 def constant(_):
-    """The same rate all the time."""
+    """A constant rate."""
     return 1.0
 
 
 def cosine(done, rise=0.05, low=0.01):
-    """The share of the rate when a share of the training is done: it rises, then falls as a cosine to almost 0."""
+    """The factor of the rate when the share `done` of the training is over: it rises, then falls as a cosine to almost 0."""
     if done < rise:
         return 0.1 + 0.9 * done / rise
     return low + (1 - low) * (1 + math.cos(math.pi * (done - rise) / (1 - rise))) / 2
 
 
 def loss_of(module, given, target):
-    """Smooth L1 in units of the outputs, from an error of 0.1 on linear; of classes cross-entropy."""
+    """Smooth L1 in units of the outputs, linear from an error of 0.1; for classes cross-entropy."""
     if target.dtype == torch.int64:
         return F.cross_entropy(module(given), target)
     return F.smooth_l1_loss(module(given) / module.unit, target / module.unit, beta=0.1)
@@ -54,17 +54,18 @@ def fit(
 ):  # fmt: skip
     """Trains all layers of `module` in place, or the parameters whose names begin with one of `learn`. Returns a `History`.
 
-    `presses` is a `Presses`, `Readouts`, or any object whose `epoch(module, random)` yields (share of the epoch that is done, what
-    `loss(module, given, target)` reads, target). `valid` is a `Presses` or `Readouts`, or a dict of some, whose mean error in units of the
-    outputs (or share of wrong classes) is measured, or a function of the module that returns an error, or an error and a text; every `check`
-    epochs and at the end. `keep` says which weights stay: those of the "last" epoch, of the "best" validation, or the "mean" over the second half of all epochs,
-    for which the statistics of batch norm are gathered anew from `statistics`, by default `presses`. After `patience` validations without a better one, the training ends.
-    `schedule` is a factor of the rate for the share of the training that is done, `clip` the largest norm of a gradient (None: any).
-    `device` is that of PyTorch, by default the module's; `precision` a type for autocast. `checkpoint` is a file that is written after each
-    epoch: a training that was cut off goes on from it as if nothing had happened, and it has to be the same training.
+    `presses` is a `Presses`, `Readouts`, or any object whose `epoch(module, random)` yields (done share of the epoch, given, target), the
+    last two for `loss(module, given, target)`. `valid` gives an error every `check` epochs and at the end: a `Presses` or `Readouts`, or a
+    dict of some, by its mean error in units of the outputs (or share of wrong classes), or a function of the module that returns an error,
+    or an error and a text. `keep` selects the weights that are kept: those of the "last" epoch, of the "best" validation, or the "mean"
+    over the second half of all epochs. For the mean, the statistics of batch norm are gathered again from `statistics`, by default
+    `presses`. The training ends after `patience` validations without a better one. `schedule` maps the done share of the training to a
+    factor of the rate, `clip` is the maximum norm of a gradient (None: no limit). `device` is that of PyTorch, by default the module's;
+    `precision` is a type for autocast. `checkpoint` is a file that is written after each epoch: an interrupted training continues from it
+    as if it had not been interrupted. It must be the same training.
 
-    A training depends on `seed`, and on the processor and the version of PyTorch. Raises `InputError`, and `KeyboardInterrupt` after Ctrl-C,
-    with the checkpoint of the last epoch in place."""
+    A training depends on `seed`, and on the processor and the version of PyTorch. Raises `InputError`, and `KeyboardInterrupt` after
+    Ctrl-C; the checkpoint of the last epoch then stays."""
     if keep not in ("last", "best", "mean") or (valid is None and (keep == "best" or patience)):
         raise InputError(f'keep: expected "last", "mean", or with `valid` "best", found {keep!r}')
     torch.manual_seed(seed)
@@ -142,7 +143,7 @@ def fit(
 
 @torch.no_grad()
 def gather_statistics(module, presses, random, device="cpu", loss=loss_of):
-    """Means and variances of batch norm over an epoch, as `loss` runs the module: the plain means over its batches, without dropout."""
+    """Sets means and variances of batch norm to their plain means over the batches of an epoch; `loss` runs the module, without dropout."""
     dropout, module.dropout, module.batches = module.dropout, {}, 0
     if any(name.endswith("running_mean") for name, _ in module.named_buffers()):
         module.train()

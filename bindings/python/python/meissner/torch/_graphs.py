@@ -21,23 +21,23 @@ from .._meissner import _graphs
 
 @dataclass
 class Level:
-    """Events, or cells of a pooling, of some streams: their rows numbered through, and what they read."""
+    """Events or pooled cells of some streams: their rows, numbered consecutively, and the rows that they read."""
 
     source: torch.Tensor  # (rows, k), rows that are read
     there: torch.Tensor  # (rows, k), whether there is such an in-edge
     attribute: torch.Tensor  # (rows, k, 3), from 0 to 1
-    offset: torch.Tensor | None = None  # (rows, k, 3), where PointNet blocks read them
-    row: torch.Tensor | None = None  # (pooled,), rows of the level below that are pooled, above the events
+    offset: torch.Tensor | None = None  # (rows, k, 3), if PointNet blocks read them
+    row: torch.Tensor | None = None  # (pooled,), pooled rows of the level below; None for events
     place: torch.Tensor | None = None  # (pooled,), the row of this level that pools each
     bases: dict = field(default_factory=dict)
 
     @cached_property
     def in_edges(self):
-        """(rows, 1), at least 1."""
+        """(rows, 1), number of in-edges, at least 1."""
         return self.there.sum(1, keepdim=True).clamp(min=1).to(self.attribute.dtype)
 
     def basis(self, kernel):
-        """Products of the linear weights of the axes (rows, slots, k), the slot of x running fastest; 0 where there is no in-edge
+        """Products of the linear weights of the axes (rows, slots, k), the slot of x varies fastest; 0 where there is no in-edge
         (SplineCNN, Fey et al. 2018, Eq. 2)."""
         if tuple(kernel) not in self.bases:
             product = self.there[:, None].to(self.attribute.dtype)
@@ -50,7 +50,7 @@ class Level:
         return self.bases[tuple(kernel)]
 
     def in_numpy(self):
-        """Sources, whether they are there, and attributes, as functions in Rust read them."""
+        """Sources, whether they exist, and attributes, as functions in Rust read them."""
         return tuple(tensor.contiguous().numpy() for tensor in (self.source, self.there, self.attribute))
 
     def to(self, device):
@@ -83,7 +83,7 @@ def columns_of(stream):
 
 
 def moved(stream, sensor, mirrors=(), shift=(0, 0)):
-    """The events mirrored along columns or rows, then shifted by pixels; those beside the sensor are left out."""
+    """The events mirrored along columns or rows, then shifted by pixels; events outside the sensor are left out."""
     (width, height), (t_us, x, y, on) = sensor, stream.T
     x = (width - 1 - x if "columns" in mirrors else x) + shift[0]
     y = (height - 1 - y if "rows" in mirrors else y) + shift[1]
@@ -108,10 +108,10 @@ class Graphs:
         self.read, self.levels = module.levels_read, module.levels
 
     def batch(self, streams, times=None, mirrors=(), shift=(0, 0)):
-        """The batch of `streams`, a range of their numbers, each read at its end.
+        """The batch of `streams`, a range of indices, each read at its end.
 
-        With `times` (streams, readouts) in microseconds, it is read at these: the window ends there, and events after it are as if they
-        had not been. The image is mirrored along columns or rows, then shifted by pixels. Both need a module with `reads_any_time`."""
+        With `times` (streams, readouts) in microseconds, it is read at these times: the window ends there, and later events have no
+        effect. The image is mirrored along columns or rows, then shifted by pixels. Both need a module with `reads_any_time`."""
         starts = self.tensors["level0.start"][streams.start : streams.stop + 1]
         t_us, x, y, on = self.columns[:, self.tensors["event"][starts[0] : starts[-1]]]
         levels = [self.level(number, streams) for number in range(self.levels)]
@@ -151,7 +151,7 @@ class Graphs:
         """A level of the graphs of `streams`."""
         first, end = self.tensors[f"level{number}.start"][[streams.start, streams.stop]].tolist()
         edges = self.tensors[f"level{number}.edges"][first : end + 1].astype(np.int64)
-        # Where no block reads in-edges, there may as well be none.
+        # If no block reads the in-edges of the level, they are left out.
         count = np.diff(edges) * (number in self.read)
         slot = np.arange(max(count.max(initial=1), 1))[None]
         there = slot < count[:, None]
@@ -173,7 +173,7 @@ class Graphs:
         return level
 
     def features(self, x, y, on):
-        """The polarity, and the place of the pixel's centre in its cell: -1 at the start of the cell, 1 at its end."""
+        """The polarity, and the position of the pixel's centre in its cell: -1 at the start of the cell, 1 at its end."""
         columns = [2.0 * on - 1]
         for pixel, side, size in zip((x, y), self.sensor, self.cell):
             length = side * size.numerator
@@ -192,7 +192,7 @@ class SlidingFrames:
         self.span_us, self.sensor, self.streams = source["span_us"], sensor, [columns_of(stream) for stream in streams]
 
     def batch(self, streams, times=None, mirrors=(), shift=(0, 0)):
-        """Frames (streams x readouts, 1, height, width) of `streams`, a range of their numbers, at `times` or at their ends."""
+        """Frames (streams x readouts, 1, height, width) of `streams`, a range of indices, at `times` or at their ends."""
         width, height = self.sensor
         if times is None:
             times = np.array([self.streams[i][-1:, 0].max(initial=0) for i in streams])[:, None]

@@ -1,6 +1,6 @@
-"""What each kind of layer computes, with the equations of docs/weights-from-pytorch.md.
+"""The computation of each kind of layer, with the equations of docs/weights-from-pytorch.md.
 
-A function gets the module, the layer as `Description.summary()` has it, and the values of the layers that it reads. Values of frame
+A function gets the module, the layer as in `Description.summary()`, and the values of the layers that it reads. Values of frame
 networks are (frames, ...), those of layers with a memory (streams, steps, ...).
 """
 
@@ -12,7 +12,7 @@ import torch.nn.functional as F
 from .._meissner import _spline_sums, _spline_sums_gradient
 
 ACTIVATIONS = {"identity": lambda x: x, "elu": F.elu, "relu": F.relu, "tanh": torch.tanh, "sigmoid": torch.sigmoid}
-# The part of the first tensor's name that a layer's prefix ends before.
+# The part of the first tensor's name after the layer's prefix.
 FIRST = {"spline": "conv.weight", "pointnet": "conv.weight", "conv_lstm": "gates.weight", "squeeze_excite": "down.weight"}
 MEMORY = ("lstm", "conv_lstm", "delay")
 
@@ -29,7 +29,7 @@ def spline(module, layer, x, level):
 
 
 def spline_sums(x, level, kernel):
-    """(rows, slots x channels): what the in-edges read, summed per slot of the kernel."""
+    """(rows, slots x channels): the values that the in-edges read, summed per slot of the kernel."""
     if x.device.type == "cpu" and x.dtype == torch.float32:
         return SplineSums.apply(x, level, kernel)
     read = x.index_select(0, level.source.flatten()).unflatten(0, level.source.shape)
@@ -37,7 +37,7 @@ def spline_sums(x, level, kernel):
 
 
 class SplineSums(torch.autograd.Function):
-    """`spline_sums` in Rust: PyTorch makes arrays of all in-edges for it."""
+    """`spline_sums` in Rust, because PyTorch makes arrays of all in-edges for it."""
 
     @staticmethod
     def forward(ctx, x, level, kernel):
@@ -70,7 +70,7 @@ def maxima(x, place, places):
 
 
 def readout(module, layer, x, batch):
-    """Maximum or sum over the cells of the grid: images where a head reads them, else cell after cell."""
+    """Maximum or sum over the cells of the grid: images if a head reads them, otherwise cell after cell."""
     cells = batch.readouts * layer["times"] * layer["columns"] * layer["rows"]
     x = x.index_select(0, batch.row)
     if layer["aggregation"] == "sum":
@@ -82,13 +82,13 @@ def readout(module, layer, x, batch):
 
 
 def norm(module, layer, x):
-    """Batch norm of channels, where the layer has it."""
+    """Batch norm of channels, if the layer has it."""
     if not layer.get("norm"):
         return x
     part = module.parts[layer["name"]]
     weight, bias, mean, variance = (module[part[f"norm.{name}"]] for name in ("weight", "bias", "running_mean", "running_var"))
     learns = module.training and not module.frozen_norms
-    # On its way to the plain mean over batches, a mean of n batches has a share of 1 / n of the newest.
+    # For the plain mean over n batches, the newest batch has a share of 1 / n.
     momentum = 0.1 if module.batches is None else 1 / max(module.batches, 1)
     return F.batch_norm(x, mean, variance, weight, bias, learns, momentum, 1e-5)
 
@@ -128,15 +128,16 @@ def lstm(module, layer, x):
 
 
 def conv_lstm(module, layer, x):
-    """Gates in the order i, f, g, o; the peephole of o reads the cell before the step. What depends on no state is computed at once."""
+    """Gates in the order i, f, g, o; the peephole of o reads the cell before the step. Parts without a state are computed
+    for all steps at once."""
     part, hidden = module.parts[layer["name"]], layer["hidden"]
     (streams, steps), act = x.shape[:2], ACTIVATIONS[layer["activation"]]
     of_input, of_hidden = module[part["gates.weight"]].split([x.shape[2], hidden], 1)
     given = F.conv2d(x.flatten(0, 1), of_input, module[part["gates.bias"]], padding=1).unflatten(0, (streams, steps))
-    # Gates and state stay in f32 where convolutions are in half of it.
+    # Gates and state stay in f32 even if convolutions are in half precision.
     peephole = module[part["peephole"]] if layer["peepholes"] else [0.0, 0.0, 0.0]
     cell, found = x.new_zeros(streams, hidden, *x.shape[3:], dtype=torch.float32), []
-    # Taken apart once: the gradient of an index is as large as all steps.
+    # Unbound once, because the gradient of an index is as large as all steps.
     for gates in given.unbind(1):
         if found:
             gates = gates + F.conv2d(found[-1], of_hidden, padding=1)
@@ -148,7 +149,7 @@ def conv_lstm(module, layer, x):
 
 
 def delay(_, layer, x):
-    """The last frames of each value, from the oldest on; those before the first are 0."""
+    """The last frames of each value, oldest first; frames before the first one are 0."""
     return F.pad(x, (0, 0, layer["frames"] - 1, 0)).unfold(1, layer["frames"], 1).flatten(2)
 
 

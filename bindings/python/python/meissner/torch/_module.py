@@ -13,15 +13,15 @@ from ._graphs import Batch, Graphs, SlidingFrames
 
 
 class _Tensors(nn.Module):
-    """Tensors, and others below a prefix. Names are looked up in dicts, since a layer may be called `train`."""
+    """Tensors, and other `_Tensors` below a prefix. Names are looked up in dicts, because a layer may be called `train`."""
 
 
 class Module(nn.Module):
     """The network of a description, over a `Batch` of graphs or over frames, with the engine's names in its state dict.
 
-    Sums run in another order than the engine's: values agree to some 1e-6 of the largest. The parameters may be kept in other units
-    than the engine's tensors, because small outputs of large weights train slowly: outputs in units of `unit`, and what a layer
-    reads times its `gain`. The state dict always has the engine's tensors.
+    Sums run in another order than the engine's, so values agree to about 1e-6 of the largest. The parameters may have other units
+    than the engine's tensors, because small outputs of large weights train slowly: outputs are in units of `unit`, and the input of
+    a layer is multiplied by its `gain`. The state dict always has the engine's tensors.
     """
 
     def __init__(self, network, *, unit=1.0, gain=None, dropout=None):
@@ -47,11 +47,11 @@ class Module(nn.Module):
 
     @classmethod
     def from_description(cls, network, weights=None, *, seed=0, unit=1.0, gain=None, dropout=None):
-        """The network that `network` names or describes: all that `meissner.Description` takes.
+        """The network that `network` names or describes, any input of `meissner.Description`.
 
-        `weights` is what `meissner.Weights` takes; without, the tensors are drawn from `seed`. `unit` is the size of the outputs in
-        training, one number or one for each; `gain` a factor of what a layer reads, by name; `dropout` a share by name of the layer that
-        reads.
+        `weights` is any input of `meissner.Weights`; without it, the tensors are drawn from `seed`. `unit` is the size of the outputs in
+        training, one number or one for each output; `gain` is a factor of a layer's input, and `dropout` a share of it, both by the name
+        of the layer.
 
         Raises `DescriptionError`, `WeightsError`."""
         module = cls(network, unit=unit, gain=gain, dropout=dropout)
@@ -89,12 +89,12 @@ class Module(nn.Module):
 
     @property
     def unit(self):
-        """(outputs,), what the outputs are in units of during training."""
+        """(outputs,), the units of the outputs during training."""
         return self._unit
 
     @property
     def reads_any_time(self):
-        """Whether one graph of a stream can be read at any of its times: rows read earlier rows only, for ever, and no cells."""
+        """Whether one graph of a stream can be read at any of its times: its rows always read only earlier rows, never cells."""
         return not self.over_events or (self.levels == 1 and self.said["graph"]["lifetime"] == "frozen")
 
     def names(self, *layers):
@@ -114,7 +114,7 @@ class Module(nn.Module):
         super()._load_from_state_dict(self._scale(state_dict, prefix, -1), prefix, *others)
 
     def _scale(self, state, prefix, power):
-        """Multiplies the tensors of a state dict by what the engine's are larger by, or divides them."""
+        """Converts the tensors of a state dict to the engine's units (`power` 1) or from them (-1)."""
         factors = {self.parts[name]["weight"]: factor for name, factor in self.gain.items()}
         unit = self._unit.to("cpu") if power < 0 else self._unit
         if self._has_unit:
@@ -129,7 +129,7 @@ class Module(nn.Module):
 
     @torch.no_grad()
     def load(self, weights, layers=None):
-        """Copies `weights`, all that `meissner.Weights` takes, or those of some layers alone. Raises `WeightsError`."""
+        """Copies `weights`, any input of `meissner.Weights`, or only those of some layers. Raises `WeightsError`."""
         given = weights if isinstance(weights, (Weights, Mapping)) else Weights(weights)
         needed = self.names(*(self.layers if layers is None else layers))
         state, problems = {}, []
@@ -146,8 +146,8 @@ class Module(nn.Module):
 
     @torch.no_grad()
     def draw(self, seed=0, he=False):
-        """Tensors from a seed: splines with the variance of He et al. (2015), everything else as PyTorch draws it, or, with `he`, all
-        convolutions and dense layers with that variance and without biases."""
+        """Draws tensors from a seed: splines with the variance of He et al. (2015), everything else as in PyTorch. With `he`, all
+        convolutions and dense layers have that variance, and biases are 0."""
         generator = torch.Generator().manual_seed(seed)
         for name, layer in self.layers.items():
             bound = None
@@ -171,16 +171,16 @@ class Module(nn.Module):
         return self
 
     def graphs(self, sensor, streams):
-        """What the network reads of `streams` on a sensor (width, height): `Graphs`, or `SlidingFrames` for a frame network."""
+        """The network's input from `streams` on a sensor (width, height): `Graphs`, or `SlidingFrames` for a frame network."""
         return (Graphs if self.over_events else SlidingFrames)(self, sensor, streams)
 
     def forward(self, given, last=False):
-        """Values of the last layer for a `Batch` (readouts, outputs), or for frames (n, ...) or (streams, steps, ...), which begin with
-        no memory: (n, outputs) or (streams, steps, outputs). With `last`, (streams, outputs) of the last step alone."""
+        """Values of the last layer for a `Batch` (readouts, outputs), or for frames (n, ...) or (streams, steps, ...), which begin
+        without memory: (n, outputs) or (streams, steps, outputs). With `last`, only the last step: (streams, outputs)."""
         return self.values(given, last=last)
 
     def values(self, given, wanted=None, last=False):
-        """As `forward`, of the layer `wanted`, from a batch, frames, or a dict with the values of other layers by name."""
+        """Like `forward`, for the layer `wanted`, from a batch, frames, or a dict with the values of other layers by name."""
         wanted = wanted or self.last
         batch = given if isinstance(given, Batch) else None
         done = {"events": batch.input} if batch else dict(given) if isinstance(given, Mapping) else {self.first: given}
@@ -191,7 +191,7 @@ class Module(nn.Module):
                 if value.dim() == ranks[name] + 2:
                     steps, done[name] = tuple(value.shape[:2]), value.flatten(0, 1)
         order, before = self._needed(done, wanted), set()
-        # Of the last step alone is computed what no layer with a memory reads.
+        # Only layers with a memory, and the layers that they depend on, are computed for all steps.
         for name in reversed(order if last and steps else []):
             if name in before or self.layers[name]["kind"] in _layers.MEMORY:
                 before |= {name, *_reads(self.layers[name])}
@@ -204,7 +204,7 @@ class Module(nn.Module):
         return found[:, -1] if last and steps else found
 
     def _needed(self, done, wanted):
-        """The layers that `wanted` depends on, without those that are done."""
+        """The layers that `wanted` depends on, except those already computed."""
         needed = {wanted} - done.keys()
         for name in reversed(list(self.layers)):
             if name in needed:

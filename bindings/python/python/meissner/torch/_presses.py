@@ -1,4 +1,4 @@
-"""Presses with labels, as what `fit` learns from: every epoch at other ages, mirrored, shifted and thinned."""
+"""Presses with labels, the training data of `fit`: every epoch reads them at other ages, mirrored, shifted and thinned."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from safetensors import safe_open
 from .. import InputError, datasets
 from ._graphs import columns_of, moved
 
-# Labels change their sign in a mirror: that along columns turns pitch, that along rows turns roll.
+# Labels that change their sign in a mirror: pitch in one along columns, roll in one along rows.
 MIRRORED = {"columns": ("pitch", "tilt_x"), "rows": ("roll", "tilt_y")}
 ANGLES = {("deg", "rad"): np.pi / 180, ("rad", "deg"): 180 / np.pi}
-# Presses whose graphs are built together.
+# Number of presses whose graphs are built together.
 CHUNK = 320
 
 
@@ -33,14 +33,14 @@ class Film:
         with safe_open(path, "np") as file:
             self.units = json.loads((file.metadata() or {}).get("units", "{}"))
         self.labels = {name: [sample.more[name] for sample in samples] for name in samples[0].more if name != "t_us"}
-        # Where there is a depth, contact is when it begins to rise.
+        # If there is a depth, contact is the time when it begins to rise.
         depths = self.labels.get("depth", [np.ones(2)] * len(self))
         rises = [t[max(np.argmax(depth > 0) - 1, 0)] for t, depth in zip(self.times, depths)]
         self.contact_us, self.end_us = np.array(rises), np.array([t[-1] for t in self.times])
 
     @classmethod
     def of_classes(cls, sensor, events, classes):
-        """Recordings with the index of a class each."""
+        """Recordings, each with the index of a class."""
         film = cls.__new__(cls)
         film.path, film.sensor, film.classes = None, tuple(sensor), np.asarray(classes)
         film.events = [columns_of(each).astype(np.int32) for each in events]
@@ -51,7 +51,7 @@ class Film:
         return len(self.events)
 
     def at(self, names, press, t_us, units=()):
-        """Labels (times, names) of a press at some times, angles in `units`; they are linear between those that are known."""
+        """Labels (times, names) of a press at some times, angles in `units`, with linear interpolation between known labels."""
         missing = [name for name in names if name not in self.labels]
         if missing:
             raise InputError(f"{self.path}: expected labels {', '.join(names)}, found {', '.join(self.labels)}")
@@ -65,13 +65,13 @@ class Film:
 
 
 class Presses:
-    """The same presses in one or more films, by different cameras. An epoch shows each press once, by a random camera.
+    """The same presses in one or more films, by different cameras. An epoch shows each press once, from a random camera.
 
     `films` are paths, or `Film`s. Images are mirrored along the axes of `mirrors` ("columns", "rows"; a dict names the outputs that change
-    their sign) with a chance of a half, and shifted by up to `shift` pixels. Of a stream one event of a random stride in `strides` is taken.
-    A press is read at `times` random ages, none before the share `youngest` of it, and at its end; where later events change what a row
-    says (`Module.reads_any_time`), at one of them. A graph serves `passes` times, `limit` presses make an epoch. `augment(events, random)`
-    makes another stream of one; `told(film, press, t_us)` appends values (times, any) to the targets."""
+    their sign) with a probability of a half, and shifted by up to `shift` pixels. A stream is thinned by a random stride in `strides`.
+    A press is read at `times` random ages, none before the share `youngest` of it, and at its end; or at only one of them if later events
+    change earlier rows (see `Module.reads_any_time`). A graph is used `passes` times; an epoch has at most `limit` presses.
+    `augment(events, random)` returns a changed stream; `told(film, press, t_us)` returns values (times, any) to append to the targets."""
 
     def __init__(
         self, *films, mirrors=(), shift=2, strides=(1, 1), times=1, youngest=0.1, batch=16, passes=1, limit=None, augment=None, told=None
@@ -89,7 +89,7 @@ class Presses:
         return len(self.films[0])
 
     def epoch(self, module, random):
-        """Batches of an epoch: the share of it that is done, what the module reads, and the targets. The next graphs are built meanwhile."""
+        """Batches of an epoch: its done share, the module's input, and the targets. The next graphs are built in the background."""
         order = random.permutation(len(self))[: self.limit]
         chunks, seen = [order[first : first + CHUNK] for first in range(0, len(order), CHUNK)], 0
         with ThreadPoolExecutor(1) as builder:
@@ -122,11 +122,11 @@ class Presses:
             if film.classes is None:
                 times = self._ages(film, press, random)
                 if not module.reads_any_time:
-                    # Such a graph is read at its end alone: half of the presses are cut off.
+                    # Such a graph is read only at its end, so half of the presses are cut off.
                     times = times[random.integers(2) :][:1]
                     stream = stream[stream[:, 0] <= times[0]]
             if module.levels > 1:
-                # The cells of a pooling stay where they are: events are mirrored and shifted before their graphs are built.
+                # The cells of a pooling are fixed, so events are mirrored and shifted before their graphs are built.
                 move = self._move(random)
                 stream = moved(stream, self.sensor, *move)
             plan.append((film, press, times, move, stream))
@@ -149,20 +149,21 @@ class Presses:
         for film, press, at, own in zip(films, presses, times, moves):
             label = film.at(module.said["outputs"], press, at, module.said["units"]) * self.turned(module, (move or own)[0])
             targets.append(label if self.told is None else np.concatenate([label, self.told(film, press, at)], 1))
-        # Where graphs are read at their ends, the times are those of the last events.
+        # If graphs are read at their ends, the times are those of the last events.
         read = (np.stack(times), *move) if move else ()
         return graphs.batch(part, *read), torch.from_numpy(np.concatenate(targets).astype(np.float32))
 
     def turned(self, module, mirrors):
-        """The signs (outputs,) that labels have in a mirror."""
+        """The signs (outputs,) of the labels in some mirrors."""
         names = [name for axis in mirrors for name in self.mirrors[axis]]
         return np.array([-1 if name in names else 1 for name in module.said["outputs"]])
 
 
 @torch.no_grad()
 def errors(module, presses, shares=(1.0,)):
-    """Outputs less labels (presses, shares, outputs) of the first film of `Presses` at shares of each press, on every `strides[0]`-th event; of
-    classes 1 where the largest is another one, (presses, 1, 1). Where a graph is read at its end alone, and of `Readouts`, at the end."""
+    """Outputs minus labels (presses, shares, outputs) of the first film of `Presses` at shares of each press, on every `strides[0]`-th
+    event. For classes 1 if the largest output is of another one, (presses, 1, 1). If a graph is read only at its end, only at the last
+    share; `Readouts` at the end."""
     module.eval()
     device, found = module.unit.device, []
     if isinstance(presses, Readouts):
@@ -194,11 +195,11 @@ def errors(module, presses, shares=(1.0,)):
 
 
 class Readouts:
-    """What the layers behind the readout read of films of the same presses, computed once by the layers of events of `module`: an epoch
-    takes seconds. Each press is read at its end and at `ages` - 1 random ages, as it is and in all combinations of mirrors.
+    """Inputs of the layers after the readout, from films of the same presses. The event layers of `module` compute them once, so that an
+    epoch takes seconds. Each press is read at its end and at `ages` - 1 random ages, unchanged and in all combinations of mirrors.
 
-    A batch is {readout: values} of one film, a share `ends` of it at the ends of presses. The values are kept in `folder`, in half precision,
-    until the layers of events are others. The other arguments are those of `Presses`."""
+    A batch is {readout: values} of one film, a share `ends` of it at the ends of presses. The values are kept in `folder`, in half
+    precision, as long as the event layers do not change. The other arguments are those of `Presses`."""
 
     def __init__(self, module, *films, folder, ages=5, ends=0.5, mirrors=(), batch=32, told=None, youngest=0.2):
         self.readout = next(name for name, layer in module.layers.items() if layer["kind"] == "readout")
@@ -228,7 +229,7 @@ class Readouts:
         for first in range(0, len(film), 40):
             chosen = range(first, min(first + 40, len(film)))
             contact, end = (each[first : chosen.stop, None] for each in (film.contact_us, film.end_us))
-            # One age in each of as many parts of a press's duration.
+            # One random age in each of `ages` - 1 equal parts of a press's duration.
             part = np.arange(self.ages - 1) + random.random((len(chosen), self.ages - 1))
             part = np.concatenate([np.ones((len(chosen), 1)), self.youngest + (1 - self.youngest) * part / max(self.ages - 1, 1)], 1)
             times = (contact + part * (end - contact)).astype(np.int64)

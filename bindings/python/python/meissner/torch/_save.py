@@ -1,4 +1,4 @@
-"""Weights as the engine reads them: safetensors, with what was done in the metadata."""
+"""Weights as the engine reads them: safetensors, with remarks on the training in the metadata."""
 
 from __future__ import annotations
 
@@ -12,18 +12,18 @@ from safetensors import torch as tensors
 
 from .. import Description, Engine, FrameEngine, Weights, WeightsError
 
-# Of a tensor with fewer values, half precision saves nothing worth having; batch norm's are among them.
+# For smaller tensors, such as those of batch norm, half precision saves almost nothing.
 _MIN_HALVED = 256
 
 
 def save(source, path, remarks=(), *, network=None, names=None, half=False):
-    """Writes the weights of `source`, a module or whatever `meissner.Weights` takes, for `network`, by default that of a `Module`.
+    """Writes the weights of `source`, a module or any input of `meissner.Weights`, for `network`, by default that of the `Module`.
 
-    `remarks` are metadata (texts, or what JSON can say) beside the network's name, its preparation, `trained` and the date. `names`
-    are those of `Weights.renamed`. With `half`, large tensors are in half precision. The file is replaced whole, and only by weights that an
-    engine takes.
+    `remarks` are metadata (texts, or values for JSON) besides the network's name, its preparation, `trained` and the date. `names`
+    are those of `Weights.renamed`. With `half`, large tensors are in half precision. The file is replaced as a whole, and only by weights
+    that an engine accepts.
 
-    Returns the names of tensors that the network does not read, which are left out. Raises `WeightsError`."""
+    Returns the names of the tensors that are left out because the network does not read them. Raises `WeightsError`."""
     description = Description(source.description if network is None else network)
     given = Weights(source).renamed(names or {})
     spare = given.unused(description)
@@ -35,7 +35,7 @@ def save(source, path, remarks=(), *, network=None, names=None, half=False):
         raise WeightsError(f"weights of {description.name!r}: expected finite values{' in half precision' if half else ''}, not in {endless}")
     metadata, preparation = {"network": description.name, "trained": "true"}, description.summary().get("preparation")
     metadata |= {"date": datetime.date.today().isoformat()} | ({"preparation": preparation} if preparation else {})
-    # What an engine refuses is not written. Any sensor does: the one of the metadata is no part of this.
+    # Weights that an engine refuses are not written. Any sensor works, because `bare` has no metadata of a sensor.
     bare = Weights(tensors.save(found, {"preparation": preparation} if preparation else None))
     if description.kind == "frames":
         FrameEngine(description, bare)
