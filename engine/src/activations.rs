@@ -7,7 +7,7 @@
 //! values. It is recomputed whenever its inputs change, so every stored row is within the tolerance
 //! of what its stored inputs give.
 
-use meissner_kernels::{GraphRow, Isa, Lanes, Matrix, replace_rows, replace_rows_beyond};
+use meissner_kernels::{GraphRow, Isa, Lanes, Matrix, prefetch, replace_rows, replace_rows_beyond};
 
 use crate::convolution::{ConvolutionScratch, GraphConvolution};
 use crate::counters::LayerLog;
@@ -22,6 +22,8 @@ use crate::rows::{FewRows, GrowingSet, RowSet};
 const LARGE: usize = 1_600_000;
 /// Part of these multiply-adds from which two threads share one block.
 const PART: usize = 8;
+/// Bytes of a feature from which most of its rows are in no cache near the processor.
+const FAR: usize = 1 << 17;
 /// Rows of a block that a thread computes before they are compared with the stored ones.
 const SHARE: usize = 32 * GraphConvolution::GROUP;
 
@@ -138,6 +140,11 @@ impl Activations {
     /// Rows of a feature that changed since `finish`.
     pub(crate) fn changed(&self, index: usize) -> &RowSet {
         &self.changed[index]
+    }
+
+    /// Asks for the values of `row` in every feature.
+    pub(crate) fn prefetch_row(&self, row: u32) {
+        self.features.iter().for_each(|feature| feature.prefetch(row as usize));
     }
 
     /// Registers `row` as new: the old content of its slot is ignored, and its next values are
@@ -275,7 +282,13 @@ impl Activations {
                 }
             }
             [only, ..] => {
+                let far = size_of_val(self.features[block.input].lanes()) >= FAR;
+                let mut after = rows;
                 for rows in rows.chunks(GraphConvolution::GROUP) {
+                    after = &after[rows.len()..];
+                    if far {
+                        self.prefetch(block, to, after, graph);
+                    }
                     only.compute(&self.features[..to], block, rows, graph, isa);
                     self.store(to, rows, &only.rows, isa, log);
                 }
@@ -283,6 +296,25 @@ impl Activations {
             [] => unreachable!("there is a thread"),
         }
         self.threads = threads;
+    }
+
+    /// Prepares the next groups of `rows`. They are in no order of memory, and to wait for values
+    /// from a distant cache takes longer than to compute a row.
+    #[inline]
+    fn prefetch(&self, block: &Block, to: usize, rows: &[u32], graph: &impl Adjacency) {
+        let input = &self.features[block.input];
+        let mut groups = rows.chunks(GraphConvolution::GROUP);
+        for &row in groups.next().unwrap_or_default() {
+            for source in graph.edges(row).neighbours {
+                input.prefetch(source.row as usize);
+            }
+            self.features[to].prefetch(row as usize);
+        }
+        for &row in groups.next().unwrap_or_default() {
+            let GraphRow { neighbours, basis, .. } = graph.edges(row);
+            prefetch(neighbours);
+            prefetch(basis);
+        }
     }
 
     /// Replaces stored rows of feature `to` by the `computed` ones where they differ.

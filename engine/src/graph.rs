@@ -10,10 +10,10 @@
 
 use std::ops::Range;
 
-use meissner_kernels::{GraphRow, Isa, Lanes, Neighbour, Simd, Task, spline_basis};
+use meissner_kernels::{GraphRow, Isa, Neighbour, Simd, Task};
 
 use crate::Sensor;
-use crate::convolution::EdgeReads;
+use crate::edges::EdgeStore;
 use crate::grid::{Grid, Reader, Times};
 use crate::memory::Memory;
 use crate::metric::{Metric, Node};
@@ -29,7 +29,7 @@ pub(crate) trait Adjacency {
     fn edges(&self, row: u32) -> GraphRow<'_>;
     /// Calls `visit` with batches, in any order, of the rows that have an in-edge from one of
     /// `rows`; a row may come once per in-edge.
-    fn for_readers(&self, rows: impl Iterator<Item = u32>, visit: impl FnMut(&[u32]));
+    fn for_readers(&self, rows: impl Iterator<Item = u32> + Clone, visit: impl FnMut(&[u32]));
 }
 
 #[derive(Clone, Debug)]
@@ -46,7 +46,9 @@ pub(crate) struct EventGraph {
     places: Vec<u8>,
     sources: Vec<u32>,
     next: u8,
-    /// For each grid cell, an upper bound of [`Self::bound`] of its nodes.
+    /// Largest d2 at which each slot would accept a later neighbour, if it may accept one.
+    bounds: Vec<f64>,
+    /// For each grid cell, an upper bound of the bounds of its nodes.
     reach: Vec<f64>,
     /// Rows that read each slot; stored only if needed.
     readers: Readers,
@@ -63,54 +65,6 @@ pub(crate) const SIDE_LOG2: u32 = 4;
 /// Maximum number of nodes with `frozen` in-edges whose edges are kept: enough to share weights and
 /// hide latencies, few enough for the caches.
 pub(crate) const WAVE: usize = 64;
-
-/// In-edges, and edge data that every block would otherwise recompute.
-#[derive(Clone, Debug)]
-struct EdgeStore {
-    neighbours: Vec<Neighbour>,
-    d2: Vec<f64>,
-    /// Spline basis of each in-edge, if blocks read it.
-    basis: Vec<Lanes>,
-    /// Offset of each in-edge, if blocks read it.
-    offsets: Vec<[f32; 3]>,
-}
-
-impl EdgeStore {
-    fn new(edges: usize, reads: EdgeReads, memory: &mut Memory) -> Self {
-        Self {
-            neighbours: memory.copies(Neighbour { row: 0, u: [0.5; 3] }, edges),
-            d2: memory.copies(0.0, edges),
-            basis: memory.copies(Lanes::ZERO, if reads.basis { edges } else { 0 }),
-            offsets: memory.copies([0.0; 3], if reads.offsets { edges } else { 0 }),
-        }
-    }
-
-    /// Writes edge `at`: `reader` reads the node `source` in slot `row`.
-    #[inline]
-    fn set(&mut self, at: usize, metric: &Metric, (row, source): (u32, Node), reader: Node, d2: f64) {
-        let u = metric.attributes(source, reader);
-        self.neighbours[at] = Neighbour { row, u };
-        self.d2[at] = d2;
-        if let Some(basis) = self.basis.get_mut(at) {
-            *basis = spline_basis(u);
-        }
-        if let Some(offset) = self.offsets.get_mut(at) {
-            *offset = metric.offsets(source, reader);
-        }
-    }
-
-    #[inline]
-    fn shift(&mut self, from: Range<usize>, to: usize) {
-        self.neighbours.copy_within(from.clone(), to);
-        self.d2.copy_within(from.clone(), to);
-        if !self.basis.is_empty() {
-            self.basis.copy_within(from.clone(), to);
-        }
-        if !self.offsets.is_empty() {
-            self.offsets.copy_within(from, to);
-        }
-    }
-}
 
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Candidate {
@@ -142,9 +96,11 @@ impl EventGraph {
         let keeps_readers = pooled || !rule.is_frozen();
         let (listed, edges) = if keeps_readers { (slots, slots * most) } else { (0, 0) };
         let (kept, frozen) = if rule.is_frozen() { (WAVE, slots) } else { (slots, 0) };
+        let accepting = if rule.candidates == Candidates::All { slots } else { 0 };
         Self {
             rule,
             metric: Metric::new(sensor, span_us, level.scale, memory),
+            bounds: memory.copies(0.0, accepting),
             reach: memory.copies(0.0, grid.cells()),
             extents: memory.copies(MIN, grid.cells()),
             grid,
@@ -206,11 +162,13 @@ impl EventGraph {
         sources.map(move |row| Neighbour { row, u: self.metric.attributes(window.node(row), reader) })
     }
 
-    /// Largest d2 at which `slot` would accept a later neighbour.
-    #[inline]
-    fn bound(&self, slot: u32) -> f64 {
+    /// Updates the bound of `slot`, a node in grid cell `cell`, after its in-edges changed.
+    fn set_bound(&mut self, slot: u32, cell: usize) {
         let span = self.span(slot);
-        if span.len() == self.most { self.edges.d2[span.end - 1] } else { self.rule.reach.limit() }
+        let full = span.len() == self.most;
+        let bound = if full { self.edges.d2[span.end - 1] } else { self.rule.reach.limit() };
+        self.bounds[slot as usize] = bound;
+        self.reach[cell] = self.reach[cell].max(bound);
     }
 
     /// Connects `slot`, the newest of `window`, to the first `known` nodes of its neighbourhood.
@@ -236,9 +194,8 @@ impl EventGraph {
         }
         delta.rewired.push(slot);
         if self.rule.candidates == Candidates::All {
-            self.offer(window, slot, node, delta);
-            let cell = self.grid.cell(node.x, node.y);
-            self.reach[cell] = self.reach[cell].max(self.bound(slot));
+            isa.run(Offer { graph: self, window, slot, node, delta });
+            self.set_bound(slot, self.grid.cell(node.x, node.y));
         }
         self.grid.push(slot, node);
     }
@@ -271,37 +228,6 @@ impl EventGraph {
         *extent = found.bound().max(MIN);
     }
 
-    /// Offers the newest node to all others; nodes near enough take it as a neighbour.
-    fn offer(&mut self, window: &Window, slot: u32, node: Node, delta: &mut Delta) {
-        let Self { grid, metric, reach, count, edges, readers, most, rule, .. } = self;
-        let (most, limit) = (*most, rule.reach.limit());
-        grid.search_reverse(metric, node, reach, |d2, reader| {
-            let start = reader as usize * most;
-            let n = usize::from(count[reader as usize]);
-            let bound = if n == most { edges.d2[start + n - 1] } else { limit };
-            if d2 > bound {
-                return Reader { bound };
-            }
-            // At equal distances the later node comes first, and this node is the latest.
-            let at = edges.d2[start..start + n].iter().rposition(|&d| d < d2).map_or(0, |i| i + 1);
-            let n = if n == most {
-                let lost = edges.neighbours[start + most - 1].row;
-                readers.remove(lost, reader);
-                delta.removed.push((lost, reader));
-                most
-            } else {
-                count[reader as usize] += 1;
-                n + 1
-            };
-            edges.shift(start + at..start + n - 1, start + at + 1);
-            edges.set(start + at, metric, (slot, node), window.node(reader), d2);
-            readers.push(slot, reader);
-            delta.added.push((slot, reader));
-            delta.rewired.push(reader);
-            Reader { bound: if n == most { edges.d2[start + n - 1] } else { limit } }
-        });
-    }
-
     /// Removes the `leaving` oldest nodes from the search. Joint removal costs less: leaving nodes
     /// need no repair, and no replacement is about to leave.
     pub(crate) fn hide(&mut self, window: &Window, leaving: u32) {
@@ -310,7 +236,14 @@ impl EventGraph {
 
     /// Removes the edges of `slot`, one of the `leaving` oldest, hidden nodes. Records the changes
     /// if levels above read edges or rows change.
-    pub(crate) fn disconnect(&mut self, window: &Window, leaving: u32, slot: u32, delta: &mut Delta) {
+    pub(crate) fn disconnect(
+        &mut self,
+        window: &Window,
+        leaving: u32,
+        slot: u32,
+        isa: Isa,
+        delta: &mut Delta,
+    ) {
         if !self.keeps_readers {
             return;
         }
@@ -331,7 +264,7 @@ impl EventGraph {
         for i in start..delta.removed.len() {
             let reader = delta.removed[i].1;
             if stays(reader) && !self.rule.is_frozen() {
-                self.replace(window, leaving, slot, reader, delta);
+                self.replace(window, leaving, slot, reader, isa, delta);
                 delta.rewired.push(reader);
             }
         }
@@ -339,14 +272,23 @@ impl EventGraph {
 
     /// Replaces `gone`, one of the `leaving` oldest, in the neighbourhood of `reader` by the next
     /// candidate.
-    fn replace(&mut self, window: &Window, leaving: u32, gone: u32, reader: u32, delta: &mut Delta) {
+    fn replace(
+        &mut self,
+        window: &Window,
+        leaving: u32,
+        gone: u32,
+        reader: u32,
+        isa: Isa,
+        delta: &mut Delta,
+    ) {
         let span = self.span(reader);
         let slot = self.edges.neighbours[span.end - 1].row;
         let last = Candidate { d2: self.edges.d2[span.end - 1], slot };
         let at = span.clone().find(|&e| self.edges.neighbours[e].row == gone);
         let at = at.expect("a reader reads what it is listed for");
         self.edges.shift(at + 1..span.end, at);
-        let next = self.next_after(window, leaving, reader, span.len() - 1, &last);
+        let kept = span.len() - 1;
+        let next = isa.run(NextAfter { graph: self, window, leaving, reader, kept, last });
         if let Some(next) = next {
             let (source, node) = ((next.slot, window.node(next.slot)), window.node(reader));
             self.edges.set(span.end - 1, &self.metric, source, node, next.d2);
@@ -355,54 +297,9 @@ impl EventGraph {
         } else {
             self.count[reader as usize] -= 1;
         }
-        let node = window.node(reader);
-        let cell = self.grid.cell(node.x, node.y);
-        self.reach[cell] = self.reach[cell].max(self.bound(reader));
-    }
-
-    /// The first candidate of `reader` after `last`; `reader` has `kept` neighbours left.
-    fn next_after(
-        &self,
-        window: &Window,
-        leaving: u32,
-        reader: u32,
-        kept: usize,
-        last: &Candidate,
-    ) -> Option<Candidate> {
-        let limit = self.rule.reach.limit();
-        let past = self.rule.candidates == Candidates::Past(Lifetime::Window);
-        let end = if past { window.age_rank(reader) } else { window.len() as u32 };
-        let others = end - leaving - u32::from(!past);
-        // A list that was not full contained every candidate.
-        if kept + 1 < self.most {
-            return None;
-        }
-        let node = window.node(reader);
-        let times = if past { Times::Past } else { Times::All };
-        let mut bound = limit.min(GENEROUS * last.d2.max(MIN));
-        loop {
-            let mut best: Option<Candidate> = None;
-            let visit = |d2, slot| {
-                let candidate = Candidate { d2, slot };
-                let arrival = |slot| window.age_rank(slot);
-                if arrival(slot) < end
-                    && slot != reader
-                    && last.precedes(&candidate, arrival)
-                    && best.as_ref().is_none_or(|best| candidate.precedes(best, arrival))
-                {
-                    best = Some(candidate);
-                }
-                best.map_or(bound, |best| best.d2)
-            };
-            if others <= FEW {
-                scan(&self.metric, window, leaving..end, node, bound, visit);
-            } else {
-                self.grid.search(&self.metric, node, times, bound, visit);
-            }
-            if best.is_some() || bound >= limit.min(MAX) {
-                return best;
-            }
-            bound = limit.min(bound * WIDER);
+        if self.rule.candidates == Candidates::All {
+            let node = window.node(reader);
+            self.set_bound(reader, self.grid.cell(node.x, node.y));
         }
     }
 }
@@ -423,6 +320,106 @@ impl Task for Find<'_> {
         let arrival = |slot| window.age_rank(slot);
         grid.find(simd, metric, node, found, arrival);
         found.select(arrival);
+    }
+}
+
+/// Offers the newest node to all others; nodes near enough take it as a neighbour.
+struct Offer<'a> {
+    graph: &'a mut EventGraph,
+    window: &'a Window,
+    slot: u32,
+    node: Node,
+    delta: &'a mut Delta,
+}
+
+impl Task for Offer<'_> {
+    type Output = ();
+    #[inline(always)]
+    fn run<S: Simd>(self, simd: S) {
+        let Self { graph, window, slot, node, delta } = self;
+        let EventGraph { grid, metric, bounds, reach, count, edges, readers, most, rule, .. } = graph;
+        let (most, limit) = (*most, rule.reach.limit());
+        grid.search_reverse(simd, metric, node, reach, |d2, reader| {
+            let bound = &mut bounds[reader as usize];
+            if d2 > *bound {
+                return Reader { bound: *bound };
+            }
+            let start = reader as usize * most;
+            let n = usize::from(count[reader as usize]);
+            // At equal distances the later node comes first, and this node is the latest.
+            let at = edges.d2[start..start + n].iter().rposition(|&d| d < d2).map_or(0, |i| i + 1);
+            let n = if n == most {
+                let lost = edges.neighbours[start + most - 1].row;
+                readers.remove(lost, reader);
+                delta.removed.push((lost, reader));
+                most
+            } else {
+                count[reader as usize] += 1;
+                n + 1
+            };
+            edges.shift(start + at..start + n - 1, start + at + 1);
+            edges.set(start + at, metric, (slot, node), window.node(reader), d2);
+            readers.push(slot, reader);
+            delta.added.push((slot, reader));
+            delta.rewired.push(reader);
+            *bound = if n == most { edges.d2[start + n - 1] } else { limit };
+            Reader { bound: *bound }
+        });
+    }
+}
+
+/// Finds the first candidate of `reader` after `last`; `reader` has `kept` neighbours left, and the
+/// `leaving` oldest nodes are none.
+struct NextAfter<'a> {
+    graph: &'a EventGraph,
+    window: &'a Window,
+    leaving: u32,
+    reader: u32,
+    kept: usize,
+    last: Candidate,
+}
+
+impl Task for NextAfter<'_> {
+    type Output = Option<Candidate>;
+    #[inline(always)]
+    fn run<S: Simd>(self, simd: S) -> Option<Candidate> {
+        let Self { graph, window, leaving, reader, kept, last } = self;
+        let EventGraph { grid, metric, most, rule, .. } = graph;
+        let limit = rule.reach.limit();
+        let past = rule.candidates == Candidates::Past(Lifetime::Window);
+        let end = if past { window.age_rank(reader) } else { window.len() as u32 };
+        let others = end - leaving - u32::from(!past);
+        // A list that was not full contained every candidate.
+        if kept + 1 < *most {
+            return None;
+        }
+        let node = window.node(reader);
+        let times = if past { Times::Past } else { Times::All };
+        let mut bound = limit.min(GENEROUS * last.d2.max(MIN));
+        loop {
+            let mut best: Option<Candidate> = None;
+            let visit = |d2, slot| {
+                let candidate = Candidate { d2, slot };
+                let arrival = |slot| window.age_rank(slot);
+                if arrival(slot) < end
+                    && slot != reader
+                    && last.precedes(&candidate, arrival)
+                    && best.as_ref().is_none_or(|best| candidate.precedes(best, arrival))
+                {
+                    best = Some(candidate);
+                }
+                best.map_or(bound, |best| best.d2)
+            };
+            if others <= FEW {
+                scan(metric, window, leaving..end, node, bound, visit);
+            } else {
+                grid.search(simd, metric, node, times, bound, visit);
+            }
+            if best.is_some() || bound >= limit.min(MAX) {
+                return best;
+            }
+            bound = limit.min(bound * WIDER);
+        }
     }
 }
 
@@ -470,7 +467,8 @@ impl Adjacency for EventGraph {
     }
 
     #[inline]
-    fn for_readers(&self, rows: impl Iterator<Item = u32>, mut visit: impl FnMut(&[u32])) {
+    fn for_readers(&self, rows: impl Iterator<Item = u32> + Clone, mut visit: impl FnMut(&[u32])) {
+        rows.clone().for_each(|row| self.readers.prefetch(row));
         rows.for_each(|row| self.readers.for_blocks(row, &mut visit));
     }
 }

@@ -9,7 +9,7 @@
 
 use std::ops::Range;
 
-use meissner_kernels::{Portable, Simd};
+use meissner_kernels::{Simd, prefetch};
 
 use crate::Sensor;
 use crate::memory::Memory;
@@ -114,36 +114,38 @@ impl Grid {
     /// Calls `visit` with d2 and slot of every node within the bound. The bound starts as `bound`;
     /// each call returns the next bound, which must not grow.
     #[inline(always)]
-    pub(crate) fn search(
+    pub(crate) fn search<S: Simd>(
         &self,
+        simd: S,
         metric: &Metric,
         query: Node,
         times: Times,
         bound: f64,
         visit: impl FnMut(f64, u32) -> f64,
     ) {
-        self.search_from(metric, query, times, bound, None, visit);
+        self.search_from((simd, metric), query, times, bound, None, visit);
     }
 
     /// The same for queries in order of time on an unchanging grid: `cursors`, one per cell, store
     /// the position of the query's time.
     #[inline(always)]
-    pub(crate) fn search_onwards(
+    pub(crate) fn search_onwards<S: Simd>(
         &self,
+        simd: S,
         metric: &Metric,
         query: Node,
         cursors: &mut [Cursor],
         bound: f64,
         visit: impl FnMut(f64, u32) -> f64,
     ) {
-        self.search_from(metric, query, Times::All, bound, Some(cursors), visit);
+        self.search_from((simd, metric), query, Times::All, bound, Some(cursors), visit);
     }
 
     /// [`Self::search`], or [`Self::search_onwards`] if there are `cursors`.
     #[inline(always)]
-    fn search_from(
+    fn search_from<S: Simd>(
         &self,
-        metric: &Metric,
+        (simd, metric): (S, &Metric),
         query: Node,
         times: Times,
         mut bound: f64,
@@ -173,7 +175,8 @@ impl Grid {
                                     Some(cursors) => cell.later_than_onwards(query.t, &mut cursors[index]),
                                     None => cell.later_than(query.t),
                                 };
-                                bound = scan(metric, query, times, (cell, later), plane, bound, &mut visit);
+                                let cell = (cell, later, plane);
+                                bound = scan((simd, metric), query, times, cell, bound, &mut visit);
                             }
                         }
                     }
@@ -212,6 +215,9 @@ impl Grid {
         arrival: impl Fn(u32) -> u32 + Copy,
     ) {
         let [columns, rows] = self.within(metric, query, found.bound());
+        for row in rows.clone() {
+            columns.clone().for_each(|column| self.cells.queue(row * self.columns + column).prefetch());
+        }
         for row in rows {
             for column in columns.clone() {
                 let cell = self.cells.queue(row * self.columns + column);
@@ -259,8 +265,10 @@ impl Grid {
 
     /// Calls `visit` with d2 and slot of every node `n` with d2 at most `reach[cell of n]`, and of
     /// some others. `query` is not earlier than any node.
-    pub(crate) fn search_reverse(
+    #[inline(always)]
+    pub(crate) fn search_reverse<S: Simd>(
         &self,
+        simd: S,
         metric: &Metric,
         query: Node,
         reach: &mut [f64],
@@ -281,12 +289,13 @@ impl Grid {
                 let mut widest = 0.0f64;
                 let mut next = Some(cell.start());
                 while let Some(place) = next {
+                    next = cell.next(place);
+                    next.iter().for_each(|&place| prefetch(std::slice::from_ref(cell.block(place))));
                     let block = cell.block(place);
-                    let [d2, _] = distances2(Portable, metric, query, block);
+                    let [d2, _] = distances2(simd, metric, query, block);
                     for at in cell.nodes_from(place) {
                         widest = widest.max(visit(d2[at], block.slots[at]).bound);
                     }
-                    next = cell.next(place);
                 }
                 reach[index] = widest;
             }
@@ -313,15 +322,14 @@ fn distances2<S: Simd>(simd: S, metric: &Metric, query: Node, block: &Block) -> 
     [d2, t2]
 }
 
-/// Visits a cell from the query's time outwards; later nodes start at `later`. Returns the new
-/// bound.
+/// Visits a cell from the query's time outwards; later nodes start at `later`, and `plane` is the
+/// lower bound of d2 in the plane. Returns the new bound.
 #[inline(always)]
-fn scan(
-    metric: &Metric,
+fn scan<S: Simd>(
+    (simd, metric): (S, &Metric),
     query: Node,
     times: Times,
-    (cell, later): (Queue<'_>, Place),
-    plane: f64,
+    (cell, later, plane): (Queue<'_>, Place, f64),
     mut bound: f64,
     visit: &mut impl FnMut(f64, u32) -> f64,
 ) -> f64 {
@@ -334,7 +342,7 @@ fn scan(
                 continue;
             }
             let block = cell.block(place);
-            let [d2, t2] = distances2(Portable, metric, query, block);
+            let [d2, t2] = distances2(simd, metric, query, block);
             let [nearest, farthest] =
                 if onwards { [nodes.start, nodes.end - 1] } else { [nodes.end - 1, nodes.start] };
             if plane + t2[nearest] > bound {

@@ -102,6 +102,7 @@ mod batch_engine;
 mod cells;
 mod convolution;
 mod counters;
+mod edges;
 mod engine;
 mod error;
 mod event;

@@ -194,14 +194,13 @@ struct Over<'a, I> {
     out: &'a mut [Lanes],
 }
 
-impl<I: Iterator<Item = u32>> Task for Over<'_, I> {
+impl<I: Iterator<Item = u32> + Clone> Task for Over<'_, I> {
     type Output = ();
     #[inline(always)]
-    fn run<S: Simd>(self, _: S) {
-        for member in self.members {
-            maximum(self.out, self.features.row(member as usize));
-        }
-        clear_negative_zero(self.out);
+    fn run<S: Simd>(self, simd: S) {
+        let Self { members, features, out } = self;
+        maximum(simd, out, members.map(|member| features.row(member as usize)));
+        clear_negative_zero(out);
     }
 }
 
@@ -216,10 +215,10 @@ struct FromQueue<'a, I> {
     out: &'a mut [Lanes],
 }
 
-impl<I: Iterator<Item = u32>> Task for FromQueue<'_, I> {
+impl<I: Iterator<Item = u32> + Clone> Task for FromQueue<'_, I> {
     type Output = ();
     #[inline(always)]
-    fn run<S: Simd>(self, _: S) {
+    fn run<S: Simd>(self, simd: S) {
         let Self { queue, cell, members, fresh, features, out } = self;
         let front = &mut queue.front[cell as usize];
         let back = queue.back.row_mut(cell as usize);
@@ -228,16 +227,14 @@ impl<I: Iterator<Item = u32>> Task for FromQueue<'_, I> {
             back.fill(Lanes::splat(f32::NEG_INFINITY));
             out.fill(Lanes::splat(f32::NEG_INFINITY));
             for member in members.youngest_first(cell) {
-                maximum(out, features.row(member as usize));
+                maximum(simd, out, [features.row(member as usize)]);
                 queue.suffix.row_mut(member as usize).copy_from_slice(out);
             }
             *front = members.count(cell);
         } else {
-            for member in fresh {
-                maximum(back, features.row(member as usize));
-            }
+            maximum(simd, back, fresh.map(|member| features.row(member as usize)));
             out.copy_from_slice(queue.suffix.row(members.oldest(cell) as usize));
-            maximum(out, back);
+            maximum(simd, out, [&*back]);
         }
         clear_negative_zero(out);
     }

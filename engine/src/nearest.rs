@@ -122,8 +122,11 @@ impl Nearest {
     /// Keeps the nearest, in order; [`Self::iter`] needs it. `arrival` as for [`Self::add_all`].
     #[inline(always)]
     pub(crate) fn select(&mut self, arrival: impl Fn(u32) -> u32) {
+        let half = self.len <= self.d2.len() / 2;
         let selected = match self.d2.len() {
+            ROOM_FOR_FEW if half => self.rank::<{ ROOM_FOR_FEW / 2 }>(),
             ROOM_FOR_FEW => self.rank::<ROOM_FOR_FEW>(),
+            ROOM_FOR_SEVERAL if half => self.rank::<{ ROOM_FOR_SEVERAL / 2 }>(),
             ROOM_FOR_SEVERAL => self.rank::<ROOM_FOR_SEVERAL>(),
             _ => false,
         };

@@ -353,7 +353,7 @@ impl Adjacency for PooledGraph {
     }
 
     #[inline]
-    fn for_readers(&self, rows: impl Iterator<Item = u32>, visit: impl FnMut(&[u32])) {
+    fn for_readers(&self, rows: impl Iterator<Item = u32> + Clone, visit: impl FnMut(&[u32])) {
         if let Some(edges) = &self.edges {
             edges.for_readers(rows, visit);
         }

@@ -6,6 +6,8 @@
 
 use std::ops::Range;
 
+use meissner_kernels::prefetch;
+
 use crate::memory::{FixedVec, Memory};
 
 pub(crate) const NODES: usize = 8;
@@ -180,6 +182,12 @@ impl<'a> Queue<'a> {
     #[inline(always)]
     pub(crate) fn len(self) -> usize {
         self.chain.nodes as usize
+    }
+
+    /// Asks for the newest block.
+    #[inline(always)]
+    pub(crate) fn prefetch(self) {
+        prefetch(self.blocks.get(self.chain.last as usize).map_or(&[], std::slice::from_ref));
     }
 
     #[inline(always)]

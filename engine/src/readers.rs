@@ -4,6 +4,8 @@
 //! from a store for all edges of a graph, so nothing is allocated later. Order does not matter:
 //! rows are only marked dirty.
 
+use meissner_kernels::prefetch;
+
 use crate::memory::Memory;
 
 const ROWS: usize = 15;
@@ -42,6 +44,12 @@ impl Readers {
     #[inline]
     pub(crate) fn for_each(&self, slot: u32, mut visit: impl FnMut(u32)) {
         self.for_blocks(slot, |rows| rows.iter().for_each(|&row| visit(row)));
+    }
+
+    /// Prepares a visit of the rows that read `slot`.
+    #[inline]
+    pub(crate) fn prefetch(&self, slot: u32) {
+        prefetch(&self.blocks[slot as usize..][..1]);
     }
 
     /// Calls `visit` with the rows that read `slot`, a block at a time.

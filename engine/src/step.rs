@@ -202,6 +202,7 @@ impl StageState {
         }
         self.delta.clear();
         self.delta.entered.push(slot);
+        self.activations[0].prefetch_row(slot);
         self.graph.insert(&self.window, slot, known, self.isa, &mut self.delta);
         let events = &mut self.activations[0];
         if events.feature(0).rows() < self.window.slots_used() {
@@ -230,7 +231,7 @@ impl StageState {
             if let Some(sums) = &mut self.sums {
                 sums.leave(self.window.node(slot));
             }
-            self.graph.disconnect(&self.window, leaving, slot, &mut self.delta);
+            self.graph.disconnect(&self.window, leaving, slot, self.isa, &mut self.delta);
             // In parts: edges must be removed before either of their nodes.
             if self.delta.removed.len() >= PART {
                 self.follow();

@@ -93,18 +93,26 @@ impl Isa {
     }
 }
 
-/// Prefetches `values` into the first-level cache; free if few values are prefetched at once. Does
-/// nothing on targets without such an instruction.
+/// Asks for a cache line in each 64 bytes of `values`, which will be read soon, without waiting for
+/// them. No result depends on it. Does nothing on targets without such an instruction.
 #[inline(always)]
-pub(crate) fn prefetch(values: &[f32]) {
+pub fn prefetch<T>(values: &[T]) {
+    for line in (0..size_of_val(values)).step_by(64) {
+        prefetch_at(values.as_ptr().wrapping_byte_add(line));
+    }
+}
+
+/// Asks for one cache line.
+#[inline(always)]
+pub(crate) fn prefetch_at<T>(address: *const T) {
     #[cfg(target_arch = "x86_64")]
-    for line in values.chunks(2 * LANES) {
+    {
         use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
         // SAFETY: the instruction is in the baseline, and changes nothing but caches.
-        unsafe { _mm_prefetch::<_MM_HINT_T0>(line.as_ptr().cast()) };
+        unsafe { _mm_prefetch::<_MM_HINT_T0>(address.cast()) };
     }
     #[cfg(not(target_arch = "x86_64"))]
-    let _ = values;
+    let _ = address;
 }
 
 const _: () = assert!(size_of::<Lanes>() == LANES * size_of::<f32>());

@@ -74,7 +74,7 @@ pub use frames::{
     WinogradConv3x3, WinogradTile, average_pool, global_average, max_pool_2x2,
 };
 pub use graph::{GraphRow, Neighbour, attribute, offset};
-pub use isa::{Divisor, Exponent, Isa, Portable, Simd, Task, Vector, fused};
+pub use isa::{Divisor, Exponent, Isa, Portable, Simd, Task, Vector, fused, prefetch};
 pub use lanes::{LANES, Lanes, Wide};
 pub use matrix::Matrix;
 pub use nearby::Nearby;

@@ -1,6 +1,6 @@
 //! Rows of activations, each padded to whole lanes.
 
-use crate::isa::{flat, flat_mut};
+use crate::isa::{flat, flat_mut, prefetch_at};
 use crate::lanes::{LANES, Lanes};
 
 /// A matrix of f32 whose rows start on lane boundaries. Columns beyond `columns` are zeros, or
@@ -86,6 +86,17 @@ impl Matrix {
     #[inline]
     pub fn row_mut(&mut self, i: usize) -> &mut [Lanes] {
         &mut self.data[i * self.stride..][..self.stride]
+    }
+
+    /// Asks for row `i`, if it exists, as [`prefetch`](crate::prefetch) does.
+    #[inline(always)]
+    pub fn prefetch(&self, i: usize) {
+        let start = i * self.stride;
+        let Some(row) = self.data.get(start..start + self.stride) else { return };
+        // A lane is half a line: every line has the first lane, or one with an odd index.
+        for lane in row.iter().take(1).chain(row.iter().skip(1).step_by(2)) {
+            prefetch_at(lane);
+        }
     }
 
     /// All rows, one after the other, in lanes.

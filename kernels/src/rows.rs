@@ -4,17 +4,47 @@ use crate::isa::{Isa, Simd, Task, Vector};
 use crate::lanes::{LANES, Lanes};
 use crate::matrix::Matrix;
 
-/// `acc = max(acc, row)` by channel, from negative infinity; end with [`clear_negative_zero`],
-/// because the order of rows affects the sign of zero. NaN members are ignored.
+/// `acc = max(acc, row)` by channel for each of `rows`, from negative infinity; end with
+/// [`clear_negative_zero`], because the order of rows affects the sign of zero. NaN members are
+/// ignored.
+///
+/// # Panics
+/// If a row has fewer lanes than `acc`.
 #[inline(always)]
-pub fn maximum(acc: &mut [Lanes], row: &[Lanes]) {
-    for (a, r) in acc.iter_mut().zip(row) {
-        // By value: through the reference, the compiler compares and stores one lane at a time.
-        let mut larger = a.0;
-        for (larger, &r) in larger.iter_mut().zip(&r.0) {
-            *larger = if r > *larger { r } else { *larger };
+pub fn maximum<'a, S: Simd>(
+    simd: S,
+    acc: &mut [Lanes],
+    rows: impl IntoIterator<Item = &'a [Lanes], IntoIter: Clone>,
+) {
+    let rows = rows.into_iter();
+    let (fours, rest) = acc.as_chunks_mut::<4>();
+    let at = 4 * fours.len();
+    for (i, acc) in fours.iter_mut().enumerate() {
+        maximum_of(simd, acc, rows.clone().map(|row| &row[4 * i..]));
+    }
+    for (i, acc) in rest.iter_mut().enumerate() {
+        maximum_of(simd, std::array::from_mut(acc), rows.clone().map(|row| &row[at + i..]));
+    }
+}
+
+/// [`maximum`] over the first N lanes, in registers.
+#[inline(always)]
+fn maximum_of<'a, S: Simd, const N: usize>(
+    simd: S,
+    acc: &mut [Lanes; N],
+    rows: impl Iterator<Item = &'a [Lanes]>,
+) {
+    let mut largest = [S::V8::splat(simd, 0.0); N];
+    for (largest, acc) in largest.iter_mut().zip(&*acc) {
+        *largest = S::V8::load(simd, acc);
+    }
+    for row in rows {
+        for (largest, row) in largest.iter_mut().zip(&row[..N]) {
+            *largest = largest.max(S::V8::load(simd, row));
         }
-        a.0 = larger;
+    }
+    for (largest, acc) in largest.into_iter().zip(acc) {
+        largest.store(acc);
     }
 }
 

@@ -159,27 +159,6 @@ mod elementwise {
     }
 }
 
-mod maximum {
-    use meissner_kernels::{Lanes, clear_negative_zero, maximum};
-
-    fn maximum_of(rows: &[[f32; 8]]) -> [u32; 8] {
-        let mut acc = [Lanes::splat(f32::NEG_INFINITY)];
-        rows.iter().for_each(|&r| maximum(&mut acc, &[Lanes(r)]));
-        clear_negative_zero(&mut acc);
-        acc[0].0.map(f32::to_bits)
-    }
-
-    #[test]
-    fn a_maximum_does_not_depend_on_the_order_of_its_members() {
-        let rows = [[0.0; 8], [-0.0; 8], [-1.0, 2.0, -0.0, 1e-45, -1e-45, 0.0, 3.0, -3.0]];
-        let expected = maximum_of(&rows);
-        for order in [[0, 2, 1], [1, 0, 2], [1, 2, 0], [2, 0, 1], [2, 1, 0]] {
-            assert_eq!(maximum_of(&order.map(|i| rows[i])), expected);
-        }
-        assert_eq!(maximum_of(&[[-0.0; 8]]), [0; 8]);
-    }
-}
-
 mod random {
     use meissner_kernels::random::Random;
 

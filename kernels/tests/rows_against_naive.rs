@@ -1,6 +1,9 @@
-//! The filter of near points, and the replacement of rows, against scalar twins.
+//! The filter of near points, maxima over rows, and the replacement of rows, against scalar twins.
 
-use meissner_kernels::{Isa, Lanes, Matrix, Nearby, Replaced, replace_rows, replace_rows_beyond};
+use meissner_kernels::{
+    Isa, Lanes, Matrix, Nearby, Replaced, Simd, Task, clear_negative_zero, maximum, prefetch, replace_rows,
+    replace_rows_beyond,
+};
 use proptest::prelude::*;
 
 use crate::naive;
@@ -188,4 +191,64 @@ fn a_row_of_nan_is_replaced_whatever_the_tolerance() {
         assert_eq!((replaced.changed, replaced.within, replaced.nan), (1, 0, 0), "{}", isa.name());
         assert_eq!(stored.slice(0), [1.0; 3]);
     }
+}
+
+/// The maximum of the rows in this order.
+struct Maximum<'a> {
+    rows: &'a Matrix,
+    order: &'a [usize],
+}
+
+impl Task for Maximum<'_> {
+    type Output = Vec<u32>;
+
+    #[expect(clippy::inline_always, reason = "otherwise it does not use the instruction set")]
+    #[inline(always)]
+    fn run<S: Simd>(self, simd: S) -> Vec<u32> {
+        let mut acc = vec![Lanes::splat(f32::NEG_INFINITY); Lanes::count(self.rows.columns())];
+        maximum(simd, &mut acc, self.order.iter().map(|&row| self.rows.row(row)));
+        clear_negative_zero(&mut acc);
+        acc.iter().flat_map(|lanes| lanes.0).map(f32::to_bits).take(self.rows.columns()).collect()
+    }
+}
+
+proptest! {
+    #[test]
+    fn a_maximum_is_that_of_every_channel_in_any_order_of_its_members(
+        (columns, values) in (1..80_usize, 1..9_usize).prop_flat_map(|(columns, rows)| {
+            let value = prop_oneof![
+                4 => -4.0..4.0_f32,
+                1 => prop_oneof![Just(0.0), Just(-0.0), Just(1e-45), Just(-1e-45)],
+                1 => prop_oneof![Just(f32::NAN), Just(f32::INFINITY), Just(f32::NEG_INFINITY)],
+            ];
+            (Just(columns), prop::collection::vec(value, columns * rows))
+        }),
+        turn in 0..9_usize,
+    ) {
+        let rows = Matrix::from_rows(columns, &values);
+        let largest = |c: usize| {
+            let members = values.iter().skip(c).step_by(columns).copied();
+            members.filter(|v| !v.is_nan()).fold(f32::NEG_INFINITY, f32::max) + 0.0
+        };
+        let expected: Vec<u32> = (0..columns).map(|c| largest(c).to_bits()).collect();
+        let mut order: Vec<usize> = (0..rows.rows()).collect();
+        order.rotate_left(turn % rows.rows());
+        if turn.is_multiple_of(2) {
+            order.reverse();
+        }
+        for isa in Isa::available() {
+            prop_assert_eq!(&isa.run(Maximum { rows: &rows, order: &order }), &expected);
+        }
+    }
+}
+
+#[test]
+fn what_does_not_exist_can_be_prefetched() {
+    let matrix = Matrix::zeros(3, 40);
+    for row in [0, 2, 3, usize::from(u16::MAX)] {
+        matrix.prefetch(row);
+    }
+    Matrix::zeros(0, 8).prefetch(0);
+    prefetch(matrix.row(2));
+    prefetch::<u64>(&[]);
 }

@@ -5,7 +5,7 @@
 
 use meissner_engine::frames::{FrameEngine, FrameOptions, Skip};
 use meissner_engine::{Aggregation, ConvolutionScratch, Event, Fraction, Pooling, Trace};
-use meissner_kernels::{Isa, Lanes, Matrix, add, clear_negative_zero, maximum};
+use meissner_kernels::{Isa, Lanes, Matrix, Portable, add, clear_negative_zero, maximum};
 
 use meissner_verify::{CheckedEngine, bits};
 
@@ -138,7 +138,7 @@ fn maximum_of(features: &Matrix, rows: impl Iterator<Item = usize>, out: &mut [L
         return;
     }
     out.fill(Lanes::splat(f32::NEG_INFINITY));
-    rows.for_each(|row| maximum(out, features.row(row)));
+    rows.for_each(|row| maximum(Portable, out, [features.row(row)]));
     clear_negative_zero(out);
 }
 

@@ -1,6 +1,6 @@
 //! The event level from scratch.
 
-use meissner_kernels::{Matrix, Neighbour, attribute, offset};
+use meissner_kernels::{Matrix, Neighbour, Portable, attribute, offset};
 
 use super::neighbours::{Lists, Space, candidates, exhaustive, proposed, take};
 use super::published;
@@ -126,8 +126,8 @@ fn with_grid(batch: &Batch, events: &[Event], nodes: &[Node], metric: &Metric) -
                 if found.len() == most { found[most - 1].d2 } else { limit }
             };
             match times {
-                Times::All => grid.search_onwards(metric, node, &mut cursors, limit, visit),
-                Times::Past => grid.search(metric, node, times, limit, visit),
+                Times::All => grid.search_onwards(Portable, metric, node, &mut cursors, limit, visit),
+                Times::Past => grid.search(Portable, metric, node, times, limit, visit),
             }
             if found.len() == most {
                 *guess = GENEROUS * found[most - 1].d2;

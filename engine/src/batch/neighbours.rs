@@ -8,7 +8,7 @@
 use std::ops::Range;
 
 use bumpalo::Bump;
-use meissner_kernels::{Isa, Nearby};
+use meissner_kernels::{Isa, Nearby, Portable};
 
 use crate::batch::setup::{Batch, Places, Propose};
 use crate::graph::Candidate;
@@ -78,7 +78,7 @@ impl Space<'_> {
                 let bound = if enough { found[most - 1].d2 } else { f64::INFINITY };
                 if bound >= grid.ring2(self.metric, node, RINGS + 1) {
                     found.clear();
-                    grid.search(self.metric, node, Times::All, bound, |d2, other| {
+                    grid.search(Portable, self.metric, node, Times::All, bound, |d2, other| {
                         if other != slot {
                             take(&mut found, most, Candidate { d2, slot: other }, |slot| slot);
                         }

@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use meissner_kernels::{GraphRow, Lanes, Matrix, Neighbour, add, clear_negative_zero, maximum};
+use meissner_kernels::{GraphRow, Lanes, Matrix, Neighbour, Portable, add, clear_negative_zero, maximum};
 
 use crate::{EngineError, Event, Sensor};
 
@@ -99,7 +99,7 @@ pub(super) fn sum_of(features: &Matrix, rows: &[usize], part: impl Fn(usize) -> 
 /// Channel-wise maximum over some rows.
 pub(super) fn maximum_of(features: &Matrix, rows: &[usize], out: &mut [Lanes]) {
     out.fill(Lanes::splat(f32::NEG_INFINITY));
-    rows.iter().for_each(|&row| maximum(out, features.row(row)));
+    maximum(Portable, out, rows.iter().map(|&row| features.row(row)));
     clear_negative_zero(out);
 }
 

@@ -152,36 +152,41 @@ pub(super) fn eight_slots<S: Simd>(
     let stride = sums.len() / 8;
     let mut lane = 0;
     while S::WIDE && lane + 4 <= stride {
-        eight_slots_of_lanes::<S, S::V16, 2>(simd, neighbours, features, basis, lane, sums);
+        slots_of_lanes::<S, S::V16, 8, 2>(simd, neighbours, features, basis, 0, lane, sums);
         lane += 4;
     }
-    while S::WIDE && lane + 2 <= stride {
-        eight_slots_of_lanes::<S, S::V16, 1>(simd, neighbours, features, basis, lane, sums);
+    while lane + 2 <= stride {
+        if S::WIDE {
+            slots_of_lanes::<S, S::V16, 8, 1>(simd, neighbours, features, basis, 0, lane, sums);
+        } else {
+            slots_of_lanes::<S, S::V16, 4, 1>(simd, neighbours, features, basis, 0, lane, sums);
+            slots_of_lanes::<S, S::V16, 4, 1>(simd, neighbours, features, basis, 4, lane, sums);
+        }
         lane += 2;
     }
-    while lane < stride {
-        eight_slots_of_lanes::<S, S::V8, 1>(simd, neighbours, features, basis, lane, sums);
-        lane += 1;
+    if lane < stride {
+        slots_of_lanes::<S, S::V8, 8, 1>(simd, neighbours, features, basis, 0, lane, sums);
     }
 }
 
-/// Sums over the channels of B vectors, from lane `lane`.
+/// Sums of N slots from `slot` over the channels of B vectors from lane `lane`.
 #[inline(always)]
-fn eight_slots_of_lanes<S: Simd, V: Vector<S>, const B: usize>(
+fn slots_of_lanes<S: Simd, V: Vector<S>, const N: usize, const B: usize>(
     simd: S,
     neighbours: &[Neighbour],
     features: &Matrix,
     basis: &[Lanes],
+    slot: usize,
     lane: usize,
     sums: &mut [Lanes],
 ) {
     let stride = sums.len() / 8;
-    let mut acc = [[V::splat(simd, 0.0); B]; 8];
-    if !add_slots::<S, V::Sum, B>(simd, neighbours, features, basis, lane, &mut acc) {
-        add_slots::<S, V, B>(simd, neighbours, features, basis, lane, &mut acc);
+    let mut acc = [[V::splat(simd, 0.0); B]; N];
+    if !add_slots::<S, V::Sum, N, B>(simd, neighbours, features, basis, slot, lane, &mut acc) {
+        add_slots::<S, V, N, B>(simd, neighbours, features, basis, slot, lane, &mut acc);
     }
-    for (slot, acc) in acc.into_iter().enumerate() {
-        let to = &mut flat_mut(sums)[(slot * stride + lane) * LANES..][..B * V::LANES];
+    for (i, acc) in acc.into_iter().enumerate() {
+        let to = &mut flat_mut(sums)[((slot + i) * stride + lane) * LANES..][..B * V::LANES];
         for (b, acc) in acc.into_iter().enumerate() {
             acc.store_slice(&mut to[b * V::LANES..]);
         }
@@ -191,23 +196,24 @@ fn eight_slots_of_lanes<S: Simd, V: Vector<S>, const B: usize>(
 /// Adds B(e, s) x of each edge to the sums of slot s, in the form A, as
 /// [`accumulate`](crate::isa::accumulate) does.
 #[inline(always)]
-fn add_slots<S: Simd, A: Sum<S>, const B: usize>(
+fn add_slots<S: Simd, A: Sum<S>, const N: usize, const B: usize>(
     simd: S,
     neighbours: &[Neighbour],
     features: &Matrix,
     basis: &[Lanes],
+    slot: usize,
     lane: usize,
-    acc: &mut [[A::Vector; B]; 8],
+    acc: &mut [[A::Vector; B]; N],
 ) -> bool {
     let lanes = A::Vector::LANES;
-    let (mut sums, mut doubt) = begin::<S, A, 8, B>(simd, acc);
+    let (mut sums, mut doubt) = begin::<S, A, N, B>(simd, acc);
     for (n, basis) in neighbours.iter().zip(basis) {
         let row = &flat(features.row(n.row as usize))[lane * LANES..][..B * lanes];
         let mut x = [A::factor(simd, A::Vector::splat(simd, 0.0), &mut doubt); B];
         for (b, x) in x.iter_mut().enumerate() {
             *x = A::factor(simd, A::Vector::load_slice(simd, &row[b * lanes..]), &mut doubt);
         }
-        for (sums, &weight) in sums.iter_mut().zip(&basis.0) {
+        for (sums, &weight) in sums.iter_mut().zip(&basis.0[slot..slot + N]) {
             let weight = A::factor_of_all(simd, weight, &mut doubt);
             for (sum, &x) in sums.iter_mut().zip(&x) {
                 *sum = sum.plus_product(weight, x, &mut doubt);

@@ -12,7 +12,7 @@ use crate::packed::Packed;
 use crate::spline::SplineConv;
 use crate::spline::gather::{SplineScratch, TOTALS, any_slots, eight_slots, eight_slots_of_few_channels};
 
-/// Number of rows that are finished together, interleaved.
+/// Number of registers that are finished together, interleaved.
 const STEP: usize = 4;
 
 struct Run<'a> {
@@ -222,7 +222,7 @@ impl<M: Stored, const B: usize> Block<'_, M, B> {
     #[inline(always)]
     fn run<S: Simd>(&self, simd: S, totals: &mut [M], out: &mut [Lanes]) {
         let mut row = 0;
-        if S::WIDE && self.rows.len() > 4 {
+        if (S::WIDE || M::Of::<S>::LANES == LANES) && self.rows.len() > 4 {
             self.tile::<S, 8>(simd, row, totals, out);
             return;
         }
@@ -280,19 +280,31 @@ impl<M: Stored> Task for Finish<'_, M> {
 
     /// Rows are interleaved: the steps after a sum are one long chain of operations.
     #[inline(always)]
-    fn run<S: Simd>(self, simd: S) {
+    fn run<S: Simd>(mut self, simd: S) {
+        let whole = if S::WIDE || M::Of::<S>::LANES == LANES {
+            self.interleaved::<S, STEP>(simd)
+        } else {
+            self.interleaved::<S, { STEP / 2 }>(simd)
+        };
         let Self { conv, rows, totals, step, weights, lane, out } = self;
-        let lanes = conv.affine.bias.len();
-        let mut r = 0;
-        while S::WIDE && r + STEP <= rows.len() {
-            let sums = std::array::from_fn::<_, STEP, _>(|i| M::Of::load(simd, &totals[(r + i) * step]));
-            conv.finish(simd, sums, weights, &rows[r..], lane, &mut out[r * lanes..]);
-            r += STEP;
-        }
-        for r in r..rows.len() {
+        for r in whole..rows.len() {
             let sum = M::Of::load(simd, &totals[r * step]);
-            conv.finish(simd, [sum], weights, &rows[r..], lane, &mut out[r * lanes..]);
+            conv.finish(simd, [sum], weights, &rows[r..], lane, &mut out[r * conv.affine.bias.len()..]);
         }
+    }
+}
+
+impl<M: Stored> Finish<'_, M> {
+    /// Finishes N rows at a time; returns how many.
+    #[inline(always)]
+    fn interleaved<S: Simd, const N: usize>(&mut self, simd: S) -> usize {
+        let Self { conv, rows, totals, step, weights, lane, ref mut out } = *self;
+        let whole = rows.len() - rows.len() % N;
+        for r in (0..whole).step_by(N) {
+            let sums = std::array::from_fn::<_, N, _>(|i| M::Of::load(simd, &totals[(r + i) * step]));
+            conv.finish(simd, sums, weights, &rows[r..], lane, &mut out[r * conv.affine.bias.len()..]);
+        }
+        whole
     }
 }
 
