@@ -9,7 +9,7 @@
 
 use std::ops::Range;
 
-use meissner_kernels::{Simd, prefetch};
+use meissner_kernels::{Portable, Simd};
 
 use crate::Sensor;
 use crate::memory::Memory;
@@ -129,16 +129,15 @@ impl Grid {
     /// The same for queries in order of time on an unchanging grid: `cursors`, one per cell, store
     /// the position of the query's time.
     #[inline(always)]
-    pub(crate) fn search_onwards<S: Simd>(
+    pub(crate) fn search_onwards(
         &self,
-        simd: S,
         metric: &Metric,
         query: Node,
         cursors: &mut [Cursor],
         bound: f64,
         visit: impl FnMut(f64, u32) -> f64,
     ) {
-        self.search_from((simd, metric), query, Times::All, bound, Some(cursors), visit);
+        self.search_from((Portable, metric), query, Times::All, bound, Some(cursors), visit);
     }
 
     /// [`Self::search`], or [`Self::search_onwards`] if there are `cursors`.
@@ -216,7 +215,10 @@ impl Grid {
     ) {
         let [columns, rows] = self.within(metric, query, found.bound());
         for row in rows.clone() {
-            columns.clone().for_each(|column| self.cells.queue(row * self.columns + column).prefetch());
+            for column in columns.clone() {
+                let cell = self.cells.queue(row * self.columns + column);
+                cell.prefetch(cell.end());
+            }
         }
         for row in rows {
             for column in columns.clone() {
@@ -290,7 +292,7 @@ impl Grid {
                 let mut next = Some(cell.start());
                 while let Some(place) = next {
                     next = cell.next(place);
-                    next.iter().for_each(|&place| prefetch(std::slice::from_ref(cell.block(place))));
+                    next.iter().for_each(|&place| cell.prefetch(place));
                     let block = cell.block(place);
                     let [d2, _] = distances2(simd, metric, query, block);
                     for at in cell.nodes_from(place) {

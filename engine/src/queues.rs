@@ -184,10 +184,10 @@ impl<'a> Queue<'a> {
         self.chain.nodes as usize
     }
 
-    /// Asks for the newest block.
+    /// Asks for the block of `place`, if the queue has blocks.
     #[inline(always)]
-    pub(crate) fn prefetch(self) {
-        prefetch(self.blocks.get(self.chain.last as usize).map_or(&[], std::slice::from_ref));
+    pub(crate) fn prefetch(self, place: Place) {
+        prefetch(self.blocks.get(place.block as usize).map_or(&[], std::slice::from_ref));
     }
 
     #[inline(always)]

@@ -126,7 +126,7 @@ fn with_grid(batch: &Batch, events: &[Event], nodes: &[Node], metric: &Metric) -
                 if found.len() == most { found[most - 1].d2 } else { limit }
             };
             match times {
-                Times::All => grid.search_onwards(Portable, metric, node, &mut cursors, limit, visit),
+                Times::All => grid.search_onwards(metric, node, &mut cursors, limit, visit),
                 Times::Past => grid.search(Portable, metric, node, times, limit, visit),
             }
             if found.len() == most {

@@ -15,6 +15,12 @@ use crate::spline::gather::{SplineScratch, TOTALS, any_slots, eight_slots, eight
 /// Number of registers that are finished together, interleaved.
 const STEP: usize = 4;
 
+/// Whether a vector in the form M is one register, so that eight sums leave some for weights.
+#[inline(always)]
+fn is_one_register<S: Simd, M: Stored>() -> bool {
+    S::WIDE || M::Of::<S>::LANES == LANES
+}
+
 struct Run<'a> {
     conv: &'a SplineConv,
     features: &'a Matrix,
@@ -222,7 +228,7 @@ impl<M: Stored, const B: usize> Block<'_, M, B> {
     #[inline(always)]
     fn run<S: Simd>(&self, simd: S, totals: &mut [M], out: &mut [Lanes]) {
         let mut row = 0;
-        if (S::WIDE || M::Of::<S>::LANES == LANES) && self.rows.len() > 4 {
+        if is_one_register::<S, M>() && self.rows.len() > 4 {
             self.tile::<S, 8>(simd, row, totals, out);
             return;
         }
@@ -281,7 +287,7 @@ impl<M: Stored> Task for Finish<'_, M> {
     /// Rows are interleaved: the steps after a sum are one long chain of operations.
     #[inline(always)]
     fn run<S: Simd>(mut self, simd: S) {
-        let whole = if S::WIDE || M::Of::<S>::LANES == LANES {
+        let whole = if is_one_register::<S, M>() {
             self.interleaved::<S, STEP>(simd)
         } else {
             self.interleaved::<S, { STEP / 2 }>(simd)
