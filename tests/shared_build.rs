@@ -8,7 +8,8 @@ fn main() {
     let package = env::var_os("CARGO_MANIFEST_DIR").expect("set by cargo");
     let root = Path::new(&package).ancestors().find(|folder| folder.join("Cargo.lock").exists());
     let beside = || root.map_or_else(PathBuf::new, |root| root.join("../shared"));
-    let folder = env::var_os("MEISSNER_SHARED").map_or_else(beside, PathBuf::from);
+    let named = env::var_os("MEISSNER_SHARED").filter(|folder| !folder.is_empty());
+    let folder = named.map_or_else(beside, PathBuf::from);
     println!("cargo::rustc-check-cfg=cfg(no_shared)");
     println!("cargo::rerun-if-env-changed=MEISSNER_SHARED");
     println!("cargo::rerun-if-env-changed=MEISSNER_REQUIRE_SHARED");

@@ -8,8 +8,8 @@ use std::path::{Path, PathBuf};
 pub fn find_shared(path: &str) -> Option<PathBuf> {
     let mut folders = Path::new(env!("CARGO_MANIFEST_DIR")).ancestors();
     let root = folders.find(|folder| folder.join("Cargo.lock").exists())?;
-    let beside = root.join("../shared");
-    let file = std::env::var_os("MEISSNER_SHARED").map_or(beside, PathBuf::from).join(path);
+    let named = std::env::var_os("MEISSNER_SHARED").filter(|folder| !folder.is_empty());
+    let file = named.map_or(root.join("../shared"), PathBuf::from).join(path);
     file.exists().then_some(file)
 }
 

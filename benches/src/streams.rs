@@ -28,7 +28,8 @@ pub struct Recording {
 /// `path` below the folder with recordings and checkpoints, if it exists.
 pub fn shared(path: &str) -> Option<PathBuf> {
     let beside = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared");
-    let file = std::env::var_os("MEISSNER_SHARED").map_or(beside, PathBuf::from).join(path);
+    let named = std::env::var_os("MEISSNER_SHARED").filter(|folder| !folder.is_empty());
+    let file = named.map_or(beside, PathBuf::from).join(path);
     file.exists().then_some(file)
 }
 
