@@ -14,8 +14,9 @@
 //!
 //! A network states the filters that it needs as [`FilterRule`]s; engines apply them.
 //!
-//! Times are compared by the magnitude of their difference as u64, which cannot overflow. Each
-//! filter documents how it treats an event that is earlier than a previous one.
+//! Times are compared by the magnitude of their difference as u64, which cannot overflow; the
+//! earliest time that 64 bits can hold is remembered as the one after it. Each filter documents how
+//! it treats an event that is earlier than a previous one.
 
 /// The name and the counters of a filter with a field `counters`.
 macro_rules! reports {
@@ -175,7 +176,7 @@ impl EventFilter for RateLimit {
 
 /// Longest time of a filter in microseconds: that of a network's span.
 pub(crate) const MAX_US: i64 = 1 << 40;
-/// Pixels of the largest sensor: 1 GiB of stamps.
+/// Pixels of the largest sensor: 512 MiB of stamps.
 const MAX_PIXELS: i64 = 1 << 26;
 
 /// Passes an event if the latest event of one of its eight neighbours is at most a given time away.
@@ -198,7 +199,7 @@ impl BackgroundActivity {
     ///
     /// # Errors
     /// [`EngineError::Option`] if `us` is below 1 or above the longest span, or `sensor` has more
-    /// than 2^26 pixels (1 GiB of stamps).
+    /// than 2^26 pixels (512 MiB of stamps).
     pub fn new(sensor: Sensor, us: i64) -> Result<Self, EngineError> {
         let stamps = Stamps::new(sensor, us, "time of the activity filter in microseconds")?;
         Ok(Self { stamps, counters: FilterCounters::default() })
@@ -206,7 +207,8 @@ impl BackgroundActivity {
 
     /// Whether `event` would pass.
     fn passes(&self, event: Event) -> bool {
-        let near = |stamp| event.t_us.abs_diff(stamp) <= self.stamps.us;
+        let t = stamp(event.t_us);
+        let near = |stamp| stamp != NEVER && t.abs_diff(stamp) <= self.stamps.us;
         self.stamps.place(event).is_none_or(|place| self.stamps.any_around(place, near))
     }
 }
@@ -215,13 +217,13 @@ impl EventFilter for BackgroundActivity {
     fn admit(&mut self, event: Event) -> bool {
         let passes = self.passes(event);
         if let Some(place) = self.stamps.place(event) {
-            self.stamps.times[place] = Some(event.t_us);
+            self.stamps.set(place, stamp(event.t_us));
         }
         self.counters.count(passes)
     }
 
     fn reset(&mut self) {
-        self.stamps.times.fill(None);
+        self.stamps.times.fill(NEVER);
     }
 
     reports!("activity_filter");
@@ -250,8 +252,9 @@ impl Refractory {
 
     /// Whether `event` would pass.
     fn passes(&self, event: Event) -> bool {
-        let rested = |stamp| event.t_us.abs_diff(stamp) >= self.stamps.us;
-        self.stamps.place(event).is_none_or(|place| self.stamps.times[place].is_none_or(rested))
+        let t = stamp(event.t_us);
+        let rested = |stamp| stamp == NEVER || t.abs_diff(stamp) >= self.stamps.us;
+        self.stamps.place(event).is_none_or(|place| rested(self.stamps.times[place]))
     }
 }
 
@@ -259,17 +262,27 @@ impl EventFilter for Refractory {
     fn admit(&mut self, event: Event) -> bool {
         let passes = self.passes(event);
         if let Some(place) = self.stamps.place(event).filter(|_| passes) {
-            self.stamps.times[place] = Some(event.t_us);
+            self.stamps.set(place, stamp(event.t_us));
         }
         self.counters.count(passes)
     }
 
     fn reset(&mut self) {
-        self.stamps.times.fill(None);
+        self.stamps.times.fill(NEVER);
     }
 
     reports!("refractory");
 }
+
+/// Stamp of a time: microseconds since the earliest that 64 bits can hold.
+#[inline]
+fn stamp(t_us: i64) -> u64 {
+    t_us.abs_diff(i64::MIN)
+}
+
+/// Stamp of a pixel that has none. Zeros, so that the memory of pixels without events is never
+/// touched.
+const NEVER: u64 = 0;
 
 /// The last stamp of each pixel, with a border so that every pixel has eight neighbours.
 #[derive(Clone, Debug)]
@@ -277,7 +290,7 @@ struct Stamps {
     sensor: Sensor,
     us: u64,
     stride: usize,
-    times: Vec<Option<i64>>,
+    times: Vec<u64>,
 }
 
 impl Stamps {
@@ -287,7 +300,7 @@ impl Stamps {
         let pixels = i64::from(sensor.width) * i64::from(sensor.height);
         in_range("pixels of a filter's sensor", pixels, 0, MAX_PIXELS)?;
         let stride = usize::from(sensor.width) + 2;
-        let times = vec![None; Self::places(sensor)];
+        let times = vec![NEVER; Self::places(sensor)];
         Ok(Self { sensor, us: us.unsigned_abs(), stride, times })
     }
 
@@ -300,14 +313,20 @@ impl Stamps {
 
     /// Whether `holds` is true of the stamp of one of the eight pixels around `place`.
     #[inline]
-    fn any_around(&self, place: usize, holds: impl Fn(i64) -> bool) -> bool {
+    fn any_around(&self, place: usize, holds: impl Fn(u64) -> bool) -> bool {
         let row = |at: usize| &self.times[at - 1..=at + 1];
         let mut any = false;
         // No branch for each neighbour: a processor cannot predict which one has a recent stamp.
         for &stamp in row(place - self.stride).iter().chain(row(place + self.stride)) {
-            any |= stamp.is_some_and(&holds);
+            any |= holds(stamp);
         }
-        any || self.times[place - 1].is_some_and(&holds) || self.times[place + 1].is_some_and(&holds)
+        any || holds(self.times[place - 1]) || holds(self.times[place + 1])
+    }
+
+    /// Stamps the pixel at `place`.
+    #[inline]
+    fn set(&mut self, place: usize, stamp: u64) {
+        self.times[place] = stamp.max(NEVER + 1);
     }
 }
 

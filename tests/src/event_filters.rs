@@ -35,8 +35,10 @@ pub fn pass(rule: Rule, sensor: Sensor, events: &[Event]) -> Vec<bool> {
     passed
 }
 
-fn apart(a: Event, b: Event) -> i128 {
-    (i128::from(a.t_us) - i128::from(b.t_us)).abs()
+/// Microseconds from an `earlier` event to the last one. Filters remember the earliest of all times
+/// as the one after it.
+fn apart(last: Event, earlier: Event) -> i128 {
+    (i128::from(last.t_us) - i128::from(earlier.t_us.max(i64::MIN + 1))).abs()
 }
 
 /// Whether depth and rate allow the last event, counted from each event that passed before. Times

@@ -1,6 +1,6 @@
 //! Mutes pixels that fire all the time.
 
-use super::{EventFilter, FilterCounters, Stamps};
+use super::{EventFilter, FilterCounters, NEVER, Stamps, stamp};
 use crate::error::in_range;
 use crate::{EngineError, Event, Sensor};
 
@@ -26,9 +26,9 @@ use crate::{EngineError, Event, Sensor};
 /// that 64 bits can hold. An event outside the sensor passes.
 #[derive(Clone, Debug)]
 pub struct HotPixel {
-    /// Time at which each pixel will have no debt. `us` is the period.
+    /// Stamp at which each pixel will have no debt. `us` is the period.
     pub(super) calm: Stamps,
-    burst_us: i64,
+    burst_us: u64,
     counters: FilterCounters,
 }
 
@@ -44,42 +44,46 @@ impl HotPixel {
     pub fn new(sensor: Sensor, period_us: i64, burst: u32) -> Result<Self, EngineError> {
         in_range("burst of the hot-pixel filter in events", burst.into(), 1, Self::MAX_BURST)?;
         let calm = Stamps::new(sensor, period_us, "period of the hot-pixel filter in microseconds")?;
-        Ok(Self { calm, burst_us: i64::from(burst) * period_us, counters: FilterCounters::default() })
+        Ok(Self {
+            calm,
+            burst_us: u64::from(burst) * period_us.unsigned_abs(),
+            counters: FilterCounters::default(),
+        })
     }
 
-    /// Time at which the pixel at `place` will be calm after an event at `t_us`.
+    /// Stamp at which the pixel at `place` will be calm after an event at `t`.
     #[inline]
-    fn calm_after(&self, place: usize, t_us: i64) -> i64 {
-        self.calm.times[place].map_or(t_us, |calm| calm.max(t_us)).saturating_add_unsigned(self.calm.us)
+    fn calm_after(&self, place: usize, t: u64) -> u64 {
+        // A pixel that never fired is calm at all times.
+        self.calm.times[place].max(t).saturating_add(self.calm.us)
     }
 
-    /// Whether an event at `t_us` passes if its pixel will be calm at `calm_us`.
+    /// Whether an event at `t` passes if its pixel will be calm at `calm`, not earlier.
     #[inline]
-    fn is_within(&self, t_us: i64, calm_us: i64) -> bool {
-        // The difference is at least 0.
-        calm_us.abs_diff(t_us) <= self.burst_us.unsigned_abs()
+    fn is_within(&self, t: u64, calm: u64) -> bool {
+        calm - t <= self.burst_us
     }
 
     /// Whether `event` would pass.
     pub(super) fn passes(&self, event: Event) -> bool {
-        let place = self.calm.place(event);
-        place.is_none_or(|place| self.is_within(event.t_us, self.calm_after(place, event.t_us)))
+        let t = stamp(event.t_us);
+        self.calm.place(event).is_none_or(|place| self.is_within(t, self.calm_after(place, t)))
     }
 }
 
 impl EventFilter for HotPixel {
     fn admit(&mut self, event: Event) -> bool {
+        let t = stamp(event.t_us);
         let passes = self.calm.place(event).is_none_or(|place| {
-            let calm_us = self.calm_after(place, event.t_us);
-            let most_us = event.t_us.saturating_add(2 * self.burst_us);
-            self.calm.times[place] = Some(calm_us.min(most_us));
-            self.is_within(event.t_us, calm_us)
+            let calm = self.calm_after(place, t);
+            self.calm.set(place, calm.min(t.saturating_add(2 * self.burst_us)));
+            self.is_within(t, calm)
         });
         self.counters.count(passes)
     }
 
     fn reset(&mut self) {
-        self.calm.times.fill(None);
+        self.calm.times.fill(NEVER);
     }
 
     reports!("hot_pixel");

@@ -1,7 +1,7 @@
 //! The filter rules of a network, as data; the filters of these rules on a sensor, and the filters'
 //! state.
 
-use super::{BackgroundActivity, Chain, EventFilter, Filter, HotPixel, Refractory, Stamps};
+use super::{BackgroundActivity, Chain, EventFilter, Filter, HotPixel, NEVER, Refractory, Stamps, stamp};
 use crate::fingerprint::Fingerprint;
 use crate::{EngineError, Event, Sensor};
 
@@ -46,7 +46,7 @@ impl FilterRule {
 
     /// Bytes of the filter on `sensor`.
     pub(crate) fn bytes(sensor: Sensor) -> u128 {
-        size_of::<Filter>() as u128 + Stamps::places(sensor) as u128 * size_of::<Option<i64>>() as u128
+        size_of::<Filter>() as u128 + Stamps::places(sensor) as u128 * size_of::<u64>() as u128
     }
 
     pub(crate) fn fingerprint(self, to: &mut Fingerprint) {
@@ -129,7 +129,7 @@ impl Chain {
         for (stamps, pixels) in self.filters.iter_mut().filter_map(Filter::stamps_mut).zip(remembered) {
             for &(x, y, t_us) in pixels {
                 let place = stamps.place(Event::new(t_us, x, y, true));
-                place.into_iter().for_each(|place| stamps.times[place] = Some(t_us));
+                place.into_iter().for_each(|place| stamps.set(place, stamp(t_us)));
             }
         }
         true
@@ -144,12 +144,11 @@ impl Stamps {
 
     /// The pixels whose stamp is less than a filter's time before `now_us`, or after it.
     fn since(&self, now_us: i64) -> Vec<(u16, u16, i64)> {
-        let first_us = now_us.saturating_sub_unsigned(self.us);
-        let stamped = self.times.iter().enumerate().filter_map(|(place, &time)| Some((place, time?)));
-        let pixel = |(place, t_us): (usize, i64)| {
+        let first = stamp(now_us).saturating_sub(self.us).max(NEVER + 1);
+        let pixel = |(place, &stamp): (usize, &u64)| {
             let [x, y] = [place % self.stride, place / self.stride].map(|at| (at - 1) as u16);
-            (x, y, t_us)
+            (x, y, i64::MIN.wrapping_add_unsigned(stamp))
         };
-        stamped.filter(|&(_, t_us)| t_us >= first_us).map(pixel).collect()
+        self.times.iter().enumerate().filter(|&(_, &stamp)| stamp >= first).map(pixel).collect()
     }
 }
