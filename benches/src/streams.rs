@@ -3,11 +3,13 @@
 //! The folder with recordings is `MEISSNER_SHARED`, else `../shared` beside the project. An engine
 //! accepts every event of these streams.
 
-use std::path::{Path, PathBuf};
-
 use meissner_engine::{Event, Sensor};
-
 use meissner_kernels::random::Random;
+
+#[path = "../../tests/shared_files.rs"]
+mod shared_files;
+
+pub use shared_files::find_shared as shared;
 
 /// Span of the shipped networks' windows in microseconds.
 pub const SPAN_US: i64 = 150_000;
@@ -23,14 +25,6 @@ pub struct Recording {
     pub sensor: Sensor,
     /// Accepted events in order.
     pub events: Vec<Event>,
-}
-
-/// `path` below the folder with recordings and checkpoints, if it exists.
-pub fn shared(path: &str) -> Option<PathBuf> {
-    let beside = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared");
-    let named = std::env::var_os("MEISSNER_SHARED").filter(|folder| !folder.is_empty());
-    let file = named.map_or(beside, PathBuf::from).join(path);
-    file.exists().then_some(file)
 }
 
 impl Recording {
