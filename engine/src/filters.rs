@@ -323,7 +323,7 @@ impl Stamps {
         any || holds(self.times[place - 1]) || holds(self.times[place + 1])
     }
 
-    /// Stamps the pixel at `place`.
+    /// Stamps the pixel at `place`; the stamp is not [`NEVER`].
     #[inline]
     fn set(&mut self, place: usize, stamp: u64) {
         self.times[place] = stamp.max(NEVER + 1);
