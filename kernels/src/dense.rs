@@ -209,16 +209,25 @@ impl Dense {
         if self.activation != Activation::Elu {
             return (0..self.outputs).for_each(|o| self.write(o, flat(sums)[o], out));
         }
-        let y = |lane: usize| S::V8::load(simd, &sums[lane]).add(S::V8::load(simd, &self.bias[lane]));
         let mut lane = 0;
         while lane + 4 <= out.len() {
-            let ys = elus(simd, [0, 1, 2, 3].map(|more| y(lane + more)));
-            out[lane..].iter_mut().zip(ys).for_each(|(out, y)| y.store(out));
+            // Not `map`: the compiler may call its closure once for each element.
+            let mut ys = [S::V8::splat(simd, 0.0); 4];
+            for (more, y) in ys.iter_mut().enumerate() {
+                *y = self.biased(simd, sums, lane + more);
+            }
+            out[lane..].iter_mut().zip(elus(simd, ys)).for_each(|(out, y)| y.store(out));
             lane += 4;
         }
         for (lane, out) in out.iter_mut().enumerate().skip(lane) {
-            elus(simd, [y(lane)])[0].store(out);
+            elus(simd, [self.biased(simd, sums, lane)])[0].store(out);
         }
+    }
+
+    /// Eight sums and their biases.
+    #[inline(always)]
+    fn biased<S: Simd>(&self, simd: S, sums: &[Lanes], lane: usize) -> S::V8 {
+        S::V8::load(simd, &sums[lane]).add(S::V8::load(simd, &self.bias[lane]))
     }
 
     /// Writes output `o`, whose sum is `sum`.

@@ -145,21 +145,27 @@ fn bound(guess: f32, index: usize) -> f32 {
     guess * (FIRST + STEP * index as f32)
 }
 
+/// Whether at least `most` of the distances are at most `bound`.
+#[inline(always)]
+fn holds<S: Simd>(simd: S, distances: &[Wide], most: usize, bound: f32) -> bool {
+    let bound = S::V16::splat(simd, bound);
+    let mut within = 0;
+    for e in distances {
+        within += S::V16::load(simd, e).at_most(bound).count_ones();
+    }
+    within as usize >= most
+}
+
 /// The first bound that at least `most` of the distances satisfy.
 #[inline(always)]
 fn first_bound<S: Simd>(simd: S, distances: &[Wide], most: usize, guess: f32) -> Option<f32> {
-    let holds = |bound: f32| {
-        let bound = S::V16::splat(simd, bound);
-        let within = |e: &Wide| S::V16::load(simd, e).at_most(bound).count_ones();
-        distances.iter().map(within).sum::<u32>() as usize >= most
-    };
     let (mut index, mut half) = (0, BOUNDS / 2);
     while half > 0 {
-        index += if holds(bound(guess, index + half - 1)) { 0 } else { half };
+        index += if holds(simd, distances, most, bound(guess, index + half - 1)) { 0 } else { half };
         half /= 2;
     }
     let bound = bound(guess, index);
-    (index + 1 < BOUNDS || holds(bound)).then_some(bound)
+    (index + 1 < BOUNDS || holds(simd, distances, most, bound)).then_some(bound)
 }
 
 /// Sorts `found`, which has at most as many entries as there are keys, by the keys.
