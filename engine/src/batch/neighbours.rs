@@ -277,24 +277,22 @@ fn first_of(
 ) -> impl Iterator<Item = u32> {
     let reach = batch.network.parts().graph.reach;
     let a = events[i];
-    let mut found: Vec<(f64, usize)> = among
-        .filter(|&j| j != i)
-        .map(|j| {
-            let b = events[j];
-            let [x, y, t] = [
-                f64::from(a.x.abs_diff(b.x)) / extents[0],
-                f64::from(a.y.abs_diff(b.y)) / extents[1],
-                (a.t_us - b.t_us) as f64 / extents[2],
-            ];
-            (x * x + y * y + t * t, j)
-        })
-        .filter(|&(d2, _)| d2 <= reach.limit())
-        .collect();
-    let order = |a: &(f64, usize), b: &(f64, usize)| a.0.total_cmp(&b.0).then(b.1.cmp(&a.1));
-    if found.len() > reach.most() {
-        found.select_nth_unstable_by(reach.most(), order);
-        found.truncate(reach.most());
+    let mut first: Vec<(f64, usize)> = Vec::new();
+    for j in among.filter(|&j| j != i) {
+        let b = events[j];
+        let [x, y, t] = [
+            f64::from(a.x.abs_diff(b.x)) / extents[0],
+            f64::from(a.y.abs_diff(b.y)) / extents[1],
+            (a.t_us - b.t_us) as f64 / extents[2],
+        ];
+        let d2 = x * x + y * y + t * t;
+        let is_full = first.len() == reach.most();
+        let bound = if is_full { first.last().map_or(-1.0, |last| last.0) } else { reach.limit() };
+        if d2 <= bound {
+            let at = first.partition_point(|&(nearer, k)| nearer.total_cmp(&d2).then(j.cmp(&k)).is_lt());
+            first.insert(at, (d2, j));
+            first.truncate(reach.most());
+        }
     }
-    found.sort_unstable_by(order);
-    found.into_iter().map(|(_, j)| j as u32)
+    first.into_iter().map(|(_, j)| j as u32)
 }
