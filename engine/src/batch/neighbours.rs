@@ -277,6 +277,7 @@ fn first_of(
 ) -> impl Iterator<Item = u32> {
     let reach = batch.network.parts().graph.reach;
     let a = events[i];
+    // Without `take`, which the searches that are compared with this one call.
     let mut first: Vec<(f64, usize)> = Vec::new();
     for j in among.filter(|&j| j != i) {
         let b = events[j];
@@ -286,8 +287,7 @@ fn first_of(
             (a.t_us - b.t_us) as f64 / extents[2],
         ];
         let d2 = x * x + y * y + t * t;
-        let is_full = first.len() == reach.most();
-        let bound = if is_full { first.last().map_or(-1.0, |last| last.0) } else { reach.limit() };
+        let bound = if first.len() < reach.most() { reach.limit() } else { first[reach.most() - 1].0 };
         if d2 <= bound {
             let at = first.partition_point(|&(nearer, k)| nearer.total_cmp(&d2).then(j.cmp(&k)).is_lt());
             first.insert(at, (d2, j));
